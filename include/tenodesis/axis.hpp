@@ -1,0 +1,41 @@
+#pragma once
+// One axis of an instrument: a proximal and a distal joint with two tendons between them.
+
+#include "tenodesis/joint.hpp"
+
+namespace tenodesis {
+
+/// Axial stiffness of a tendon of circular section, N/m: modulus (Pa) times section over length (m).
+template <class S>
+constexpr S tendon_stiffness(const S& modulus, const S& diameter, const S& length) {
+  return modulus * S(pi / 4) * diameter * diameter / length;
+}
+
+/// The constants of one axis; the joint's geometry is the joint's alone.
+template <class S, template <class> class DistalJoint, template <class> class ProximalJoint = DistalJoint>
+struct Axis {
+  using Scalar = S;
+  template <class T>
+  using Rebind = Axis<T, DistalJoint, ProximalJoint>;
+
+  ProximalJoint<S> proximal{};
+  DistalJoint<S> distal{};
+  S stiffness{};     ///< of one tendon, N/m
+  S pretension{};    ///< of either tendon at rest, N
+  S handle_range{};  ///< largest |handle angle|, rad
+
+  constexpr auto values() const {
+    return Rebind<ValueOf<S>>{proximal.values(), distal.values(), value_of(stiffness), value_of(pretension),
+                              value_of(handle_range)};
+  }
+};
+
+template <class S>
+using GearAxis = Axis<S, TendonGear>;
+template <class S>
+using PulleyAxis = Axis<S, TendonPulley>;
+// The handle of a continuum instrument is an ordinary pulley: only the tip's backbone must fit through the port.
+template <class S>
+using ContinuumAxis = Axis<S, TendonContinuum, TendonPulley>;
+
+}  // namespace tenodesis

@@ -1,0 +1,145 @@
+#pragma once
+// The joint mechanisms: how far a joint's bending draws its tendons, and what moment a tendon or a load makes there.
+//
+// Each mechanism measures its bending in the coordinate in which tendon excursion is linear, whatever the angle does.
+// It answers, at a coordinate x:
+//   coordinate(angle), angle(x)   between the joint's output angle (rad) and x
+//   excursion_slope()             tendon drawn per unit of x, m
+//   moment_arm(x)                 of one tendon about the output angle, m
+//   tangential_arm(x)             of a force at the tip, square to the end-effector, m
+//   radial_arm(x)                 of a force at the tip, outward along the end-effector, m
+//   passive_stiffness()           moment of the joint's own spring per radian, N·m/rad
+//   demand(x, load)               the tension difference that holds a load, for the equilibrium solve
+//   convex(load)                  whether demand grows ever faster in the direction the load pushes
+//   wrap_angle(angle)             total bend of a tendon over the joint, rad
+//   limit()                       bound of |x|
+//   values()                      the same joint in plain numbers
+// All lengths come from virtual work on the joint's exact kinematics.
+
+#include "tenodesis/scalar.hpp"
+
+namespace tenodesis {
+
+/// Forces at the tip that turn with it, N. A positive force opposes positive flexion; a radial force pulls outward.
+template <class S>
+struct Load {
+  S force{};
+  S radial_force{};
+};
+
+/// Tension difference that a load asks for and its slope by coordinate, both times a positive weight.
+///
+/// The weight is the mechanism's to choose: with the right one, a Newton step needs a single division.
+template <class S>
+struct Demand {
+  S value{};
+  S slope{};
+  S weight{};
+};
+
+/// Rolling gear pair; x = sin(angle / 2). The far gear turns twice as far as the line of centres.
+template <class S>
+struct TendonGear {
+  S radius{};  ///< pitch radius, m
+  S length{};  ///< from the moving gear's centre to where the force acts, m
+
+  static constexpr S limit() { return S(1); }
+  static constexpr S coordinate(const S& angle) { return sin_quarter(angle * S(0.5)); }
+  static S angle(const S& x) { return S(2) * asin(x); }
+  static constexpr S wrap_angle(const S& angle) { return abs(angle); }
+
+  constexpr S excursion_slope() const { return S(2) * radius; }
+  S moment_arm(const S& x) const { return radius * cosine(x); }
+  S tangential_arm(const S& x) const { return length + radius * cosine(x); }
+  constexpr S radial_arm(const S& x) const { return radius * x; }
+  static constexpr S passive_stiffness() { return S(0); }
+
+  // (F (l + r c) - F_r r x) / (r c) with c = cos(angle / 2), times c^3.
+  Demand<S> demand(const S& x, const Load<S>& load) const {
+    const S c = cosine(x);
+    const S square = c * c;
+    const S moment = load.force * (length / radius);
+    return {load.force * square * c + (moment - load.radial_force * x) * square, moment * x - load.radial_force,
+            square * c};
+  }
+  // The second derivative in x, 3 x F_r against (1 + 2 x^2) F l / r, cannot change sign below |F_r| = 0.94 F l / r.
+  constexpr bool convex(const Load<S>& load) const {
+    return abs(load.radial_force) * radius <= S(0.94) * abs(load.force) * length;
+  }
+  constexpr auto values() const { return TendonGear<ValueOf<S>>{value_of(radius), value_of(length)}; }
+
+ private:
+  static S cosine(const S& x) { return sqrt((S(1) - x) * (S(1) + x)); }
+};
+
+/// Pulley on a fixed axis; x = angle.
+template <class S>
+struct TendonPulley {
+  S radius{};  ///< pulley radius, m
+  S length{};  ///< from the axis to where the force acts, m
+
+  static constexpr S limit() { return S(pi); }
+  static constexpr S coordinate(const S& angle) { return angle; }
+  static constexpr S angle(const S& x) { return x; }
+  static constexpr S wrap_angle(const S& angle) { return abs(angle); }
+
+  constexpr S excursion_slope() const { return radius; }
+  constexpr S moment_arm(const S&) const { return radius; }
+  constexpr S tangential_arm(const S&) const { return length; }
+  static constexpr S radial_arm(const S&) { return S(0); }
+  static constexpr S passive_stiffness() { return S(0); }
+
+  constexpr Demand<S> demand(const S&, const Load<S>& load) const {
+    return {load.force * (length / radius), S(0), S(1)};
+  }
+  static constexpr bool convex(const Load<S>&) { return true; }
+  constexpr auto values() const { return TendonPulley<ValueOf<S>>{value_of(radius), value_of(length)}; }
+};
+
+/// Elastic backbone bent to a circular arc by tendons at an offset; x = angle.
+template <class S>
+struct TendonContinuum {
+  S radius{};            ///< tendon offset from the backbone, m
+  S length{};            ///< rigid end-effector beyond the backbone, m
+  S backbone_length{};   ///< m
+  S backbone_rigidity{}; ///< flexural rigidity EI, N·m^2
+
+  static constexpr S limit() { return S(pi); }
+  static constexpr S coordinate(const S& angle) { return angle; }
+  static constexpr S angle(const S& x) { return x; }
+  static constexpr S wrap_angle(const S& angle) { return abs(angle); }
+
+  constexpr S excursion_slope() const { return radius; }
+  constexpr S moment_arm(const S&) const { return radius; }
+  constexpr S tangential_arm(const S& x) const { return tangential(x, length, backbone_length); }
+  constexpr S radial_arm(const S& x) const { return radial(x, backbone_length); }
+  constexpr S passive_stiffness() const { return backbone_rigidity / backbone_length; }
+
+  constexpr Demand<S> demand(const S& x, const Load<S>& load) const {
+    using D = Dual<S, 1>;
+    const D at = D::variable(x, 0);
+    const D moment = D(passive_stiffness()) * at + D(load.force) * tangential(at, D(length), D(backbone_length)) -
+                     D(load.radial_force) * radial(at, D(backbone_length));
+    return {moment.value / radius, moment.slope[0] / radius, S(1)};
+  }
+  static constexpr bool convex(const Load<S>&) { return false; }
+  constexpr auto values() const {
+    return TendonContinuum<ValueOf<S>>{value_of(radius), value_of(length), value_of(backbone_length),
+                                       value_of(backbone_rigidity)};
+  }
+
+ private:
+  // l + L (1 - cos x) / x^2
+  template <class T>
+  static constexpr T tangential(const T& x, const T& end, const T& backbone) {
+    const T sinc = sinc_of_square(x * x * T(0.25));
+    return end + backbone * T(0.5) * sinc * sinc;
+  }
+  // L (x - sin x) / x^2
+  template <class T>
+  static constexpr T radial(const T& x, const T& backbone) {
+    return backbone * x * bow_of_square(x * x);
+  }
+};
+
+}  // namespace tenodesis

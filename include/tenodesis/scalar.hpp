@@ -1,0 +1,204 @@
+#pragma once
+// The number types the core computes in: float, double and dual numbers over them.
+//
+// The functions here need no math library. Build with -fno-math-errno, so that a square root is one instruction
+// instead of a call.
+
+#include <concepts>
+#include <cstddef>
+#include <limits>
+
+namespace tenodesis {
+
+template <class S>
+concept Real = std::floating_point<S>;
+
+inline constexpr double pi = 3.14159265358979323846;
+
+inline float sqrt(float v) { return __builtin_sqrtf(v); }
+inline double sqrt(double v) { return __builtin_sqrt(v); }
+constexpr float abs(float v) { return __builtin_fabsf(v); }
+constexpr double abs(double v) { return __builtin_fabs(v); }
+
+/// False for NaN and both infinities.
+template <Real S>
+constexpr bool is_finite(S v) {
+  return v - v == S(0);
+}
+
+/// The plain value of a number: itself, or what a dual number carries beside its derivatives.
+template <Real S>
+constexpr S value_of(S v) {
+  return v;
+}
+
+template <class S>
+using ValueOf = decltype(value_of(S{}));
+
+template <class S>
+constexpr S smaller(const S& a, const S& b) {
+  return a < b ? a : b;
+}
+template <class S>
+constexpr S larger(const S& a, const S& b) {
+  return a > b ? a : b;
+}
+
+namespace detail {
+
+template <Real S, std::size_t N>
+struct Series {
+  S coefficient[N];
+
+  // Horner's scheme by recursion, since a loop within a loop would keep the outer one from becoming vector code.
+  template <std::size_t n = 0, class T>
+  constexpr T operator()(const T& t) const {
+    if constexpr (n + 1 == N)
+      return T(coefficient[n]);
+    else
+      return operator()<n + 1>(t) * t + T(coefficient[n]);
+  }
+};
+
+// Lengths for which the first term left out is below half a unit in the last place on the stated range.
+template <Real S>
+inline constexpr std::size_t sinc_terms = sizeof(S) == 4 ? 7 : 11;  // |u| <= pi/2
+template <Real S>
+inline constexpr std::size_t arc_terms = sizeof(S) == 4 ? 12 : 24;  // |x| <= 1/2
+template <Real S>
+inline constexpr std::size_t bow_terms = sizeof(S) == 4 ? 9 : 15;  // |u| <= pi
+
+// sin(u)/u as a series in u^2: (-1)^n / (2n+1)!
+template <Real S>
+inline constexpr auto sinc_series = [] {
+  Series<S, sinc_terms<S>> series{};
+  double term = 1;
+  for (std::size_t n = 0; n < sinc_terms<S>; ++n) {
+    series.coefficient[n] = S(term);
+    term /= -double((2 * n + 2) * (2 * n + 3));
+  }
+  return series;
+}();
+
+// asin(x)/x as a series in x^2: (2n)! / (4^n n!^2 (2n+1))
+template <Real S>
+inline constexpr auto arc_series = [] {
+  Series<S, arc_terms<S>> series{};
+  double binomial = 1;
+  for (std::size_t n = 0; n < arc_terms<S>; ++n) {
+    series.coefficient[n] = S(binomial / double(2 * n + 1));
+    binomial *= double(2 * n + 1) / double(2 * n + 2);
+  }
+  return series;
+}();
+
+// (u - sin u)/u^3 as a series in u^2: (-1)^n / (2n+3)!
+template <Real S>
+inline constexpr auto bow_series = [] {
+  Series<S, bow_terms<S>> series{};
+  double term = 1.0 / 6;
+  for (std::size_t n = 0; n < bow_terms<S>; ++n) {
+    series.coefficient[n] = S(term);
+    term /= -double((2 * n + 4) * (2 * n + 5));
+  }
+  return series;
+}();
+
+}  // namespace detail
+
+/// sin(u)/u, given u^2; |u| <= pi/2.
+template <class S>
+constexpr S sinc_of_square(const S& square) {
+  return detail::sinc_series<ValueOf<S>>(square);
+}
+
+/// (u - sin u)/u^3, given u^2; |u| <= pi.
+template <class S>
+constexpr S bow_of_square(const S& square) {
+  return detail::bow_series<ValueOf<S>>(square);
+}
+
+/// Sine of an angle within a quarter turn, |u| <= pi/2, rad.
+template <class S>
+constexpr S sin_quarter(const S& u) {
+  return u * sinc_of_square(u * u);
+}
+
+/// Inverse sine, |x| <= 1, in rad. Without a branch, so that a loop over it becomes vector instructions.
+template <Real S>
+inline S asin(S x) {
+  const S size = abs(x);
+  // asin x = pi/2 - 2 asin sqrt((1 - x)/2) keeps the series' argument below one half.
+  const S near = x * x;
+  const S far = (S(1) - size) * S(0.5);
+  const S square = smaller(near, far);
+  const S arc = sqrt(square) * detail::arc_series<S>(square);
+  const S angle = size <= S(0.5) ? arc : S(pi / 2) - S(2) * arc;
+  return x < S(0) ? -angle : angle;
+}
+
+/// A value with its derivatives in N directions: forward-mode differentiation, exact to rounding.
+template <class S, std::size_t N>
+struct Dual {
+  S value{};
+  S slope[N]{};
+
+  constexpr Dual() = default;
+  constexpr Dual(const S& v) : value(v) {}
+  template <class T>
+    requires(std::convertible_to<T, S> && !std::same_as<T, S>)
+  constexpr explicit Dual(T v) : value(S(v)) {}
+
+  /// The independent variable of one direction.
+  static constexpr Dual variable(const S& v, std::size_t direction) {
+    Dual dual(v);
+    dual.slope[direction] = S(1);
+    return dual;
+  }
+
+  friend constexpr Dual operator+(const Dual& a, const Dual& b) {
+    return combine(a.value + b.value, a, S(1), b, S(1));
+  }
+  friend constexpr Dual operator-(const Dual& a, const Dual& b) {
+    return combine(a.value - b.value, a, S(1), b, S(-1));
+  }
+  friend constexpr Dual operator*(const Dual& a, const Dual& b) {
+    return combine(a.value * b.value, a, b.value, b, a.value);
+  }
+  friend constexpr Dual operator/(const Dual& a, const Dual& b) {
+    const S ratio = a.value / b.value;
+    return combine(ratio, a, S(1) / b.value, b, -ratio / b.value);
+  }
+  friend constexpr Dual operator-(const Dual& a) { return chain(a, -a.value, S(-1)); }
+  friend constexpr bool operator==(const Dual& a, const Dual& b) { return a.value == b.value; }
+  friend constexpr auto operator<=>(const Dual& a, const Dual& b) { return a.value <=> b.value; }
+
+  friend constexpr auto value_of(const Dual& a) {
+    using tenodesis::value_of;
+    return value_of(a.value);
+  }
+  friend Dual sqrt(const Dual& a) {
+    using tenodesis::sqrt;
+    const S root = sqrt(a.value);
+    return chain(a, root, S(1) / (S(2) * root));
+  }
+  friend constexpr Dual abs(const Dual& a) { return a.value < S(0) ? -a : a; }
+  friend Dual asin(const Dual& a) {
+    using tenodesis::asin, tenodesis::sqrt;
+    return chain(a, asin(a.value), S(1) / sqrt((S(1) - a.value) * (S(1) + a.value)));
+  }
+
+ private:
+  static constexpr Dual chain(const Dual& a, const S& value, const S& derivative) {
+    Dual result(value);
+    for (std::size_t n = 0; n < N; ++n) result.slope[n] = derivative * a.slope[n];
+    return result;
+  }
+  static constexpr Dual combine(const S& value, const Dual& a, const S& by_a, const Dual& b, const S& by_b) {
+    Dual result(value);
+    for (std::size_t n = 0; n < N; ++n) result.slope[n] = by_a * a.slope[n] + by_b * b.slope[n];
+    return result;
+  }
+};
+
+}  // namespace tenodesis

@@ -1,0 +1,190 @@
+#pragma once
+// What a held instrument does under load: angles, tensions, transmissibility, stiffness, loss, and how to undo the loss.
+//
+// Every function takes an axis and returns a value with a status; the value means something only when the status is ok.
+
+#include "tenodesis/equilibrium.hpp"
+
+namespace tenodesis {
+
+template <class V>
+struct Result {
+  V value{};
+  Status status{Status::ok};
+};
+
+enum class Actuation : unsigned char {
+  agonist,       ///< one motor winds the agonist tendon
+  differential,  ///< the agonist's motor winds what the antagonist's lets out
+};
+
+enum class Law : unsigned char {
+  exact,  ///< gives the whole loss back, slack included
+  paper,  ///< eq. 22 of the paper, whatever the actuation
+};
+
+/// Rounding that a handle angle converted from degrees may carry past the range, rad.
+inline constexpr double range_tolerance = 1e-9;
+
+template <class A, class S>
+Status check_handle(const A& axis, const S& handle_angle) {
+  if (!is_finite(value_of(handle_angle))) return Status::not_finite;
+  using V = ValueOf<S>;
+  return abs(value_of(handle_angle)) <= value_of(axis.handle_range) + V(range_tolerance) ? Status::ok
+                                                                                        : Status::out_of_range;
+}
+
+/// Equilibrium at a held handle; see equilibrium.hpp.
+template <class A, class S>
+Equilibrium<S> equilibrium(const A& axis, const S& handle_angle, const Load<S>& load, const Stroke<S>& wound = {}) {
+  const Status handle = check_handle(axis, handle_angle);
+  if (handle != Status::ok) return {{}, handle, 0};
+  return solve(axis.distal, TendonPair<S>::at_handle(axis, handle_angle, wound), load);
+}
+
+/// Output angle of the end-effector, rad (eqs. 1-9).
+template <class A, class S>
+Result<S> output_angle(const A& axis, const S& handle_angle, const Load<S>& load, const Stroke<S>& wound = {}) {
+  const Equilibrium<S> at = equilibrium(axis, handle_angle, load, wound);
+  if (at.status != Status::ok) return {{}, at.status};
+  return {axis.distal.angle(at.coordinate), Status::ok};
+}
+
+/// Tendon tensions, N (eqs. 6-8).
+template <class A, class S>
+Result<Tensions<S>> tensions(const A& axis, const S& handle_angle, const Load<S>& load, const Stroke<S>& wound = {}) {
+  const Equilibrium<S> at = equilibrium(axis, handle_angle, load, wound);
+  if (at.status != Status::ok) return {{}, at.status};
+  return {TendonPair<S>::at_handle(axis, handle_angle, wound).tensions(at.coordinate), Status::ok};
+}
+
+namespace detail {
+
+// Elongation that the joints' bending adds to the agonist and takes from the antagonist.
+template <class A, class S>
+Result<S> elongation(const A& axis, const Tensions<S>& tension, const Stroke<S>& wound, bool agonist_taut,
+                     bool antagonist_taut) {
+  const S on_agonist = (tension.agonist - axis.pretension) / axis.stiffness - wound.agonist;
+  const S on_antagonist = (axis.pretension - tension.antagonist) / axis.stiffness + wound.antagonist;
+  if (agonist_taut && antagonist_taut) return {(on_agonist + on_antagonist) * S(0.5), Status::ok};
+  if (agonist_taut) return {on_agonist, Status::ok};
+  if (antagonist_taut) return {on_antagonist, Status::ok};
+  return {{}, Status::both_slack};
+}
+
+}  // namespace detail
+
+/// Handle angle that holds an output angle under load, rad: the inverse of output_angle (eq. 20, slack included).
+///
+/// An output angle beyond the fold has no stable equilibrium, one that needs more than the handle's range none at all.
+template <class A, class S>
+Result<S> handle_angle(const A& axis, const S& output_angle, const Load<S>& load, const Stroke<S>& wound = {}) {
+  using V = ValueOf<S>;
+  if (!is_finite(value_of(output_angle) + value_of(load.force) + value_of(load.radial_force) +
+                 value_of(wound.agonist) + value_of(wound.antagonist)))
+    return {{}, Status::not_finite};
+  if (!(abs(output_angle) < S(pi))) return {{}, Status::unreachable};
+  const S x = axis.distal.coordinate(output_angle);
+  const Demand<S> demand = axis.distal.demand(x, load);
+  const S difference = demand.value / demand.weight;
+
+  // Both taut, the mean tension is what pretension and motors leave; a tendon that would have to push is slack.
+  const S mean = axis.pretension + axis.stiffness * (wound.agonist + wound.antagonist) * S(0.5);
+  Tensions<S> tension{mean + difference * S(0.5), mean - difference * S(0.5)};
+  const bool agonist_taut = tension.agonist >= S(0);
+  const bool antagonist_taut = tension.antagonist >= S(0);
+  if (!antagonist_taut) tension = {difference, S(0)};
+  if (!agonist_taut) tension = {S(0), -difference};
+  const Result<S> stretch = detail::elongation(axis, tension, wound, agonist_taut, antagonist_taut);
+  if (stretch.status != Status::ok) return {{}, stretch.status};
+
+  const int taut = int(agonist_taut) + int(antagonist_taut);
+  const S slope = S(-taut) * axis.stiffness * axis.distal.excursion_slope() - demand.slope / demand.weight;
+  if (!(slope < S(0))) return {{}, Status::no_equilibrium};
+
+  const S proximal = (axis.distal.excursion_slope() * x + stretch.value) / axis.proximal.excursion_slope();
+  if (!(abs(proximal) < axis.proximal.limit())) return {{}, Status::unreachable};
+  const S angle = axis.proximal.angle(proximal);
+  const bool in_range = abs(value_of(angle)) <= value_of(axis.handle_range) + V(range_tolerance);
+  return {angle, in_range ? Status::ok : Status::unreachable};
+}
+
+/// Torque transmissibility at a handle angle and a distal coordinate; see torque_transmissibility.
+template <class A, class S>
+S torque_transmissibility_at(const A& axis, const S& handle_angle, const S& x) {
+  const auto per_tension = [](const auto& joint, const S& at) {
+    return joint.moment_arm(at) / joint.tangential_arm(at) * joint.tangential_arm(S(0));
+  };
+  return per_tension(axis.distal, x) / per_tension(axis.proximal, axis.proximal.coordinate(handle_angle));
+}
+
+/// Torque transmissibility, ratio of output to input moment carried by the tendons (eqs. 10-13).
+///
+/// The moment of a continuum's own backbone is not counted: it is no part of what the tendons transmit.
+template <class A, class S>
+Result<S> torque_transmissibility(const A& axis, const S& handle_angle, const Load<S>& load,
+                                  const Stroke<S>& wound = {}) {
+  const Equilibrium<S> at = equilibrium(axis, handle_angle, load, wound);
+  if (at.status != Status::ok) return {{}, at.status};
+  return {torque_transmissibility_at(axis, handle_angle, at.coordinate), Status::ok};
+}
+
+/// Flexural stiffness of the distal joint with both tendons taut, N·m/rad (eq. 16).
+template <class A, class S>
+Result<S> flexural_stiffness(const A& axis, const S& output_angle) {
+  if (!is_finite(value_of(output_angle))) return {{}, Status::not_finite};
+  if (!(abs(output_angle) < S(pi))) return {{}, Status::unreachable};
+  const S arm = axis.distal.moment_arm(axis.distal.coordinate(output_angle));
+  return {S(2) * axis.stiffness * arm * arm + axis.distal.passive_stiffness(), Status::ok};
+}
+
+/// Loss of dexterity, external moment over flexural stiffness, rad (eq. 17): the loss to first order in the force.
+template <class A, class S>
+Result<S> loss_of_dexterity(const A& axis, const S& output_angle, const S& force) {
+  const Result<S> stiffness = flexural_stiffness(axis, output_angle);
+  if (stiffness.status != Status::ok) return stiffness;
+  if (!is_finite(value_of(force))) return {{}, Status::not_finite};
+  const S arm = axis.distal.tangential_arm(axis.distal.coordinate(output_angle));
+  return {force * arm / stiffness.value, Status::ok};
+}
+
+/// Output angle as the proximal sensors tell it without friction, rad (eq. 19, slack and motors included).
+///
+/// A tendon whose tension is not above slack_below (N) counts as slack and is left out.
+template <class A, class S>
+Result<S> estimate_output_angle(const A& axis, const S& handle_angle, const Tensions<S>& tension,
+                                const Stroke<S>& wound = {}, const S& slack_below = S(0)) {
+  const Status handle = check_handle(axis, handle_angle);
+  if (handle != Status::ok) return {{}, handle};
+  if (!is_finite(value_of(tension.agonist) + value_of(tension.antagonist) + value_of(wound.agonist) +
+                 value_of(wound.antagonist)))
+    return {{}, Status::not_finite};
+  const Result<S> stretch = detail::elongation(axis, tension, wound, tension.agonist > slack_below,
+                                               tension.antagonist > slack_below);
+  if (stretch.status != Status::ok) return stretch;
+  const S pull = axis.proximal.excursion_slope() * axis.proximal.coordinate(handle_angle);
+  const S x = (pull - stretch.value) / axis.distal.excursion_slope();
+  if (!(abs(x) < axis.distal.limit())) return {{}, Status::unreachable};
+  return {axis.distal.angle(x), Status::ok};
+}
+
+/// Tendon length to wind so that the joint bends as with inextensible tendons, m (eq. 22 times the spool radius).
+///
+/// Counted from the unwound motors. Differential actuation winds it on the agonist and lets it out on the antagonist.
+/// One motor moves one tendon where the handle moves two, so it needs twice what eq. 22 says; see docs/model.md.
+template <class A, class S>
+Result<S> compensation_stroke(const A& axis, const Tensions<S>& tension, Actuation actuation, Law law) {
+  const S difference = tension.difference();
+  if (!is_finite(value_of(difference))) return {{}, Status::not_finite};
+  if (law == Law::paper) return {difference / (S(2) * axis.stiffness), Status::ok};
+  if (actuation == Actuation::agonist) {
+    // Letting the agonist out past slack moves the joint no further.
+    if (difference < -axis.pretension) return {{}, Status::no_authority};
+    return {difference / axis.stiffness, Status::ok};
+  }
+  const S size = abs(difference);
+  const S stroke = size <= S(2) * axis.pretension ? size * S(0.5) : size - axis.pretension;
+  return {(difference < S(0) ? -stroke : stroke) / axis.stiffness, Status::ok};
+}
+
+}  // namespace tenodesis
