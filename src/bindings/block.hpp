@@ -19,7 +19,7 @@ namespace tenodesis::bindings {
 
 inline constexpr int block_size = 64;
 inline constexpr int block_steps = 5;
-inline constexpr std::size_t most_outputs = 2;
+inline constexpr std::size_t most_outputs = 3;
 
 using Lane = std::array<double, block_size>;
 

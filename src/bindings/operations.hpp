@@ -41,6 +41,16 @@ struct TendonTensions {
   }
 };
 
+struct HeldState {
+  static constexpr const char* name = "equilibrium";
+  static constexpr int outputs = 3;
+  template <class A, class S>
+  static void at(const A& axis, const S& handle_angle, const TendonPair<S>& pair, const S& x, S* out) {
+    OutputAngle::at(axis, handle_angle, pair, x, out);
+    TendonTensions::at(axis, handle_angle, pair, x, out + 1);
+  }
+};
+
 struct TorqueTransmissibility {
   static constexpr const char* name = "torque_transmissibility";
   static constexpr int outputs = 1;
@@ -114,7 +124,7 @@ struct CompensationStroke {
 template <class... T>
 struct List {};
 
-using HeldOperations = List<OutputAngle, TendonTensions, TorqueTransmissibility>;
+using HeldOperations = List<OutputAngle, TendonTensions, HeldState, TorqueTransmissibility>;
 using DirectOperations =
     List<HandleAngle, FlexuralStiffness, LossOfDexterity, EstimateOutputAngle,
          CompensationStroke<Actuation::agonist, Law::exact>, CompensationStroke<Actuation::differential, Law::exact>,

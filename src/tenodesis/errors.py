@@ -1,0 +1,9 @@
+"""What the package raises when it is asked for something it cannot give."""
+
+
+class InstrumentError(ValueError):
+    """An instrument file or a changed instrument is not valid; the message names key, value and what is allowed."""
+
+
+class NoSolutionError(ValueError):
+    """The instrument has no solution at a single point asked for; in arrays such points are NaN instead."""

@@ -1,0 +1,354 @@
+"""Instruments: one file describes one, everything else is computed from it."""
+
+import math
+import tomllib
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    TypeAdapter,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+
+from tenodesis import _core
+from tenodesis.errors import InstrumentError
+from tenodesis.quantity import Quantity, annotation
+
+_HALF_TURN = math.pi
+
+Length = Annotated[float, *annotation(Quantity("length", "m", "2 mm", above=0))]
+Modulus = Annotated[float, *annotation(Quantity("modulus", "Pa", "50 GPa", above=0))]
+Stiffness = Annotated[float, *annotation(Quantity("stiffness", "N/m", "31 N/mm", above=0))]
+Rigidity = Annotated[float, *annotation(Quantity("flexural rigidity", "N*m^2", "2e-4 N*m^2", above=0))]
+Tension = Annotated[float, *annotation(Quantity("force", "N", "30 N", at_least=0))]
+Force = Annotated[float, *annotation(Quantity("force", "N", "0.5 N"))]
+Moment = Annotated[float, *annotation(Quantity("moment", "N*m", "0.15 N*m"))]
+Rate = Annotated[float, *annotation(Quantity("rate", "Hz", "2000 Hz", above=0))]
+Angle = Annotated[float, *annotation(Quantity("angle", "rad", "20 deg"))]
+Range = Annotated[float, *annotation(Quantity("angle", "rad", "45 deg", above=0, below=_HALF_TURN))]
+
+AxisName = Literal["yaw", "pitch"]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Conditions(_Strict):
+    """The conditions an instrument is tested under; all optional, SI units."""
+
+    forces: tuple[Force, ...] = Field(default=(), description="Tangential tip forces, N")
+    cycles: int | None = Field(default=None, ge=1, description="Cycles of flexion and extension")
+    sampling_rate: Rate | None = Field(default=None, description="Samples per second")
+    cable_force: Force | None = Field(default=None, description="Force on one weight cable of the load rig")
+    cable_pulley_radius: Length | None = Field(default=None, description="Radius the weight cable acts at")
+    external_moment: Moment | None = Field(default=None, description="Moment of the load rig on the distal joint")
+    handle_angles: tuple[Angle, ...] = Field(default=(), description="Handle angles held, one per state")
+    output_angles: tuple[Angle, ...] = Field(default=(), description="Output angles held, one per state")
+
+
+class Instrument(_Strict):
+    """An instrument in SI units and radians; use :func:`load`, then :meth:`replace` for variants of it.
+
+    Raises
+    ------
+    InstrumentError
+        By `load` and `replace`, when a value is missing, unknown or not allowed.
+    """
+
+    joint_type: str
+
+    name: str = Field(description="What the instrument is called in figures and tables", min_length=1)
+    description: str = Field(default="", description="One line about the instrument")
+    axes: tuple[AxisName, ...] = Field(default=("yaw",), description="Bending axes: yaw, pitch, or both")
+
+    stem_diameter: Length | None = Field(default=None, description="Outer diameter of the stem")
+    overall_length: Length = Field(description="Overall length; the tendons' length unless that is given")
+    end_effector_length: Length = Field(description="From the distal joint's moving part to where the force acts")
+    handle_length: Length = Field(description="From the proximal joint's moving part to where the hand acts")
+    tendon_diameter: Length | None = Field(default=None, description="Diameter of a tendon's load-bearing section")
+    tendon_modulus: Modulus | None = Field(default=None, description="Young's modulus of a tendon")
+    tendon_length: Length | None = Field(default=None, description="Length of a tendon if not the overall length")
+    given_stiffness: Stiffness | None = Field(
+        default=None, alias="tendon_stiffness", description="Stiffness of one tendon if not by E A / L"
+    )
+    pretension: Tension = Field(description="Tension of either tendon at rest")
+    handle_range: Range = Field(description="Largest handle angle to either side")
+    output_range: Range = Field(
+        default=math.radians(80), description="Working range of the output angle to either side"
+    )
+    conditions: Conditions = Conditions()
+    overrides: Mapping[AxisName, Mapping[str, Any]] = Field(
+        default={}, description="Values that differ on one axis, by axis"
+    )
+    sources: Mapping[str, str] = Field(default={}, description="Where each value is from, by key")
+
+    parameter_fields: ClassVar[Mapping[str, str]] = {}
+    """Parameter of the core, by the field that sets it."""
+
+    @property
+    def tendon_stiffness(self) -> float:
+        """Stiffness of one tendon, N/m: as given, or E A / L (Table I)."""
+        return _core.tendon_stiffness(self.spec)
+
+    @cached_property
+    def spec(self) -> _core.Spec:
+        """The first axis as the core takes it."""
+        row = dict.fromkeys(_core.PARAMETERS, math.nan)
+        for field, parameter in self.parameter_fields.items():
+            value = getattr(self, field)
+            row[parameter] = math.nan if value is None else value
+        if self.tendon_length is None:
+            row["tendon_length"] = self.overall_length
+        joint = _core.JointType[self.joint_type.replace("-", "_").upper()]
+        return _core.Spec(joint, [row[parameter] for parameter in _core.PARAMETERS], self.handle_range)
+
+    def replace(self, **changes: Any) -> Self:
+        """Return this instrument with some values changed.
+
+        Parameters
+        ----------
+        **changes
+            New values by key, in SI units or as text with a unit; None for a key left out again.
+
+        Raises
+        ------
+        InstrumentError
+            A key is unknown or a value is not allowed.
+        """
+        return _validated(type(self), self._with(changes), file=False)
+
+    def axis(self, name: AxisName) -> Self:
+        """Return the instrument of one axis alone, with that axis's own values in place.
+
+        Raises
+        ------
+        InstrumentError
+            The instrument has no such axis.
+        """
+        if name not in self.axes:
+            raise InstrumentError(f"{self.name} has no axis {name!r}; it has {' and '.join(self.axes)}.")
+        return self.replace(axes=(name,), overrides=None, **self.overrides.get(name, {}))
+
+    def _with(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the values of this instrument by key, with changes; None leaves a key out."""
+        fields = type(self).model_fields
+        values = {fields[key].alias or key: getattr(self, key) for key in self.model_fields_set}
+        return {key: value for key, value in (values | dict(changes)).items() if value is not None}
+
+    def _check_override(self, axis: AxisName, values: Mapping[str, Any], *, in_file: bool) -> None:
+        if axis not in self.axes:
+            raise ValueError(f"overrides.{axis} is given, but axes names only {' and '.join(self.axes)}")
+        bare = [key for key, value in values.items() if in_file and isinstance(value, int | float)]
+        if bare:
+            raise ValueError(f"overrides.{axis}.{bare[0]} = {values[bare[0]]!r}: it has no unit")
+        alone = self._with({"axes": (axis,), "overrides": None} | dict(values))
+        try:
+            _validated(type(self), alone, file=False, source=f"overrides.{axis}")
+        except InstrumentError as invalid:
+            raise ValueError(str(invalid).rstrip(".")) from None
+
+    @field_validator("axes")
+    @classmethod
+    def _distinct_axes(cls, axes: tuple[AxisName, ...]) -> tuple[AxisName, ...]:
+        if not axes or len(set(axes)) < len(axes):
+            raise ValueError("it must name one or two different axes, yaw and pitch")
+        return axes
+
+    @model_validator(mode="after")
+    def _coherent(self, info: ValidationInfo) -> Self:
+        missing = [key for key in ("tendon_diameter", "tendon_modulus") if getattr(self, key) is None]
+        if self.given_stiffness is None and missing:
+            raise ValueError(f"{missing[0]} is missing; give tendon_diameter and tendon_modulus, or tendon_stiffness")
+        reach = _core.unloaded_limit(self.spec)
+        if not reach < 1:
+            raise ValueError(
+                f"handle_range is {math.degrees(self.handle_range):.4g} deg, which would bend the distal joint "
+                f"{reach:.4g} times as far as it can (for gears, R/r sin(handle_range / 2) must stay below 1); "
+                "allowed is a smaller handle_range or a larger distal radius"
+            )
+        for axis, values in self.overrides.items():
+            self._check_override(axis, values, in_file=bool(info.context and info.context.get("file")))
+        known = set(_keys(type(self)))
+        for key in self.sources:
+            if key not in known:
+                raise ValueError(f"sources.{key} names no key of an instrument")
+        return self
+
+
+class TendonGear(Instrument):
+    """An instrument whose joints are rolling gear pairs."""
+
+    joint_type: Literal["tendon-gear"]
+    distal_gear_radius: Length = Field(description="Pitch radius of the distal gears")
+    proximal_gear_radius: Length = Field(description="Pitch radius of the proximal gears")
+
+    parameter_fields: ClassVar[Mapping[str, str]]
+
+
+class TendonPulley(Instrument):
+    """An instrument whose joints are pulleys."""
+
+    joint_type: Literal["tendon-pulley"]
+    distal_pulley_radius: Length = Field(description="Radius of the distal pulley")
+    proximal_pulley_radius: Length = Field(description="Radius of the proximal pulley")
+
+    parameter_fields: ClassVar[Mapping[str, str]]
+
+
+class Continuum(Instrument):
+    """An instrument whose tip is an elastic backbone bent by tendons, worked by a pulley at the handle."""
+
+    joint_type: Literal["continuum"]
+    distal_tendon_offset: Length = Field(description="Distance of a tendon from the backbone")
+    proximal_pulley_radius: Length = Field(description="Radius of the proximal pulley")
+    backbone_length: Length = Field(description="Length of the backbone that bends")
+    backbone_rigidity: Rigidity = Field(description="Flexural rigidity E I of the backbone")
+
+    parameter_fields: ClassVar[Mapping[str, str]]
+
+
+_SHARED_FIELDS = {
+    "handle_length": "handle_length",
+    "end_effector_length": "end_effector_length",
+    "given_stiffness": "given_stiffness",
+    "tendon_modulus": "tendon_modulus",
+    "tendon_diameter": "tendon_diameter",
+    "tendon_length": "tendon_length",
+    "pretension": "pretension",
+}
+TendonGear.parameter_fields = _SHARED_FIELDS | {
+    "proximal_gear_radius": "proximal_radius",
+    "distal_gear_radius": "distal_radius",
+}
+TendonPulley.parameter_fields = _SHARED_FIELDS | {
+    "proximal_pulley_radius": "proximal_radius",
+    "distal_pulley_radius": "distal_radius",
+}
+Continuum.parameter_fields = _SHARED_FIELDS | {
+    "proximal_pulley_radius": "proximal_radius",
+    "distal_tendon_offset": "distal_radius",
+    "backbone_length": "backbone_length",
+    "backbone_rigidity": "backbone_rigidity",
+}
+
+JOINT_TYPES: dict[str, type[Instrument]] = {
+    "tendon-gear": TendonGear,
+    "tendon-pulley": TendonPulley,
+    "continuum": Continuum,
+}
+
+_AnyInstrument: TypeAdapter[Instrument] = TypeAdapter(
+    Annotated[TendonGear | TendonPulley | Continuum, Field(discriminator="joint_type")]
+)
+
+
+def shipped() -> tuple[str, ...]:
+    """Return the names of the instruments that come with the package."""
+    files = (Path(entry.name) for entry in _shipped_folder().iterdir())
+    return tuple(sorted(file.stem for file in files if file.suffix == ".toml"))
+
+
+def load(name_or_path: str | Path) -> Instrument:
+    """Read an instrument that comes with the package, by name, or an instrument file, by path.
+
+    Raises
+    ------
+    InstrumentError
+        There is no such instrument or file, it cannot be read, or it is not valid.
+    """
+    source = str(name_or_path)
+    if source in shipped():
+        return parse((_shipped_folder() / f"{source}.toml").read_text("utf-8"), source)
+    path = Path(name_or_path)
+    try:
+        text = path.read_text("utf-8")
+    except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
+        names = ", ".join(shipped())
+        raise InstrumentError(
+            f"{source}: there is no such file and no instrument of that name; "
+            f"allowed is the path of a TOML file or one of {names}."
+        ) from None
+    except UnicodeDecodeError:
+        raise InstrumentError(f"{source} is not UTF-8 text; allowed is a TOML file.") from None
+    except OSError as problem:
+        raise InstrumentError(f"{source} cannot be read: {problem.strerror}.") from None
+    return parse(text, source)
+
+
+def parse(text: str, source: str = "instrument") -> Instrument:
+    """Read an instrument from the text of an instrument file.
+
+    Raises
+    ------
+    InstrumentError
+        The text is not TOML or not a valid instrument; the message starts with `source`.
+    """
+    try:
+        values = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as problem:
+        raise InstrumentError(f"{source} is not valid TOML: {problem}.") from None
+    joint_type = values.get("joint_type")
+    if joint_type not in JOINT_TYPES:
+        found = "is missing" if joint_type is None else f"is {joint_type!r}"
+        raise InstrumentError(f"{source}: joint_type {found}; allowed are {', '.join(JOINT_TYPES)}.")
+    return _validated(JOINT_TYPES[joint_type], values, file=True, source=source)
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON schema of instrument files, for editors that complete and check TOML."""
+    schema = _AnyInstrument.json_schema(by_alias=True)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Tenodesis instrument", **schema}
+
+
+_T = TypeVar("_T", bound=Instrument)
+
+
+def _shipped_folder() -> Any:
+    return resources.files("tenodesis") / "instruments"
+
+
+def _validated(kind: type[_T], values: dict[str, Any], *, file: bool, source: str = "") -> _T:
+    try:
+        return kind.model_validate(values, context={"file": file})
+    except ValidationError as invalid:
+        sentences = [_sentence(kind, error) for error in invalid.errors(include_url=False)]
+        prefix = f"{source}: " if source else ""
+        raise InstrumentError("\n".join(f"{prefix}{sentence}" for sentence in sentences)) from None
+
+
+def _keys(kind: type[BaseModel], prefix: str = "") -> Iterator[str]:
+    for name, field in kind.model_fields.items():
+        key = prefix + (field.alias or name)
+        yield key
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            yield from _keys(field.annotation, key + ".")
+
+
+def _sentence(kind: type[Instrument], error: Any) -> str:
+    """Say what is wrong with one value: its key, what it is, and what is allowed."""
+    key = ".".join(str(part) for part in error["loc"])
+    told = str(error["msg"]).removeprefix("Value error, ").removeprefix("Input should be ").rstrip(".")
+    if error["type"] == "missing":
+        return f"{key} is missing; it is required."
+    if error["type"] == "extra_forbidden":
+        return f"{key} is not a known key; allowed are {', '.join(_siblings(kind, error['loc']))}."
+    if not key:
+        return f"{told}."
+    if error["type"] != "value_error":
+        told = f"it must be {told}"
+    return f"{key} = {error['input']!r}: {told}."
+
+
+def _siblings(kind: type[Instrument], location: tuple[Any, ...]) -> list[str]:
+    parent: type[BaseModel] = Conditions if location[0] == "conditions" else kind
+    return [field.alias or name for name, field in parent.model_fields.items()]
