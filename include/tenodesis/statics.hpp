@@ -148,6 +148,20 @@ Result<S> loss_of_dexterity(const A& axis, const S& output_angle, const S& force
   return {force * arm / stiffness.value, Status::ok};
 }
 
+/// Tangential force at which the antagonist goes slack at an output angle, N (eqs. 1 and 8 at their common point).
+template <class A, class S>
+Result<S> slack_force(const A& axis, const S& output_angle) {
+  if (!is_finite(value_of(output_angle))) return {{}, Status::not_finite};
+  if (!(abs(output_angle) < S(pi))) return {{}, Status::unreachable};
+  const S x = axis.distal.coordinate(output_angle);
+  const auto difference = [&](const S& force) {
+    const Demand<S> demand = axis.distal.demand(x, Load<S>{force, S(0)});
+    return demand.value / demand.weight;
+  };
+  const S unloaded = difference(S(0));
+  return {(S(2) * axis.pretension - unloaded) / (difference(S(1)) - unloaded), Status::ok};
+}
+
 /// Output angle as the proximal sensors tell it without friction, rad (eq. 19, slack and motors included).
 ///
 /// A tendon whose tension is not above slack_below (N) counts as slack and is left out.

@@ -96,6 +96,16 @@ struct LossOfDexterity {
   }
 };
 
+struct SlackForce {
+  static constexpr const char* name = "slack_force";
+  static constexpr int inputs = 1;
+  static constexpr int outputs = 1;
+  template <class A, class S>
+  static Status run(const A& axis, const S* in, S* out) {
+    return store(slack_force(axis, in[0]), out);
+  }
+};
+
 struct EstimateOutputAngle {
   static constexpr const char* name = "estimate_output_angle";
   static constexpr int inputs = 6;
@@ -126,7 +136,7 @@ struct List {};
 
 using HeldOperations = List<OutputAngle, TendonTensions, HeldState, TorqueTransmissibility>;
 using DirectOperations =
-    List<HandleAngle, FlexuralStiffness, LossOfDexterity, EstimateOutputAngle,
+    List<HandleAngle, FlexuralStiffness, LossOfDexterity, SlackForce, EstimateOutputAngle,
          CompensationStroke<Actuation::agonist, Law::exact>, CompensationStroke<Actuation::differential, Law::exact>,
          CompensationStroke<Actuation::agonist, Law::paper>>;
 

@@ -68,6 +68,7 @@ _INPUTS = {
     "handle_angle": ("output_angle", *_HELD_INPUTS[1:]),
     "flexural_stiffness": ("output_angle",),
     "loss_of_dexterity": ("output_angle", "force"),
+    "slack_force": ("output_angle",),
     "estimate_output_angle": (
         "handle_angle",
         "agonist",
@@ -214,6 +215,17 @@ def loss_of_dexterity(inst: Instrument, output_angle: ArrayLike, force: ArrayLik
         An input is not finite.
     """
     return _evaluate("loss_of_dexterity", inst, locals())[0]
+
+
+def slack_force(inst: Instrument, output_angle: ArrayLike) -> FloatOrArray:
+    """Return the tangential force at which the antagonist goes slack at an output angle (rad), N (eq. 8).
+
+    Raises
+    ------
+    ValueError
+        The angle is not finite.
+    """
+    return _evaluate("slack_force", inst, locals())[0]
 
 
 def estimate_output_angle(

@@ -1,0 +1,109 @@
+"""Fig. 7: the input-output relationship under load."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tenodesis import statics
+from tenodesis.bench import style
+from tenodesis.bench.content import Context, Plot, Section, Table, fixed, number
+from tenodesis.instrument import Instrument
+
+Array = NDArray[np.float64]
+
+
+def forces(inst: Instrument) -> list[float]:
+    """Return the loads that curves are drawn for, N: none, and those of the instrument's conditions."""
+    return [0.0, *sorted({force for force in inst.conditions.forces if force > 0} or {0.5, 1.0, 1.5})]
+
+
+def reach(inst: Instrument) -> float:
+    """Return the handle angle, rad, that bends the unloaded tip to the end of its working range."""
+    try:
+        return float(statics.handle_angle(inst, inst.output_range))
+    except statics.NoSolutionError:
+        return inst.handle_range
+
+
+def slack_onset(inst: Instrument, force: float) -> tuple[float, float]:
+    """Return output and handle angle, rad, from which on the antagonist is slack; NaN if never in the working range."""
+    output = np.linspace(0.0, inst.output_range, 4001)
+    margin = statics.slack_force(inst, output) - force
+    crossing = np.flatnonzero((margin[:-1] > 0) & (margin[1:] <= 0))
+    if not crossing.size:
+        return np.nan, np.nan
+    at = int(crossing[0])
+    share = margin[at] / (margin[at] - margin[at + 1])
+    angle = float(output[at] + share * (output[at + 1] - output[at]))
+    handle = statics.handle_angle(inst, np.array([angle]), force)
+    return angle, float(handle[0])
+
+
+def section(context: Context) -> Section:
+    """Compute the input-output curves and what the load takes from the tip."""
+    inst = context.inst
+    end = reach(inst)
+    handle = np.linspace(0.0, end, 241)
+    curves: dict[str, Array] = {"handle_angle [deg]": np.degrees(handle)}
+    fig, (axis,) = style.figure()
+    ratio = float(statics.gradient(statics.output_angle, inst, 0.0, wrt=["handle_angle"])["handle_angle"])
+    line = ratio * np.degrees(handle)
+    curves["gear ratio line [deg]"] = line
+    axis.plot(np.degrees(handle), line, "--", color=style.REFERENCE, lw=1.3, label=f"ratio {ratio:.3g} (linear)")
+
+    rows = []
+    for force, color in zip(forces(inst), [style.INK, *style.LOADS], strict=False):
+        output = np.degrees(statics.output_angle(inst, handle, force))
+        curves[f"output_angle at {force:g} N [deg]"] = output
+        axis.plot(np.degrees(handle), output, color=color, label="no load" if force == 0 else f"{force:g} N")
+        onset, onset_handle = slack_onset(inst, force)
+        if np.isfinite(onset_handle) and onset_handle <= end:
+            axis.plot(np.degrees(onset_handle), np.degrees(onset), "o", color=color, ms=5.5, mec="white")
+        key = f"input_output.output_angle.at_{force:g}N"
+        context.add(
+            key,
+            output[-1],
+            "deg",
+            f"Output angle at a handle angle of {np.degrees(end):.1f} deg under {force:g} N",
+        )
+        loss = np.degrees(inst.output_range) - output[-1]
+        at_zero = float(output[0])
+        always = bool(statics.slack_force(inst, 0.0) <= force) and force > 0
+        rows.append(
+            [
+                "no load" if force == 0 else f"{force:g} N",
+                fixed(at_zero),
+                fixed(output[-1]),
+                fixed(loss),
+                "everywhere" if always else ("none" if np.isnan(onset) else f"from {fixed(np.degrees(onset), 1)}°"),
+            ]
+        )
+    axis.plot([], [], "o", color=style.MUTED, mec="white", label="antagonist goes slack")
+    axis.set(xlabel="handle angle θ_h [deg]", ylabel="output angle θ_e [deg]", xlim=(0, np.degrees(end)))
+    axis.legend(loc="upper left", ncols=2)
+
+    gap = float(np.degrees(inst.output_range) - line[-1])
+    context.add(
+        "input_output.linear_ratio_error",
+        gap,
+        "deg",
+        "Unloaded output angle minus the linear ratio's at the end of the working range",
+    )
+    text = (
+        f"<p>The unloaded tip follows the exact geometry, not the ratio {number(ratio, 3)}: at a handle angle of "
+        f"{fixed(np.degrees(end), 1)}° the linear rule is {fixed(abs(gap), 1)}° off. A load takes angle away, and "
+        "takes it faster once the antagonist is slack and only one tendon resists: there the curve turns from bending "
+        "upward to bending downward.</p>"
+    )
+    plot = Plot(
+        "fig7_input_output",
+        f"Input–output relationship under load, {inst.name}, T<sub>o</sub> = {inst.pretension:g} N (paper: Fig. 7). "
+        "The dashed line is the linear relationship one expects of gears.",
+        fig,
+        curves,
+    )
+    table = Table(
+        f"Angle kept and lost, handle at {fixed(np.degrees(end), 1)}°",
+        ["force at the tip", "output at handle 0° [°]", "output [°]", "lost [°]", "antagonist slack"],
+        rows,
+    )
+    return Section("input_output", "Input and output under load", text, [plot], [table])

@@ -1,0 +1,169 @@
+"""One run of the bench: compute every section, then write all files or none."""
+
+import csv
+import json
+import math
+import os
+import platform
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tenodesis import instrument as instruments
+from tenodesis.bench import (
+    checks,
+    compensation,
+    input_output,
+    loss,
+    report,
+    scaling,
+    style,
+    tension,
+    transmissibility,
+)
+from tenodesis.bench.content import Context, Plot, Section
+from tenodesis.instrument import Instrument
+
+RESULTS_SCHEMA = 1
+"""Version of the layout of results.json."""
+
+_DRAWINGS = ("svg", "png")
+
+
+class BenchError(RuntimeError):
+    """The bench could not write its files; none of them was changed."""
+
+
+def steps(inst: Instrument, scaled: Instrument | None) -> int:
+    """Return how often a run reports progress."""
+    return 7 + checks.mujoco_cases(inst, scaled)
+
+
+def run(
+    inst: Instrument,
+    scaled: Instrument | None = None,
+    out: Path = Path("out"),
+    progress: Callable[[str], None] = lambda _: None,
+) -> Context:
+    """Compute the bench for an instrument and write report, figures, curves and results.
+
+    Parameters
+    ----------
+    inst
+        The instrument.
+    scaled
+        Its scale model, of the same joint type; without one the report leaves similarity out.
+    out
+        Folder for report.html, results.json, figures/ and curves/; made if absent.
+    progress
+        Called with the name of what is being worked on.
+
+    Returns
+    -------
+    Context
+        The results by name.
+
+    Raises
+    ------
+    BenchError
+        The folder cannot be written.
+    """
+    context = Context(inst, scaled, _is_paper(inst, scaled))
+    sections: list[Section] = []
+    for name, section in (
+        ("input and output", input_output.section),
+        ("tension", tension.section),
+        ("transmissibility", transmissibility.section),
+        ("loss", loss.section),
+        ("compensation", compensation.section),
+        ("scale model", scaling.section),
+    ):
+        progress(name)
+        sections.append(section(context))
+    sections.append(checks.section(context, lambda: progress("MuJoCo")))
+    progress("writing")
+    try:
+        _write(context, sections, out)
+    except OSError as problem:
+        raise BenchError(f"{out} cannot be written: {problem.strerror or problem}.") from problem
+    return context
+
+
+def about() -> dict[str, str]:
+    """Return the versions a report was made with."""
+    from tenodesis import __version__  # noqa: PLC0415
+
+    return {"tenodesis": __version__, "python": platform.python_version(), "numpy": np.__version__}
+
+
+def _is_paper(inst: Instrument, scaled: Instrument | None) -> bool:
+    return inst == instruments.load("real-size") and scaled == instruments.load("scaled-up")
+
+
+def _write(context: Context, sections: list[Section], out: Path) -> None:
+    """Write everything beside its place first, and move it there when all of it is written."""
+    out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=out, prefix=".bench-") as name:
+        new = Path(name)
+        for folder in ("figures", "curves"):
+            (new / folder).mkdir()
+        drawings: dict[str, str] = {}
+        for plot in (plot for section in sections for plot in section.plots):
+            drawings[plot.name] = _draw(plot, new / "figures")
+            _write_curves(plot, new / "curves" / f"{plot.name}.csv")
+        (new / "results.json").write_text(json.dumps(_results(context), indent=1, ensure_ascii=False) + "\n", "utf-8")
+        (new / "report.html").write_text(report.render(context, sections, drawings, about()), "utf-8")
+        # The report goes last: where it stands, all it was made with stands too.
+        for entry in ("figures", "curves", "results.json", "report.html"):
+            if (out / entry).is_dir():
+                shutil.rmtree(out / entry)
+            os.replace(new / entry, out / entry)
+
+
+def _draw(plot: Plot, folder: Path) -> str:
+    """Write a figure as SVG and PNG and return the SVG."""
+    with style.render_context():
+        for kind in _DRAWINGS:
+            metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {}
+            plot.figure.savefig(folder / f"{plot.name}.{kind}", dpi=200, metadata=metadata)
+    return (folder / f"{plot.name}.svg").read_text("utf-8")
+
+
+def _write_curves(plot: Plot, path: Path) -> None:
+    columns = {heading: np.atleast_1d(np.asarray(values, float)) for heading, values in plot.curves.items()}
+    length = max(column.size for column in columns.values())
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        for i in range(length):
+            writer.writerow(
+                "" if i >= column.size or math.isnan(column[i]) else f"{column[i]:.9g}" for column in columns.values()
+            )
+
+
+def _results(context: Context) -> dict[str, Any]:
+    entries = {}
+    for key, result in sorted(context.results.items()):
+        entry: dict[str, Any] = {
+            "value": result.value if math.isfinite(result.value) else None,
+            "unit": result.unit,
+            "description": result.description,
+        }
+        if result.published is not None:
+            entry |= {
+                "published": result.published.value,
+                "residual": result.residual,
+                "source": result.published.source,
+            }
+        entries[key] = entry
+    return {
+        "schema": RESULTS_SCHEMA,
+        "about": about(),
+        "instrument": context.inst.name,
+        "scaled_up": None if context.scaled is None else context.scaled.name,
+        "results": entries,
+    }

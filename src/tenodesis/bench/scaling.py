@@ -1,0 +1,304 @@
+"""Tables I and II: the scale model, what it keeps of the instrument, and what it does not."""
+
+from typing import Any
+
+import numpy as np
+
+from tenodesis import statics
+from tenodesis.bench import style
+from tenodesis.bench.content import CarePoint, Context, Plot, Section, Table, fixed, number
+from tenodesis.instrument import Instrument, TendonGear
+from tenodesis.published import CAPTION_FORCE, EQUIVALENT_FORCE, SCALE_FACTORS, STATES, STIFFNESS, TIP_FORCE
+from tenodesis.quantity import in_unit
+from tenodesis.similarity import Comparison, SimilarityError, compare
+
+_SHOWN: tuple[tuple[str, str, str, str], ...] = (
+    ("stem_diameter", "stem diameter ∅", "mm", "m"),
+    ("overall_length", "overall length L", "mm", "m"),
+    ("distal_gear_radius", "distal gear radius r", "mm", "m"),
+    ("proximal_gear_radius", "proximal gear radius R", "mm", "m"),
+    ("distal_pulley_radius", "distal pulley radius r", "mm", "m"),
+    ("distal_tendon_offset", "distal tendon offset r", "mm", "m"),
+    ("proximal_pulley_radius", "proximal pulley radius R", "mm", "m"),
+    ("backbone_length", "backbone length", "mm", "m"),
+    ("backbone_rigidity", "backbone rigidity EI", "N*mm^2", "N*m^2"),
+    ("end_effector_length", "end-effector length l_d", "mm", "m"),
+    ("handle_length", "handle length l_p", "mm", "m"),
+    ("tendon_diameter", "tendon diameter d", "mm", "m"),
+    ("tendon_modulus", "Young's modulus E", "GPa", "Pa"),
+    ("tendon_stiffness", "tendon stiffness k", "N/m", "N/m"),
+)
+
+
+def section(context: Context) -> Section:
+    """Compare the instrument with its scale model."""
+    scaled = context.scaled
+    if scaled is None:
+        return Section(
+            "similarity",
+            "Scale model",
+            "<p>No scale model was given; <code>tenodesis bench FILE --scaled-up FILE</code> compares the instrument "
+            "with one of the same joint type.</p>",
+        )
+    comparison = compare(context.inst, scaled)
+    tables = [_dimensions(context, comparison), _factors(context, comparison), _groups(comparison)]
+    tables.append(_errors(context, comparison))
+    text = (
+        "<p>Two instruments of different size lose the same angle if the loss of dexterity Θ is the same. Equal Θ fixes "
+        "one factor for force; equal T/kr fixes one for tension. What the geometry does not share shows in the groups "
+        "that do not match, and in degrees below, by the full model.</p>"
+    )
+    care = _care(context, comparison) if context.is_paper else []
+    return Section("similarity", "Scale model", text, [_map(comparison)], tables, care)
+
+
+def _dimensions(context: Context, comparison: Comparison) -> Table:
+    rows = []
+    for key, name, unit, si_unit in _SHOWN:
+        model, prototype = (getattr(inst, key, None) for inst in (comparison.model, comparison.prototype))
+        if model is None or prototype is None:
+            continue
+        factor = comparison.factors[key]
+        printed = SCALE_FACTORS.get(key)
+        context.add(f"table1.factor.{key}", factor, "1", f"Scale factor of the {name}", printed)
+        shown = [number(value * in_unit(unit, si_unit), 5) for value in (model, prototype)]
+        label = unit.replace("*", "·").replace("^2", "²")
+        rows.append([f"{name} [{label}]", *shown, *_beside(context, f"table1.factor.{key}")])
+    for inst in (comparison.model, comparison.prototype):
+        printed = STIFFNESS.get(inst.name)
+        context.add(
+            f"table1.stiffness.{inst.name}", inst.tendon_stiffness, "N/m", f"Tendon stiffness of {inst.name}", printed
+        )
+    return Table(
+        f"Table I: design parameters; k of each instrument follows from E, d and L{_printed_stiffness(context)}",
+        ["parameter", comparison.model.name, comparison.prototype.name, "factor", "published", "residual"],
+        rows,
+    )
+
+
+def _printed_stiffness(context: Context) -> str:
+    if not context.is_paper:
+        return ""
+    pairs = [context.results[f"table1.stiffness.{name}"] for name in STIFFNESS]
+    return " (published: " + " and ".join(f"{row.published.value:.0f}" for row in pairs if row.published) + " N/m)"
+
+
+def _factors(context: Context, comparison: Comparison) -> Table:
+    low, middle, high = (context.inst.output_range * share for share in (0.0, 0.5, 1.0))
+    forces = {angle: float(comparison.force_factor(angle)) for angle in (low, middle, high)}
+    stiffness = {angle: float(comparison.flexural_stiffness_factor(angle)) for angle in (low, high)}
+    rows = []
+    for angle, value in forces.items():
+        key = f"table2.force_factor.at_{np.degrees(angle):.0f}deg"
+        printed = SCALE_FACTORS["force"] if angle == middle else None
+        context.add(key, value, "1", f"Factor of force for equal loss of dexterity at {np.degrees(angle):.0f} deg", printed)
+        rows.append([f"force for equal Θ at {np.degrees(angle):.0f}°", *_beside(context, key)])
+    context.add(
+        "table2.tension_factor", comparison.tension_factor, "1", "Factor of tendon tension", SCALE_FACTORS["tension"]
+    )
+    rows.append(["tendon tension", *_beside(context, "table2.tension_factor")])
+    for angle, value in stiffness.items():
+        key = f"table2.flexural_stiffness_factor.at_{np.degrees(angle):.0f}deg"
+        context.add(key, value, "1", f"Factor of flexural stiffness at {np.degrees(angle):.0f} deg")
+        rows.append([f"flexural stiffness κ_θ at {np.degrees(angle):.0f}°", *_beside(context, key)])
+    for angle in (low, middle, high):
+        ratio = (
+            statics.loss_of_dexterity(comparison.prototype, angle, forces[middle])
+            / statics.loss_of_dexterity(comparison.model, angle, 1.0)
+        )  # fmt: skip
+        key = f"table2.loss_factor.at_{np.degrees(angle):.0f}deg"
+        context.add(
+            key,
+            ratio,
+            "1",
+            f"Factor of Θ at {np.degrees(angle):.0f} deg with the mid-range force factor",
+            SCALE_FACTORS["loss_of_dexterity"],
+        )
+        rows.append([f"loss of dexterity Θ at {np.degrees(angle):.0f}°", *_beside(context, key)])
+    return Table("Table II: scale factors", ["variable", "factor", "published", "residual"], rows)
+
+
+def _beside(context: Context, key: str) -> tuple[str, str, str]:
+    """Return our factor, the published one and the residual, as text."""
+    result = context.results[key]
+    if result.published is None or result.residual is None:
+        return fixed(result.value, 4), "", ""
+    return fixed(result.value, 4), number(result.published.value, 5), f"{result.residual:+.4f}".replace("-", "−")
+
+
+def _groups(comparison: Comparison) -> Table:
+    rows = [
+        [g.name, number(g.model, 5), number(g.prototype, 5), fixed(g.ratio, 4), "matches" if g.matches else "differs"]
+        for g in comparison.groups
+    ]
+    return Table(
+        f"Dimensionless groups; F is {comparison.largest_force:g} N times the force factor, T_o as in the files",
+        ["group", comparison.model.name, comparison.prototype.name, "ratio", ""],
+        rows,
+    )
+
+
+def _errors(context: Context, comparison: Comparison) -> Table:
+    rows = []
+    limits = [comparison.largest_force]
+    if context.is_paper and comparison.largest_force > EQUIVALENT_FORCE.value:
+        limits.insert(0, EQUIVALENT_FORCE.value)
+    for name, whole in comparison.errors.items():
+        for limit in limits:
+            error = whole.within(limit)
+            key = f"similarity.{name.replace(' ', '_')}.to_{limit:g}N"
+            about = f"pretension {name} ({error.prototype_pretension:.4g} N), forces to {limit:g} N"
+            context.add(f"{key}.largest", error.largest, "deg", f"Largest similarity error, {about}")
+            context.add(f"{key}.rms", error.rms, "deg", f"Root mean square similarity error, {about}")
+            context.add(f"{key}.quantile_95", error.quantile_95, "deg", f"95 % quantile of the similarity error, {about}")
+            context.add(f"{key}.unsolved", error.unsolved, "1", f"Share of points without equilibrium, {about}")
+            angle, force = error.worst
+            rows.append(
+                [
+                    f"{error.prototype_pretension:.4g} N ({name})",
+                    f"0 … {limit:g} N",
+                    fixed(error.rms, 3),
+                    fixed(error.quantile_95, 3),
+                    fixed(error.largest, 3),
+                    f"θ_h = {fixed(np.degrees(angle), 1)}°, {force:.2f} N",
+                    f"{100 * error.unsolved:.1f} %",
+                ]
+            )
+    reach = np.degrees(context.inst.output_range)
+    return Table(
+        f"Similarity error: output of {comparison.prototype.name} minus {comparison.model.name} [°] over "
+        f"−{reach:.0f} … {reach:.0f}° of unloaded output",
+        ["pretension scaled-up", f"force on {comparison.model.name}", "rms", "95 %", "largest", "largest at", "no equilibrium"],
+        rows,
+    )
+
+
+def _map(comparison: Comparison) -> Plot:
+    fig, axes = style.figure(2, width=8.6, height=3.7)
+    curves: dict[str, Any] = {}
+    bound = max(0.5, *(min(5.0, error.quantile_95) for error in comparison.errors.values()))
+    for axis, (name, error) in zip(axes, comparison.errors.items(), strict=True):
+        mesh = axis.pcolormesh(
+            np.degrees(error.handle_angle), error.force, error.error.T, cmap="RdBu_r", vmin=-bound, vmax=bound,
+            shading="gouraud", rasterized=True,
+        )  # fmt: skip
+        axis.set_facecolor("#d5dae0")
+        axis.grid(visible=False)
+        axis.set(
+            title=f"T$_o$ = {error.prototype_pretension:.3g} N ({name})",
+            xlabel="handle angle θ_h [deg]",
+            ylabel=f"force on {comparison.model.name} [N]",
+        )
+        curves |= _flat(name, error)
+    fig.colorbar(mesh, ax=axes, label="error [deg]", extend="both")
+    return Plot(
+        "similarity_error",
+        f"Similarity error: output of {comparison.prototype.name} minus {comparison.model.name}, force factor "
+        f"{comparison.force_factor():.3f}; the colour scale ends at ±{bound:.2g}°. Grey: no equilibrium.",
+        fig,
+        curves,
+    )
+
+
+def _flat(name: str, error: SimilarityError) -> dict[str, Any]:
+    handle, force = np.meshgrid(np.degrees(error.handle_angle), error.force, indexing="ij")
+    return {
+        "handle_angle [deg]": handle.ravel(),
+        "force [N]": force.ravel(),
+        f"error, pretension {name} [deg]": error.error.ravel(),
+    }
+
+
+def _care(context: Context, comparison: Comparison) -> list[CarePoint]:
+    return [
+        _one_angle(context, comparison),
+        _pretension(context, comparison),
+        _pairs(context, comparison.prototype),
+        _cable(context, comparison),
+        _stiffness(context, comparison),
+    ]
+
+
+def _one_angle(context: Context, comparison: Comparison) -> CarePoint:
+    at = [context.results[f"table2.force_factor.at_{angle}deg"].value for angle in (0, 40, 80)]
+    slenderness = next(group for group in comparison.groups if group.name == "l_d/r")
+    return CarePoint(
+        4,
+        "Similarity is exact at one angle only",
+        f"l_d/r differs ({number(slenderness.model, 3)} against {number(slenderness.prototype, 3)}), so the force factor for equal Θ runs from {fixed(at[0], 3)} at 0° over "
+        f"{fixed(at[1], 3)} at 40° to {fixed(at[2], 3)} at 80°; the table's 2.88 is mid-range.",
+    )
+
+
+def _pretension(context: Context, comparison: Comparison) -> CarePoint:
+    scaled = context.add(
+        "care.5.scaled_pretension",
+        comparison.model.pretension * comparison.tension_factor,
+        "N",
+        "Pretension of the scaled-up instrument that is similar to the real-size one's",
+    )
+    small, large = (
+        float(statics.slack_force(inst, inst.output_range)) for inst in (comparison.model, comparison.prototype)
+    )
+    meant = large / float(comparison.force_factor())
+    context.add("care.5.slack_force.real", small, "N", "Force at slack onset at 80 deg, real-size")
+    context.add("care.5.slack_force.as_used", meant, "N", "The same by the scaled-up one at 25 N, scaled down")
+    used, similar = comparison.errors["as used"], comparison.errors["scaled"]
+    return CarePoint(
+        5,
+        "Pretension must scale too",
+        f"{comparison.model.pretension:g} N on the real-size instrument is {fixed(scaled, 1)} N on the scaled-up one; "
+        f"the experiments used {comparison.prototype.pretension:g} N. Slack then begins at what would be "
+        f"{fixed(meant)} N at 80° instead of {fixed(small)} N, and the rms similarity error up to "
+        f"{comparison.largest_force:g} N grows from {fixed(similar.rms, 2)}° to {fixed(used.rms, 2)}°. Up to "
+        f"{EQUIVALENT_FORCE.value} N, where Fig. 14 was taken, no tendon goes slack and it makes no difference.",
+    )
+
+
+def _pairs(context: Context, scaled: Instrument) -> CarePoint:
+    sentences = []
+    for handle, output in STATES[1:]:
+        follows = float(np.degrees(statics.output_angle(scaled, np.radians(handle.value))))
+        needs = float(np.degrees(statics.handle_angle(scaled, np.radians(output.value))))
+        key = f"care.6.at_{output.value:.0f}deg"
+        context.add(f"{key}.output", follows, "deg", f"Output at the published handle angle {handle.value:g} deg", output)
+        context.add(f"{key}.handle", needs, "deg", f"Handle angle that gives {output.value:g} deg", handle)
+        sentences.append(
+            f"{handle.value:g}° → {output.value:g}° published, {fixed(follows, 1)}° by eq. 18; "
+            f"{output.value:g}° needs {fixed(needs, 1)}°"
+        )
+    return CarePoint(
+        6,
+        "The angle pairs of Fig. 15 contradict eq. 18",
+        f"{'. '.join(sentences)}. We reproduce the four states by output angle.",
+    )
+
+
+def _cable(context: Context, comparison: Comparison) -> CarePoint:
+    conditions = comparison.prototype.conditions
+    moment = float(conditions.cable_force or 0) * float(conditions.cable_pulley_radius or 0)
+    assert isinstance(comparison.prototype, TendonGear)
+    lever = comparison.prototype.end_effector_length + 2 * comparison.prototype.distal_gear_radius
+    tip = context.add("care.7.tip_force", moment / lever, "N", "Force at the scaled-up tip from 10 N on a cable", TIP_FORCE)
+    factor = float(comparison.force_factor())
+    real = context.add(
+        "care.7.real_force", TIP_FORCE.value / factor, "N", "Real-size force that 1.5 N stands for", EQUIVALENT_FORCE
+    )
+    return CarePoint(
+        7,
+        "10 N on a weight cable are not 1.5 N on the real-size instrument",
+        f"10 N on the cable at {1e3 * float(conditions.cable_pulley_radius or 0):g} mm are {fixed(moment)} N·m, over "
+        f"l_d + 2r = {1e3 * lever:.0f} mm that is {fixed(tip)} N at the scaled-up tip (published: {TIP_FORCE.value} N), "
+        f"and 1.5 N there stand for {fixed(real)} N on the real-size instrument (published: {EQUIVALENT_FORCE.value} N). "
+        f"The {CAPTION_FORCE.source} says {CAPTION_FORCE.value} N; the text is right.",
+    )
+
+
+def _stiffness(context: Context, comparison: Comparison) -> CarePoint:
+    small, large = (inst.tendon_stiffness for inst in (comparison.model, comparison.prototype))
+    return CarePoint(
+        8,
+        "Table I's stiffnesses follow from E A / L",
+        f"With L the overall length they come out at {small:.0f} and {large:.0f} N/m (published: 31172 and 11451); the "
+        "files give diameter, modulus and length, not stiffness.",
+    )

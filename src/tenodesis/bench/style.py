@@ -1,0 +1,52 @@
+"""How the figures look: one style, one palette, a size that reads on screen and printed."""
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+INK = "#1b2733"
+MUTED = "#6b7785"
+GRID = "#e3e8ed"
+REFERENCE = "#8a97a5"
+ACCENT = "#c2410c"
+AGONIST = "#b4232f"
+ANTAGONIST = "#1f5fa8"
+LOADS = ("#0f766e", "#2563a8", "#7c3aed", "#c2410c", "#9d174d", "#4d7c0f")
+
+_STYLE = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9.5,
+    "axes.edgecolor": MUTED,
+    "axes.labelcolor": INK,
+    "axes.titlesize": 10,
+    "axes.titleweight": "bold",
+    "axes.titlecolor": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": GRID,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "text.color": INK,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "lines.linewidth": 1.8,
+    "svg.hashsalt": "tenodesis",
+    "figure.dpi": 110,
+}
+
+
+def figure(columns: int = 1, *, width: float = 7.0, height: float = 4.1) -> tuple[Figure, Sequence[Axes]]:
+    """Return a new figure with this many panels side by side, without touching global state."""
+    with mpl.rc_context(_STYLE):
+        fig = Figure(figsize=(width, height), layout="constrained")
+        axes = fig.subplots(1, columns, squeeze=False)[0]
+    return fig, list(axes)
+
+
+def render_context() -> object:
+    """Return the context in which figures must also be saved, for the settings that act only then."""
+    return mpl.rc_context(_STYLE)

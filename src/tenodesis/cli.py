@@ -1,0 +1,115 @@
+"""The command line."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from tenodesis import instrument
+from tenodesis.bench import BenchError
+from tenodesis.bench import run as bench_run
+from tenodesis.bench.content import Context
+from tenodesis.bench.run import steps
+from tenodesis.errors import InstrumentError
+from tenodesis.instrument import Instrument
+
+app = typer.Typer(
+    help="Model, scale, test and control tendon-driven hand-held surgical instruments. Research software, not a "
+    "medical device.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+console = Console()
+errors = Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+@app.callback()
+def _root() -> None:
+    """Keep commands by name even while there are few."""
+
+
+@app.command()
+def bench(
+    instrument_file: Annotated[
+        str, typer.Argument(metavar="[INSTRUMENT]", help="Instrument file, or the name of one that is shipped.")
+    ] = "real-size",
+    scaled_up: Annotated[
+        str | None,
+        typer.Option(help="Its scale model: file or name. Default: scaled-up, for real-size."),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for report, figures, curves and results.")] = Path("out"),
+) -> None:
+    """Compute every figure and table of the paper for an instrument and write out/report.html."""
+    inst = instrument.load(instrument_file)
+    if scaled_up is None and instrument_file == "real-size":
+        scaled_up = "scaled-up"
+    scaled = None if scaled_up is None else instrument.load(scaled_up)
+    if scaled is not None and scaled.joint_type != inst.joint_type:
+        raise InstrumentError(
+            f"{scaled.name} has joint_type {scaled.joint_type}, {inst.name} {inst.joint_type}; "
+            "allowed is a scale model of the same joint type."
+        )
+    with Progress(
+        TextColumn("{task.description:<16}"), BarColumn(), TimeElapsedColumn(), console=console, transient=True
+    ) as bar:
+        task = bar.add_task("", total=steps(inst, scaled))
+        context = bench_run(inst, scaled, out, lambda name: bar.update(task, advance=1, description=name))
+    console.print(_summary(context))
+    console.print(f"Report: [bold]{out / 'report.html'}[/bold]  (figures/, curves/ and results.json beside it)")
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON schema of instrument files, for editors that complete and check TOML."""
+    typer.echo(json.dumps(instrument.json_schema(), indent=2, ensure_ascii=False))
+
+
+@app.command()
+def check(
+    instrument_file: Annotated[str, typer.Argument(metavar="INSTRUMENT", help="Instrument file or shipped name.")],
+) -> None:
+    """Check an instrument file and print what it comes to, in SI units."""
+    inst: Instrument = instrument.load(instrument_file)
+    table = Table("key", "value", "source", title=f"{inst.name}: {inst.joint_type}, {' and '.join(inst.axes)}")
+    for key, field in type(inst).model_fields.items():
+        value = getattr(inst, key)
+        if isinstance(value, float):
+            quantity = next(item for item in field.metadata if hasattr(item, "unit"))
+            label = field.alias or key
+            table.add_row(label, f"{value:.6g} {quantity.unit}", inst.sources.get(label, ""))
+    if inst.given_stiffness is None:
+        table.add_row("tendon_stiffness", f"{inst.tendon_stiffness:.6g} N/m", "E A / L")
+    console.print(table)
+
+
+def main() -> None:
+    """Run the command line; what a user can mend ends in one sentence and exit code 1."""
+    try:
+        app()
+    except (InstrumentError, BenchError) as problem:
+        errors.print(f"tenodesis: {problem}", markup=False)
+        sys.exit(1)
+
+
+def _summary(context: Context) -> Table:
+    """Return the report's numbers in brief: those the paper prints, beside ours, and the checks."""
+    table = Table("result", "ours", "published", "residual", title=f"{context.inst.name}: summary", title_justify="left")
+    shown = [result for result in context.results.values() if result.published is not None]
+    brief = ("tension.slack_force", "loss.flexural", "transmissibility.straight", "verification", "axes", "care.1")
+    shown += [result for key, result in context.results.items() if key.startswith(brief)]
+    for result in shown:
+        unit = "" if result.unit == "1" else f" {result.unit}"
+        published = "" if result.published is None else f"{result.published.value:g}"
+        residual = "" if result.residual is None else f"{result.residual:+.4g}"
+        table.add_row(result.description, f"{result.value:.5g}{unit}", published, residual)
+    return table
+
+
+if __name__ == "__main__":
+    main()
