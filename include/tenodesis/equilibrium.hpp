@@ -116,12 +116,11 @@ Equilibrium<S> solve_between(const J& joint, const TendonPair<S>& pair, const Lo
   S x = (x0 + x1) * S(0.5);
   for (int n = 0; n < most_iterations; ++n) {
     const Balance<S> at = balance(joint, pair, load, x);
-    (at.residual * direction > S(0) ? x0 : x1) = x;
     const S newton = x - at.correction;
+    if (abs(at.correction) <= settled<S>) return {newton, Status::ok, spent + n + 1};
+    (at.residual * direction > S(0) ? x0 : x1) = x;
     const bool inside = (newton - x0) * (newton - x1) < S(0);
-    const S next = inside ? newton : (x0 + x1) * S(0.5);
-    if (abs(next - x) <= settled<S>) return {next, Status::ok, spent + n + 1};
-    x = next;
+    x = inside ? newton : (x0 + x1) * S(0.5);
   }
   return {x, Status::ok, spent + most_iterations};
 }
@@ -130,8 +129,10 @@ Equilibrium<S> solve_between(const J& joint, const TendonPair<S>& pair, const Lo
 template <class J, Real S>
 Equilibrium<S> solve_by_search(const J& joint, const TendonPair<S>& pair, const Load<S>& load, S start, S direction,
                                int spent) {
-  const S stride = (direction * joint.limit() - start) / S(most_iterations);
-  for (int n = 1; n < most_iterations; ++n) {
+  // Just short of the limit itself, where a gear's demand is without bound.
+  const S end = direction * joint.limit() * (S(1) - settled<S>);
+  const S stride = (end - start) / S(most_iterations);
+  for (int n = 1; n <= most_iterations; ++n) {
     const S x = start + stride * S(n);
     if (balance(joint, pair, load, x).residual * direction <= S(0))
       return solve_between(joint, pair, load, x - stride, x, direction, spent + n);

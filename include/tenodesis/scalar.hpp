@@ -4,6 +4,7 @@
 // The functions here need no math library. Build with -fno-math-errno, so that a square root is one instruction
 // instead of a call.
 
+#include <compare>
 #include <concepts>
 #include <cstddef>
 #include <limits>

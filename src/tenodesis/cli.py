@@ -1,11 +1,13 @@
 """The command line."""
 
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -77,14 +79,8 @@ def check(
     """Check an instrument file and print what it comes to, in SI units."""
     inst: Instrument = instrument.load(instrument_file)
     table = Table("key", "value", "source", title=f"{inst.name}: {inst.joint_type}, {' and '.join(inst.axes)}")
-    for key, field in type(inst).model_fields.items():
-        value = getattr(inst, key)
-        if isinstance(value, float):
-            quantity = next(item for item in field.metadata if hasattr(item, "unit"))
-            label = field.alias or key
-            table.add_row(label, f"{value:.6g} {quantity.unit}", inst.sources.get(label, ""))
-    if inst.given_stiffness is None:
-        table.add_row("tendon_stiffness", f"{inst.tendon_stiffness:.6g} N/m", "E A / L")
+    for key, value, quantity in inst.quantities():
+        table.add_row(key, f"{value:.6g} {quantity.unit}", inst.sources.get(key, ""))
     console.print(table)
 
 
@@ -97,17 +93,27 @@ def main() -> None:
         sys.exit(1)
 
 
+_BRIEF = (
+    r"loss\.at_\d+deg\.|tension\.slack_force|transmissibility\.straight|table1\.stiffness|table2\.(force|tension)|"
+    r"similarity\..*\.(rms|largest)|care\.[167]|verification|axes"
+)
+"""What the summary shows, by a result's name; the report has all."""
+
+
 def _summary(context: Context) -> Table:
-    """Return the report's numbers in brief: those the paper prints, beside ours, and the checks."""
-    table = Table("result", "ours", "published", "residual", title=f"{context.inst.name}: summary", title_justify="left")
-    shown = [result for result in context.results.values() if result.published is not None]
-    brief = ("tension.slack_force", "loss.flexural", "transmissibility.straight", "verification", "axes", "care.1")
-    shown += [result for key, result in context.results.items() if key.startswith(brief)]
-    for result in shown:
-        unit = "" if result.unit == "1" else f" {result.unit}"
-        published = "" if result.published is None else f"{result.published.value:g}"
-        residual = "" if result.residual is None else f"{result.residual:+.4g}"
-        table.add_row(result.description, f"{result.value:.5g}{unit}", published, residual)
+    """Return the report's numbers in brief, beside those that the paper prints."""
+    title = f"{context.inst.name}: summary, by name in results.json"
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
+    table.add_column("result", no_wrap=True)
+    for heading in ("computed", "published", "residual"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for key, result in context.results.items():
+        if not re.match(_BRIEF, key):
+            continue
+        unit = {"1": "", "deg": "°"}.get(result.unit, f" {result.unit}")
+        published = "" if result.published is None else f"{result.published.value:g}{unit}"
+        residual = "" if result.residual is None else f"{result.residual:+.2g}{unit}"
+        table.add_row(key, f"{result.value:.5g}{unit}", published, residual)
     return table
 
 

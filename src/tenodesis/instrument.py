@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args
 
 from pydantic import (
     BaseModel,
@@ -19,6 +19,8 @@ from pydantic import (
     model_validator,
 )
 
+from pydantic.fields import FieldInfo
+
 from tenodesis import _core
 from tenodesis.errors import InstrumentError
 from tenodesis.quantity import Quantity, annotation
@@ -27,7 +29,8 @@ _HALF_TURN = math.pi
 
 Length = Annotated[float, *annotation(Quantity("length", "m", "2 mm", above=0))]
 Modulus = Annotated[float, *annotation(Quantity("modulus", "Pa", "50 GPa", above=0))]
-Stiffness = Annotated[float, *annotation(Quantity("stiffness", "N/m", "31 N/mm", above=0))]
+_STIFFNESS = Quantity("stiffness", "N/m", "31 N/mm", above=0)
+Stiffness = Annotated[float, *annotation(_STIFFNESS)]
 Rigidity = Annotated[float, *annotation(Quantity("flexural rigidity", "N*m^2", "2e-4 N*m^2", above=0))]
 Tension = Annotated[float, *annotation(Quantity("force", "N", "30 N", at_least=0))]
 Force = Annotated[float, *annotation(Quantity("force", "N", "0.5 N"))]
@@ -111,6 +114,16 @@ class Instrument(_Strict):
             row["tendon_length"] = self.overall_length
         joint = _core.JointType[self.joint_type.replace("-", "_").upper()]
         return _core.Spec(joint, [row[parameter] for parameter in _core.PARAMETERS], self.handle_range)
+
+    def quantities(self) -> Iterator[tuple[str, float, Quantity]]:
+        """Yield key, value in SI and kind of quantity of every dimension given, stiffness included."""
+        for name, field in type(self).model_fields.items():
+            quantity = _quantity(field)
+            value = getattr(self, name)
+            if quantity is not None and value is not None:
+                yield field.alias or name, value, quantity
+        if self.given_stiffness is None:
+            yield "tendon_stiffness", self.tendon_stiffness, _STIFFNESS
 
     def replace(self, **changes: Any) -> Self:
         """Return this instrument with some values changed.
@@ -324,6 +337,12 @@ def _validated(kind: type[_T], values: dict[str, Any], *, file: bool, source: st
         sentences = [_sentence(kind, error) for error in invalid.errors(include_url=False)]
         prefix = f"{source}: " if source else ""
         raise InstrumentError("\n".join(f"{prefix}{sentence}" for sentence in sentences)) from None
+
+
+def _quantity(field: FieldInfo) -> Quantity | None:
+    """Return a field's kind of quantity, whether or not the field may be left out."""
+    inner = [item for option in get_args(field.annotation) for item in getattr(option, "__metadata__", ())]
+    return next((item for item in [*field.metadata, *inner] if isinstance(item, Quantity)), None)
 
 
 def _keys(kind: type[BaseModel], prefix: str = "") -> Iterator[str]:

@@ -42,46 +42,46 @@ def section(context: Context) -> Section:
     """Compute the input-output curves and what the load takes from the tip."""
     inst = context.inst
     end = reach(inst)
-    handle = np.linspace(0.0, end, 241)
+    handle = np.linspace(0.0, min(inst.handle_range, 1.3 * end), 301)
     curves: dict[str, Array] = {"handle_angle [deg]": np.degrees(handle)}
     fig, (axis,) = style.figure()
     ratio = float(statics.gradient(statics.output_angle, inst, 0.0, wrt=["handle_angle"])["handle_angle"])
     line = ratio * np.degrees(handle)
     curves["gear ratio line [deg]"] = line
-    axis.plot(np.degrees(handle), line, "--", color=style.REFERENCE, lw=1.3, label=f"ratio {ratio:.3g} (linear)")
+    inside = line <= np.degrees(inst.output_range)
+    axis.plot(np.degrees(handle[inside]), line[inside], "--", color=style.REFERENCE, lw=1.3, label=f"ratio {ratio:.3g} (linear)")
 
     rows = []
     for force, color in zip(forces(inst), [style.INK, *style.LOADS], strict=False):
         output = np.degrees(statics.output_angle(inst, handle, force))
+        output[output > np.degrees(inst.output_range) + 1e-9] = np.nan
         curves[f"output_angle at {force:g} N [deg]"] = output
         axis.plot(np.degrees(handle), output, color=color, label="no load" if force == 0 else f"{force:g} N")
         onset, onset_handle = slack_onset(inst, force)
-        if np.isfinite(onset_handle) and onset_handle <= end:
+        if np.isfinite(onset_handle):
             axis.plot(np.degrees(onset_handle), np.degrees(onset), "o", color=color, ms=5.5, mec="white")
-        key = f"input_output.output_angle.at_{force:g}N"
-        context.add(
-            key,
-            output[-1],
+        flexed = context.add(
+            f"input_output.output_angle.at_{force:g}N",
+            np.degrees(statics.output_angle(inst, np.array([end]), force)[0]),
             "deg",
             f"Output angle at a handle angle of {np.degrees(end):.1f} deg under {force:g} N",
         )
-        loss = np.degrees(inst.output_range) - output[-1]
-        at_zero = float(output[0])
+        loss = float(np.degrees(statics.output_angle(inst, end))) - flexed
         always = bool(statics.slack_force(inst, 0.0) <= force) and force > 0
         rows.append(
             [
                 "no load" if force == 0 else f"{force:g} N",
-                fixed(at_zero),
-                fixed(output[-1]),
+                fixed(float(output[0])),
+                fixed(flexed),
                 fixed(loss),
                 "everywhere" if always else ("none" if np.isnan(onset) else f"from {fixed(np.degrees(onset), 1)}°"),
             ]
         )
     axis.plot([], [], "o", color=style.MUTED, mec="white", label="antagonist goes slack")
-    axis.set(xlabel="handle angle θ_h [deg]", ylabel="output angle θ_e [deg]", xlim=(0, np.degrees(end)))
+    axis.set(xlabel="handle angle $\\theta_h$ [deg]", ylabel="output angle $\\theta_e$ [deg]", xlim=(0, np.degrees(handle[-1])))
     axis.legend(loc="upper left", ncols=2)
 
-    gap = float(np.degrees(inst.output_range) - line[-1])
+    gap = float(np.degrees(statics.output_angle(inst, end) - ratio * end))
     context.add(
         "input_output.linear_ratio_error",
         gap,

@@ -104,7 +104,7 @@ def _construction(context: Context, axis: style.Axes, force: float, curves: dict
             f"compensation {needed - x:.1f}°", ((x + needed) / 2, y), (-20, 7), textcoords="offset points",
             color=style.ACCENT,
         )  # fmt: skip
-    axis.set(xlabel="handle angle θ_h [deg]", ylabel="output angle θ_e [deg]", xlim=(0, np.degrees(handle[-1])))
+    axis.set(xlabel="handle angle $\\theta_h$ [deg]", ylabel="output angle $\\theta_e$ [deg]", xlim=(0, np.degrees(handle[-1])))
     axis.legend(loc="upper left")
 
 
@@ -119,5 +119,5 @@ def _losses(inst: Instrument, axis: style.Axes, curves: dict[str, Array]) -> Non
         curves |= {f"loss at {force:g} N [deg]": lost, f"eq. 17 at {force:g} N [deg]": first_order}
         axis.plot(np.degrees(output), lost, color=color, label=f"{force:g} N")
         axis.plot(np.degrees(output), first_order, ":", color=color, lw=1.4)
-    axis.set(xlabel="unloaded output angle θ_e* [deg]", ylabel="loss of output angle [deg]", ylim=(0, None))
+    axis.set(xlabel="unloaded output angle $\\theta_e^*$ [deg]", ylabel="loss of output angle [deg]", ylim=(0, None))
     axis.legend(loc="upper left", ncols=2)

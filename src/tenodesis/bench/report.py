@@ -9,6 +9,7 @@ import numpy as np
 from markupsafe import Markup
 
 from tenodesis.bench.content import Context, Section, fixed
+from tenodesis.bench.loss import shown_force
 from tenodesis.instrument import Instrument
 from tenodesis.quantity import in_unit
 
@@ -24,11 +25,11 @@ def headlines(context: Context) -> list[tuple[str, str]]:
         ("transmissibility.straight", "torque transmissibility, straight", 3),
         ("axes.loaded_coupling", "yaw and pitch disturb each other by up to", 1),
     ]
-    worst = [key for key in results if key.startswith("loss.at_")][: 3 * 2]
-    if worst:
-        chosen.insert(0, (worst[-1], results[worst[-1]].description.lower(), 1))
+    flexed, force = np.degrees(context.inst.output_range), shown_force(context.inst)
+    chosen.insert(0, (f"loss.at_{flexed:.0f}deg.{force:g}N", f"lost under {force:g} N at {flexed:.0f}°", 1))
+    units = {"deg": "°", "1": ""}
     return [
-        (name, f"{fixed(results[key].value, digits)} {results[key].unit.replace('deg', '°').rstrip('1')}".strip())
+        (name, fixed(results[key].value, digits) + units.get(results[key].unit, f" {results[key].unit}"))
         for key, name, digits in chosen
         if key in results
     ]
@@ -54,8 +55,13 @@ def render(
         published=[result for result in context.results.values() if result.published is not None],
         about=about,
         fixed=fixed,
-        safe=Markup,
+        marked=_marked,
     )
+
+
+def _marked(text: str) -> Markup:
+    """Return text as HTML, its symbols with their subscripts lowered."""
+    return Markup(re.sub(r"(?<![\w])([θκTlF])_([a-zθ])(?![a-z])", r"\1<sub>\2</sub>", text))
 
 
 def _inline(name: str, svg: str) -> str:
@@ -68,30 +74,15 @@ def _inline(name: str, svg: str) -> str:
 
 def _dimensions(inst: Instrument) -> tuple[str, list[tuple[str, str, str]]]:
     """Return an instrument's name and its values as text, each with its source."""
-    units = {"m": "mm", "Pa": "GPa", "N": "N", "rad": "deg", "N/m": "N/m", "N*m^2": "N*mm^2"}
+    units = {"m": "mm", "Pa": "GPa", "rad": "deg", "N*m^2": "N*mm^2"}
     rows = []
-    for key, field in type(inst).model_fields.items():
-        quantity = next((item for item in field.metadata if hasattr(item, "unit")), None)
-        value = getattr(inst, key)
-        if quantity is None or value is None:
-            continue
-        unit = units[quantity.unit]
+    for key, value, quantity in inst.quantities():
+        unit = units.get(quantity.unit, quantity.unit)
         shown = f"{value * in_unit(unit, quantity.unit):.5g} {unit.replace('*', '·').replace('^2', '²')}"
-        label = (field.alias or key).replace("_", " ")
-        rows.append((label, shown.replace(" deg", "°"), inst.sources.get(field.alias or key, "")))
-    if inst.given_stiffness is None:
-        rows.append(("tendon stiffness", f"{inst.tendon_stiffness:.0f} N/m", "E A / L"))
+        source = "follows from E A / L" if key == "tendon_stiffness" and inst.given_stiffness is None else ""
+        rows.append((key.replace("_", " "), shown.replace(" deg", "°"), inst.sources.get(key, source)))
     forces = ", ".join(f"{force:g}" for force in inst.conditions.forces)
     if forces:
         rows.append(("forces", f"{forces} N", inst.sources.get("conditions.forces", "")))
     return inst.name, rows
 
-
-def largest_residual(context: Context) -> float:
-    """Return the largest relative residual of the published scale factors."""
-    ratios = [
-        abs(result.residual / result.published.value)
-        for result in context.results.values()
-        if result.published is not None and result.residual is not None and result.key.startswith("table")
-    ]
-    return float(np.max(ratios, initial=0.0))

@@ -72,7 +72,11 @@ def run(
     BenchError
         The folder cannot be written.
     """
-    context = Context(inst, scaled, _is_paper(inst, scaled))
+    with style.applied():
+        return _run(Context(inst, scaled, _is_paper(inst, scaled)), out, progress)
+
+
+def _run(context: Context, out: Path, progress: Callable[[str], None]) -> Context:
     sections: list[Section] = []
     for name, section in (
         ("input and output", input_output.section),
@@ -126,10 +130,9 @@ def _write(context: Context, sections: list[Section], out: Path) -> None:
 
 def _draw(plot: Plot, folder: Path) -> str:
     """Write a figure as SVG and PNG and return the SVG."""
-    with style.render_context():
-        for kind in _DRAWINGS:
-            metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {}
-            plot.figure.savefig(folder / f"{plot.name}.{kind}", dpi=200, metadata=metadata)
+    for kind in _DRAWINGS:
+        metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {}
+        plot.figure.savefig(folder / f"{plot.name}.{kind}", dpi=200, metadata=metadata)
     return (folder / f"{plot.name}.svg").read_text("utf-8")
 
 

@@ -186,7 +186,7 @@ def _map(comparison: Comparison) -> Plot:
         axis.grid(visible=False)
         axis.set(
             title=f"T$_o$ = {error.prototype_pretension:.3g} N ({name})",
-            xlabel="handle angle θ_h [deg]",
+            xlabel="handle angle $\\theta_h$ [deg]",
             ylabel=f"force on {comparison.model.name} [N]",
         )
         curves |= _flat(name, error)

@@ -1,6 +1,7 @@
 """How the figures look: one style, one palette, a size that reads on screen and printed."""
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -40,13 +41,16 @@ _STYLE = {
 
 
 def figure(columns: int = 1, *, width: float = 7.0, height: float = 4.1) -> tuple[Figure, Sequence[Axes]]:
-    """Return a new figure with this many panels side by side, without touching global state."""
-    with mpl.rc_context(_STYLE):
-        fig = Figure(figsize=(width, height), layout="constrained")
-        axes = fig.subplots(1, columns, squeeze=False)[0]
-    return fig, list(axes)
+    """Return a new figure with this many panels side by side."""
+    fig = Figure(figsize=(width, height), layout="constrained")
+    return fig, list(fig.subplots(1, columns, squeeze=False)[0])
 
 
-def render_context() -> object:
-    """Return the context in which figures must also be saved, for the settings that act only then."""
+def applied() -> AbstractContextManager[None]:
+    """Return the context in which figures are made and saved, so that nobody else's are touched."""
     return mpl.rc_context(_STYLE)
+
+
+def legend_above(axis: Axes, columns: int) -> None:
+    """Put an axis's legend above it, where no curve runs."""
+    axis.legend(loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.3, ncols=columns)

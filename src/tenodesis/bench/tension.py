@@ -51,16 +51,18 @@ def section(context: Context) -> Section:
         f"antagonist slack: variation −T$_o$ = −{inst.pretension:g} N",
         (0.99, -inst.pretension),
         xycoords=("axes fraction", "data"),
-        xytext=(0, 4),
+        xytext=(0, -4),
         textcoords="offset points",
         ha="right",
+        va="top",
         color=style.ACCENT,
         fontsize=8.5,
     )
     axis.plot([], [], color=style.MUTED, label="agonist")
     axis.plot([], [], "--", color=style.MUTED, label="antagonist")
-    axis.set(xlabel="output angle θ_e [deg]", ylabel="tension variation T − T$_o$ [N]")
-    axis.legend(loc="upper center", ncols=3)
+    axis.set(xlabel="output angle $\\theta_e$ [deg]", ylabel="tension variation T − T$_o$ [N]")
+    axis.margins(y=0.1)
+    style.legend_above(axis, 6)
     text = (
         f"<p>Both tensions vary by the same amount until the antagonist has none left. With T<sub>o</sub> = "
         f"{inst.pretension:g} N that takes {fixed(at_zero)} N at the straight tip and {fixed(at_end)} N at "

@@ -41,7 +41,7 @@ def section(context: Context) -> Section:
         "1",
         "Torque transmissibility of the straight, unloaded instrument",
     )
-    axis.set(xlabel="output angle θ_e [deg]", ylabel="torque transmissibility ξ")
+    axis.set(xlabel="output angle $\\theta_e$ [deg]", ylabel="torque transmissibility ξ")
     axis.legend(loc="lower left")
     half, full = (f"ξ at {np.degrees(inst.output_range * share):.0f}°" for share in (0.5, 1.0))
     text = (

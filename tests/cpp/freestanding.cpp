@@ -1,0 +1,49 @@
+// The whole core, instantiated without a library: built freestanding, it must not refer to a single symbol but memory moves.
+
+#include "instruments.hpp"
+#include "tenodesis/statics.hpp"
+
+static_assert(__STDC_HOSTED__ == 0, "this file is built with -ffreestanding");
+#ifdef __cpp_exceptions
+#error "this file is built with -fno-exceptions"
+#endif
+#ifdef __cpp_rtti
+#error "this file is built with -fno-rtti"
+#endif
+
+using namespace tenodesis;
+
+template <class S, class A>
+S everything(const A& axis, const S* in) {
+  const Load<S> load{in[0], in[1]};
+  const Stroke<S> wound{in[2], in[3]};
+  const Tensions<S> tension{in[4], in[5]};
+  return output_angle(axis, in[6], load, wound).value + handle_angle(axis, in[6], load, wound).value +
+         tensions(axis, in[6], load, wound).value.agonist + torque_transmissibility(axis, in[6], load, wound).value +
+         flexural_stiffness(axis, in[6]).value + loss_of_dexterity(axis, in[6], in[0]).value +
+         slack_force(axis, in[6]).value + estimate_output_angle(axis, in[6], tension, wound).value +
+         compensation_stroke(axis, tension, Actuation::agonist, Law::exact).value +
+         compensation_stroke(axis, tension, Actuation::differential, Law::exact).value;
+}
+
+extern "C" float everything_in_float(const float* in) {
+  return everything<float>(instruments::real_size<float>(), in) + everything<float>(instruments::pulley<float>(), in) +
+         everything<float>(instruments::continuum<float>(), in);
+}
+
+extern "C" double everything_in_double(const double* in) {
+  return everything<double>(instruments::real_size<double>(), in) +
+         everything<double>(instruments::pulley<double>(), in) +
+         everything<double>(instruments::continuum<double>(), in);
+}
+
+extern "C" void derivatives(const double* in, double* out) {
+  using D = Dual<double, 2>;
+  D row[7];
+  for (int i = 0; i < 7; ++i) row[i] = D(in[i]);
+  row[0] = D::variable(in[0], 0);
+  row[6] = D::variable(in[6], 1);
+  const D value = everything<D>(instruments::real_size<D>(), row) + everything<D>(instruments::continuum<D>(), row);
+  out[0] = value.slope[0];
+  out[1] = value.slope[1];
+}

@@ -1,0 +1,10 @@
+# Fails if an object file refers to any symbol beyond the memory moves that compilers emit by themselves.
+execute_process(COMMAND ${NM} -u ${OBJECT} OUTPUT_VARIABLE listing RESULT_VARIABLE failed)
+if(failed)
+  message(FATAL_ERROR "${NM} could not read ${OBJECT}")
+endif()
+string(REGEX MATCHALL "U [^\n]+" symbols "${listing}")
+list(FILTER symbols EXCLUDE REGEX "^U (memcpy|memset|memmove)$")
+if(symbols)
+  message(FATAL_ERROR "the core refers to: ${symbols}")
+endif()

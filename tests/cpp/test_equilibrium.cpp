@@ -1,0 +1,165 @@
+// Claims about the equilibrium solve, over every mechanism and number type.
+
+#include <initializer_list>
+
+#include "claim.hpp"
+#include "instruments.hpp"
+#include "tenodesis/statics.hpp"
+
+using namespace tenodesis;
+
+constexpr double degree = pi / 180;
+
+template <class A>
+double residual(const A& axis, double handle, const Load<double>& load, const Stroke<double>& wound, double x) {
+  const auto pair = TendonPair<double>::at_handle(axis, handle, wound);
+  const auto& joint = axis.distal;
+  const double moment = pair.tensions(x).difference() * joint.moment_arm(x) -
+                        joint.passive_stiffness() * joint.angle(x) - load.force * joint.tangential_arm(x) +
+                        load.radial_force * joint.radial_arm(x);
+  return moment / joint.moment_arm(0.0);
+}
+
+template <class A>
+void every_equilibrium_balances_the_moments(const A& axis) {
+  int solved = 0, slack = 0;
+  for (double handle = -40; handle <= 40; handle += 4)
+    for (double force = -3; force <= 3; force += 0.25)
+      for (double radial : {-8.0, 0.0, 8.0})
+        for (double wound : {-1.5e-3, 0.0, 4e-4}) {
+          const Load<double> load{force, radial};
+          const Stroke<double> stroke{wound, 0};
+          const auto at = equilibrium(axis, handle * degree, load, stroke);
+          CLAIM(at.iterations <= 3 * most_iterations);
+          if (at.status != Status::ok) continue;
+          ++solved;
+          const auto tension = TendonPair<double>::at_handle(axis, handle * degree, stroke).tensions(at.coordinate);
+          slack += tension.agonist == 0 || tension.antagonist == 0;
+          CLAIM(tension.agonist >= 0 && tension.antagonist >= 0);
+          CLAIM_NEAR(residual(axis, handle * degree, load, stroke, at.coordinate), 0, 1e-9);
+        }
+  CLAIM(solved > 2500);
+  CLAIM(slack > 300);
+}
+
+template <class A>
+void the_branch_is_the_one_that_grows_out_of_no_load(const A& axis) {
+  // Following the branch in small steps of load must end where the solve does, or end with it at the fold.
+  for (double handle = -36; handle <= 36; handle += 6)
+    for (double force : {-2.5, -0.8, 0.8, 2.5})
+      for (double radial : {0.0, 15.0, -15.0, 60.0}) {
+        const int steps = 4000;
+        double x = equilibrium(axis, handle * degree, Load<double>{}).coordinate;
+        bool lost = false;
+        const auto pair = TendonPair<double>::at_handle(axis, handle * degree, {});
+        double least = 1e9;
+        for (int n = 1; n <= steps && !lost; ++n) {
+          const Load<double> load{force * n / steps, radial * n / steps};
+          for (int k = 0; k < 4 && !lost; ++k) {
+            const auto at = balance(axis.distal, pair, load, x);
+            least = std::fmin(least, -at.slope);
+            lost = !(at.slope < 0) || std::fabs(at.correction) > 0.05 || !(std::fabs(x - at.correction) < axis.distal.limit());
+            x -= at.correction;
+          }
+        }
+        const auto solved = equilibrium(axis, handle * degree, Load<double>{force, radial});
+        // Within a hair of the fold, steps of load of this size cannot tell on which side of it they are.
+        if (least < 2) continue;
+        CLAIM((solved.status == Status::ok) == !lost);
+        if (!lost && solved.status == Status::ok) CLAIM_NEAR(solved.coordinate, x, 1e-9);
+      }
+}
+
+void past_the_fold_there_is_no_equilibrium() {
+  const auto axis = instruments::real_size<double>();
+  // A fold is where load grows no further with the angle; just below it there is a solution, just above none.
+  double below = 0, above = 3;
+  for (int n = 0; n < 60; ++n) {
+    const double force = (below + above) / 2;
+    (output_angle(axis, -33.2 * degree, Load<double>{force, 0}).status == Status::ok ? below : above) = force;
+  }
+  // MuJoCo, which knows no equation, puts the fold at an unloaded output of -80 degrees at 1.10404 N.
+  CLAIM_NEAR(below, 1.10404, 1e-3);
+  const auto near = equilibrium(axis, -33.2 * degree, Load<double>{below * (1 - 1e-9), 0});
+  CLAIM(near.status == Status::ok);
+  CLAIM(near.iterations <= most_iterations);
+  CLAIM(output_angle(axis, -33.2 * degree, Load<double>{above * (1 + 1e-9), 0}).status == Status::no_equilibrium);
+}
+
+void what_cannot_be_solved_says_so() {
+  const auto axis = instruments::real_size<double>();
+  const double nan = std::nan("");
+  CLAIM(output_angle(axis, nan, Load<double>{}).status == Status::not_finite);
+  CLAIM(output_angle(axis, 0.1, Load<double>{nan, 0}).status == Status::not_finite);
+  CLAIM(output_angle(axis, 0.1, Load<double>{HUGE_VAL, 0}).status == Status::not_finite);
+  CLAIM(output_angle(axis, 0.1, Load<double>{}, Stroke<double>{nan, 0}).status == Status::not_finite);
+  CLAIM(output_angle(axis, 0.8, Load<double>{}).status == Status::out_of_range);
+  auto wide = axis;
+  wide.handle_range = 1.5;
+  CLAIM(output_angle(wide, 1.0, Load<double>{}).status == Status::unreachable);
+  CLAIM(output_angle(axis, 0.0, Load<double>{}, Stroke<double>{-2e-3, -2e-3}).status == Status::both_slack);
+  CLAIM(output_angle(axis, 0.0, Load<double>{0.1, 0}, Stroke<double>{-1e-3, -1e-3}).status == Status::ok);
+  CLAIM(handle_angle(axis, 170 * degree, Load<double>{}).status == Status::unreachable);
+  CLAIM(handle_angle(axis, nan, Load<double>{}).status == Status::not_finite);
+  CLAIM(compensation_stroke(axis, Tensions<double>{0, 31}, Actuation::agonist, Law::exact).status == Status::no_authority);
+  CLAIM(estimate_output_angle(axis, 0.1, Tensions<double>{0, 0}).status == Status::both_slack);
+}
+
+void float_agrees_with_double() {
+  const auto wide = instruments::real_size<double>();
+  const auto narrow = instruments::real_size<float>();
+  for (double handle = -30; handle <= 40; handle += 5)
+    for (double force = 0; force <= 2.5; force += 0.25) {
+      const auto a = output_angle(wide, handle * degree, Load<double>{force, 0});
+      const auto b = output_angle(narrow, float(handle * degree), Load<float>{float(force), 0});
+      CLAIM(a.status == b.status);
+      if (a.status == Status::ok) CLAIM_NEAR(a.value, double(b.value), 2e-5);
+    }
+}
+
+template <class A>
+void dual_solve_matches_finite_differences(const A& axis) {
+  using D = Dual<double, 2>;
+  for (double handle = -20; handle <= 36; handle += 8)
+    for (double force : {0.3, 1.1, 2.2}) {
+      const double h = 1e-6;
+      typename A::template Rebind<D> dual{};
+      dual.proximal.radius = D(axis.proximal.radius);
+      dual.proximal.length = D(axis.proximal.length);
+      dual.distal.radius = D(axis.distal.radius);
+      dual.distal.length = D(axis.distal.length);
+      if constexpr (requires { dual.distal.backbone_length; }) {
+        dual.distal.backbone_length = D(axis.distal.backbone_length);
+        dual.distal.backbone_rigidity = D(axis.distal.backbone_rigidity);
+      }
+      dual.stiffness = D(axis.stiffness);
+      dual.pretension = D(axis.pretension);
+      dual.handle_range = D(axis.handle_range);
+      const auto value = output_angle(dual, D::variable(handle * degree, 0), Load<D>{D::variable(force, 1), D(0.0)});
+      const auto at = [&](double angle, double load) { return output_angle(axis, angle, Load<double>{load, 0}); };
+      if (value.status != Status::ok) continue;
+      CLAIM_NEAR(value.value.value, at(handle * degree, force).value, 1e-14);
+      const double by_handle = (at(handle * degree + h, force).value - at(handle * degree - h, force).value) / (2 * h);
+      const double by_force = (at(handle * degree, force + h).value - at(handle * degree, force - h).value) / (2 * h);
+      CLAIM_NEAR(value.value.slope[0] / by_handle, 1, 1e-6);
+      CLAIM_NEAR(value.value.slope[1] / by_force, 1, 1e-6);
+    }
+}
+
+int main() {
+  every_equilibrium_balances_the_moments(instruments::real_size<double>());
+  every_equilibrium_balances_the_moments(instruments::scaled_up<double>());
+  every_equilibrium_balances_the_moments(instruments::pulley<double>());
+  every_equilibrium_balances_the_moments(instruments::continuum<double>());
+  the_branch_is_the_one_that_grows_out_of_no_load(instruments::real_size<double>());
+  the_branch_is_the_one_that_grows_out_of_no_load(instruments::scaled_up<double>());
+  the_branch_is_the_one_that_grows_out_of_no_load(instruments::pulley<double>());
+  the_branch_is_the_one_that_grows_out_of_no_load(instruments::continuum<double>());
+  past_the_fold_there_is_no_equilibrium();
+  what_cannot_be_solved_says_so();
+  float_agrees_with_double();
+  dual_solve_matches_finite_differences(instruments::real_size<double>());
+  dual_solve_matches_finite_differences(instruments::pulley<double>());
+  dual_solve_matches_finite_differences(instruments::continuum<double>());
+  return claims::report();
+}

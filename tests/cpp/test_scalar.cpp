@@ -1,0 +1,61 @@
+// Claims about the number types: the series match the C library, dual numbers match finite differences.
+
+#include "claim.hpp"
+#include "tenodesis/scalar.hpp"
+
+using namespace tenodesis;
+
+// In extended precision, since the difference cancels.
+double bow(double u) {
+  const long double wide = u;
+  return double((wide - sinl(wide)) / (wide * wide));
+}
+
+template <class S>
+void series_match_the_c_library(double tolerance) {
+  for (int i = -2000; i <= 2000; ++i) {
+    const double x = i / 2000.0;
+    CLAIM_NEAR(double(tenodesis::asin(S(x))), std::asin(double(S(x))), tolerance * 2);
+    const double quarter = x * pi / 2;
+    CLAIM_NEAR(double(sin_quarter(S(quarter))), std::sin(double(S(quarter))), tolerance);
+    const double half = double(S(x * pi));
+    if (i != 0)
+      CLAIM_NEAR(double(S(half) * bow_of_square(S(half) * S(half))), bow(half), tolerance * 2);
+  }
+}
+
+void asin_is_odd_and_exact_at_its_ends() {
+  CLAIM(tenodesis::asin(0.0) == 0.0);
+  CLAIM_NEAR(tenodesis::asin(1.0), pi / 2, 1e-16);
+  CLAIM(tenodesis::asin(-0.3) == -tenodesis::asin(0.3));
+  CLAIM(!is_finite(tenodesis::asin(1.0000001)));
+}
+
+void dual_numbers_match_finite_differences() {
+  using D = Dual<double, 2>;
+  const auto f = [](auto a, auto b) {
+    using tenodesis::abs, tenodesis::asin, tenodesis::sqrt;  // not the C library's, which are visible as well
+    return asin(sqrt(a * b) / (a + b)) - abs(b) * a / (b + decltype(a)(2.0));
+  };
+  const double a = 0.7, b = 0.3, h = 1e-6;
+  const D value = f(D::variable(a, 0), D::variable(b, 1));
+  CLAIM_NEAR(value.value, f(a, b), 1e-15);
+  CLAIM_NEAR(value.slope[0], (f(a + h, b) - f(a - h, b)) / (2 * h), 1e-9);
+  CLAIM_NEAR(value.slope[1], (f(a, b + h) - f(a, b - h)) / (2 * h), 1e-9);
+}
+
+void what_is_not_finite_is_told_apart() {
+  CLAIM(is_finite(1.0));
+  CLAIM(!is_finite(std::nan("")));
+  CLAIM(!is_finite(HUGE_VAL));
+  CLAIM(!is_finite(-HUGE_VAL));
+}
+
+int main() {
+  series_match_the_c_library<double>(2.3e-16);
+  series_match_the_c_library<float>(2.4e-7);
+  asin_is_odd_and_exact_at_its_ends();
+  dual_numbers_match_finite_differences();
+  what_is_not_finite_is_told_apart();
+  return claims::report();
+}

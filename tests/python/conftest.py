@@ -1,0 +1,47 @@
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import tenodesis as tn
+from tenodesis.instrument import Instrument
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
+
+
+@pytest.fixture(scope="session")
+def real() -> Instrument:
+    return tn.load("real-size")
+
+
+@pytest.fixture(scope="session")
+def scaled() -> Instrument:
+    return tn.load("scaled-up")
+
+
+@pytest.fixture(scope="session")
+def pulley() -> Instrument:
+    return tn.load(EXAMPLES / "pulley.toml")
+
+
+@pytest.fixture(scope="session")
+def continuum() -> Instrument:
+    return tn.load(EXAMPLES / "continuum.toml")
+
+
+@pytest.fixture(params=["real", "scaled", "pulley", "continuum"])
+def any_inst(request: pytest.FixtureRequest) -> Instrument:
+    """Every mechanism, and both instruments of the paper."""
+    inst: Instrument = request.getfixturevalue(request.param)
+    return inst
+
+
+@pytest.fixture
+def threads() -> Callable[[int], None]:
+    return tn.set_threads
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", "equation(*numbers): the paper's equations that a test checks")
+    config.addinivalue_line("markers", "care(number): the care point of docs/model.md that a test checks")
