@@ -36,7 +36,7 @@ struct Tensions {
   constexpr S difference() const { return agonist - antagonist; }
 };
 
-/// The two tendons as the distal joint meets them at a held handle; neither pushes.
+/// The two tendons as the distal joint meets them at a held handle; neither pushes (eqs. 3-8).
 template <class S>
 struct TendonPair {
   S agonist{};     ///< agonist tension at coordinate zero, were it able to push, N
@@ -64,7 +64,7 @@ struct TendonPair {
   constexpr bool loose() const { return agonist + antagonist < S(0); }
 };
 
-/// Balance at one coordinate, in weighted tension: residual of the moment balance, its slope, and Newton's correction.
+/// Moment balance at one coordinate (eq. 1), in weighted tension: residual, its slope, and Newton's correction.
 template <class S>
 struct Balance {
   S residual{};
@@ -109,7 +109,8 @@ inline constexpr int most_iterations = 64;
 
 namespace detail {
 
-// Root between x0, where the residual has the sign of direction, and x1, where it has not: Newton kept inside by halving.
+// Root between x0, where the residual has the sign of direction, and x1, where it has not: Newton kept inside by
+// halving.
 template <class J, Real S>
 Equilibrium<S> solve_between(const J& joint, const TendonPair<S>& pair, const Load<S>& load, S x0, S x1, S direction,
                              int spent) {

@@ -37,7 +37,7 @@ struct Demand {
   S weight{};
 };
 
-/// Rolling gear pair; x = sin(angle / 2). The far gear turns twice as far as the line of centres.
+/// Rolling gear pair (eqs. 1, 2, 4, 5); x = sin(angle / 2). The far gear turns twice as far as the line of centres.
 template <class S>
 struct TendonGear {
   S radius{};  ///< pitch radius, m
@@ -99,10 +99,10 @@ struct TendonPulley {
 /// Elastic backbone bent to a circular arc by tendons at an offset; x = angle.
 template <class S>
 struct TendonContinuum {
-  S radius{};            ///< tendon offset from the backbone, m
-  S length{};            ///< rigid end-effector beyond the backbone, m
-  S backbone_length{};   ///< m
-  S backbone_rigidity{}; ///< flexural rigidity EI, N·m^2
+  S radius{};             ///< tendon offset from the backbone, m
+  S length{};             ///< rigid end-effector beyond the backbone, m
+  S backbone_length{};    ///< m
+  S backbone_rigidity{};  ///< flexural rigidity EI, N·m^2
 
   static constexpr S limit() { return S(pi); }
   static constexpr S coordinate(const S& angle) { return angle; }

@@ -157,9 +157,7 @@ struct Dual {
     return dual;
   }
 
-  friend constexpr Dual operator+(const Dual& a, const Dual& b) {
-    return combine(a.value + b.value, a, S(1), b, S(1));
-  }
+  friend constexpr Dual operator+(const Dual& a, const Dual& b) { return combine(a.value + b.value, a, S(1), b, S(1)); }
   friend constexpr Dual operator-(const Dual& a, const Dual& b) {
     return combine(a.value - b.value, a, S(1), b, S(-1));
   }

@@ -1,5 +1,6 @@
 #pragma once
-// What a held instrument does under load: angles, tensions, transmissibility, stiffness, loss, and how to undo the loss.
+// What a held instrument does under load: angles, tensions, transmissibility, stiffness, loss, and how to undo the
+// loss.
 //
 // Every function takes an axis and returns a value with a status; the value means something only when the status is ok.
 
@@ -31,7 +32,7 @@ Status check_handle(const A& axis, const S& handle_angle) {
   if (!is_finite(value_of(handle_angle))) return Status::not_finite;
   using V = ValueOf<S>;
   return abs(value_of(handle_angle)) <= value_of(axis.handle_range) + V(range_tolerance) ? Status::ok
-                                                                                        : Status::out_of_range;
+                                                                                         : Status::out_of_range;
 }
 
 /// Equilibrium at a held handle; see equilibrium.hpp.
@@ -42,7 +43,7 @@ Equilibrium<S> equilibrium(const A& axis, const S& handle_angle, const Load<S>& 
   return solve(axis.distal, TendonPair<S>::at_handle(axis, handle_angle, wound), load);
 }
 
-/// Output angle of the end-effector, rad (eqs. 1-9).
+/// Output angle of the end-effector, rad (eqs. 9, 18).
 template <class A, class S>
 Result<S> output_angle(const A& axis, const S& handle_angle, const Load<S>& load, const Stroke<S>& wound = {}) {
   const Equilibrium<S> at = equilibrium(axis, handle_angle, load, wound);
@@ -50,7 +51,7 @@ Result<S> output_angle(const A& axis, const S& handle_angle, const Load<S>& load
   return {axis.distal.angle(at.coordinate), Status::ok};
 }
 
-/// Tendon tensions, N (eqs. 6-8).
+/// Tendon tensions at a held handle, N (eqs. 6-8).
 template <class A, class S>
 Result<Tensions<S>> tensions(const A& axis, const S& handle_angle, const Load<S>& load, const Stroke<S>& wound = {}) {
   const Equilibrium<S> at = equilibrium(axis, handle_angle, load, wound);
@@ -80,8 +81,8 @@ Result<S> elongation(const A& axis, const Tensions<S>& tension, const Stroke<S>&
 template <class A, class S>
 Result<S> handle_angle(const A& axis, const S& output_angle, const Load<S>& load, const Stroke<S>& wound = {}) {
   using V = ValueOf<S>;
-  if (!is_finite(value_of(output_angle) + value_of(load.force) + value_of(load.radial_force) +
-                 value_of(wound.agonist) + value_of(wound.antagonist)))
+  if (!is_finite(value_of(output_angle) + value_of(load.force) + value_of(load.radial_force) + value_of(wound.agonist) +
+                 value_of(wound.antagonist)))
     return {{}, Status::not_finite};
   if (!(abs(output_angle) < S(pi))) return {{}, Status::unreachable};
   const S x = axis.distal.coordinate(output_angle);
@@ -118,7 +119,7 @@ S torque_transmissibility_at(const A& axis, const S& handle_angle, const S& x) {
   return per_tension(axis.distal, x) / per_tension(axis.proximal, axis.proximal.coordinate(handle_angle));
 }
 
-/// Torque transmissibility, ratio of output to input moment carried by the tendons (eqs. 10-13).
+/// Torque transmissibility, ratio of output to input moment carried by the tendons (eqs. 2, 10-14).
 ///
 /// The moment of a continuum's own backbone is not counted: it is no part of what the tendons transmit.
 template <class A, class S>
@@ -129,7 +130,7 @@ Result<S> torque_transmissibility(const A& axis, const S& handle_angle, const Lo
   return {torque_transmissibility_at(axis, handle_angle, at.coordinate), Status::ok};
 }
 
-/// Flexural stiffness of the distal joint with both tendons taut, N·m/rad (eq. 16).
+/// Flexural stiffness of the distal joint with both tendons taut, N·m/rad (eqs. 15, 16).
 template <class A, class S>
 Result<S> flexural_stiffness(const A& axis, const S& output_angle) {
   if (!is_finite(value_of(output_angle))) return {{}, Status::not_finite};
@@ -148,7 +149,7 @@ Result<S> loss_of_dexterity(const A& axis, const S& output_angle, const S& force
   return {force * arm / stiffness.value, Status::ok};
 }
 
-/// Tangential force at which the antagonist goes slack at an output angle, N (eqs. 1 and 8 at their common point).
+/// Tangential force at which the antagonist goes slack at an output angle, N (eqs. 1, 8 where they meet).
 template <class A, class S>
 Result<S> slack_force(const A& axis, const S& output_angle) {
   if (!is_finite(value_of(output_angle))) return {{}, Status::not_finite};
@@ -173,8 +174,8 @@ Result<S> estimate_output_angle(const A& axis, const S& handle_angle, const Tens
   if (!is_finite(value_of(tension.agonist) + value_of(tension.antagonist) + value_of(wound.agonist) +
                  value_of(wound.antagonist)))
     return {{}, Status::not_finite};
-  const Result<S> stretch = detail::elongation(axis, tension, wound, tension.agonist > slack_below,
-                                               tension.antagonist > slack_below);
+  const Result<S> stretch =
+      detail::elongation(axis, tension, wound, tension.agonist > slack_below, tension.antagonist > slack_below);
   if (stretch.status != Status::ok) return stretch;
   const S pull = axis.proximal.excursion_slope() * axis.proximal.coordinate(handle_angle);
   const S x = (pull - stretch.value) / axis.distal.excursion_slope();
@@ -182,7 +183,7 @@ Result<S> estimate_output_angle(const A& axis, const S& handle_angle, const Tens
   return {axis.distal.angle(x), Status::ok};
 }
 
-/// Tendon length to wind so that the joint bends as with inextensible tendons, m (eq. 22 times the spool radius).
+/// Tendon length to wind so that the joint bends as with inextensible tendons, m (eqs. 21, 22; eq. 22 times the spool radius).
 ///
 /// Counted from the unwound motors. Differential actuation winds it on the agonist and lets it out on the antagonist.
 /// One motor moves one tendon where the handle moves two, so it needs twice what eq. 22 says; see docs/model.md.

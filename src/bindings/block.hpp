@@ -39,9 +39,7 @@ struct Block {
 template <class A>
 [[gnu::always_inline]] inline void run_newton(const A& axis, Block& block) {
   const double rate = axis.stiffness * axis.distal.excursion_slope();
-  const auto pair = [&](std::size_t i) {
-    return TendonPair<double>{block.agonist[i], block.antagonist[i], rate};
-  };
+  const auto pair = [&](std::size_t i) { return TendonPair<double>{block.agonist[i], block.antagonist[i], rate}; };
   const auto load = [&](std::size_t i) {
     return Load<double>{block.in[held_force][i], block.in[held_radial_force][i]};
   };

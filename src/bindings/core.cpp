@@ -123,6 +123,8 @@ nb::tuple gradient(const Spec& spec, const std::string& name, const std::vector<
 }  // namespace
 
 NB_MODULE(_core, m) {
+  // Instruments keep their spec for as long as they live, which may be longer than the module does.
+  nb::set_leak_warnings(false);
   m.doc() = "The C++ core over arrays; the package's modules are its interface.";
 
   nb::enum_<Status>(m, "Status", nb::is_arithmetic(), "How a solve ended.")
@@ -147,15 +149,18 @@ NB_MODULE(_core, m) {
           },
           "joint_type"_a, "parameters"_a, "handle_range"_a);
 
-  m.attr("PARAMETERS") = nb::make_tuple("proximal_radius", "distal_radius", "handle_length", "end_effector_length",
-                                        "given_stiffness", "tendon_modulus", "tendon_diameter", "tendon_length",
-                                        "pretension", "backbone_rigidity", "backbone_length");
-
+  m.def(
+      "parameters",
+      [] {
+        return std::vector<std::string>{"proximal_radius",     "distal_radius",   "handle_length",
+                                        "end_effector_length", "given_stiffness", "tendon_modulus",
+                                        "tendon_diameter",     "tendon_length",   "pretension",
+                                        "backbone_rigidity",   "backbone_length"};
+      },
+      "Names of a spec's parameters, in their order.");
   m.def(
       "tendon_stiffness",
-      [](const Spec& spec) {
-        return std::visit([](const auto& axis) { return axis.stiffness; }, make_axis(spec));
-      },
+      [](const Spec& spec) { return std::visit([](const auto& axis) { return axis.stiffness; }, make_axis(spec)); },
       "spec"_a, "Stiffness of one tendon, N/m.");
   m.def(
       "unloaded_limit",
@@ -170,8 +175,12 @@ NB_MODULE(_core, m) {
       },
       "spec"_a, "Unloaded distal coordinate at the end of the handle's range, as a share of the joint's limit.");
   m.def("evaluate", &evaluate, "spec"_a, "operation"_a, "inputs"_a, "threads"_a,
+        nb::sig("def evaluate(spec: Spec, operation: str, inputs: Sequence[NDArray[numpy.float64]], threads: int) -> "
+                "tuple[list[NDArray[numpy.float64]], NDArray[numpy.uint8]]"),
         "Outputs of an operation and the status of every point.");
   m.def("gradient", &gradient, "spec"_a, "operation"_a, "inputs"_a, "variables"_a, "threads"_a,
+        nb::sig("def gradient(spec: Spec, operation: str, inputs: Sequence[NDArray[numpy.float64]], variables: "
+                "Sequence[int], threads: int) -> tuple[list[NDArray[numpy.float64]], NDArray[numpy.uint8]]"),
         "Derivatives of every output by parameters and inputs, variable first, and the status of every point.");
 }
 

@@ -49,8 +49,7 @@ void evaluate_held(const A& axis, const Points& points, std::span<double* const>
   for (std::size_t base = begin; base < end; base += block_size) {
     const std::size_t n = std::min<std::size_t>(block_size, end - base);
     for (std::size_t k = 0; k < held_inputs; ++k)
-      for (std::size_t i = 0; i < block_size; ++i)
-        block.in[k][i] = points.columns[k][base + std::min(i, n - 1)];
+      for (std::size_t i = 0; i < block_size; ++i) block.in[k][i] = points.columns[k][base + std::min(i, n - 1)];
     solve_block<Operation>(axis, block, found, int(n));
     for (std::size_t i = 0; i < n; ++i) {
       for (std::size_t k = 0; k < std::size_t(Operation::outputs); ++k)
@@ -67,8 +66,7 @@ void evaluate_direct(const A& axis, const Points& points, std::span<double* cons
     double in[Operation::inputs], result[Operation::outputs];
     for (std::size_t k = 0; k < std::size_t(Operation::inputs); ++k) in[k] = points.columns[k][i];
     const Status found = Operation::run(axis, in, result);
-    for (std::size_t k = 0; k < std::size_t(Operation::outputs); ++k)
-      out[k][i] = found == Status::ok ? result[k] : nan;
+    for (std::size_t k = 0; k < std::size_t(Operation::outputs); ++k) out[k][i] = found == Status::ok ? result[k] : nan;
     status[i] = static_cast<unsigned char>(found);
   }
 }

@@ -9,7 +9,14 @@
 namespace tenodesis::bindings {
 
 /// A held operation's inputs, in this order.
-enum HeldInput { held_handle_angle, held_force, held_radial_force, held_agonist_wound, held_antagonist_wound, held_inputs };
+enum HeldInput {
+  held_handle_angle,
+  held_force,
+  held_radial_force,
+  held_agonist_wound,
+  held_antagonist_wound,
+  held_inputs
+};
 
 template <class S>
 Load<S> held_load(const S* in) {
@@ -112,8 +119,7 @@ struct EstimateOutputAngle {
   static constexpr int outputs = 1;
   template <class A, class S>
   static Status run(const A& axis, const S* in, S* out) {
-    return store(
-        estimate_output_angle(axis, in[0], Tensions<S>{in[1], in[2]}, Stroke<S>{in[3], in[4]}, in[5]), out);
+    return store(estimate_output_angle(axis, in[0], Tensions<S>{in[1], in[2]}, Stroke<S>{in[3], in[4]}, in[5]), out);
   }
 };
 

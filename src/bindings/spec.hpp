@@ -57,7 +57,8 @@ AnyAxis<S> make_axis(const Spec& spec, const std::array<S, parameter_count>& p) 
                            stiffness,
                            p[pretension],
                            range};
-    case JointType::continuum: break;
+    case JointType::continuum:
+      break;
   }
   return ContinuumAxis<S>{{p[proximal_radius], p[handle_length]},
                           {p[distal_radius], p[end_effector_length], p[backbone_length], p[backbone_rigidity]},

@@ -39,7 +39,8 @@ def _root() -> None:
 @app.command()
 def bench(
     instrument_file: Annotated[
-        str, typer.Argument(metavar="[INSTRUMENT]", help="Instrument file, or the name of one that is shipped.")
+        str,
+        typer.Argument(metavar="[INSTRUMENT]", help="Instrument file, or the name of one that is shipped."),
     ] = "real-size",
     scaled_up: Annotated[
         str | None,
@@ -58,7 +59,11 @@ def bench(
             "allowed is a scale model of the same joint type."
         )
     with Progress(
-        TextColumn("{task.description:<16}"), BarColumn(), TimeElapsedColumn(), console=console, transient=True
+        TextColumn("{task.description:<16}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        console=console,
+        transient=True,
     ) as bar:
         task = bar.add_task("", total=steps(inst, scaled))
         context = bench_run(inst, scaled, out, lambda name: bar.update(task, advance=1, description=name))

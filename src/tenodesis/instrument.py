@@ -18,7 +18,6 @@ from pydantic import (
     field_validator,
     model_validator,
 )
-
 from pydantic.fields import FieldInfo
 
 from tenodesis import _core
@@ -26,6 +25,9 @@ from tenodesis.errors import InstrumentError
 from tenodesis.quantity import Quantity, annotation
 
 _HALF_TURN = math.pi
+
+PARAMETERS = tuple(_core.parameters())
+"""The core's parameters of an instrument, in its order."""
 
 Length = Annotated[float, *annotation(Quantity("length", "m", "2 mm", above=0))]
 Modulus = Annotated[float, *annotation(Quantity("modulus", "Pa", "50 GPa", above=0))]
@@ -106,14 +108,14 @@ class Instrument(_Strict):
     @cached_property
     def spec(self) -> _core.Spec:
         """The first axis as the core takes it."""
-        row = dict.fromkeys(_core.PARAMETERS, math.nan)
+        row = dict.fromkeys(PARAMETERS, math.nan)
         for field, parameter in self.parameter_fields.items():
             value = getattr(self, field)
             row[parameter] = math.nan if value is None else value
         if self.tendon_length is None:
             row["tendon_length"] = self.overall_length
         joint = _core.JointType[self.joint_type.replace("-", "_").upper()]
-        return _core.Spec(joint, [row[parameter] for parameter in _core.PARAMETERS], self.handle_range)
+        return _core.Spec(joint, [row[parameter] for parameter in PARAMETERS], self.handle_range)
 
     def quantities(self) -> Iterator[tuple[str, float, Quantity]]:
         """Yield key, value in SI and kind of quantity of every dimension given, stiffness included."""
@@ -295,6 +297,8 @@ def load(name_or_path: str | Path) -> Instrument:
         raise InstrumentError(f"{source} is not UTF-8 text; allowed is a TOML file.") from None
     except OSError as problem:
         raise InstrumentError(f"{source} cannot be read: {problem.strerror}.") from None
+    except ValueError:
+        raise InstrumentError(f"{source!r} is no path; allowed is the path of a TOML file.") from None
     return parse(text, source)
 
 
@@ -311,7 +315,7 @@ def parse(text: str, source: str = "instrument") -> Instrument:
     except tomllib.TOMLDecodeError as problem:
         raise InstrumentError(f"{source} is not valid TOML: {problem}.") from None
     joint_type = values.get("joint_type")
-    if joint_type not in JOINT_TYPES:
+    if not isinstance(joint_type, str) or joint_type not in JOINT_TYPES:
         found = "is missing" if joint_type is None else f"is {joint_type!r}"
         raise InstrumentError(f"{source}: joint_type {found}; allowed are {', '.join(JOINT_TYPES)}.")
     return _validated(JOINT_TYPES[joint_type], values, file=True, source=source)
@@ -320,7 +324,11 @@ def parse(text: str, source: str = "instrument") -> Instrument:
 def json_schema() -> dict[str, Any]:
     """Return the JSON schema of instrument files, for editors that complete and check TOML."""
     schema = _AnyInstrument.json_schema(by_alias=True)
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Tenodesis instrument", **schema}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "Tenodesis instrument",
+        **schema,
+    }
 
 
 _T = TypeVar("_T", bound=Instrument)

@@ -31,7 +31,12 @@ class Quantity:
             if bound is not None
         ]
         article = "an" if self.name[0] in "aeiou" else "a"
-        return " ".join([f"{article} {self.name}", *(["and ".join(f"{bound} " for bound in bounds).strip()] if bounds else [])])
+        return " ".join(
+            [
+                f"{article} {self.name}",
+                *(["and ".join(f"{bound} " for bound in bounds).strip()] if bounds else []),
+            ]
+        )
 
     def parse(self, value: Any, info: ValidationInfo) -> float:
         """Read a value into SI: text with a unit, or outside files a bare SI number.
@@ -61,7 +66,7 @@ class Quantity:
 
     def _read(self, text: str) -> float:
         try:
-            quantity = _UNITS.Quantity(text)
+            quantity: Any = _UNITS.Quantity(text)
         except Exception as problem:  # pint raises whatever its tokenizer does
             raise ValueError(f'it is not understood; write {self.allowed} like "{self.example}"') from problem
         if quantity.unitless and not _UNITS.Unit(self.unit).dimensionless:

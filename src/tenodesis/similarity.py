@@ -127,9 +127,7 @@ class Comparison:
     def force_factor(self, output_angle: ArrayLike | None = None) -> statics.FloatOrArray:
         """Return the factor of force for equal loss of dexterity at an output angle (rad), mid-range by default."""
         angle = self.model.output_range / 2 if output_angle is None else output_angle
-        return statics.loss_of_dexterity(self.model, angle, 1.0) / statics.loss_of_dexterity(
-            self.prototype, angle, 1.0
-        )
+        return statics.loss_of_dexterity(self.model, angle, 1.0) / statics.loss_of_dexterity(self.prototype, angle, 1.0)
 
     def flexural_stiffness_factor(self, output_angle: ArrayLike) -> statics.FloatOrArray:
         """Return the factor of flexural stiffness at an output angle (rad)."""
@@ -156,9 +154,13 @@ class Comparison:
         return {"scaled": self.error(), "as used": self.error(pretension=self.prototype.pretension)}
 
     def error(
-        self, *, pretension: float | None = None, force_factor: float | None = None, grid: tuple[int, int] = GRID
+        self,
+        *,
+        pretension: float | None = None,
+        force_factor: float | None = None,
+        grid: tuple[int, int] = GRID,
     ) -> SimilarityError:
-        """Return how far the prototype strays from the model, with the full model rather than eq. 17 alone.
+        """Return how far the prototype strays from the model, by the full model and not by Θ alone.
 
         Parameters
         ----------
@@ -179,12 +181,8 @@ class Comparison:
         handle = np.linspace(-reach, reach, grid[0])
         force = np.linspace(0.0, self.largest_force, grid[1])
         expected = statics.output_angle(self.model, handle[:, None], force)
-        found = statics.output_angle(
-            self.prototype.replace(pretension=scaled), handle[:, None], force * factor
-        )
-        return SimilarityError(
-            self.model.pretension, scaled, factor, handle, force, np.degrees(found - expected)
-        )
+        found = statics.output_angle(self.prototype.replace(pretension=scaled), handle[:, None], force * factor)
+        return SimilarityError(self.model.pretension, scaled, factor, handle, force, np.degrees(found - expected))
 
 
 def compare(model: Instrument, prototype: Instrument, *, largest_force: float | None = None) -> Comparison:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core
 from tenodesis.errors import NoSolutionError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import PARAMETERS, Instrument
 from tenodesis.threads import threads
 
 FloatOrArray: TypeAlias = Any
@@ -99,7 +99,7 @@ def output_angle(
     radial_force: ArrayLike = 0.0,
     wound: Wound = 0.0,
 ) -> FloatOrArray:
-    """Return the output angle at a held handle under load (eqs. 1-9), rad.
+    """Return the output angle at a held handle under load (eqs. 9, 18), rad.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def torque_transmissibility(
     radial_force: ArrayLike = 0.0,
     wound: Wound = 0.0,
 ) -> FloatOrArray:
-    """Return the torque transmissibility, output over input moment (eq. 13), dimensionless.
+    """Return the torque transmissibility, output over input moment (eqs. 10-14), dimensionless.
 
     Parameters and errors are those of :func:`output_angle`. The moment of a continuum's own backbone is not counted.
     """
@@ -189,12 +189,12 @@ def equilibrium(
     columns, shape = _columns("equilibrium", inst, locals())
     outputs, status = _core.evaluate(inst.spec, "equilibrium", columns, threads())
     _refuse_invalid("equilibrium", inst, columns, shape, status)
-    values = [_shaped(output, shape) for output in outputs]
-    return Equilibrium(*values, Status(int(status[0])) if shape == () else status.reshape(shape))
+    angle, agonist, antagonist = (_shaped(output, shape) for output in outputs)
+    return Equilibrium(angle, agonist, antagonist, Status(int(status[0])) if shape == () else status.reshape(shape))
 
 
 def flexural_stiffness(inst: Instrument, output_angle: ArrayLike) -> FloatOrArray:
-    """Return the flexural stiffness of the distal joint at an output angle (rad), both tendons taut (eq. 16), N·m/rad.
+    """Return the flexural stiffness of the distal joint at an output angle (rad), tendons taut (eqs. 15, 16), N·m/rad.
 
     Raises
     ------
@@ -269,7 +269,7 @@ def compensation_stroke(
     actuation: Actuation = "agonist",
     law: Law = "exact",
 ) -> FloatOrArray:
-    """Return the tendon length to wind so that the tip bends as if tendons did not stretch (eq. 22), m.
+    """Return the tendon length to wind so that the tip bends as if tendons did not stretch (eqs. 21, 22), m.
 
     Parameters
     ----------
@@ -293,7 +293,9 @@ def compensation_stroke(
     return _evaluate("compensation_stroke", inst, locals())[0]
 
 
-def gradient(function: Callable[..., Any] | str, inst: Instrument, *args: Any, wrt: Sequence[str], **kwargs: Any) -> Any:
+def gradient(
+    function: Callable[..., Any] | str, inst: Instrument, *args: Any, wrt: Sequence[str], **kwargs: Any
+) -> Any:
     """Return the exact derivatives of one of this module's functions by parameters of the instrument or by inputs.
 
     Parameters
@@ -392,7 +394,7 @@ def _variable(name: str, inst: Instrument, key: str) -> int:
     """Return the core's number of a parameter or an input to differentiate by."""
     inputs = _INPUTS[name]
     if key in inputs:
-        return len(_core.PARAMETERS) + inputs.index(key)
+        return len(PARAMETERS) + inputs.index(key)
     fields = dict(inst.parameter_fields)
     if inst.given_stiffness is None:
         del fields["given_stiffness"]
@@ -404,7 +406,7 @@ def _variable(name: str, inst: Instrument, key: str) -> int:
     if key not in fields:
         hint = " (tendon_stiffness follows from modulus, diameter and length here)" * (key == "tendon_stiffness")
         raise ValueError(f"wrt names {key!r}{hint}; allowed are {', '.join([*fields, *inputs])}.")
-    return _core.PARAMETERS.index(fields[key])
+    return PARAMETERS.index(fields[key])
 
 
 def _at(index: int, shape: tuple[int, ...]) -> str:

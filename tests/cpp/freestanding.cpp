@@ -1,4 +1,5 @@
-// The whole core, instantiated without a library: built freestanding, it must not refer to a single symbol but memory moves.
+// The whole core, instantiated without a library: built freestanding, it must not refer to a single symbol but memory
+// moves.
 
 #include "instruments.hpp"
 #include "tenodesis/statics.hpp"

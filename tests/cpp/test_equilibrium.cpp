@@ -58,7 +58,8 @@ void the_branch_is_the_one_that_grows_out_of_no_load(const A& axis) {
           for (int k = 0; k < 4 && !lost; ++k) {
             const auto at = balance(axis.distal, pair, load, x);
             least = std::fmin(least, -at.slope);
-            lost = !(at.slope < 0) || std::fabs(at.correction) > 0.05 || !(std::fabs(x - at.correction) < axis.distal.limit());
+            lost = !(at.slope < 0) || std::fabs(at.correction) > 0.05 ||
+                   !(std::fabs(x - at.correction) < axis.distal.limit());
             x -= at.correction;
           }
         }
@@ -101,7 +102,8 @@ void what_cannot_be_solved_says_so() {
   CLAIM(output_angle(axis, 0.0, Load<double>{0.1, 0}, Stroke<double>{-1e-3, -1e-3}).status == Status::ok);
   CLAIM(handle_angle(axis, 170 * degree, Load<double>{}).status == Status::unreachable);
   CLAIM(handle_angle(axis, nan, Load<double>{}).status == Status::not_finite);
-  CLAIM(compensation_stroke(axis, Tensions<double>{0, 31}, Actuation::agonist, Law::exact).status == Status::no_authority);
+  CLAIM(compensation_stroke(axis, Tensions<double>{0, 31}, Actuation::agonist, Law::exact).status ==
+        Status::no_authority);
   CLAIM(estimate_output_angle(axis, 0.1, Tensions<double>{0, 0}).status == Status::both_slack);
 }
 

@@ -19,8 +19,7 @@ void series_match_the_c_library(double tolerance) {
     const double quarter = x * pi / 2;
     CLAIM_NEAR(double(sin_quarter(S(quarter))), std::sin(double(S(quarter))), tolerance);
     const double half = double(S(x * pi));
-    if (i != 0)
-      CLAIM_NEAR(double(S(half) * bow_of_square(S(half) * S(half))), bow(half), tolerance * 2);
+    if (i != 0) CLAIM_NEAR(double(S(half) * bow_of_square(S(half) * S(half))), bow(half), tolerance * 2);
   }
 }
 

@@ -16,7 +16,7 @@ from tenodesis.statics import Status
 def instruments(draw: st.DrawFn) -> Instrument:
     """Any instrument a person could build, of any mechanism."""
     joint_type = draw(st.sampled_from(sorted(JOINT_TYPES)))
-    between = lambda low, high: draw(st.floats(low, high))  # noqa: E731
+    between = lambda low, high: draw(st.floats(low, high))
     distal = between(1e-3, 2e-2)
     values: dict[str, Any] = {
         "name": "drawn",
@@ -53,7 +53,9 @@ def unit_force(inst: Instrument) -> float:
 
 @many
 @given(instruments(), handles, loads, st.floats(-0.5, 0.5))
-def test_turning_everything_round_turns_the_tip_round(inst: Instrument, handle: float, load: float, radial: float) -> None:
+def test_turning_everything_round_turns_the_tip_round(
+    inst: Instrument, handle: float, load: float, radial: float
+) -> None:
     force = load * unit_force(inst)
     there = tn.statics.equilibrium(inst, handle, force, radial_force=radial * unit_force(inst))
     back = tn.statics.equilibrium(inst, -handle, -force, radial_force=radial * unit_force(inst))

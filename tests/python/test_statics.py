@@ -87,9 +87,7 @@ def test_transmissibility_is_the_ratio_of_the_moments_both_forces_make(real: Ten
     handle, force = np.array([0.0, 0.2, 0.4, 0.55]), 0.9
     state = tn.statics.equilibrium(real, handle, force)
     theta_p = handle / 2
-    hand = (state.agonist - state.antagonist) / (
-        real.handle_length / (real.proximal_gear_radius * np.cos(theta_p)) + 1
-    )
+    hand = (state.agonist - state.antagonist) / (real.handle_length / (real.proximal_gear_radius * np.cos(theta_p)) + 1)
     moment_out = force * (real.end_effector_length + 2 * real.distal_gear_radius) + force * real.end_effector_length
     moment_in = hand * (real.handle_length + 2 * real.proximal_gear_radius) + hand * real.handle_length
     found = tn.statics.torque_transmissibility(real, handle, force)

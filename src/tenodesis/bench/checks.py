@@ -36,13 +36,19 @@ def section(context: Context, progress: Progress) -> Section:
         return Section("verification", "Independent verification", f"<p>Not run: {absent}</p>")
     table = Table(
         "Largest difference of the output angle [°]",
-        ["instrument", f"SciPy, {SCIPY_POINTS} random points", "MuJoCo, settled load cases", "cases", "of them slack"],
+        [
+            "instrument",
+            f"SciPy, {SCIPY_POINTS} random points",
+            "MuJoCo, settled load cases",
+            "cases",
+            "of them slack",
+        ],
         rows,
     )
     text = (
-        "<p>SciPy solves the paper's equations as printed with its own root finder. MuJoCo knows no equation: two bodies "
-        "roll on each other by a joint equality, strings run through sites and only pull, and the tip is wherever the "
-        "mechanism comes to rest.</p>"
+        "<p>SciPy solves the paper's equations as printed with its own root finder. MuJoCo knows no equation: two "
+        "bodies roll on each other by a joint equality, strings run through sites and only pull, and the tip is "
+        "wherever the mechanism comes to rest.</p>"
     )
     return Section("verification", "Independent verification", text + independence, [plot], [table], care)
 
@@ -58,7 +64,10 @@ def _scipy(context: Context, inst: TendonGear) -> list[str]:
         raise AssertionError(f"{inst.name}: SciPy and the core disagree on where an equilibrium exists")
     largest = np.degrees(np.nanmax(np.abs(ours - theirs)))
     context.add(
-        f"verification.scipy.{inst.name}", largest, "deg", f"Largest difference from SciPy's root finder, {inst.name}"
+        f"verification.scipy.{inst.name}",
+        largest,
+        "deg",
+        f"Largest difference from SciPy's root finder, {inst.name}",
     )
     return [number(largest)]
 
@@ -77,7 +86,10 @@ def _mujoco(context: Context, inst: TendonGear, progress: Progress) -> list[str]
             progress()
     largest = float(np.degrees(max(differences)))
     context.add(
-        f"verification.mujoco.{inst.name}", largest, "deg", f"Largest difference from the joint settled in MuJoCo, {inst.name}"
+        f"verification.mujoco.{inst.name}",
+        largest,
+        "deg",
+        f"Largest difference from the joint settled in MuJoCo, {inst.name}",
     )
     return [number(largest), str(len(differences)), str(slack)]
 
@@ -87,8 +99,9 @@ def mujoco_cases(inst: Instrument, scaled: Instrument | None) -> int:
     if not isinstance(inst, TendonGear):
         return 0
     grids = sum(isinstance(one, TendonGear) for one in (inst, scaled))
-    poses = len(_POSES)
-    return grids * _ANGLES * _FORCES + 2 * (poses**2 + 2 * poses) * 5 // 2
+    poses, forces = len(_POSES), len(_axis_forces(inst))
+    # Both axes together, and each alone, without load and with every load.
+    return grids * _ANGLES * _FORCES + (poses**2 + 2 * poses) + ((poses * forces) ** 2 + 2 * poses * forces)
 
 
 def _axes(context: Context, inst: TendonGear, progress: Progress) -> tuple[str, Plot]:
@@ -105,7 +118,7 @@ def _axes(context: Context, inst: TendonGear, progress: Progress) -> tuple[str, 
         "axes.loaded_coupling",
         abs(np.degrees(found.loaded.change)),
         "deg",
-        f"Largest change of one axis's angle by moving and loading the other, to 60 deg and {max(forces):.3g} N (MuJoCo)",
+        f"Largest change of one axis's angle by moving and loading the other, 60 deg, {max(forces):.3g} N (MuJoCo)",
     )
     worst = found.loaded
     fig, (axis,) = style.figure(height=3.4)
@@ -123,8 +136,8 @@ def _axes(context: Context, inst: TendonGear, progress: Progress) -> tuple[str, 
     axis.legend(loc="upper left")
     text = (
         f"<p><b>How independent are yaw and pitch?</b> The paper superposes two planar joints. In MuJoCo, with the two "
-        f"pairs stacked and both axes moved to ±60°, moving one axis changes the other by {number(unloaded, 2)}° without "
-        f"a load: the geometry is independent indeed. Under load it is not: up to <b>{fixed(loaded, 1)}°</b> "
+        f"pairs stacked and both axes moved to ±60°, moving one axis changes the other by {number(unloaded, 2)}° "
+        f"without a load: the geometry is independent indeed. Under load it is not: up to <b>{fixed(loaded, 1)}°</b> "
         f"({worst.axis}, at {np.degrees(worst.yaw):.0f}°/{np.degrees(worst.pitch):.0f}° and {worst.force_yaw:.2g} N on "
         f"both axes), because flexing pitch shortens the lever of the load on yaw, by cos θ<sub>pitch</sub>, and turns "
         f"part of the pitch load into a radial force on it.</p>"
@@ -167,9 +180,10 @@ def _radial(context: Context, inst: TendonGear) -> list[CarePoint]:
         CarePoint(
             9,
             "The radial term of eq. 1 is a tangent, not a sine",
-            "Both loads act about the contact point, the tendons with the arm r cos θ<sub>d</sub>; dividing by it leaves "
-            f"F<sub>r</sub> tan θ<sub>d</sub>, where eq. 1 has F<sub>r</sub> sin θ<sub>d</sub>. At {unloaded:.0f}° with "
-            f"{radial:g} N pulling outward, the tensions in MuJoCo give {fixed(measured, 4)}: tan is {fixed(tangent, 4)}, "
-            f"sin is {fixed(sine, 4)}. Ours uses the tangent and differs from MuJoCo by {number(abs(difference), 2)}°.",
+            "Both loads act about the contact point, the tendons with the arm r cos θ<sub>d</sub>; dividing by it "
+            f"leaves F<sub>r</sub> tan θ<sub>d</sub>, where eq. 1 has F<sub>r</sub> sin θ<sub>d</sub>. At "
+            f"{unloaded:.0f}° with {radial:g} N pulling outward, the tensions in MuJoCo give {fixed(measured, 4)}: tan "
+            f"is {fixed(tangent, 4)}, sin is {fixed(sine, 4)}. Ours uses the tangent and "
+            f"differs from MuJoCo by {number(abs(difference), 2)}°.",
         )
     ]

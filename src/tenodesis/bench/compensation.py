@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from tenodesis import statics
@@ -32,7 +33,8 @@ def settled_stroke(
     stroke = np.zeros_like(handle_angle)
     for _ in range(_ROUNDS):
         tension = statics.tensions(inst, handle_angle, force, wound=wound(stroke, actuation))
-        wanted = statics.compensation_stroke(inst, *np.nan_to_num(np.array(tension)), actuation, law)
+        agonist, antagonist = np.nan_to_num(np.array(tension))
+        wanted = statics.compensation_stroke(inst, agonist, antagonist, actuation, law)
         stroke = (stroke + wanted) / 2
     return stroke
 
@@ -73,12 +75,14 @@ def section(context: Context) -> Section:
         {"unloaded_output_angle [deg]": np.degrees(states)} | {f"{k} [deg]": v for k, v in remaining.items()},
     )
     table = Table(
-        f"Loss that remains under {force:g} N [°], by unloaded output angle", ["law and actuation", *labels], rows
+        f"Loss that remains under {force:g} N [°], by unloaded output angle",
+        ["law and actuation", *labels],
+        rows,
     )
     text = (
-        "<p>Eq. 22 turns measured tensions into a motor angle. What it gives back depends on how many motors act on it; "
-        "the exact law counts that, and slack, and leaves nothing. Friction, which spoiled the experiments, is not in "
-        "these numbers.</p>"
+        "<p>Eq. 22 turns measured tensions into a motor angle. What it gives back depends on how many motors act on "
+        "it; the exact law counts that, and slack, and leaves nothing. Friction, which spoiled the experiments, is not "
+        "in these numbers.</p>"
     )
     return Section(
         "compensation",
@@ -90,7 +94,7 @@ def section(context: Context) -> Section:
     )
 
 
-def _bars(labels: Sequence[str], remaining: dict[str, Array]) -> style.Figure:
+def _bars(labels: Sequence[str], remaining: dict[str, Array]) -> Figure:
     fig, (axis,) = style.figure(height=3.5)
     width = 0.8 / len(remaining)
     colors = (style.REFERENCE, style.ACCENT, style.LOADS[0], style.LOADS[2], style.LOADS[1])
@@ -116,7 +120,10 @@ def _care(context: Context, inst: Instrument, handle: Array, force: float) -> li
     left = free - float(np.sin(statics.output_angle(inst, middle, force, wound=stroke)[0] / 2))
     asked = free - float(np.sin(statics.estimate_output_angle(inst, middle, *tension)[0] / 2))
     share = context.add(
-        "care.1.remaining_share", left / asked, "1", "Share of the loss in sin θ_d that eq. 22 leaves with one motor"
+        "care.1.remaining_share",
+        left / asked,
+        "1",
+        "Share of the loss in sin θ_d that eq. 22 leaves with one motor",
     )
     stroke = settled_stroke(inst, middle, force, "agonist", "exact")
     tension = statics.tensions(inst, middle, force, wound=stroke)

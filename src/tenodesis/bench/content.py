@@ -78,15 +78,11 @@ class Context:
     """Whether both instruments are the paper's own, so that its printed numbers apply."""
     results: dict[str, Result] = field(default_factory=dict)
 
-    def add(
-        self, key: str, value: float, unit: str, description: str, published: Published | None = None
-    ) -> float:
+    def add(self, key: str, value: float, unit: str, description: str, published: Published | None = None) -> float:
         """Record a result under a new key and return its value."""
         if key in self.results:
             raise KeyError(f"result {key} is recorded twice")
-        self.results[key] = Result(
-            key, float(value), unit, description, published if self.is_paper else None
-        )
+        self.results[key] = Result(key, float(value), unit, description, published if self.is_paper else None)
         return float(value)
 
 

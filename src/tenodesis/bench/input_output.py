@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from tenodesis import statics
 from tenodesis.bench import style
 from tenodesis.bench.content import Context, Plot, Section, Table, fixed, number
+from tenodesis.errors import NoSolutionError
 from tenodesis.instrument import Instrument
 
 Array = NDArray[np.float64]
@@ -20,7 +21,7 @@ def reach(inst: Instrument) -> float:
     """Return the handle angle, rad, that bends the unloaded tip to the end of its working range."""
     try:
         return float(statics.handle_angle(inst, inst.output_range))
-    except statics.NoSolutionError:
+    except NoSolutionError:
         return inst.handle_range
 
 
@@ -49,7 +50,14 @@ def section(context: Context) -> Section:
     line = ratio * np.degrees(handle)
     curves["gear ratio line [deg]"] = line
     inside = line <= np.degrees(inst.output_range)
-    axis.plot(np.degrees(handle[inside]), line[inside], "--", color=style.REFERENCE, lw=1.3, label=f"ratio {ratio:.3g} (linear)")
+    axis.plot(
+        np.degrees(handle[inside]),
+        line[inside],
+        "--",
+        color=style.REFERENCE,
+        lw=1.3,
+        label=f"ratio {ratio:.3g} (linear)",
+    )
 
     rows = []
     for force, color in zip(forces(inst), [style.INK, *style.LOADS], strict=False):
@@ -78,7 +86,11 @@ def section(context: Context) -> Section:
             ]
         )
     axis.plot([], [], "o", color=style.MUTED, mec="white", label="antagonist goes slack")
-    axis.set(xlabel="handle angle $\\theta_h$ [deg]", ylabel="output angle $\\theta_e$ [deg]", xlim=(0, np.degrees(handle[-1])))
+    axis.set(
+        xlabel="handle angle $\\theta_h$ [deg]",
+        ylabel="output angle $\\theta_e$ [deg]",
+        xlim=(0, np.degrees(handle[-1])),
+    )
     axis.legend(loc="upper left", ncols=2)
 
     gap = float(np.degrees(statics.output_angle(inst, end) - ratio * end))

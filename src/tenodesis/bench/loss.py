@@ -1,6 +1,7 @@
 """Fig. 11: the loss of output angle and the handle angle that makes up for it."""
 
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from tenodesis import statics
@@ -36,7 +37,10 @@ def section(context: Context) -> Section:
         rows.append([f"{load:g} N", *(fixed(value) for value in (*lost, *first_order, *more))])
         for state, value, compensation in zip(np.degrees(states), lost, more, strict=True):
             context.add(
-                f"loss.at_{state:.0f}deg.{load:g}N", value, "deg", f"Loss at {state:.0f} deg of output under {load:g} N"
+                f"loss.at_{state:.0f}deg.{load:g}N",
+                value,
+                "deg",
+                f"Loss at {state:.0f} deg of output under {load:g} N",
             )
             if np.isfinite(compensation):
                 context.add(
@@ -47,8 +51,8 @@ def section(context: Context) -> Section:
                 )
     labels = [f"{np.degrees(state):.0f}°" for state in states]
     table = Table(
-        "Loss by the full model, loss of dexterity Θ (eq. 17) and compensation angle (eq. 20), by unloaded output angle "
-        "[°]; a dash: out of the handle's range",
+        "Loss by the full model, loss of dexterity Θ (eq. 17) and compensation angle (eq. 20), by unloaded output "
+        "angle [°]; a dash: out of the handle's range",
         ["force", *(f"loss {label}" for label in labels), *(f"Θ {label}" for label in labels)]
         + [f"θ_h* − θ_h {label}" for label in labels],
         rows,
@@ -67,8 +71,8 @@ def section(context: Context) -> Section:
     )
     text = (
         f"<p>The loss is what tissue takes: θ<sub>e</sub>* − θ<sub>e</sub>. Held by a joint of "
-        f"{fixed(stiffness, 3)} N·m/rad, it is Θ to first order; the full model differs because the load's lever changes "
-        "as the tip gives way, and because a slack tendon halves the stiffness.</p>"
+        f"{fixed(stiffness, 3)} N·m/rad, it is Θ to first order; the full model differs because the load's lever "
+        "changes as the tip gives way, and because a slack tendon halves the stiffness.</p>"
     )
     plot = Plot(
         "fig11_loss",
@@ -80,14 +84,18 @@ def section(context: Context) -> Section:
     return Section("loss", "Loss of output angle and its compensation by hand", text, [plot], [table])
 
 
-def _construction(context: Context, axis: style.Axes, force: float, curves: dict[str, Array]) -> None:
+def _construction(context: Context, axis: Axes, force: float, curves: dict[str, Array]) -> None:
     """Draw the reference and the loaded curve, and between them the loss and the compensation angle."""
     inst = context.inst
     desired = inst.output_range / 2
     held = float(statics.handle_angle(inst, desired))
     handle = np.linspace(0.0, min(inst.handle_range, 1.25 * reach(inst)), 241)
     free, loaded = (np.degrees(statics.output_angle(inst, handle, load)) for load in (0.0, force))
-    curves |= {"handle_angle [deg]": np.degrees(handle), "reference [deg]": free, f"at {force:g} N [deg]": loaded}
+    curves |= {
+        "handle_angle [deg]": np.degrees(handle),
+        "reference [deg]": free,
+        f"at {force:g} N [deg]": loaded,
+    }
     axis.plot(np.degrees(handle), free, color=style.INK, label="reference, no load (eq. 18)")
     axis.plot(np.degrees(handle), loaded, color=style.LOADS[0], label=f"under {force:g} N")
     kept = float(np.degrees(statics.output_angle(inst, np.array([held]), force)[0]))
@@ -104,11 +112,15 @@ def _construction(context: Context, axis: style.Axes, force: float, curves: dict
             f"compensation {needed - x:.1f}°", ((x + needed) / 2, y), (-20, 7), textcoords="offset points",
             color=style.ACCENT,
         )  # fmt: skip
-    axis.set(xlabel="handle angle $\\theta_h$ [deg]", ylabel="output angle $\\theta_e$ [deg]", xlim=(0, np.degrees(handle[-1])))
+    axis.set(
+        xlabel="handle angle $\\theta_h$ [deg]",
+        ylabel="output angle $\\theta_e$ [deg]",
+        xlim=(0, np.degrees(handle[-1])),
+    )
     axis.legend(loc="upper left")
 
 
-def _losses(inst: Instrument, axis: style.Axes, curves: dict[str, Array]) -> None:
+def _losses(inst: Instrument, axis: Axes, curves: dict[str, Array]) -> None:
     """Draw the loss against the unloaded output angle, by the full model and by eq. 17."""
     output = np.linspace(0.0, inst.output_range, 241)
     handle = statics.handle_angle(inst, output)
@@ -119,5 +131,9 @@ def _losses(inst: Instrument, axis: style.Axes, curves: dict[str, Array]) -> Non
         curves |= {f"loss at {force:g} N [deg]": lost, f"eq. 17 at {force:g} N [deg]": first_order}
         axis.plot(np.degrees(output), lost, color=color, label=f"{force:g} N")
         axis.plot(np.degrees(output), first_order, ":", color=color, lw=1.4)
-    axis.set(xlabel="unloaded output angle $\\theta_e^*$ [deg]", ylabel="loss of output angle [deg]", ylim=(0, None))
+    axis.set(
+        xlabel="unloaded output angle $\\theta_e^*$ [deg]",
+        ylabel="loss of output angle [deg]",
+        ylim=(0, None),
+    )
     axis.legend(loc="upper left", ncols=2)

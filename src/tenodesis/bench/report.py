@@ -35,9 +35,7 @@ def headlines(context: Context) -> list[tuple[str, str]]:
     ]
 
 
-def render(
-    context: Context, sections: Sequence[Section], drawings: Mapping[str, str], about: Mapping[str, str]
-) -> str:
+def render(context: Context, sections: Sequence[Section], drawings: Mapping[str, str], about: Mapping[str, str]) -> str:
     """Return the report as HTML; drawings are the figures as SVG, by name."""
     text = (resources.files("tenodesis.bench") / _TEMPLATE).read_text("utf-8")
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
@@ -69,7 +67,11 @@ def _inline(name: str, svg: str) -> str:
     body = svg[svg.index("<svg") :]
     body = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', body)
     body = re.sub(r'(xlink:href="#|url\(#)', rf"\1{name}-", body)
-    return re.sub(r'^<svg[^>]*?width="[^"]+" height="[^"]+"', lambda m: re.sub(r' (width|height)="[^"]+"', "", m[0]), body)
+    return re.sub(
+        r'^<svg[^>]*?width="[^"]+" height="[^"]+"',
+        lambda m: re.sub(r' (width|height)="[^"]+"', "", m[0]),
+        body,
+    )
 
 
 def _dimensions(inst: Instrument) -> tuple[str, list[tuple[str, str, str]]]:
@@ -85,4 +87,3 @@ def _dimensions(inst: Instrument) -> tuple[str, list[tuple[str, str, str]]]:
     if forces:
         rows.append(("forces", f"{forces} N", inst.sources.get("conditions.forces", "")))
     return inst.name, rows
-

@@ -3,7 +3,6 @@
 import csv
 import json
 import math
-import os
 import platform
 import shutil
 import tempfile
@@ -125,7 +124,7 @@ def _write(context: Context, sections: list[Section], out: Path) -> None:
         for entry in ("figures", "curves", "results.json", "report.html"):
             if (out / entry).is_dir():
                 shutil.rmtree(out / entry)
-            os.replace(new / entry, out / entry)
+            (new / entry).replace(out / entry)
 
 
 def _draw(plot: Plot, folder: Path) -> str:

@@ -44,9 +44,9 @@ def section(context: Context) -> Section:
     tables = [_dimensions(context, comparison), _factors(context, comparison), _groups(comparison)]
     tables.append(_errors(context, comparison))
     text = (
-        "<p>Two instruments of different size lose the same angle if the loss of dexterity Θ is the same. Equal Θ fixes "
-        "one factor for force; equal T/kr fixes one for tension. What the geometry does not share shows in the groups "
-        "that do not match, and in degrees below, by the full model.</p>"
+        "<p>Two instruments of different size lose the same angle if the loss of dexterity Θ is the same. Equal Θ "
+        "fixes one factor for force; equal T/kr fixes one for tension. What the geometry does not share shows in the "
+        "groups that do not match, and in degrees below, by the full model.</p>"
     )
     care = _care(context, comparison) if context.is_paper else []
     return Section("similarity", "Scale model", text, [_map(comparison)], tables, care)
@@ -67,7 +67,11 @@ def _dimensions(context: Context, comparison: Comparison) -> Table:
     for inst in (comparison.model, comparison.prototype):
         printed = STIFFNESS.get(inst.name)
         context.add(
-            f"table1.stiffness.{inst.name}", inst.tendon_stiffness, "N/m", f"Tendon stiffness of {inst.name}", printed
+            f"table1.stiffness.{inst.name}",
+            inst.tendon_stiffness,
+            "N/m",
+            f"Tendon stiffness of {inst.name}",
+            printed,
         )
     return Table(
         f"Table I: design parameters; k of each instrument follows from E, d and L{_printed_stiffness(context)}",
@@ -91,10 +95,20 @@ def _factors(context: Context, comparison: Comparison) -> Table:
     for angle, value in forces.items():
         key = f"table2.force_factor.at_{np.degrees(angle):.0f}deg"
         printed = SCALE_FACTORS["force"] if angle == middle else None
-        context.add(key, value, "1", f"Factor of force for equal loss of dexterity at {np.degrees(angle):.0f} deg", printed)
+        context.add(
+            key,
+            value,
+            "1",
+            f"Factor of force for equal loss of dexterity at {np.degrees(angle):.0f} deg",
+            printed,
+        )
         rows.append([f"force for equal Θ at {np.degrees(angle):.0f}°", *_beside(context, key)])
     context.add(
-        "table2.tension_factor", comparison.tension_factor, "1", "Factor of tendon tension", SCALE_FACTORS["tension"]
+        "table2.tension_factor",
+        comparison.tension_factor,
+        "1",
+        "Factor of tendon tension",
+        SCALE_FACTORS["tension"],
     )
     rows.append(["tendon tension", *_beside(context, "table2.tension_factor")])
     for angle, value in stiffness.items():
@@ -123,12 +137,22 @@ def _beside(context: Context, key: str) -> tuple[str, str, str]:
     result = context.results[key]
     if result.published is None or result.residual is None:
         return fixed(result.value, 4), "", ""
-    return fixed(result.value, 4), number(result.published.value, 5), f"{result.residual:+.4f}".replace("-", "−")
+    return (
+        fixed(result.value, 4),
+        number(result.published.value, 5),
+        f"{result.residual:+.4f}".replace("-", "−"),
+    )
 
 
 def _groups(comparison: Comparison) -> Table:
     rows = [
-        [g.name, number(g.model, 5), number(g.prototype, 5), fixed(g.ratio, 4), "matches" if g.matches else "differs"]
+        [
+            g.name,
+            number(g.model, 5),
+            number(g.prototype, 5),
+            fixed(g.ratio, 4),
+            "matches" if g.matches else "differs",
+        ]
         for g in comparison.groups
     ]
     return Table(
@@ -150,7 +174,12 @@ def _errors(context: Context, comparison: Comparison) -> Table:
             about = f"pretension {name} ({error.prototype_pretension:.4g} N), forces to {limit:g} N"
             context.add(f"{key}.largest", error.largest, "deg", f"Largest similarity error, {about}")
             context.add(f"{key}.rms", error.rms, "deg", f"Root mean square similarity error, {about}")
-            context.add(f"{key}.quantile_95", error.quantile_95, "deg", f"95 % quantile of the similarity error, {about}")
+            context.add(
+                f"{key}.quantile_95",
+                error.quantile_95,
+                "deg",
+                f"95 % quantile of the similarity error, {about}",
+            )
             context.add(f"{key}.unsolved", error.unsolved, "1", f"Share of points without equilibrium, {about}")
             angle, force = error.worst
             rows.append(
@@ -168,7 +197,15 @@ def _errors(context: Context, comparison: Comparison) -> Table:
     return Table(
         f"Similarity error: output of {comparison.prototype.name} minus {comparison.model.name} [°] over "
         f"−{reach:.0f} … {reach:.0f}° of unloaded output",
-        ["pretension scaled-up", f"force on {comparison.model.name}", "rms", "95 %", "largest", "largest at", "no equilibrium"],
+        [
+            "pretension scaled-up",
+            f"force on {comparison.model.name}",
+            "rms",
+            "95 %",
+            "largest",
+            "largest at",
+            "no equilibrium",
+        ],
         rows,
     )
 
@@ -225,8 +262,9 @@ def _one_angle(context: Context, comparison: Comparison) -> CarePoint:
     return CarePoint(
         4,
         "Similarity is exact at one angle only",
-        f"l_d/r differs ({number(slenderness.model, 3)} against {number(slenderness.prototype, 3)}), so the force factor for equal Θ runs from {fixed(at[0], 3)} at 0° over "
-        f"{fixed(at[1], 3)} at 40° to {fixed(at[2], 3)} at 80°; the table's 2.88 is mid-range.",
+        f"l_d/r differs ({number(slenderness.model, 3)} against {number(slenderness.prototype, 3)}), so the force "
+        f"factor for equal Θ runs from {fixed(at[0], 3)} at 0° over {fixed(at[1], 3)} at 40° to "
+        f"{fixed(at[2], 3)} at 80°; the table's 2.88 is mid-range.",
     )
 
 
@@ -261,7 +299,13 @@ def _pairs(context: Context, scaled: Instrument) -> CarePoint:
         follows = float(np.degrees(statics.output_angle(scaled, np.radians(handle.value))))
         needs = float(np.degrees(statics.handle_angle(scaled, np.radians(output.value))))
         key = f"care.6.at_{output.value:.0f}deg"
-        context.add(f"{key}.output", follows, "deg", f"Output at the published handle angle {handle.value:g} deg", output)
+        context.add(
+            f"{key}.output",
+            follows,
+            "deg",
+            f"Output at the published handle angle {handle.value:g} deg",
+            output,
+        )
         context.add(f"{key}.handle", needs, "deg", f"Handle angle that gives {output.value:g} deg", handle)
         sentences.append(
             f"{handle.value:g}° → {output.value:g}° published, {fixed(follows, 1)}° by eq. 18; "
@@ -279,18 +323,24 @@ def _cable(context: Context, comparison: Comparison) -> CarePoint:
     moment = float(conditions.cable_force or 0) * float(conditions.cable_pulley_radius or 0)
     assert isinstance(comparison.prototype, TendonGear)
     lever = comparison.prototype.end_effector_length + 2 * comparison.prototype.distal_gear_radius
-    tip = context.add("care.7.tip_force", moment / lever, "N", "Force at the scaled-up tip from 10 N on a cable", TIP_FORCE)
+    tip = context.add(
+        "care.7.tip_force", moment / lever, "N", "Force at the scaled-up tip from 10 N on a cable", TIP_FORCE
+    )
     factor = float(comparison.force_factor())
     real = context.add(
-        "care.7.real_force", TIP_FORCE.value / factor, "N", "Real-size force that 1.5 N stands for", EQUIVALENT_FORCE
+        "care.7.real_force",
+        TIP_FORCE.value / factor,
+        "N",
+        "Real-size force that 1.5 N stands for",
+        EQUIVALENT_FORCE,
     )
     return CarePoint(
         7,
         "10 N on a weight cable are not 1.5 N on the real-size instrument",
         f"10 N on the cable at {1e3 * float(conditions.cable_pulley_radius or 0):g} mm are {fixed(moment)} N·m, over "
-        f"l_d + 2r = {1e3 * lever:.0f} mm that is {fixed(tip)} N at the scaled-up tip (published: {TIP_FORCE.value} N), "
-        f"and 1.5 N there stand for {fixed(real)} N on the real-size instrument (published: {EQUIVALENT_FORCE.value} N). "
-        f"The {CAPTION_FORCE.source} says {CAPTION_FORCE.value} N; the text is right.",
+        f"l_d + 2r = {1e3 * lever:.0f} mm that is {fixed(tip)} N at the scaled-up tip (published: {TIP_FORCE.value} "
+        f"N), and 1.5 N there stand for {fixed(real)} N on the real-size instrument (published: "
+        f"{EQUIVALENT_FORCE.value} N). The {CAPTION_FORCE.source} says {CAPTION_FORCE.value} N; the text is right.",
     )
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
+from typing import Any
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -16,7 +17,7 @@ AGONIST = "#b4232f"
 ANTAGONIST = "#1f5fa8"
 LOADS = ("#0f766e", "#2563a8", "#7c3aed", "#c2410c", "#9d174d", "#4d7c0f")
 
-_STYLE = {
+_STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 9.5,
     "axes.edgecolor": MUTED,

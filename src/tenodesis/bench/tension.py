@@ -44,7 +44,10 @@ def section(context: Context) -> Section:
         rows.append([f"{force:g} N", where, fixed(float(np.nanmax(agonist)), 1)])
     context.add("tension.slack_force.straight", at_zero, "N", "Force at which the antagonist goes slack, tip straight")
     context.add(
-        "tension.slack_force.flexed", at_end, "N", "Force at which the antagonist goes slack at the working range's end"
+        "tension.slack_force.flexed",
+        at_end,
+        "N",
+        "Force at which the antagonist goes slack at the working range's end",
     )
     axis.axhline(-inst.pretension, color=style.ACCENT, lw=1.1)
     axis.annotate(
@@ -100,8 +103,8 @@ def _care(context: Context) -> list[CarePoint]:
         CarePoint(
             2,
             "Equations 19, 20 and 22 hold only while neither tendon is slack",
-            f"With {fixed(force)} N at θ_h = {fixed(np.degrees(handle), 1)}° the antagonist is slack and the tip stands "
-            f"at {fixed(truth)}°. Eq. 19 as printed says {fixed(float(printed))}°, {fixed(abs(printed - truth))}° off; "
-            f"with the second branch of eq. 8 the estimate is {fixed(aware)}°.",
+            f"With {fixed(force)} N at θ_h = {fixed(np.degrees(handle), 1)}° the antagonist is slack and the tip "
+            f"stands at {fixed(truth)}°. Eq. 19 as printed says {fixed(float(printed))}°, "
+            f"{fixed(abs(printed - truth))}° off; with the second branch of eq. 8 the estimate is {fixed(aware)}°.",
         )
     ]

@@ -45,8 +45,8 @@ def section(context: Context) -> Section:
     axis.legend(loc="lower left")
     half, full = (f"ξ at {np.degrees(inst.output_range * share):.0f}°" for share in (0.5, 1.0))
     text = (
-        f"<p>Of the hand's moment, {fixed(straight, 3)} arrives at the straight tip. Flexion costs more than load does: "
-        "the tendons' moment arm shrinks faster at the small distal joint than at the proximal one.</p>"
+        f"<p>Of the hand's moment, {fixed(straight, 3)} arrives at the straight tip. Flexion costs more than load "
+        "does: the tendons' moment arm shrinks faster at the small distal joint than at the proximal one.</p>"
     )
     plot = Plot("fig9_transmissibility", f"Torque transmissibility, {inst.name} (paper: Fig. 9).", fig, curves)
     table = Table("Torque transmissibility ξ", ["force at the tip", "ξ at 0°", half, full], rows)

@@ -1,0 +1,64 @@
+# Everything runs from .venv, which the first target that needs it makes.
+
+PYTHON ?= python3
+BIN := .venv/bin
+CORE := $(wildcard include/tenodesis/*.hpp)
+BINDINGS := $(wildcard src/bindings/*)
+CPP_TESTS := $(wildcard tests/cpp/*)
+CPP_FILES := $(CORE) $(filter %.cpp %.hpp,$(BINDINGS) $(CPP_TESTS))
+
+.PHONY: demo build test test-cpp test-python bench lint format docs lock clean
+
+demo: build
+	$(BIN)/tenodesis bench
+	@echo "Open $(CURDIR)/out/report.html"
+
+build: .venv/.built
+
+.venv/.deps: requirements.lock
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=...")'
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet --require-hashes -r requirements.lock
+	@touch $@
+
+.venv/.built: .venv/.deps $(CORE) $(BINDINGS) CMakeLists.txt pyproject.toml
+	$(BIN)/pip install --quiet --no-build-isolation --no-deps --editable .
+	@touch $@
+
+test: test-cpp test-python
+
+test-cpp: .venv/.deps
+	$(BIN)/cmake -S . -B build/cpp -G Ninja -DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja > /dev/null
+	$(BIN)/cmake --build build/cpp
+	$(BIN)/ctest --test-dir build/cpp --output-on-failure
+
+test-python: build
+	$(BIN)/python -m pytest
+
+bench: build
+	$(BIN)/python benchmarks/statics.py
+
+lint: build
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/clang-format --dry-run -Werror $(CPP_FILES)
+	$(BIN)/clang-tidy --quiet src/bindings/core.cpp $(filter tests/cpp/test_%.cpp,$(CPP_TESTS)) -- -std=c++20 -Iinclude \
+	  -fno-math-errno $$($(BIN)/python -c 'import nanobind, sysconfig; print("-isystem", nanobind.include_dir(), "-isystem", sysconfig.get_paths()["include"])')
+
+format: build
+	$(BIN)/ruff check --fix --quiet .
+	$(BIN)/ruff format .
+	$(BIN)/clang-format -i $(CPP_FILES)
+
+# What is generated rather than written: the tables in docs/, the editor schema, the typed stub of the C++ module.
+docs: build
+	$(BIN)/python docs/generate.py
+
+lock: .venv/.deps
+	$(BIN)/pip install --quiet uv
+	$(BIN)/uv pip compile pyproject.toml --quiet --extra verify --group dev --generate-hashes --no-emit-index-url \
+	  --universal --python-version 3.11 --custom-compile-command "make lock" -o requirements.lock
+
+clean:
+	rm -rf .venv build out

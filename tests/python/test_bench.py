@@ -1,0 +1,133 @@
+"""Claims about the bench: what it writes, that it writes all or nothing, and that it works for any mechanism."""
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tenodesis as tn
+from tenodesis.bench import BenchError, report, run
+from tenodesis.bench.content import Context
+from tenodesis.bench.run import steps
+from tenodesis.instrument import Instrument
+
+
+@pytest.fixture(scope="session")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Context, list[str]]:
+    out = tmp_path_factory.mktemp("bench")
+    told: list[str] = []
+    context = run(tn.load("real-size"), tn.load("scaled-up"), out, told.append)
+    return out, context, told
+
+
+Bench = tuple[Path, Context, list[str]]
+
+
+def test_every_figure_of_the_paper_is_there_as_svg_png_and_csv(bench: Bench) -> None:
+    out, _, _ = bench
+    for name in ("fig7_input_output", "fig8_tension", "fig9_transmissibility", "fig11_loss"):
+        assert (out / f"figures/{name}.svg").read_text().startswith("<?xml")
+        assert (out / f"figures/{name}.png").read_bytes().startswith(b"\x89PNG")
+        rows = list(csv.DictReader((out / f"curves/{name}.csv").open()))
+        assert len(rows) > 200
+    assert {entry.name for entry in out.iterdir()} == {"curves", "figures", "report.html", "results.json"}
+
+
+def test_the_report_needs_nothing_beside_it_and_holds_every_figure(bench: Bench) -> None:
+    out, _, _ = bench
+    html = (out / "report.html").read_text("utf-8")
+    assert not re.search(r"""(?:src|href)=["'](?!#|data:)""", html.replace("xlink:href", "href"))
+    assert "<script" not in html
+    assert html.count("<svg") == len(list((out / "figures").glob("*.svg")))
+    ids = re.findall(r'\bid="([^"]+)"', html)
+    assert len(ids) == len(set(ids))
+    for target in re.findall(r'href="#([^"]+)"', html):
+        assert target in ids
+    for number in range(1, 10):
+        assert f"Care point {number}:" in html
+    assert "nan" not in re.sub(r"<svg.*?</svg>|<style.*?</style>", "", html, flags=re.S).lower().replace("nano", "")
+
+
+def test_curves_are_the_statics_at_their_columns(bench: Bench) -> None:
+    out, _, _ = bench
+    inst = tn.load("real-size")
+    rows = list(csv.DictReader((out / "curves/fig7_input_output.csv").open()))
+    for row in rows[::40]:
+        for force in (0, 1, 3):
+            text = row[f"output_angle at {force} N [deg]"]
+            if text:
+                angle = tn.statics.output_angle(inst, np.radians(float(row["handle_angle [deg]"])), force)
+                assert float(text) == pytest.approx(np.degrees(angle), abs=1e-6)
+
+
+def test_results_stand_by_name_with_unit_and_published_value(bench: Bench) -> None:
+    out, context, _ = bench
+    results = json.loads((out / "results.json").read_text("utf-8"))
+    assert results["schema"] == 1
+    entries = results["results"]
+    assert set(entries) == set(context.results)
+    assert all(entry["unit"] and entry["description"] for entry in entries.values())
+    stiffness = entries["table1.stiffness.real-size"]
+    assert stiffness["published"] == 31172
+    assert abs(stiffness["residual"]) < 0.5
+    assert entries["care.1.remaining_share"]["value"] == pytest.approx(0.5, abs=1e-9)
+    assert entries["verification.scipy.real-size"]["value"] < np.degrees(1e-9)
+    assert entries["verification.mujoco.real-size"]["value"] < 0.05
+    assert abs(entries["care.9.radial.mujoco"]["value"] - entries["care.9.radial.virtual_work"]["value"]) < 1e-5
+
+
+def test_progress_reaches_its_announced_end(bench: Bench) -> None:
+    _, context, told = bench
+    assert len(told) == steps(context.inst, context.scaled)
+
+
+def test_a_second_run_gives_the_same_results(bench: Bench, tmp_path: Path) -> None:
+    out, _, _ = bench
+    run(tn.load("real-size"), tn.load("scaled-up"), tmp_path)
+    for name in ("results.json", "report.html", "curves/fig8_tension.csv", "figures/fig8_tension.svg"):
+        assert (tmp_path / name).read_bytes() == (out / name).read_bytes(), name
+
+
+@pytest.mark.parametrize("name", ["pulley", "continuum"])
+def test_other_mechanisms_get_a_report_without_the_papers_numbers(
+    name: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    inst: Instrument = request.getfixturevalue(name)
+    context = run(inst, None, tmp_path)
+    html = (tmp_path / "report.html").read_text("utf-8")
+    assert inst.name in html
+    assert "No scale model was given" in html
+    assert "Published and computed" not in html
+    assert all(result.published is None for result in context.results.values())
+
+
+def test_a_changed_instrument_is_not_set_beside_the_papers_numbers(tmp_path: Path) -> None:
+    real = tn.load("real-size")
+    context = run(real.replace(tendon_diameter="0.5 mm"), tn.load("scaled-up"), tmp_path)
+    assert not context.is_paper
+    assert all(result.published is None for result in context.results.values())
+
+
+def test_a_failed_run_leaves_the_old_report_whole(
+    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(tn.load("real-size"), tn.load("scaled-up"), tmp_path)
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+
+    def fail(*_: object) -> str:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(report, "render", fail)
+    with pytest.raises(BenchError, match="cannot be written: No space left on device"):
+        run(tn.load("scaled-up"), None, tmp_path)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+    assert not list(tmp_path.glob(".bench-*"))
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(BenchError, match="file/out cannot be written"):
+        run(tn.load("scaled-up"), None, tmp_path / "file/out")

@@ -1,0 +1,47 @@
+"""Claims about the documentation: what is generated is current, and what is shown runs."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from .conftest import ROOT
+
+GENERATED = (
+    "docs/traceability.md",
+    "docs/results.md",
+    "src/tenodesis/_core.pyi",
+    "src/tenodesis/instruments/instrument.schema.json",
+)
+
+
+def test_generated_files_are_current(tmp_path: Path) -> None:
+    code = f"import sys; sys.path.insert(0, {str(ROOT / 'docs')!r}); import generate, pathlib; "
+    code += f"generate.main(pathlib.Path({str(tmp_path)!r}))"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=300)
+    for name in GENERATED:
+        assert (tmp_path / name).read_text("utf-8") == (ROOT / name).read_text("utf-8"), f"{name}: run make docs"
+
+
+def test_every_equation_and_care_point_is_implemented_and_tested() -> None:
+    table = (ROOT / "docs/traceability.md").read_text("utf-8")
+    rows = re.findall(r"^\| (\d+) \| (.*) \| (.*) \|$", table, re.M)
+    assert [int(number) for number, _, _ in rows] == list(range(1, 23))
+    assert [number for number, functions, tests in rows if "–" in (functions, tests)] == []
+    care = re.findall(r"^\| \[(\d+)\]", table, re.M)
+    assert [int(number) for number in care] == list(range(1, 10))
+
+
+def test_the_python_example_of_the_readme_runs_and_prints_what_it_says() -> None:
+    text = (ROOT / "README.md").read_text("utf-8")
+    example = re.search(r"```python\n(.*?)```", text, re.S)
+    assert example is not None
+    done = subprocess.run([sys.executable, "-c", example[1]], capture_output=True, text=True, check=True, timeout=60)
+    said = [line.split("# ")[1].strip() for line in example[1].splitlines() if line.startswith("print")]
+    assert done.stdout.splitlines() == said
+
+
+def test_links_between_the_documents_lead_somewhere() -> None:
+    for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
+        for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8")):
+            assert (page.parent / target).exists(), f"{page.name} links to {target}"

@@ -1,0 +1,142 @@
+"""Claims about instrument files: what is shipped, and that every bad one ends in a sentence that helps."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+import tenodesis as tn
+from tenodesis.instrument import Continuum, Instrument, TendonGear, json_schema
+
+from .conftest import EXAMPLES, ROOT
+
+TEXT = (ROOT / "instruments/real-size.toml").read_text("utf-8")
+
+
+def test_shipped_instruments_hold_all_of_table_1_with_sources(real: TendonGear, scaled: TendonGear) -> None:
+    table = {
+        "stem_diameter": (5e-3, 18.75e-3),
+        "overall_length": (0.5, 1.0),
+        "distal_gear_radius": (2e-3, 7.5e-3),
+        "proximal_gear_radius": (4.5e-3, 16.875e-3),
+        "end_effector_length": (50e-3, 86e-3),
+        "handle_length": (120e-3, 160e-3),
+        "tendon_diameter": (0.63e-3, 0.54e-3),
+        "tendon_modulus": (50e9, 50e9),
+    }
+    for key, values in table.items():
+        for inst, value in zip((real, scaled), values, strict=True):
+            assert getattr(inst, key) == pytest.approx(value, rel=1e-14)
+            assert inst.sources[key] == "Table I"
+    for inst in (real, scaled):
+        given = [key for key, _, _ in inst.quantities() if key != "tendon_stiffness"]
+        assert [key for key in given if key not in inst.sources] == []
+    conditions = scaled.conditions
+    for key in conditions.model_fields_set:
+        assert f"conditions.{key}" in scaled.sources
+    assert conditions.forces == (0.5, 1.0, 1.5)
+    assert conditions.sampling_rate == 2000
+    assert scaled.pretension == 25
+    assert real.pretension == 30
+
+
+BAD = [
+    ("overall_length =", "over_all_length =", "over_all_length is not a known key; allowed are "),
+    ('pretension = "30 N"', "pretension = 30", "pretension = 30: it has no unit; write a force of at least 0 N"),
+    ('"2 mm"', '"2"', "distal_gear_radius = '2': it has no unit"),
+    ('"2 mm"', '"2 kg"', "distal_gear_radius = '2 kg': it is measured in kg; it must be a length above 0 m"),
+    ('"2 mm"', '"-2 mm"', "distal_gear_radius = '-2 mm': it must be a length above 0 m"),
+    ('"2 mm"', '"nan mm"', "distal_gear_radius = 'nan mm': it must be a length above 0 m"),
+    ('"2 mm"', '"inf mm"', "distal_gear_radius = 'inf mm': it must be a length above 0 m"),
+    ('"2 mm"', '"two mm"', "distal_gear_radius = 'two mm': it is not understood"),
+    ('"2 mm"', "nan", "distal_gear_radius = nan: it has no unit"),
+    ('"2 mm"', "true", "distal_gear_radius = True: it must be a length above 0 m"),
+    ('"2 mm"', '["2 mm"]', "distal_gear_radius = ['2 mm']: it must be a length above 0 m"),
+    ('"50 GPa"', '"0 GPa"', "tendon_modulus = '0 GPa': it must be a modulus above 0 Pa"),
+    (
+        "tendon_diameter",
+        'tendon_stiffness = "0 N/m"\ntendon_diameter',
+        "tendon_stiffness = '0 N/m': it must be a stiff",
+    ),
+    ('pretension = "30 N"', "", "pretension is missing"),
+    ('tendon_modulus = "50 GPa"', "", "tendon_modulus is missing; give tendon_diameter and tendon_modulus, or"),
+    ('"45 deg"', '"60 deg"', "handle_range is 60 deg, which would bend the distal joint 1.125 times as far as it can"),
+    ('"45 deg"', '"270 deg"', "handle_range = '270 deg': it must be an angle above 0 rad and below 3.14159 rad"),
+    ('"yaw", "pitch"', '"yaw", "roll"', "axes.1 = 'roll': it must be 'yaw' or 'pitch'"),
+    ('"yaw", "pitch"', '"yaw", "yaw"', "axes = ['yaw', 'yaw']: it must name one or two different axes"),
+    ('"tendon-gear"', '"gear"', "joint_type is 'gear'; allowed are tendon-gear, tendon-pulley, continuum"),
+    ('joint_type = "tendon-gear"', "", "joint_type is missing; allowed are"),
+    ('joint_type = "tendon-gear"', 'joint_type = ["x"]', "joint_type is ['x']; allowed are"),
+    ("[conditions]", "[conditions", "my.toml is not valid TOML"),
+    ('"0.5 N", ', "0.5, ", "conditions.forces.0 = 0.5: it has no unit"),
+    ("forces = [", "force = [", "conditions.force is not a known key; allowed are forces"),
+    ('pretension = "Fig. 7"', 'pretensoin = "Fig. 7"', "sources.pretensoin names no key"),
+    ("[conditions]", '[overrides.pitch]\nradius = "3 mm"\n[conditions]', "overrides.pitch: radius is not a known key"),
+    (
+        "[conditions]",
+        "[overrides.pitch]\npretension = 3\n[conditions]",
+        "overrides.pitch.pretension = 3: it has no unit",
+    ),
+    ('axes = ["yaw", "pitch"]', 'axes = ["yaw"]\noverrides = {pitch = {}}', "overrides.pitch is given, but axes names"),
+    ("[conditions]", "conditions = 3\n[x]", "conditions = 3: it must be"),
+]
+
+
+@pytest.mark.parametrize(("good", "bad", "sentence"), BAD)
+def test_a_bad_file_ends_in_a_sentence_that_names_key_value_and_what_is_allowed(
+    good: str, bad: str, sentence: str
+) -> None:
+    assert good in TEXT
+    with pytest.raises(tn.InstrumentError) as raised:
+        tn.parse(TEXT.replace(good, bad, 1), "my.toml")
+    message = str(raised.value)
+    assert sentence in message
+    assert all(line.startswith("my.toml") and line.endswith(".") for line in message.splitlines())
+    assert raised.value.__cause__ is None
+    assert raised.value.__suppress_context__ or raised.value.__context__ is None
+
+
+def test_a_file_that_cannot_be_read_ends_in_a_sentence(tmp_path: Path) -> None:
+    for path, sentence in (
+        (tmp_path / "absent.toml", "there is no such file and no instrument of that name; allowed is the path"),
+        (tmp_path, "there is no such file"),
+        (tmp_path / "binary.toml", "is not UTF-8 text"),
+        (tmp_path / "\0", "is no path; allowed is"),
+    ):
+        if path.name == "binary.toml":
+            path.write_bytes(b"\xff\xfe\x00")
+        with pytest.raises(tn.InstrumentError, match=sentence):
+            tn.load(path)
+
+
+def test_replace_takes_si_numbers_and_text_with_units_and_checks_both(real: TendonGear) -> None:
+    assert real.replace(pretension=41.3).pretension == 41.3
+    assert real.replace(pretension="41.3 N").pretension == 41.3
+    assert real.replace(distal_gear_radius="0.2 cm") == real
+    with pytest.raises(tn.InstrumentError, match="pretension = -1: it must be a force of at least 0 N"):
+        real.replace(pretension=-1)
+    with pytest.raises(tn.InstrumentError, match="colour is not a known key"):
+        real.replace(colour=1)
+    assert real.pretension == 30
+
+
+def test_every_joint_type_loads_and_keeps_its_own_keys(pulley: Instrument, continuum: Continuum) -> None:
+    assert pulley.joint_type == "tendon-pulley"
+    assert continuum.backbone_rigidity == pytest.approx(2e-4)
+    with pytest.raises(tn.InstrumentError, match="backbone_length is not a known key"):
+        tn.parse((EXAMPLES / "pulley.toml").read_text().replace("pretension", 'backbone_length = "1 mm"\npretension'))
+
+
+def test_an_axis_that_is_not_there_is_refused(scaled: Instrument) -> None:
+    with pytest.raises(tn.InstrumentError, match="scaled-up has no axis 'pitch'; it has yaw"):
+        scaled.axis("pitch")
+
+
+def test_the_schema_knows_every_key_and_the_exported_one_is_current() -> None:
+    schema = json_schema()
+    kinds = schema["$defs"]
+    assert {"TendonGear", "TendonPulley", "Continuum"} <= set(kinds)
+    assert "tendon_stiffness" in kinds["TendonGear"]["properties"]
+    assert kinds["Continuum"]["properties"]["backbone_rigidity"]["examples"] == ["2e-4 N*m^2"]
+    exported = (ROOT / "instruments/instrument.schema.json").read_text("utf-8")
+    assert json.loads(exported) == json.loads(json.dumps(schema)), "run make docs"
