@@ -74,7 +74,9 @@ def main() -> None:
         f"{POINTS} equilibrium solves, mixed: {100 * slack:.1f} % with a slack tendon, {100 * lost:.1f} % past the fold"
     )
 
-    solve = lambda: tn.statics.output_angle(inst, handle, force)
+    def solve() -> object:
+        return tn.statics.output_angle(inst, handle, force)
+
     cores = tn.threads.threads()
     tn.set_threads(1)
     solve()

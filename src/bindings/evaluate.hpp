@@ -45,17 +45,17 @@ template <class Operation, class A>
 void evaluate_held(const A& axis, const Points& points, std::span<double* const> out, unsigned char* status,
                    std::size_t begin, std::size_t end) {
   Block block;
-  std::array<Status, block_size> found{};
+  std::array<unsigned char, block_size> found{};
+  for (std::size_t k = 0; k < held_inputs; ++k) block.in[k].fill(points.columns[k][begin]);
   for (std::size_t base = begin; base < end; base += block_size) {
+    // The last block keeps valid numbers of the one before where the points end.
     const std::size_t n = std::min<std::size_t>(block_size, end - base);
     for (std::size_t k = 0; k < held_inputs; ++k)
-      for (std::size_t i = 0; i < block_size; ++i) block.in[k][i] = points.columns[k][base + std::min(i, n - 1)];
-    solve_block<Operation>(axis, block, found, int(n));
-    for (std::size_t i = 0; i < n; ++i) {
-      for (std::size_t k = 0; k < std::size_t(Operation::outputs); ++k)
-        out[k][base + i] = found[i] == Status::ok ? block.out[k][i] : nan;
-      status[base + i] = static_cast<unsigned char>(found[i]);
-    }
+      if (!points.columns[k].single) std::copy_n(points.columns[k].data + base, n, block.in[k].begin());
+    solve_block<Operation>(axis, block, found);
+    for (std::size_t k = 0; k < std::size_t(Operation::outputs); ++k)
+      std::copy_n(block.out[k].begin(), n, out[k] + base);
+    std::copy_n(found.begin(), n, status + base);
   }
 }
 

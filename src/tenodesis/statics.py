@@ -426,10 +426,9 @@ def _refuse_invalid(
     status: NDArray[np.uint8],
 ) -> None:
     """Raise ValueError for the first input that is not finite or beyond the handle's range."""
-    invalid = np.flatnonzero(status >= Status.OUT_OF_RANGE) if status.size else status
-    if not invalid.size:
+    if not status.size or status.max() < Status.OUT_OF_RANGE:
         return
-    first = int(invalid[0])
+    first = int(np.argmax(status >= Status.OUT_OF_RANGE))
     for key, column in zip(_INPUTS[name], columns, strict=True):
         value = float(column[first if column.size > 1 else 0])
         if not np.isfinite(value):
