@@ -10,6 +10,8 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
+import picture
+
 from tenodesis import instrument
 from tenodesis.bench import run
 
@@ -27,6 +29,7 @@ def main(folder: Path = ROOT) -> None:
     schema = json.dumps(instrument.json_schema(), indent=2, ensure_ascii=False)
     (package / "instruments/instrument.schema.json").write_text(schema + "\n", "utf-8")
     (package / "_core.pyi").write_text(stub(), "utf-8")
+    picture.draw(folder / "docs/picture.svg")
 
 
 def traceability() -> str:
