@@ -42,21 +42,20 @@ def numpy_newton(inst: TendonGear, handle: Array, force: Array) -> Array:
         return 2 * np.arcsin(x)
 
 
-def seconds(call: Callable[[], object], rounds: int = ROUNDS) -> list[float]:
-    times = []
-    for _ in range(rounds):
-        start = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - start)
-    return times
+def seconds(call: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    call()
+    return time.perf_counter() - start
 
 
-def show(peer: str, theirs: list[float], ours: list[float]) -> None:
-    """Print the peer's time over ours, means against each other and our worst round against the peer's best."""
-    mean, worst = np.mean(theirs) / np.mean(ours), min(theirs) / max(ours)
-    target = TARGETS[peer]
-    verdict = "reached" if mean >= target else "MISSED"
-    print(f"  over {peer:<28} mean {mean:7.1f}x   worst {worst:7.1f}x   target {target:g}x {verdict}")
+def compare(peer: str, theirs: Callable[[], object], ours: Callable[[], object], rounds: int = ROUNDS) -> list[float]:
+    """Run both in turns, so that they meet the same noise, print the peer's time over ours, and return ours."""
+    times = [(seconds(theirs), seconds(ours)) for _ in range(rounds)]
+    peers, own = zip(*times, strict=True)
+    mean, worst = np.mean(peers) / np.mean(own), min(peer / one for peer, one in times)
+    verdict = "reached" if mean >= TARGETS[peer] else "MISSED"
+    print(f"  over {peer:<28} mean {mean:6.1f}x   worst {worst:6.1f}x   target {TARGETS[peer]:g}x {verdict}")
+    return list(own)
 
 
 def main() -> None:
@@ -79,50 +78,41 @@ def main() -> None:
 
     cores = tn.threads.threads()
     tn.set_threads(1)
-    solve()
-    one = seconds(solve)
-    print(
-        f"one core: {1e9 * np.mean(one) / POINTS:.1f} ns a solve (mean), {1e9 * max(one) / POINTS:.1f} ns (worst round)"
-    )
-
     peak, unloaded, solvable = scipy_peer.brackets(inst, handle, force)
     # SciPy gets only points that have a root, and where to look for it.
     subset = np.flatnonzero(solvable)
     low, high, angle, load = peak[subset], unloaded[subset], handle[subset], force[subset]
-    theirs: list[Array] = []
+    found: list[Array] = []
 
     def find_root() -> None:
-        found = elementwise.find_root(
+        root = elementwise.find_root(
             lambda theta, h, f: scipy_peer.residual(theta, inst, h, f), (low, high), args=(angle, load)
         )
-        theirs[:] = [2 * found.x]
+        found[:] = [2 * root.x]
 
-    ours = tn.statics.output_angle(inst, angle, load)
-    subset_times = seconds(lambda: tn.statics.output_angle(inst, angle, load))
-    show("SciPy elementwise.find_root", seconds(find_root, 3), subset_times)
-    difference = np.nanmax(np.abs(theirs[0] - ours))
-    print(f"    same points; largest difference {difference:.1e} rad")
+    print("one core:")
+    compare("SciPy elementwise.find_root", find_root, lambda: tn.statics.output_angle(inst, angle, load), 5)
+    difference = np.nanmax(np.abs(found[0] - tn.statics.output_angle(inst, angle, load)))
+    print(f"    given its brackets, points with a root only; largest difference {difference:.1e} rad")
 
-    newton = numpy_newton(inst, handle, force)
-    show("Newton in NumPy", seconds(lambda: numpy_newton(inst, handle, force)), one)
+    own = compare("Newton in NumPy", lambda: numpy_newton(inst, handle, force), solve)
     solved = np.isfinite(state.output_angle)
-    close = np.abs(newton - state.output_angle)[solved] < 1e-9
-    print(f"    same points; it finds {100 * close.mean():.2f} % of the equilibria to 1e-9 rad")
+    close = np.abs(numpy_newton(inst, handle, force) - state.output_angle)[solved] < 1e-9
+    print(f"    all points; it finds {100 * close.mean():.2f} % of the equilibria to 1e-9 rad")
+    print(f"    ours: {1e9 * np.mean(own) / POINTS:.1f} ns a solve (mean), {1e9 * max(own) / POINTS:.1f} ns (worst round)")
 
     if cores < 2:
-        print("  two cores: only one here, not measured")
+        print("two cores: only one here, not measured")
         return
-    # Four million points, so that starting a thread does not show; in turns, so that both meet the same noise.
-    handle, force = np.tile(handle, 4), np.tile(force, 4)
-    ones, twos = [], []
-    for _ in range(ROUNDS):
-        tn.set_threads(1)
-        ones += seconds(solve, 1)
-        tn.set_threads(2)
-        twos += seconds(solve, 1)
-    tn.set_threads(cores)
     print("two cores:")
-    show("one core", ones, twos)
+    # Four million points, so that starting a thread does not show.
+    handle, force = np.tile(handle, 4), np.tile(force, 4)
+
+    def on(threads: int) -> None:
+        tn.set_threads(threads)
+        solve()
+
+    compare("one core", lambda: on(1), lambda: on(2))
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ constexpr double abs(double v) { return __builtin_fabs(v); }
 /// False for NaN and both infinities.
 template <Real S>
 constexpr bool is_finite(S v) {
-  return v - v == S(0);
+  return v - v == S(0);  // NOLINT(misc-redundant-expression): not for infinities and NaN
 }
 
 /// The plain value of a number: itself, or what a dual number carries beside its derivatives.
@@ -145,7 +145,7 @@ struct Dual {
   S slope[N]{};
 
   constexpr Dual() = default;
-  constexpr Dual(const S& v) : value(v) {}
+  constexpr Dual(const S& v) : value(v) {}  // NOLINT(misc-explicit-constructor): a constant is a dual number
   template <class T>
     requires(std::convertible_to<T, S> && !std::same_as<T, S>)
   constexpr explicit Dual(T v) : value(S(v)) {}

@@ -183,7 +183,7 @@ Result<S> estimate_output_angle(const A& axis, const S& handle_angle, const Tens
   return {axis.distal.angle(x), Status::ok};
 }
 
-/// Tendon length to wind so that the joint bends as with inextensible tendons, m (eqs. 21, 22; eq. 22 times the spool radius).
+/// Tendon length to wind so that the joint bends as with inextensible tendons, m (eqs. 21, 22 without the spool).
 ///
 /// Counted from the unwound motors. Differential actuation winds it on the agonist and lets it out on the antagonist.
 /// One motor moves one tendon where the handle moves two, so it needs twice what eq. 22 says; see docs/model.md.

@@ -15,15 +15,8 @@ namespace tenodesis::bindings {
 namespace {
 
 using Input = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Output = nb::ndarray<nb::numpy, double>;
-using StatusOutput = nb::ndarray<nb::numpy, unsigned char, nb::ndim<1>>;
-
-template <class T>
-T* owned(std::size_t size, nb::capsule& owner) {
-  T* data = new T[size];
-  owner = nb::capsule(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
-  return data;
-}
+using Output = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using StatusOutput = nb::ndarray<unsigned char, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 struct Arguments {
   std::vector<Column> columns;
@@ -63,61 +56,57 @@ constexpr int inputs_of() {
     return Operation::inputs;
 }
 
-nb::tuple evaluate(const Spec& spec, const std::string& name, const std::vector<Input>& inputs, int threads) {
-  nb::object result;
+/// Arrays that an operation writes: outputs by rows by points, and the status of every point.
+struct Results {
+  Output out;
+  StatusOutput status;
+};
+
+/// Runs work(operation, points, out, status, begin, end) over threads without the interpreter lock.
+template <class Work>
+void over_points(const std::string& name, const std::vector<Input>& inputs, const Results& results, std::size_t rows,
+                 int threads, std::size_t least, const Work& work) {
   dispatch(name, [&]<class Operation, bool held>() {
     const Arguments arguments(inputs, inputs_of<Operation, held>());
     const Points points = arguments.points();
-    nb::capsule status_owner;
-    auto* status = owned<unsigned char>(points.count, status_owner);
-    std::array<nb::capsule, Operation::outputs> owners;
+    if (results.out.shape(0) != std::size_t(Operation::outputs) || results.out.shape(1) != rows ||
+        results.out.shape(2) != points.count || results.status.shape(0) != points.count)
+      throw nb::value_error("outputs do not fit operation and inputs");
     std::array<double*, Operation::outputs> out{};
-    for (std::size_t k = 0; k < out.size(); ++k) out[k] = owned<double>(points.count, owners[k]);
-    {
-      nb::gil_scoped_release release;
-      const AnyAxis<double> any = make_axis(spec);
-      over_threads(points.count, threads, points_per_thread, [&](std::size_t begin, std::size_t end) {
-        std::visit(
-            [&](const auto& axis) {
-              if constexpr (held)
-                evaluate_held<Operation>(axis, points, out, status, begin, end);
-              else
-                evaluate_direct<Operation>(axis, points, out, status, begin, end);
-            },
-            any);
-      });
-    }
-    nb::list values;
-    for (std::size_t k = 0; k < out.size(); ++k) values.append(Output(out[k], {points.count}, owners[k]));
-    result = nb::make_tuple(values, StatusOutput(status, {points.count}, status_owner));
+    for (std::size_t k = 0; k < out.size(); ++k) out[k] = results.out.data() + k * rows * points.count;
+    const nb::gil_scoped_release release;
+    over_threads(points.count, threads, least, [&](std::size_t begin, std::size_t end) {
+      work.template operator()<Operation, held>(points, out, results.status.data(), begin, end);
+    });
   });
-  return nb::cast<nb::tuple>(result);
 }
 
-nb::tuple gradient(const Spec& spec, const std::string& name, const std::vector<Input>& inputs,
-                   const std::vector<std::size_t>& variables, int threads) {
-  nb::object result;
-  dispatch(name, [&]<class Operation, bool held>() {
-    const Arguments arguments(inputs, inputs_of<Operation, held>());
-    const Points points = arguments.points();
-    nb::capsule status_owner;
-    auto* status = owned<unsigned char>(points.count, status_owner);
-    std::array<nb::capsule, Operation::outputs> owners;
-    std::array<double*, Operation::outputs> out{};
-    for (std::size_t k = 0; k < out.size(); ++k) out[k] = owned<double>(points.count * variables.size(), owners[k]);
-    {
-      nb::gil_scoped_release release;
-      using Pointwise = std::conditional_t<held, Direct<Operation>, Operation>;
-      over_threads(points.count, threads, points_per_thread / 8, [&](std::size_t begin, std::size_t end) {
-        differentiate<Pointwise>(spec, points, variables, out, status, begin, end);
-      });
-    }
-    nb::list values;
-    for (std::size_t k = 0; k < out.size(); ++k)
-      values.append(Output(out[k], {variables.size(), points.count}, owners[k]));
-    result = nb::make_tuple(values, StatusOutput(status, {points.count}, status_owner));
-  });
-  return nb::cast<nb::tuple>(result);
+void evaluate(const Spec& spec, const std::string& name, const std::vector<Input>& inputs, const Output& out,
+              const StatusOutput& status, int threads) {
+  const AnyAxis<double> any = make_axis(spec);
+  over_points(name, inputs, {out, status}, 1, threads, points_per_thread,
+              [&]<class Operation, bool held>(const Points& points, std::span<double* const> data, unsigned char* found,
+                                              std::size_t begin, std::size_t end) {
+                std::visit(
+                    [&](const auto& axis) {
+                      if constexpr (held)
+                        evaluate_held<Operation>(axis, points, data, found, begin, end);
+                      else
+                        evaluate_direct<Operation>(axis, points, data, found, begin, end);
+                    },
+                    any);
+              });
+}
+
+void gradient(const Spec& spec, const std::string& name, const std::vector<Input>& inputs,
+              const std::vector<std::size_t>& variables, const Output& out, const StatusOutput& status, int threads) {
+  // A derivative costs several times a value, so that fewer of them are worth a thread.
+  over_points(name, inputs, {out, status}, variables.size(), threads, points_per_thread / 8,
+              [&]<class Operation, bool held>(const Points& points, std::span<double* const> data, unsigned char* found,
+                                              std::size_t begin, std::size_t end) {
+                using Pointwise = std::conditional_t<held, Direct<Operation>, Operation>;
+                differentiate<Pointwise>(spec, points, variables, data, found, begin, end);
+              });
 }
 
 }  // namespace
@@ -174,14 +163,15 @@ NB_MODULE(_core, m) {
             make_axis(spec));
       },
       "spec"_a, "Unloaded distal coordinate at the end of the handle's range, as a share of the joint's limit.");
-  m.def("evaluate", &evaluate, "spec"_a, "operation"_a, "inputs"_a, "threads"_a,
-        nb::sig("def evaluate(spec: Spec, operation: str, inputs: Sequence[NDArray[numpy.float64]], threads: int) -> "
-                "tuple[list[NDArray[numpy.float64]], NDArray[numpy.uint8]]"),
-        "Outputs of an operation and the status of every point.");
-  m.def("gradient", &gradient, "spec"_a, "operation"_a, "inputs"_a, "variables"_a, "threads"_a,
+  // Python allocates the results: NumPy does so in huge pages, which a system call per 4 KiB would cost dearly.
+  m.def("evaluate", &evaluate, "spec"_a, "operation"_a, "inputs"_a, "out"_a, "status"_a, "threads"_a,
+        nb::sig("def evaluate(spec: Spec, operation: str, inputs: Sequence[NDArray[numpy.float64]], "
+                "out: NDArray[numpy.float64], status: NDArray[numpy.uint8], threads: int) -> None"),
+        "Write an operation's outputs, by output, 1 and point, and the status of every point.");
+  m.def("gradient", &gradient, "spec"_a, "operation"_a, "inputs"_a, "variables"_a, "out"_a, "status"_a, "threads"_a,
         nb::sig("def gradient(spec: Spec, operation: str, inputs: Sequence[NDArray[numpy.float64]], variables: "
-                "Sequence[int], threads: int) -> tuple[list[NDArray[numpy.float64]], NDArray[numpy.uint8]]"),
-        "Derivatives of every output by parameters and inputs, variable first, and the status of every point.");
+                "Sequence[int], out: NDArray[numpy.float64], status: NDArray[numpy.uint8], threads: int) -> None"),
+        "Write the derivatives, by output, variable and point, and the status of every point.");
 }
 
 }  // namespace tenodesis::bindings

@@ -56,10 +56,12 @@ def unloaded_limit(spec: Spec) -> float:
     Unloaded distal coordinate at the end of the handle's range, as a share of the joint's limit.
     """
 
-def evaluate(spec: Spec, operation: str, inputs: Sequence[NDArray[numpy.float64]], threads: int) -> tuple[list[NDArray[numpy.float64]], NDArray[numpy.uint8]]:
-    """Outputs of an operation and the status of every point."""
-
-def gradient(spec: Spec, operation: str, inputs: Sequence[NDArray[numpy.float64]], variables: Sequence[int], threads: int) -> tuple[list[NDArray[numpy.float64]], NDArray[numpy.uint8]]:
+def evaluate(spec: Spec, operation: str, inputs: Sequence[NDArray[numpy.float64]], out: NDArray[numpy.float64], status: NDArray[numpy.uint8], threads: int) -> None:
     """
-    Derivatives of every output by parameters and inputs, variable first, and the status of every point.
+    Write an operation's outputs, by output, 1 and point, and the status of every point.
+    """
+
+def gradient(spec: Spec, operation: str, inputs: Sequence[NDArray[numpy.float64]], variables: Sequence[int], out: NDArray[numpy.float64], status: NDArray[numpy.uint8], threads: int) -> None:
+    """
+    Write the derivatives, by output, variable and point, and the status of every point.
     """

@@ -10,7 +10,7 @@ NaN, and :func:`equilibrium` tells why. Input that is not finite, or a handle an
 import inspect
 from collections.abc import Callable, Sequence
 from enum import IntEnum
-from math import degrees
+from math import degrees, prod
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -79,6 +79,7 @@ _INPUTS = {
     ),
     "compensation_stroke": ("agonist", "antagonist"),
 }
+_OUTPUTS = {"tensions": 2, "equilibrium": 3}
 _ANGLES = {"handle_angle", "output_angle"}
 
 _REASONS = {
@@ -186,11 +187,11 @@ def equilibrium(
     ValueError
         An input is not finite or beyond the handle's range.
     """
-    columns, shape = _columns("equilibrium", inst, locals())
-    outputs, status = _core.evaluate(inst.spec, "equilibrium", columns, threads())
-    _refuse_invalid("equilibrium", inst, columns, shape, status)
-    angle, agonist, antagonist = (_shaped(output, shape) for output in outputs)
-    return Equilibrium(angle, agonist, antagonist, Status(int(status[0])) if shape == () else status.reshape(shape))
+    query = _query("equilibrium", inst, locals())
+    outputs, status = _solve(query)
+    angle, agonist, antagonist = (_shaped(output[0], query.shape) for output in outputs)
+    told = Status(int(status[0])) if query.shape == () else status.reshape(query.shape)
+    return Equilibrium(angle, agonist, antagonist, told)
 
 
 def flexural_stiffness(inst: Instrument, output_angle: ArrayLike) -> FloatOrArray:
@@ -328,22 +329,54 @@ def gradient(
         raise ValueError(f"function is {name!r}; allowed are {allowed}.")
     bound = inspect.signature(globals()[name]).bind(inst, *args, **kwargs)
     bound.apply_defaults()
-    columns, shape = _columns(name, inst, bound.arguments)
-    variables = [_variable(name, inst, key) for key in wrt]
-    outputs, status = _core.gradient(inst.spec, _operation(name, bound.arguments), columns, variables, threads())
-    _refuse_invalid(name, inst, columns, shape, status)
-    _refuse_unsolved(name, inst, columns, shape, status)
-    shaped = [[_shaped(row, shape) for row in output] for output in outputs]
+    query = _query(name, inst, bound.arguments)
+    outputs, status = _solve(query, [_variable(name, inst, key) for key in wrt])
+    _refuse_unsolved(query, status)
+    shaped = [[_shaped(row, query.shape) for row in output] for output in outputs]
     rows = [Tensions(*pair) for pair in zip(*shaped, strict=True)] if name == "tensions" else shaped[0]
     return dict(zip(wrt, rows, strict=True))
 
 
+class _Query(NamedTuple):
+    """A function of this module at its inputs: flat arrays of the common length, or of length one, by name."""
+
+    name: str
+    operation: str
+    inst: Instrument
+    columns: list[NDArray[np.float64]]
+    shape: tuple[int, ...]
+
+    def value(self, key: str, index: int) -> float:
+        """Return an input's value at a flat index."""
+        column = self.columns[_INPUTS[self.name].index(key)]
+        return float(column[index if column.size > 1 else 0])
+
+
 def _evaluate(name: str, inst: Instrument, arguments: dict[str, Any]) -> list[FloatOrArray]:
-    columns, shape = _columns(name, inst, arguments)
-    outputs, status = _core.evaluate(inst.spec, _operation(name, arguments), columns, threads())
-    _refuse_invalid(name, inst, columns, shape, status)
-    _refuse_unsolved(name, inst, columns, shape, status)
-    return [_shaped(output, shape) for output in outputs]
+    query = _query(name, inst, arguments)
+    outputs, status = _solve(query)
+    _refuse_unsolved(query, status)
+    return [_shaped(output[0], query.shape) for output in outputs]
+
+
+def _solve(query: _Query, variables: list[int] | None = None) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Return outputs, or their derivatives by some variables, by output, row and point, and every point's status.
+
+    Raises
+    ------
+    ValueError
+        An input is not finite or beyond the handle's range.
+    """
+    count = prod(query.shape)
+    rows = 1 if variables is None else len(variables)
+    out = np.empty((_OUTPUTS.get(query.name, 1), rows, count))
+    status = np.empty(count, np.uint8)
+    if variables is None:
+        _core.evaluate(query.inst.spec, query.operation, query.columns, out, status, threads())
+    else:
+        _core.gradient(query.inst.spec, query.operation, query.columns, variables, out, status, threads())
+    _refuse_invalid(query, status)
+    return out, status
 
 
 def _operation(name: str, arguments: dict[str, Any]) -> str:
@@ -358,10 +391,8 @@ def _operation(name: str, arguments: dict[str, Any]) -> str:
     return f"compensation_stroke:{arguments['actuation']}:exact"
 
 
-def _columns(
-    name: str, inst: Instrument, arguments: dict[str, Any]
-) -> tuple[list[NDArray[np.float64]], tuple[int, ...]]:
-    """Return a function's inputs as flat arrays of the common length, or of length one, and their common shape."""
+def _query(name: str, inst: Instrument, arguments: dict[str, Any]) -> _Query:
+    """Broadcast a function's arguments, as it was called with them."""
     if not isinstance(inst, Instrument):
         raise TypeError(f"inst is {inst!r}; allowed is an instrument, as tenodesis.load gives it.")
     values = dict(arguments)
@@ -383,7 +414,7 @@ def _columns(
         array.reshape(1) if array.size == 1 else np.ascontiguousarray(np.broadcast_to(array, shape)).reshape(-1)
         for array in arrays
     ]
-    return columns, shape
+    return _Query(name, _operation(name, arguments), inst, columns, shape)
 
 
 def _shaped(values: NDArray[np.float64], shape: tuple[int, ...]) -> FloatOrArray:
@@ -418,42 +449,29 @@ def _value(key: str, value: float) -> str:
     return f"{value:.6g} rad ({degrees(value):.4g} deg)" if key in _ANGLES else f"{value:.6g}"
 
 
-def _refuse_invalid(
-    name: str,
-    inst: Instrument,
-    columns: list[NDArray[np.float64]],
-    shape: tuple[int, ...],
-    status: NDArray[np.uint8],
-) -> None:
+def _refuse_invalid(query: _Query, status: NDArray[np.uint8]) -> None:
     """Raise ValueError for the first input that is not finite or beyond the handle's range."""
     if not status.size or status.max() < Status.OUT_OF_RANGE:
         return
     first = int(np.argmax(status >= Status.OUT_OF_RANGE))
-    for key, column in zip(_INPUTS[name], columns, strict=True):
-        value = float(column[first if column.size > 1 else 0])
+    place = _at(first, query.shape)
+    for key in _INPUTS[query.name]:
+        value = query.value(key, first)
         if not np.isfinite(value):
-            raise ValueError(f"{key}{_at(first, shape)} is {value}; allowed is a finite number.")
-    value = float(columns[0][first if columns[0].size > 1 else 0])
+            raise ValueError(f"{key}{place} is {value}; allowed is a finite number.")
     raise ValueError(
-        f"handle_angle{_at(first, shape)} is {_value('handle_angle', value)}; "
-        f"allowed is the handle's range of ±{degrees(inst.handle_range):.4g} deg."
+        f"handle_angle{place} is {_value('handle_angle', query.value('handle_angle', first))}; "
+        f"allowed is the handle's range of ±{degrees(query.inst.handle_range):.4g} deg."
     )
 
 
-def _refuse_unsolved(
-    name: str,
-    inst: Instrument,
-    columns: list[NDArray[np.float64]],
-    shape: tuple[int, ...],
-    status: NDArray[np.uint8],
-) -> None:
+def _refuse_unsolved(query: _Query, status: NDArray[np.uint8]) -> None:
     """Raise NoSolutionError where a single point has no solution."""
-    if shape != () or status[0] == Status.OK:
+    if query.shape != () or status[0] == Status.OK:
         return
-    given = ", ".join(
-        f"{key} = {_value(key, float(column[0]))}"
-        for key, column in zip(_INPUTS[name], columns, strict=True)
-        if column[0] != 0 or key == _INPUTS[name][0]
-    )
+    inputs = _INPUTS[query.name]
+    values = {key: query.value(key, 0) for key in inputs}
+    given = ", ".join(f"{key} = {_value(key, value)}" for key, value in values.items() if value or key == inputs[0])
+    inst = query.inst
     reason = _REASONS[Status(int(status[0]))].format(range=degrees(inst.handle_range), pretension=inst.pretension)
-    raise NoSolutionError(f"{name} of {inst.name} at {given}: {reason}.")
+    raise NoSolutionError(f"{query.name} of {inst.name} at {given}: {reason}.")

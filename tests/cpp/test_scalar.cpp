@@ -18,7 +18,7 @@ void series_match_the_c_library(double tolerance) {
     CLAIM_NEAR(double(tenodesis::asin(S(x))), std::asin(double(S(x))), tolerance * 2);
     const double quarter = x * pi / 2;
     CLAIM_NEAR(double(sin_quarter(S(quarter))), std::sin(double(S(quarter))), tolerance);
-    const double half = double(S(x * pi));
+    const auto half = double(S(x * pi));
     if (i != 0) CLAIM_NEAR(double(S(half) * bow_of_square(S(half) * S(half))), bow(half), tolerance * 2);
   }
 }
