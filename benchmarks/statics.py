@@ -99,7 +99,8 @@ def main() -> None:
     solved = np.isfinite(state.output_angle)
     close = np.abs(numpy_newton(inst, handle, force) - state.output_angle)[solved] < 1e-9
     print(f"    all points; it finds {100 * close.mean():.2f} % of the equilibria to 1e-9 rad")
-    print(f"    ours: {1e9 * np.mean(own) / POINTS:.1f} ns a solve (mean), {1e9 * max(own) / POINTS:.1f} ns (worst round)")
+    mean, worst = (1e9 * float(own_time) / POINTS for own_time in (np.mean(own), max(own)))
+    print(f"    ours: {mean:.1f} ns a solve (mean), {worst:.1f} ns (worst round)")
 
     if cores < 2:
         print("two cores: only one here, not measured")

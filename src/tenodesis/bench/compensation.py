@@ -100,7 +100,8 @@ def _bars(labels: Sequence[str], remaining: dict[str, Array]) -> Figure:
     colors = (style.REFERENCE, style.ACCENT, style.LOADS[0], style.LOADS[2], style.LOADS[1])
     for place, ((name, values), color) in enumerate(zip(remaining.items(), colors, strict=True)):
         at = np.arange(len(labels)) + (place - (len(remaining) - 1) / 2) * width
-        axis.bar(at, values, width * 0.92, color=color, label=name)
+        bars = axis.bar(at, values, width * 0.92, color=color, label=name)
+        axis.bar_label(bars, [f"{value + 0.0:.1f}" for value in np.round(values, 9)], fontsize=7.5, padding=1)
     axis.set_xticks(range(len(labels)), labels)
     axis.set(xlabel="unloaded output angle", ylabel="loss that remains [deg]")
     axis.axhline(0, color=style.MUTED, lw=0.8)

@@ -1,5 +1,7 @@
 """Fig. 11: the loss of output angle and the handle angle that makes up for it."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
@@ -103,15 +105,11 @@ def _construction(context: Context, axis: Axes, force: float, curves: dict[str, 
     x, y = np.degrees(held), np.degrees(desired)
     arrow = {"arrowstyle": "->", "color": style.ACCENT, "lw": 1.5}
     axis.annotate("", (x, kept), (x, y), arrowprops=arrow)
-    axis.annotate(
-        f"loss {y - kept:.1f}°", (x, (y + kept) / 2), (5, -10), textcoords="offset points", color=style.ACCENT
-    )
+    told: dict[str, Any] = {"textcoords": "offset points", "color": style.ACCENT}
+    axis.annotate(f"loss {y - kept:.1f}°", (x, kept), (8, -14), **told)
     if np.isfinite(needed):
         axis.annotate("", (needed, y), (x, y), arrowprops=arrow)
-        axis.annotate(
-            f"compensation {needed - x:.1f}°", ((x + needed) / 2, y), (-20, 7), textcoords="offset points",
-            color=style.ACCENT,
-        )  # fmt: skip
+        axis.annotate(f"compensation {needed - x:.1f}°", (x, y), (-6, 5), ha="right", **told)
     axis.set(
         xlabel="handle angle $\\theta_h$ [deg]",
         ylabel="output angle $\\theta_e$ [deg]",
