@@ -25,13 +25,14 @@ enum class Law : unsigned char {
 };
 
 /// Rounding that a handle angle converted from degrees may carry past the range, rad.
-inline constexpr double range_tolerance = 1e-9;
+template <Real S>
+inline constexpr S range_tolerance = sizeof(S) == 4 ? S(1e-6) : S(1e-9);
 
 template <class A, class S>
 Status check_handle(const A& axis, const S& handle_angle) {
   if (!is_finite(value_of(handle_angle))) return Status::not_finite;
   using V = ValueOf<S>;
-  return abs(value_of(handle_angle)) <= value_of(axis.handle_range) + V(range_tolerance) ? Status::ok
+  return abs(value_of(handle_angle)) <= value_of(axis.handle_range) + range_tolerance<V> ? Status::ok
                                                                                          : Status::out_of_range;
 }
 
@@ -106,7 +107,7 @@ Result<S> handle_angle(const A& axis, const S& output_angle, const Load<S>& load
   const S proximal = (axis.distal.excursion_slope() * x + stretch.value) / axis.proximal.excursion_slope();
   if (!(abs(proximal) < axis.proximal.limit())) return {{}, Status::unreachable};
   const S angle = axis.proximal.angle(proximal);
-  const bool in_range = abs(value_of(angle)) <= value_of(axis.handle_range) + V(range_tolerance);
+  const bool in_range = abs(value_of(angle)) <= value_of(axis.handle_range) + range_tolerance<V>;
   return {angle, in_range ? Status::ok : Status::unreachable};
 }
 

@@ -41,7 +41,7 @@ inline constexpr double arrived = 0, past_fold = 1, undecided = 2;
 template <class A>
 [[gnu::always_inline]] inline void judge(const A axis, Block& block) {
   const double limit = axis.distal.limit();
-  const double range = axis.handle_range + range_tolerance;
+  const double range = axis.handle_range + range_tolerance<double>;
   for (std::size_t i = 0; i < block_size; ++i) {
     const Load<double> load{block.in[held_force][i], block.in[held_radial_force][i]};
     const double sum = block.agonist[i] + block.antagonist[i];

@@ -1,7 +1,7 @@
-// Claims about the number types: the series match the C library, dual numbers match finite differences.
+// Claims about number types and joints: series match the C library, dual numbers finite differences.
 
 #include "claim.hpp"
-#include "tenodesis/scalar.hpp"
+#include "tenodesis/joint.hpp"
 
 using namespace tenodesis;
 
@@ -43,6 +43,12 @@ void dual_numbers_match_finite_differences() {
   CLAIM_NEAR(value.slope[1], (f(a, b + h) - f(a, b - h)) / (2 * h), 1e-9);
 }
 
+void wrap_angle_is_the_joints_own_angle() {
+  CLAIM(TendonGear<double>::wrap_angle(-0.4) == 0.4);
+  CLAIM(TendonPulley<double>::wrap_angle(0.4) == 0.4);
+  CLAIM(TendonContinuum<double>::wrap_angle(-0.4) == 0.4);
+}
+
 void what_is_not_finite_is_told_apart() {
   CLAIM(is_finite(1.0));
   CLAIM(!is_finite(std::nan("")));
@@ -56,5 +62,6 @@ int main() {
   asin_is_odd_and_exact_at_its_ends();
   dual_numbers_match_finite_differences();
   what_is_not_finite_is_told_apart();
+  wrap_angle_is_the_joints_own_angle();
   return claims::report();
 }

@@ -1,5 +1,8 @@
 """Claims about the statics against closed forms."""
 
+import sys
+import threading
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -234,3 +237,27 @@ def test_two_axes_have_their_own_values(real: Instrument) -> None:
     assert both.axis("pitch").end_effector_length == 0.045
     assert both.axis("pitch").axes == ("pitch",)
     assert tn.statics.output_angle(both.axis("pitch"), 0.3, 1) > tn.statics.output_angle(both.axis("yaw"), 0.3, 1)
+
+
+def test_other_python_threads_run_while_the_core_computes(real: Instrument) -> None:
+    handle = np.linspace(-0.5, 0.5, 400_000)
+    keys = ["pretension", "tendon_modulus", "distal_gear_radius", "force", "handle_angle"]
+    done = threading.Event()
+
+    def work() -> None:
+        tn.statics.gradient("output_angle", real, handle, 0.5, wrt=keys)
+        done.set()
+
+    worker = threading.Thread(target=work)
+    interval = sys.getswitchinterval()
+    turns = 0
+    try:
+        sys.setswitchinterval(1e-5)
+        worker.start()
+        while not done.is_set():
+            turns += 1
+    finally:
+        sys.setswitchinterval(interval)
+    worker.join()
+    # With the lock held, this loop would get only a few slices of a hundredth of a millisecond, before and after.
+    assert turns > 100_000

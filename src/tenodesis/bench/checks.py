@@ -91,6 +91,9 @@ def _mujoco(context: Context, inst: TendonGear, progress: Progress) -> list[str]
         "deg",
         f"Largest difference from the joint settled in MuJoCo, {inst.name}",
     )
+    cases = f"verification.mujoco.{inst.name}.cases"
+    context.add(cases, len(differences), "1", f"Load cases with an equilibrium settled in MuJoCo, {inst.name}")
+    context.add(f"{cases}.slack", slack, "1", f"Those of them with a slack tendon, {inst.name}")
     return [number(largest), str(len(differences)), str(slack)]
 
 

@@ -53,6 +53,13 @@ def section(context: Context) -> Section:
     lost = np.degrees(states - statics.output_angle(inst, handle, force))
     labels = [f"{np.degrees(state):.0f}°" for state in states]
     rows = [["no compensation", *(fixed(value) for value in lost)]]
+    for label, value in zip(labels, lost, strict=True):
+        context.add(
+            f"compensation.none.remaining_at_{label.rstrip('°')}deg",
+            value,
+            "deg",
+            f"Loss at {label} without compensation, {force:g} N",
+        )
     remaining = {"no compensation": lost}
     for name, actuation, law in _LAWS:
         stroke = settled_stroke(inst, handle, force, actuation, law)
@@ -100,8 +107,9 @@ def _bars(labels: Sequence[str], remaining: dict[str, Array]) -> Figure:
     colors = (style.REFERENCE, style.ACCENT, style.LOADS[0], style.LOADS[2], style.LOADS[1])
     for place, ((name, values), color) in enumerate(zip(remaining.items(), colors, strict=True)):
         at = np.arange(len(labels)) + (place - (len(remaining) - 1) / 2) * width
-        bars = axis.bar(at, values, width * 0.92, color=color, label=name)
-        axis.bar_label(bars, [f"{value + 0.0:.1f}" for value in np.round(values, 9)], fontsize=7.5, padding=1)
+        # Rounding's remains of a loss that is gone would put its label below the axis.
+        bars = axis.bar(at, np.round(values, 9) + 0.0, width * 0.92, color=color, label=name)
+        axis.bar_label(bars, fmt="%.1f", fontsize=7.5, padding=1)
     axis.set_xticks(range(len(labels)), labels)
     axis.set(xlabel="unloaded output angle", ylabel="loss that remains [deg]")
     axis.axhline(0, color=style.MUTED, lw=0.8)
@@ -131,6 +139,7 @@ def _care(context: Context, inst: Instrument, handle: Array, force: float) -> li
     truth = float(np.degrees(statics.output_angle(inst, middle, force, wound=stroke)[0]))
     blind = float(np.degrees(statics.estimate_output_angle(inst, middle, *tension)[0]))
     aware = float(np.degrees(statics.estimate_output_angle(inst, middle, *tension, wound=stroke)[0]))
+    context.add("care.3.output_angle", truth, "deg", "Output angle with the loss made up")
     context.add("care.3.estimate_without_motor", blind - truth, "deg", "Error of eq. 19 that ignores the wound length")
     context.add("care.3.estimate_with_motor", aware - truth, "deg", "Error of the motor-aware estimate there")
     return [

@@ -74,12 +74,18 @@ def section(context: Context) -> Section:
             "deg",
             f"Output angle at a handle angle of {np.degrees(end):.1f} deg under {force:g} N",
         )
+        straight = context.add(
+            f"input_output.straight_handle.at_{force:g}N",
+            float(output[0]),
+            "deg",
+            f"Output angle at a straight handle under {force:g} N",
+        )
         loss = float(np.degrees(statics.output_angle(inst, end))) - flexed
         always = bool(statics.slack_force(inst, 0.0) <= force) and force > 0
         rows.append(
             [
                 "no load" if force == 0 else f"{force:g} N",
-                fixed(float(output[0])),
+                fixed(straight),
                 fixed(flexed),
                 fixed(loss),
                 "everywhere" if always else ("none" if np.isnan(onset) else f"from {fixed(np.degrees(onset), 1)}°"),
@@ -93,6 +99,7 @@ def section(context: Context) -> Section:
     )
     axis.legend(loc="upper left", ncols=2)
 
+    context.add("input_output.linear_ratio", ratio, "1", "Ratio of output to handle angle near zero, no load")
     gap = float(np.degrees(statics.output_angle(inst, end) - ratio * end))
     context.add(
         "input_output.linear_ratio_error",

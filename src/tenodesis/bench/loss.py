@@ -37,20 +37,25 @@ def section(context: Context) -> Section:
         first_order = np.degrees(statics.loss_of_dexterity(inst, states, load))
         more = np.degrees(statics.handle_angle(inst, states, load) - handles)
         rows.append([f"{load:g} N", *(fixed(value) for value in (*lost, *first_order, *more))])
-        for state, value, compensation in zip(np.degrees(states), lost, more, strict=True):
+        for state, value, linear, compensation in zip(np.degrees(states), lost, first_order, more, strict=True):
+            context.add(
+                f"loss.theta.at_{state:.0f}deg.{load:g}N",
+                linear,
+                "deg",
+                f"Loss of dexterity (eq. 17) at {state:.0f} deg of output under {load:g} N",
+            )
             context.add(
                 f"loss.at_{state:.0f}deg.{load:g}N",
                 value,
                 "deg",
                 f"Loss at {state:.0f} deg of output under {load:g} N",
             )
-            if np.isfinite(compensation):
-                context.add(
-                    f"loss.compensation_angle.at_{state:.0f}deg.{load:g}N",
-                    compensation,
-                    "deg",
-                    f"Handle angle to be added to hold {state:.0f} deg of output under {load:g} N",
-                )
+            context.add(
+                f"loss.compensation_angle.at_{state:.0f}deg.{load:g}N",
+                compensation,
+                "deg",
+                f"Handle angle to be added to hold {state:.0f} deg of output under {load:g} N",
+            )
     labels = [f"{np.degrees(state):.0f}°" for state in states]
     table = Table(
         "Loss by the full model, loss of dexterity Θ (eq. 17) and compensation angle (eq. 20), by unloaded output "

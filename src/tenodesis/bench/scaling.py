@@ -41,7 +41,7 @@ def section(context: Context) -> Section:
             "with one of the same joint type.</p>",
         )
     comparison = compare(context.inst, scaled)
-    tables = [_dimensions(context, comparison), _factors(context, comparison), _groups(comparison)]
+    tables = [_dimensions(context, comparison), _factors(context, comparison), _groups(context, comparison)]
     tables.append(_errors(context, comparison))
     text = (
         "<p>Two instruments of different size lose the same angle if the loss of dexterity Θ is the same. Equal Θ "
@@ -144,7 +144,12 @@ def _beside(context: Context, key: str) -> tuple[str, str, str]:
     )
 
 
-def _groups(comparison: Comparison) -> Table:
+def _groups(context: Context, comparison: Comparison) -> Table:
+    for group in comparison.groups:
+        about = f"Dimensionless group {group.name}"
+        context.add(f"groups.{group.name}.model", group.model, "1", f"{about}, {comparison.model.name}")
+        context.add(f"groups.{group.name}.prototype", group.prototype, "1", f"{about}, {comparison.prototype.name}")
+        context.add(f"groups.{group.name}.ratio", group.ratio, "1", f"{about}, ratio of the two")
     rows = [
         [
             g.name,
@@ -182,6 +187,8 @@ def _errors(context: Context, comparison: Comparison) -> Table:
             )
             context.add(f"{key}.unsolved", error.unsolved, "1", f"Share of points without equilibrium, {about}")
             angle, force = error.worst
+            context.add(f"{key}.worst_handle", np.degrees(angle), "deg", f"Handle angle of the largest error, {about}")
+            context.add(f"{key}.worst_force", force, "N", f"Force of the largest error, {about}")
             rows.append(
                 [
                     f"{error.prototype_pretension:.4g} N ({name})",

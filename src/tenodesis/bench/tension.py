@@ -32,6 +32,12 @@ def section(context: Context) -> Section:
         onset, onset_handle = slack_onset(inst, force)
         at_zero, at_end = statics.slack_force(inst, np.array([0.0, inst.output_range]))
         if np.isfinite(onset):
+            context.add(
+                f"tension.slack_onset_handle.at_{force:g}N",
+                np.degrees(onset_handle),
+                "deg",
+                f"Handle angle from which on the antagonist is slack under {force:g} N",
+            )
             where = f"θ_e ≥ {fixed(np.degrees(onset), 1)}° (θ_h ≥ {fixed(np.degrees(onset_handle), 1)}°)"
             context.add(
                 f"tension.slack_onset.at_{force:g}N",
@@ -41,7 +47,13 @@ def section(context: Context) -> Section:
             )
         else:
             where = "everywhere" if at_zero <= force else "nowhere"
-        rows.append([f"{force:g} N", where, fixed(float(np.nanmax(agonist)), 1)])
+        rise = context.add(
+            f"tension.agonist_rise.at_{force:g}N",
+            float(np.nanmax(agonist)),
+            "N",
+            f"Largest rise of the agonist's tension in the working range under {force:g} N",
+        )
+        rows.append([f"{force:g} N", where, fixed(rise, 1)])
     context.add("tension.slack_force.straight", at_zero, "N", "Force at which the antagonist goes slack, tip straight")
     context.add(
         "tension.slack_force.flexed",
@@ -97,6 +109,8 @@ def _care(context: Context) -> list[CarePoint]:
     # A threshold below zero makes the slack tendon count as taut, which is eq. 19 as printed.
     printed = np.degrees(statics.estimate_output_angle(inst, np.array([handle]), *pulls, slack_below=-1.0)[0])
     aware = float(np.degrees(statics.estimate_output_angle(inst, handle, *pulls)))
+    context.add("care.2.force", force, "N", "Force that slackens the antagonist")
+    context.add("care.2.output_angle", truth, "deg", "Output angle under that force")
     context.add("care.2.estimate_printed", printed - truth, "deg", "Error of eq. 19 as printed with a slack tendon")
     context.add("care.2.estimate_slack_aware", aware - truth, "deg", "Error of the slack-aware estimate at that state")
     return [

@@ -28,12 +28,13 @@ def section(context: Context) -> Section:
         axis.plot(np.degrees(output[inside]), ratio[inside], color=color, label=label)
         ends = [_at(inst.output_range * share, output, ratio) for share in (0.0, 0.5, 1.0)]
         rows.append([label, *(fixed(value, 4) for value in ends)])
-        if np.isfinite(ends[2]):
+        for share, value in zip((0.0, 0.5, 1.0), ends, strict=True):
+            angle = np.degrees(share * inst.output_range)
             context.add(
-                f"transmissibility.at_{force:g}N",
-                ends[2],
+                f"transmissibility.at_{angle:.0f}deg.{force:g}N",
+                value,
                 "1",
-                f"Torque transmissibility at the end of the working range under {force:g} N",
+                f"Torque transmissibility at {angle:.0f} deg of output under {force:g} N",
             )
     straight = context.add(
         "transmissibility.straight",
