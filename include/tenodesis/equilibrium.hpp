@@ -55,10 +55,11 @@ struct TendonPair {
     return {larger(agonist - rate * x, S(0)), larger(antagonist + rate * x, S(0))};
   }
 
-  // At least one tendon counts: between two slack ones, the next to hold is the one that the load moves toward.
-  constexpr S difference_slope(const S& x) const {
-    const bool both = agonist - rate * x >= S(0) && antagonist + rate * x >= S(0);
-    return both ? S(-2) * rate : -rate;
+  // Without a spring at the joint, at least one tendon counts: between two slack ones, the next to hold is the one that
+  // the load moves toward.
+  constexpr S difference_slope(const S& x, bool sprung) const {
+    const int taut = int(agonist - rate * x >= S(0)) + int(antagonist + rate * x >= S(0));
+    return taut == 2 ? S(-2) * rate : (taut == 0 && sprung ? S(0) : -rate);
   }
 
   constexpr bool loose() const { return agonist + antagonist < S(0); }
@@ -76,7 +77,7 @@ template <class J, class S>
 Balance<S> balance(const J& joint, const TendonPair<S>& pair, const Load<S>& load, const S& x) {
   const Demand<S> demand = joint.demand(x, load);
   const S residual = pair.tensions(x).difference() * demand.weight - demand.value;
-  const S slope = pair.difference_slope(x) * demand.weight - demand.slope;
+  const S slope = pair.difference_slope(x, joint.passive_stiffness() > S(0)) * demand.weight - demand.slope;
   return {residual, slope, residual / slope};
 }
 
@@ -165,19 +166,18 @@ Equilibrium<S> solve(const J& joint, const TendonPair<S>& pair, const Load<S>& l
 
   S x = start;
   S before = start;
-  for (int n = 1; n <= most_iterations; ++n) {
+  int n = 1;
+  for (; n <= most_iterations; ++n) {
     const Balance<S> at = balance(joint, pair, load, x);
     if (at.slope < S(0) && abs(at.correction) <= settled<S>) return {x - at.correction, Status::ok, n};
     if (at.residual * direction < S(0)) return detail::solve_between(joint, pair, load, before, x, direction, n);
     const S next = x - at.correction;
-    if (!(at.slope < S(0)) || !(abs(next) < joint.limit())) {
-      if (joint.convex(load)) return {x, Status::no_equilibrium, n};
-      return detail::solve_by_search(joint, pair, load, start, direction, n);
-    }
+    if (!(at.slope < S(0)) || !(abs(next) < joint.limit())) break;
     before = x;
     x = next;
   }
-  return {x, Status::no_equilibrium, most_iterations};
+  if (joint.convex(load)) return {x, Status::no_equilibrium, n};
+  return detail::solve_by_search(joint, pair, load, start, direction, n);
 }
 
 /// The same with derivatives: solved in plain numbers, then one Newton step in dual ones, which is exact by the

@@ -107,6 +107,19 @@ void what_cannot_be_solved_says_so() {
   CLAIM(estimate_output_angle(axis, 0.1, Tensions<double>{0, 0}).status == Status::both_slack);
 }
 
+void a_backbone_holds_the_tip_where_both_tendons_are_slack() {
+  const auto axis = instruments::continuum<double>();
+  const Stroke<double> out{-5e-3, -5e-3};
+  for (double force : {-0.2, -0.05, 0.0, 0.05, 0.2}) {
+    const auto tip = output_angle(axis, 0.1, Load<double>{force, 0}, out);
+    CLAIM(tip.status == Status::ok);
+    const auto tension = tensions(axis, 0.1, Load<double>{force, 0}, out).value;
+    CLAIM(tension.agonist == 0 && tension.antagonist == 0);
+    const double spring = axis.distal.passive_stiffness();
+    CLAIM_NEAR(tip.value, -force * axis.distal.tangential_arm(tip.value) / spring, 1e-12);
+  }
+}
+
 void float_agrees_with_double() {
   const auto wide = instruments::real_size<double>();
   const auto narrow = instruments::real_size<float>();
@@ -159,6 +172,7 @@ int main() {
   the_branch_is_the_one_that_grows_out_of_no_load(instruments::continuum<double>());
   past_the_fold_there_is_no_equilibrium();
   what_cannot_be_solved_says_so();
+  a_backbone_holds_the_tip_where_both_tendons_are_slack();
   float_agrees_with_double();
   dual_solve_matches_finite_differences(instruments::real_size<double>());
   dual_solve_matches_finite_differences(instruments::pulley<double>());
