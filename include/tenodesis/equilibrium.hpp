@@ -4,7 +4,7 @@
 // The branch is the one that grows out of the unloaded position. In the joint's own coordinate the tendons' tension
 // difference is piecewise linear and a gear's demand is convex, so Newton's iteration from the unloaded position runs
 // monotonically toward the nearest root and cannot pass it; a slope that turns before the residual does is the fold
-// beyond which there is no equilibrium.
+// beyond which there is no equilibrium. Demands of another shape are followed from no load on.
 
 #include "tenodesis/axis.hpp"
 
@@ -55,11 +55,13 @@ struct TendonPair {
     return {larger(agonist - rate * x, S(0)), larger(antagonist + rate * x, S(0))};
   }
 
-  // Without a spring at the joint, at least one tendon counts: between two slack ones, the next to hold is the one that
-  // the load moves toward.
+  // Where no tendon pulls yet, the next to do so is the one that the load moves toward. Only a sprung joint can rest
+  // between two slack tendons.
   constexpr S difference_slope(const S& x, bool sprung) const {
-    const int taut = int(agonist - rate * x >= S(0)) + int(antagonist + rate * x >= S(0));
-    return taut == 2 ? S(-2) * rate : (taut == 0 && sprung ? S(0) : -rate);
+    const S first = agonist - rate * x;
+    const S second = antagonist + rate * x;
+    const S slack = sprung && first < S(0) && second < S(0) ? S(0) : -rate;
+    return first > S(0) && second > S(0) ? S(-2) * rate : slack;
   }
 
   constexpr bool loose() const { return agonist + antagonist < S(0); }
@@ -108,6 +110,9 @@ inline constexpr S settled = sizeof(S) == 4 ? S(1e-5) : S(1e-11);
 
 inline constexpr int most_iterations = 64;
 
+/// Bound on how often one solve evaluates the balance.
+inline constexpr int most_balances = 8 * most_iterations;
+
 namespace detail {
 
 // Root between x0, where the residual has the sign of direction, and x1, where it has not: Newton kept inside by
@@ -116,68 +121,108 @@ template <class J, Real S>
 Equilibrium<S> solve_between(const J& joint, const TendonPair<S>& pair, const Load<S>& load, S x0, S x1, S direction,
                              int spent) {
   S x = (x0 + x1) * S(0.5);
-  for (int n = 0; n < most_iterations; ++n) {
+  for (int n = 1; n <= most_iterations; ++n) {
     const Balance<S> at = balance(joint, pair, load, x);
     const S newton = x - at.correction;
-    if (abs(at.correction) <= settled<S>) return {newton, Status::ok, spent + n + 1};
+    if (abs(at.correction) <= settled<S>) return {newton, Status::ok, spent + n};
     (at.residual * direction > S(0) ? x0 : x1) = x;
     const bool inside = (newton - x0) * (newton - x1) < S(0);
     x = inside ? newton : (x0 + x1) * S(0.5);
   }
-  return {x, Status::ok, spent + most_iterations};
+  return {x, abs(x1 - x0) <= settled<S> ? Status::ok : Status::no_equilibrium, spent + most_iterations};
 }
 
-// The first sign change on the way to the joint's limit, for demands whose shape promises nothing.
+// The share of a load that holds the joint at x: what tendons and spring hold there over what the load asks for. A load
+// that pushes back by itself is held whatever its share.
 template <class J, Real S>
-Equilibrium<S> solve_by_search(const J& joint, const TendonPair<S>& pair, const Load<S>& load, S start, S direction,
-                               int spent) {
+S held_share(const J& joint, const TendonPair<S>& pair, const Load<S>& load, const S& x) {
+  const S unloaded = balance(joint, pair, Load<S>{}, x).residual;
+  const S share = unloaded / (unloaded - balance(joint, pair, load, x).residual);
+  return share < S(0) ? std::numeric_limits<S>::max() : share;
+}
+
+// Follows the branch from no load on, for demands whose shape promises nothing: from the unloaded position the share of
+// the load that is held grows, to all of it at the root, or to a maximum below that, which is the fold.
+template <class J, Real S>
+Equilibrium<S> solve_by_following(const J& joint, const TendonPair<S>& pair, const Load<S>& load, S start,
+                                  S direction) {
   // Just short of the limit itself, where a gear's demand is without bound.
   const S end = direction * joint.limit() * (S(1) - settled<S>);
   const S stride = (end - start) / S(most_iterations);
+  S share(0);
   for (int n = 1; n <= most_iterations; ++n) {
     const S x = start + stride * S(n);
-    if (balance(joint, pair, load, x).residual * direction <= S(0))
-      return solve_between(joint, pair, load, x - stride, x, direction, spent + n);
+    const S next = held_share(joint, pair, load, x);
+    if (next >= S(1)) return solve_between(joint, pair, load, x - stride, x, direction, 2 * n);
+    if (!(next > share)) {
+      // It has passed its maximum within the last two strides: by thirds, whether that is all of the load.
+      S low = n > 1 ? x - stride - stride : start;
+      S high = x;
+      const S first = low;
+      for (int k = 1; k <= most_iterations; ++k) {
+        const S a = low + (high - low) * S(1.0 / 3);
+        const S b = high - (high - low) * S(1.0 / 3);
+        const S at_a = held_share(joint, pair, load, a);
+        const S at_b = held_share(joint, pair, load, b);
+        if (at_a >= S(1) || at_b >= S(1))
+          return solve_between(joint, pair, load, first, at_a >= S(1) ? a : b, direction, 2 * n + 4 * k);
+        (at_a < at_b ? low : high) = at_a < at_b ? a : b;
+      }
+      return {x, Status::no_equilibrium, 2 * n + 4 * most_iterations};
+    }
+    share = next;
   }
-  return {start, Status::no_equilibrium, spent + most_iterations};
+  return {end, joint.folds() ? Status::no_equilibrium : Status::unreachable, 2 * most_iterations};
+}
+
+// Where the load takes a joint that nothing holds: to the end of the gap between its two slack tendons.
+template <class J, Real S>
+Equilibrium<S> end_of_gap(const J& joint, const TendonPair<S>& pair, const Load<S>& load) {
+  const S ends[2] = {pair.agonist / pair.rate, -pair.antagonist / pair.rate};
+  const S bound = joint.limit() * (S(1) - settled<S>);
+  S pushes[2];
+  for (int k = 0; k < 2; ++k) pushes[k] = -joint.demand(larger(-bound, smaller(ends[k], bound)), load).value;
+  // A load that changes its direction within the gap leaves the joint to itself.
+  if (!(pushes[0] * pushes[1] > S(0))) return {S(0), Status::both_slack, 0};
+  const S end = pushes[0] < S(0) ? ends[0] : ends[1];
+  return {end, abs(end) < joint.limit() ? Status::ok : Status::unreachable, 0};
 }
 
 }  // namespace detail
 
-/// Equilibrium coordinate on the branch that grows out of the unloaded position; at most 3 * most_iterations balances.
+/// Equilibrium coordinate on the branch that grows out of the unloaded position.
 template <class J, Real S>
 Equilibrium<S> solve(const J& joint, const TendonPair<S>& pair, const Load<S>& load) {
-  if (!is_finite(pair.agonist + pair.antagonist + load.force + load.radial_force)) return {{}, Status::not_finite, 0};
+  if (!all_finite(pair.agonist, pair.antagonist, pair.rate, load.force, load.radial_force))
+    return {{}, Status::not_finite, 0};
   S start = unloaded_coordinate(joint, pair);
-  if (!(abs(start) < joint.limit())) return {start, Status::unreachable, 0};
-
-  S direction = balance(joint, pair, load, start).residual;
-  direction = direction > S(0) ? S(1) : S(direction < S(0) ? -1 : 0);
   if (pair.loose() && !(joint.passive_stiffness() > S(0))) {
-    // Between two slack tendons the load moves the joint freely until one of them holds it.
-    start = S(0.5) * (pair.agonist - pair.antagonist) / pair.rate;
-    direction = -joint.demand(start, load).value;
-    if (direction == S(0)) return {start, Status::both_slack, 0};
-    direction = direction > S(0) ? S(1) : S(-1);
-    start = direction < S(0) ? pair.agonist / pair.rate : -pair.antagonist / pair.rate;
-    if (!(abs(start) < joint.limit())) return {start, Status::unreachable, 0};
+    const Equilibrium<S> end = detail::end_of_gap(joint, pair, load);
+    if (end.status != Status::ok) return end;
+    start = end.coordinate;
   }
-  if (direction == S(0)) return {start, Status::ok, 0};
+  if (!(abs(start) < joint.limit())) return {start, Status::unreachable, 0};
+  const S push = joint.demand(start, Load<S>{}).value - joint.demand(start, load).value;
+  if (push == S(0)) return {start, Status::ok, 0};
+  const S direction = push > S(0) ? S(1) : S(-1);
+
+  const S least_stiffness = pair.loose() ? S(0) : pair.rate / joint.excursion_slope();
+  if (!joint.tame(load, least_stiffness)) return detail::solve_by_following(joint, pair, load, start, direction);
 
   S x = start;
   S before = start;
-  int n = 1;
-  for (; n <= most_iterations; ++n) {
+  for (int n = 1; n <= most_iterations; ++n) {
     const Balance<S> at = balance(joint, pair, load, x);
-    if (at.slope < S(0) && abs(at.correction) <= settled<S>) return {x - at.correction, Status::ok, n};
+    const bool stable = at.slope < S(0);
+    if (stable && abs(at.correction) <= settled<S>) return {x - at.correction, Status::ok, n};
     if (at.residual * direction < S(0)) return detail::solve_between(joint, pair, load, before, x, direction, n);
     const S next = x - at.correction;
-    if (!(at.slope < S(0)) || !(abs(next) < joint.limit())) break;
+    if (!stable || !(abs(next) < joint.limit()))
+      return {x, stable && !joint.folds() ? Status::unreachable : Status::no_equilibrium, n};
     before = x;
     x = next;
   }
-  if (joint.convex(load)) return {x, Status::no_equilibrium, n};
-  return detail::solve_by_search(joint, pair, load, start, direction, n);
+  return {x, Status::no_equilibrium, most_iterations};
 }
 
 /// The same with derivatives: solved in plain numbers, then one Newton step in dual ones, which is exact by the

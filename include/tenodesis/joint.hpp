@@ -10,7 +10,8 @@
 //   radial_arm(x)                 of a force at the tip, outward along the end-effector, m
 //   passive_stiffness()           moment of the joint's own spring per radian, N·m/rad
 //   demand(x, load)               the tension difference that holds a load, for the equilibrium solve
-//   convex(load)                  whether demand grows ever faster in the direction the load pushes
+//   tame(load, stiffness)         whether Newton's iteration from the unloaded position cannot pass the first root
+//   folds()                       whether demand outgrows every tension on the way to the limit
 //   wrap_angle(angle)             total bend of a tendon over the joint, rad
 //   limit()                       bound of |x|
 //   values()                      the same joint in plain numbers
@@ -62,8 +63,10 @@ struct TendonGear {
     return {load.force * square * c + (moment - load.radial_force * x) * square, moment * x - load.radial_force,
             square * c};
   }
-  // The second derivative in x, 3 x F_r against (1 + 2 x^2) F l / r, cannot change sign below |F_r| = 0.94 F l / r.
-  constexpr bool convex(const Load<S>& load) const {
+  static constexpr bool folds() { return true; }
+  // Demand is convex in the direction of the force: its second derivative in x, 3 x F_r against (1 + 2 x^2) F l / r,
+  // cannot change sign below |F_r| = 0.94 F l / r.
+  constexpr bool tame(const Load<S>& load, const S&) const {
     return abs(load.radial_force) * radius <= S(0.94) * abs(load.force) * length;
   }
   constexpr auto values() const { return TendonGear<ValueOf<S>>{value_of(radius), value_of(length)}; }
@@ -92,7 +95,8 @@ struct TendonPulley {
   constexpr Demand<S> demand(const S&, const Load<S>& load) const {
     return {load.force * (length / radius), S(0), S(1)};
   }
-  static constexpr bool convex(const Load<S>&) { return true; }
+  static constexpr bool folds() { return false; }
+  static constexpr bool tame(const Load<S>&, const S&) { return true; }
   constexpr auto values() const { return TendonPulley<ValueOf<S>>{value_of(radius), value_of(length)}; }
 };
 
@@ -122,7 +126,13 @@ struct TendonContinuum {
                      D(load.radial_force) * radial(at, D(backbone_length));
     return {moment.value / radius, moment.slope[0] / radius, S(1)};
   }
-  static constexpr bool convex(const Load<S>&) { return false; }
+  static constexpr bool folds() { return false; }
+  // The balance is monotone, so that it has one root, while one tendon (stiffness in N/m; none: 0) and the spring
+  // outweigh the change of the arms: by the angle, at most 0.1351 L for the force and 1/6 L for the radial force.
+  constexpr bool tame(const Load<S>& load, const S& stiffness) const {
+    const S change = S(0.1351) * abs(load.force) + S(1.0 / 6) * abs(load.radial_force);
+    return change * backbone_length < passive_stiffness() + stiffness * radius * radius;
+  }
   constexpr auto values() const {
     return TendonContinuum<ValueOf<S>>{value_of(radius), value_of(length), value_of(backbone_length),
                                        value_of(backbone_rigidity)};

@@ -27,6 +27,11 @@ constexpr bool is_finite(S v) {
   return v - v == S(0);  // NOLINT(misc-redundant-expression): not for infinities and NaN
 }
 
+template <Real... S>
+constexpr bool all_finite(S... v) {
+  return (is_finite(v) && ...);
+}
+
 /// The plain value of a number: itself, or what a dual number carries beside its derivatives.
 template <Real S>
 constexpr S value_of(S v) {

@@ -78,12 +78,13 @@ Result<S> elongation(const A& axis, const Tensions<S>& tension, const Stroke<S>&
 
 /// Handle angle that holds an output angle under load, rad: the inverse of output_angle (eq. 20, slack included).
 ///
-/// An output angle beyond the fold has no stable equilibrium, one that needs more than the handle's range none at all.
+/// An output angle off the branch that grows out of no load has none, nor has one that needs more than the handle's
+/// range.
 template <class A, class S>
 Result<S> handle_angle(const A& axis, const S& output_angle, const Load<S>& load, const Stroke<S>& wound = {}) {
   using V = ValueOf<S>;
-  if (!is_finite(value_of(output_angle) + value_of(load.force) + value_of(load.radial_force) + value_of(wound.agonist) +
-                 value_of(wound.antagonist)))
+  if (!all_finite(value_of(output_angle), value_of(load.force), value_of(load.radial_force), value_of(wound.agonist),
+                  value_of(wound.antagonist)))
     return {{}, Status::not_finite};
   if (!(abs(output_angle) < S(pi))) return {{}, Status::unreachable};
   const S x = axis.distal.coordinate(output_angle);
@@ -93,22 +94,26 @@ Result<S> handle_angle(const A& axis, const S& output_angle, const Load<S>& load
   // Both taut, the mean tension is what pretension and motors leave; a tendon that would have to push is slack.
   const S mean = axis.pretension + axis.stiffness * (wound.agonist + wound.antagonist) * S(0.5);
   Tensions<S> tension{mean + difference * S(0.5), mean - difference * S(0.5)};
-  const bool agonist_taut = tension.agonist >= S(0);
-  const bool antagonist_taut = tension.antagonist >= S(0);
-  if (!antagonist_taut) tension = {difference, S(0)};
-  if (!agonist_taut) tension = {S(0), -difference};
+  const bool both_taut = tension.agonist >= S(0) && tension.antagonist >= S(0);
+  const bool agonist_taut = both_taut || difference > S(0);
+  const bool antagonist_taut = both_taut || difference < S(0);
+  if (!both_taut) tension = {agonist_taut ? difference : S(0), antagonist_taut ? -difference : S(0)};
   const Result<S> stretch = detail::elongation(axis, tension, wound, agonist_taut, antagonist_taut);
   if (stretch.status != Status::ok) return {{}, stretch.status};
-
-  const int taut = int(agonist_taut) + int(antagonist_taut);
-  const S slope = S(-taut) * axis.stiffness * axis.distal.excursion_slope() - demand.slope / demand.weight;
-  if (!(slope < S(0))) return {{}, Status::no_equilibrium};
 
   const S proximal = (axis.distal.excursion_slope() * x + stretch.value) / axis.proximal.excursion_slope();
   if (!(abs(proximal) < axis.proximal.limit())) return {{}, Status::unreachable};
   const S angle = axis.proximal.angle(proximal);
-  const bool in_range = abs(value_of(angle)) <= value_of(axis.handle_range) + range_tolerance<V>;
-  return {angle, in_range ? Status::ok : Status::unreachable};
+  if (abs(value_of(angle)) > value_of(axis.handle_range) + range_tolerance<V>) return {{}, Status::unreachable};
+
+  // The balance has other roots, past a fold or at another branch: the handle angle must lead back.
+  const Equilibrium<V> back =
+      equilibrium(axis.values(), value_of(angle), Load<V>{value_of(load.force), value_of(load.radial_force)},
+                  Stroke<V>{value_of(wound.agonist), value_of(wound.antagonist)});
+  if (back.status != Status::ok) return {{}, back.status};
+  // Close to the fold an angle turns far for rounding's sake.
+  constexpr V near = sizeof(V) == 4 ? V(1e-2) : V(1e-5);
+  return {angle, abs(back.coordinate - value_of(x)) <= near ? Status::ok : Status::no_equilibrium};
 }
 
 /// Torque transmissibility at a handle angle and a distal coordinate; see torque_transmissibility.
@@ -172,8 +177,8 @@ Result<S> estimate_output_angle(const A& axis, const S& handle_angle, const Tens
                                 const Stroke<S>& wound = {}, const S& slack_below = S(0)) {
   const Status handle = check_handle(axis, handle_angle);
   if (handle != Status::ok) return {{}, handle};
-  if (!is_finite(value_of(tension.agonist) + value_of(tension.antagonist) + value_of(wound.agonist) +
-                 value_of(wound.antagonist)))
+  if (!all_finite(value_of(tension.agonist), value_of(tension.antagonist), value_of(wound.agonist),
+                  value_of(wound.antagonist), value_of(slack_below)))
     return {{}, Status::not_finite};
   const Result<S> stretch =
       detail::elongation(axis, tension, wound, tension.agonist > slack_below, tension.antagonist > slack_below);
@@ -191,7 +196,7 @@ Result<S> estimate_output_angle(const A& axis, const S& handle_angle, const Tens
 template <class A, class S>
 Result<S> compensation_stroke(const A& axis, const Tensions<S>& tension, Actuation actuation, Law law) {
   const S difference = tension.difference();
-  if (!is_finite(value_of(difference))) return {{}, Status::not_finite};
+  if (!all_finite(value_of(tension.agonist), value_of(tension.antagonist))) return {{}, Status::not_finite};
   if (law == Law::paper) return {difference / (S(2) * axis.stiffness), Status::ok};
   if (actuation == Actuation::agonist) {
     // Letting the agonist out past slack moves the joint no further.

@@ -35,9 +35,10 @@ struct Block {
 /// What a block's Newton steps have shown of a point.
 inline constexpr double arrived = 0, past_fold = 1, undecided = 2;
 
-// Arrived: from a start within reach, every slope was a stable one, every step in the first one's direction, and the
-// last one settled. Past the fold: the demand is convex, so that Newton cannot have passed a root, and yet a slope
-// turned or the joint's limit was crossed. A NaN fails every comparison and so leaves the point undecided.
+// Arrived: the load is tame, and from a start within reach every slope was a stable one, every step in the first one's
+// direction, and the last one settled. Past the fold: Newton cannot have passed a root, and yet a slope turned or a
+// limit was crossed beyond which every tension is outgrown. Everything else, all invalid input included, is for the
+// core's own solve.
 template <class A>
 [[gnu::always_inline]] inline void judge(const A axis, Block& block) {
   const double limit = axis.distal.limit();
@@ -46,11 +47,11 @@ template <class A>
     const Load<double> load{block.in[held_force][i], block.in[held_radial_force][i]};
     const double sum = block.agonist[i] + block.antagonist[i];
     const bool valid = (abs(block.in[held_handle_angle][i]) <= range) & (sum >= 0) & (abs(block.start[i]) < limit) &
-                       is_finite(sum + load.force + load.radial_force);
+                       is_finite(sum + load.force + load.radial_force) & axis.distal.tame(load, axis.stiffness);
     const bool straight = (block.worst_slope[i] < 0) & (abs(block.x[i]) < limit);
     const bool forward = block.worst_turn[i] >= -settled<double> * abs(block.first[i]);
     const bool settled_last = abs(block.correction[i]) <= settled<double>;
-    const bool lost = valid & axis.distal.convex(load) & !straight;
+    const bool lost = valid & axis.distal.folds() & !straight;
     const double otherwise = lost ? past_fold : undecided;
     block.verdict[i] = valid & straight & forward & settled_last ? arrived : otherwise;
   }

@@ -4,6 +4,7 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include "evaluate.hpp"
@@ -74,6 +75,7 @@ void over_points(const std::string& name, const std::vector<Input>& inputs, cons
       throw nb::value_error("outputs do not fit operation and inputs");
     std::array<double*, Operation::outputs> out{};
     for (std::size_t k = 0; k < out.size(); ++k) out[k] = results.out.data() + k * rows * points.count;
+    if (points.count == 0) return;
     const nb::gil_scoped_release release;
     over_threads(points.count, threads, least, [&](std::size_t begin, std::size_t end) {
       work.template operator()<Operation, held>(points, out, results.status.data(), begin, end);
@@ -100,6 +102,9 @@ void evaluate(const Spec& spec, const std::string& name, const std::vector<Input
 
 void gradient(const Spec& spec, const std::string& name, const std::vector<Input>& inputs,
               const std::vector<std::size_t>& variables, const Output& out, const StatusOutput& status, int threads) {
+  if (variables.empty()) throw nb::value_error("no variables");
+  for (const std::size_t variable : variables)
+    if (variable >= parameter_count + inputs.size()) throw nb::value_error("no such variable");
   // A derivative costs several times a value, so that fewer of them are worth a thread.
   over_points(name, inputs, {out, status}, variables.size(), threads, points_per_thread / 8,
               [&]<class Operation, bool held>(const Points& points, std::span<double* const> data, unsigned char* found,
@@ -136,16 +141,16 @@ NB_MODULE(_core, m) {
           [](Spec* self, JointType type, const std::array<double, parameter_count>& parameters, double range) {
             new (self) Spec{type, parameters, range};
           },
-          "joint_type"_a, "parameters"_a, "handle_range"_a);
+          "joint_type"_a, "parameters"_a, "handle_range"_a)
+      .def("__getstate__",
+           [](const Spec& spec) { return std::make_tuple(spec.joint_type, spec.parameters, spec.handle_range); })
+      .def("__setstate__",
+           [](Spec& spec, const std::tuple<JointType, std::array<double, parameter_count>, double>& state) {
+             new (&spec) Spec{std::get<0>(state), std::get<1>(state), std::get<2>(state)};
+           });
 
   m.def(
-      "parameters",
-      [] {
-        return std::vector<std::string>{"proximal_radius",     "distal_radius",   "handle_length",
-                                        "end_effector_length", "given_stiffness", "tendon_modulus",
-                                        "tendon_diameter",     "tendon_length",   "pretension",
-                                        "backbone_rigidity",   "backbone_length"};
-      },
+      "parameters", [] { return std::vector<std::string>(parameter_names.begin(), parameter_names.end()); },
       "Names of a spec's parameters, in their order.");
   m.def(
       "tendon_stiffness",

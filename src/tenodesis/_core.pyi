@@ -45,6 +45,10 @@ class Spec:
 
     def __init__(self, joint_type: JointType, parameters: Sequence[float], handle_range: float) -> None: ...
 
+    def __getstate__(self) -> tuple[JointType, list[float], float]: ...
+
+    def __setstate__(self, arg: tuple[JointType, Sequence[float], float], /) -> None: ...
+
 def parameters() -> list[str]:
     """Names of a spec's parameters, in their order."""
 

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
@@ -46,6 +47,10 @@ def bench(
         str | None,
         typer.Option(help="Its scale model: file or name. Default: scaled-up, for real-size."),
     ] = None,
+    axis: Annotated[
+        str | None,
+        typer.Option(help="Axis to compute, where yaw and pitch have values of their own. Default: the first."),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for report, figures, curves and results.")] = Path("out"),
 ) -> None:
     """Compute every figure and table of the paper for an instrument and write out/report.html."""
@@ -58,6 +63,8 @@ def bench(
             f"{scaled.name} has joint_type {scaled.joint_type}, {inst.name} {inst.joint_type}; "
             "allowed is a scale model of the same joint type."
         )
+    if axis is not None or inst.overrides:
+        inst = inst.axis(axis or inst.axes[0])
     with Progress(
         TextColumn("{task.description:<16}"),
         BarColumn(),
@@ -83,9 +90,13 @@ def check(
 ) -> None:
     """Check an instrument file and print what it comes to, in SI units."""
     inst: Instrument = instrument.load(instrument_file)
-    table = Table("key", "value", "source", title=f"{inst.name}: {inst.joint_type}, {' and '.join(inst.axes)}")
+    table = Table("key", "value", "source", title=f"{escape(inst.name)}: {inst.joint_type}, {' and '.join(inst.axes)}")
     for key, value, quantity in inst.quantities():
-        table.add_row(key, f"{value:.6g} {quantity.unit}", inst.sources.get(key, ""))
+        table.add_row(key, f"{value:.6g} {quantity.unit}", escape(inst.sources.get(key, "")))
+    for axis, own in inst.overrides.items():
+        for key, value, quantity in inst.axis(axis).quantities():
+            if key in own:
+                table.add_row(f"{axis}: {key}", f"{value:.6g} {quantity.unit}", "")
     console.print(table)
 
 
@@ -107,7 +118,7 @@ _BRIEF = (
 
 def _summary(context: Context) -> Table:
     """Return the report's numbers in brief, beside those that the paper prints."""
-    title = f"{context.inst.name}: summary, by name in results.json"
+    title = f"{escape(context.inst.name)}: summary, by name in results.json"
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
     table.add_column("result", no_wrap=True)
     for heading in ("computed", "published", "residual"):

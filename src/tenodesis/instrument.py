@@ -29,15 +29,16 @@ _HALF_TURN = math.pi
 PARAMETERS = tuple(_core.parameters())
 """The core's parameters of an instrument, in its order."""
 
-Length = Annotated[float, *annotation(Quantity("length", "m", "2 mm", above=0))]
-Modulus = Annotated[float, *annotation(Quantity("modulus", "Pa", "50 GPa", above=0))]
-_STIFFNESS = Quantity("stiffness", "N/m", "31 N/mm", above=0)
+# The bounds are wide of anything that can be built; they keep slips of a unit, and of arithmetic, out of the results.
+Length = Annotated[float, *annotation(Quantity("length", "m", "2 mm", above=1e-7, below=100))]
+Modulus = Annotated[float, *annotation(Quantity("modulus", "Pa", "50 GPa", above=1e3, below=1e13))]
+_STIFFNESS = Quantity("stiffness", "N/m", "31 N/mm", above=1e-3, below=1e12)
 Stiffness = Annotated[float, *annotation(_STIFFNESS)]
-Rigidity = Annotated[float, *annotation(Quantity("flexural rigidity", "N*m^2", "2e-4 N*m^2", above=0))]
-Tension = Annotated[float, *annotation(Quantity("force", "N", "30 N", at_least=0))]
-Force = Annotated[float, *annotation(Quantity("force", "N", "0.5 N"))]
-Moment = Annotated[float, *annotation(Quantity("moment", "N*m", "0.15 N*m"))]
-Rate = Annotated[float, *annotation(Quantity("rate", "Hz", "2000 Hz", above=0))]
+Rigidity = Annotated[float, *annotation(Quantity("flexural rigidity", "N*m^2", "2e-4 N*m^2", above=1e-12, below=1e3))]
+Tension = Annotated[float, *annotation(Quantity("force", "N", "30 N", at_least=0, below=1e5))]
+Force = Annotated[float, *annotation(Quantity("force", "N", "0.5 N", above=1e-6, below=1e5))]
+Moment = Annotated[float, *annotation(Quantity("moment", "N*m", "0.15 N*m", above=0, below=1e5))]
+Rate = Annotated[float, *annotation(Quantity("rate", "Hz", "2000 Hz", above=0, below=1e9))]
 Angle = Annotated[float, *annotation(Quantity("angle", "rad", "20 deg"))]
 Range = Annotated[float, *annotation(Quantity("angle", "rad", "45 deg", above=0, below=_HALF_TURN))]
 
@@ -51,8 +52,8 @@ class _Strict(BaseModel):
 class Conditions(_Strict):
     """The conditions an instrument is tested under; all optional, SI units."""
 
-    forces: tuple[Force, ...] = Field(default=(), description="Tangential tip forces, N")
-    cycles: int | None = Field(default=None, ge=1, description="Cycles of flexion and extension")
+    forces: tuple[Force, ...] = Field(default=(), max_length=12, description="Tangential tip forces, N")
+    cycles: int | None = Field(default=None, ge=1, strict=True, description="Cycles of flexion and extension")
     sampling_rate: Rate | None = Field(default=None, description="Samples per second")
     cable_force: Force | None = Field(default=None, description="Force on one weight cable of the load rig")
     cable_pulley_radius: Length | None = Field(default=None, description="Radius the weight cable acts at")
@@ -72,8 +73,8 @@ class Instrument(_Strict):
 
     joint_type: str
 
-    name: str = Field(description="What the instrument is called in figures and tables", min_length=1)
-    description: str = Field(default="", description="One line about the instrument")
+    name: str = Field(description="What the instrument is called in figures and tables")
+    description: str = Field(default="", max_length=200, description="One line about the instrument")
     axes: tuple[AxisName, ...] = Field(default=("yaw",), description="Bending axes: yaw, pitch, or both")
 
     stem_diameter: Length | None = Field(default=None, description="Outer diameter of the stem")
@@ -142,7 +143,7 @@ class Instrument(_Strict):
         """
         return _validated(type(self), self._with(changes), file=False)
 
-    def axis(self, name: AxisName) -> Self:
+    def axis(self, name: str) -> Self:
         """Return the instrument of one axis alone, with that axis's own values in place.
 
         Raises
@@ -152,7 +153,8 @@ class Instrument(_Strict):
         """
         if name not in self.axes:
             raise InstrumentError(f"{self.name} has no axis {name!r}; it has {' and '.join(self.axes)}.")
-        return self.replace(axes=(name,), overrides=None, **self.overrides.get(name, {}))
+        own = {axis: values for axis, values in self.overrides.items() if axis == name}
+        return self.replace(axes=(name,), overrides=None, **dict(*own.values()))
 
     def _with(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return the values of this instrument by key, with changes; None leaves a key out."""
@@ -161,8 +163,15 @@ class Instrument(_Strict):
         return {key: value for key, value in (values | dict(changes)).items() if value is not None}
 
     def _check_override(self, axis: AxisName, values: Mapping[str, Any], *, in_file: bool) -> None:
-        if axis not in self.axes:
-            raise ValueError(f"overrides.{axis} is given, but axes names only {' and '.join(self.axes)}")
+        if axis not in self.axes[1:]:
+            raise ValueError(
+                f"overrides.{axis} is given, but the second axis is {self.axes[1] if self.axes[1:] else 'not there'}; "
+                "the first axis has its values at the top"
+            )
+        allowed = [key for key, _, _ in self.quantities()]
+        foreign = [key for key in values if key not in {*allowed, "tendon_length", "tendon_stiffness"}]
+        if foreign:
+            raise ValueError(f"overrides.{axis}: {foreign[0]} is not a known key; allowed are {', '.join(allowed)}")
         bare = [key for key, value in values.items() if in_file and isinstance(value, int | float)]
         if bare:
             raise ValueError(f"overrides.{axis}.{bare[0]} = {values[bare[0]]!r}: it has no unit")
@@ -171,6 +180,20 @@ class Instrument(_Strict):
             _validated(type(self), alone, file=False, source=f"overrides.{axis}")
         except InstrumentError as invalid:
             raise ValueError(str(invalid).rstrip(".")) from None
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy by way of :meth:`replace`, since a copy's changes must be checked and reach the core."""
+        return self.replace(**(update or {}))
+
+    def __hash__(self) -> int:
+        return hash((self.joint_type, self.name, tuple((key, value) for key, value, _ in self.quantities())))
+
+    @field_validator("name")
+    @classmethod
+    def _printable_name(cls, name: str) -> str:
+        if not (1 <= len(name) <= 60 and name.isprintable()):
+            raise ValueError("it must be 1 to 60 printable characters")
+        return name
 
     @field_validator("axes")
     @classmethod
@@ -184,6 +207,14 @@ class Instrument(_Strict):
         missing = [key for key in ("tendon_diameter", "tendon_modulus") if getattr(self, key) is None]
         if self.given_stiffness is None and missing:
             raise ValueError(f"{missing[0]} is missing; give tendon_diameter and tendon_modulus, or tendon_stiffness")
+        stiffness = self.tendon_stiffness
+        if not 1e-3 < stiffness < 1e12:
+            raise ValueError(f"tendon_stiffness follows as {stiffness:.3g} N/m; it must be {_STIFFNESS.allowed}")
+        if self.pretension / stiffness >= (self.tendon_length or self.overall_length):
+            raise ValueError(
+                f"pretension is {self.pretension:g} N, which would stretch tendons of {stiffness:.3g} N/m by more than "
+                "their length; allowed is less pretension or a stiffer tendon"
+            )
         reach = _core.unloaded_limit(self.spec)
         if not reach < 1:
             raise ValueError(
@@ -286,7 +317,7 @@ def load(name_or_path: str | Path) -> Instrument:
         return parse((_shipped_folder() / f"{source}.toml").read_text("utf-8"), source)
     path = Path(name_or_path)
     try:
-        text = path.read_text("utf-8")
+        text = path.read_text("utf-8-sig")
     except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
         names = ", ".join(shipped())
         raise InstrumentError(
@@ -303,7 +334,7 @@ def load(name_or_path: str | Path) -> Instrument:
 
 
 def parse(text: str, source: str = "instrument") -> Instrument:
-    """Read an instrument from the text of an instrument file.
+    """Read an instrument from the text (str) of an instrument file.
 
     Raises
     ------
@@ -314,6 +345,8 @@ def parse(text: str, source: str = "instrument") -> Instrument:
         values = tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
         raise InstrumentError(f"{source} is not valid TOML: {problem}.") from None
+    except RecursionError:
+        raise InstrumentError(f"{source} is not valid TOML: it is nested too deeply.") from None
     joint_type = values.get("joint_type")
     if not isinstance(joint_type, str) or joint_type not in JOINT_TYPES:
         found = "is missing" if joint_type is None else f"is {joint_type!r}"
@@ -371,6 +404,8 @@ def _sentence(kind: type[Instrument], error: Any) -> str:
         return f"{key} is not a known key; allowed are {', '.join(_siblings(kind, error['loc']))}."
     if not key:
         return f"{told}."
+    if error["type"] == "tuple_type":
+        told = "a list"
     if error["type"] != "value_error":
         told = f"it must be {told}"
     return f"{key} = {error['input']!r}: {told}."

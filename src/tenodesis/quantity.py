@@ -1,14 +1,22 @@
 """Physical quantities of an instrument file: written with their unit, kept in SI."""
 
 import math
+import re
 from dataclasses import dataclass
 from functools import cache
+from numbers import Real
 from typing import Any
 
 import pint
 from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema
 
 _UNITS: pint.UnitRegistry[float] = pint.UnitRegistry()
+_ANGLE_UNITS = {"radian", "milliradian", "degree", "arcminute", "turn"}
+
+# Number and unit are told apart here, not by pint, which would work out arithmetic, and take a decimal comma for none.
+_NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+|nan|inf)(?:[eE][-+]?[0-9]+)?"
+_UNIT = r"[^\W\d_]+(?:(?:\^|\*\*)-?[0-9])?|°"
+_WRITTEN = re.compile(rf"(?P<number>{_NUMBER})(?P<unit>\s*|\s*(?:{_UNIT})(?:(?:\s*[*/·]\s*|\s+)(?:{_UNIT}))*)")
 
 
 @dataclass(frozen=True)
@@ -31,12 +39,7 @@ class Quantity:
             if bound is not None
         ]
         article = "an" if self.name[0] in "aeiou" else "a"
-        return " ".join(
-            [
-                f"{article} {self.name}",
-                *(["and ".join(f"{bound} " for bound in bounds).strip()] if bounds else []),
-            ]
-        )
+        return " ".join([f"{article} {self.name}", *([" and ".join(bounds)] if bounds else [])])
 
     def parse(self, value: Any, info: ValidationInfo) -> float:
         """Read a value into SI: text with a unit, or outside files a bare SI number.
@@ -48,7 +51,7 @@ class Quantity:
         """
         if isinstance(value, str):
             number = self._read(value)
-        elif isinstance(value, bool) or not isinstance(value, int | float):
+        elif isinstance(value, bool) or not isinstance(value, Real):
             raise ValueError(f'it must be {self.allowed}, written like "{self.example}"')
         elif info.context and info.context.get("file"):
             raise ValueError(f'it has no unit; write {self.allowed} like "{self.example}"')
@@ -65,19 +68,21 @@ class Quantity:
         return number
 
     def _read(self, text: str) -> float:
+        written = _WRITTEN.fullmatch(text.strip())
+        if written is None:
+            raise ValueError(f'it is not understood; write {self.allowed} like "{self.example}"')
+        number, unit_text = float(written["number"]), written["unit"].strip()
+        if not unit_text:
+            raise ValueError(f'it has no unit; write {self.allowed} like "{self.example}"')
         try:
-            quantity: Any = _UNITS.Quantity(text)
+            unit: Any = _UNITS.Unit(unit_text.replace("·", "*"))
         except Exception as problem:  # pint raises whatever its tokenizer does
             raise ValueError(f'it is not understood; write {self.allowed} like "{self.example}"') from problem
-        if quantity.unitless and not _UNITS.Unit(self.unit).dimensionless:
-            raise ValueError(f'it has no unit; write {self.allowed} like "{self.example}"')
-        if quantity.dimensionless != _UNITS.Unit(self.unit).dimensionless or not quantity.check(
-            _UNITS.Unit(self.unit).dimensionality
-        ):
-            raise ValueError(
-                f'it is measured in {quantity.units:~P}; it must be {self.allowed}, written like "{self.example}"'
-            )
-        return float(quantity.to(self.unit).magnitude)
+        # Angles have no dimension, and neither have percents or mm/mm, which are no angles.
+        angle = self.unit == "rad"
+        if unit.dimensionality != _UNITS.Unit(self.unit).dimensionality or (angle and str(unit) not in _ANGLE_UNITS):
+            raise ValueError(f'it is measured in {unit_text}; it must be {self.allowed}, written like "{self.example}"')
+        return float(_UNITS.Quantity(number, unit).to(self.unit).magnitude)
 
 
 def annotation(quantity: Quantity) -> tuple[BeforeValidator, WithJsonSchema, Quantity]:

@@ -6,6 +6,7 @@ The paper calls the small instrument the model and the large one the prototype; 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from math import nan
 from typing import NamedTuple
 
 import numpy as np
@@ -30,13 +31,13 @@ class Group(NamedTuple):
 
     @property
     def ratio(self) -> float:
-        """Prototype over model."""
-        return self.prototype / self.model
+        """Prototype over model, NaN where the model's is zero."""
+        return self.prototype / self.model if self.model else nan
 
     @property
     def matches(self) -> bool:
         """Whether the group is the same in both instruments."""
-        return abs(self.ratio - 1) < _SAME
+        return abs(self.prototype - self.model) <= _SAME * abs(self.model)
 
 
 @dataclass(frozen=True)
@@ -173,11 +174,7 @@ class Comparison:
         """
         scaled = self.model.pretension * self.tension_factor if pretension is None else pretension
         factor = self.force_factor() if force_factor is None else force_factor
-        reach = min(
-            statics.handle_angle(self.model, self.model.output_range),
-            self.model.handle_range,
-            self.prototype.handle_range,
-        )
+        reach = min(statics.reach(self.model), self.prototype.handle_range)
         handle = np.linspace(-reach, reach, grid[0])
         force = np.linspace(0.0, self.largest_force, grid[1])
         expected = statics.output_angle(self.model, handle[:, None], force)
@@ -206,15 +203,20 @@ def compare(model: Instrument, prototype: Instrument, *, largest_force: float | 
     ------
     ValueError
         The two have different joint types, or the force is not positive.
+    TypeError
+        One is not an instrument.
     """
+    for argument, inst in (("model", model), ("prototype", prototype)):
+        if not isinstance(inst, Instrument):
+            raise TypeError(f"{argument} is {inst!r}; allowed is an instrument, as tenodesis.load gives it.")
     if model.joint_type != prototype.joint_type:
         raise ValueError(
             f"prototype has joint_type {prototype.joint_type}, model {model.joint_type}; "
             "allowed are two instruments of the same joint type."
         )
     force = max(model.conditions.forces, default=1.0) if largest_force is None else largest_force
-    if not (np.isfinite(force) and force > 0):
-        raise ValueError(f"largest_force is {force}; allowed is a force above 0 N.")
+    if not isinstance(force, int | float) or not (np.isfinite(force) and force > 0):
+        raise ValueError(f"largest_force is {force!r}; allowed is a force above 0 N.")
     return Comparison(model, prototype, force)
 
 

@@ -85,7 +85,8 @@ _ANGLES = {"handle_angle", "output_angle"}
 _REASONS = {
     Status.NO_EQUILIBRIUM: "there is no equilibrium, the load is past the fold where the joint snaps through; "
     "allowed is a smaller load, or a larger pretension where a tendon is slack",
-    Status.UNREACHABLE: "it is outside what the mechanism and the handle's range of ±{range:.4g} deg can reach",
+    Status.UNREACHABLE: "it is outside what the mechanism can bend to and the handle's range of ±{range:.4g} deg "
+    "can reach",
     Status.BOTH_SLACK: "both tendons are slack, so nothing holds the tip; allowed is at least one taut tendon",
     Status.NO_AUTHORITY: "letting the agonist out beyond slack gives no angle back; "
     "allowed is an agonist tension that falls short of the antagonist's by at most the pretension of {pretension:g} N",
@@ -201,6 +202,8 @@ def flexural_stiffness(inst: Instrument, output_angle: ArrayLike) -> FloatOrArra
     ------
     ValueError
         The angle is not finite.
+    NoSolutionError
+        A single angle is half a turn or more.
     """
     return _evaluate("flexural_stiffness", inst, locals())[0]
 
@@ -214,6 +217,8 @@ def loss_of_dexterity(inst: Instrument, output_angle: ArrayLike, force: ArrayLik
     ------
     ValueError
         An input is not finite.
+    NoSolutionError
+        A single angle is half a turn or more.
     """
     return _evaluate("loss_of_dexterity", inst, locals())[0]
 
@@ -225,6 +230,8 @@ def slack_force(inst: Instrument, output_angle: ArrayLike) -> FloatOrArray:
     ------
     ValueError
         The angle is not finite.
+    NoSolutionError
+        A single angle is half a turn or more.
     """
     return _evaluate("slack_force", inst, locals())[0]
 
@@ -314,7 +321,7 @@ def gradient(
     -------
     dict of str to float or array
         The derivative by each of `wrt`; for `tensions`, a :class:`Tensions` of derivatives. At the onset of slack,
-        where the derivative jumps, it is the one with both tendons taut.
+        where the derivative jumps, it is the one with the slack tendon.
 
     Raises
     ------
@@ -327,6 +334,8 @@ def gradient(
     if name not in _INPUTS or name == "equilibrium":
         allowed = ", ".join(key for key in _INPUTS if key != "equilibrium")
         raise ValueError(f"function is {name!r}; allowed are {allowed}.")
+    if isinstance(wrt, str) or not wrt:
+        raise ValueError(f"wrt is {wrt!r}; allowed is a list of names.")
     bound = inspect.signature(globals()[name]).bind(inst, *args, **kwargs)
     bound.apply_defaults()
     query = _query(name, inst, bound.arguments)
@@ -335,6 +344,12 @@ def gradient(
     shaped = [[_shaped(row, query.shape) for row in output] for output in outputs]
     rows = [Tensions(*pair) for pair in zip(*shaped, strict=True)] if name == "tensions" else shaped[0]
     return dict(zip(wrt, rows, strict=True))
+
+
+def reach(inst: Instrument) -> float:
+    """Return the handle angle (rad) that bends the unloaded tip through its working range, or the handle's range."""
+    needed = handle_angle(inst, np.array([inst.output_range]))[0]
+    return float(np.fmin(needed, inst.handle_range))
 
 
 class _Query(NamedTuple):
@@ -398,13 +413,11 @@ def _query(name: str, inst: Instrument, arguments: dict[str, Any]) -> _Query:
     values = dict(arguments)
     if "wound" in values:
         wound = values.pop("wound")
-        values["agonist_wound"], values["antagonist_wound"] = wound if isinstance(wound, tuple) else (wound, 0.0)
-    arrays = []
-    for key in _INPUTS[name]:
-        try:
-            arrays.append(np.asarray(values[key], dtype=np.float64))
-        except (TypeError, ValueError):
-            raise ValueError(f"{key} is {values[key]!r}; allowed is a number or an array of numbers.") from None
+        pair = wound if isinstance(wound, tuple) else (wound, 0.0)
+        if len(pair) != 2:
+            raise ValueError(f"wound is {wound!r}; allowed is the agonist's length, or a tuple of both tendons'.")
+        values["agonist_wound"], values["antagonist_wound"] = pair
+    arrays = [_numbers(key, values[key]) for key in _INPUTS[name]]
     try:
         shape = np.broadcast_shapes(*(array.shape for array in arrays))
     except ValueError:
@@ -415,6 +428,17 @@ def _query(name: str, inst: Instrument, arguments: dict[str, Any]) -> _Query:
         for array in arrays
     ]
     return _Query(name, _operation(name, arguments), inst, columns, shape)
+
+
+def _numbers(key: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Return an argument as float64; text, times, complex and masked ones are refused, which NumPy would convert."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        array = np.array(None)
+    if array.dtype.kind not in "buif" or np.ma.isMaskedArray(value):
+        raise ValueError(f"{key} is {value!r}; allowed is a number or an array of numbers.")
+    return array.astype(np.float64, copy=False)
 
 
 def _shaped(values: NDArray[np.float64], shape: tuple[int, ...]) -> FloatOrArray:
@@ -446,7 +470,7 @@ def _at(index: int, shape: tuple[int, ...]) -> str:
 
 
 def _value(key: str, value: float) -> str:
-    return f"{value:.6g} rad ({degrees(value):.4g} deg)" if key in _ANGLES else f"{value:.6g}"
+    return f"{value:.6g} rad ({degrees(value):.7g} deg)" if key in _ANGLES else f"{value:.6g}"
 
 
 def _refuse_invalid(query: _Query, status: NDArray[np.uint8]) -> None:

@@ -2,6 +2,8 @@
 
 import os
 
+MOST_THREADS = 1024
+
 _threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
 
@@ -11,11 +13,11 @@ def set_threads(count: int) -> None:
     Raises
     ------
     ValueError
-        The count is below one.
+        The count is no whole number from 1 to 1024.
     """
     global _threads  # noqa: PLW0603
-    if count < 1:
-        raise ValueError(f"count is {count}; allowed is a whole number of at least 1.")
+    if not isinstance(count, int) or not 1 <= count <= MOST_THREADS:
+        raise ValueError(f"count is {count!r}; allowed is a whole number from 1 to {MOST_THREADS}.")
     _threads = count
 
 

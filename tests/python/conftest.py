@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -35,11 +34,6 @@ def any_inst(request: pytest.FixtureRequest) -> Instrument:
     """Every mechanism, and both instruments of the paper."""
     inst: Instrument = request.getfixturevalue(request.param)
     return inst
-
-
-@pytest.fixture
-def threads() -> Callable[[int], None]:
-    return tn.set_threads
 
 
 def pytest_configure(config: pytest.Config) -> None:

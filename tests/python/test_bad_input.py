@@ -19,7 +19,11 @@ CASES: list[tuple[Callable[[TendonGear], Any], type[Exception], str]] = [
     (lambda i: S.output_angle(i, np.zeros((2, 2)), np.array([[0, 0], [0, NAN]])), ValueError, r"^force\[1, 1\] is nan"),
     (lambda i: S.output_angle(i, 0.1, wound=(0.0, NAN)), ValueError, r"^antagonist_wound is nan"),
     (lambda i: S.output_angle(i, 0.1, radial_force=NAN), ValueError, r"^radial_force is nan"),
-    (lambda i: S.output_angle(i, 0.9), ValueError, r"^handle_angle is 0.9 rad \(51.57 deg\); allowed is .* ±45 deg\.$"),
+    (
+        lambda i: S.output_angle(i, 0.9),
+        ValueError,
+        r"^handle_angle is 0.9 rad \(51.5662 deg\); allowed is .* ±45 deg\.$",
+    ),
     (lambda i: S.output_angle(i, [0, -0.9]), ValueError, r"^handle_angle\[1\] is -0.9 rad"),
     (lambda i: S.estimate_output_angle(i, 0.9, 30, 30), ValueError, r"^handle_angle is 0.9 rad"),
     (lambda i: S.output_angle(i, "x"), ValueError, r"^handle_angle is 'x'; allowed is a number or an array"),
@@ -38,6 +42,20 @@ CASES: list[tuple[Callable[[TendonGear], Any], type[Exception], str]] = [
     (lambda i: S.compensation_stroke(i, 3, 4, law="x"), ValueError, r"^law is 'x'; allowed are exact and paper\.$"),  # type: ignore[arg-type]
     (lambda i: S.loss_of_dexterity(i, 0.1, NAN), ValueError, r"^force is nan"),
     (lambda i: S.flexural_stiffness(i, INF), ValueError, r"^output_angle is inf"),
+    (lambda i: S.output_angle(i, "0.5"), ValueError, r"^handle_angle is '0.5'; allowed is a number or an array"),
+    (lambda i: S.output_angle(i, np.array([0.1 + 0.2j])), ValueError, r"^handle_angle is array\(.*; allowed is a"),
+    (lambda i: S.output_angle(i, np.ma.array([0.1, 99], mask=[0, 1])), ValueError, r"^handle_angle is masked_array"),
+    (lambda i: S.output_angle(i, 10**400), ValueError, r"^handle_angle is 1000"),
+    (lambda i: S.output_angle(i, 0.1, wound=(1e-3,)), ValueError, r"^wound is \(0.001,\); allowed is"),
+    (lambda i: S.output_angle(i, 0.1, 1e308, radial_force=1e308), tn.NoSolutionError, r"no equilibrium"),
+    (lambda i: S.estimate_output_angle(i, 0.1, 30, 30, slack_below=NAN), ValueError, r"^slack_below is nan"),
+    (lambda i: S.compensation_stroke(i, INF, 1), ValueError, r"^agonist is inf"),
+    (lambda i: S.gradient("output_angle", i, 0.1, wrt=[]), ValueError, r"^wrt is \[\]; allowed is a list of names"),
+    (lambda i: S.gradient("output_angle", i, 0.1, wrt="force"), ValueError, r"^wrt is 'force'; allowed is a list"),
+    (lambda i: tn.similarity.compare(i, "x"), TypeError, r"^prototype is 'x'; allowed is an instrument"),  # type: ignore[arg-type]
+    (lambda i: tn.similarity.compare(i, i, largest_force="1 N"), ValueError, r"^largest_force is '1 N'"),  # type: ignore[arg-type]
+    (lambda _: tn.set_threads(2.5), ValueError, r"^count is 2.5; allowed is"),  # type: ignore[arg-type]
+    (lambda _: tn.set_threads(2**40), ValueError, r"^count is 1099511627776; allowed is"),
     (lambda _: tn.set_threads(0), ValueError, r"^count is 0; allowed is"),
 ]
 

@@ -14,6 +14,8 @@ from tenodesis.bench.content import Context
 from tenodesis.bench.run import steps
 from tenodesis.instrument import Instrument
 
+from .conftest import ROOT
+
 
 @pytest.fixture(scope="session")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Context, list[str]]:
@@ -70,12 +72,12 @@ def test_results_stand_by_name_with_unit_and_published_value(bench: Bench) -> No
     entries = results["results"]
     assert set(entries) == set(context.results)
     assert all(entry["unit"] and entry["description"] for entry in entries.values())
-    stiffness = entries["table1.stiffness.real-size"]
+    stiffness = entries["table1.stiffness.instrument"]
     assert stiffness["published"] == 31172
     assert abs(stiffness["residual"]) < 0.5
     assert entries["care.1.remaining_share"]["value"] == pytest.approx(0.5, abs=1e-9)
-    assert entries["verification.scipy.real-size"]["value"] < np.degrees(1e-9)
-    assert entries["verification.mujoco.real-size"]["value"] < 0.05
+    assert entries["verification.scipy.instrument"]["value"] < np.degrees(1e-9)
+    assert entries["verification.mujoco.instrument"]["value"] < 0.05
     assert abs(entries["care.9.radial.mujoco"]["value"] - entries["care.9.radial.virtual_work"]["value"]) < 1e-5
 
 
@@ -131,3 +133,67 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(BenchError, match="file/out cannot be written"):
         run(tn.load("scaled-up"), None, tmp_path / "file/out")
+
+
+REAL = (ROOT / "instruments/real-size.toml").read_text("utf-8")
+UNUSUAL = {
+    "handle that ends before the working range": ('handle_range = "45 deg"', 'handle_range = "30 deg"'),
+    "distal gear larger than the proximal one": ('distal_gear_radius = "2 mm"', 'distal_gear_radius = "6 mm"'),
+    "working range of half a turn": ('output_range = "80 deg"', 'output_range = "170 deg"'),
+    "working range of one degree": ('output_range = "80 deg"', 'output_range = "1 deg"'),
+    "loads past every fold": ('"0.5 N", "1 N", "2 N", "3 N"', '"20 N", "500 N"'),
+    "loads of next to nothing": ('"0.5 N", "1 N", "2 N", "3 N"', '"2 uN"'),
+    "loads that are nearly the same": ('"0.5 N", "1 N", "2 N", "3 N"', '"1 N", "1.0000001 N"'),
+    "twelve loads": ('"0.5 N", "1 N", "2 N", "3 N"', ", ".join(f'"{n / 10} N"' for n in range(1, 13))),
+    "no loads": ('forces = ["0.5 N", "1 N", "2 N", "3 N"]', ""),
+    "one held state": ("[conditions]", '[conditions]\noutput_angles = ["30 deg"]'),
+    "held states next to each other": ("[conditions]", '[conditions]\noutput_angles = ["30 deg", "30.2 deg"]'),
+    "held states out of reach": ("[conditions]", '[conditions]\noutput_angles = ["100 deg", "150 deg"]'),
+    "no pretension": ('pretension = "30 N"', 'pretension = "0 N"'),
+    "a name with markup": ('name = "real-size"', 'name = "<b>R&D</b> [/v2] $x_1$"'),
+    "soft tendons": ('tendon_modulus = "50 GPa"', 'tendon_modulus = "500 MPa"'),
+    "a second axis of its own": ("[conditions]", '[overrides.pitch]\ndistal_gear_radius = "2.2 mm"\n[conditions]'),
+}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("change", UNUSUAL.values(), ids=UNUSUAL.keys())
+def test_unusual_instruments_get_a_report_too(change: tuple[str, str], tmp_path: Path) -> None:
+    assert change[0] in REAL
+    inst = tn.parse(REAL.replace(*change, 1))
+    context = run(inst, inst, tmp_path)
+    html = (tmp_path / "report.html").read_text("utf-8")
+    text = re.sub(r"<svg.*?</svg>|<style.*?</style>", "", html, flags=re.S)
+    assert ">nan" not in text
+    assert "<b>R&D" not in text
+    assert context.results["verification.scipy.instrument.disputed"].value == 0
+    assert context.results["verification.mujoco.instrument.disputed"].value <= 1  # on the fold itself
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("pulley", {"output_range": "170 deg"}),
+        ("pulley", {"handle_range": "10 deg"}),
+        ("continuum", {"backbone_rigidity": "2 N*m^2"}),
+        ("continuum", {"backbone_rigidity": "20 N*mm^2"}),
+    ],
+)
+def test_unusual_instruments_of_other_mechanisms_get_a_report_too(
+    name: str, changes: dict[str, str], tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    inst: Instrument = request.getfixturevalue(name).replace(**changes)
+    assert "shrinks faster" not in report_text(inst, tmp_path)
+
+
+def report_text(inst: Instrument, out: Path) -> str:
+    run(inst, inst.replace(name="scaled"), out)
+    return (out / "report.html").read_text("utf-8")
+
+
+def test_what_others_keep_in_the_folder_stays(tmp_path: Path, pulley: Instrument) -> None:
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures/mine.tex").write_text("mine")
+    run(pulley, None, tmp_path)
+    assert (tmp_path / "figures/mine.tex").read_text() == "mine"

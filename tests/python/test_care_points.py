@@ -145,8 +145,7 @@ def test_mujoco_says_that_the_radial_term_of_eq_1_is_a_tangent(real: TendonGear,
             handle, force = float(tn.statics.handle_angle(inst, np.radians(unloaded))), 0.2
             settled = mujoco_peer.settle(inst, handle, force, radial)
             half = settled.output_angle / 2
-            lever = inst.end_effector_length / (inst.distal_gear_radius * np.cos(half)) + 1
-            coefficient = (force * lever - (settled.agonist - settled.antagonist)) / radial
+            coefficient = mujoco_peer.radial_coefficient(inst, settled, force, radial)
             assert coefficient == pytest.approx(np.tan(half), abs=1e-5)
             assert abs(coefficient - np.sin(half)) > 0.05
             ours = tn.statics.output_angle(inst, handle, force, radial_force=radial)

@@ -19,7 +19,7 @@ def test_bench_writes_the_report_and_says_where(tmp_path: Path) -> None:
     done = tenodesis("bench", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "out/report.html" in done.stdout
-    assert "table1.stiffness.real-size" in done.stdout
+    assert "table1.stiffness.instrument" in done.stdout
     assert (tmp_path / "out/report.html").stat().st_size > 100_000
 
 

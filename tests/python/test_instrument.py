@@ -1,8 +1,11 @@
 """Claims about instrument files: what is shipped, and that every bad one ends in a sentence that helps."""
 
 import json
+import pickle
+from copy import deepcopy
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import tenodesis as tn
@@ -44,15 +47,15 @@ BAD = [
     ("overall_length =", "over_all_length =", "over_all_length is not a known key; allowed are "),
     ('pretension = "30 N"', "pretension = 30", "pretension = 30: it has no unit; write a force of at least 0 N"),
     ('"2 mm"', '"2"', "distal_gear_radius = '2': it has no unit"),
-    ('"2 mm"', '"2 kg"', "distal_gear_radius = '2 kg': it is measured in kg; it must be a length above 0 m"),
-    ('"2 mm"', '"-2 mm"', "distal_gear_radius = '-2 mm': it must be a length above 0 m"),
-    ('"2 mm"', '"nan mm"', "distal_gear_radius = 'nan mm': it must be a length above 0 m"),
-    ('"2 mm"', '"inf mm"', "distal_gear_radius = 'inf mm': it must be a length above 0 m"),
+    ('"2 mm"', '"2 kg"', "distal_gear_radius = '2 kg': it is measured in kg; it must be a length above 1e-07 m"),
+    ('"2 mm"', '"-2 mm"', "distal_gear_radius = '-2 mm': it must be a length above 1e-07 m"),
+    ('"2 mm"', '"nan mm"', "distal_gear_radius = 'nan mm': it must be a length above 1e-07 m"),
+    ('"2 mm"', '"inf mm"', "distal_gear_radius = 'inf mm': it must be a length above 1e-07 m"),
     ('"2 mm"', '"two mm"', "distal_gear_radius = 'two mm': it is not understood"),
     ('"2 mm"', "nan", "distal_gear_radius = nan: it has no unit"),
-    ('"2 mm"', "true", "distal_gear_radius = True: it must be a length above 0 m"),
-    ('"2 mm"', '["2 mm"]', "distal_gear_radius = ['2 mm']: it must be a length above 0 m"),
-    ('"50 GPa"', '"0 GPa"', "tendon_modulus = '0 GPa': it must be a modulus above 0 Pa"),
+    ('"2 mm"', "true", "distal_gear_radius = True: it must be a length above 1e-07 m"),
+    ('"2 mm"', '["2 mm"]', "distal_gear_radius = ['2 mm']: it must be a length above 1e-07 m"),
+    ('"50 GPa"', '"0 GPa"', "tendon_modulus = '0 GPa': it must be a modulus above 1000 Pa"),
     (
         "tendon_diameter",
         'tendon_stiffness = "0 N/m"\ntendon_diameter',
@@ -77,7 +80,20 @@ BAD = [
         "[overrides.pitch]\npretension = 3\n[conditions]",
         "overrides.pitch.pretension = 3: it has no unit",
     ),
-    ('axes = ["yaw", "pitch"]', 'axes = ["yaw"]\noverrides = {pitch = {}}', "overrides.pitch is given, but axes names"),
+    ('axes = ["yaw", "pitch"]', 'axes = ["yaw"]\noverrides = {pitch = {}}', "but the second axis is not there"),
+    ("[conditions]", "[overrides.yaw]\n[conditions]", "overrides.yaw is given, but the second axis is pitch"),
+    ("[conditions]", '[overrides.pitch]\naxes = ["yaw"]\n[conditions]', "overrides.pitch: axes is not a known key"),
+    ('"45 deg"', '"0.7"', "handle_range = '0.7': it has no unit; write an angle"),
+    ('"45 deg"', '"80 percent"', "handle_range = '80 percent': it is measured in percent; it must be an angle"),
+    ('"45 deg"', '"0.7 mm/mm"', "handle_range = '0.7 mm/mm': it is measured in mm/mm"),
+    ('"50 mm"', '"12,5 mm"', "end_effector_length = '12,5 mm': it is not understood"),
+    ('"30 N"', '"9**9**9**9 N"', "pretension = '9**9**9**9 N': it is not understood"),
+    ('"30 N"', '"2*15 N"', "pretension = '2*15 N': it is not understood"),
+    ('"0.63 mm"', '"1e200 m"', "tendon_diameter = '1e200 m': it must be a length above 1e-07 m and below 100 m"),
+    ('"50 GPa"', '"1 MPa"', "pretension is 30 N, which would stretch tendons of 0.623 N/m by more than their length"),
+    ('"0.5 N", ', '"-1 N", ', "conditions.forces.0 = '-1 N': it must be a force above 1e-06 N"),
+    ('name = "real-size"', 'name = ""', "name = '': it must be 1 to 60 printable characters"),
+    ('["yaw", "pitch"]', '"yaw"', "axes = 'yaw': it must be a list"),
     ("[conditions]", "conditions = 3\n[x]", "conditions = 3: it must be"),
 ]
 
@@ -125,6 +141,27 @@ def test_every_joint_type_loads_and_keeps_its_own_keys(pulley: Instrument, conti
     assert continuum.backbone_rigidity == pytest.approx(2e-4)
     with pytest.raises(tn.InstrumentError, match="backbone_length is not a known key"):
         tn.parse((EXAMPLES / "pulley.toml").read_text().replace("pretension", 'backbone_length = "1 mm"\npretension'))
+
+
+def test_instruments_can_be_sent_to_other_processes_and_kept_in_sets(real: TendonGear) -> None:
+    for copy in (pickle.loads(pickle.dumps(real)), deepcopy(real), real.model_copy()):
+        assert copy == real
+        assert hash(copy) == hash(real)
+        assert tn.statics.output_angle(copy, 0.3, 1.0) == tn.statics.output_angle(real, 0.3, 1.0)
+    changed = real.model_copy(update={"pretension": 5.0})
+    assert tn.statics.tensions(changed, 0.0).agonist == 5.0
+
+
+def test_numpy_numbers_and_a_byte_order_mark_are_taken(real: TendonGear, tmp_path: Path) -> None:
+    for number in (np.int64(3), np.float32(3), np.float64(3)):
+        assert real.replace(pretension=number).pretension == 3
+    (tmp_path / "marked.toml").write_text(TEXT, "utf-8-sig")
+    assert tn.load(tmp_path / "marked.toml") == real
+
+
+@pytest.mark.parametrize("text", ["31 N/mm", "31 kN/m", "31e3 N/m", "3.1e4 N·m^-1", "+31.0 N / mm", "31 N mm^-1"])
+def test_units_are_read_as_people_write_them(real: TendonGear, text: str) -> None:
+    assert real.replace(tendon_stiffness=text).tendon_stiffness == pytest.approx(31e3)
 
 
 def test_an_axis_that_is_not_there_is_refused(scaled: Instrument) -> None:

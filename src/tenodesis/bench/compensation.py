@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tenodesis import statics
 from tenodesis.bench import style
-from tenodesis.bench.content import CarePoint, Context, Plot, Section, Table, fixed
+from tenodesis.bench.content import CarePoint, Context, Plot, Section, Table, fixed, named
 from tenodesis.bench.loss import shown_force
 from tenodesis.instrument import Instrument
 
@@ -21,22 +21,29 @@ _LAWS: tuple[tuple[str, statics.Actuation, statics.Law], ...] = (
     ("exact law, both motors", "differential", "exact"),
 )
 _ROUNDS = 200
+_SETTLED = 1e-15  # m
 
 
 def settled_stroke(
     inst: Instrument, handle_angle: Array, force: float, actuation: statics.Actuation, law: statics.Law
 ) -> Array:
-    """Return the agonist's stroke, m, at which the measured tensions ask for just that stroke.
+    """Return the agonist's stroke, m, at which the measured tensions ask for just that stroke, NaN if there is none.
 
     The motors follow the law while the tip gives way and comes back; half steps keep the repetition from overshooting.
     """
     stroke = np.zeros_like(handle_angle)
     for _ in range(_ROUNDS):
         tension = statics.tensions(inst, handle_angle, force, wound=wound(stroke, actuation))
-        agonist, antagonist = np.nan_to_num(np.array(tension))
+        solved = np.isfinite(tension.agonist)
+        agonist, antagonist = (np.where(solved, pull, 0.0) for pull in tension)
         wanted = statics.compensation_stroke(inst, agonist, antagonist, actuation, law)
-        stroke = (stroke + wanted) / 2
-    return stroke
+        step = np.where(solved, (wanted - stroke) / 2, np.nan)
+        # What finds no equilibrium on the way stays without a stroke, and out of the solves that follow.
+        lost = ~np.isfinite(step)
+        stroke = np.where(lost, 0.0, stroke + step)
+        if np.all(lost | (np.abs(step) < _SETTLED)):
+            return np.where(lost, np.nan, stroke)
+    return np.full_like(stroke, np.nan)
 
 
 def wound(stroke: Array, actuation: statics.Actuation) -> tuple[Array, Array]:
@@ -50,8 +57,9 @@ def section(context: Context) -> Section:
     force = max(inst.conditions.forces) if context.is_paper else shown_force(inst)
     states = np.array(inst.conditions.output_angles or np.linspace(0.0, inst.output_range, 4))
     handle = statics.handle_angle(inst, states)
+    states, handle = states[np.isfinite(handle)], handle[np.isfinite(handle)]
     lost = np.degrees(states - statics.output_angle(inst, handle, force))
-    labels = [f"{np.degrees(state):.0f}°" for state in states]
+    labels = [f"{np.degrees(state):.4g}°" for state in states]
     rows = [["no compensation", *(fixed(value) for value in lost)]]
     for label, value in zip(labels, lost, strict=True):
         context.add(
@@ -63,8 +71,8 @@ def section(context: Context) -> Section:
     remaining = {"no compensation": lost}
     for name, actuation, law in _LAWS:
         stroke = settled_stroke(inst, handle, force, actuation, law)
-        output = statics.output_angle(inst, handle, force, wound=wound(stroke, actuation))
-        remaining[name] = np.degrees(states - output)
+        output = statics.output_angle(inst, handle, force, wound=wound(np.nan_to_num(stroke), actuation))
+        remaining[name] = np.degrees(states - np.where(np.isfinite(stroke), output, np.nan))
         rows.append([name, *(fixed(value + 0.0) for value in np.round(remaining[name], 9))])
         for label, value in zip(labels, remaining[name], strict=True):
             context.add(
@@ -76,8 +84,8 @@ def section(context: Context) -> Section:
     fig = _bars(labels, remaining)
     plot = Plot(
         "compensation_laws",
-        f"Loss of output angle under {force:g} N, {inst.name}, T<sub>o</sub> = {inst.pretension:g} N, once the motors "
-        "have settled; no friction.",
+        f"Loss of output angle under {force:g} N, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N, once the "
+        "motors have settled; no friction.",
         fig,
         {"unloaded_output_angle [deg]": np.degrees(states)} | {f"{k} [deg]": v for k, v in remaining.items()},
     )
@@ -113,17 +121,19 @@ def _bars(labels: Sequence[str], remaining: dict[str, Array]) -> Figure:
     axis.set_xticks(range(len(labels)), labels)
     axis.set(xlabel="unloaded output angle", ylabel="loss that remains [deg]")
     axis.axhline(0, color=style.MUTED, lw=0.8)
-    top = max(float(np.nanmax(values)) for values in remaining.values())
-    axis.set_ylim(min(0.0, *(1.2 * float(np.nanmin(values)) for values in remaining.values())), 1.55 * top)
+    shown = np.nan_to_num(np.array(list(remaining.values())))
+    axis.set_ylim(1.2 * min(0.0, float(shown.min())), 1.55 * max(1e-3, float(shown.max())))
     axis.legend(loc="upper left", ncols=2)
     return fig
 
 
 def _care(context: Context, inst: Instrument, handle: Array, force: float) -> list[CarePoint]:
-    if inst.joint_type != "tendon-gear":
+    if inst.joint_type != "tendon-gear" or not handle.size:
         return []
-    middle = handle[1:2]
+    middle = handle[handle.size // 3 : handle.size // 3 + 1]
     stroke = settled_stroke(inst, middle, force, "agonist", "paper")
+    if np.isnan(stroke).any():
+        return []
     tension = statics.tensions(inst, middle, force, wound=stroke)
     free = float(np.sin(statics.output_angle(inst, middle)[0] / 2))
     left = free - float(np.sin(statics.output_angle(inst, middle, force, wound=stroke)[0] / 2))

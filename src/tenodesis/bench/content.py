@@ -1,5 +1,6 @@
 """What a report is made of: results, figures with their curves, tables, and sections that hold them."""
 
+import html
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -78,12 +79,21 @@ class Context:
     """Whether both instruments are the paper's own, so that its printed numbers apply."""
     results: dict[str, Result] = field(default_factory=dict)
 
+    def figure_of(self, name: str) -> str:
+        """Return how a caption refers to a figure of the paper."""
+        return f"paper: {name}" if self.is_paper else f"as {name} of the paper"
+
     def add(self, key: str, value: float, unit: str, description: str, published: Published | None = None) -> float:
         """Record a result under a new key and return its value."""
         if key in self.results:
             raise KeyError(f"result {key} is recorded twice")
         self.results[key] = Result(key, float(value), unit, description, published if self.is_paper else None)
         return float(value)
+
+
+def named(inst: Instrument) -> str:
+    """Return an instrument's name as it may stand in HTML."""
+    return html.escape(inst.name)
 
 
 def number(value: float, digits: int = 4) -> str:

@@ -5,8 +5,7 @@ from numpy.typing import NDArray
 
 from tenodesis import statics
 from tenodesis.bench import style
-from tenodesis.bench.content import Context, Plot, Section, Table, fixed, number
-from tenodesis.errors import NoSolutionError
+from tenodesis.bench.content import Context, Plot, Section, Table, fixed, named, number
 from tenodesis.instrument import Instrument
 
 Array = NDArray[np.float64]
@@ -14,15 +13,8 @@ Array = NDArray[np.float64]
 
 def forces(inst: Instrument) -> list[float]:
     """Return the loads that curves are drawn for, N: none, and those of the instrument's conditions."""
-    return [0.0, *sorted({force for force in inst.conditions.forces if force > 0} or {0.5, 1.0, 1.5})]
-
-
-def reach(inst: Instrument) -> float:
-    """Return the handle angle, rad, that bends the unloaded tip to the end of its working range."""
-    try:
-        return float(statics.handle_angle(inst, inst.output_range))
-    except NoSolutionError:
-        return inst.handle_range
+    named = {f"{force:g}": force for force in inst.conditions.forces or (0.5, 1.0, 1.5) if force > 0}
+    return [0.0, *sorted(named.values())]
 
 
 def slack_onset(inst: Instrument, force: float) -> tuple[float, float]:
@@ -39,10 +31,20 @@ def slack_onset(inst: Instrument, force: float) -> tuple[float, float]:
     return angle, float(handle[0])
 
 
+def slack_told(inst: Instrument, force: float) -> str:
+    """Return in words at which output angles of the working range the antagonist is slack under a force."""
+    slack = statics.slack_force(inst, np.linspace(0.0, inst.output_range, 401)) <= force
+    if slack.all() or not slack.any():
+        return "everywhere" if slack.all() else "nowhere"
+    onset, _ = slack_onset(inst, force)
+    return f"θ_e ≥ {fixed(np.degrees(onset), 1)}°" if np.isfinite(onset) else "near the straight tip"
+
+
 def section(context: Context) -> Section:
     """Compute the input-output curves and what the load takes from the tip."""
     inst = context.inst
-    end = reach(inst)
+    end = statics.reach(inst)
+    loads = forces(inst)
     handle = np.linspace(0.0, min(inst.handle_range, 1.3 * end), 301)
     curves: dict[str, Array] = {"handle_angle [deg]": np.degrees(handle)}
     fig, (axis,) = style.figure()
@@ -60,7 +62,7 @@ def section(context: Context) -> Section:
     )
 
     rows = []
-    for force, color in zip(forces(inst), [style.INK, *style.LOADS], strict=False):
+    for force, color in zip(loads, style.colors(len(loads)), strict=True):
         output = np.degrees(statics.output_angle(inst, handle, force))
         output[output > np.degrees(inst.output_range) + 1e-9] = np.nan
         curves[f"output_angle at {force:g} N [deg]"] = output
@@ -81,14 +83,13 @@ def section(context: Context) -> Section:
             f"Output angle at a straight handle under {force:g} N",
         )
         loss = float(np.degrees(statics.output_angle(inst, end))) - flexed
-        always = bool(statics.slack_force(inst, 0.0) <= force) and force > 0
         rows.append(
             [
                 "no load" if force == 0 else f"{force:g} N",
                 fixed(straight),
                 fixed(flexed),
                 fixed(loss),
-                "everywhere" if always else ("none" if np.isnan(onset) else f"from {fixed(np.degrees(onset), 1)}°"),
+                slack_told(inst, force),
             ]
         )
     axis.plot([], [], "o", color=style.MUTED, mec="white", label="antagonist goes slack")
@@ -107,16 +108,15 @@ def section(context: Context) -> Section:
         "deg",
         "Unloaded output angle minus the linear ratio's at the end of the working range",
     )
-    text = (
-        f"<p>The unloaded tip follows the exact geometry, not the ratio {number(ratio, 3)}: at a handle angle of "
-        f"{fixed(np.degrees(end), 1)}° the linear rule is {fixed(abs(gap), 1)}° off. A load takes angle away, and "
-        "takes it faster once the antagonist is slack and only one tendon resists: there the curve turns from bending "
-        "upward to bending downward.</p>"
-    )
+    if inst.joint_type != "tendon-gear":
+        text = f"<p>The unloaded tip turns {number(ratio, 4)} times as far as the handle. A load takes angle away, and "
+        text += "takes it faster once the antagonist is slack and only one tendon resists.</p>"
+    else:
+        text = _gear_text(ratio, end, gap)
     plot = Plot(
         "fig7_input_output",
-        f"Input–output relationship under load, {inst.name}, T<sub>o</sub> = {inst.pretension:g} N (paper: Fig. 7). "
-        "The dashed line is the linear relationship one expects of gears.",
+        f"Input–output relationship under load, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N "
+        f"({context.figure_of('Fig. 7')}). The dashed line is linear.",
         fig,
         curves,
     )
@@ -126,3 +126,12 @@ def section(context: Context) -> Section:
         rows,
     )
     return Section("input_output", "Input and output under load", text, [plot], [table])
+
+
+def _gear_text(ratio: float, end: float, gap: float) -> str:
+    return (
+        f"<p>The unloaded tip follows the exact geometry, not the ratio {number(ratio, 3)}: at a handle angle of "
+        f"{fixed(np.degrees(end), 1)}° the linear rule is {fixed(abs(gap), 1)}° off. A load takes angle away, and "
+        "takes it faster once the antagonist is slack and only one tendon resists: there the curve turns from bending "
+        "upward to bending downward.</p>"
+    )

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from tenodesis import statics
 from tenodesis.bench import style
-from tenodesis.bench.content import Context, Plot, Section, Table, fixed
-from tenodesis.bench.input_output import forces, reach
+from tenodesis.bench.content import Context, Plot, Section, Table, fixed, named
+from tenodesis.bench.input_output import forces
 from tenodesis.instrument import Instrument
 
 Array = NDArray[np.float64]
@@ -39,24 +39,24 @@ def section(context: Context) -> Section:
         rows.append([f"{load:g} N", *(fixed(value) for value in (*lost, *first_order, *more))])
         for state, value, linear, compensation in zip(np.degrees(states), lost, first_order, more, strict=True):
             context.add(
-                f"loss.theta.at_{state:.0f}deg.{load:g}N",
+                f"loss.theta.at_{state:.4g}deg.{load:g}N",
                 linear,
                 "deg",
-                f"Loss of dexterity (eq. 17) at {state:.0f} deg of output under {load:g} N",
+                f"Loss of dexterity (eq. 17) at {state:.4g} deg of output under {load:g} N",
             )
             context.add(
-                f"loss.at_{state:.0f}deg.{load:g}N",
+                f"loss.at_{state:.4g}deg.{load:g}N",
                 value,
                 "deg",
-                f"Loss at {state:.0f} deg of output under {load:g} N",
+                f"Loss at {state:.4g} deg of output under {load:g} N",
             )
             context.add(
-                f"loss.compensation_angle.at_{state:.0f}deg.{load:g}N",
+                f"loss.compensation_angle.at_{state:.4g}deg.{load:g}N",
                 compensation,
                 "deg",
-                f"Handle angle to be added to hold {state:.0f} deg of output under {load:g} N",
+                f"Handle angle to be added to hold {state:.4g} deg of output under {load:g} N",
             )
-    labels = [f"{np.degrees(state):.0f}°" for state in states]
+    labels = [f"{np.degrees(state):.4g}°" for state in states]
     table = Table(
         "Loss by the full model, loss of dexterity Θ (eq. 17) and compensation angle (eq. 20), by unloaded output "
         "angle [°]; a dash: out of the handle's range",
@@ -78,12 +78,13 @@ def section(context: Context) -> Section:
     )
     text = (
         f"<p>The loss is what tissue takes: θ<sub>e</sub>* − θ<sub>e</sub>. Held by a joint of "
-        f"{fixed(stiffness, 3)} N·m/rad, it is Θ to first order; the full model differs because the load's lever "
-        "changes as the tip gives way, and because a slack tendon halves the stiffness.</p>"
+        f"{fixed(stiffness, 3)} N·m/rad, it is Θ to first order. The full model departs from Θ where "
+        + ("" if inst.joint_type == "tendon-pulley" else "the load's lever changes as the tip gives way, and where ")
+        + "a slack tendon leaves the other to resist alone.</p>"
     )
     plot = Plot(
         "fig11_loss",
-        f"Left: loss and compensation angle at {force:g} N, {inst.name} (paper: Fig. 11). "
+        f"Left: loss and compensation angle at {force:g} N, {named(inst)} ({context.figure_of('Fig. 11')}). "
         "Right: the loss by the full model (solid) and by eq. 17 (dotted).",
         fig,
         curves,
@@ -96,7 +97,7 @@ def _construction(context: Context, axis: Axes, force: float, curves: dict[str, 
     inst = context.inst
     desired = inst.output_range / 2
     held = float(statics.handle_angle(inst, desired))
-    handle = np.linspace(0.0, min(inst.handle_range, 1.25 * reach(inst)), 241)
+    handle = np.linspace(0.0, min(inst.handle_range, 1.25 * statics.reach(inst)), 241)
     free, loaded = (np.degrees(statics.output_angle(inst, handle, load)) for load in (0.0, force))
     curves |= {
         "handle_angle [deg]": np.degrees(handle),
@@ -128,7 +129,8 @@ def _losses(inst: Instrument, axis: Axes, curves: dict[str, Array]) -> None:
     output = np.linspace(0.0, inst.output_range, 241)
     handle = statics.handle_angle(inst, output)
     curves["unloaded_output_angle [deg]"] = np.degrees(output)
-    for force, color in zip(forces(inst)[1:], style.LOADS, strict=False):
+    loads = forces(inst)
+    for force, color in zip(loads[1:], style.colors(len(loads))[1:], strict=True):
         lost = np.degrees(output - statics.output_angle(inst, handle, force))
         first_order = np.degrees(statics.loss_of_dexterity(inst, output, force))
         curves |= {f"loss at {force:g} N [deg]": lost, f"eq. 17 at {force:g} N [deg]": first_order}

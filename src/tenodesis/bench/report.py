@@ -26,7 +26,7 @@ def headlines(context: Context) -> list[tuple[str, str]]:
         ("axes.loaded_coupling", "yaw and pitch disturb each other by up to", 1),
     ]
     flexed, force = np.degrees(context.inst.output_range), shown_force(context.inst)
-    chosen.insert(0, (f"loss.at_{flexed:.0f}deg.{force:g}N", f"lost under {force:g} N at {flexed:.0f}°", 1))
+    chosen.insert(0, (f"loss.at_{flexed:.4g}deg.{force:g}N", f"lost under {force:g} N at {flexed:.4g}°", 1))
     units = {"deg": "°", "1": ""}
     return [
         (name, fixed(results[key].value, digits) + units.get(results[key].unit, f" {results[key].unit}"))
@@ -44,7 +44,6 @@ def render(context: Context, sections: Sequence[Section], drawings: Mapping[str,
     return template.render(
         inst=context.inst,
         scaled=context.scaled,
-        is_paper=context.is_paper,
         headlines=headlines(context),
         dimensions=[_dimensions(inst) for inst in (context.inst, context.scaled) if inst is not None],
         sections=sections,
@@ -52,7 +51,6 @@ def render(context: Context, sections: Sequence[Section], drawings: Mapping[str,
         care=care,
         published=[result for result in context.results.values() if result.published is not None],
         about=about,
-        fixed=fixed,
         marked=_marked,
     )
 

@@ -4,7 +4,6 @@ import csv
 import json
 import math
 import platform
-import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from tenodesis import instrument as instruments
+from tenodesis import statics
 from tenodesis.bench import (
     checks,
     compensation,
@@ -34,7 +34,7 @@ _DRAWINGS = ("svg", "png")
 
 
 class BenchError(RuntimeError):
-    """The bench could not write its files; none of them was changed."""
+    """The bench could not write its files; the report, if there was one, is as it was."""
 
 
 def steps(inst: Instrument, scaled: Instrument | None) -> int:
@@ -71,8 +71,15 @@ def run(
     BenchError
         The folder cannot be written.
     """
+    context = Context(_within_reach(inst), scaled, _is_paper(inst, scaled))
     with style.applied():
-        return _run(Context(inst, scaled, _is_paper(inst, scaled)), out, progress)
+        return _run(context, out, progress)
+
+
+def _within_reach(inst: Instrument) -> Instrument:
+    """Return an instrument whose working range ends where the handle's range does, if it ends before."""
+    reached = statics.output_angle(inst, np.array([inst.handle_range]))[0]
+    return inst.replace(output_range=reached) if reached < inst.output_range else inst
 
 
 def _run(context: Context, out: Path, progress: Callable[[str], None]) -> Context:
@@ -120,11 +127,12 @@ def _write(context: Context, sections: list[Section], out: Path) -> None:
             _write_curves(plot, new / "curves" / f"{plot.name}.csv")
         (new / "results.json").write_text(json.dumps(_results(context), indent=1, ensure_ascii=False) + "\n", "utf-8")
         (new / "report.html").write_text(report.render(context, sections, drawings, about()), "utf-8")
-        # The report goes last: where it stands, all it was made with stands too.
-        for entry in ("figures", "curves", "results.json", "report.html"):
-            if (out / entry).is_dir():
-                shutil.rmtree(out / entry)
-            (new / entry).replace(out / entry)
+        # File by file, since a folder may hold others' files too, and the report last: where it stands, all it was made
+        # with stands too.
+        files = sorted(path.relative_to(new) for path in new.rglob("*") if path.is_file())
+        for file in sorted(files, key=lambda path: path.name == "report.html"):
+            (out / file).parent.mkdir(exist_ok=True)
+            (new / file).replace(out / file)
 
 
 def _draw(plot: Plot, folder: Path) -> str:

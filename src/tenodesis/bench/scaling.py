@@ -6,7 +6,7 @@ import numpy as np
 
 from tenodesis import statics
 from tenodesis.bench import style
-from tenodesis.bench.content import CarePoint, Context, Plot, Section, Table, fixed, number
+from tenodesis.bench.content import CarePoint, Context, Plot, Section, Table, fixed, named, number
 from tenodesis.instrument import Instrument, TendonGear
 from tenodesis.published import CAPTION_FORCE, EQUIVALENT_FORCE, SCALE_FACTORS, STATES, STIFFNESS, TIP_FORCE
 from tenodesis.quantity import in_unit
@@ -64,18 +64,18 @@ def _dimensions(context: Context, comparison: Comparison) -> Table:
         shown = [number(value * in_unit(unit, si_unit), 5) for value in (model, prototype)]
         label = unit.replace("*", "·").replace("^2", "²")
         rows.append([f"{name} [{label}]", *shown, *_beside(context, f"table1.factor.{key}")])
-    for inst in (comparison.model, comparison.prototype):
+    for role, inst in (("instrument", comparison.model), ("scale_model", comparison.prototype)):
         printed = STIFFNESS.get(inst.name)
         context.add(
-            f"table1.stiffness.{inst.name}",
+            f"table1.stiffness.{role}",
             inst.tendon_stiffness,
             "N/m",
-            f"Tendon stiffness of {inst.name}",
+            f"Tendon stiffness, {role}",
             printed,
         )
     return Table(
         f"Table I: design parameters; k of each instrument follows from E, d and L{_printed_stiffness(context)}",
-        ["parameter", comparison.model.name, comparison.prototype.name, "factor", "published", "residual"],
+        ["parameter", named(comparison.model), named(comparison.prototype), "factor", "published", "residual"],
         rows,
     )
 
@@ -83,7 +83,7 @@ def _dimensions(context: Context, comparison: Comparison) -> Table:
 def _printed_stiffness(context: Context) -> str:
     if not context.is_paper:
         return ""
-    pairs = [context.results[f"table1.stiffness.{name}"] for name in STIFFNESS]
+    pairs = [context.results[f"table1.stiffness.{role}"] for role in ("instrument", "scale_model")]
     return " (published: " + " and ".join(f"{row.published.value:.0f}" for row in pairs if row.published) + " N/m)"
 
 
@@ -93,16 +93,16 @@ def _factors(context: Context, comparison: Comparison) -> Table:
     stiffness = {angle: float(comparison.flexural_stiffness_factor(angle)) for angle in (low, high)}
     rows = []
     for angle, value in forces.items():
-        key = f"table2.force_factor.at_{np.degrees(angle):.0f}deg"
+        key = f"table2.force_factor.at_{np.degrees(angle):.4g}deg"
         printed = SCALE_FACTORS["force"] if angle == middle else None
         context.add(
             key,
             value,
             "1",
-            f"Factor of force for equal loss of dexterity at {np.degrees(angle):.0f} deg",
+            f"Factor of force for equal loss of dexterity at {np.degrees(angle):.4g} deg",
             printed,
         )
-        rows.append([f"force for equal Θ at {np.degrees(angle):.0f}°", *_beside(context, key)])
+        rows.append([f"force for equal Θ at {np.degrees(angle):.4g}°", *_beside(context, key)])
     context.add(
         "table2.tension_factor",
         comparison.tension_factor,
@@ -112,23 +112,23 @@ def _factors(context: Context, comparison: Comparison) -> Table:
     )
     rows.append(["tendon tension", *_beside(context, "table2.tension_factor")])
     for angle, value in stiffness.items():
-        key = f"table2.flexural_stiffness_factor.at_{np.degrees(angle):.0f}deg"
-        context.add(key, value, "1", f"Factor of flexural stiffness at {np.degrees(angle):.0f} deg")
-        rows.append([f"flexural stiffness κ_θ at {np.degrees(angle):.0f}°", *_beside(context, key)])
+        key = f"table2.flexural_stiffness_factor.at_{np.degrees(angle):.4g}deg"
+        context.add(key, value, "1", f"Factor of flexural stiffness at {np.degrees(angle):.4g} deg")
+        rows.append([f"flexural stiffness κ_θ at {np.degrees(angle):.4g}°", *_beside(context, key)])
     for angle in (low, middle, high):
         ratio = (
             statics.loss_of_dexterity(comparison.prototype, angle, forces[middle])
             / statics.loss_of_dexterity(comparison.model, angle, 1.0)
         )  # fmt: skip
-        key = f"table2.loss_factor.at_{np.degrees(angle):.0f}deg"
+        key = f"table2.loss_factor.at_{np.degrees(angle):.4g}deg"
         context.add(
             key,
             ratio,
             "1",
-            f"Factor of Θ at {np.degrees(angle):.0f} deg with the mid-range force factor",
+            f"Factor of Θ at {np.degrees(angle):.4g} deg with the mid-range force factor",
             SCALE_FACTORS["loss_of_dexterity"],
         )
-        rows.append([f"loss of dexterity Θ at {np.degrees(angle):.0f}°", *_beside(context, key)])
+        rows.append([f"loss of dexterity Θ at {np.degrees(angle):.4g}°", *_beside(context, key)])
     return Table("Table II: scale factors", ["variable", "factor", "published", "residual"], rows)
 
 
@@ -147,8 +147,8 @@ def _beside(context: Context, key: str) -> tuple[str, str, str]:
 def _groups(context: Context, comparison: Comparison) -> Table:
     for group in comparison.groups:
         about = f"Dimensionless group {group.name}"
-        context.add(f"groups.{group.name}.model", group.model, "1", f"{about}, {comparison.model.name}")
-        context.add(f"groups.{group.name}.prototype", group.prototype, "1", f"{about}, {comparison.prototype.name}")
+        context.add(f"groups.{group.name}.instrument", group.model, "1", f"{about}, instrument")
+        context.add(f"groups.{group.name}.scale_model", group.prototype, "1", f"{about}, scale model")
         context.add(f"groups.{group.name}.ratio", group.ratio, "1", f"{about}, ratio of the two")
     rows = [
         [
@@ -162,7 +162,7 @@ def _groups(context: Context, comparison: Comparison) -> Table:
     ]
     return Table(
         f"Dimensionless groups; F is {comparison.largest_force:g} N times the force factor, T_o as in the files",
-        ["group", comparison.model.name, comparison.prototype.name, "ratio", ""],
+        ["group", named(comparison.model), named(comparison.prototype), "ratio", ""],
         rows,
     )
 
@@ -202,11 +202,11 @@ def _errors(context: Context, comparison: Comparison) -> Table:
             )
     reach = np.degrees(context.inst.output_range)
     return Table(
-        f"Similarity error: output of {comparison.prototype.name} minus {comparison.model.name} [°] over "
+        f"Similarity error: output of {named(comparison.prototype)} minus {named(comparison.model)} [°] over "
         f"−{reach:.0f} … {reach:.0f}° of unloaded output",
         [
             "pretension scaled-up",
-            f"force on {comparison.model.name}",
+            f"force on {named(comparison.model)}",
             "rms",
             "95 %",
             "largest",
@@ -231,13 +231,13 @@ def _map(comparison: Comparison) -> Plot:
         axis.set(
             title=f"T$_o$ = {error.prototype_pretension:.3g} N ({name})",
             xlabel="handle angle $\\theta_h$ [deg]",
-            ylabel=f"force on {comparison.model.name} [N]",
+            ylabel="force on the instrument [N]",
         )
         curves |= _flat(name, error)
     fig.colorbar(mesh, ax=axes, label="error [deg]", extend="both")
     return Plot(
         "similarity_error",
-        f"Similarity error: output of {comparison.prototype.name} minus {comparison.model.name}, force factor "
+        f"Similarity error: output of {named(comparison.prototype)} minus {named(comparison.model)}, force factor "
         f"{comparison.force_factor():.3f}; the colour scale ends at ±{bound:.2g}°. Grey: no equilibrium.",
         fig,
         curves,
@@ -305,7 +305,7 @@ def _pairs(context: Context, scaled: Instrument) -> CarePoint:
     for handle, output in STATES[1:]:
         follows = float(np.degrees(statics.output_angle(scaled, np.radians(handle.value))))
         needs = float(np.degrees(statics.handle_angle(scaled, np.radians(output.value))))
-        key = f"care.6.at_{output.value:.0f}deg"
+        key = f"care.6.at_{output.value:.4g}deg"
         context.add(
             f"{key}.output",
             follows,

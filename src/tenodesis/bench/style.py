@@ -5,6 +5,7 @@ from contextlib import AbstractContextManager
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -39,6 +40,15 @@ _STYLE: Any = {
     "svg.hashsalt": "tenodesis",
     "figure.dpi": 110,
 }
+
+
+def colors(count: int) -> list[str]:
+    """Return a colour for each of so many curves, the first for the one without a load."""
+    fixed = [INK, *LOADS]
+    if count <= len(fixed):
+        return fixed[:count]
+    shades = mpl.colormaps["viridis"](np.linspace(0, 0.92, count - 1))
+    return [INK, *(mpl.colors.to_hex(shade) for shade in shades)]
 
 
 def figure(columns: int = 1, *, width: float = 7.0, height: float = 4.1) -> tuple[Figure, Sequence[Axes]]:

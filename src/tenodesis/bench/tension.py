@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from tenodesis import statics
 from tenodesis.bench import style
-from tenodesis.bench.content import CarePoint, Context, Plot, Section, Table, fixed
-from tenodesis.bench.input_output import forces, reach, slack_onset
+from tenodesis.bench.content import CarePoint, Context, Plot, Section, Table, fixed, named
+from tenodesis.bench.input_output import forces, slack_onset, slack_told
 
 Array = NDArray[np.float64]
 
@@ -14,11 +14,12 @@ Array = NDArray[np.float64]
 def section(context: Context) -> Section:
     """Compute how the tensions vary with the output angle and where a tendon goes slack."""
     inst = context.inst
-    handle = np.linspace(0.0, min(inst.handle_range, 1.6 * reach(inst)), 321)
+    handle = np.linspace(0.0, min(inst.handle_range, 1.6 * statics.reach(inst)), 321)
     curves: dict[str, Array] = {"handle_angle [deg]": np.degrees(handle)}
     fig, (axis,) = style.figure()
+    loads = forces(inst)
     rows = []
-    for force, color in zip(forces(inst)[1:], style.LOADS, strict=False):
+    for force, color in zip(loads[1:], style.colors(len(loads))[1:], strict=True):
         state = statics.equilibrium(inst, handle, force)
         inside = np.abs(state.output_angle) <= inst.output_range
         output = np.where(inside, np.degrees(state.output_angle), np.nan)
@@ -38,22 +39,20 @@ def section(context: Context) -> Section:
                 "deg",
                 f"Handle angle from which on the antagonist is slack under {force:g} N",
             )
-            where = f"θ_e ≥ {fixed(np.degrees(onset), 1)}° (θ_h ≥ {fixed(np.degrees(onset_handle), 1)}°)"
             context.add(
                 f"tension.slack_onset.at_{force:g}N",
                 np.degrees(onset),
                 "deg",
                 f"Output angle from which on the antagonist is slack under {force:g} N",
             )
-        else:
-            where = "everywhere" if at_zero <= force else "nowhere"
         rise = context.add(
             f"tension.agonist_rise.at_{force:g}N",
-            float(np.nanmax(agonist)),
+            float(np.fmax.reduce(agonist)),
             "N",
             f"Largest rise of the agonist's tension in the working range under {force:g} N",
         )
-        rows.append([f"{force:g} N", where, fixed(rise, 1)])
+        handle_told = f"θ_h ≥ {fixed(np.degrees(onset_handle), 1)}°" if np.isfinite(onset_handle) else "–"
+        rows.append([f"{force:g} N", slack_told(inst, force), handle_told, fixed(rise, 1)])
     context.add("tension.slack_force.straight", at_zero, "N", "Force at which the antagonist goes slack, tip straight")
     context.add(
         "tension.slack_force.flexed",
@@ -81,17 +80,18 @@ def section(context: Context) -> Section:
     text = (
         f"<p>Both tensions vary by the same amount until the antagonist has none left. With T<sub>o</sub> = "
         f"{inst.pretension:g} N that takes {fixed(at_zero)} N at the straight tip and {fixed(at_end)} N at "
-        f"{np.degrees(inst.output_range):.0f}°; below the second, no tendon goes slack in the working range.</p>"
+        f"{np.degrees(inst.output_range):.0f}°; below the smaller, no tendon goes slack in the working range.</p>"
     )
     plot = Plot(
         "fig8_tension",
-        f"Variation of tendon tension, {inst.name}, T<sub>o</sub> = {inst.pretension:g} N (paper: Fig. 8).",
+        f"Variation of tendon tension, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N "
+        f"({context.figure_of('Fig. 8')}).",
         fig,
         curves,
     )
     table = Table(
         "Slack of the antagonist in the working range",
-        ["force at the tip", "slack", "largest agonist rise [N]"],
+        ["force at the tip", "slack", "at handle angle", "largest agonist rise [N]"],
         rows,
     )
     return Section("tension", "Tension and slack", text, [plot], [table], _care(context))
@@ -99,7 +99,7 @@ def section(context: Context) -> Section:
 
 def _care(context: Context) -> list[CarePoint]:
     inst = context.inst
-    handle = reach(inst)
+    handle = statics.reach(inst)
     force = 1.1 * float(statics.slack_force(inst, 0.0))
     state = statics.equilibrium(inst, np.array([handle]), force)
     if inst.joint_type != "tendon-gear" or np.isnan(state.output_angle[0]):

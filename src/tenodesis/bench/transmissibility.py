@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from tenodesis import statics
 from tenodesis.bench import style
-from tenodesis.bench.content import Context, Plot, Section, Table, fixed
-from tenodesis.bench.input_output import forces, reach
+from tenodesis.bench.content import Context, Plot, Section, Table, fixed, named
+from tenodesis.bench.input_output import forces
 
 Array = NDArray[np.float64]
 
@@ -14,11 +14,12 @@ Array = NDArray[np.float64]
 def section(context: Context) -> Section:
     """Compute how much of the hand's moment reaches the tip."""
     inst = context.inst
-    handle = np.linspace(0.0, min(inst.handle_range, 1.6 * reach(inst)), 321)
+    handle = np.linspace(0.0, min(inst.handle_range, 1.6 * statics.reach(inst)), 321)
     curves: dict[str, Array] = {"handle_angle [deg]": np.degrees(handle)}
     fig, (axis,) = style.figure(height=3.7)
+    loads = forces(inst)
     rows = []
-    for force, color in zip(forces(inst), [style.INK, *style.LOADS], strict=False):
+    for force, color in zip(loads, style.colors(len(loads)), strict=True):
         output = statics.output_angle(inst, handle, force)
         ratio = statics.torque_transmissibility(inst, handle, force)
         inside = (np.abs(output) <= inst.output_range) & (output >= -1e-12)
@@ -31,10 +32,10 @@ def section(context: Context) -> Section:
         for share, value in zip((0.0, 0.5, 1.0), ends, strict=True):
             angle = np.degrees(share * inst.output_range)
             context.add(
-                f"transmissibility.at_{angle:.0f}deg.{force:g}N",
+                f"transmissibility.at_{angle:.4g}deg.{force:g}N",
                 value,
                 "1",
-                f"Torque transmissibility at {angle:.0f} deg of output under {force:g} N",
+                f"Torque transmissibility at {angle:.4g} deg of output under {force:g} N",
             )
     straight = context.add(
         "transmissibility.straight",
@@ -44,12 +45,16 @@ def section(context: Context) -> Section:
     )
     axis.set(xlabel="output angle $\\theta_e$ [deg]", ylabel="torque transmissibility ξ")
     axis.legend(loc="lower left")
-    half, full = (f"ξ at {np.degrees(inst.output_range * share):.0f}°" for share in (0.5, 1.0))
-    text = (
-        f"<p>Of the hand's moment, {fixed(straight, 3)} arrives at the straight tip. Flexion costs more than load "
-        "does: the tendons' moment arm shrinks faster at the small distal joint than at the proximal one.</p>"
-    )
-    plot = Plot("fig9_transmissibility", f"Torque transmissibility, {inst.name} (paper: Fig. 9).", fig, curves)
+    half, full = (f"ξ at {np.degrees(inst.output_range * share):.4g}°" for share in (0.5, 1.0))
+    text = f"<p>Of the hand's moment, {fixed(straight, 3)} arrives at the straight tip."
+    if inst.joint_type == "tendon-gear":
+        text += (
+            " Flexion costs more than load does: the tendons' moment arm shrinks faster at the small distal joint than "
+            "at the proximal one."
+        )
+    text += "</p>"
+    caption = f"Torque transmissibility, {named(inst)} ({context.figure_of('Fig. 9')})."
+    plot = Plot("fig9_transmissibility", caption, fig, curves)
     table = Table("Torque transmissibility ξ", ["force at the tip", "ξ at 0°", half, full], rows)
     return Section("transmissibility", "Torque transmissibility", text, [plot], [table])
 
@@ -57,4 +62,6 @@ def section(context: Context) -> Section:
 def _at(angle: float, output: Array, ratio: Array) -> float:
     """Return the ratio where the output passes an angle, NaN where it never does."""
     solved = np.isfinite(output)
+    if not solved.any():
+        return float("nan")
     return float(np.interp(angle, output[solved], ratio[solved], left=np.nan, right=np.nan))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from itertools import product
-from math import asin, hypot, inf, isnan, nan, pi, sin
+from math import asin, cos, hypot, inf, isnan, nan, pi, sin
 from typing import Any, Protocol
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -109,6 +109,13 @@ def settle(inst: Instrument, handle_angle: float, force: float, radial_force: fl
     """
     (axis,) = _settle(planar_xml(inst, handle_angle), (force, radial_force))
     return axis
+
+
+def radial_coefficient(inst: Instrument, settled: Settled, force: float, radial_force: float) -> float:
+    """Return what a radial force (N) is multiplied by in eq. 1, as the settled tensions show it, dimensionless."""
+    half = settled.output_angle / 2
+    by_force = force * (inst.end_effector_length / (inst.distal_gear_radius * cos(half)) + 1)
+    return (by_force - (settled.agonist - settled.antagonist)) / radial_force
 
 
 def settle_two_axis(
