@@ -217,8 +217,13 @@ Equilibrium<S> solve(const J& joint, const TendonPair<S>& pair, const Load<S>& l
     if (stable && abs(at.correction) <= settled<S>) return {x - at.correction, Status::ok, n};
     if (at.residual * direction < S(0)) return detail::solve_between(joint, pair, load, before, x, direction, n);
     const S next = x - at.correction;
-    if (!stable || !(abs(next) < joint.limit()))
-      return {x, stable && !joint.folds() ? Status::unreachable : Status::no_equilibrium, n};
+    if (!stable || (joint.folds() && !(abs(next) < joint.limit()))) return {x, Status::no_equilibrium, n};
+    if (!(abs(next) < joint.limit())) {
+      // Beyond the limit, but with a demand that is not convex the step may have been too long.
+      const S end = direction * joint.limit() * (S(1) - settled<S>);
+      if (balance(joint, pair, load, end).residual * direction > S(0)) return {x, Status::unreachable, n};
+      return detail::solve_between(joint, pair, load, x, end, direction, n + 1);
+    }
     before = x;
     x = next;
   }

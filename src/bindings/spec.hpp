@@ -27,8 +27,8 @@ enum Parameter : std::size_t {
 };
 
 inline constexpr std::array<const char*, parameter_count> parameter_names{
-    "proximal_radius", "distal_radius",   "handle_length", "end_effector_length", "given_stiffness", "tendon_modulus",
-    "tendon_diameter", "tendon_length",   "pretension",    "backbone_rigidity",   "backbone_length"};
+    "proximal_radius", "distal_radius", "handle_length", "end_effector_length", "given_stiffness", "tendon_modulus",
+    "tendon_diameter", "tendon_length", "pretension",    "backbone_rigidity",   "backbone_length"};
 static_assert(parameter_names.back() != nullptr, "every parameter has a name");
 
 enum class JointType { tendon_gear, tendon_pulley, continuum };

@@ -124,6 +124,24 @@ void loose_tendons_hold_the_tip_only_at_the_end_of_their_gap() {
   CLAIM(equilibrium(axis, 0.1, Load<double>{0.001, -0.5}, Stroke<double>{-3e-3, -3e-3}).status == Status::both_slack);
 }
 
+void a_continuum_bends_on_to_its_limit_without_a_gap() {
+  const ContinuumAxis<double> axis{{35.15625e-3, 0.125}, {11.71875e-3, 0.0625, 0.09375, 3.90625e-3}, 628.3185, 25, 0.6};
+  double before = 10;
+  int solved = 0;
+  for (double force = 0; force <= 11; force += 0.01) {
+    const auto tip = output_angle(axis, 0.5, Load<double>{force, 0});
+    if (tip.status != Status::ok) {
+      CLAIM(tip.status == Status::unreachable);
+      CLAIM(before < -3.1);
+      continue;
+    }
+    ++solved;
+    CLAIM(tip.value < before && before - tip.value < (solved == 1 ? 10 : 0.02));
+    before = tip.value;
+  }
+  CLAIM(solved > 1000 && solved < 1100);
+}
+
 void a_radial_force_can_snap_a_continuum() {
   const ContinuumAxis<double> axis{{4.5e-3, 0.120}, {2e-3, 0.010, 0.020, 2e-4}, 12566.37, 30, 0.7854};
   const auto at = [&](double share) {
@@ -236,6 +254,7 @@ int main() {
   what_cannot_be_solved_says_so();
   a_backbone_holds_the_tip_where_both_tendons_are_slack();
   loose_tendons_hold_the_tip_only_at_the_end_of_their_gap();
+  a_continuum_bends_on_to_its_limit_without_a_gap();
   a_radial_force_can_snap_a_continuum();
   float_agrees_with_double();
   dual_solve_matches_finite_differences(instruments::real_size<double>());

@@ -57,11 +57,17 @@ def section(context: Context, progress: Progress) -> Section:
     return Section("verification", "Independent verification", text + independence, plots, [table], care)
 
 
+def _heavy(inst: Instrument) -> float:
+    """Return a load well into slack, N; without pretension, one that takes half a radian."""
+    slack = 1.3 * float(statics.slack_force(inst, 0.0))
+    return slack or float(0.5 / statics.loss_of_dexterity(inst, 0.0, 1.0))
+
+
 def _scipy(context: Context, role: str, inst: TendonGear) -> list[str]:
     random = np.random.default_rng(1)
     end = statics.reach(inst)
     handle = random.uniform(-end, end, SCIPY_POINTS)
-    force = random.uniform(-1, 1, SCIPY_POINTS) * float(statics.slack_force(inst, 0.0)) * 1.3
+    force = random.uniform(-1, 1, SCIPY_POINTS) * _heavy(inst)
     ours = statics.output_angle(inst, handle, force)
     theirs = scipy_peer.output_angle(inst, handle, force)
     largest = np.degrees(np.fmax.reduce(np.abs(ours - theirs)))
@@ -76,7 +82,7 @@ def _scipy(context: Context, role: str, inst: TendonGear) -> list[str]:
 
 def _mujoco(context: Context, role: str, inst: TendonGear, progress: Progress) -> list[str]:
     end = statics.reach(inst)
-    limit = 1.3 * float(statics.slack_force(inst, 0.0))
+    limit = _heavy(inst)
     differences, slack, disputed = [0.0], 0, 0
     for handle in np.linspace(-end, end, _ANGLES):
         for force in np.linspace(-limit, limit, _FORCES):
@@ -162,14 +168,12 @@ def _axes(context: Context, inst: TendonGear, progress: Progress) -> tuple[str, 
 
 def _axis_forces(inst: Instrument) -> Sequence[float]:
     """Return two loads well below the fold of a strongly flexed joint, N."""
-    slack = float(statics.slack_force(inst, 0.0))
-    return (round(0.09 * slack, 2), round(0.22 * slack, 2))
+    return (0.07 * _heavy(inst), 0.17 * _heavy(inst))
 
 
 def _radial(context: Context, inst: TendonGear) -> list[CarePoint]:
     """Let MuJoCo decide between the radial term as printed and by virtual work."""
-    slack = float(statics.slack_force(inst, 0.0))
-    force, radial = 0.09 * slack, 4.3 * slack
+    force, radial = 0.07 * _heavy(inst), 3.3 * _heavy(inst)
     unloaded = min(70.0, 0.9 * float(np.degrees(inst.output_range)))
     handle = float(statics.handle_angle(inst, np.radians(unloaded)))
     settled = mujoco_peer.settle(inst, handle, force, radial)
