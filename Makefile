@@ -1,6 +1,11 @@
 # Everything runs from .venv, which the first target that needs it makes.
 
 PYTHON ?= python3
+# The compiler that Python was built with need not be here; one that answers to c++ is.
+ifeq ($(origin CXX),default)
+CXX := c++
+endif
+export CXX
 BIN := .venv/bin
 CORE := $(wildcard include/tenodesis/*.hpp)
 BINDINGS := $(wildcard src/bindings/*)
