@@ -111,7 +111,7 @@ def main() -> None:
 
 _BRIEF = (
     r"loss\.at_\d+deg\.|tension\.slack_force|transmissibility\.straight|table1\.stiffness|table2\.(force|tension)|"
-    r"similarity\..*\.(rms|largest)$|care\.[167]|verification|axes"
+    r"similarity\..*\.(rms|largest)$|care\.[167]|verification\.\w+\.\w+$|axes"
 )
 """What the summary shows, by a result's name; the report has all."""
 
@@ -120,7 +120,7 @@ def _summary(context: Context) -> Table:
     """Return the report's numbers in brief, beside those that the paper prints."""
     title = f"{escape(context.inst.name)}: summary, by name in results.json"
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
-    table.add_column("result", no_wrap=True)
+    table.add_column("result", overflow="fold")
     for heading in ("computed", "published", "residual"):
         table.add_column(heading, justify="right", no_wrap=True)
     for key, result in context.results.items():

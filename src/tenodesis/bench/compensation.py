@@ -96,9 +96,14 @@ def section(context: Context) -> Section:
     )
     text = (
         "<p>Eq. 22 turns measured tensions into a motor angle. What it gives back depends on how many motors act on "
-        "it; the exact law counts that, and slack, and leaves nothing. Friction, which spoiled the experiments, is not "
-        "in these numbers.</p>"
+        "it; the exact law counts that, and slack. Friction, which spoiled the experiments, is not in these "
+        "numbers.</p>"
     )
+    if inst.joint_type == "continuum":
+        text += (
+            "<p>A continuum's tensions carry its backbone's own moment too. The laws give back what that stretches as "
+            "well, and so bring the tip beyond its unloaded angle, to where tendons that do not stretch would.</p>"
+        )
     return Section(
         "compensation",
         "Compensation by the motors",
@@ -122,8 +127,8 @@ def _bars(labels: Sequence[str], remaining: dict[str, Array]) -> Figure:
     axis.set(xlabel="unloaded output angle", ylabel="loss that remains [deg]")
     axis.axhline(0, color=style.MUTED, lw=0.8)
     shown = np.nan_to_num(np.array(list(remaining.values())))
-    axis.set_ylim(1.2 * min(0.0, float(shown.min())), 1.55 * max(1e-3, float(shown.max())))
-    axis.legend(loc="upper left", ncols=2)
+    axis.set_ylim(1.2 * min(0.0, float(shown.min())), 1.15 * max(1e-3, float(shown.max())))
+    style.legend_above(axis, 2)
     return fig
 
 

@@ -98,7 +98,7 @@ def section(context: Context) -> Section:
         ylabel="output angle $\\theta_e$ [deg]",
         xlim=(0, np.degrees(handle[-1])),
     )
-    axis.legend(loc="upper left", ncols=2)
+    style.legend_above(axis, 4)
 
     context.add("input_output.linear_ratio", ratio, "1", "Ratio of output to handle angle near zero, no load")
     gap = float(np.degrees(statics.output_angle(inst, end) - ratio * end))

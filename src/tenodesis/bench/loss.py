@@ -121,7 +121,7 @@ def _construction(context: Context, axis: Axes, force: float, curves: dict[str, 
         ylabel="output angle $\\theta_e$ [deg]",
         xlim=(0, np.degrees(handle[-1])),
     )
-    axis.legend(loc="upper left")
+    style.legend_above(axis, 2)
 
 
 def _losses(inst: Instrument, axis: Axes, curves: dict[str, Array]) -> None:
@@ -141,4 +141,4 @@ def _losses(inst: Instrument, axis: Axes, curves: dict[str, Array]) -> None:
         ylabel="loss of output angle [deg]",
         ylim=(0, None),
     )
-    axis.legend(loc="upper left", ncols=2)
+    style.legend_above(axis, 4)

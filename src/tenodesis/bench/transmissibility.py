@@ -44,7 +44,7 @@ def section(context: Context) -> Section:
         "Torque transmissibility of the straight, unloaded instrument",
     )
     axis.set(xlabel="output angle $\\theta_e$ [deg]", ylabel="torque transmissibility ξ")
-    axis.legend(loc="lower left")
+    style.legend_above(axis, 6)
     half, full = (f"ξ at {np.degrees(inst.output_range * share):.4g}°" for share in (0.5, 1.0))
     text = f"<p>Of the hand's moment, {fixed(straight, 3)} arrives at the straight tip."
     if inst.joint_type == "tendon-gear":
