@@ -10,6 +10,7 @@ from .conftest import ROOT
 GENERATED = (
     "docs/traceability.md",
     "docs/results.md",
+    "docs/picture.svg",
     "src/tenodesis/_core.pyi",
     "src/tenodesis/instruments/instrument.schema.json",
 )

@@ -10,7 +10,7 @@ from tenodesis.instrument import Instrument
 
 CASES: list[tuple[str, dict[str, Any]]] = [
     ("output_angle", {"handle_angle": 0.35, "force": 0.9, "radial_force": 2.0, "wound": (2e-4, -1e-4)}),
-    ("output_angle", {"handle_angle": 0.35, "force": 5.0}),  # antagonist slack in every instrument here
+    ("output_angle", {"handle_angle": 0.35, "force": 5.9}),  # antagonist slack; gears take less, see below
     ("handle_angle", {"output_angle": 0.6, "force": 0.9, "radial_force": 2.0, "wound": (2e-4, -1e-4)}),
     ("tensions", {"handle_angle": 0.35, "force": 0.9}),
     ("torque_transmissibility", {"handle_angle": 0.35, "force": 0.9}),
@@ -44,7 +44,7 @@ def test_derivatives_by_everything_match_finite_differences(
     any_inst: Instrument, name: str, arguments: dict[str, Any]
 ) -> None:
     inst = any_inst
-    if name == "output_angle" and arguments["force"] == 5.0 and inst.joint_type == "tendon-gear":
+    if name == "output_angle" and arguments["force"] == 5.9 and inst.joint_type == "tendon-gear":
         arguments = arguments | {"force": 1.2 * tn.statics.slack_force(inst, 0.0)}
     fields = [
         key

@@ -8,7 +8,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import tenodesis as tn
-from tenodesis.instrument import JOINT_TYPES, Instrument
+from tenodesis.instrument import JOINT_TYPES, Continuum, Instrument, TendonGear, TendonPulley
 from tenodesis.statics import Status
 
 
@@ -85,10 +85,12 @@ def test_more_load_never_gives_more_angle(inst: Instrument, handle: float) -> No
 
 @many
 @given(instruments(), handles)
-def test_without_force_and_spring_the_tip_stands_where_no_tendon_stretches(inst: Instrument, handle: float) -> None:
+def test_without_force_tendons_hold_nothing_but_the_backbone(inst: Instrument, handle: float) -> None:
     tension = tn.statics.tensions(inst, handle)
-    if inst.joint_type == "continuum":
-        assert abs(tension.agonist - tension.antagonist) > 0 or handle == 0 or abs(handle) < 1e-9
+    if isinstance(inst, Continuum):
+        backbone = inst.backbone_rigidity / inst.backbone_length * tn.statics.output_angle(inst, handle)
+        moment = (tension.agonist - tension.antagonist) * inst.distal_tendon_offset
+        assert moment == pytest.approx(backbone, rel=1e-9, abs=1e-9)
     else:
         assert tension.agonist == pytest.approx(inst.pretension, abs=1e-8)
         assert tension.antagonist == pytest.approx(inst.pretension, abs=1e-8)
@@ -125,14 +127,56 @@ def test_tensions_never_push_and_the_estimate_recovers_the_tip(inst: Instrument,
         assert estimate == pytest.approx(state.output_angle, abs=1e-7)
 
 
+# In shares of the proximal radius: half of what a handle at its range draws, out or in.
+strokes = st.floats(-0.3, 0.3)
+# In shares of the force above; a real one would rarely exceed it by more.
+radials = st.floats(-5, 5)
+
+
 @many
-@given(instruments(), handles, loads)
-def test_output_angle_and_handle_angle_are_inverse(inst: Instrument, handle: float, load: float) -> None:
-    force = load * unit_force(inst)
-    state = tn.statics.equilibrium(inst, handle, force)
-    if state.status != Status.OK or (state.agonist == 0 and state.antagonist == 0):
+@given(instruments(), handles, loads, radials, strokes, strokes)
+def test_output_angle_and_handle_angle_are_inverse(
+    inst: Instrument, handle: float, load: float, radial: float, first: float, second: float
+) -> None:
+    unit = unit_force(inst)
+    radius = next(value for key, value, _ in inst.quantities() if key.startswith("proximal"))
+    loading: dict[str, Any] = {"radial_force": radial * unit, "wound": (first * radius, second * radius)}
+    state = tn.statics.equilibrium(inst, handle, load * unit, **loading)
+    if state.status != Status.OK or max(state.agonist, state.antagonist) < 1e-9:
+        return  # nothing holds the tip, and its angle tells nothing of the handle's
+    slope = tn.statics.gradient("output_angle", inst, handle, load * unit, wrt=["handle_angle"], **loading)
+    found = tn.statics.handle_angle(inst, np.array([state.output_angle]), load * unit, **loading)
+    if not abs(slope["handle_angle"]) < 1e3:
+        return  # closer to the fold than rounding lets anyone tell
+    back = tn.statics.equilibrium(inst, found, load * unit, **loading)
+    assert back.output_angle[0] == pytest.approx(state.output_angle, abs=1e-10 * max(1.0, slope["handle_angle"]))
+
+
+@many
+@given(instruments(), handles, loads, radials, strokes, strokes)
+def test_what_is_called_solved_is_in_balance(
+    inst: Instrument, handle: float, load: float, radial: float, first: float, second: float
+) -> None:
+    """The load that the tensions at the solution hold, by the slope of the energy, is the load that was given."""
+    unit = unit_force(inst)
+    radius = next(value for key, value, _ in inst.quantities() if key.startswith("proximal"))
+    wound = (first * radius, second * radius)
+    state = tn.statics.equilibrium(inst, handle, load * unit, radial_force=radial * unit, wound=wound)
+    if state.status != Status.OK:
         return
-    sensitivity = tn.statics.gradient("output_angle", inst, handle, force, wrt=["handle_angle"])["handle_angle"]
-    back = tn.statics.equilibrium(inst, tn.statics.handle_angle(inst, state.output_angle, force), force)
-    # Close to the fold the tip turns far for nothing, and rounding with it.
-    assert back.output_angle == pytest.approx(state.output_angle, abs=1e-10 * max(1.0, sensitivity))
+    output = state.output_angle
+    lever = tn.statics.loss_of_dexterity(inst, output, 1.0) * tn.statics.flexural_stiffness(inst, output)
+    if isinstance(inst, TendonGear):
+        arm, spring = inst.distal_gear_radius * np.cos(output / 2), 0.0
+        radial_arm = inst.distal_gear_radius * np.sin(output / 2)
+    elif isinstance(inst, Continuum):
+        arm, spring = inst.distal_tendon_offset, inst.backbone_rigidity / inst.backbone_length
+        bow = (output - np.sin(output)) / output**2 if abs(output) > 1e-3 else output / 6
+        radial_arm = inst.backbone_length * bow
+    else:
+        assert isinstance(inst, TendonPulley)
+        arm, spring, radial_arm = inst.distal_pulley_radius, 0.0, 0.0
+    held = (state.agonist - state.antagonist) * arm - spring * output
+    asked = (load * lever - radial * radial_arm) * unit
+    scale = inst.tendon_stiffness * arm**2 + spring
+    assert held == pytest.approx(asked, abs=1e-9 * scale + 1e-7 * abs(asked))

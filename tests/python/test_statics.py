@@ -202,8 +202,7 @@ def test_arrays_broadcast_and_scalars_stay_scalars(real: Instrument) -> None:
     assert (tn.statics.output_angle(real, strided) == tn.statics.output_angle(real, strided.copy())).all()
 
 
-def test_array_points_equal_single_points(any_inst: Instrument) -> None:
-    """The block solve and the point-by-point solve are two routes to the same root."""
+def test_array_points_equal_single_points_and_have_derivatives_where_solved(any_inst: Instrument) -> None:
     random = np.random.default_rng(5)
     handle, force = random.uniform(-0.6, 0.6, 500), random.uniform(-3, 3, 500)
     state = tn.statics.equilibrium(any_inst, handle, force)
