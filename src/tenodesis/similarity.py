@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import statics
 from tenodesis.instrument import Instrument
+from tenodesis.query import FloatOrArray
 
 GRID = (161, 61)
 """Handle angles and forces of the grid that similarity is judged on."""
@@ -125,12 +126,12 @@ class Comparison:
         """Factor of tendon tension that keeps T / (k r) (Table II)."""
         return _tension_scale(self.prototype) / _tension_scale(self.model)
 
-    def force_factor(self, output_angle: ArrayLike | None = None) -> statics.FloatOrArray:
+    def force_factor(self, output_angle: ArrayLike | None = None) -> FloatOrArray:
         """Return the factor of force for equal loss of dexterity at an output angle (rad), mid-range by default."""
         angle = self.model.output_range / 2 if output_angle is None else output_angle
         return statics.loss_of_dexterity(self.model, angle, 1.0) / statics.loss_of_dexterity(self.prototype, angle, 1.0)
 
-    def flexural_stiffness_factor(self, output_angle: ArrayLike) -> statics.FloatOrArray:
+    def flexural_stiffness_factor(self, output_angle: ArrayLike) -> FloatOrArray:
         """Return the factor of flexural stiffness at an output angle (rad)."""
         return statics.flexural_stiffness(self.prototype, output_angle) / statics.flexural_stiffness(
             self.model, output_angle
