@@ -12,7 +12,7 @@ using namespace tenodesis::bindings;
 
 template <class A>
 void blocks_find_what_points_find(const A& axis, double force_scale) {
-  std::mt19937 random(7);
+  std::mt19937 random(7);  // NOLINT(cert-msc32-c,cert-msc51-cpp,bugprone-random-generator-seed): the same on every run
   const auto between = [&](double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(random);
   };
