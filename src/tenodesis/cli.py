@@ -41,7 +41,7 @@ def _root() -> None:
 def bench(
     instrument_file: Annotated[
         str,
-        typer.Argument(metavar="[INSTRUMENT]", help="Instrument file, or the name of one that is shipped."),
+        typer.Argument(metavar="INSTRUMENT", help="Instrument file, or the name of one that is shipped."),
     ] = "real-size",
     scaled_up: Annotated[
         str | None,

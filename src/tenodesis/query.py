@@ -176,6 +176,9 @@ def _refuse_invalid(query: Query, status: NDArray[np.uint8]) -> None:
         value = query.value(key, first)
         if not np.isfinite(value):
             raise ValueError(f"{key}{place} is {value}; allowed is a finite number.")
+    if status[first] == Status.NOT_FINITE:
+        key = max(INPUTS[query.name], key=lambda name: abs(query.value(name, first)))
+        raise ValueError(f"{key}{place} is {query.value(key, first):g}; allowed is a number of physical size.")
     raise ValueError(
         f"handle_angle{place} is {_value('handle_angle', query.value('handle_angle', first))}; "
         f"allowed is the handle's range of ±{degrees(query.inst.handle_range):.4g} deg."
