@@ -54,7 +54,7 @@ CASES: list[tuple[Callable[[TendonGear], Any], type[Exception], str]] = [
     (lambda i: S.gradient("output_angle", i, 0.1, wrt="force"), ValueError, r"^wrt is 'force'; allowed is a list"),
     (lambda i: tn.similarity.compare(i, "x"), TypeError, r"^prototype is 'x'; allowed is an instrument"),  # type: ignore[arg-type]
     (lambda i: tn.similarity.compare(i, i, largest_force="1 N"), ValueError, r"^largest_force is '1 N'"),  # type: ignore[arg-type]
-    (lambda i: S.output_angle(i, 0.1, wound=1e308), ValueError, r"^agonist_wound is 1e\+308; allowed is a number of phy"),
+    (lambda i: S.output_angle(i, 0.1, wound=1e308), ValueError, r"^agonist_wound is 1e\+308; allowed is a number"),
     (lambda _: tn.set_threads(2.5), ValueError, r"^count is 2.5; allowed is"),  # type: ignore[arg-type]
     (lambda _: tn.set_threads(2**40), ValueError, r"^count is 1099511627776; allowed is"),
     (lambda _: tn.set_threads(0), ValueError, r"^count is 0; allowed is"),
