@@ -82,18 +82,6 @@ class SimilarityError:
         at = np.unravel_index(np.nanargmax(np.abs(self.error)), self.error.shape)
         return float(self.handle_angle[at[0]]), float(self.force[at[1]])
 
-    def within(self, force: float) -> "SimilarityError":
-        """Return the same for forces of at most `force` (N) on the model."""
-        keep = self.force <= force + 1e-12
-        return SimilarityError(
-            self.model_pretension,
-            self.prototype_pretension,
-            self.force_factor,
-            self.handle_angle,
-            self.force[keep],
-            self.error[:, keep],
-        )
-
 
 @dataclass(frozen=True)
 class Comparison:
@@ -160,6 +148,7 @@ class Comparison:
         *,
         pretension: float | None = None,
         force_factor: float | None = None,
+        largest_force: float | None = None,
         grid: tuple[int, int] = GRID,
     ) -> SimilarityError:
         """Return how far the prototype strays from the model, by the full model and not by Θ alone.
@@ -170,6 +159,8 @@ class Comparison:
             Pretension of the prototype, N; by default the model's times the tension factor.
         force_factor
             Factor of force; by default that of mid-range.
+        largest_force
+            Largest force on the model, N; by default that of the comparison.
         grid
             Number of handle angles, over the model's output range without load, and of forces, from zero on.
         """
@@ -177,7 +168,7 @@ class Comparison:
         factor = self.force_factor() if force_factor is None else force_factor
         reach = min(statics.reach(self.model), self.prototype.handle_range)
         handle = np.linspace(-reach, reach, grid[0])
-        force = np.linspace(0.0, self.largest_force, grid[1])
+        force = np.linspace(0.0, self.largest_force if largest_force is None else largest_force, grid[1])
         expected = statics.output_angle(self.model, handle[:, None], force)
         found = statics.output_angle(self.prototype.replace(pretension=scaled), handle[:, None], force * factor)
         return SimilarityError(self.model.pretension, scaled, factor, handle, force, np.degrees(found - expected))

@@ -174,7 +174,7 @@ def _errors(context: Context, comparison: Comparison) -> Table:
         limits.insert(0, EQUIVALENT_FORCE.value)
     for name, whole in comparison.errors.items():
         for limit in limits:
-            error = whole.within(limit)
+            error = comparison.error(pretension=whole.prototype_pretension, largest_force=limit)
             key = f"similarity.{name.replace(' ', '_')}.to_{limit:g}N"
             about = f"pretension {name} ({error.prototype_pretension:.4g} N), forces to {limit:g} N"
             context.add(f"{key}.largest", error.largest, "deg", f"Largest similarity error, {about}")
