@@ -115,6 +115,13 @@ inline constexpr int most_balances = 8 * most_iterations;
 
 namespace detail {
 
+// How far a coordinate is taken: just short of the limit itself, where a gear's demand is without bound.
+template <class J>
+auto reachable(const J& joint) {
+  using S = decltype(joint.limit());
+  return joint.limit() * (S(1) - settled<S>);
+}
+
 // Root between x0, where the residual has the sign of direction, and x1, where it has not: Newton kept inside by
 // halving.
 template <class J, Real S>
@@ -146,8 +153,7 @@ S held_share(const J& joint, const TendonPair<S>& pair, const Load<S>& load, con
 template <class J, Real S>
 Equilibrium<S> solve_by_following(const J& joint, const TendonPair<S>& pair, const Load<S>& load, S start,
                                   S direction) {
-  // Just short of the limit itself, where a gear's demand is without bound.
-  const S end = direction * joint.limit() * (S(1) - settled<S>);
+  const S end = direction * reachable(joint);
   const S stride = (end - start) / S(most_iterations);
   S share(0);
   for (int n = 1; n <= most_iterations; ++n) {
@@ -179,7 +185,7 @@ Equilibrium<S> solve_by_following(const J& joint, const TendonPair<S>& pair, con
 template <class J, Real S>
 Equilibrium<S> end_of_gap(const J& joint, const TendonPair<S>& pair, const Load<S>& load) {
   const S ends[2] = {pair.agonist / pair.rate, -pair.antagonist / pair.rate};
-  const S bound = joint.limit() * (S(1) - settled<S>);
+  const S bound = reachable(joint);
   S pushes[2];
   for (int k = 0; k < 2; ++k) pushes[k] = -joint.demand(larger(-bound, smaller(ends[k], bound)), load).value;
   // A load that changes its direction within the gap leaves the joint to itself.
@@ -217,10 +223,11 @@ Equilibrium<S> solve(const J& joint, const TendonPair<S>& pair, const Load<S>& l
     if (stable && abs(at.correction) <= settled<S>) return {x - at.correction, Status::ok, n};
     if (at.residual * direction < S(0)) return detail::solve_between(joint, pair, load, before, x, direction, n);
     const S next = x - at.correction;
-    if (!stable || (joint.folds() && !(abs(next) < joint.limit()))) return {x, Status::no_equilibrium, n};
-    if (!(abs(next) < joint.limit())) {
-      // Beyond the limit, but with a demand that is not convex the step may have been too long.
-      const S end = direction * joint.limit() * (S(1) - settled<S>);
+    const bool beyond = !(abs(next) < joint.limit());
+    if (!stable || (beyond && joint.folds())) return {x, Status::no_equilibrium, n};
+    if (beyond) {
+      // With a demand that is not convex the step may only have been too long.
+      const S end = direction * detail::reachable(joint);
       if (balance(joint, pair, load, end).residual * direction > S(0)) return {x, Status::unreachable, n};
       return detail::solve_between(joint, pair, load, x, end, direction, n + 1);
     }

@@ -104,7 +104,7 @@ Result<S> handle_angle(const A& axis, const S& output_angle, const Load<S>& load
   const S proximal = (axis.distal.excursion_slope() * x + stretch.value) / axis.proximal.excursion_slope();
   if (!(abs(proximal) < axis.proximal.limit())) return {{}, Status::unreachable};
   const S angle = axis.proximal.angle(proximal);
-  if (abs(value_of(angle)) > value_of(axis.handle_range) + range_tolerance<V>) return {{}, Status::unreachable};
+  if (check_handle(axis, angle) != Status::ok) return {{}, Status::unreachable};
 
   // The balance has other roots, past a fold or at another branch: the handle angle must lead back.
   const Equilibrium<V> back =

@@ -24,8 +24,6 @@ from tenodesis import _core
 from tenodesis.errors import InstrumentError
 from tenodesis.quantity import Quantity, annotation
 
-_HALF_TURN = math.pi
-
 PARAMETERS = tuple(_core.parameters())
 """The core's parameters of an instrument, in its order."""
 
@@ -40,7 +38,7 @@ Force = Annotated[float, *annotation(Quantity("force", "N", "0.5 N", above=1e-6,
 Moment = Annotated[float, *annotation(Quantity("moment", "N*m", "0.15 N*m", above=0, below=1e5))]
 Rate = Annotated[float, *annotation(Quantity("rate", "Hz", "2000 Hz", above=0, below=1e9))]
 Angle = Annotated[float, *annotation(Quantity("angle", "rad", "20 deg"))]
-Range = Annotated[float, *annotation(Quantity("angle", "rad", "45 deg", above=0, below=_HALF_TURN))]
+Range = Annotated[float, *annotation(Quantity("angle", "rad", "45 deg", above=0, below=math.pi))]
 
 AxisName = Literal["yaw", "pitch"]
 
@@ -169,7 +167,7 @@ class Instrument(_Strict):
                 "the first axis has its values at the top"
             )
         allowed = [key for key, _, _ in self.quantities()]
-        foreign = [key for key in values if key not in {*allowed, "tendon_length", "tendon_stiffness"}]
+        foreign = [key for key in values if key not in {*allowed, "tendon_length"}]
         if foreign:
             raise ValueError(f"overrides.{axis}: {foreign[0]} is not a known key; allowed are {', '.join(allowed)}")
         bare = [key for key, value in values.items() if in_file and isinstance(value, int | float)]
@@ -208,7 +206,7 @@ class Instrument(_Strict):
         if self.given_stiffness is None and missing:
             raise ValueError(f"{missing[0]} is missing; give tendon_diameter and tendon_modulus, or tendon_stiffness")
         stiffness = self.tendon_stiffness
-        if not 1e-3 < stiffness < 1e12:
+        if not _STIFFNESS.allows(stiffness):
             raise ValueError(f"tendon_stiffness follows as {stiffness:.3g} N/m; it must be {_STIFFNESS.allowed}")
         if self.pretension / stiffness >= (self.tendon_length or self.overall_length):
             raise ValueError(
@@ -231,6 +229,17 @@ class Instrument(_Strict):
         return self
 
 
+_SHARED_FIELDS = {
+    "handle_length": "handle_length",
+    "end_effector_length": "end_effector_length",
+    "given_stiffness": "given_stiffness",
+    "tendon_modulus": "tendon_modulus",
+    "tendon_diameter": "tendon_diameter",
+    "tendon_length": "tendon_length",
+    "pretension": "pretension",
+}
+
+
 class TendonGear(Instrument):
     """An instrument whose joints are rolling gear pairs."""
 
@@ -238,7 +247,10 @@ class TendonGear(Instrument):
     distal_gear_radius: Length = Field(description="Pitch radius of the distal gears")
     proximal_gear_radius: Length = Field(description="Pitch radius of the proximal gears")
 
-    parameter_fields: ClassVar[Mapping[str, str]]
+    parameter_fields: ClassVar[Mapping[str, str]] = _SHARED_FIELDS | {
+        "proximal_gear_radius": "proximal_radius",
+        "distal_gear_radius": "distal_radius",
+    }
 
 
 class TendonPulley(Instrument):
@@ -248,7 +260,10 @@ class TendonPulley(Instrument):
     distal_pulley_radius: Length = Field(description="Radius of the distal pulley")
     proximal_pulley_radius: Length = Field(description="Radius of the proximal pulley")
 
-    parameter_fields: ClassVar[Mapping[str, str]]
+    parameter_fields: ClassVar[Mapping[str, str]] = _SHARED_FIELDS | {
+        "proximal_pulley_radius": "proximal_radius",
+        "distal_pulley_radius": "distal_radius",
+    }
 
 
 class Continuum(Instrument):
@@ -260,32 +275,13 @@ class Continuum(Instrument):
     backbone_length: Length = Field(description="Length of the backbone that bends")
     backbone_rigidity: Rigidity = Field(description="Flexural rigidity E I of the backbone")
 
-    parameter_fields: ClassVar[Mapping[str, str]]
+    parameter_fields: ClassVar[Mapping[str, str]] = _SHARED_FIELDS | {
+        "proximal_pulley_radius": "proximal_radius",
+        "distal_tendon_offset": "distal_radius",
+        "backbone_length": "backbone_length",
+        "backbone_rigidity": "backbone_rigidity",
+    }
 
-
-_SHARED_FIELDS = {
-    "handle_length": "handle_length",
-    "end_effector_length": "end_effector_length",
-    "given_stiffness": "given_stiffness",
-    "tendon_modulus": "tendon_modulus",
-    "tendon_diameter": "tendon_diameter",
-    "tendon_length": "tendon_length",
-    "pretension": "pretension",
-}
-TendonGear.parameter_fields = _SHARED_FIELDS | {
-    "proximal_gear_radius": "proximal_radius",
-    "distal_gear_radius": "distal_radius",
-}
-TendonPulley.parameter_fields = _SHARED_FIELDS | {
-    "proximal_pulley_radius": "proximal_radius",
-    "distal_pulley_radius": "distal_radius",
-}
-Continuum.parameter_fields = _SHARED_FIELDS | {
-    "proximal_pulley_radius": "proximal_radius",
-    "distal_tendon_offset": "distal_radius",
-    "backbone_length": "backbone_length",
-    "backbone_rigidity": "backbone_rigidity",
-}
 
 JOINT_TYPES: dict[str, type[Instrument]] = {
     "tendon-gear": TendonGear,

@@ -41,6 +41,15 @@ class Quantity:
         article = "an" if self.name[0] in "aeiou" else "a"
         return " ".join([f"{article} {self.name}", *([" and ".join(bounds)] if bounds else [])])
 
+    def allows(self, number: float) -> bool:
+        """Return whether a number, in SI, is finite and within the bounds."""
+        return (
+            math.isfinite(number)
+            and (self.above is None or number > self.above)
+            and (self.at_least is None or number >= self.at_least)
+            and (self.below is None or number < self.below)
+        )
+
     def parse(self, value: Any, info: ValidationInfo) -> float:
         """Read a value into SI: text with a unit, or outside files a bare SI number.
 
@@ -57,13 +66,7 @@ class Quantity:
             raise ValueError(f'it has no unit; write {self.allowed} like "{self.example}"')
         else:
             number = float(value)
-        inside = (
-            math.isfinite(number)
-            and (self.above is None or number > self.above)
-            and (self.at_least is None or number >= self.at_least)
-            and (self.below is None or number < self.below)
-        )
-        if not inside:
+        if not self.allows(number):
             raise ValueError(f"it must be {self.allowed}")
         return number
 

@@ -133,22 +133,27 @@ strokes = st.floats(-0.3, 0.3)
 radials = st.floats(-5, 5)
 
 
+def loading(inst: Instrument, radial: float, first: float, second: float) -> dict[str, Any]:
+    """Radial force and motor strokes, from shares of the unit force and of the proximal radius."""
+    radius = next(value for key, value, _ in inst.quantities() if key.startswith("proximal"))
+    return {"radial_force": radial * unit_force(inst), "wound": (first * radius, second * radius)}
+
+
 @many
 @given(instruments(), handles, loads, radials, strokes, strokes)
 def test_output_angle_and_handle_angle_are_inverse(
     inst: Instrument, handle: float, load: float, radial: float, first: float, second: float
 ) -> None:
     unit = unit_force(inst)
-    radius = next(value for key, value, _ in inst.quantities() if key.startswith("proximal"))
-    loading: dict[str, Any] = {"radial_force": radial * unit, "wound": (first * radius, second * radius)}
-    state = tn.statics.equilibrium(inst, handle, load * unit, **loading)
+    more = loading(inst, radial, first, second)
+    state = tn.statics.equilibrium(inst, handle, load * unit, **more)
     if state.status != Status.OK or max(state.agonist, state.antagonist) < 1e-9:
         return  # nothing holds the tip, and its angle tells nothing of the handle's
-    slope = tn.statics.gradient("output_angle", inst, handle, load * unit, wrt=["handle_angle"], **loading)
-    found = tn.statics.handle_angle(inst, np.array([state.output_angle]), load * unit, **loading)
+    slope = tn.statics.gradient("output_angle", inst, handle, load * unit, wrt=["handle_angle"], **more)
+    found = tn.statics.handle_angle(inst, np.array([state.output_angle]), load * unit, **more)
     if not abs(slope["handle_angle"]) < 1e3:
         return  # closer to the fold than rounding lets anyone tell
-    back = tn.statics.equilibrium(inst, found, load * unit, **loading)
+    back = tn.statics.equilibrium(inst, found, load * unit, **more)
     assert back.output_angle[0] == pytest.approx(state.output_angle, abs=1e-10 * max(1.0, slope["handle_angle"]))
 
 
@@ -159,9 +164,7 @@ def test_what_is_called_solved_is_in_balance(
 ) -> None:
     """The load that the tensions at the solution hold, by the slope of the energy, is the load that was given."""
     unit = unit_force(inst)
-    radius = next(value for key, value, _ in inst.quantities() if key.startswith("proximal"))
-    wound = (first * radius, second * radius)
-    state = tn.statics.equilibrium(inst, handle, load * unit, radial_force=radial * unit, wound=wound)
+    state = tn.statics.equilibrium(inst, handle, load * unit, **loading(inst, radial, first, second))
     if state.status != Status.OK:
         return
     output = state.output_angle

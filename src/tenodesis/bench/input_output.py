@@ -13,8 +13,8 @@ Array = NDArray[np.float64]
 
 def forces(inst: Instrument) -> list[float]:
     """Return the loads that curves are drawn for, N: none, and those of the instrument's conditions."""
-    named = {f"{force:g}": force for force in inst.conditions.forces or (0.5, 1.0, 1.5) if force > 0}
-    return [0.0, *sorted(named.values())]
+    by_text = {f"{force:g}": force for force in inst.conditions.forces or (0.5, 1.0, 1.5)}
+    return [0.0, *sorted(by_text.values())]
 
 
 def slack_onset(inst: Instrument, force: float) -> tuple[float, float]:
@@ -31,12 +31,11 @@ def slack_onset(inst: Instrument, force: float) -> tuple[float, float]:
     return angle, float(handle[0])
 
 
-def slack_told(inst: Instrument, force: float) -> str:
-    """Return in words at which output angles of the working range the antagonist is slack under a force."""
+def slack_told(inst: Instrument, force: float, onset: float) -> str:
+    """Return in words where in the working range the antagonist is slack under a force, given the onset (rad)."""
     slack = statics.slack_force(inst, np.linspace(0.0, inst.output_range, 401)) <= force
     if slack.all() or not slack.any():
         return "everywhere" if slack.all() else "nowhere"
-    onset, _ = slack_onset(inst, force)
     return f"θ_e ≥ {fixed(np.degrees(onset), 1)}°" if np.isfinite(onset) else "near the straight tip"
 
 
@@ -44,6 +43,7 @@ def section(context: Context) -> Section:
     """Compute the input-output curves and what the load takes from the tip."""
     inst = context.inst
     end = statics.reach(inst)
+    unloaded = float(np.degrees(statics.output_angle(inst, end)))
     loads = forces(inst)
     handle = np.linspace(0.0, min(inst.handle_range, 1.3 * end), 301)
     curves: dict[str, Array] = {"handle_angle [deg]": np.degrees(handle)}
@@ -82,14 +82,13 @@ def section(context: Context) -> Section:
             "deg",
             f"Output angle at a straight handle under {force:g} N",
         )
-        loss = float(np.degrees(statics.output_angle(inst, end))) - flexed
         rows.append(
             [
                 "no load" if force == 0 else f"{force:g} N",
                 fixed(straight),
                 fixed(flexed),
-                fixed(loss),
-                slack_told(inst, force),
+                fixed(unloaded - flexed),
+                slack_told(inst, force, onset),
             ]
         )
     axis.plot([], [], "o", color=style.MUTED, mec="white", label="antagonist goes slack")
@@ -101,7 +100,7 @@ def section(context: Context) -> Section:
     style.legend_above(axis, 4)
 
     context.add("input_output.linear_ratio", ratio, "1", "Ratio of output to handle angle near zero, no load")
-    gap = float(np.degrees(statics.output_angle(inst, end) - ratio * end))
+    gap = unloaded - float(np.degrees(ratio * end))
     context.add(
         "input_output.linear_ratio_error",
         gap,

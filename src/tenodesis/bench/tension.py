@@ -18,6 +18,7 @@ def section(context: Context) -> Section:
     curves: dict[str, Array] = {"handle_angle [deg]": np.degrees(handle)}
     fig, (axis,) = style.figure()
     loads = forces(inst)
+    at_zero, at_end = statics.slack_force(inst, np.array([0.0, inst.output_range]))
     rows = []
     for force, color in zip(loads[1:], style.colors(len(loads))[1:], strict=True):
         state = statics.equilibrium(inst, handle, force)
@@ -31,7 +32,6 @@ def section(context: Context) -> Section:
         axis.plot(output, agonist, color=color, label=f"{force:g} N")
         axis.plot(output, antagonist, "--", color=color)
         onset, onset_handle = slack_onset(inst, force)
-        at_zero, at_end = statics.slack_force(inst, np.array([0.0, inst.output_range]))
         if np.isfinite(onset):
             context.add(
                 f"tension.slack_onset_handle.at_{force:g}N",
@@ -52,7 +52,7 @@ def section(context: Context) -> Section:
             f"Largest rise of the agonist's tension in the working range under {force:g} N",
         )
         handle_told = f"θ_h ≥ {fixed(np.degrees(onset_handle), 1)}°" if np.isfinite(onset_handle) else "–"
-        rows.append([f"{force:g} N", slack_told(inst, force), handle_told, fixed(rise, 1)])
+        rows.append([f"{force:g} N", slack_told(inst, force, onset), handle_told, fixed(rise, 1)])
     context.add("tension.slack_force.straight", at_zero, "N", "Force at which the antagonist goes slack, tip straight")
     context.add(
         "tension.slack_force.flexed",
