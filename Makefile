@@ -41,6 +41,7 @@ test-python: build
 	$(BIN)/python -m pytest
 
 bench: build
+	$(BIN)/python benchmarks/accuracy.py
 	$(BIN)/python benchmarks/statics.py
 
 lint: build
