@@ -13,6 +13,8 @@
 //   tame(load, stiffness)         whether Newton's iteration from the unloaded position cannot pass the first root
 //   folds()                       whether demand outgrows every tension on the way to the limit
 //   wrap_angle(angle)             total bend of a tendon over the joint, rad
+//   tendon_span()                 length of tendon within the straight joint, m
+//   rig_arm()                     from the pivot of a load rig to the tip of the straight joint, m
 //   limit()                       bound of |x|
 //   values()                      the same joint in plain numbers
 // All lengths come from virtual work on the joint's exact kinematics.
@@ -49,6 +51,8 @@ struct TendonGear {
   static S angle(const S& x) { return S(2) * asin(x); }
   static constexpr S wrap_angle(const S& angle) { return abs(angle); }
 
+  constexpr S tendon_span() const { return S(2) * radius; }
+  constexpr S rig_arm() const { return length + S(2) * radius; }
   constexpr S excursion_slope() const { return S(2) * radius; }
   S moment_arm(const S& x) const { return radius * cosine(x); }
   S tangential_arm(const S& x) const { return length + radius * cosine(x); }
@@ -86,6 +90,8 @@ struct TendonPulley {
   static constexpr S angle(const S& x) { return x; }
   static constexpr S wrap_angle(const S& angle) { return abs(angle); }
 
+  constexpr S tendon_span() const { return S(2) * radius; }
+  constexpr S rig_arm() const { return length; }
   constexpr S excursion_slope() const { return radius; }
   constexpr S moment_arm(const S&) const { return radius; }
   constexpr S tangential_arm(const S&) const { return length; }
@@ -113,6 +119,8 @@ struct TendonContinuum {
   static constexpr S angle(const S& x) { return x; }
   static constexpr S wrap_angle(const S& angle) { return abs(angle); }
 
+  constexpr S tendon_span() const { return backbone_length; }
+  constexpr S rig_arm() const { return length + backbone_length * S(0.5); }
   constexpr S excursion_slope() const { return radius; }
   constexpr S moment_arm(const S&) const { return radius; }
   constexpr S tangential_arm(const S& x) const { return tangential(x, length, backbone_length); }

@@ -4,10 +4,13 @@
 // The functions here need no math library. Build with -fno-math-errno, so that a square root is one instruction
 // instead of a call.
 
+#include <bit>
 #include <compare>
 #include <concepts>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
+#include <type_traits>
 
 namespace tenodesis {
 
@@ -73,6 +76,20 @@ template <Real S>
 inline constexpr std::size_t arc_terms = sizeof(S) == 4 ? 12 : 24;  // |x| <= 1/2
 template <Real S>
 inline constexpr std::size_t bow_terms = sizeof(S) == 4 ? 9 : 15;  // |u| <= pi
+
+template <Real S>
+inline constexpr std::size_t exp_terms = sizeof(S) == 4 ? 8 : 14;  // |u| <= ln(2)/2
+
+template <Real S>
+inline constexpr auto exp_series = [] {
+  Series<S, exp_terms<S>> series{};
+  double term = 1;
+  for (std::size_t n = 0; n < exp_terms<S>; ++n) {
+    series.coefficient[n] = S(term);
+    term /= double(n + 1);
+  }
+  return series;
+}();
 
 // sin(u)/u as a series in u^2: (-1)^n / (2n+1)!
 template <Real S>
@@ -141,6 +158,35 @@ inline S asin(S x) {
   const S arc = sqrt(square) * detail::arc_series<S>(square);
   const S angle = size <= S(0.5) ? arc : S(pi / 2) - S(2) * arc;
   return x < S(0) ? -angle : angle;
+}
+
+/// Exponential; |u| below 80 in float, 700 in double.
+template <Real S>
+inline S exp(S u) {
+  using Bits = std::conditional_t<sizeof(S) == 4, std::int32_t, std::int64_t>;
+  constexpr int mantissa = std::numeric_limits<S>::digits - 1;
+  // Adding and taking away so large a number leaves the nearest whole one.
+  constexpr S whole = S(Bits(3) << (mantissa - 1));
+  const S doublings = (u * S(1.4426950408889634074) + whole) - whole;
+  // ln 2 in two parts, the first so short that its multiples are exact.
+  constexpr S ln2_high = sizeof(S) == 4 ? S(0.693359375) : S(6.93147180369123816490e-1);
+  constexpr S ln2_low = sizeof(S) == 4 ? S(-2.12194440e-4) : S(1.90821492927058770002e-10);
+  const S rest = (u - doublings * ln2_high) - doublings * ln2_low;
+  const Bits power = (Bits(doublings) + (std::numeric_limits<S>::max_exponent - 1)) << mantissa;
+  return detail::exp_series<S>(rest) * std::bit_cast<S>(power);
+}
+
+/// Nearest whole number; |u| below 2^22 in float, 2^51 in double.
+template <Real S>
+inline S round(S u) {
+  constexpr S whole = S(std::int64_t(3) << (std::numeric_limits<S>::digits - 2));
+  return (u + whole) - whole;
+}
+
+/// A number between bounds.
+template <class S>
+constexpr S clamp(const S& v, const S& low, const S& high) {
+  return smaller(larger(v, low), high);
 }
 
 /// A value with its derivatives in N directions: forward-mode differentiation, exact to rounding.

@@ -8,6 +8,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "evaluate.hpp"
+#include "modules.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -177,6 +178,9 @@ NB_MODULE(_core, m) {
         nb::sig("def gradient(spec: Spec, operation: str, inputs: Sequence[NDArray[numpy.float64]], variables: "
                 "Sequence[int], out: NDArray[numpy.float64], status: NDArray[numpy.uint8], threads: int) -> None"),
         "Write the derivatives, by output, variable and point, and the status of every point.");
+
+  bind_tendon(m);
+  bind_twin(m);
 }
 
 }  // namespace tenodesis::bindings

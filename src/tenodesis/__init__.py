@@ -1,8 +1,10 @@
 """Model, scale, test and control tendon-driven hand-held surgical instruments."""
 
-from tenodesis import similarity, statics
-from tenodesis.errors import InstrumentError, NoSolutionError
+from tenodesis import protocols, similarity, statics, tendon, twin
+from tenodesis.errors import InstrumentError, NoSolutionError, ProtocolError, RecordingError
 from tenodesis.instrument import Continuum, Instrument, TendonGear, TendonPulley, load, parse, shipped
+from tenodesis.recording import Recorder, Recording
+from tenodesis.signals import Run
 from tenodesis.threads import set_threads
 
 __version__ = "0.1.0"
@@ -12,12 +14,20 @@ __all__ = [
     "Instrument",
     "InstrumentError",
     "NoSolutionError",
+    "ProtocolError",
+    "Recorder",
+    "Recording",
+    "RecordingError",
+    "Run",
     "TendonGear",
     "TendonPulley",
     "load",
     "parse",
+    "protocols",
     "set_threads",
     "shipped",
     "similarity",
     "statics",
+    "tendon",
+    "twin",
 ]

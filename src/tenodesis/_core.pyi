@@ -69,3 +69,79 @@ def gradient(spec: Spec, operation: str, inputs: Sequence[NDArray[numpy.float64]
     """
     Write the derivatives, by output, variable and point, and the status of every point.
     """
+
+class Tendon:
+    """An elastic tendon through contacts with friction, with its state."""
+
+    def __init__(self, stiffness: Sequence[float], exponent: Sequence[float], constant: float, viscous: float, rest_tension: float) -> None: ...
+
+    def run(self, spool: NDArray[numpy.float64], drawn: NDArray[numpy.float64], by_tension: bool, time_step: float, out: NDArray[numpy.float64]) -> int:
+        """
+        Step over prescribed ends; out: proximal and distal tension, wound length, friction loss, residual. Returns the most sweeps.
+        """
+
+    @property
+    def tension(self) -> list[float]:
+        """Tension of every segment, N."""
+
+    @property
+    def slip(self) -> list[float]:
+        """Slip past every contact, m."""
+
+def transmit(tension: NDArray[numpy.float64], exponent: float, gain: float, held: float, out: NDArray[numpy.float64]) -> None:
+    """
+    Write the distal tension of one contact; held: the distal tension before, N.
+    """
+
+class TwinSpec:
+    """A twin of one axis, as numbers in SI units."""
+
+    def __init__(self, axis: Spec, row: Sequence[float], speed_dependent: bool, sheath_contacts: int, steps_per_sample: int, quasi_static: bool) -> None: ...
+
+class Twin:
+    """The digital twin of one axis, with its state."""
+
+    def __init__(self, spec: TwinSpec, seed: int) -> None: ...
+
+    def run(self, commands: NDArray[numpy.float64], out: NDArray[numpy.float64]) -> tuple[int, Status]:
+        """
+        Step over rows of commands; signals by row of out. Returns the steps taken and why no more were.
+        """
+
+    def audit(self, commands: NDArray[numpy.float64]) -> tuple[int, Status, list[float], float, float, int]:
+        """
+        Step over rows of commands: steps, status, energies in J (stored before and after, handle, spools, load, friction, damping), least friction loss of a step, worst residual, most sweeps.
+        """
+
+    @property
+    def state(self) -> bytes:
+        """The whole state, as bytes."""
+
+    @state.setter
+    def state(self, arg: bytes, /) -> None: ...
+
+    def signals(self, command: NDArray[numpy.float64]) -> list[float]:
+        """The signals as they stand."""
+
+def twin_parameters() -> list[str]:
+    """Names of a twin's numbers, in their order."""
+
+def twin_commands() -> list[str]:
+    """Names of a command's columns."""
+
+def twin_signals() -> list[str]:
+    """Names of the signals a step writes, in their order."""
+
+def most_sheath_contacts() -> int:
+    """How many contacts a twin's sheath can have."""
+
+def rig_arm(spec: Spec) -> float:
+    """From a load rig's pivot to the tip of the straight joint, m."""
+
+def joint_share(spec: Spec) -> float:
+    """Share of a tendon's length that lies in the two joints."""
+
+def run_many(spec: TwinSpec, parameters: NDArray[numpy.float64], commands: NDArray[numpy.float64], seeds: NDArray[numpy.uint64], signals: Sequence[int], every: int, out: NDArray[numpy.float64], told: NDArray[numpy.int64], threads: int) -> None:
+    """
+    Run one twin per row of parameters (a twin's, then its axis's); told: steps taken and status of each.
+    """

@@ -7,3 +7,11 @@ class InstrumentError(ValueError):
 
 class NoSolutionError(ValueError):
     """The instrument has no solution at a single point asked for; in arrays such points are NaN instead."""
+
+
+class RecordingError(Exception):
+    """A recording cannot be written or read; the message names the file, the cause and what remains readable."""
+
+
+class ProtocolError(ValueError):
+    """A protocol is not valid, or an instrument cannot run it; the message names phase, key and what is allowed."""

@@ -22,6 +22,7 @@ from pydantic.fields import FieldInfo
 
 from tenodesis import _core
 from tenodesis.errors import InstrumentError
+from tenodesis.hardware import Drives, Dynamics, Friction, Mismatch, Sensors
 from tenodesis.quantity import Quantity, annotation
 
 PARAMETERS = tuple(_core.parameters())
@@ -90,7 +91,13 @@ class Instrument(_Strict):
     output_range: Range = Field(
         default=math.radians(80), description="Working range of the output angle to either side"
     )
+    breaking_load: Force | None = Field(default=None, description="Tension at which a tendon breaks")
     conditions: Conditions = Conditions()
+    friction: Friction = Friction()
+    dynamics: Dynamics = Dynamics()
+    drives: Drives = Drives()
+    sensors: Sensors = Sensors()
+    mismatch: Mismatch = Mismatch()
     overrides: Mapping[AxisName, Mapping[str, Any]] = Field(
         default={}, description="Values that differ on one axis, by axis"
     )
@@ -103,6 +110,11 @@ class Instrument(_Strict):
     def tendon_stiffness(self) -> float:
         """Stiffness of one tendon, N/m: as given, or E A / L (Table I)."""
         return _core.tendon_stiffness(self.spec)
+
+    @property
+    def rig_arm(self) -> float:
+        """Distance from the load rig's pivot to the tip of the straight instrument, m (Fig. 13)."""
+        return _core.rig_arm(self.spec)
 
     @cached_property
     def spec(self) -> _core.Spec:
@@ -132,7 +144,8 @@ class Instrument(_Strict):
         Parameters
         ----------
         **changes
-            New values by key, in SI units or as text with a unit; None for a key left out again.
+            New values by key, in SI units or as text with a unit; None for a key left out again. A key within a table
+            is written with a dot: ``**{"friction.vertex_coefficient": 0.2}``.
 
         Raises
         ------
@@ -158,7 +171,14 @@ class Instrument(_Strict):
         """Return the values of this instrument by key, with changes; None leaves a key out."""
         fields = type(self).model_fields
         values = {fields[key].alias or key: getattr(self, key) for key in self.model_fields_set}
-        return {key: value for key, value in (values | dict(changes)).items() if value is not None}
+        for key, value in changes.items():
+            table, _, inner = key.partition(".")
+            if inner and isinstance(held := values.get(table, getattr(self, table, None)), BaseModel | dict):
+                own = dict(held) if isinstance(held, dict) else held.model_dump(exclude_unset=True)
+                values[table] = {name: one for name, one in (own | {inner: value}).items() if one is not None}
+            else:
+                values[key] = value
+        return {key: value for key, value in values.items() if value is not None}
 
     def _check_override(self, axis: AxisName, values: Mapping[str, Any], *, in_file: bool) -> None:
         if axis not in self.axes[1:]:
@@ -212,6 +232,11 @@ class Instrument(_Strict):
             raise ValueError(
                 f"pretension is {self.pretension:g} N, which would stretch tendons of {stiffness:.3g} N/m by more than "
                 "their length; allowed is less pretension or a stiffer tendon"
+            )
+        if self.breaking_load is not None and self.pretension >= self.breaking_load:
+            raise ValueError(
+                f"pretension is {self.pretension:g} N, at which a tendon of {self.breaking_load:g} N breaking_load has "
+                "broken; allowed is less pretension or a stronger tendon"
             )
         reach = _core.unloaded_limit(self.spec)
         if not reach < 1:
@@ -400,6 +425,8 @@ def _sentence(kind: type[Instrument], error: Any) -> str:
         return f"{key} is not a known key; allowed are {', '.join(_siblings(kind, error['loc']))}."
     if not key:
         return f"{told}."
+    if isinstance(error["input"], dict):
+        return f"{key}: {told}."
     if error["type"] == "tuple_type":
         told = "a list"
     if error["type"] != "value_error":
@@ -408,5 +435,6 @@ def _sentence(kind: type[Instrument], error: Any) -> str:
 
 
 def _siblings(kind: type[Instrument], location: tuple[Any, ...]) -> list[str]:
-    parent: type[BaseModel] = Conditions if location[0] == "conditions" else kind
+    table = kind.model_fields[location[0]].annotation if location[0] in kind.model_fields else None
+    parent: type[BaseModel] = table if isinstance(table, type) and issubclass(table, BaseModel) else kind
     return [field.alias or name for name, field in parent.model_fields.items()]

@@ -259,8 +259,8 @@ def _size(found: Coupling) -> float:
     return -inf if isnan(found.change) else abs(found.change)
 
 
-def _xml(inst: Instrument, held: dict[str, float], gap: float | None = None) -> str:
-    """Write the model whose pairs, from the stem outward, are those the handle is `held` at (rad)."""
+def _xml(inst: Instrument, held: Mapping[str, float | None], gap: float | None = None) -> str:
+    """Write the model whose pairs, from the stem outward, are those the handle is `held` at (rad), or free (None)."""
     large, small, axes = inst.proximal_gear_radius, inst.distal_gear_radius, list(held)
     gap = 2 * small if gap is None else gap
     pair, link = 2 * (large + small), 2 * large + gap  # lengths of both ends together

@@ -1,0 +1,69 @@
+#pragma once
+// Where the energy of a step goes: what was stored, what was put in, what friction and damping took.
+//
+// All work is the trapezoidal rule's, which for linear springs is exact.
+
+#include "tenodesis/twin.hpp"
+
+namespace tenodesis {
+
+/// Energies of one axis, J.
+template <class S>
+struct Energy {
+  S stored{};    ///< in tendons, backbone, stop and the tip's motion
+  S handle{};    ///< work of the handle on the tendons
+  S spools{};    ///< work of the spools on the tendons
+  S load{};      ///< work of the load on the tip
+  S friction{};  ///< lost at the contacts
+  S damping{};   ///< lost at the tip
+
+  /// What a step does not account for.
+  constexpr S unaccounted(const S& stored_before) const {
+    return stored - stored_before - (handle + spools + load - friction - damping);
+  }
+};
+
+/// Energy stored in a state, J.
+template <class T>
+typename T::S stored_energy(const T& twin, const typename T::State& state) {
+  using S = typename T::S;
+  S sum = twin.body.inertia * state.output_velocity * state.output_velocity +
+          twin.axis.distal.passive_stiffness() * state.output_angle * state.output_angle;
+  const S beyond = twin.beyond_stop(state.output_angle);
+  sum = sum + twin.body.stop_stiffness * beyond * beyond;
+  for (const auto& one : state.tendon)
+    for (int i = 0; i <= twin.tendon.contacts(); ++i)
+      sum = sum + one.tension[i] * one.tension[i] / twin.tendon.stiffness[i];
+  return sum * S(0.5);
+}
+
+/// The energies of a step between two states; the load is the one at its two ends.
+template <class T>
+Energy<typename T::S> account(const T& twin, const typename T::State& before, const typename T::State& after,
+                              const Load<typename T::S>& load_before, const Load<typename T::S>& load_after) {
+  using S = typename T::S;
+  const auto mean = [](const S& a, const S& b) { return (a + b) * S(0.5); };
+  const auto load_moment = [&](const typename T::State& state, const Load<S>& load) {
+    const S x = twin.axis.distal.coordinate(state.output_angle);
+    return load.radial_force * twin.axis.distal.radial_arm(x) - load.force * twin.axis.distal.tangential_arm(x);
+  };
+  Energy<S> energy{};
+  energy.stored = stored_energy(twin, after);
+  energy.handle = mean(before.handle_moment, after.handle_moment) * (after.handle_angle - before.handle_angle);
+  const S turned = after.output_angle - before.output_angle;
+  energy.load = mean(load_moment(before, load_before), load_moment(after, load_after)) * turned;
+  energy.damping = twin.body.damping * mean(before.output_velocity, after.output_velocity) * turned;
+  for (int k = 0; k < 2; ++k) {
+    const auto& was = before.tendon[k];
+    const auto& is = after.tendon[k];
+    const S wound = twin.drive.spool_radius * (after.drive[k].spool - before.drive[k].spool);
+    energy.spools = energy.spools + mean(was.tension[0], is.tension[0]) * wound;
+    for (int j = 0; j < twin.tendon.contacts(); ++j) {
+      const S pull = mean(was.tension[j] - was.tension[j + 1], is.tension[j] - is.tension[j + 1]);
+      energy.friction = energy.friction + pull * (is.slip[j] - was.slip[j]);
+    }
+  }
+  return energy;
+}
+
+}  // namespace tenodesis

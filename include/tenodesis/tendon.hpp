@@ -1,0 +1,282 @@
+#pragma once
+// One tendon: elastic segments between contacts with friction, from the spool (segment 0) to the tip (the last one).
+//
+// Its state is the length that has slipped past each contact toward the spool. A segment is a linear spring that cannot
+// push. At a contact the tendon sticks while the tensions on both sides lie within the friction law's band, else it
+// slides on the band's edge, and only in the direction that edge resists.
+//
+// Who slides which way, and which segments are slack, is guessed from the step before; with that guess the tendon is a
+// chain of linear equations, eliminated from the spool to the tip in one pass, exactly. Where the result contradicts
+// the guess, the guess is revised and the pass repeated. Every equation has the sign pattern of an M-matrix (a contact
+// gives way to its own slip and is urged on by its neighbours'), so that the solution is unique, and a few passes find
+// it. Should they run in circles, contacts are relaxed one after another, which cannot, until the guess is right.
+// Slip counts from the step's beginning, so that a contact never slides back from where a pass overshot.
+
+#include "tenodesis/friction.hpp"
+
+namespace tenodesis {
+
+/// A row of N values.
+template <class T, int N>
+struct Row {
+  T at[N]{};
+
+  static constexpr int size() { return N; }
+  constexpr T& operator[](int i) { return at[i]; }
+  constexpr const T& operator[](int i) const { return at[i]; }
+};
+
+/// The rows of a tendon with a number of contacts known when compiled.
+template <int contacts>
+struct Contacts {
+  template <class T>
+  using PerContact = Row<T, contacts>;
+  template <class T>
+  using PerSegment = Row<T, contacts + 1>;
+};
+
+enum class Slide : signed char { toward_tip = -1, none = 0, toward_spool = 1 };
+
+/// What holds at a contact or in a segment for as long as no pass contradicts it.
+template <class S, class Rows>
+struct TendonState {
+  typename Rows::template PerContact<S> slip{};       ///< past each contact toward the spool, m
+  typename Rows::template PerContact<Slide> slide{};  ///< how each contact slid in the last step
+  typename Rows::template PerSegment<bool> slack{};
+  typename Rows::template PerSegment<S> tension{};  ///< N
+};
+
+/// What the end of a tendon does when it gives way by y toward the spool: tension = at_rest - stiffness y.
+template <class S>
+struct Reaction {
+  S at_rest{};    ///< N
+  S stiffness{};  ///< N/m
+};
+
+/// How often a guess may be revised in one step before the tendon is given up on.
+inline constexpr int most_sweeps = 96;
+/// After so many revisions in a row the contacts are relaxed.
+inline constexpr int hasty_sweeps = 16;
+/// Rounds of one relaxation.
+inline constexpr int relaxation_rounds = 512;
+
+/// Drag of every contact as a share of a segment's stiffness: it decides where a slack tendon would slip for nothing.
+template <Real S>
+inline constexpr S least_drag = sizeof(S) == 4 ? S(1e-5) : S(1e-9);
+
+/// Share of the tension scale within which a band or a slack tendon counts as kept.
+template <Real S>
+inline constexpr S friction_tolerance = sizeof(S) == 4 ? S(2e-6) : S(1e-13);
+
+/// The constants of one tendon.
+template <class S, class Rows>
+struct Tendon {
+  using State = TendonState<S, Rows>;
+  using Bands = typename Rows::template PerContact<Band<S>>;
+  using Lengths = typename Rows::template PerSegment<S>;
+  using Slips = typename Rows::template PerContact<S>;
+
+  Lengths stiffness{};  ///< of each segment, N/m
+  S rest_tension{};     ///< of every segment where nothing has moved, N
+
+  int contacts() const { return int(stiffness.size()) - 1; }
+
+  /// Slip of each contact as a line over what the next one gives way.
+  struct Line {
+    Slips at_rest{};
+    Slips rate{};
+  };
+
+  /// Segment 0 where the spool's angle is given: it has drawn the tendon by pull, m.
+  Reaction<S> held_by_spool(const S& pull) const { return {rest_tension + stiffness[0] * pull, stiffness[0]}; }
+
+  /// One pass toward the tip under the state's guess: how the tip's end reacts, and each slip by the next.
+  ///
+  /// spool: how segment 0 reacts to the first contact's slip; pull: how far each other segment is drawn longer, m;
+  /// from: slips at the step's beginning.
+  Reaction<S> eliminate(const Bands& band, const Reaction<S>& spool, const Lengths& pull, const Slips& from,
+                        const State& state, Line& line) const {
+    const int n = contacts();
+    Reaction<S> end = state.slack[0] ? Reaction<S>{} : spool;
+    for (int j = 0; j < n; ++j) {
+      const S k = state.slack[j + 1] ? S(0) : stiffness[j + 1];
+      const S rest = state.slack[j + 1] ? S(0) : rest_tension;
+      S slip = from[j];
+      S rate(0);
+      S stiffness_beyond = k;
+      if (state.slide[j] != Slide::none) {
+        const Edge edge = edge_of(band[j], state.slide[j]);
+        const S share = edge.ratio * k;
+        const S resistance = end.stiffness + share + edge.drag;
+        // Between two slack segments nothing moves the tendon.
+        if (resistance > S(0)) {
+          const S inverse = S(1) / resistance;
+          const S hold = edge.ratio * rest + share * pull[j + 1] + edge.constant - edge.drag * from[j];
+          slip = (end.at_rest - hold) * inverse;
+          rate = share * inverse;
+          // k (1 - rate), without the cancellation that would leave a loose tendon some stiffness.
+          stiffness_beyond = k * ((end.stiffness + edge.drag) * inverse);
+        }
+      }
+      line.at_rest[j] = slip;
+      line.rate[j] = rate;
+      end = {rest + k * (pull[j + 1] + slip), stiffness_beyond};
+    }
+    return end;
+  }
+
+  /// The pass back: slips and tensions once the end has given way by y, m.
+  void substitute(const Reaction<S>& spool, const Lengths& pull, const Line& line, const S& y, State& state) const {
+    const int n = contacts();
+    S beyond = y;
+    for (int j = n - 1; j >= 0; --j) {
+      const S slip = line.at_rest[j] + line.rate[j] * beyond;
+      state.tension[j + 1] = rest_tension + stiffness[j + 1] * (pull[j + 1] + slip - beyond);
+      state.slip[j] = slip;
+      beyond = slip;
+    }
+    state.tension[0] = spool.at_rest - spool.stiffness * beyond;
+  }
+
+  /// Revises what a pass contradicts and returns in how many places; slack segments get no tension.
+  int revise(const Bands& band, const Slips& from, const S& tolerance, State& state) const {
+    const int n = contacts();
+    int revised = 0;
+    for (int i = 0; i <= n; ++i) {
+      const bool slack = state.slack[i] ? state.tension[i] <= tolerance : state.tension[i] < -tolerance;
+      revised += slack != state.slack[i];
+      state.slack[i] = slack;
+      if (slack || state.tension[i] < S(0)) state.tension[i] = S(0);
+    }
+    for (int j = 0; j < n; ++j) {
+      const Slide slide =
+          slide_of(band[j], state.tension[j], state.tension[j + 1], state.slip[j] - from[j], tolerance, state.slide[j]);
+      revised += slide != state.slide[j];
+      state.slide[j] = slide;
+    }
+    return revised;
+  }
+
+  /// Projects one contact after another onto its friction law, its neighbours held, from the step's beginning on; where
+  /// that leads is the state, and the next guess.
+  void relax(const Bands& band, const Reaction<S>& spool, const Lengths& pull, const S& y, const Slips& from,
+             State& state) const {
+    const int n = contacts();
+    state.slip = from;
+    for (int round = 0; round < relaxation_rounds; ++round) {
+      for (int j = 0; j < n; ++j) {
+        const S before = j > 0 ? state.slip[j - 1] : S(0);
+        const S beyond = j + 1 < n ? state.slip[j + 1] : y;
+        const Reaction<S> spool_side =
+            j > 0 ? Reaction<S>{rest_tension + stiffness[j] * (pull[j] + before), stiffness[j]} : spool;
+        const Reaction<S> tip_side{rest_tension + stiffness[j + 1] * (pull[j + 1] - beyond), stiffness[j + 1]};
+        state.slip[j] = project(band[j], spool_side, tip_side, from[j]);
+      }
+    }
+    for (int i = 0; i <= n; ++i) {
+      const S before = i > 0 ? state.slip[i - 1] : S(0);
+      const S beyond = i < n ? state.slip[i] : y;
+      const S tension =
+          i > 0 ? rest_tension + stiffness[i] * (pull[i] + before - beyond) : spool.at_rest - spool.stiffness * beyond;
+      state.slack[i] = tension < S(0);
+      state.tension[i] = larger(tension, S(0));
+    }
+    for (int j = 0; j < n; ++j) {
+      const S slipped = state.slip[j] - from[j];
+      state.slide[j] = slipped > S(0) ? Slide::toward_spool : slipped < S(0) ? Slide::toward_tip : Slide::none;
+      if (band[j].free()) state.slide[j] = Slide::toward_spool;
+    }
+  }
+
+  /// By how much the friction law is broken at its worst contact, N.
+  S residual(const Bands& band, const Slips& from, const State& state) const {
+    S worst(0);
+    for (int j = 0; j < contacts(); ++j) {
+      const S spool = state.tension[j];
+      const S tip = state.tension[j + 1];
+      const S slipped = state.slip[j] - from[j];
+      const auto beyond = [&](const S& pulled, const S& held, const S& by) {
+        return pulled - (band[j].ratio * held + band[j].constant + band[j].drag * by);
+      };
+      const S to_spool = beyond(spool, tip, larger(slipped, S(0)));
+      const S to_tip = beyond(tip, spool, larger(-slipped, S(0)));
+      const S stuck = larger(larger(to_spool, to_tip), S(0));
+      const S off = slipped > S(0) ? abs(to_spool) : slipped < S(0) ? abs(to_tip) : stuck;
+      // What slips between two slack segments meets no friction to be measured by.
+      if (spool > S(0) || tip > S(0)) worst = larger(worst, off);
+    }
+    return worst;
+  }
+
+ private:
+  /// Spool-side tension of a sliding contact as a line over the tip-side one, and over the slip.
+  struct Edge {
+    S ratio{};
+    S constant{};
+    S drag{};
+  };
+
+  static Edge edge_of(const Band<S>& band, Slide slide) {
+    if (slide == Slide::toward_spool) return {band.ratio, band.constant, band.drag};
+    const S inverse = S(1) / band.ratio;
+    return {inverse, -band.constant * inverse, band.drag * inverse};
+  }
+
+  /// Slip of one contact between two sides that react to it.
+  static S project(const Band<S>& band, const Reaction<S>& spool, const Reaction<S>& tip, const S& from) {
+    const S on_spool = larger(spool.at_rest - spool.stiffness * from, S(0));
+    const S on_tip = larger(tip.at_rest + tip.stiffness * from, S(0));
+    const bool to_spool = on_spool > band.ratio * on_tip + band.constant;
+    const bool to_tip = on_tip > band.ratio * on_spool + band.constant;
+    if (to_spool) {
+      const S slip = (spool.at_rest - band.ratio * tip.at_rest - band.constant + band.drag * from) /
+                     (spool.stiffness + band.ratio * tip.stiffness + band.drag);
+      if (tip.at_rest + tip.stiffness * slip >= S(0)) return slip;
+      return (spool.at_rest - band.constant + band.drag * from) / (spool.stiffness + band.drag);
+    }
+    if (to_tip) {
+      const S slip = (band.ratio * spool.at_rest - tip.at_rest + band.constant + band.drag * from) /
+                     (band.ratio * spool.stiffness + tip.stiffness + band.drag);
+      if (spool.at_rest - spool.stiffness * slip >= S(0)) return slip;
+      return (-tip.at_rest + band.constant + band.drag * from) / (tip.stiffness + band.drag);
+    }
+    return from;
+  }
+
+  static Slide slide_of(const Band<S>& band, const S& spool, const S& tip, const S& slipped, const S& tolerance,
+                        Slide slide) {
+    if (band.free()) return Slide::toward_spool;
+    if (slide == Slide::toward_spool) return slipped < S(0) ? Slide::none : slide;
+    if (slide == Slide::toward_tip) return slipped > S(0) ? Slide::none : slide;
+    if (spool > band.ratio * tip + band.constant + tolerance) return Slide::toward_spool;
+    if (tip > band.ratio * spool + band.constant + tolerance) return Slide::toward_tip;
+    return Slide::none;
+  }
+};
+
+/// Settles a tendon whose ends are given: the last segment's end where pull puts it, the spool's end as it reacts.
+///
+/// Returns the number of passes, or most_sweeps + 1 if every guess was contradicted and the state is a relaxed one.
+template <class S, class Rows>
+int settle(const Tendon<S, Rows>& tendon, const typename Tendon<S, Rows>::Bands& band,
+           const typename Tendon<S, Rows>::Lengths& pull, const Reaction<S>& spool, const S& tolerance,
+           TendonState<S, Rows>& state, typename Tendon<S, Rows>::Line& line) {
+  const auto from = state.slip;
+  for (int sweep = 1; sweep <= most_sweeps; ++sweep) {
+    tendon.eliminate(band, spool, pull, from, state, line);
+    tendon.substitute(spool, pull, line, S(0), state);
+    if (tendon.revise(band, from, tolerance, state) == 0) return sweep;
+    if (sweep % hasty_sweeps == 0) tendon.relax(band, spool, pull, S(0), from, state);
+  }
+  return most_sweeps + 1;
+}
+
+/// Tension beyond one contact, N: as it was while the contact sticks, on the band's edge while it slides.
+///
+/// pulled: the tension on the near side now; held: the one beyond before.
+template <class S>
+S transmit(const Band<S>& band, const S& pulled, const S& held) {
+  return clamp(held, larger((pulled - band.constant) / band.ratio, S(0)), pulled * band.ratio + band.constant);
+}
+
+}  // namespace tenodesis

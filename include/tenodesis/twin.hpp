@@ -1,0 +1,421 @@
+#pragma once
+// The instrument on its bench, step by step in time: a handle, two spools on drives, two tendons with friction, a tip
+// with inertia under load, and the sensors that see some of it.
+//
+// One tendon runs spool - load cell - sheath - first vertex of the handle's joint - its second vertex - stem - vertex
+// of the tip's joint - anchor. A joint bends its tendon half before and half after the place where its length changes;
+// beyond the tip's lies only the anchor, where nothing slides.
+//
+// A step is the trapezoidal rule for the tip's inertia around tendons without mass. Their tensions are lines over the
+// tip's coordinate for as long as the guess of who slides holds (tendon.hpp), so that tip and tendons are solved as
+// one.
+
+#include "tenodesis/drive.hpp"
+#include "tenodesis/sensor.hpp"
+#include "tenodesis/statics.hpp"
+#include "tenodesis/tendon.hpp"
+
+namespace tenodesis {
+
+/// Where friction acts and how strongly; the law says what it makes of it.
+template <class S>
+struct Friction {
+  S vertex{};            ///< friction coefficient at the joints' vertices
+  S sheath{};            ///< friction coefficient in the sheath
+  S sheath_bend{};       ///< total bend of the sheath, rad
+  S sheath_bend_rate{};  ///< added to it per radian of |handle angle|: the sheath bends as the hand moves
+  S viscous{};           ///< of each contact, N s/m
+};
+
+/// The tip as a body that turns by the output angle.
+template <class S>
+struct Body {
+  S inertia{};         ///< kg m^2
+  S damping{};         ///< N m s/rad
+  S stop{};            ///< output angle at the mechanical stop, rad
+  S stop_stiffness{};  ///< N m/rad
+};
+
+/// The hand on the handle; without stiffness the handle is where the input says.
+template <class S>
+struct Hand {
+  S stiffness{};  ///< N m/rad
+  S damping{};    ///< N m s/rad
+  S inertia{};    ///< of hand and handle, kg m^2
+};
+
+/// The load rig of Fig. 13: weights on cables turn a bar that pushes the tip sideways through a sliding link.
+template <class S>
+struct Rig {
+  S pulley_radius{};  ///< that the cables act at, m
+  S arm{};            ///< from the bar's pivot to the tip, m
+
+  S force(const S& weight) const { return weight * (pulley_radius / arm); }
+};
+
+template <class S>
+struct Sensors {
+  Sensor<S> handle_encoder{};
+  Sensor<S> output_encoder{};
+  Sensor<S> load_cell[2]{};
+  Sensor<S> motor_encoder{};
+};
+
+/// What is done to one axis in a step; everything as it is at the step's end.
+template <class S>
+struct Command {
+  S handle_angle{};       ///< where the handle is, or where the hand wants it, rad
+  S force{};              ///< tangential at the tip, N
+  S radial_force{};       ///< N
+  S weight{};             ///< on the load rig's cable, one side's more than the other's, N
+  S spool_velocity[2]{};  ///< rad/s
+};
+
+/// What a data acquisition sees of one axis.
+template <class S>
+struct Reading {
+  S handle_angle{};
+  S output_angle{};
+  S tension[2]{};
+  S spool_angle[2]{};
+};
+
+inline constexpr int agonist = 0, antagonist = 1;
+
+/// Contacts of a tendon beside those of the sheath: both vertices of the handle's joint and the tip's one.
+inline constexpr int joint_contacts = 3;
+
+template <class S, class Rows>
+struct TwinState {
+  S output_angle{};
+  S output_velocity{};
+  S handle_angle{};
+  S handle_velocity{};
+  S handle_moment{};      ///< of the tendons on the handle's joint, against positive handle angles, N m
+  S tip_moment{};         ///< of everything on the tip but its inertia, N m
+  S net_handle_torque{};  ///< of hand and tendons, N m
+  TendonState<S, Rows> tendon[2]{};
+  typename Rows::template PerContact<S> slip_speed[2]{};  ///< that a law which depends on it goes by, m/s
+  DriveState<S> drive[2]{};
+  Noise noise{};
+  Reading<S> reading{};
+  int until_sample{};
+  int sweeps{};  ///< that the last step took
+};
+
+/// How often an angle is corrected in one solve.
+inline constexpr int most_corrections = 48;
+
+/// One axis of an instrument on the bench; Law is one of friction.hpp's, Rows the rows of tendon.hpp.
+template <class A, class RowsOf, class LawOf>
+struct Twin {
+  using S = typename A::Scalar;
+  using Rows = RowsOf;
+  using Law = LawOf;
+  using State = TwinState<S, Rows>;
+  using Line = typename Tendon<S, Rows>::Line;
+  using Bands = typename Tendon<S, Rows>::Bands;
+  using Lengths = typename Tendon<S, Rows>::Lengths;
+
+  A axis{};
+  Tendon<S, Rows> tendon{};
+  Law law{};
+  Friction<S> friction{};
+  Body<S> body{};
+  Hand<S> hand{};
+  Drive<S> drive{};
+  Rig<S> rig{};
+  Sensors<S> sensors{};
+  S time_step{};
+  int steps_per_sample{1};
+  bool quasi_static{};
+
+  /// At rest, both tendons at pretension and all else at zero.
+  State rest(std::uint64_t seed) const {
+    State state{};
+    for (auto& one : state.tendon)
+      for (int i = 0; i <= tendon.contacts(); ++i) one.tension[i] = tendon.rest_tension;
+    for (auto& one : state.drive) one.angle = drive.backlash * S(0.5);
+    state.noise.seed = seed;
+    state.reading = read(state);
+    state.until_sample = steps_per_sample;
+    return state;
+  }
+
+  /// Advances the state by one step; on any status but ok it stays as it was.
+  Status step(const Command<S>& command, State& state) const {
+    if (!all_finite(command.handle_angle, command.force, command.radial_force, command.weight,
+                    command.spool_velocity[0], command.spool_velocity[1]))
+      return Status::not_finite;
+    State next = state;
+    const Load<S> load = load_of(command);
+    for (int i = 0; i < 2; ++i)
+      next.drive[i] = advance(drive, state.drive[i], command.spool_velocity[i], state.tendon[i].tension[0], time_step);
+    const Status found = prescribed() ? move_tip(command.handle_angle, load, state, next)
+                                      : move_handle(command.handle_angle, load, state, next);
+    if (found != Status::ok) return found;
+    if (--next.until_sample <= 0) {
+      next.reading = read(next);
+      next.until_sample = steps_per_sample;
+    }
+    state = next;
+    return Status::ok;
+  }
+
+  Load<S> load_of(const Command<S>& command) const {
+    return {command.force + rig.force(command.weight), command.radial_force};
+  }
+
+  /// Torque that the hand holds the handle with, N m.
+  S handle_torque(const Command<S>& command, const State& state) const {
+    return prescribed() ? state.handle_moment : hand_torque(command.handle_angle, state);
+  }
+
+  /// By how much a step has broken the friction law at its worst contact, as a share of the tension scale.
+  S residual(const State& before, const State& after) const {
+    S worst(0);
+    for (int i = 0; i < 2; ++i) {
+      const Bands band =
+          bands(after.handle_angle, quasi_static ? after.output_angle : before.output_angle, before.slip_speed[i]);
+      worst = larger(worst, tendon.residual(band, before.tendon[i].slip, after.tendon[i]));
+    }
+    return worst / tension_scale();
+  }
+
+  /// What counts as a tension of ordinary size, N.
+  S tension_scale() const { return tendon.rest_tension + axis.stiffness * axis.distal.excursion_slope() * S(0.1); }
+
+  /// Moment of everything on the tip but its inertia, in the direction that flexes it, N m.
+  S tip_moment(const S& angle, const S& velocity, const S& x, const S& difference, const Load<S>& load) const {
+    return difference * axis.distal.moment_arm(x) - axis.distal.passive_stiffness() * angle -
+           load.force * axis.distal.tangential_arm(x) + load.radial_force * axis.distal.radial_arm(x) -
+           body.damping * velocity - body.stop_stiffness * beyond_stop(angle);
+  }
+
+  /// How far an output angle lies beyond the mechanical stop, rad.
+  S beyond_stop(const S& angle) const { return angle - clamp(angle, -body.stop, body.stop); }
+
+ private:
+  bool prescribed() const { return !(hand.stiffness > S(0)); }
+  int handle_segment() const { return tendon.contacts() - 2; }
+
+  S hand_torque(const S& wanted, const State& state) const {
+    return hand.stiffness * (wanted - state.handle_angle) - hand.damping * state.handle_velocity;
+  }
+
+  Bands bands(const S& handle_angle, const S& tip_angle,
+              const typename Rows::template PerContact<S>& slip_speed) const {
+    const int n = tendon.contacts();
+    const int sheath = n - joint_contacts;
+    const S bend = friction.sheath_bend + friction.sheath_bend_rate * abs(handle_angle);
+    const S exponents[3] = {friction.sheath * bend / S(sheath),
+                            friction.vertex * S(0.5) * axis.proximal.wrap_angle(handle_angle),
+                            friction.vertex * S(0.5) * axis.distal.wrap_angle(tip_angle)};
+    const auto place = [&](int j) { return j < sheath ? 0 : j < n - 1 ? 1 : 2; };
+    const S drag = friction.viscous / time_step + least_drag<S> * axis.stiffness;
+    Bands band{};
+    if constexpr (Law::depends_on_speed) {
+      for (int j = 0; j < n; ++j) band[j] = law.band(exponents[place(j)], slip_speed[j]);
+    } else {
+      const Band<S> places[3] = {law.band(exponents[0], S(0)), law.band(exponents[1], S(0)),
+                                 law.band(exponents[2], S(0))};
+      for (int j = 0; j < n; ++j) band[j] = places[place(j)];
+    }
+    for (int j = 0; j < n; ++j) band[j].drag = drag;
+    return band;
+  }
+
+  // What both tendons are to a pass: bands, spool ends and lengths drawn by the handle.
+  struct Chain {
+    Bands band[2]{};
+    Reaction<S> spool[2]{};
+    Lengths pull[2]{};
+    Line line[2]{};
+  };
+
+  Chain chain(const S& handle_angle, const State& before, const State& next) const {
+    Chain both{};
+    const S drawn = axis.proximal.excursion_slope() * axis.proximal.coordinate(handle_angle);
+    for (int i = 0; i < 2; ++i) {
+      both.pull[i][handle_segment()] = i == agonist ? drawn : -drawn;
+      both.spool[i] = tendon.held_by_spool(drive.spool_radius * next.drive[i].spool);
+    }
+    set_bands(handle_angle, before.output_angle, before, both);
+    return both;
+  }
+
+  void set_bands(const S& handle_angle, const S& tip_angle, const State& before, Chain& both) const {
+    both.band[0] = bands(handle_angle, tip_angle, before.slip_speed[0]);
+    both.band[1] = Law::depends_on_speed ? bands(handle_angle, tip_angle, before.slip_speed[1]) : both.band[0];
+  }
+
+  // Moves the tip to the step's end at a given handle angle.
+  Status move_tip(const S& handle_angle, const Load<S>& load, const State& before, State& next) const {
+    if (check_handle(axis, handle_angle) != Status::ok) return Status::out_of_range;
+    Chain both = chain(handle_angle, before, next);
+    next.handle_angle = handle_angle;
+    next.handle_velocity = (handle_angle - before.handle_angle) / time_step;
+    for (int i = 0; i < 2; ++i) next.tendon[i] = before.tendon[i];
+    Tip tip = first_guess(before);
+    next.sweeps = 0;
+    Status found = settle(both, load, before, tip, next);
+    // At rest the wrap angle at the tip is the one where it comes to rest; in motion a step makes no difference to it.
+    for (int n = 0; quasi_static && found == Status::ok && n < most_corrections; ++n) {
+      const S angle = tip.angle;
+      set_bands(handle_angle, angle, before, both);
+      found = settle(both, load, before, tip, next);
+      if (abs(tip.angle - angle) <= settled<S>) break;
+    }
+    if (found != Status::ok) return found;
+
+    next.output_angle = tip.angle;
+    next.output_velocity = quasi_static ? (tip.angle - before.output_angle) / time_step : velocity(before, tip.angle);
+    const S difference =
+        next.tendon[agonist].tension[tendon.contacts()] - next.tendon[antagonist].tension[tendon.contacts()];
+    next.tip_moment = tip_moment(tip.angle, next.output_velocity, tip.x, difference, load);
+    const S drawn = next.tendon[agonist].tension[handle_segment()] - next.tendon[antagonist].tension[handle_segment()];
+    next.handle_moment = drawn * axis.proximal.moment_arm(axis.proximal.coordinate(handle_angle));
+    if constexpr (Law::depends_on_speed)
+      for (int i = 0; i < 2; ++i)
+        for (int j = 0; j < tendon.contacts(); ++j)
+          next.slip_speed[i][j] =
+              law.speed_after(before.slip_speed[i][j], next.tendon[i].slip[j] - before.tendon[i].slip[j], time_step);
+    return Status::ok;
+  }
+
+  struct Tip {
+    S angle{};
+    S x{};
+  };
+
+  Tip first_guess(const State& before) const {
+    if (quasi_static) return {before.output_angle, axis.distal.coordinate(before.output_angle)};
+    const S velocity = before.output_velocity + before.tip_moment / body.inertia * time_step * S(0.5);
+    return {before.output_angle + velocity * time_step, S(0)};
+  }
+
+  // Guess, pass, revise (tendon.hpp), with the tip's own equation at the tendons' end.
+  Status settle(Chain& both, const Load<S>& load, const State& before, Tip& tip, State& next) const {
+    const S tolerance = friction_tolerance<S> * tension_scale();
+    for (int sweep = 1; sweep <= most_sweeps; ++sweep) {
+      ++next.sweeps;
+      Reaction<S> end[2];
+      for (int i = 0; i < 2; ++i)
+        end[i] = tendon.eliminate(both.band[i], both.spool[i], both.pull[i], before.tendon[i].slip, next.tendon[i],
+                                  both.line[i]);
+      const Status found = quasi_static ? balance_tip(end, load, tip) : push_tip(end, load, before, tip);
+      if (found != Status::ok) return found;
+      const S y = axis.distal.excursion_slope() * tip.x;
+      int revised = 0;
+      for (int i = 0; i < 2; ++i) {
+        const S given = i == agonist ? y : -y;
+        tendon.substitute(both.spool[i], both.pull[i], both.line[i], given, next.tendon[i]);
+        revised += tendon.revise(both.band[i], before.tendon[i].slip, tolerance, next.tendon[i]);
+      }
+      if (revised == 0) return Status::ok;
+      if (sweep % hasty_sweeps == 0)
+        for (int i = 0; i < 2; ++i)
+          tendon.relax(both.band[i], both.spool[i], both.pull[i], i == agonist ? y : -y, before.tendon[i].slip,
+                       next.tendon[i]);
+    }
+    return Status::ok;
+  }
+
+  S velocity(const State& before, const S& angle) const {
+    return S(2) * (angle - before.output_angle) / time_step - before.output_velocity;
+  }
+
+  // The trapezoidal rule: the mean moment of the step's two ends turns the tip.
+  Status push_tip(const Reaction<S>* end, const Load<S>& load, const State& before, Tip& tip) const {
+    const S slope = axis.distal.excursion_slope();
+    const S per_angle = S(2) * body.inertia / (time_step * time_step);
+    const S pull = end[agonist].at_rest - end[antagonist].at_rest;
+    const S rate = (end[agonist].stiffness + end[antagonist].stiffness) * slope;
+    const S spring = axis.distal.passive_stiffness() + body.damping * S(2) / time_step;
+    for (int n = 0; n < most_corrections; ++n) {
+      tip.x = axis.distal.coordinate(tip.angle);
+      const S arm = axis.distal.moment_arm(tip.x);
+      const S turned = tip.angle - before.output_angle;
+      const S moment = tip_moment(tip.angle, velocity(before, tip.angle), tip.x, pull - rate * tip.x, load);
+      const S off = (moment + before.tip_moment) * S(0.5) - per_angle * (turned - before.output_velocity * time_step);
+      const S stop = beyond_stop(tip.angle) == S(0) ? S(0) : body.stop_stiffness;
+      const S stiffness = (rate / slope * arm * arm + spring + stop) * S(0.5) + per_angle;
+      const S correction = off / stiffness;
+      tip.angle = tip.angle + correction;
+      if (!(abs(tip.angle) < S(pi))) return Status::no_equilibrium;
+      // What the slope leaves out is smaller than the inertia by several orders: the next correction would be rounding.
+      constexpr S arrived = sizeof(S) == 4 ? S(1e-5) : S(1e-7);
+      if (abs(correction) <= arrived) {
+        tip.x = tip.x + correction * arm / slope;
+        return Status::ok;
+      }
+    }
+    return Status::no_equilibrium;
+  }
+
+  // Newton's iteration on the moment balance at rest (eq. 1), in the joint's own coordinate.
+  Status balance_tip(const Reaction<S>* end, const Load<S>& load, Tip& tip) const {
+    const S pull = end[agonist].at_rest - end[antagonist].at_rest;
+    const S rate = (end[agonist].stiffness + end[antagonist].stiffness) * axis.distal.excursion_slope();
+    const S longest = axis.distal.limit() * S(0.2);
+    for (int n = 0; n < most_corrections; ++n) {
+      const Demand<S> demand = axis.distal.demand(tip.x, load);
+      const S slope = rate * demand.weight + demand.slope;
+      // Both tendons slack as guessed: the pass that follows tells.
+      if (slope == S(0)) return Status::ok;
+      if (!(slope > S(0))) return Status::no_equilibrium;
+      const S correction = ((pull - rate * tip.x) * demand.weight - demand.value) / slope;
+      tip.x = tip.x + clamp(correction, -longest, longest);
+      if (!(abs(tip.x) < axis.distal.limit())) return Status::no_equilibrium;
+      if (abs(correction) <= settled<S>) {
+        tip.angle = axis.distal.angle(tip.x);
+        return Status::ok;
+      }
+    }
+    return Status::no_equilibrium;
+  }
+
+  // Finds the handle angle at which hand and tendons agree, by the secant through the last two tries.
+  Status move_handle(const S& wanted, const Load<S>& load, const State& before, State& next) const {
+    const S arm = axis.proximal.moment_arm(axis.proximal.coordinate(before.handle_angle));
+    const S inertial = quasi_static ? S(0) : S(2) * hand.inertia / (time_step * time_step);
+    const S damping = quasi_static ? S(0) : hand.damping * S(2) / time_step;
+    const S share = quasi_static ? S(1) : S(0.5);
+    S stiffness = share * (hand.stiffness + damping + S(2) * axis.stiffness * arm * arm) + inertial;
+    S angle = before.handle_angle + (quasi_static ? S(0) : before.handle_velocity * time_step);
+    S tried(0);
+    S missed(0);
+    for (int n = 0; n < most_corrections; ++n) {
+      const Status found = move_tip(angle, load, before, next);
+      if (found != Status::ok) return found;
+      const S turned = angle - before.handle_angle;
+      if (!quasi_static) next.handle_velocity = S(2) * turned / time_step - before.handle_velocity;
+      S torque = hand.stiffness * (wanted - angle) - next.handle_moment;
+      if (!quasi_static) torque = torque - hand.damping * next.handle_velocity;
+      next.net_handle_torque = torque;
+      const S before_torque = quasi_static ? S(0) : before.net_handle_torque;
+      const S off = share * (torque + before_torque) - inertial * (turned - before.handle_velocity * time_step);
+      const S secant = n > 0 ? (missed - off) / (angle - tried) : S(0);
+      if (secant > S(0)) stiffness = secant;
+      const S correction = off / stiffness;
+      if (abs(correction) <= settled<S>) return Status::ok;
+      tried = angle;
+      missed = off;
+      angle = angle + correction;
+    }
+    return Status::no_equilibrium;
+  }
+
+  Reading<S> read(State& state) const {
+    Reading<S> reading{};
+    reading.handle_angle = sensors.handle_encoder.read(state.handle_angle, state.noise);
+    reading.output_angle = sensors.output_encoder.read(state.output_angle, state.noise);
+    for (int i = 0; i < 2; ++i) {
+      reading.tension[i] = sensors.load_cell[i].read(state.tendon[i].tension[0], state.noise);
+      reading.spool_angle[i] = sensors.motor_encoder.read(state.drive[i].angle, state.noise);
+    }
+    return reading;
+  }
+};
+
+}  // namespace tenodesis

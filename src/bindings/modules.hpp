@@ -1,0 +1,11 @@
+#pragma once
+// The parts of the Python module, one source file each.
+
+#include <nanobind/nanobind.h>
+
+namespace tenodesis::bindings {
+
+void bind_twin(nanobind::module_& m);
+void bind_tendon(nanobind::module_& m);
+
+}  // namespace tenodesis::bindings

@@ -1,0 +1,129 @@
+// One tendon of any number of contacts for Python.
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <vector>
+
+#include "modules.hpp"
+#include "tenodesis/tendon.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace tenodesis::bindings {
+namespace {
+
+/// A row whose length is known when a tendon is made.
+template <class T>
+struct VectorRow {
+  std::vector<T> at;
+
+  int size() const { return int(at.size()); }
+  decltype(auto) operator[](int i) { return at[std::size_t(i)]; }
+  decltype(auto) operator[](int i) const { return at[std::size_t(i)]; }
+};
+
+struct AnyContacts {
+  template <class T>
+  using PerContact = VectorRow<T>;
+  template <class T>
+  using PerSegment = VectorRow<T>;
+};
+
+using Column = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Output = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+struct AnyTendon {
+  Tendon<double, AnyContacts> tendon;
+  VectorRow<Band<double>> band;
+  TendonState<double, AnyContacts> state;
+  Tendon<double, AnyContacts>::Line line;
+  double viscous{};
+
+  AnyTendon(const std::vector<double>& stiffness, const std::vector<double>& exponent, double constant, double drag,
+            double rest_tension)
+      : viscous(drag) {
+    const std::size_t n = exponent.size();
+    if (n == 0 || stiffness.size() != n + 1) throw nb::value_error("a tendon has one segment more than contacts");
+    tendon.stiffness.at = stiffness;
+    tendon.rest_tension = rest_tension;
+    const CapstanWithConstant<double> law{constant};
+    for (const double one : exponent) band.at.push_back(law.band(one, 0));
+    state.slip.at.assign(n, 0);
+    state.slide.at.assign(n, Slide::none);
+    state.slack.at.assign(n + 1, false);
+    state.tension.at.assign(n + 1, rest_tension);
+    line.at_rest.at.assign(n, 0);
+    line.rate.at.assign(n, 0);
+  }
+
+  /// Steps over prescribed ends: the spool's, as wound length or as tension, and the tip's, as length drawn.
+  ///
+  /// out: proximal and distal tension, wound length, loss to friction (J) and residual (N) of each step.
+  int run(const Column& spool, const Column& drawn, bool by_tension, double time_step, const Output& out) {
+    const std::size_t count = spool.shape(0);
+    const int n = tendon.contacts();
+    if (drawn.shape(0) != count || out.shape(0) != 5 || out.shape(1) != count)
+      throw nb::value_error("arrays do not fit");
+    const nb::gil_scoped_release release;
+    VectorRow<double> pull{std::vector<double>(std::size_t(n) + 1, 0.0)};
+    int most = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+      const TendonState<double, AnyContacts> before = state;
+      pull[n] = drawn.data()[i];
+      double scale = tendon.rest_tension;
+      for (const double tension : state.tension.at) scale = std::max(scale, tension);
+      for (int j = 0; j < n; ++j) band[j].drag = viscous / time_step + least_drag<double> * tendon.stiffness[j];
+      const Reaction<double> end =
+          by_tension ? Reaction<double>{spool.data()[i], 0} : tendon.held_by_spool(spool.data()[i]);
+      most = std::max(most, settle(tendon, band, pull, end, friction_tolerance<double> * (scale + 1), state, line));
+      double lost = 0;
+      for (int j = 0; j < n; ++j) {
+        const double was = before.tension[j] - before.tension[j + 1];
+        const double is = state.tension[j] - state.tension[j + 1];
+        lost += (was + is) / 2 * (state.slip[j] - before.slip[j]);
+      }
+      const double wound = state.slip[0] + (state.tension[0] - tendon.rest_tension) / tendon.stiffness[0];
+      const double row[5] = {state.tension[0], state.tension[n], by_tension ? wound : spool.data()[i], lost,
+                             tendon.residual(band, before.slip, state)};
+      for (std::size_t k = 0; k < 5; ++k) out.data()[k * count + i] = row[k];
+    }
+    return most;
+  }
+};
+
+void transmit_all(const Column& tension, double exponent, double gain, double held, const Output& out) {
+  if (out.shape(0) != 1 || out.shape(1) != tension.shape(0)) throw nb::value_error("out does not fit");
+  const Band<double> band = Capstan<double>::band(exponent, 0);
+  const nb::gil_scoped_release release;
+  for (std::size_t i = 0; i < tension.shape(0); ++i) {
+    // A load cell's zero may read as a push, which no tendon does.
+    held = transmit(band, larger(tension.data()[i], 0.0), held);
+    out.data()[i] = gain * held;
+  }
+}
+
+}  // namespace
+
+void bind_tendon(nb::module_& m) {
+  nb::class_<AnyTendon>(m, "Tendon", "An elastic tendon through contacts with friction, with its state.")
+      .def(nb::init<const std::vector<double>&, const std::vector<double>&, double, double, double>(), "stiffness"_a,
+           "exponent"_a, "constant"_a, "viscous"_a, "rest_tension"_a)
+      .def("run", &AnyTendon::run, "spool"_a, "drawn"_a, "by_tension"_a, "time_step"_a, "out"_a,
+           nb::sig("def run(self, spool: NDArray[numpy.float64], drawn: NDArray[numpy.float64], by_tension: bool, "
+                   "time_step: float, out: NDArray[numpy.float64]) -> int"),
+           "Step over prescribed ends; out: proximal and distal tension, wound length, friction loss, residual. "
+           "Returns the most sweeps.")
+      .def_prop_ro(
+          "tension", [](const AnyTendon& one) { return one.state.tension.at; }, "Tension of every segment, N.")
+      .def_prop_ro("slip", [](const AnyTendon& one) { return one.state.slip.at; }, "Slip past every contact, m.");
+  m.def("transmit", &transmit_all, "tension"_a, "exponent"_a, "gain"_a, "held"_a, "out"_a,
+        nb::sig("def transmit(tension: NDArray[numpy.float64], exponent: float, gain: float, held: float, "
+                "out: NDArray[numpy.float64]) -> None"),
+        "Write the distal tension of one contact; held: the distal tension before, N.");
+}
+
+}  // namespace tenodesis::bindings

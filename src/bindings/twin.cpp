@@ -1,0 +1,169 @@
+// The digital twin for Python: one alone, and many side by side over threads.
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/vector.h>
+
+#include <algorithm>
+#include <atomic>
+#include <thread>
+
+#include "any_twin.hpp"
+#include "modules.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace tenodesis::bindings {
+namespace {
+
+using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Stack = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Output = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using OutputStack = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using Seeds = nb::ndarray<const std::uint64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Told = nb::ndarray<std::int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+Commands commands_of(const Rows& rows) {
+  if (rows.shape(1) != command_count) throw nb::value_error("a command has another number of columns");
+  return {rows.data(), command_count};
+}
+
+// A row of parameters: the twin's, then its axis's.
+constexpr std::size_t row_count = std::size_t(twin_parameter_count) + std::size_t(parameter_count);
+
+TwinSpec with_row(const TwinSpec& spec, const double* row) {
+  TwinSpec own = spec;
+  std::copy_n(row, twin_parameter_count, own.row.begin());
+  std::copy_n(row + twin_parameter_count, parameter_count, own.axis.parameters.begin());
+  return own;
+}
+
+/// Runs one twin per row of parameters, from rest, over its own commands or the ones that all share.
+void run_many(const TwinSpec& spec, const Rows& parameters, const Stack& commands, const Seeds& seeds,
+              const std::vector<std::size_t>& signals, std::size_t every, const OutputStack& out, const Told& told,
+              int threads) {
+  const std::size_t runs = parameters.shape(0);
+  const std::size_t count = commands.shape(1);
+  if (parameters.shape(1) != row_count || commands.shape(2) != command_count ||
+      (commands.shape(0) != runs && commands.shape(0) != 1) || seeds.shape(0) != runs || out.shape(0) != runs ||
+      out.shape(1) != signals.size() || every == 0 || out.shape(2) != count / every || told.shape(0) != runs ||
+      told.shape(1) != 2)
+    throw nb::value_error("shapes do not fit");
+  for (const std::size_t signal : signals)
+    if (signal >= signal_count) throw nb::value_error("no such signal");
+  const nb::gil_scoped_release release;
+  std::atomic<std::size_t> next{0};
+  const auto work = [&] {
+    for (std::size_t i = next++; i < runs; i = next++) {
+      const auto twin = make_twin(with_row(spec, parameters.data() + i * parameters.shape(1)), seeds.data()[i]);
+      const double* own = commands.data() + (commands.shape(0) == 1 ? 0 : i * count * command_count);
+      double* kept = out.data() + i * out.shape(1) * out.shape(2);
+      const Progress progress = twin->sample({own, command_count}, count, signals, every, kept, out.shape(2));
+      told.data()[2 * i] = std::int64_t(progress.steps);
+      told.data()[2 * i + 1] = std::int64_t(progress.status);
+    }
+  };
+  std::vector<std::jthread> pool;
+  for (int i = 1; i < threads; ++i) pool.emplace_back(work);
+  work();
+}
+
+template <class Names>
+std::vector<std::string> listed(const Names& names) {
+  return {names.begin(), names.end()};
+}
+
+}  // namespace
+
+void bind_twin(nb::module_& m) {
+  nb::class_<TwinSpec>(m, "TwinSpec", "A twin of one axis, as numbers in SI units.")
+      .def(
+          "__init__",
+          [](TwinSpec* self, const Spec& axis, const TwinRow& row, bool speed_dependent, int sheath_contacts,
+             int steps_per_sample, bool quasi_static) {
+            if (sheath_contacts < 1 || sheath_contacts > most_sheath_contacts)
+              throw nb::value_error("no such number of sheath contacts");
+            new (self) TwinSpec{axis, speed_dependent, sheath_contacts, steps_per_sample, quasi_static, row};
+          },
+          "axis"_a, "row"_a, "speed_dependent"_a, "sheath_contacts"_a, "steps_per_sample"_a, "quasi_static"_a);
+
+  nb::class_<AnyTwin>(m, "Twin", "The digital twin of one axis, with its state.")
+      .def(nb::new_([](const TwinSpec& spec, std::uint64_t seed) { return make_twin(spec, seed); }), "spec"_a, "seed"_a)
+      .def(
+          "run",
+          [](AnyTwin& twin, const Rows& commands, const Output& out) {
+            const std::size_t count = commands.shape(0);
+            if (out.shape(0) != signal_count || out.shape(1) != count) throw nb::value_error("out does not fit");
+            const Commands rows = commands_of(commands);
+            const nb::gil_scoped_release release;
+            const Progress progress = twin.run(rows, count, out.data(), count);
+            return std::make_tuple(progress.steps, progress.status);
+          },
+          "commands"_a, "out"_a,
+          nb::sig("def run(self, commands: NDArray[numpy.float64], out: NDArray[numpy.float64]) -> tuple[int, Status]"),
+          "Step over rows of commands; signals by row of out. Returns the steps taken and why no more were.")
+      .def(
+          "audit",
+          [](AnyTwin& twin, const Rows& commands) {
+            EnergyTotals totals;
+            const Commands rows = commands_of(commands);
+            Progress progress;
+            {
+              const nb::gil_scoped_release release;
+              progress = twin.audit(rows, commands.shape(0), totals);
+            }
+            return std::make_tuple(progress.steps, progress.status, totals.values, totals.least_friction,
+                                   totals.worst_residual, totals.most_sweeps);
+          },
+          "commands"_a,
+          nb::sig("def audit(self, commands: NDArray[numpy.float64]) -> "
+                  "tuple[int, Status, list[float], float, float, int]"),
+          "Step over rows of commands: steps, status, energies in J (stored before and after, handle, spools, load, "
+          "friction, damping), least friction loss of a step, worst residual, most sweeps.")
+      .def_prop_rw(
+          "state",
+          [](const AnyTwin& twin) {
+            const std::string bytes = twin.state();
+            return nb::bytes(bytes.data(), bytes.size());
+          },
+          [](AnyTwin& twin, const nb::bytes& bytes) { twin.set_state({bytes.c_str(), bytes.size()}); },
+          "The whole state, as bytes.")
+      .def(
+          "signals", [](const AnyTwin& twin, const Rows& command) { return twin.signals(commands_of(command)); },
+          "command"_a, nb::sig("def signals(self, command: NDArray[numpy.float64]) -> list[float]"),
+          "The signals as they stand.");
+
+  m.def("twin_parameters", [] { return listed(twin_parameter_names); }, "Names of a twin's numbers, in their order.");
+  m.def("twin_commands", [] { return listed(command_names); }, "Names of a command's columns.");
+  m.def("twin_signals", [] { return listed(signal_names); }, "Names of the signals a step writes, in their order.");
+  m.def("most_sheath_contacts", [] { return most_sheath_contacts; }, "How many contacts a twin's sheath can have.");
+  m.def(
+      "rig_arm",
+      [](const Spec& spec) {
+        return std::visit([](const auto& axis) { return axis.distal.rig_arm(); }, make_axis(spec));
+      },
+      "spec"_a, "From a load rig's pivot to the tip of the straight joint, m.");
+  m.def(
+      "joint_share",
+      [](const Spec& spec) {
+        return std::visit(
+            [&](const auto& axis) {
+              return (axis.proximal.tendon_span() + axis.distal.tendon_span()) / spec.parameters[tendon_length];
+            },
+            make_axis(spec));
+      },
+      "spec"_a, "Share of a tendon's length that lies in the two joints.");
+  m.def("run_many", &run_many, "spec"_a, "parameters"_a, "commands"_a, "seeds"_a, "signals"_a, "every"_a, "out"_a,
+        "told"_a, "threads"_a,
+        nb::sig("def run_many(spec: TwinSpec, parameters: NDArray[numpy.float64], commands: NDArray[numpy.float64], "
+                "seeds: NDArray[numpy.uint64], signals: Sequence[int], every: int, out: NDArray[numpy.float64], told: "
+                "NDArray[numpy.int64], threads: int) -> None"),
+        "Run one twin per row of parameters (a twin's, then its axis's); told: steps taken and status of each.");
+}
+
+}  // namespace tenodesis::bindings

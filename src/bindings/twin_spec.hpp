@@ -1,0 +1,201 @@
+#pragma once
+// A twin as Python hands it over: an axis, a row of numbers, and the choices that are types in the core.
+
+#include <array>
+#include <cstddef>
+#include <string>
+#include <variant>
+
+#include "spec.hpp"
+#include "tenodesis/twin.hpp"
+
+namespace tenodesis::bindings {
+
+/// Numbers of a twin beside its axis, in SI units; Python knows them by these names.
+enum TwinParameter : std::size_t {
+  vertex_coefficient,
+  sheath_coefficient,
+  sheath_bend,
+  sheath_bend_rate,
+  viscous,
+  constant,
+  static_ratio,
+  stribeck_speed,
+  memory,
+  handle_length_share,  // of the tendon between spool and handle joint
+  stiffness_ratio,
+  pretension_ratio,
+  tip_inertia,
+  tip_damping,
+  output_stop,
+  stop_stiffness,
+  hand_stiffness,
+  hand_damping,
+  hand_inertia,
+  spool_radius,
+  spool_speed_limit,
+  spool_acceleration_limit,
+  drive_time_constant,
+  backlash,
+  rig_pulley_radius,
+  encoder_noise,
+  encoder_range,
+  encoder_resolution,
+  handle_encoder_offset,
+  output_encoder_offset,
+  motor_encoder_resolution,
+  load_cell_noise,
+  load_cell_range,
+  load_cell_resolution,
+  agonist_load_cell_gain,
+  antagonist_load_cell_gain,
+  agonist_load_cell_bias,
+  antagonist_load_cell_bias,
+  time_step,
+  twin_parameter_count,
+};
+
+inline constexpr std::array<const char*, twin_parameter_count> twin_parameter_names{"vertex_coefficient",
+                                                                                    "sheath_coefficient",
+                                                                                    "sheath_bend",
+                                                                                    "sheath_bend_rate",
+                                                                                    "viscous",
+                                                                                    "constant",
+                                                                                    "static_ratio",
+                                                                                    "stribeck_speed",
+                                                                                    "memory",
+                                                                                    "handle_length_share",
+                                                                                    "stiffness_ratio",
+                                                                                    "pretension_ratio",
+                                                                                    "tip_inertia",
+                                                                                    "tip_damping",
+                                                                                    "output_stop",
+                                                                                    "stop_stiffness",
+                                                                                    "hand_stiffness",
+                                                                                    "hand_damping",
+                                                                                    "hand_inertia",
+                                                                                    "spool_radius",
+                                                                                    "spool_speed_limit",
+                                                                                    "spool_acceleration_limit",
+                                                                                    "drive_time_constant",
+                                                                                    "backlash",
+                                                                                    "rig_pulley_radius",
+                                                                                    "encoder_noise",
+                                                                                    "encoder_range",
+                                                                                    "encoder_resolution",
+                                                                                    "handle_encoder_offset",
+                                                                                    "output_encoder_offset",
+                                                                                    "motor_encoder_resolution",
+                                                                                    "load_cell_noise",
+                                                                                    "load_cell_range",
+                                                                                    "load_cell_resolution",
+                                                                                    "agonist_load_cell_gain",
+                                                                                    "antagonist_load_cell_gain",
+                                                                                    "agonist_load_cell_bias",
+                                                                                    "antagonist_load_cell_bias",
+                                                                                    "time_step"};
+static_assert(twin_parameter_names.back() != nullptr, "every parameter has a name");
+
+using TwinRow = std::array<double, twin_parameter_count>;
+
+struct TwinSpec {
+  Spec axis;
+  bool speed_dependent{};  ///< the Stribeck law
+  int sheath_contacts{1};
+  int steps_per_sample{1};
+  bool quasi_static{};
+  TwinRow row{};
+};
+
+/// A row whose length is known when a twin is made.
+template <class T, int capacity>
+struct LongRow {
+  T at[capacity]{};
+  int length{capacity};
+
+  int size() const { return length; }
+  T& operator[](int i) { return at[i]; }
+  const T& operator[](int i) const { return at[i]; }
+};
+
+inline constexpr int most_sheath_contacts = 32;
+
+struct LongContacts {
+  template <class T>
+  using PerContact = LongRow<T, most_sheath_contacts + joint_contacts>;
+  template <class T>
+  using PerSegment = LongRow<T, most_sheath_contacts + joint_contacts + 1>;
+};
+
+/// The constants of every part of a twin, from its row.
+template <class T>
+void fill(T& twin, const TwinSpec& spec) {
+  const TwinRow& row = spec.row;
+  twin.axis.stiffness *= row[stiffness_ratio];
+  twin.axis.pretension *= row[pretension_ratio];
+  twin.friction = {row[vertex_coefficient], row[sheath_coefficient], row[sheath_bend], row[sheath_bend_rate],
+                   row[viscous]};
+  twin.body = {row[tip_inertia], row[tip_damping], row[output_stop], row[stop_stiffness]};
+  twin.hand = {row[hand_stiffness], row[hand_damping], row[hand_inertia]};
+  twin.drive = {row[spool_radius], row[spool_speed_limit], row[spool_acceleration_limit], row[drive_time_constant],
+                row[backlash]};
+  twin.rig = {row[rig_pulley_radius], twin.axis.distal.rig_arm()};
+  const auto encoder = [&](double offset) {
+    return Sensor<double>{
+        1, offset, row[encoder_noise], -row[encoder_range] / 2, row[encoder_range] / 2, row[encoder_resolution]};
+  };
+  const auto load_cell = [&](double gain, double bias) {
+    return Sensor<double>{
+        gain, bias, row[load_cell_noise], -row[load_cell_range], row[load_cell_range], row[load_cell_resolution]};
+  };
+  constexpr double turns = 1e9;  // a motor's encoder counts on
+  twin.sensors = {encoder(row[handle_encoder_offset]),
+                  encoder(row[output_encoder_offset]),
+                  {load_cell(row[agonist_load_cell_gain], row[agonist_load_cell_bias]),
+                   load_cell(row[antagonist_load_cell_gain], row[antagonist_load_cell_bias])},
+                  {1, 0, 0, -turns, turns, row[motor_encoder_resolution]}};
+  twin.time_step = row[time_step];
+  twin.steps_per_sample = spec.steps_per_sample;
+  twin.quasi_static = spec.quasi_static;
+
+  if constexpr (requires { twin.tendon.stiffness.length; })
+    twin.tendon.stiffness.length = spec.sheath_contacts + joint_contacts + 1;
+  const double length = spec.axis.parameters[tendon_length];
+  const int sheath = spec.sheath_contacts;
+  const double handle = row[handle_length_share];
+  const double span = twin.axis.proximal.tendon_span() / length;
+  const double tip = twin.axis.distal.tendon_span() / length;
+  const double stem = 1 - handle - span - tip;
+  for (int i = 0; i <= sheath; ++i) twin.tendon.stiffness[i] = twin.axis.stiffness * (sheath + 1) / handle;
+  const double shares[joint_contacts] = {span, stem, tip};
+  for (int i = 0; i < joint_contacts; ++i) twin.tendon.stiffness[sheath + 1 + i] = twin.axis.stiffness / shares[i];
+  twin.tendon.rest_tension = twin.axis.pretension;
+}
+
+/// Calls work(twin) with the twin a spec describes, in the core's own types.
+template <class Work>
+auto with_twin(const TwinSpec& spec, const Work& work) {
+  const AnyAxis<double> any = make_axis(spec.axis);
+  return std::visit(
+      [&]<class A>(const A& axis) {
+        const auto with_law = [&]<class Law>(const Law& law) {
+          const auto with_rows = [&]<class Rows>() {
+            Twin<A, Rows, Law> twin{};
+            twin.axis = axis;
+            twin.law = law;
+            fill(twin, spec);
+            return work(twin);
+          };
+          return spec.sheath_contacts == 1 ? with_rows.template operator()<Contacts<1 + joint_contacts>>()
+                                           : with_rows.template operator()<LongContacts>();
+        };
+        const TwinRow& row = spec.row;
+        // The other laws are this one with some of its numbers at zero, to the last bit.
+        return spec.speed_dependent
+                   ? with_law(Stribeck<double>{row[constant], row[static_ratio], row[stribeck_speed], row[memory]})
+                   : with_law(CapstanWithConstant<double>{row[constant]});
+      },
+      any);
+}
+
+}  // namespace tenodesis::bindings

@@ -1,0 +1,21 @@
+"""Holding still."""
+
+from collections.abc import Iterator
+from typing import Literal
+
+from pydantic import Field
+
+from tenodesis.protocols.command import Segment
+from tenodesis.protocols.phase import OpenLoop, Setting
+from tenodesis.protocols.quantities import Duration
+
+
+class Hold(OpenLoop):
+    """Handle, loads and spool velocities stay as they are."""
+
+    kind: Literal["hold"] = "hold"
+    duration: Duration = Field(description="How long")
+
+    def segments(self, at: Setting) -> Iterator[Segment]:
+        """Yield the one segment there is."""
+        yield at.still(at.held, self.duration)

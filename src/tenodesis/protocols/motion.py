@@ -1,0 +1,81 @@
+"""A recorded motion of the wrist."""
+
+import math
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from tenodesis.instrument import Angle
+from tenodesis.protocols import recording
+from tenodesis.protocols.command import Segment
+from tenodesis.protocols.interpolation import monotone_cubic
+from tenodesis.protocols.phase import Loaded, Setting
+from tenodesis.protocols.reach import largest, refuse_beyond
+from tenodesis.protocols.recording import Recording
+from tenodesis.signals import Array
+
+_RADIANS = {"rad": 1.0, "deg": math.radians(1)}
+
+
+class Motion(Loaded):
+    """The handle follows a recording: `scale` times the recorded angle plus `offset`.
+
+    Between samples it follows a monotone piecewise cubic, so it passes through them, turns where they do, and has no
+    jumps of speed, which straight lines would have at each sample.
+    """
+
+    kind: Literal["motion"] = "motion"
+    file: Path = Field(description="CSV file, relative to the protocol's file")
+    time_column: str = Field(default="time", description="Column of times, s")
+    angle_column: str = Field(default="angle", description="Column of angles")
+    angle_unit: Literal["deg", "rad"] = Field(description="Unit of that column")
+    scale: float = Field(default=1.0, strict=True, description="Handle angle by recorded angle")
+    offset: Angle = Field(default=0.0, description="Handle angle where the recorded one is nought")
+    limit: bool = Field(default=False, strict=True, description="Cut off what is beyond the ranges; else an error")
+
+    @field_validator("file")
+    @classmethod
+    def _beside_the_protocol(cls, file: Path, info: ValidationInfo) -> Path:
+        return Path((info.context or {}).get("folder", "")) / file
+
+    @model_validator(mode="after")
+    def _readable(self) -> Self:
+        _ = self.recording
+        return self
+
+    @cached_property
+    def recording(self) -> Recording:
+        """The recording as it is in the file."""
+        return recording.read(self.file, self.time_column, self.angle_column)
+
+    def handle_angles(self, at: Setting) -> Array:
+        """Return the handle angle at every time of the recording, rad.
+
+        Raises
+        ------
+        ProtocolError
+            One is beyond the handle's range, or the output's without load, and is not to be cut off.
+        """
+        angles = self.scale * _RADIANS[self.angle_unit] * self.recording.values + self.offset
+        if self.limit:
+            return np.clip(angles, -largest(at.inst), largest(at.inst))
+        places = zip(self.recording.lines, self.recording.times, strict=True)
+        told = [f"{self.file}: line {line} ({time:g} s): the handle angle" for line, time in places]
+        refuse_beyond(at.inst, told, angles)
+        return angles
+
+    def segments(self, at: Setting) -> Iterator[Segment]:
+        """Yield the way to the first sample, and the motion."""
+        angles = self.handle_angles(at)
+        times = self.recording.times - self.recording.times[0]
+        yield from self.approached(at, float(angles[0]))
+
+        def path(done: NDArray[np.int64]) -> Array:
+            return monotone_cubic(times, angles, np.minimum(done * at.time_step, times[-1]))
+
+        yield self.moved(at, (float(angles[0]), float(angles[-1])), at.steps(float(times[-1])), path)

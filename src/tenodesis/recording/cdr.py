@@ -1,0 +1,119 @@
+"""Messages in CDR, little endian, whole arrays at once: all but stamp and numbers is the same in every message."""
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+_HEADER = bytes((0, 1, 0, 0))
+
+SECOND = 1_000_000_000
+"""One second in nanoseconds."""
+
+
+class Layout:
+    """Where a message's stamp and numbers lie among the bytes that never change."""
+
+    def __init__(self) -> None:
+        self._template = bytearray(_HEADER)
+        self._fields: dict[str, tuple[np.dtype[np.void] | str, int]] = {}
+
+    def header(self, frame: str) -> "Layout":
+        """Append a header with its stamp open."""
+        self._open("sec", "<i4", 4)
+        self._open("nanosec", "<u4", 4)
+        self._string(frame)
+        return self
+
+    def strings(self, texts: Sequence[str]) -> "Layout":
+        """Append a sequence of strings."""
+        self._count(len(texts))
+        for text in texts:
+            self._string(text)
+        return self
+
+    def sequence(self, name: str, count: int) -> "Layout":
+        """Append a sequence of `count` numbers, which are open."""
+        self._count(count)
+        return self.numbers(name, count) if count else self
+
+    def numbers(self, name: str, count: int = 1) -> "Layout":
+        """Append `count` numbers without their count."""
+        self._align(8)
+        self._open(name, f"({count},)<f8", 8 * count)
+        return self
+
+    @property
+    def size(self) -> int:
+        """Bytes of a message."""
+        return len(self._template)
+
+    @cached_property
+    def dtype(self) -> np.dtype[np.void]:
+        """What of a message is open, as a structured type."""
+        formats = [kind for kind, _ in self._fields.values()]
+        offsets = [offset for _, offset in self._fields.values()]
+        return np.dtype({"names": [*self._fields], "formats": formats, "offsets": offsets, "itemsize": self.size})
+
+    def encode(self, stamps: NDArray[np.int64], numbers: Mapping[str, NDArray[np.float64]]) -> bytes:
+        """Return the messages with these stamps (n,), in ns, and numbers (n, count), one after the other."""
+        buffer = bytearray(self._template * stamps.size)
+        rows = np.frombuffer(buffer, self.dtype)
+        if "sec" in self._fields:
+            rows["sec"], rows["nanosec"] = np.divmod(stamps, SECOND)
+        for name, values in numbers.items():
+            rows[name] = values
+        return bytes(buffer)
+
+    def decode(self, messages: Sequence[bytes]) -> NDArray[np.void] | None:
+        """Return the open parts of messages (n,), or None if one of them has another layout."""
+        if any(len(message) != self.size for message in messages):
+            return None
+        joined = b"".join(messages)
+        fixed = np.ones(self.size, bool)
+        for name in self._fields:
+            kind, offset = self.dtype.fields[name][:2]  # type: ignore[index]
+            fixed[offset : offset + kind.itemsize] = False
+        found = np.frombuffer(joined, np.uint8).reshape(-1, self.size)[:, fixed]
+        if (found != np.frombuffer(self._template, np.uint8)[fixed]).any():
+            return None
+        return np.frombuffer(joined, self.dtype)
+
+    def _align(self, size: int) -> None:
+        self._template.extend(bytes(-(self.size - len(_HEADER)) % size))
+
+    def _count(self, count: int) -> None:
+        self._align(4)
+        self._template.extend(count.to_bytes(4, "little"))
+
+    def _string(self, text: str) -> None:
+        data = text.encode() + b"\0"
+        self._count(len(data))
+        self._template.extend(data)
+
+    def _open(self, name: str, kind: str, size: int) -> None:
+        self._fields[name] = (kind, self.size)
+        self._template.extend(bytes(size))
+
+
+def joint_state(joints: Sequence[str], counts: Mapping[str, int], frame: str = "") -> Layout:
+    """Return the layout of a JointState with `counts` numbers in each of its arrays, none in those left out."""
+    layout = Layout().header(frame).strings(joints)
+    for name in ("position", "velocity", "effort"):
+        layout.sequence(name, counts.get(name, 0))
+    return layout
+
+
+def wrench(frame: str) -> Layout:
+    """Return the layout of a WrenchStamped."""
+    layout = Layout().header(frame)
+    for vector in ("force", "torque"):
+        for axis in "xyz":
+            layout.numbers(f"{vector}.{axis}")
+    return layout
+
+
+def number() -> Layout:
+    """Return the layout of a Float64."""
+    return Layout().numbers("data")

@@ -1,0 +1,96 @@
+"""Messages of one topic as arrays."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from mcap.records import Schema
+from mcap_ros2.decoder import DecoderFactory
+from numpy.typing import NDArray
+
+from tenodesis.recording import cdr
+from tenodesis.recording.container import Message
+from tenodesis.recording.schemas import FLOAT64, JOINT_STATE, WRENCH
+from tenodesis.signals import Array
+
+_ARRAYS = ("position", "velocity", "effort")
+
+
+class Decoded(NamedTuple):
+    """The n messages of a topic: stamps (n,) in ns, the joints' names, and each array of numbers (n, count)."""
+
+    stamps: NDArray[np.int64]
+    joints: tuple[str, ...]
+    numbers: dict[str, Array]
+
+
+class MisfitError(Exception):
+    """The messages of a topic are not such as recordings have; the message says how."""
+
+
+def decode(factory: DecoderFactory, schema: Schema, encoding: str, messages: Sequence[Message]) -> Decoded:
+    """Return a topic's messages as arrays; topics of a file share the factory, which keeps what it made.
+
+    Raises
+    ------
+    MisfitError
+        They are of another type, cannot be decoded, or are not all about the same joints.
+    """
+    if schema.name not in {JOINT_STATE, WRENCH, FLOAT64}:
+        raise MisfitError(f"its messages are {schema.name}")
+    try:
+        return _decoded(factory, schema, encoding, messages)
+    except MisfitError:
+        raise
+    # The definition is the other program's, so that anything can go wrong with it.
+    except Exception as problem:
+        raise MisfitError(f"its messages cannot be decoded as {schema.name}") from problem
+
+
+def _decoded(factory: DecoderFactory, schema: Schema, encoding: str, messages: Sequence[Message]) -> Decoded:
+    decoder = factory.decoder_for(encoding, schema)
+    if decoder is None:
+        raise MisfitError(f"its messages are encoded as {encoding}, {schema.encoding}")
+    first = decoder(messages[0].data)
+    joints = tuple(first.name) if schema.name == JOINT_STATE else ()
+    rows = _layout(schema.name, first).decode([message.data for message in messages])
+    if rows is None:
+        return _decoded_singly(schema.name, joints, [decoder(message.data) for message in messages], messages)
+    numbers = {name: rows[name].copy() for name in rows.dtype.names or () if name not in {"sec", "nanosec"}}
+    if schema.name == FLOAT64:
+        return Decoded(_logged(messages), joints, numbers)
+    return Decoded(rows["sec"] * np.int64(cdr.SECOND) + rows["nanosec"], joints, numbers)
+
+
+def _decoded_singly(kind: str, joints: tuple[str, ...], decoded: list[Any], messages: Sequence[Message]) -> Decoded:
+    rows = [_numbers(kind, message) for message in decoded]
+    counts = {name: len(values) for name, values in rows[0].items()}
+    same = all({name: len(values) for name, values in row.items()} == counts for row in rows)
+    if not same or (kind == JOINT_STATE and any(tuple(message.name) != joints for message in decoded)):
+        raise MisfitError("its messages are not all about the same joints")
+    numbers = {name: np.array([row[name] for row in rows], np.float64) for name, count in counts.items() if count}
+    if kind == FLOAT64:
+        return Decoded(_logged(messages), joints, numbers)
+    stamps = [message.header.stamp for message in decoded]
+    nanoseconds = np.array([stamp.sec * cdr.SECOND + stamp.nanosec for stamp in stamps], np.int64)
+    return Decoded(nanoseconds, joints, numbers)
+
+
+def _layout(kind: str, message: Any) -> cdr.Layout:
+    if kind == JOINT_STATE:
+        counts = {name: len(values) for name, values in _numbers(kind, message).items()}
+        return cdr.joint_state(message.name, counts, message.header.frame_id)
+    return cdr.wrench(message.header.frame_id) if kind == WRENCH else cdr.number()
+
+
+def _numbers(kind: str, message: Any) -> dict[str, list[float]]:
+    if kind == JOINT_STATE:
+        return {name: list(getattr(message, name)) for name in _ARRAYS}
+    if kind == WRENCH:
+        vectors = {"force": message.wrench.force, "torque": message.wrench.torque}
+        return {f"{name}.{axis}": [getattr(vector, axis)] for name, vector in vectors.items() for axis in "xyz"}
+    return {"data": [message.data]}
+
+
+def _logged(messages: Sequence[Message]) -> NDArray[np.int64]:
+    return np.array([message.stamp for message in messages], np.uint64).astype(np.int64)

@@ -1,0 +1,251 @@
+"""Read recordings, whole or damaged."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple, Self
+
+import numpy as np
+from mcap.records import Channel
+from mcap_ros2.decoder import DecoderFactory
+from numpy.typing import NDArray
+
+from tenodesis.errors import RecordingError
+from tenodesis.recording import cdr, container, schemas, tables
+from tenodesis.recording.container import Contents, Message
+from tenodesis.recording.decode import Decoded, MisfitError, decode
+from tenodesis.signals import Array, Run
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from tenodesis.instrument import Instrument
+
+
+class TopicInfo(NamedTuple):
+    """A topic of a file: its message type, its number of messages, and their rate in Hz (NaN for fewer than two)."""
+
+    type: str
+    messages: int
+    rate: float
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A recording that was read; use :meth:`open`.
+
+    Attributes
+    ----------
+    path
+        The file.
+    run
+        Its signals; :class:`tenodesis.signals.Run` says their shapes.
+    metadata
+        Text by key: ``instrument``, ``axes``, ``seed``, ``protocol``, ``time_step``, versions; empty for a file of
+        another program.
+    topics
+        Every topic of the file, by name.
+    left_out
+        Why topics that the run could have drawn on are not in it, by name.
+    damage
+        Up to when the file could be read and why not further; None if it is whole.
+    """
+
+    path: Path
+    run: Run = field(repr=False)
+    metadata: Mapping[str, str] = field(repr=False)
+    topics: Mapping[str, TopicInfo] = field(repr=False)
+    left_out: Mapping[str, str]
+    damage: str | None
+
+    @classmethod
+    def open(cls, path: str | Path) -> Self:
+        """Read a recording, up to where it is damaged if it is.
+
+        Raises
+        ------
+        RecordingError
+            The file cannot be read, is no MCAP file, or holds nothing of a recording.
+        """
+        path = Path(path)
+        contents = container.scan(_bytes(path))
+        decoded, left_out = _decoded(contents)
+        metadata = contents.metadata.get(schemas.METADATA, {})
+        axes = schemas.axes_of({name: topic.joints for name, topic in decoded.items()})
+        axes = axes or tuple(metadata.get("axes", "").split()) or (("yaw",) if decoded else ())
+        if not axes:
+            raise RecordingError(f"{path} holds nothing of a recording: {_found(contents)}.")
+        run, misfits = _run(axes, decoded, _carried(contents))
+        left_out |= misfits
+        if left_out and not run.signals():
+            reasons = "; ".join(f"{topic}: {reason}" for topic, reason in left_out.items())
+            raise RecordingError(f"{path} holds nothing of a recording that can be used: {reasons}.")
+        damage = contents.damage
+        if schemas.METADATA in contents.metadata:
+            run, gap = _without_gap(run, contents)
+            damage = gap or damage
+        if damage is not None:
+            until = f"{run.time[-1]:.6g} s ({len(run)} rows)" if len(run) else "before its first row"
+            damage = f"{path} is read up to {until} only: {damage}."
+        return cls(path, run, metadata, _infos(contents), left_out, damage)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first row to the last, s."""
+        return float(self.run.time[-1] - self.run.time[0]) if len(self.run) else 0.0
+
+    def to_numpy(self) -> dict[str, Array]:
+        """Return the time and the signals by name, in their shapes."""
+        return {"time": self.run.time, **self.run.signals()}
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return the signals as a DataFrame; see :func:`tenodesis.recording.tables.to_pandas`."""
+        return tables.to_pandas(self.run)
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write the signals as CSV; see :func:`tenodesis.recording.tables.to_csv`."""
+        tables.to_csv(self.run, path)
+
+    def to_parquet(self, path: str | Path) -> None:
+        """Write the signals as Parquet; see :func:`tenodesis.recording.tables.to_parquet`."""
+        tables.to_parquet(self.run, path)
+
+    def instrument(self) -> "Instrument":
+        """Return the instrument that was recorded.
+
+        Raises
+        ------
+        RecordingError
+            The file does not hold its instrument.
+        InstrumentError
+            The instrument it holds is not valid in this version.
+        """
+        from tenodesis.instrument import parse  # noqa: PLC0415
+
+        if "instrument" not in self.metadata:
+            raise RecordingError(f"{self.path} does not hold its instrument; only recordings of this package do.")
+        return parse(self.metadata["instrument"], f"{self.path}: instrument")
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise RecordingError(f"{path} cannot be read: there is no such file.") from None
+    except OSError as problem:
+        raise RecordingError(f"{path} cannot be read: {problem.strerror}.") from None
+    if not container.is_mcap(data):
+        found = "it is empty" if not data else f"it begins with {data[:8]!r}"
+        raise RecordingError(f"{path} is no MCAP file: {found}.")
+    return data
+
+
+def _found(contents: Contents) -> str:
+    if contents.damage is not None:
+        return contents.damage
+    names = sorted(channel.topic for channel in contents.channels.values())
+    return f"its topics are {', '.join(names)}" if names else "it has no topics"
+
+
+def _decoded(contents: Contents) -> tuple[dict[str, Decoded], dict[str, str]]:
+    """Return the topics of recordings by name, and why others could not be decoded."""
+    known = {topic.name for axes in (("",), ("yaw", "pitch")) for topic in schemas.topics(axes)}
+    decoded: dict[str, Decoded] = {}
+    left_out: dict[str, str] = {}
+    factory = DecoderFactory()
+    for channel, messages in _channels(contents):
+        schema = contents.schemas.get(channel.schema_id)
+        if channel.topic not in known or schema is None:
+            continue
+        try:
+            decoded[channel.topic] = decode(factory, schema, channel.message_encoding, messages)
+        except MisfitError as problem:
+            left_out[channel.topic] = str(problem)
+    return decoded, left_out
+
+
+def _channels(contents: Contents) -> list[tuple[Channel, list[Message]]]:
+    return [
+        (contents.channels[number], messages)
+        for number, messages in contents.messages.items()
+        if number in contents.channels
+    ]
+
+
+def _carried(contents: Contents) -> dict[str, list[str]]:
+    """Return the signals that topics are said to carry, by topic."""
+    return {
+        channel.topic: channel.metadata["signals"].split()
+        for channel in contents.channels.values()
+        if "signals" in channel.metadata
+    }
+
+
+def _run(
+    axes: tuple[str, ...], decoded: Mapping[str, Decoded], carried: Mapping[str, list[str]]
+) -> tuple[Run, dict[str, str]]:
+    """Return the run of the topics that fit together, and why others do not."""
+    left_out: dict[str, str] = {}
+    stamps = max((topic.stamps for topic in decoded.values()), key=len, default=np.empty(0, np.int64))
+    rows = stamps.size
+    columns: dict[str, list[Array]] = {}
+    for topic in schemas.topics(axes):
+        found = decoded.get(topic.name)
+        if found is None:
+            continue
+        if (found.stamps != stamps[: found.stamps.size]).any():
+            left_out[topic.name] = "its stamps are not those of the other topics"
+            continue
+        names = found.joints or topic.joints
+        if not set(topic.joints) <= set(names):
+            left_out[topic.name] = f"its joints are {', '.join(names)}"
+            continue
+        order = [names.index(joint) for joint in topic.joints]
+        for number, signal in topic.signals.items():
+            values = found.numbers.get(number)
+            if values is None or signal not in carried.get(topic.name, [signal]):
+                continue
+            if topic.joints and values.shape[1] != len(names):
+                left_out[topic.name] = f"it has {values.shape[1]} values of {number} for {len(names)} joints"
+                continue
+            columns.setdefault(signal, []).append(values[:, order] if topic.joints else values)
+        rows = min(rows, found.stamps.size)
+    signals = {signal: np.concatenate([part[:rows] for part in parts], axis=1) for signal, parts in columns.items()}
+    time = signals.pop("time", None)
+    whole = {
+        signal: values.reshape(schemas.shape(signal, rows, axes))
+        for signal, values in signals.items()
+        if values.size == np.prod(schemas.shape(signal, rows, axes))
+    }
+    return Run(_seconds(stamps[:rows]) if time is None else time[:, 0], axes, **whole), left_out
+
+
+def _seconds(stamps: NDArray[np.int64]) -> Array:
+    seconds: Array = (stamps - stamps[:1].sum()) / cdr.SECOND
+    return seconds
+
+
+def _without_gap(run: Run, contents: Contents) -> tuple[Run, str | None]:
+    """Return a run up to the first row that is missing among its rows, and whether there is one."""
+    for _, messages in _channels(contents):
+        sequence = np.array([message.sequence for message in messages[: len(run)]], np.int64)
+        missing = np.flatnonzero(sequence != np.arange(sequence.size) % 2**32)
+        if missing.size:
+            return _first(run, int(missing[0])), "rows are missing after that"
+    return run, None
+
+
+def _first(run: Run, rows: int) -> Run:
+    signals = {name: values[:rows] for name, values in run.signals().items()}
+    return Run(run.time[:rows], run.axes, **signals)
+
+
+def _infos(contents: Contents) -> dict[str, TopicInfo]:
+    infos = {}
+    for number, channel in sorted(contents.channels.items(), key=lambda item: item[1].topic):
+        messages = contents.messages.get(number, [])
+        span = (messages[-1].stamp - messages[0].stamp) / cdr.SECOND if messages else 0.0
+        rate = (len(messages) - 1) / span if span > 0 else float("nan")
+        schema = contents.schemas.get(channel.schema_id)
+        infos[channel.topic] = TopicInfo("" if schema is None else schema.name, len(messages), rate)
+    return infos

@@ -1,0 +1,116 @@
+"""What a recording holds: its topics, the messages on them, and the signals these carry."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from tenodesis.signals import SIGNALS
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+WRENCH = "geometry_msgs/msg/WrenchStamped"
+FLOAT64 = "std_msgs/msg/Float64"
+
+METADATA = "tenodesis"
+"""Name of the metadata record."""
+
+TIME = "/time"
+"""Topic of the time to the last bit, since stamps only count nanoseconds."""
+
+TENDONS = ("agonist", "antagonist")
+
+_FIELDS = {
+    "builtin_interfaces/Time": ("int32 sec", "uint32 nanosec"),
+    "std_msgs/Header": ("builtin_interfaces/Time stamp", "string frame_id"),
+    "geometry_msgs/Vector3": ("float64 x", "float64 y", "float64 z"),
+    "geometry_msgs/Wrench": ("geometry_msgs/Vector3 force", "geometry_msgs/Vector3 torque"),
+    "sensor_msgs/JointState": (
+        "std_msgs/Header header",
+        "string[] name",
+        "float64[] position",
+        "float64[] velocity",
+        "float64[] effort",
+    ),
+    "geometry_msgs/WrenchStamped": ("std_msgs/Header header", "geometry_msgs/Wrench wrench"),
+    "std_msgs/Float64": ("float64 data",),
+}
+
+
+class Topic(NamedTuple):
+    """One topic: its message type, the joints it is about, and the signal in each of the message's arrays.
+
+    Of a signal's columns, in order of axes and then tendons, the topic carries `columns`.
+    """
+
+    name: str
+    type: str
+    joints: tuple[str, ...]
+    signals: Mapping[str, str]
+    columns: slice = slice(None)
+    frame: str = ""
+
+
+def definition(message_type: str) -> str:
+    """Return a message's definition with those of all it consists of, as ``ros2msg`` has it."""
+    names = [message_type.replace("/msg/", "/")]
+    for name in names:
+        parts = (line.split()[0] for line in _FIELDS[name])
+        names += [part for part in parts if part in _FIELDS and part not in names]
+    separator = "=" * 80
+    texts = [
+        "".join(f"{line}\n" for line in ([] if name is names[0] else [separator, f"MSG: {name}"]) + [*_FIELDS[name]])
+        for name in names
+    ]
+    return "".join(texts)
+
+
+def topics(axes: tuple[str, ...]) -> tuple[Topic, ...]:
+    """Return every topic of an instrument with these axes."""
+    handle = tuple(f"handle_{axis}" for axis in axes)
+    tip = tuple(f"tip_{axis}" for axis in axes)
+    tendons = tuple(f"{axis}_{tendon}" for axis in axes for tendon in TENDONS)
+    joint_states = (
+        ("/handle/measured_js", handle, {"position": "measured_handle_angle"}),
+        ("/handle/setpoint_js", handle, {"position": "commanded_handle_angle"}),
+        ("/motors/measured_js", tendons, {"position": "measured_spool_angle"}),
+        ("/motors/setpoint_js", tendons, {"velocity": "commanded_spool_velocity"}),
+        ("/tendons/measured_js", tendons, {"effort": "measured_tension"}),
+        ("/tip/measured2_js", tip, {"position": "measured_output_angle"}),
+        ("/twin/handle/measured_js", handle, {"position": "handle_angle", "effort": "handle_torque"}),
+        ("/twin/tip/measured_js", tip, {"position": "output_angle", "velocity": "output_velocity"}),
+        ("/twin/tendons/measured_js", tendons, {"effort": "tension"}),
+        ("/twin/tendons/distal/measured_js", tendons, {"effort": "distal_tension"}),
+        ("/twin/motors/measured_js", tendons, {"position": "spool_angle", "velocity": "spool_velocity"}),
+    )
+    forces = {"force.x": "force", "force.z": "radial_force"}
+    return (
+        Topic(TIME, FLOAT64, (), {"data": "time"}),
+        *(Topic(name, JOINT_STATE, joints, signals) for name, joints, signals in joint_states),
+        *(
+            Topic(_rig(axis if axes[1:] else None), WRENCH, (), forces, slice(i, i + 1), f"tip_{axis}")
+            for i, axis in enumerate(axes)
+        ),
+    )
+
+
+def shape(signal: str, rows: int, axes: tuple[str, ...]) -> tuple[int, ...]:
+    """Return the shape of a signal of a run, as `Run` has it."""
+    return (rows, *((len(axes),) if axes[1:] else ()), *((2,) if SIGNALS[signal].per_tendon else ()))
+
+
+def axes_of(joints: Mapping[str, tuple[str, ...]]) -> tuple[str, ...] | None:
+    """Return the axes that the joints (names by topic) belong to, or None where they do not tell."""
+    for topic in topics(("",)):
+        marks = [joint.strip("_") for joint in topic.joints]
+        found = [
+            name.removeprefix(f"{mark}_").removesuffix(f"_{mark}")
+            for name in joints.get(topic.name, ())
+            for mark in marks
+            if name.startswith(f"{mark}_") or name.endswith(f"_{mark}")
+        ]
+        if found:
+            return tuple(dict.fromkeys(found))
+    rigs = tuple(axis for axis in ("yaw", "pitch") if _rig(axis) in joints)
+    return rigs or None
+
+
+def _rig(axis: str | None) -> str:
+    return "/rig/measured_cf" if axis is None else f"/rig/{axis}/measured_cf"

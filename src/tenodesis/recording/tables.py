@@ -1,0 +1,93 @@
+"""Runs as tables: pandas, CSV and Parquet."""
+
+import csv
+import math
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tenodesis.errors import RecordingError
+from tenodesis.recording.schemas import TENDONS
+from tenodesis.signals import SIGNALS, Array, Run
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TIME = "time [s]"
+"""Heading of the time."""
+
+
+def columns(run: Run) -> dict[str, Array]:
+    """Return a run's signals (n,) by heading, such as ``measured_tension.yaw.agonist [N]``."""
+    table: dict[str, Array] = {}
+    for name, values in run.signals().items():
+        signal = SIGNALS[name]
+        ends = TENDONS if signal.per_tendon else (None,)
+        parts = [[name, axis, end] for axis in run.axes for end in ends]
+        for i, labels in enumerate(parts):
+            heading = f"{'.'.join(label for label in labels if label)} [{signal.unit}]"
+            table[heading] = values.reshape(len(run), len(parts))[:, i]
+    return table
+
+
+def to_pandas(run: Run) -> "pd.DataFrame":
+    """Return a run as a DataFrame, one signal of one axis or tendon per column, over the time in s.
+
+    Raises
+    ------
+    RecordingError
+        pandas is not installed.
+    """
+    try:
+        import pandas as pd  # noqa: PLC0415
+    except ImportError:
+        raise RecordingError('DataFrames need pandas; install it with pip install "tenodesis[tables]".') from None
+    return pd.DataFrame(columns(run), index=pd.Index(run.time, name=TIME))
+
+
+def to_csv(run: Run, path: str | Path) -> None:
+    """Write a run as CSV, every number to its last bit and NaN as an empty cell.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be written; one that was there is as it was.
+    """
+    table = {TIME: run.time, **columns(run)}
+    with _whole(Path(path)) as new, new.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(table)
+        for row in np.column_stack([*table.values()]).tolist():
+            writer.writerow("" if math.isnan(value) else value for value in row)
+
+
+def to_parquet(run: Run, path: str | Path) -> None:
+    """Write a run as Parquet, with the columns of :func:`to_pandas`.
+
+    Raises
+    ------
+    RecordingError
+        pandas or pyarrow is not installed, or the file cannot be written; one that was there is as it was.
+    """
+    table = to_pandas(run)
+    with _whole(Path(path)) as new:
+        try:
+            table.to_parquet(new)
+        except ImportError:
+            raise RecordingError('Parquet needs pyarrow; install it with pip install "tenodesis[tables]".') from None
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[Path]:
+    """Give a place beside a path to write to, and move what is there to the path at the end."""
+    try:
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".tenodesis-") as folder:
+            new = Path(folder) / path.name
+            yield new
+            new.replace(path)
+    except OSError as problem:
+        raise RecordingError(f"{path} cannot be written: {problem.strerror or problem}.") from None

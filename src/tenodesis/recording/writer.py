@@ -1,0 +1,253 @@
+"""Write runs into a recording that stays readable whatever happens while it is written."""
+
+import platform
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from itertools import pairwise
+from pathlib import Path
+from types import TracebackType
+from typing import IO, NamedTuple, Self
+
+import numpy as np
+from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
+from mcap.writer import Writer
+from numpy.typing import NDArray
+
+from tenodesis.errors import RecordingError
+from tenodesis.recording import cdr, schemas
+from tenodesis.recording.schemas import Topic
+from tenodesis.signals import Array, Run
+
+_LAST_STAMP = 2**31 * cdr.SECOND - 1
+_SEQUENCES = 2**32
+
+
+class _Channel(NamedTuple):
+    id: int
+    topic: Topic
+    layout: cdr.Layout
+    signals: dict[str, str]
+
+
+class Recorder:
+    """A recording being written; a context manager that closes it.
+
+    Parameters
+    ----------
+    path
+        The file; it must not exist yet.
+    axes
+        The axes of the runs to come.
+    metadata
+        Text by key, kept with the runs: ``instrument`` (the instrument file), ``seed``, ``protocol``, ``time_step``
+        and others; axes and versions are added.
+    start_time
+        Stamp of time 0, ns since the epoch; 0 makes equal runs equal files.
+    chunk_seconds
+        Recorded time after which rows are on their way to the disk, s; a crash loses no more than that.
+    overwrite
+        Whether to replace a file that exists.
+
+    Raises
+    ------
+    RecordingError
+        By `Recorder`, `write` and `close`, when the file cannot be written or a run does not fit.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        *,
+        axes: tuple[str, ...],
+        metadata: Mapping[str, str] | None = None,
+        start_time: int = 0,
+        chunk_seconds: float = 0.25,
+        overwrite: bool = False,
+    ) -> None:
+        self.path = Path(path)
+        self.axes = tuple(axes)
+        self._start = start_time
+        self._chunk_length = max(round(chunk_seconds * cdr.SECOND), 1)
+        self._channels: list[_Channel] = []
+        self._signals: set[str] | None = None
+        self._rows = 0
+        self._rows_safe = 0
+        self._first_stamp: int | None = None
+        self._stamp = -1
+        self._stamp_safe = 0
+        texts = self._texts(metadata or {})
+        self._file: IO[bytes] | None = self._opened(overwrite)
+        # Chunks are closed here and not by size, so that each holds whole rows.
+        self._writer = Writer(self._file, chunk_size=2**62, enable_data_crcs=True)
+        with self._reported():
+            self._writer.start(profile=Profile.ROS2, library="tenodesis")
+            self._writer.add_metadata(schemas.METADATA, texts)
+            self._writer.flush()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def write(self, run: Run) -> None:
+        """Append the rows of a run; its time goes on from the rows before.
+
+        Raises
+        ------
+        RecordingError
+            The file cannot be written, or the run has other axes or signals, other shapes, or time that does not
+            increase.
+        """
+        if self._file is None:
+            raise RecordingError(f"{self.path} is closed; nothing more can be written to it.")
+        columns = self._columns(run)
+        stamps = self._stamps(run.time)
+        if not stamps.size:
+            return
+        if self._first_stamp is None:
+            self._first_stamp = int(stamps[0])
+        with self._reported():
+            self._register(columns)
+            chunks = (stamps - self._first_stamp) // self._chunk_length
+            bounds = [0, *(np.flatnonzero(np.diff(chunks)) + 1).tolist(), stamps.size]
+            for start, stop in pairwise(bounds):
+                if self._chunk(self._stamp) != chunks[start]:
+                    self._close_chunk()
+                self._write_rows(stamps[start:stop], {name: values[start:stop] for name, values in columns.items()})
+
+    def close(self) -> None:
+        """Close the recording; a second time does nothing.
+
+        Raises
+        ------
+        RecordingError
+            The file cannot be written.
+        """
+        if self._file is None:
+            return
+        with self._reported():
+            self._close_chunk()
+            self._writer.finish()
+            self._file.close()
+        self._file = None
+
+    def _texts(self, metadata: Mapping[str, str]) -> dict[str, str]:
+        from tenodesis import __version__  # noqa: PLC0415
+
+        for key, text in metadata.items():
+            if not isinstance(text, str):
+                raise RecordingError(f"{self.path}: metadata {key} = {text!r}: it must be text.")
+        made_with = {"tenodesis": __version__, "python": platform.python_version(), "numpy": np.__version__}
+        return dict(metadata) | {"axes": " ".join(self.axes)} | made_with
+
+    def _opened(self, overwrite: bool) -> IO[bytes]:
+        try:
+            return self.path.open("wb" if overwrite else "xb")
+        except FileExistsError:
+            raise RecordingError(
+                f"{self.path} exists already; allowed is a path that does not, or overwrite=True."
+            ) from None
+        except FileNotFoundError:
+            raise RecordingError(f"{self.path} cannot be written: there is no folder {self.path.parent}.") from None
+        except OSError as problem:
+            raise RecordingError(f"{self.path} cannot be written: {problem.strerror}.") from None
+
+    @contextmanager
+    def _reported(self) -> Iterator[None]:
+        """Raise an error of the operating system as one of this package, and give the file up."""
+        try:
+            yield
+        except OSError as problem:
+            if self._file is not None:
+                with suppress(OSError):
+                    self._file.close()
+            self._file = None
+            seconds = (self._stamp_safe - self._first_stamp) / cdr.SECOND if self._first_stamp is not None else 0.0
+            raise RecordingError(
+                f"{self.path} cannot be written: {problem.strerror or problem}; what was written until then remains "
+                f"readable: at least {self._rows_safe} rows, {max(seconds, 0.0):.6g} s."
+            ) from problem
+
+    def _columns(self, run: Run) -> dict[str, Array]:
+        """Return a run's signals and time with rows down and axes and tendons across."""
+        if tuple(run.axes) != self.axes:
+            raise RecordingError(
+                f"{self.path}: the run's axes are {', '.join(run.axes)}; they must be {', '.join(self.axes)}."
+            )
+        signals = run.signals()
+        if self._signals is not None and (changed := self._signals ^ signals.keys()):
+            had = "had" if min(changed) in self._signals else "did not have"
+            raise RecordingError(
+                f"{self.path}: the runs before {had} {min(changed)}; all runs of a recording must have the same "
+                "signals."
+            )
+        for name, values in signals.items():
+            expected = schemas.shape(name, len(run), self.axes)
+            if values.shape != expected:
+                raise RecordingError(f"{self.path}: {name} has shape {values.shape}; it must have {expected}.")
+        return {
+            name: values.reshape(len(run), -1) for name, values in ({"time": run.time} | signals).items() if len(run)
+        }
+
+    def _stamps(self, time: Array) -> NDArray[np.int64]:
+        """Return the stamps (n,), in ns, of times (n,), in s."""
+        with np.errstate(invalid="ignore"):
+            nanoseconds = self._start + np.rint(time * cdr.SECOND)
+        outside = ~((nanoseconds >= 0) & (nanoseconds <= _LAST_STAMP))
+        if not outside.any():
+            stamps: NDArray[np.int64] = self._start + np.rint(time * cdr.SECOND).astype(np.int64)
+            outside = np.diff(stamps, prepend=self._stamp) < 1
+        if outside.any():
+            row = int(np.argmax(outside))
+            raise RecordingError(
+                f"{self.path}: time of row {self._rows + row} = {float(time[row])!r} s: it must be finite, at least "
+                f"1 ns after the row before, and have its stamp between 0 and {_LAST_STAMP // cdr.SECOND} s."
+            )
+        return stamps
+
+    def _register(self, columns: Mapping[str, Array]) -> None:
+        """Open the channels for these signals, once."""
+        if self._signals is not None:
+            return
+        self._signals = columns.keys() - {"time"}
+        ids: dict[str, int] = {}
+        for topic in schemas.topics(self.axes):
+            signals = {field: signal for field, signal in topic.signals.items() if signal in columns}
+            if not signals:
+                continue
+            if topic.type not in ids:
+                text = schemas.definition(topic.type).encode()
+                ids[topic.type] = self._writer.register_schema(topic.type, SchemaEncoding.ROS2, text)
+            # A wrench has all its numbers always, so that those which mean something are named.
+            channel = self._writer.register_channel(
+                topic.name, MessageEncoding.CDR, ids[topic.type], {"signals": " ".join(signals.values())}
+            )
+            self._channels.append(_Channel(channel, topic, _layout(topic, signals), signals))
+
+    def _write_rows(self, stamps: NDArray[np.int64], columns: Mapping[str, Array]) -> None:
+        blocks = []
+        for channel in self._channels:
+            numbers = {field: columns[signal][:, channel.topic.columns] for field, signal in channel.signals.items()}
+            blocks.append((channel.id, channel.layout.size, channel.layout.encode(stamps, numbers)))
+        for i, stamp in enumerate(stamps.tolist()):
+            sequence = (self._rows + i) % _SEQUENCES
+            for channel_id, size, block in blocks:
+                self._writer.add_message(channel_id, stamp, block[i * size : (i + 1) * size], stamp, sequence)
+        self._rows += stamps.size
+        self._stamp = int(stamps[-1])
+
+    def _chunk(self, stamp: int) -> int:
+        return (stamp - (self._first_stamp or 0)) // self._chunk_length
+
+    def _close_chunk(self) -> None:
+        self._writer.flush()
+        self._rows_safe, self._stamp_safe = self._rows, self._stamp
+
+
+def _layout(topic: Topic, signals: Mapping[str, str]) -> cdr.Layout:
+    if topic.type == schemas.JOINT_STATE:
+        return cdr.joint_state(topic.joints, dict.fromkeys(signals, len(topic.joints)), topic.frame)
+    return cdr.wrench(topic.frame) if topic.type == schemas.WRENCH else cdr.number()

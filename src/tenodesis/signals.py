@@ -1,0 +1,84 @@
+"""The signals of a run, of the twin's or a bench's: what each is, and the run that holds them."""
+
+from dataclasses import dataclass, fields
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+class Signal(NamedTuple):
+    """One signal: its SI unit, whether each tendon has its own, and what it is."""
+
+    unit: str
+    per_tendon: bool
+    description: str
+
+
+COMMANDS = {
+    "commanded_handle_angle": Signal("rad", False, "Handle angle that the hand aims at"),
+    "force": Signal("N", False, "Tangential force at the tip; positive opposes positive flexion"),
+    "radial_force": Signal("N", False, "Force along the end-effector; positive outward"),
+    "commanded_spool_velocity": Signal("rad/s", True, "Spool velocity asked of the drives; positive winds"),
+}
+"""What is done to the instrument."""
+
+MEASURED = {
+    "measured_handle_angle": Signal("rad", False, "Handle angle by its encoder"),
+    "measured_output_angle": Signal("rad", False, "Output angle by the distal encoder, which only a bench has"),
+    "measured_tension": Signal("N", True, "Tendon tension by the load cells beside the spools"),
+    "measured_spool_angle": Signal("rad", True, "Spool angle by the motors' encoders"),
+}
+"""What sensors say; sampled and held."""
+
+TRUTH = {
+    "handle_angle": Signal("rad", False, "Handle angle"),
+    "handle_torque": Signal("N*m", False, "Torque the hand holds the handle with"),
+    "output_angle": Signal("rad", False, "Output angle of the end-effector"),
+    "output_velocity": Signal("rad/s", False, "Its rate"),
+    "tension": Signal("N", True, "Tendon tension beside the spool"),
+    "distal_tension": Signal("N", True, "Tendon tension at the tip"),
+    "spool_angle": Signal("rad", True, "Spool angle"),
+    "spool_velocity": Signal("rad/s", True, "Its rate"),
+}
+"""What the twin knows and no bench does."""
+
+SIGNALS = COMMANDS | MEASURED | TRUTH
+
+
+@dataclass(frozen=True)
+class Run:
+    """The signals of a run, one row per time step; :data:`SIGNALS` says what each is.
+
+    Shapes, for n steps: (n,) and per tendon (n, 2), agonist first; with two axes (n, 2) and (n, 2, 2), axis before
+    tendon. A signal that was not recorded is None.
+    """
+
+    time: Array
+    axes: tuple[str, ...]
+    commanded_handle_angle: Array | None = None
+    force: Array | None = None
+    radial_force: Array | None = None
+    commanded_spool_velocity: Array | None = None
+    measured_handle_angle: Array | None = None
+    measured_output_angle: Array | None = None
+    measured_tension: Array | None = None
+    measured_spool_angle: Array | None = None
+    handle_angle: Array | None = None
+    handle_torque: Array | None = None
+    output_angle: Array | None = None
+    output_velocity: Array | None = None
+    tension: Array | None = None
+    distal_tension: Array | None = None
+    spool_angle: Array | None = None
+    spool_velocity: Array | None = None
+
+    def signals(self) -> dict[str, Array]:
+        """Return the signals that are there, by name, without the time."""
+        named = {field.name: getattr(self, field.name) for field in fields(self) if field.name in SIGNALS}
+        return {name: values for name, values in named.items() if values is not None}
+
+    def __len__(self) -> int:
+        return int(self.time.size)

@@ -1,0 +1,177 @@
+"""One tendon with friction: what comes out at its far end, by the core's own return mapping.
+
+Tensions in N, lengths in m, stiffness in N/m; friction exponents are coefficient times wrap angle.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tenodesis import _core
+
+Array = NDArray[np.float64]
+
+MOST_EXPONENT = 50.0
+
+
+class Pull(NamedTuple):
+    """What a tendon did, one value per step."""
+
+    proximal: Array
+    """Tension at the spool, N."""
+    distal: Array
+    """Tension at the tip, N."""
+    wound: Array
+    """Length wound in at the spool, m."""
+    dissipated: Array
+    """Energy lost to friction in the step, J."""
+    residual: Array
+    """By how much the friction law is broken at its worst contact, N."""
+
+
+def transmit(tension: ArrayLike, exponent: float, gain: float = 1.0, initial: float | None = None) -> Array:
+    """Return the distal tension of one contact for a measured sequence of proximal tension, N.
+
+    The far end is held, so that its tension stays while the contact sticks and follows on the band's edge, a factor
+    exp(exponent) below or above, while it slides (Euler, Eytelwein).
+
+    Parameters
+    ----------
+    tension
+        Proximal tension, N, shape (n,); below zero counts as slack.
+    exponent
+        Friction coefficient times wrap angle, dimensionless.
+    gain
+        Gain of the distal load cell over the proximal one.
+    initial
+        Distal tension before the first sample, N; by default the first proximal one.
+
+    Raises
+    ------
+    ValueError
+        An argument is not finite, the exponent is negative, or a gain is not positive.
+    """
+    series = _series("tension", tension)
+    _check("exponent", exponent, 0.0, MOST_EXPONENT)
+    _check("gain", gain, 1e-9, 1e9)
+    held = float(max(series[0], 0.0)) if initial is None and series.size else initial or 0.0
+    _check("initial", held, 0.0, 1e9)
+    out = np.empty((1, series.size))
+    _core.transmit(series, exponent, gain, held, out)
+    return out[0]
+
+
+class Tendon:
+    """An elastic tendon through any number of contacts with friction, which keeps its state between calls.
+
+    Parameters
+    ----------
+    stiffness
+        Stiffness of the whole tendon, N/m, shared out evenly over its segments, or of every segment, from the spool.
+    exponents
+        Friction exponent of every contact, from the spool.
+    constant
+        Load-independent friction of every contact, N.
+    viscous
+        Viscous friction of every contact, N·s/m.
+    pretension
+        Tension everywhere at the start, N.
+
+    Raises
+    ------
+    ValueError
+        A value is not finite or not allowed, or there is not one segment more than contacts.
+    """
+
+    def __init__(
+        self,
+        stiffness: float | Sequence[float],
+        exponents: Sequence[float],
+        *,
+        constant: float = 0.0,
+        viscous: float = 0.0,
+        pretension: float = 0.0,
+    ) -> None:
+        contacts = _series("exponents", exponents)
+        if not contacts.size:
+            raise ValueError("exponents is empty; allowed is at least one contact.")
+        for index, exponent in enumerate(contacts):
+            _check(f"exponents[{index}]", float(exponent), 0.0, MOST_EXPONENT)
+        given = np.atleast_1d(np.asarray(stiffness, float))
+        segments = np.full(contacts.size + 1, given[0] * (contacts.size + 1)) if np.ndim(stiffness) == 0 else given
+        if segments.size != contacts.size + 1:
+            raise ValueError(
+                f"stiffness has {segments.size} segments and exponents {contacts.size} contacts; allowed is one "
+                "segment more than contacts, or one number for the whole tendon."
+            )
+        for index, one in enumerate(segments):
+            _check(f"stiffness[{index}]", float(one), 1e-6, 1e15)
+        for name, value in (("constant", constant), ("viscous", viscous), ("pretension", pretension)):
+            _check(name, value, 0.0, 1e9)
+        self._core = _core.Tendon(segments.tolist(), contacts.tolist(), constant, viscous, pretension)
+        self.most_sweeps = 0
+        """Most passes that a step has taken."""
+
+    @property
+    def tensions(self) -> Array:
+        """Tension of every segment now, from the spool, N."""
+        return np.array(self._core.tension)
+
+    @property
+    def slips(self) -> Array:
+        """Length that has slipped past every contact toward the spool, m."""
+        return np.array(self._core.slip)
+
+    def wind(self, wound: ArrayLike, drawn: ArrayLike = 0.0, *, time_step: float = 1e-3) -> Pull:
+        """Step over lengths wound in at the spool while the far end is drawn away.
+
+        Parameters
+        ----------
+        wound
+            Length wound in since the start, m, shape (n,).
+        drawn
+            Length by which the far end has been drawn away, m, shape (n,) or a number.
+        time_step
+            Time between steps, s; only viscous friction depends on it.
+
+        Raises
+        ------
+        ValueError
+            A value is not finite, shapes differ, or the time step is not positive.
+        """
+        return self._run("wound", wound, drawn, time_step, by_tension=False)
+
+    def pull(self, tension: ArrayLike, drawn: ArrayLike = 0.0, *, time_step: float = 1e-3) -> Pull:
+        """Step over tensions at the spool (N, shape (n,)) while the far end is drawn away.
+
+        Other parameters and errors are those of :meth:`wind`; tensions must not be negative.
+        """
+        return self._run("tension", tension, drawn, time_step, by_tension=True)
+
+    def _run(self, name: str, spool: ArrayLike, drawn: ArrayLike, time_step: float, *, by_tension: bool) -> Pull:
+        series = _series(name, spool)
+        if by_tension and series.size and series.min() < 0:
+            at = int(np.argmin(series))
+            raise ValueError(f"{name}[{at}] is {series[at]:g} N; allowed is a tension of at least 0 N.")
+        tip = _series("drawn", np.broadcast_to(np.asarray(drawn, float), series.shape).copy())
+        _check("time_step", time_step, 1e-9, 1e6)
+        out = np.empty((5, series.size))
+        self.most_sweeps = max(self.most_sweeps, self._core.run(series, tip, by_tension, time_step, out))
+        return Pull(*out)
+
+
+def _series(name: str, values: ArrayLike) -> Array:
+    array = np.ascontiguousarray(values, dtype=float)
+    if array.ndim != 1:
+        raise ValueError(f"{name} has shape {array.shape}; allowed is a row of numbers.")
+    wrong = np.flatnonzero(~np.isfinite(array))
+    if wrong.size:
+        raise ValueError(f"{name}[{wrong[0]}] is {array[wrong[0]]}; allowed is a finite number.")
+    return array
+
+
+def _check(name: str, value: float, low: float, high: float) -> None:
+    if not (np.isfinite(value) and low <= value <= high):
+        raise ValueError(f"{name} is {value!r}; allowed is a number from {low:g} to {high:g}.")

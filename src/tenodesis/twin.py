@@ -1,0 +1,568 @@
+"""The digital twin: the instrument on its bench in time, with friction, drives, sensors and load rig.
+
+Angles in rad, forces in N, time in s. Commands are what holds at the end of each step.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import degrees, pi, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tenodesis import _core, statics
+from tenodesis._core import Status
+from tenodesis.errors import NoSolutionError
+from tenodesis.instrument import PARAMETERS, Instrument
+from tenodesis.signals import Array, Run
+from tenodesis.threads import threads
+
+TIME_STEP = 5e-4
+"""Default time step, s."""
+
+_COMMANDS = _core.twin_commands()
+_SIGNALS = _core.twin_signals()
+_ROW = _core.twin_parameters()
+_MEASURED_AND_TRUE = tuple(dict.fromkeys(name.partition(".")[0] for name in _SIGNALS if name != "sweeps"))
+
+# More would leave fewer than a dozen steps to a swing of the tip, and the rule's error no longer small.
+_MOST_PHASE = 0.5
+_DEFAULT_SWING = 2 * pi * 20.0  # rad/s
+_DEFAULT_DAMPING_RATIO = 0.2
+_STOP_BEYOND_RANGE = 4 / 3
+_FARTHEST_STOP = 2.9  # rad
+_STOP_STIFFENING = 20.0  # stop over tip
+_STANDARD_TENDONS = ("agonist", "antagonist")
+
+
+class State(NamedTuple):
+    """The whole state of a twin, to be kept and set again; its bytes suit this version of the core only."""
+
+    time: float
+    axes: tuple[bytes, ...]
+
+
+class Energy(NamedTuple):
+    """Where the energy of a stretch of time went, J, with what the steps' friction law left over."""
+
+    stored_before: float
+    stored_after: float
+    handle: float
+    """Work of the handle on the tendons."""
+    spools: float
+    """Work of the spools on the tendons."""
+    load: float
+    """Work of the load on the tip."""
+    friction: float
+    """Lost to friction."""
+    damping: float
+    """Lost to damping."""
+    least_friction: float
+    """Smallest loss to friction in any step."""
+    residual: float
+    """Largest residual of the friction law in any step, as a share of the tension scale."""
+    sweeps: int
+    """Most passes that a step took."""
+
+    @property
+    def work(self) -> float:
+        """All work done on and by the instrument, as a positive sum."""
+        return abs(self.handle) + abs(self.spools) + abs(self.load)
+
+    @property
+    def unaccounted(self) -> float:
+        """Energy that the balance leaves over."""
+        put_in = self.handle + self.spools + self.load - self.friction - self.damping
+        return self.stored_after - self.stored_before - put_in
+
+
+class Twin:
+    """The digital twin of an instrument, at rest with a straight handle and pretensioned tendons at first.
+
+    Parameters
+    ----------
+    inst
+        The instrument; its tables friction, dynamics, drives, sensors and mismatch say what it is made of.
+    time_step
+        Time step, s.
+    seed
+        Seed of the sensors' noise, from 0 to 2**64 - 1.
+    quasi_static
+        Leave inertia and damping out: every step ends at rest.
+
+    Raises
+    ------
+    ValueError
+        The time step is too large for the tip's swing or no whole part of the sampling period, or the seed is invalid.
+    """
+
+    def __init__(
+        self, inst: Instrument, *, time_step: float = TIME_STEP, seed: int = 0, quasi_static: bool = False
+    ) -> None:
+        _check_seed(seed)
+        self.inst = inst
+        self.time_step = time_step
+        self.seed = seed
+        self.quasi_static = quasi_static
+        self._single = [inst] if len(inst.axes) == 1 else [inst.axis(name) for name in inst.axes]
+        # Axes draw from streams of their own.
+        self._axes = [
+            _core.Twin(_spec(one, time_step, quasi_static), (seed + n * 0x9E3779B97F4A7C15) % 2**64)
+            for n, one in enumerate(self._single)
+        ]
+        self._steps = 0
+
+    @property
+    def time(self) -> float:
+        """Time simulated since the start, s."""
+        return self._steps * self.time_step
+
+    @property
+    def spool_radius(self) -> float:
+        """Radius of the spools, m."""
+        return self.inst.drives.spool_radius
+
+    @property
+    def state(self) -> State:
+        """The whole state; setting it puts the twin back there."""
+        return State(self.time, tuple(axis.state for axis in self._axes))
+
+    @state.setter
+    def state(self, state: State) -> None:
+        if len(state.axes) != len(self._axes):
+            raise ValueError(f"state has {len(state.axes)} axes; allowed is {len(self._axes)}.")
+        for axis, kept in zip(self._axes, state.axes, strict=True):
+            axis.state = kept
+        self._steps = round(state.time / self.time_step)
+
+    def run(
+        self,
+        handle_angle: ArrayLike,
+        force: ArrayLike = 0.0,
+        *,
+        radial_force: ArrayLike = 0.0,
+        weight: ArrayLike = 0.0,
+        spool_velocity: ArrayLike = 0.0,
+    ) -> Run:
+        """Step over arrays of commands, on from the present state.
+
+        Parameters
+        ----------
+        handle_angle
+            Handle angle, or where the hand wants it if it has a stiffness, rad, shape (n,); with two axes (n, 2).
+        force
+            Tangential force at the tip, N, turning with it; positive opposes positive flexion. As handle_angle, or a
+            number.
+        radial_force
+            Force along the end-effector, N; positive outward.
+        weight
+            Weight on one cable of the load rig more than on the other, N, which makes a tangential force (Fig. 13).
+        spool_velocity
+            Spool velocities asked of the drives, rad/s, agonist and antagonist: shape (n, 2), or (2,); with two axes
+            (n, 2, 2), axis before tendon.
+
+        Returns
+        -------
+        Run
+            The signals, one row per step.
+
+        Raises
+        ------
+        ValueError
+            A command is not finite or beyond the handle's range; nothing has been done then.
+        NoSolutionError
+            The tip was loaded past what it can hold; the twin stands where that happened.
+        """
+        rows = self._commands(handle_angle, force, radial_force, weight, spool_velocity)
+        count = rows[0].shape[0]
+        outs = []
+        for name, axis, row in zip(self.inst.axes, self._axes, rows, strict=True):
+            out = np.empty((len(_SIGNALS), count))
+            steps, status = axis.run(row, out)
+            if status != Status.OK:
+                raise _lost(status, f"step {steps} ({self.time + steps * self.time_step:.6g} s), {name}")
+            outs.append(out)
+        time = (self._steps + 1 + np.arange(count)) * self.time_step
+        self._steps += count
+        return _run(time, self.inst.axes, rows, outs)
+
+    def step(
+        self,
+        handle_angle: ArrayLike,
+        force: ArrayLike = 0.0,
+        *,
+        radial_force: ArrayLike = 0.0,
+        weight: ArrayLike = 0.0,
+        spool_velocity: ArrayLike = 0.0,
+    ) -> Run:
+        """Advance by one step and return its signals, without the row; arguments and errors as for :meth:`run`."""
+        run = self.run(
+            np.asarray(handle_angle, float)[np.newaxis],
+            np.asarray(force, float)[np.newaxis],
+            radial_force=np.asarray(radial_force, float)[np.newaxis],
+            weight=np.asarray(weight, float)[np.newaxis],
+            spool_velocity=np.broadcast_to(np.asarray(spool_velocity, float), (2,) if len(self._axes) == 1 else (2, 2))[
+                np.newaxis
+            ],
+        )
+        return Run(run.time[0], run.axes, **{name: values[0] for name, values in run.signals().items()})
+
+    def energy(
+        self,
+        handle_angle: ArrayLike,
+        force: ArrayLike = 0.0,
+        *,
+        radial_force: ArrayLike = 0.0,
+        weight: ArrayLike = 0.0,
+        spool_velocity: ArrayLike = 0.0,
+    ) -> Energy:
+        """Step over arrays of commands and return where the energy went; one axis, arguments and errors as :meth:`run`."""
+        if len(self._axes) != 1:
+            raise ValueError(f"{self.inst.name} has two axes; allowed is one: the twin of inst.axis(name).")
+        (rows,) = self._commands(handle_angle, force, radial_force, weight, spool_velocity)
+        steps, status, energies, least, residual, sweeps = self._axes[0].audit(rows)
+        if status != Status.OK:
+            raise _lost(status, f"step {steps} ({self.time + steps * self.time_step:.6g} s)")
+        self._steps += steps
+        return Energy(*energies, least, residual, sweeps)
+
+    def loosen(self, length: float = 2e-3) -> Run:
+        """Let both motors out by a length (m) at a third of their speed, so that tendons hang slack, and return that run.
+
+        Raises
+        ------
+        ValueError
+            The length is not positive.
+        """
+        if not 0 < length < 1:
+            raise ValueError(f"length is {length!r}; allowed is a length above 0 and below 1 m.")
+        drives = self.inst.drives
+        speed = drives.motor_speed / drives.gear_ratio / 3
+        turning = max(1, round(length / drives.spool_radius / speed / self.time_step))
+        resting = round((5 * drives.time_constant + 0.1) / self.time_step)
+        velocity = np.concatenate([np.full(turning, -speed), np.zeros(resting)])
+        here = np.stack([np.array(axis.signals(np.zeros((1, len(_COMMANDS))))) for axis in self._axes], axis=-1)
+        handle = np.squeeze(here[_SIGNALS.index("handle_angle")])
+        shape = (velocity.size, 2) if len(self._axes) == 1 else (velocity.size, 2, 2)
+        return self.run(
+            np.broadcast_to(handle, (velocity.size, *handle.shape)),
+            spool_velocity=np.broadcast_to(velocity.reshape(-1, *[1] * (len(shape) - 1)), shape),
+        )
+
+    def _commands(self, *arguments: ArrayLike) -> list[Array]:
+        """Return the commands of each axis as rows, checked."""
+        axes = len(self._axes)
+        names = ("handle_angle", "force", "radial_force", "weight", "spool_velocity")
+        arrays = [np.asarray(argument, float) for argument in arguments]
+        count = arrays[0].shape[0] if arrays[0].ndim else 1
+        base = (count,) if axes == 1 else (count, axes)
+        rows = np.empty((axes, count, len(_COMMANDS)))
+        for name, array in zip(names, arrays, strict=True):
+            wanted = (*base, 2) if name == "spool_velocity" else base
+            # A number per step holds for both axes.
+            given = (
+                array[:, np.newaxis] if axes == 2 and name != "spool_velocity" and array.shape == (count,) else array
+            )
+            try:
+                full = np.broadcast_to(given, wanted)
+            except ValueError:
+                raise ValueError(f"{name} has shape {array.shape}; allowed is {wanted}, or a number.") from None
+            _refuse_not_finite(name, np.broadcast_to(array, array.shape))
+            at = slice(4, 6) if name == "spool_velocity" else _COMMANDS.index(name)
+            for n in range(axes):
+                rows[n, :, at] = full if axes == 1 else full[:, n]
+        for n, one in enumerate(self._single):
+            if not one.dynamics.hand_stiffness:
+                _refuse_beyond_range(one, rows[n, :, 0], self.inst.axes[n] if axes > 1 else "")
+        return list(rows)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """The runs of :func:`run_many`: kept signals by name, shape (runs, samples); NaN after a run was lost."""
+
+    time: Array
+    signals: Mapping[str, Array]
+    steps: NDArray[np.int64]
+    """Steps that each run took."""
+    status: NDArray[np.int64]
+    """Why each run took no more, as numbers of :class:`tenodesis.statics.Status`."""
+
+    def __getitem__(self, name: str) -> Array:
+        return self.signals[name]
+
+
+def run_many(
+    inst: Instrument | Sequence[Instrument],
+    handle_angle: ArrayLike,
+    force: ArrayLike = 0.0,
+    *,
+    radial_force: ArrayLike = 0.0,
+    weight: ArrayLike = 0.0,
+    spool_velocity: ArrayLike = 0.0,
+    vary: Mapping[str, ArrayLike] | None = None,
+    seeds: ArrayLike | None = None,
+    signals: Sequence[str] = ("output_angle",),
+    every: int = 1,
+    time_step: float = TIME_STEP,
+    quasi_static: bool = False,
+) -> Batch:
+    """Run many twins of one axis from rest, side by side over threads; results do not depend on how many.
+
+    Parameters
+    ----------
+    inst
+        The instrument, or one per run; all of one joint type.
+    handle_angle, force, radial_force, weight
+        Commands as for :meth:`Twin.run`, shape (n,) for all runs or (runs, n).
+    spool_velocity
+        Spool velocities, rad/s, shape (n, 2) for all runs or (runs, n, 2).
+    vary
+        Values per run by key of the instrument, as :meth:`Instrument.replace` takes them: ``{"pretension": array}``,
+        ``{"friction.vertex_coefficient": array}``.
+    seeds
+        Seed per run; by default 0, 1, 2, ...
+    signals
+        Signals to keep, by name; a tendon's is written ``tension.agonist``.
+    every
+        Keep every so-manieth step.
+    time_step, quasi_static
+        As for :class:`Twin`.
+
+    Raises
+    ------
+    ValueError
+        Shapes do not fit, a command is not finite or beyond the handle's range, or a signal is unknown.
+    InstrumentError
+        A varied value is not allowed.
+    """
+    insts = _instruments(inst, vary or {})
+    commands = _shared_commands(len(insts), handle_angle, force, radial_force, weight, spool_velocity)
+    runs = len(insts)
+    if commands.shape[0] > 1 and runs == 1:
+        insts = insts * commands.shape[0]
+        runs = len(insts)
+    if commands.shape[0] not in (1, runs):
+        raise ValueError(f"commands are for {commands.shape[0]} runs, instruments for {runs}; allowed is the same.")
+    widest = max(insts, key=lambda one: -one.handle_range)
+    if not widest.dynamics.hand_stiffness:
+        for row in commands[:, :, 0]:
+            _refuse_beyond_range(widest, row, "")
+    if not (isinstance(every, int) and 1 <= every <= commands.shape[1]):
+        raise ValueError(f"every is {every!r}; allowed is a whole number from 1 to {commands.shape[1]}, the steps.")
+    for name in signals:
+        if name not in _SIGNALS:
+            raise ValueError(f"signals names {name!r}; allowed are {', '.join(_SIGNALS)}.")
+    chosen = [_SIGNALS.index(name) for name in signals]
+    seed_row = np.arange(runs, dtype=np.uint64) if seeds is None else np.ascontiguousarray(seeds, np.uint64)
+    if seed_row.shape != (runs,):
+        raise ValueError(f"seeds has shape {seed_row.shape}; allowed is ({runs},).")
+    rows = {id(one): _parameters(one, time_step) for one in insts}
+    parameters = np.array([rows[id(one)] for one in insts])
+    spec = _spec(insts[0], time_step, quasi_static)
+    out = np.full((runs, len(chosen), commands.shape[1] // every), np.nan)
+    told = np.zeros((runs, 2), np.int64)
+    _core.run_many(spec, parameters, commands, seed_row, chosen, every, out, told, threads())
+    time = (1 + np.arange(out.shape[2])) * every * time_step
+    return Batch(time, {name: out[:, n] for n, name in enumerate(signals)}, told[:, 0], told[:, 1])
+
+
+def swing(inst: Instrument) -> float:
+    """Return the angular frequency of the straight, unloaded, frictionless tip, rad/s."""
+    return sqrt(float(statics.flexural_stiffness(inst, 0.0)) / _inertia(inst))
+
+
+def _instruments(inst: Instrument | Sequence[Instrument], vary: Mapping[str, ArrayLike]) -> list[Instrument]:
+    insts = [inst] if isinstance(inst, Instrument) else list(inst)
+    if not insts:
+        raise ValueError("inst is empty; allowed is at least one instrument.")
+    columns = {key: np.atleast_1d(np.asarray(values)) for key, values in vary.items()}
+    lengths = {column.size for column in columns.values()} | ({len(insts)} if len(insts) > 1 else set())
+    if len(lengths) > 1:
+        raise ValueError(f"vary has columns of {sorted(lengths)} runs; allowed is the same number for all.")
+    if columns:
+        runs = lengths.pop()
+        insts = insts * runs if len(insts) == 1 else insts
+        insts = [
+            one.replace(**{key: column[n].item() for key, column in columns.items()}) for n, one in enumerate(insts)
+        ]
+    first = insts[0]
+    fixed = ("law", "sheath_contacts")
+    for one in insts:
+        if len(one.axes) != 1:
+            raise ValueError(f"{one.name} has two axes; allowed is one: inst.axis(name).")
+        same = all(getattr(one.friction, key) == getattr(first.friction, key) for key in fixed)
+        if one.joint_type != first.joint_type or not same or one.sensors.sampling_rate != first.sensors.sampling_rate:
+            raise ValueError(
+                "the runs differ in joint type, friction law, sheath contacts or sampling rate; allowed is one of each."
+            )
+    return insts
+
+
+def _shared_commands(runs: int, *arguments: ArrayLike) -> Array:
+    """Return commands by run, step and column; one run's if all share them."""
+    names = ("handle_angle", "force", "radial_force", "weight", "spool_velocity")
+    arrays = [np.asarray(argument, float) for argument in arguments]
+    flat = [array if name != "spool_velocity" else array[..., 0] if array.ndim > 1 else np.zeros(())
+            for name, array in zip(names, arrays, strict=True)]  # fmt: skip
+    shape = np.broadcast_shapes(*(array.shape for array in flat))
+    shape = (1,) * (2 - len(shape)) + shape
+    if len(shape) != 2 or shape[0] not in (1, runs) and runs != 1:
+        raise ValueError(f"commands have shape {shape}; allowed is (n,) or ({runs}, n).")
+    rows = np.empty((*shape, len(_COMMANDS)))
+    for name, array in zip(names, arrays, strict=True):
+        _refuse_not_finite(name, array)
+        at = slice(4, 6) if name == "spool_velocity" else _COMMANDS.index(name)
+        rows[..., at] = array
+    return rows
+
+
+def _inertia(inst: Instrument) -> float:
+    given = inst.dynamics.tip_inertia
+    return float(statics.flexural_stiffness(inst, 0.0)) / _DEFAULT_SWING**2 if given is None else given
+
+
+def _parameters(inst: Instrument, time_step: float) -> list[float]:
+    """Return the numbers of a twin, then those of its axis, in the core's order."""
+    friction, dynamics, drives = inst.friction, inst.dynamics, inst.drives
+    sensors, mismatch = inst.sensors, inst.mismatch
+    stiffness = float(statics.flexural_stiffness(inst, 0.0))
+    inertia = _inertia(inst)
+    damping = dynamics.tip_damping
+    values = {
+        "vertex_coefficient": friction.vertex_coefficient,
+        "sheath_coefficient": friction.sheath_coefficient,
+        "sheath_bend": friction.sheath_bend,
+        "sheath_bend_rate": friction.sheath_bend_per_handle_angle,
+        "viscous": friction.viscous,
+        "constant": friction.constant,
+        "static_ratio": friction.static_ratio,
+        "stribeck_speed": friction.stribeck_speed,
+        "memory": friction.memory,
+        "handle_length_share": inst.handle_length / (inst.tendon_length or inst.overall_length),
+        "stiffness_ratio": mismatch.stiffness_ratio,
+        "pretension_ratio": mismatch.pretension_ratio,
+        "tip_inertia": inertia,
+        "tip_damping": 2 * _DEFAULT_DAMPING_RATIO * sqrt(stiffness * inertia) if damping is None else damping,
+        "output_stop": dynamics.output_stop or min(_STOP_BEYOND_RANGE * inst.output_range, _FARTHEST_STOP),
+        "stop_stiffness": _STOP_STIFFENING * stiffness,
+        "hand_stiffness": dynamics.hand_stiffness,
+        "hand_damping": dynamics.hand_damping,
+        "hand_inertia": dynamics.hand_inertia,
+        "spool_radius": drives.spool_radius,
+        "spool_speed_limit": drives.motor_speed / drives.gear_ratio,
+        "spool_acceleration_limit": drives.motor_acceleration / drives.gear_ratio,
+        "drive_time_constant": drives.time_constant,
+        "backlash": drives.backlash,
+        "rig_pulley_radius": inst.conditions.cable_pulley_radius or 0.0,
+        "encoder_noise": sensors.encoder_noise,
+        "encoder_range": sensors.encoder_range,
+        "encoder_resolution": sensors.encoder_range / 2**sensors.encoder_bits,
+        "handle_encoder_offset": mismatch.handle_encoder_offset,
+        "output_encoder_offset": mismatch.output_encoder_offset,
+        "motor_encoder_resolution": 2 * pi / drives.encoder_counts / drives.gear_ratio,
+        "load_cell_noise": sensors.load_cell_noise,
+        "load_cell_range": sensors.load_cell_range,
+        # The converter's range reaches to either side.
+        "load_cell_resolution": 2 * sensors.load_cell_range / 2**sensors.load_cell_bits,
+        "time_step": time_step,
+    }
+    for n, tendon in enumerate(_STANDARD_TENDONS):
+        values[f"{tendon}_load_cell_gain"] = mismatch.load_cell_gain[n]
+        values[f"{tendon}_load_cell_bias"] = mismatch.load_cell_bias[n]
+    return [values[name] for name in _ROW] + inst.spec.__getstate__()[1]
+
+
+def _spec(inst: Instrument, time_step: float, quasi_static: bool) -> _core.TwinSpec:
+    if not (np.isfinite(time_step) and time_step > 0):
+        raise ValueError(f"time_step is {time_step!r}; allowed is a time above 0 s.")
+    longest = _MOST_PHASE / swing(inst)
+    if not quasi_static and time_step > longest:
+        raise ValueError(
+            f"time_step is {time_step:g} s; allowed is at most {longest:.3g} s, a twelfth of a swing of the tip of "
+            f"{inst.name} ({swing(inst) / (2 * pi):.3g} Hz)."
+        )
+    per_sample = max(1, round(1 / (inst.sensors.sampling_rate * time_step)))
+    if (
+        1 / inst.sensors.sampling_rate > time_step
+        and abs(per_sample * time_step * inst.sensors.sampling_rate - 1) > 1e-6
+    ):
+        raise ValueError(
+            f"time_step is {time_step:g} s; allowed is a whole part of the sampling period of "
+            f"{1 / inst.sensors.sampling_rate:g} s, or more."
+        )
+    share = inst.handle_length / (inst.tendon_length or inst.overall_length) + _core.joint_share(inst.spec)
+    if not share < 1:
+        raise ValueError(
+            f"handle_length and joints take {share:.3g} of the length of a tendon of {inst.name}; allowed is less than "
+            "all of it: a shorter handle_length or a longer tendon_length."
+        )
+    numbers = _parameters(inst, time_step)[: len(_ROW)]
+    friction = inst.friction
+    return _core.TwinSpec(
+        inst.spec, numbers, friction.law == "stribeck", friction.sheath_contacts, per_sample, quasi_static
+    )
+
+
+def _check_seed(seed: int) -> None:
+    if not isinstance(seed, int) or not 0 <= seed < 2**64:
+        raise ValueError(f"seed is {seed!r}; allowed is a whole number from 0 to 2**64 - 1.")
+
+
+def _refuse_not_finite(name: str, array: Array) -> None:
+    wrong = np.argwhere(~np.isfinite(array))
+    if wrong.size:
+        at = tuple(int(i) for i in wrong[0])
+        place = f"[{', '.join(str(i) for i in at)}]" if at else ""
+        raise ValueError(f"{name}{place} is {array[at]}; allowed is a finite number.")
+
+
+def _refuse_beyond_range(inst: Instrument, handle_angle: Array, axis: str) -> None:
+    wrong = np.flatnonzero(np.abs(handle_angle) > inst.handle_range + 1e-9)
+    if wrong.size:
+        at = int(wrong[0])
+        raise ValueError(
+            f"handle_angle[{at}]{f' of {axis}' if axis else ''} is {handle_angle[at]:.6g} rad "
+            f"({degrees(handle_angle[at]):.4g} deg); allowed is the handle's range of "
+            f"±{degrees(inst.handle_range):.4g} deg."
+        )
+
+
+def _lost(status: Status, place: str) -> Exception:
+    if status == Status.OUT_OF_RANGE:
+        return NoSolutionError(
+            f"at {place} the handle was pushed beyond its range; allowed is a smaller load or angle."
+        )
+    if status == Status.NOT_FINITE:
+        return ValueError(f"at {place} a command is not finite; allowed is a finite number.")
+    return NoSolutionError(
+        f"at {place} there is no equilibrium, the load is past the fold where the joint snaps through; allowed is a "
+        "smaller load or more pretension."
+    )
+
+
+def _run(time: Array, axes: tuple[str, ...], rows: Sequence[Array], outs: Sequence[Array]) -> Run:
+    """Return a core's rows as signals: by step, by axis if there are two, by tendon."""
+
+    def signal(name: str) -> Array:
+        per_axis = []
+        for out in outs:
+            if name in _SIGNALS:
+                per_axis.append(out[_SIGNALS.index(name)])
+            else:
+                per_axis.append(np.stack([out[_SIGNALS.index(f"{name}.{side}")] for side in _STANDARD_TENDONS], -1))
+        return per_axis[0] if len(outs) == 1 else np.stack(per_axis, 1)
+
+    def command(columns: int | slice) -> Array:
+        per_axis = [row[:, columns] for row in rows]
+        return per_axis[0] if len(rows) == 1 else np.stack(per_axis, 1)
+
+    return Run(
+        time,
+        axes,
+        commanded_handle_angle=command(0),
+        radial_force=command(2),
+        commanded_spool_velocity=command(slice(4, 6)),
+        **{name: signal(name) for name in _MEASURED_AND_TRUE},
+    )
