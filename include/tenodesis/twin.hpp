@@ -2,9 +2,9 @@
 // The instrument on its bench, step by step in time: a handle, two spools on drives, two tendons with friction, a tip
 // with inertia under load, and the sensors that see some of it.
 //
-// One tendon runs spool - load cell - sheath - first vertex of the handle's joint - its second vertex - stem - vertex
-// of the tip's joint - anchor. A joint bends its tendon half before and half after the place where its length changes;
-// beyond the tip's lies only the anchor, where nothing slides.
+// One tendon runs spool - load cell - sheath - handle joint - stem - tip joint - anchor. A joint is one contact of its
+// whole wrap angle; the length that its bending draws lies on the far side from the stem, so that the stem's tension is
+// the held one whichever joint is moved.
 //
 // A step is the trapezoidal rule for the tip's inertia around tendons without mass. Their tensions are lines over the
 // tip's coordinate for as long as the guess of who slides holds (tendon.hpp), so that tip and tendons are solved as
@@ -82,8 +82,8 @@ struct Reading {
 
 inline constexpr int agonist = 0, antagonist = 1;
 
-/// Contacts of a tendon beside those of the sheath: both vertices of the handle's joint and the tip's one.
-inline constexpr int joint_contacts = 3;
+/// Contacts of a tendon beside those of the sheath: the handle's joint and the tip's.
+inline constexpr int joint_contacts = 2;
 
 template <class S, class Rows>
 struct TwinState {
@@ -209,8 +209,8 @@ struct Twin {
     const int sheath = n - joint_contacts;
     const S bend = friction.sheath_bend + friction.sheath_bend_rate * abs(handle_angle);
     const S exponents[3] = {friction.sheath * bend / S(sheath),
-                            friction.vertex * S(0.5) * axis.proximal.wrap_angle(handle_angle),
-                            friction.vertex * S(0.5) * axis.distal.wrap_angle(tip_angle)};
+                            friction.vertex * axis.proximal.wrap_angle(handle_angle),
+                            friction.vertex * axis.distal.wrap_angle(tip_angle)};
     const auto place = [&](int j) { return j < sheath ? 0 : j < n - 1 ? 1 : 2; };
     const S drag = friction.viscous / time_step + least_drag<S> * axis.stiffness;
     Bands band{};

@@ -160,15 +160,17 @@ void fill(T& twin, const TwinSpec& spec) {
 
   if constexpr (requires { twin.tendon.stiffness.length; })
     twin.tendon.stiffness.length = spec.sheath_contacts + joint_contacts + 1;
+  // Compliance by length, from the spool: the sheath in the handle, its joint, the stem, the tip's joint.
   const double length = spec.axis.parameters[tendon_length];
   const int sheath = spec.sheath_contacts;
-  const double handle = row[handle_length_share];
-  const double span = twin.axis.proximal.tendon_span() / length;
-  const double tip = twin.axis.distal.tendon_span() / length;
-  const double stem = 1 - handle - span - tip;
-  for (int i = 0; i <= sheath; ++i) twin.tendon.stiffness[i] = twin.axis.stiffness * (sheath + 1) / handle;
-  const double shares[joint_contacts] = {span, stem, tip};
-  for (int i = 0; i < joint_contacts; ++i) twin.tendon.stiffness[sheath + 1 + i] = twin.axis.stiffness / shares[i];
+  const double in_handle = row[handle_length_share] / (sheath + 1);
+  const double at_handle = twin.axis.proximal.tendon_span() / length;
+  const double at_tip = twin.axis.distal.tendon_span() / length;
+  const double in_stem = 1 - row[handle_length_share] - at_handle - at_tip;
+  for (int i = 0; i < sheath; ++i) twin.tendon.stiffness[i] = twin.axis.stiffness / in_handle;
+  twin.tendon.stiffness[sheath] = twin.axis.stiffness / (in_handle + at_handle);
+  twin.tendon.stiffness[sheath + 1] = twin.axis.stiffness / in_stem;
+  twin.tendon.stiffness[sheath + 2] = twin.axis.stiffness / at_tip;
   twin.tendon.rest_tension = twin.axis.pretension;
 }
 

@@ -13,12 +13,13 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from tenodesis import instrument
+from tenodesis import cli_recording, instrument
 from tenodesis.bench import BenchError
 from tenodesis.bench import run as bench_run
 from tenodesis.bench.content import Context
 from tenodesis.bench.run import steps
-from tenodesis.errors import InstrumentError
+from tenodesis.cli_recording import CommandError
+from tenodesis.errors import InstrumentError, NoSolutionError, ProtocolError, RecordingError
 from tenodesis.instrument import Instrument
 
 app = typer.Typer(
@@ -100,12 +101,15 @@ def check(
     console.print(table)
 
 
+cli_recording.register(app)
+
+
 def main() -> None:
     """Run the command line; what a user can mend ends in one sentence and exit code 1."""
     try:
         app()
-    except (InstrumentError, BenchError) as problem:
-        errors.print(f"tenodesis: {problem}", markup=False)
+    except (BenchError, CommandError, InstrumentError, NoSolutionError, ProtocolError, RecordingError) as problem:
+        errors.print(f"tenodesis: {problem}", markup=False, style="red")
         sys.exit(1)
 
 

@@ -44,6 +44,10 @@ Range = Annotated[float, *annotation(Quantity("angle", "rad", "45 deg", above=0,
 AxisName = Literal["yaw", "pitch"]
 
 
+_STOP_BEYOND_RANGE = 4 / 3
+_FARTHEST_STOP = 2.9  # rad; half a turn is the end of every mechanism
+
+
 class _Strict(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -115,6 +119,11 @@ class Instrument(_Strict):
     def rig_arm(self) -> float:
         """Distance from the load rig's pivot to the tip of the straight instrument, m (Fig. 13)."""
         return _core.rig_arm(self.spec)
+
+    @property
+    def output_stop(self) -> float:
+        """Output angle at which the distal joint meets its mechanical stop, rad."""
+        return self.dynamics.output_stop or min(_STOP_BEYOND_RANGE * self.output_range, _FARTHEST_STOP)
 
     @cached_property
     def spec(self) -> _core.Spec:

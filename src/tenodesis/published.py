@@ -43,6 +43,13 @@ CAPTION_FORCE = Published(1.5, "caption of Fig. 15")
 TIP_FORCE = Published(1.5, "Section VII-B")
 """Force at the scaled-up tip, N, that 0.15 N·m makes."""
 
+ESTIMATION_ERRORS = {
+    0.5: Published(2.18, "Section VII-A, Fig. 14"),
+    1.0: Published(2.38, "Section VII-A, Fig. 14"),
+    1.5: Published(2.97, "Section VII-A, Fig. 14"),
+}
+"""Root mean square error of eq. 19's estimate, deg, by tangential force, N."""
+
 STATES = (
     (Published(0.0, "Fig. 15(a)"), Published(0.0, "Fig. 15(a)")),
     (Published(10.0, "Fig. 15(b)"), Published(33.0, "Fig. 15(b)")),

@@ -80,5 +80,18 @@ class Run:
         named = {field.name: getattr(self, field.name) for field in fields(self) if field.name in SIGNALS}
         return {name: values for name, values in named.items() if values is not None}
 
+    def __getitem__(self, name: str) -> Array:
+        """Return a signal by name.
+
+        Raises
+        ------
+        KeyError
+            It is unknown or was not recorded.
+        """
+        values = getattr(self, name) if name in SIGNALS else None
+        if values is None:
+            raise KeyError(f"{name} is not among the signals; there are {', '.join(self.signals())}")
+        return np.asarray(values)
+
     def __len__(self) -> int:
         return int(self.time.size)

@@ -58,9 +58,10 @@ def transmit(tension: ArrayLike, exponent: float, gain: float = 1.0, initial: fl
     _check("gain", gain, 1e-9, 1e9)
     held = float(max(series[0], 0.0)) if initial is None and series.size else initial or 0.0
     _check("initial", held, 0.0, 1e9)
-    out = np.empty((1, series.size))
+    out: Array = np.empty((1, series.size))
     _core.transmit(series, exponent, gain, held, out)
-    return out[0]
+    distal: Array = out[0]
+    return distal
 
 
 class Tendon:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from tenodesis import _core, statics
 from tenodesis._core import Status
 from tenodesis.errors import NoSolutionError
-from tenodesis.instrument import PARAMETERS, Instrument
+from tenodesis.instrument import Instrument
 from tenodesis.signals import Array, Run
 from tenodesis.threads import threads
 
@@ -30,8 +30,6 @@ _MEASURED_AND_TRUE = tuple(dict.fromkeys(name.partition(".")[0] for name in _SIG
 _MOST_PHASE = 0.5
 _DEFAULT_SWING = 2 * pi * 20.0  # rad/s
 _DEFAULT_DAMPING_RATIO = 0.2
-_STOP_BEYOND_RANGE = 4 / 3
-_FARTHEST_STOP = 2.9  # rad
 _STOP_STIFFENING = 20.0  # stop over tip
 _STANDARD_TENDONS = ("agonist", "antagonist")
 
@@ -172,18 +170,20 @@ class Twin:
         ValueError
             A command is not finite or beyond the handle's range; nothing has been done then.
         NoSolutionError
-            The tip was loaded past what it can hold; the twin stands where that happened.
+            The tip was loaded past what it can hold; the twin stands where it stood before.
         """
         rows = self._commands(handle_angle, force, radial_force, weight, spool_velocity)
         count = rows[0].shape[0]
+        before = self.state
         outs = []
         for name, axis, row in zip(self.inst.axes, self._axes, rows, strict=True):
             out = np.empty((len(_SIGNALS), count))
             steps, status = axis.run(row, out)
             if status != Status.OK:
+                self.state = before
                 raise _lost(status, f"step {steps} ({self.time + steps * self.time_step:.6g} s), {name}")
             outs.append(out)
-        time = (self._steps + 1 + np.arange(count)) * self.time_step
+        time = np.arange(self._steps + 1, self._steps + 1 + count, dtype=np.float64) * self.time_step
         self._steps += count
         return _run(time, self.inst.axes, rows, outs)
 
@@ -217,18 +217,21 @@ class Twin:
         weight: ArrayLike = 0.0,
         spool_velocity: ArrayLike = 0.0,
     ) -> Energy:
-        """Step over arrays of commands and return where the energy went; one axis, arguments and errors as :meth:`run`."""
+        """Step over arrays of commands and return where the energy went; of one axis, otherwise as :meth:`run`."""
         if len(self._axes) != 1:
             raise ValueError(f"{self.inst.name} has two axes; allowed is one: the twin of inst.axis(name).")
         (rows,) = self._commands(handle_angle, force, radial_force, weight, spool_velocity)
+        before = self.state
         steps, status, energies, least, residual, sweeps = self._axes[0].audit(rows)
         if status != Status.OK:
+            self.state = before
             raise _lost(status, f"step {steps} ({self.time + steps * self.time_step:.6g} s)")
         self._steps += steps
-        return Energy(*energies, least, residual, sweeps)
+        stored_before, stored_after, handle, spools, load, friction, damping = energies
+        return Energy(stored_before, stored_after, handle, spools, load, friction, damping, least, residual, sweeps)
 
     def loosen(self, length: float = 2e-3) -> Run:
-        """Let both motors out by a length (m) at a third of their speed, so that tendons hang slack, and return that run.
+        """Let both motors out by a length (m) at a third of their speed, so that tendons hang slack; return that run.
 
         Raises
         ------
@@ -256,8 +259,8 @@ class Twin:
         names = ("handle_angle", "force", "radial_force", "weight", "spool_velocity")
         arrays = [np.asarray(argument, float) for argument in arguments]
         count = arrays[0].shape[0] if arrays[0].ndim else 1
-        base = (count,) if axes == 1 else (count, axes)
-        rows = np.empty((axes, count, len(_COMMANDS)))
+        base: tuple[int, ...] = (count,) if axes == 1 else (count, axes)
+        rows = np.empty((axes, count, len(_COMMANDS)), np.float64)
         for name, array in zip(names, arrays, strict=True):
             wanted = (*base, 2) if name == "spool_velocity" else base
             # A number per step holds for both axes.
@@ -408,7 +411,7 @@ def _shared_commands(runs: int, *arguments: ArrayLike) -> Array:
             for name, array in zip(names, arrays, strict=True)]  # fmt: skip
     shape = np.broadcast_shapes(*(array.shape for array in flat))
     shape = (1,) * (2 - len(shape)) + shape
-    if len(shape) != 2 or shape[0] not in (1, runs) and runs != 1:
+    if len(shape) != 2 or (shape[0] not in (1, runs) and runs != 1):
         raise ValueError(f"commands have shape {shape}; allowed is (n,) or ({runs}, n).")
     rows = np.empty((*shape, len(_COMMANDS)))
     for name, array in zip(names, arrays, strict=True):
@@ -445,7 +448,7 @@ def _parameters(inst: Instrument, time_step: float) -> list[float]:
         "pretension_ratio": mismatch.pretension_ratio,
         "tip_inertia": inertia,
         "tip_damping": 2 * _DEFAULT_DAMPING_RATIO * sqrt(stiffness * inertia) if damping is None else damping,
-        "output_stop": dynamics.output_stop or min(_STOP_BEYOND_RANGE * inst.output_range, _FARTHEST_STOP),
+        "output_stop": inst.output_stop,
         "stop_stiffness": _STOP_STIFFENING * stiffness,
         "hand_stiffness": dynamics.hand_stiffness,
         "hand_damping": dynamics.hand_damping,

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from tenodesis.instrument import Instrument
+from tenodesis.protocols import Protocol
 from tenodesis.published import Published
 
 
@@ -69,6 +70,15 @@ class Section:
     care: Sequence[CarePoint] = ()
 
 
+@dataclass(frozen=True)
+class Session:
+    """A protocol run on the twin of an instrument, so that it can be run again and recorded."""
+
+    inst: Instrument
+    protocol: Protocol
+    seed: int
+
+
 @dataclass
 class Context:
     """What the sections work on, and the results they leave."""
@@ -78,6 +88,8 @@ class Context:
     is_paper: bool
     """Whether both instruments are the paper's own, so that its printed numbers apply."""
     results: dict[str, Result] = field(default_factory=dict)
+    recordings: dict[str, Session] = field(default_factory=dict)
+    """What the twin did, to be recorded, by name of the file."""
 
     def figure_of(self, name: str) -> str:
         """Return how a caption refers to a figure of the paper."""

@@ -16,16 +16,19 @@ from tenodesis import statics
 from tenodesis.bench import (
     checks,
     compensation,
+    hysteresis,
     input_output,
     loss,
     report,
     scaling,
+    step_load,
     style,
     tension,
     transmissibility,
 )
 from tenodesis.bench.content import Context, Plot, Section
 from tenodesis.instrument import Instrument
+from tenodesis.recording.session import record
 
 RESULTS_SCHEMA = 1
 """Version of the layout of results.json."""
@@ -39,7 +42,7 @@ class BenchError(RuntimeError):
 
 def steps(inst: Instrument, scaled: Instrument | None) -> int:
     """Return how often a run reports progress."""
-    return 7 + checks.mujoco_cases(inst, scaled)
+    return 10 + checks.mujoco_cases(inst, scaled)
 
 
 def run(
@@ -57,7 +60,7 @@ def run(
     scaled
         Its scale model, of the same joint type; without one the report leaves similarity out.
     out
-        Folder for report.html, results.json, figures/ and curves/; made if absent.
+        Folder for report.html, results.json, figures/, curves/ and recordings/; made if absent.
     progress
         Called with the name of what is being worked on.
 
@@ -91,11 +94,13 @@ def _run(context: Context, out: Path, progress: Callable[[str], None]) -> Contex
         ("loss", loss.section),
         ("compensation", compensation.section),
         ("scale model", scaling.section),
+        ("flexion and extension", hysteresis.section),
+        ("step load", step_load.section),
     ):
         progress(name)
         sections.append(section(context))
     sections.append(checks.section(context, lambda: progress("MuJoCo")))
-    progress("writing")
+    progress("recording and writing")
     try:
         _write(context, sections, out)
     except OSError as problem:
@@ -119,12 +124,14 @@ def _write(context: Context, sections: list[Section], out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=out, prefix=".bench-") as name:
         new = Path(name)
-        for folder in ("figures", "curves"):
+        for folder in ("figures", "curves", "recordings"):
             (new / folder).mkdir()
         drawings: dict[str, str] = {}
         for plot in (plot for section in sections for plot in section.plots):
             drawings[plot.name] = _draw(plot, new / "figures")
             _write_curves(plot, new / "curves" / f"{plot.name}.csv")
+        for file_name, session in context.recordings.items():
+            record(session.inst, session.protocol, new / "recordings" / f"{file_name}.mcap", seed=session.seed)
         (new / "results.json").write_text(json.dumps(_results(context), indent=1, ensure_ascii=False) + "\n", "utf-8")
         (new / "report.html").write_text(report.render(context, sections, drawings, about()), "utf-8")
         # File by file, since a folder may hold others' files too, and the report last: where it stands, all it was made

@@ -12,6 +12,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from tenodesis.instrument import Angle
 from tenodesis.protocols import recording
+from tenodesis.protocols.choice import exactly_one
 from tenodesis.protocols.command import Segment
 from tenodesis.protocols.interpolation import monotone_cubic
 from tenodesis.protocols.phase import Loaded, Setting
@@ -30,7 +31,8 @@ class Motion(Loaded):
     """
 
     kind: Literal["motion"] = "motion"
-    file: Path = Field(description="CSV file, relative to the protocol's file")
+    file: Path | None = Field(default=None, description="CSV file, relative to the protocol's file")
+    data: str | None = Field(default=None, description="What such a file holds, instead of it")
     time_column: str = Field(default="time", description="Column of times, s")
     angle_column: str = Field(default="angle", description="Column of angles")
     angle_unit: Literal["deg", "rad"] = Field(description="Unit of that column")
@@ -40,18 +42,27 @@ class Motion(Loaded):
 
     @field_validator("file")
     @classmethod
-    def _beside_the_protocol(cls, file: Path, info: ValidationInfo) -> Path:
-        return Path((info.context or {}).get("folder", "")) / file
+    def _beside_the_protocol(cls, file: Path | None, info: ValidationInfo) -> Path | None:
+        return file and Path((info.context or {}).get("folder", "")) / file
 
     @model_validator(mode="after")
     def _readable(self) -> Self:
+        exactly_one(self, "file", "data")
         _ = self.recording
         return self
 
     @cached_property
     def recording(self) -> Recording:
         """The recording as it is in the file."""
+        if self.file is None:
+            return recording.parse(self.data or "", "data", self.time_column, self.angle_column)
         return recording.read(self.file, self.time_column, self.angle_column)
+
+    def with_data(self) -> Self:
+        """Return the same phase with the recording in it instead of the file it is from."""
+        data = recording.text(self.recording, self.time_column, self.angle_column)
+        given = {key: getattr(self, key) for key in self.model_fields_set if key != "file"}
+        return type(self)(**{**given, "data": data})
 
     def handle_angles(self, at: Setting) -> Array:
         """Return the handle angle at every time of the recording, rad.
@@ -65,7 +76,7 @@ class Motion(Loaded):
         if self.limit:
             return np.clip(angles, -largest(at.inst), largest(at.inst))
         places = zip(self.recording.lines, self.recording.times, strict=True)
-        told = [f"{self.file}: line {line} ({time:g} s): the handle angle" for line, time in places]
+        told = [f"{self.file or 'data'}: line {line} ({time:g} s): the handle angle" for line, time in places]
         refuse_beyond(at.inst, told, angles)
         return angles
 

@@ -4,10 +4,12 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple, TypeAlias
 
+import tomli_w
 from pydantic import Field, field_validator
 
 from tenodesis.errors import ProtocolError
 from tenodesis.instrument import Instrument
+from tenodesis.instrument_text import with_units
 from tenodesis.protocols.command import Command, Segment, joined, sampled
 from tenodesis.protocols.cycles import Cycles
 from tenodesis.protocols.hold import Hold
@@ -54,6 +56,12 @@ class Protocol(Strict):
         if not phases:
             raise ValueError("allowed are one or more phases")
         return phases
+
+    def to_toml(self) -> str:
+        """Return the text of a protocol file that gives this protocol again, recorded motions within."""
+        phases = [phase.with_data() if isinstance(phase, Motion) else phase for phase in self.phases]
+        tables = [{"kind": phase.kind} | with_units(phase, unset=False) for phase in phases]
+        return tomli_w.dumps(with_units(self, unset=False) | {"phases": tables}, multiline_strings=True)
 
     def duration(self, inst: Instrument, time_step: float = 1e-3) -> float:
         """Return how long a run takes, s.

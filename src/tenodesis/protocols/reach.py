@@ -13,7 +13,7 @@ _ROUNDING = 1 + 1e-9
 
 
 def refuse_beyond(inst: Instrument, told: list[str], angles: Array) -> None:
-    """Refuse the first handle angle (rad) beyond the handle's range, or the output's without load.
+    """Refuse the first handle angle (rad) beyond the handle's range, or that bends the unloaded tip to its stop.
 
     Parameters
     ----------
@@ -36,12 +36,12 @@ def refuse_beyond(inst: Instrument, told: list[str], angles: Array) -> None:
                 f"±{degrees(inst.handle_range):.6g} deg"
             )
     bent = np.asarray(statics.output_angle(inst, angles))
-    beyond = np.flatnonzero(~(np.abs(bent) <= inst.output_range * _ROUNDING))
+    beyond = np.flatnonzero(~(np.abs(bent) <= inst.output_stop * _ROUNDING))
     if beyond.size:
         first = int(beyond[0])
         raise ProtocolError(
             f"{told[first]} is {degrees(angles[first]):.6g} deg, which bends the unloaded tip to "
-            f"{degrees(bent[first]):.6g} deg; allowed is the output range of ±{degrees(inst.output_range):.6g} deg"
+            f"{degrees(bent[first]):.6g} deg; the joint stops at ±{degrees(inst.output_stop):.6g} deg"
         )
 
 
@@ -51,7 +51,7 @@ def checked(inst: Instrument, key: str, angle: float) -> float:
     Raises
     ------
     ProtocolError
-        It is beyond the handle's range, or the output's without load.
+        It is beyond the handle's range, or bends the unloaded tip to its stop.
     """
     refuse_beyond(inst, [key], np.array([angle]))
     return angle

@@ -1,7 +1,7 @@
 """A load that comes suddenly."""
 
 from collections.abc import Iterator
-from typing import Literal, Protocol, Self, cast
+from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -12,14 +12,6 @@ from tenodesis.protocols.command import Segment
 from tenodesis.protocols.phase import Moving, Setting
 from tenodesis.protocols.quantities import Delay, Duration, Force, Moment
 from tenodesis.protocols.reach import checked, of_output
-
-
-class _Rigged(Protocol):
-    """An instrument that knows its load rig."""
-
-    @property
-    def rig_arm(self) -> float:
-        """Distance from the rig's pivot to the tip, m."""
 
 
 class StepLoad(Moving):
@@ -77,7 +69,7 @@ class StepLoad(Moving):
                     "allowed is to give that, or force or moment instead of weight"
                 )
             moment = self.weight * radius
-        return (moment or 0.0) / cast(_Rigged, inst).rig_arm
+        return (moment or 0.0) / inst.rig_arm
 
     def _angle(self, at: Setting) -> float:
         if self.output_angle is not None:

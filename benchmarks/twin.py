@@ -1,0 +1,217 @@
+"""How fast the twin steps, as ratios against MuJoCo measured in the same run, and what its steps cost in accuracy.
+
+Peer: MuJoCo on the same instrument without friction, which is all that its model of the instrument has; ours carries
+full friction, drives and sensors.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import tenodesis as tn
+from tenodesis.instrument import Instrument
+from tenodesis.twin import TIME_STEP, Twin, run_many
+from tenodesis.verification import mujoco_dynamics
+
+Array = NDArray[np.float64]
+
+STEPS = 400_000
+ROUNDS = 7
+RUNS = 10_000
+CHUNK = 500
+TARGET_STEPS = 5e6
+TARGET_RATIO = 15.0
+OUTPUTS = (0.0, 33.0, 67.0, 80.0)  # deg, Fig. 15
+WEIGHT = 10.0  # N on the rig's cable
+SIGNALS = ("output_angle", "tension.agonist", "tension.antagonist")
+EVERY = 20
+
+
+def seconds(call: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    call()
+    return time.perf_counter() - start
+
+
+def motions(inst: Instrument) -> dict[str, tuple[Array, Array]]:
+    """Handle angle and force of a few ways to use the instrument."""
+    t = np.arange(1, STEPS + 1) * TIME_STEP
+    reach = float(tn.statics.handle_angle(inst, inst.output_range))
+    slack = float(tn.statics.slack_force(inst, 0.0))
+    still = np.zeros(STEPS)
+    return {
+        "held under load": (still, still + 0.2 * slack),
+        "handle cycles of 0.5 Hz": (0.8 * reach * np.sin(np.pi * t), still),
+        "cycles under a varying load": (0.6 * reach * np.sin(np.pi * t), 0.3 * slack * np.sin(7 * t)),
+        "step loads that slacken": (0.3 * reach * np.sin(np.pi * t), 0.9 * slack * np.sign(np.sin(5 * t))),
+    }
+
+
+def single(inst: Instrument) -> None:
+    """Steps per second of one axis on one core, every signal kept, against MuJoCo's in turns."""
+    smooth = inst.replace(friction=None, mismatch=None)
+    inertia, damping = inst.dynamics.tip_inertia, inst.dynamics.tip_damping
+    assert inertia is not None and damping is not None
+    print(f"{inst.name}, one axis, {inst.friction.law} friction, one core, steps of {1e3 * TIME_STEP:g} ms:")
+    for name, (handle, force) in motions(inst).items():
+        twin = Twin(inst)
+        twin.run(handle[:20000], force[:20000])
+        theirs, ours = [], []
+        for _ in range(ROUNDS):
+            peer = mujoco_dynamics.steps_per_second(smooth, inertia=inertia, damping=damping, seconds=0.2)
+            theirs.append(peer)
+            ours.append(STEPS / seconds(lambda h=handle, f=force, one=twin: one.run(h, f)))  # type: ignore[misc]
+        ratios = np.array(ours) / theirs
+        mean = np.mean(ours) / np.mean(theirs)
+        fast = "reached" if np.mean(ours) >= TARGET_STEPS else "MISSED"
+        better = "reached" if mean >= TARGET_RATIO else "MISSED"
+        print(
+            f"  {name:<28} mean {np.mean(ours) / 1e6:5.2f} M steps/s   worst {min(ours) / 1e6:5.2f}   "
+            f"target {TARGET_STEPS / 1e6:g} {fast}\n"
+            f"  {'over MuJoCo':<28} mean {mean:5.1f}x            worst {ratios.min():5.1f}x  target {TARGET_RATIO:g}x "
+            f"{better}   (MuJoCo {np.mean(theirs) / 1e6:.2f} M steps/s)"
+        )
+
+
+def sweeps(inst: Instrument) -> None:
+    """How many passes over the tendons a step takes."""
+    print(f"{inst.name}, passes a step:")
+    for name, (handle, force) in motions(inst).items():
+        many = run_many(inst, handle, force, signals=("sweeps",))["sweeps"][0]
+        energy = Twin(inst).energy(handle, force)
+        print(f"  {name:<28} mean {many.mean():.3f}   worst {many.max():.0f}   residual {energy.residual:.1e}")
+
+
+def refined(values: Array, times: int) -> Array:
+    fine = np.arange(1, times * values.size + 1) / times
+    return np.interp(fine, np.arange(values.size + 1), np.concatenate([values[:1], values]))
+
+
+def accuracy(inst: Instrument) -> None:
+    """What a step of 0.5 ms is wrong by: against a sixty-fourth of it, and without friction against MuJoCo."""
+    force = {"real-size": 0.52, "scaled-up": 1.5}[inst.name]
+    t = np.arange(4000) * TIME_STEP
+    handle = float(tn.statics.handle_angle(inst, np.radians(67))) * np.sin(np.pi * t) ** 3
+    smooth = inst.replace(friction=None, mismatch=None)
+    inertia, damping = inst.dynamics.tip_inertia, inst.dynamics.tip_damping
+    assert inertia is not None and damping is not None
+    for name, load in {
+        "step load": np.where(t > 0.3, force, 0.0),
+        "loaded cycle": 0.5 * force * (1 - np.cos(2 * np.pi * t)),
+    }.items():
+        angle = handle if name == "loaded cycle" else np.zeros(t.size)
+        for kind, one in {"with friction": inst, "frictionless": smooth}.items():
+            tips = [
+                Twin(one, time_step=TIME_STEP / times).run(refined(angle, times), refined(load, times)).output_angle
+                for times in (1, 64)
+            ]
+            error = np.degrees(np.abs(tips[0] - tips[1][63::64]).max())
+            told = f"  {inst.name}, {name}, {kind}: {error:.1e} deg by the step"
+            if one is smooth:
+                peer = mujoco_dynamics.simulate(smooth, angle, load, TIME_STEP, inertia=inertia, damping=damping)
+                told += f", {np.degrees(np.abs(tips[0] - peer.output_angle).max()):.1e} deg from MuJoCo"
+            print(told)
+
+
+def equal_accuracy(inst: Instrument) -> None:
+    """Time to follow a step load: MuJoCo's Runge-Kutta at our step, more exact than it need be, against ours."""
+    smooth = inst.replace(friction=None, mismatch=None)
+    inertia, damping = inst.dynamics.tip_inertia, inst.dynamics.tip_damping
+    assert inertia is not None and damping is not None
+    force = np.where(np.arange(20000) > 200, 0.2 * float(tn.statics.slack_force(inst, 0.0)), 0.0)
+    handle = np.zeros(force.size)
+    ratios = []
+    for _ in range(ROUNDS):
+        theirs = seconds(
+            lambda: mujoco_dynamics.simulate(
+                smooth, handle, force, TIME_STEP, inertia=inertia, damping=damping, substeps=1
+            )
+        )
+        ratios.append(theirs / seconds(lambda: Twin(smooth).run(handle, force)))
+    print(
+        f"  {inst.name}: MuJoCo's RK4 at the same step, stepped from Python, over ours: mean {np.mean(ratios):.0f}x   "
+        f"worst {min(ratios):.0f}x"
+    )
+
+
+def peak() -> int:
+    """Peak resident memory of this process, bytes; getrusage would count the parent's."""
+    status = Path("/proc/self/status").read_text("ascii")
+    return 1024 * int(status.partition("VmHWM:")[2].split()[0])
+
+
+def many(inst: Instrument, runs: int) -> None:
+    """The experiment of Fig. 15 over and over, friction varied: 20 s each, the weight hung on after 10 s."""
+    steps = round(20 / TIME_STEP)
+    weight = np.where(np.arange(steps) * TIME_STEP >= 10, WEIGHT, 0.0)
+    handles = [float(tn.statics.handle_angle(inst, np.radians(angle))) for angle in OUTPUTS]
+    random = np.random.default_rng(15)
+    vertex, sheath = random.uniform(0, 0.4, (2, runs))
+    # Each state is one row of commands, shared by the runs that hold it: commands per run would take 19 GB.
+    tn.set_threads(os.cpu_count() or 1)
+    Twin(inst).run(np.zeros(1000))
+    base = peak()
+    spent, kept, lost, done, shift = 0.0, 0, 0, 0, []
+    started = time.perf_counter()
+    for state, handle in enumerate(handles):
+        command = handle * np.minimum(1, np.arange(1, steps + 1) * TIME_STEP / 2)
+        mine = np.arange(state, runs, len(handles))
+        for at in range(0, mine.size, CHUNK):
+            chosen = mine[at : at + CHUNK]
+            vary = {"friction.vertex_coefficient": vertex[chosen], "friction.sheath_coefficient": sheath[chosen]}
+            start = time.perf_counter()
+            batch = run_many(inst, command, weight=weight, vary=vary, seeds=chosen, signals=SIGNALS, every=EVERY)
+            spent += time.perf_counter() - start
+            kept += sum(batch[name].nbytes for name in SIGNALS)
+            lost += int((batch.status != 0).sum())
+            tip = np.degrees(batch["output_angle"])
+            shift.append(tip[:, -1] - tip[:, tip.shape[1] // 2 - 1])
+            done += chosen.size
+            print(f"\r  {done} of {runs} runs, {time.perf_counter() - started:.0f} s", end="", file=sys.stderr)
+    print(file=sys.stderr)
+    shifts = np.concatenate(shift)
+    simulated = 20.0 * runs
+    print(
+        f"  {runs} runs of 20 s on {tn.threads.threads()} cores: {simulated / spent:.3g} simulated s/s, "
+        f"{runs * steps / spent / 1e6:.2f} M steps/s; {lost} lost; "
+        f"the weight shifts the tip by {shifts.min():.1f} to {shifts.max():.1f} deg"
+    )
+    grown, together = peak() - base, min(mine.size, CHUNK)
+    print(f"  memory a run: {kept / runs / 1e3:.1f} kB kept of {len(SIGNALS)} signals at {1 / TIME_STEP / EVERY:g} Hz")
+    print(f"  peak memory grew by {grown / 1e6:.1f} MB: {grown / together / 1e3:.1f} kB a run of {together} at a time")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=int(os.environ.get("RUNS", RUNS)), help="runs of Fig. 15")
+    parser.add_argument("--only-many", action="store_true", help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    scaled = tn.load("scaled-up")
+    real = tn.load("real-size").axis("yaw")
+    if arguments.only_many:
+        many(scaled, arguments.runs)
+        return
+    for inst in (scaled, real):
+        single(inst)
+    print("frictionless, at equal accuracy or better:")
+    for inst in (scaled, real):
+        equal_accuracy(inst)
+    for inst in (scaled, real):
+        sweeps(inst)
+    print("error of a step of 0.5 ms:")
+    for inst in (scaled, real):
+        accuracy(inst)
+    print(f"many runs, {os.cpu_count()} cores:", flush=True)
+    # In a process of its own, whose peak memory is its own.
+    subprocess.run([sys.executable, __file__, "--only-many", "--runs", str(arguments.runs)], check=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,92 @@
+"""Run a protocol on a twin and record it."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from tenodesis import twin as twins
+from tenodesis.instrument import Instrument
+from tenodesis.instrument_text import to_toml
+from tenodesis.protocols import Pretension, Protocol, concatenate, execute
+from tenodesis.recording.writer import Recorder
+from tenodesis.signals import Run
+from tenodesis.twin import Twin
+
+DYNAMIC = "dynamic"
+QUASI_STATIC = "quasi-static"
+"""Modes of a twin, as recordings have them."""
+
+_LEAST_SLACK = 2e-3
+"""Length that the motors let tendons out by, at least, m."""
+
+
+def record(
+    inst: Instrument,
+    protocol: Protocol,
+    path: str | Path,
+    *,
+    time_step: float = twins.TIME_STEP,
+    seed: int = 0,
+    quasi_static: bool = False,
+    overwrite: bool = False,
+    progress: Callable[[float, float], object] | None = None,
+) -> Run:
+    """Run a protocol on the twin of an instrument, and record it while it runs.
+
+    A protocol that begins with a pretension phase finds slack tendons: the motors let them out first, which is recorded
+    as well.
+
+    Parameters
+    ----------
+    inst
+        The instrument.
+    protocol
+        The protocol; all of it is checked before the file is opened.
+    path
+        The file.
+    time_step, seed, quasi_static
+        As for :class:`tenodesis.twin.Twin`.
+    overwrite
+        Whether to replace a file that exists.
+    progress
+        Called after every block with the seconds done and those of the whole run. What it raises ends the run; the file
+        holds what was done until then.
+
+    Returns
+    -------
+    Run
+        What was recorded.
+
+    Raises
+    ------
+    ProtocolError
+        The instrument cannot run the protocol, or a tendon does not get tight.
+    RecordingError
+        The file cannot be written, or exists.
+    NoSolutionError
+        The tip was loaded past what it can hold; the file holds the blocks before.
+    ValueError
+        The twin cannot have this time step or seed.
+    """
+    twin = Twin(inst, time_step=time_step, seed=seed, quasi_static=quasi_static)
+    protocol.plan(inst, time_step)
+    metadata = {
+        "instrument": to_toml(inst),
+        "protocol": protocol.to_toml(),
+        "seed": str(seed),
+        "time_step": repr(float(time_step)),
+        "mode": QUASI_STATIC if quasi_static else DYNAMIC,
+    }
+    with Recorder(path, axes=inst.axes, metadata=metadata, overwrite=overwrite) as recorder:
+        runs = []
+        if isinstance(protocol.phases[0], Pretension):
+            runs.append(twin.loosen(_slackening(inst)))
+            recorder.write(runs[0])
+        runs.append(execute(twin, protocol, on_block=recorder.write, progress=progress))
+    return concatenate(runs)
+
+
+def _slackening(inst: Instrument) -> float:
+    """Return a length to let the motors out by, m, after which every tendon hangs slack."""
+    axes = [inst.axis(axis) for axis in inst.axes]
+    ratio = inst.mismatch.pretension_ratio / inst.mismatch.stiffness_ratio
+    return max(_LEAST_SLACK, *(1.25 * ratio * axis.pretension / axis.tendon_stiffness for axis in axes))

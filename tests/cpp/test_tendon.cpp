@@ -1,0 +1,373 @@
+// Claims about one tendon with friction: closed forms, and random motions against a solver that shares no code with it.
+
+#include "tenodesis/tendon.hpp"
+
+#include <algorithm>
+#include <array>
+#include <random>
+
+#include "claim.hpp"
+
+using namespace tenodesis;
+
+constexpr double total_stiffness = 3e4;  // N/m
+constexpr double pretension = 20;        // N
+constexpr double time_step = 1e-3;       // s
+
+/// A tendon between a spool and a tip, stepped like the twin steps it.
+template <class S, int n>
+struct Pulled {
+  using Rows = Contacts<n>;
+  Tendon<S, Rows> tendon{};
+  Row<Band<S>, n> band{};
+  TendonState<S, Rows> state{};
+  typename Tendon<S, Rows>::Line line{};
+  Row<S, n> from{};
+  int sweeps = 0;
+
+  Pulled(const std::array<double, n>& exponents, double constant, double viscous) {
+    const CapstanWithConstant<S> law{S(constant)};
+    tendon.rest_tension = S(pretension);
+    for (int i = 0; i <= n; ++i) {
+      tendon.stiffness[i] = S(total_stiffness * (n + 1));
+      state.tension[i] = tendon.rest_tension;
+    }
+    for (int j = 0; j < n; ++j) {
+      band[j] = law.band(S(exponents[std::size_t(j)]), S(0));
+      band[j].drag = S(viscous / time_step) + least_drag<S> * tendon.stiffness[j];
+    }
+  }
+
+  S scale() const {
+    S most = tendon.rest_tension;
+    for (const S one : state.tension.at) most = larger(most, one);
+    return most;
+  }
+
+  void react(const Reaction<S>& spool, S drawn) {
+    from = state.slip;
+    Row<S, n + 1> pull{};
+    pull[n] = drawn;
+    sweeps = settle(tendon, band, pull, spool, friction_tolerance<S> * scale(), state, line);
+  }
+  void wind(S wound, S drawn = S(0)) { react(tendon.held_by_spool(wound), drawn); }
+  void pull(S tension, S drawn = S(0)) { react({tension, S(0)}, drawn); }
+
+  S proximal() const { return state.tension[0]; }
+  S distal() const { return state.tension[n]; }
+
+  double dissipated() const {
+    double lost = 0;
+    for (int j = 0; j < n; ++j)
+      lost += double(state.tension[j] - state.tension[j + 1]) * double(state.slip[j] - from[j]);
+    return lost;
+  }
+};
+
+/// The same tendon by brute force: one contact after another is bisected onto its law until nothing moves any more.
+template <int n>
+struct BruteForce {
+  std::array<double, n + 1> stiffness{};
+  std::array<double, n> ratio{}, constant{}, drag{}, slip{};
+
+  explicit BruteForce(const Pulled<double, n>& like) {
+    for (int i = 0; i <= n; ++i) stiffness[std::size_t(i)] = like.tendon.stiffness[i];
+    for (std::size_t j = 0; j < n; ++j) {
+      ratio[j] = like.band[int(j)].ratio;
+      constant[j] = like.band[int(j)].constant;
+      drag[j] = like.band[int(j)].drag;
+    }
+  }
+
+  double tension(std::size_t i, double wound, double drawn) const {
+    const double toward_spool = i == 0 ? wound : slip[i - 1];
+    const double toward_tip = i == n ? drawn : -slip[i];
+    return std::max(0.0, pretension + stiffness[i] * (toward_spool + toward_tip));
+  }
+
+  // By how much the pulled side exceeds what friction holds once the contact has slid by so much that way.
+  double excess(std::size_t j, int way, double from, double slid, double wound, double drawn) {
+    slip[j] = from + way * slid;
+    const double spool = tension(j, wound, drawn);
+    const double tip = tension(j + 1, wound, drawn);
+    return (way > 0 ? spool - ratio[j] * tip : tip - ratio[j] * spool) - constant[j] - drag[j] * slid;
+  }
+
+  // Returns by how much the contact moved.
+  double project(std::size_t j, double from, double wound, double drawn) {
+    const double before = slip[j];
+    for (const int way : {1, -1}) {
+      if (excess(j, way, from, 0, wound, drawn) <= 0) continue;
+      double low = 0, high = 1e-6;
+      while (excess(j, way, from, high, wound, drawn) > 0) high *= 2;
+      for (int round = 0; round < 100 && low < high; ++round) {
+        const double middle = low + (high - low) / 2;
+        if (middle == low || middle == high) break;
+        (excess(j, way, from, middle, wound, drawn) > 0 ? low : high) = middle;
+      }
+      slip[j] = from + way * high;
+      return std::fabs(slip[j] - before);
+    }
+    slip[j] = from;
+    return std::fabs(from - before);
+  }
+
+  /// Returns whether it came to rest.
+  bool wind(double wound, double drawn) {
+    const std::array<double, n> from = slip;
+    for (int round = 0; round < 100'000; ++round) {
+      double moved = 0;
+      for (std::size_t j = 0; j < n; ++j) moved = std::max(moved, project(j, from[j], wound, drawn));
+      if (moved <= 1e-17) return true;
+    }
+    return false;
+  }
+};
+
+void sliding_tensions_differ_by_the_capstan_ratio_both_ways() {
+  for (const double exponent : {0.01, 0.3, 1.0, 3.0}) {
+    Pulled<double, 1> one({exponent}, 0, 0);
+    const double ratio = std::exp(exponent);
+    double wound = 0;
+    int slid = 0;
+    for (int way : {1, -1, 1}) {
+      const int steps = way > 0 ? 2000 : 1000;
+      const double step = (way > 0 ? 5e-3 : 8e-3) / 1000;
+      for (int i = 0; i < steps; ++i) {
+        one.wind(wound += way * step * (way > 0 ? 1 : 0.5));
+        const double slipped = one.state.slip[0] - one.from[0];
+        if (slipped == 0 || one.proximal() == 0) continue;
+        ++slid;
+        CLAIM(slipped * way > 0);
+        CLAIM_NEAR(one.proximal() / one.distal() / (way > 0 ? ratio : 1 / ratio), 1.0, 1e-9);
+      }
+    }
+    CLAIM(slid > 1000);
+  }
+}
+
+void nothing_is_transmitted_inside_the_band() {
+  Pulled<double, 1> one({0.5}, 0, 0);
+  one.pull(100);
+  const double held = one.distal();
+  const double slip = one.state.slip[0];
+  CLAIM_NEAR(held, 100 * std::exp(-0.5), 1e-6);
+  // Down to just inside the other bound, back up, and down again.
+  const double lowest = held * std::exp(-0.5);
+  for (int i = 0; i <= 300; ++i) {
+    const double share = std::fabs(i % 200 - 100.0) / 100;
+    one.pull(lowest * 1.0001 + share * (99.99 - lowest * 1.0001));
+    CLAIM(one.distal() == held);
+    CLAIM(one.state.slip[0] == slip);
+  }
+  one.pull(lowest * 0.99);
+  CLAIM(one.distal() < held);
+  CLAIM_NEAR(one.distal(), held * 0.99, 1e-6);
+}
+
+void a_constant_part_adds_to_the_pulled_side_whatever_the_load() {
+  for (const double exponent : {0.0, 0.4}) {
+    const double ratio = std::exp(exponent);
+    Pulled<double, 1> one({exponent}, 1.5, 0);
+    double before = pretension;
+    for (const double tension : {40.0, 80.0, 120.0}) {
+      one.pull(tension);
+      CLAIM_NEAR(tension - ratio * one.distal(), 1.5, 1e-6);
+      CLAIM(one.distal() > before);
+      before = one.distal();
+    }
+    for (const double tension : {30.0, 10.0, 0.0}) {
+      one.pull(tension);
+      CLAIM_NEAR(one.distal() - ratio * tension, 1.5, 1e-6);
+    }
+  }
+}
+
+void a_viscous_part_adds_in_proportion_to_speed() {
+  for (const double exponent : {0.0, 0.4}) {
+    Pulled<double, 1> one({exponent}, 0, 200);
+    const double ratio = std::exp(exponent);
+    double wound = 0;
+    for (const double speed : {0.2, 1.0, -0.5, -0.1}) {
+      for (int i = 0; i < 5; ++i) one.wind(wound += speed * time_step);
+      const double slipped = one.state.slip[0] - one.from[0];
+      CLAIM(slipped * speed > 0);
+      const double pulled = speed > 0 ? one.proximal() : one.distal();
+      const double held = speed > 0 ? one.distal() : one.proximal();
+      CLAIM_NEAR(pulled - ratio * held, 200 * std::fabs(slipped) / time_step, 1e-6);
+    }
+    // At rest what is left of it fades.
+    for (int i = 0; i < 2000; ++i) one.wind(wound);
+    CLAIM(std::fabs(one.proximal() - one.distal()) <= (ratio - 1) * larger(one.proximal(), one.distal()) + 1e-9);
+  }
+}
+
+void a_tendon_goes_slack_and_tightens_again_where_it_did() {
+  for (const double exponent : {0.0, 0.3}) {
+    Pulled<double, 3> one({exponent, exponent, exponent}, 0, 0);
+    const double slack_at = -pretension / total_stiffness;
+    const double step = 1e-6;
+    double wound = 0;
+    const auto go = [&](double to) {
+      double before = one.proximal();
+      int against = 0;
+      while (std::fabs(to - wound) > step / 2) {
+        const double way = to > wound ? 1 : -1;
+        one.wind(wound += way * step);
+        if ((one.proximal() - before) * way < -1e-9) ++against;
+        before = one.proximal();
+        if (wound < slack_at - step) CLAIM(one.scale() == pretension && one.proximal() == 0 && one.distal() == 0);
+        if (wound > slack_at + step) CLAIM(one.proximal() > 0);
+      }
+      CLAIM(against == 0);
+    };
+    go(-1.5e-3);
+    go(1e-3);
+    const double first = one.proximal();
+    go(-1e-3);
+    go(1e-3);
+    CLAIM_NEAR(one.proximal(), first, 1e-6);
+  }
+}
+
+void a_constant_part_leaves_the_far_end_taut_where_the_spool_lets_go() {
+  Pulled<double, 1> one({0.3}, 2, 0);
+  one.wind(-5e-3);
+  CLAIM(one.proximal() == 0);
+  CLAIM_NEAR(one.distal(), 2, 1e-6);
+}
+
+template <int n>
+void without_friction_the_tendon_is_one_spring() {
+  Pulled<double, n> dragged({}, 0, 0);
+  Pulled<double, n> free({}, 0, 0);
+  for (auto& band : free.band.at) band.drag = 0;
+  for (const double wound : {1e-4, 3e-3, -2e-4, -6e-4, 0.0}) {
+    for (const double drawn : {0.0, 2e-4, -1e-5}) {
+      const double expected = pretension + total_stiffness * (wound + drawn);
+      free.wind(wound, drawn);
+      dragged.wind(wound, drawn);
+      double least = 1e-12 * 110;
+      for (int j = 0; j < n; ++j) least += dragged.band[j].drag * std::fabs(dragged.state.slip[j] - dragged.from[j]);
+      for (int i = 0; i <= n; ++i) {
+        CLAIM_NEAR(free.state.tension[i], expected, 1e-12 * 110);
+        // The least drag tells while it moves, and not at rest.
+        CLAIM_NEAR(dragged.state.tension[i], expected, least);
+      }
+      for (int rest = 0; rest < 3; ++rest) dragged.wind(wound, drawn);
+      for (int i = 0; i <= n; ++i) CLAIM_NEAR(dragged.state.tension[i], expected, 1e-12 * 110);
+    }
+  }
+}
+
+void one_contact_transmits_what_a_tendon_pulled_by_tension_does() {
+  std::mt19937 random(3);  // NOLINT(cert-msc32-c,cert-msc51-cpp,bugprone-random-generator-seed): the same on every run
+  std::uniform_real_distribution<double> pick(0, 100);
+  Pulled<double, 1> one({0.4}, 0.5, 0);
+  Band<double> band = one.band[0];
+  double held = pretension;
+  for (int i = 0; i < 2000; ++i) {
+    const double tension = i % 50 == 7 ? 0 : pick(random);
+    one.pull(tension);
+    held = transmit(band, tension, held);
+    CLAIM_NEAR(one.distal(), held, 1e-6);
+  }
+}
+
+/// How one random motion goes: by steps of its own size, of either end.
+struct Motion {
+  double step;  // m
+  double constant;
+  double viscous;
+};
+
+template <int n>
+void random_motions_agree_with_brute_force(const Motion& motion, int steps, unsigned seed) {
+  std::mt19937 random(seed);  // NOLINT(cert-msc51-cpp): seeds of its own, the same on every run
+  const auto between = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  std::array<double, n> exponents{};
+  for (double& one : exponents) one = random() % 5 == 0 ? 0 : between(0, 0.6);
+  Pulled<double, n> ours(exponents, motion.constant, motion.viscous);
+  BruteForce<n> theirs(ours);
+  double wound = 0, drawn = 0, way = 1;
+  int slack = 0, most = 0;
+  for (int step = 0; step < steps; ++step) {
+    if (random() % 20 == 0) way = -way;
+    wound = std::clamp(wound + motion.step * (way + between(-1, 1)), -1.5e-3, 2e-3);
+    drawn = std::clamp(drawn + motion.step * between(-0.5, 0.5), -3e-4, 3e-4);
+    ours.wind(wound, drawn);
+    CLAIM(theirs.wind(wound, drawn));
+    const double scale = ours.scale();
+    most = std::max(most, ours.sweeps);
+    CLAIM(ours.sweeps <= most_sweeps);
+    CLAIM(ours.tendon.residual(ours.band, ours.from, ours.state) <= 1e-9 * scale);
+    CLAIM(ours.dissipated() >= -1e-15 * scale);
+    for (int i = 0; i <= n; ++i) CLAIM_NEAR(ours.state.tension[i], theirs.tension(std::size_t(i), wound, drawn), 1e-6);
+    slack += ours.proximal() == 0;
+  }
+  std::printf("%d contacts, step %g mm, constant %g N, viscous %g N s/m: at most %d sweeps, %d of %d steps slack\n", n,
+              motion.step * 1e3, motion.constant, motion.viscous, most, slack, steps);
+}
+
+template <int n>
+void random_motions_of_any_kind_agree_with_brute_force(int steps) {
+  unsigned seed = 100 * n;
+  for (const double step : {1e-6, 3e-5, 1e-3})
+    for (const double constant : {0.0, 0.3})
+      for (const double viscous : {0.0, 20.0})
+        random_motions_agree_with_brute_force<n>({step, constant, viscous}, steps, ++seed);
+}
+
+template <int n>
+void small_steps_take_few_sweeps_and_float_follows_double() {
+  std::mt19937 random(5);  // NOLINT(cert-msc32-c,cert-msc51-cpp,bugprone-random-generator-seed): the same on every run
+  std::array<double, n> exponents{};
+  for (double& one : exponents) one = std::uniform_real_distribution<double>(0, 0.4)(random);
+  Pulled<double, n> wide(exponents, 0.1, 0);
+  Pulled<float, n> narrow(exponents, 0.1, 0);
+  double wound = 0, way = 1;
+  int most = 0, most_narrow = 0;
+  double lost = 0, worst = 0;
+  for (int step = 0; step < 20'000; ++step) {
+    if (random() % 300 == 0) way = -way;
+    // Lengths that both number types hold exactly, 2^-20 m.
+    wound = std::clamp(wound + way * 0x1p-20, -0x1p-10, 0x1p-9);
+    wide.wind(wound);
+    narrow.wind(float(wound));
+    most = std::max(most, wide.sweeps);
+    most_narrow = std::max(most_narrow, narrow.sweeps);
+    lost += wide.dissipated();
+    CLAIM(wide.dissipated() >= -1e-15 * wide.scale());
+    for (int i = 0; i <= n; ++i)
+      worst = std::max(worst, std::fabs(double(narrow.state.tension[i]) - wide.state.tension[i]));
+  }
+  CLAIM(most <= most_sweeps);
+  CLAIM(most_narrow <= most_sweeps);
+  CLAIM(lost > 0);
+  // A float holds a length of 2 mm to 1.2e-10 m, which is 1.2e-10 k (n + 1) of tension.
+  CLAIM_NEAR(worst, 0, 4 * (n + 1) * 1.2e-10 * total_stiffness * (n + 1));
+  std::printf("%d contacts: at most %d sweeps in double, %d in float, which is off by %.2g N at most\n", n, most,
+              most_narrow, worst);
+}
+
+int main() {
+  sliding_tensions_differ_by_the_capstan_ratio_both_ways();
+  nothing_is_transmitted_inside_the_band();
+  a_constant_part_adds_to_the_pulled_side_whatever_the_load();
+  a_viscous_part_adds_in_proportion_to_speed();
+  a_tendon_goes_slack_and_tightens_again_where_it_did();
+  a_constant_part_leaves_the_far_end_taut_where_the_spool_lets_go();
+  without_friction_the_tendon_is_one_spring<1>();
+  without_friction_the_tendon_is_one_spring<8>();
+  one_contact_transmits_what_a_tendon_pulled_by_tension_does();
+  random_motions_of_any_kind_agree_with_brute_force<1>(300);
+  random_motions_of_any_kind_agree_with_brute_force<3>(300);
+  random_motions_of_any_kind_agree_with_brute_force<4>(300);
+  random_motions_of_any_kind_agree_with_brute_force<8>(150);
+  small_steps_take_few_sweeps_and_float_follows_double<1>();
+  small_steps_take_few_sweeps_and_float_follows_double<4>();
+  small_steps_take_few_sweeps_and_float_follows_double<8>();
+  return claims::report();
+}

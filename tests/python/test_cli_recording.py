@@ -1,0 +1,189 @@
+"""Claims about the commands for recordings: they chain, and every mistake ends in one sentence."""
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeAlias
+
+import pandas as pd
+import pytest
+from mcap_ros2.writer import Writer as StockWriter
+from rich.console import Console
+
+from tenodesis import cli, cli_recording
+from tenodesis.recording import Recording
+
+from .conftest import EXAMPLES
+
+Command: TypeAlias = Callable[..., tuple[int, str, str]]
+"""Takes the words of a command line; returns exit code, output and errors."""
+
+PROTOCOL = """
+name = "short"
+[[phases]]
+kind = "cycles"
+amplitude = "15 deg"
+period = "0.3 s"
+count = 1
+force = "0.5 N"
+"""
+
+
+@pytest.fixture
+def tenodesis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """Run the command line in this process, in a folder with a short protocol."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "short.toml").write_text(PROTOCOL)
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["tenodesis", *map(str, arguments)])
+        monkeypatch.setattr(cli, "errors", Console(stderr=True, highlight=False, soft_wrap=True))
+        monkeypatch.setattr(cli_recording, "console", Console(width=120))
+        code = 0
+        try:
+            cli.main()
+        except SystemExit as end:
+            code = int(end.code or 0)
+        said = capsys.readouterr()
+        return code, said.out, said.err
+
+    return run
+
+
+def test_record_info_replay_export(tenodesis: Command, tmp_path: Path) -> None:
+    code, out, _ = tenodesis("record", "short.toml", "--seed", "7")
+    assert code == 0
+    assert out == f"recordings/short-scaled-up.mcap: short on scaled-up, 0.3 s, 600 rows, {out.split(', ')[-1]}"
+    file = "recordings/short-scaled-up.mcap"
+    code, out, _ = tenodesis("info", file, file)
+    assert (code, out.count("scaled-up  ")) == (0, 2)
+    code, out, _ = tenodesis("replay", file, "--out", "again.mcap", "--plot", "again.svg")
+    assert code == 0
+    assert out.splitlines()[0] == f"{file}: replayed bit by bit on scaled-up, 0.3 s, 600 rows."
+    assert (tmp_path / "again.svg").read_text().count("<svg") == 1
+    for name in ("run.csv", "run.parquet"):
+        code, out, _ = tenodesis("export", "recording", "again.mcap", "--to", name)
+        assert (code, out.startswith(f"{name}: 600 rows")) == (0, True)
+    run = Recording.open(file).run
+    assert run.output_angle is not None
+    assert (pd.read_parquet("run.parquet")["output_angle.yaw [rad]"].to_numpy() == run.output_angle).all()
+    assert (pd.read_csv("run.csv")["time [s]"].to_numpy() == run.time).all()
+
+
+def test_replay_on_another_instrument_prints_the_differences(tenodesis: Command, tmp_path: Path) -> None:
+    tenodesis("record", "short.toml", "--out", "run.mcap", "--time-step", "0.25 ms", "--quasi-static")
+    code, out, _ = tenodesis("replay", "run.mcap", "--instrument", EXAMPLES / "pulley.toml", "--plot", "x.png")
+    assert code == 0
+    assert "bit by bit" not in out
+    for word in ("output_angle.yaw", "deg", "tension.yaw.antagonist", "N"):
+        assert word in out
+    assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_both_axes_or_one_are_recorded(tenodesis: Command) -> None:
+    assert tenodesis("record", "short.toml", "real-size")[0] == 0
+    assert tenodesis("record", "short.toml", "real-size", "--axis", "pitch", "--out", "pitch.mcap")[0] == 0
+    assert Recording.open("recordings/short-real-size.mcap").run.axes == ("yaw", "pitch")
+    assert Recording.open("pitch.mcap").run.axes == ("pitch",)
+    assert "bit by bit" in tenodesis("replay", "recordings/short-real-size.mcap", "--plot", "both.png")[1]
+
+
+def test_a_truncated_recording_is_shown_replayed_and_exported(tenodesis: Command, tmp_path: Path) -> None:
+    tenodesis("record", "short.toml", "--out", "run.mcap")
+    data = (tmp_path / "run.mcap").read_bytes()
+    (tmp_path / "run.mcap").write_bytes(data[: len(data) * 9 // 10])
+    assert "is read up to" in tenodesis("info", "run.mcap")[1]
+    code, out, _ = tenodesis("replay", "run.mcap")
+    assert code == 0
+    assert "run.mcap is read up to" in out
+    assert "bit by bit" in out
+    assert tenodesis("export", "recording", "run.mcap", "--to", "run.csv")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("record", "absent"), "absent: there is no such file and no protocol of that name"),
+        (("record", "short.toml", "absent"), "absent: there is no such file and no instrument of that name"),
+        (("record", "far.toml"), "amplitude is 60 deg; allowed is the handle's range"),
+        (
+            ("record", "short.toml", "--out", "nowhere/run.mcap"),
+            "nowhere/run.mcap cannot be written: there is no folder",
+        ),
+        (("record", "short.toml", "--out", "run.mcap"), "run.mcap exists already; allowed is another path, or --over"),
+        (("record", "short.toml", "--time-step", "0.5"), "--time-step = '0.5': it has no unit"),
+        (("record", "short.toml", "--time-step", "1 s", "--out", "x.mcap"), "time_step is 1 s; allowed is at most"),
+        (("record", "short.toml", "--seed", "-1", "--out", "x.mcap"), "seed is -1; allowed is a whole number"),
+        (("record", "short.toml", "--axis", "pitch"), "scaled-up has no axis 'pitch'; it has yaw"),
+        (("info", "absent.mcap"), "absent.mcap cannot be read: there is no such file"),
+        (("info", "far.toml"), "far.toml is no MCAP file"),
+        (("info", "other.mcap"), "other.mcap holds nothing of a recording"),
+        (("replay", "other.mcap"), "other.mcap holds nothing of a recording"),
+        (("replay", "run.mcap", "--out", "run.mcap"), "run.mcap exists already"),
+        (("replay", "run.mcap", "--plot", "x.gif"), "x.gif has the extension '.gif'; allowed are .png, .svg, .pdf"),
+        (("replay", "run.mcap", "--plot", "nowhere/x.png"), "nowhere/x.png cannot be written: No such file"),
+        (("replay", "run.mcap", "--instrument", "real-size"), "allowed is an instrument with the same"),
+        (
+            ("export", "recording", "run.mcap", "--to", "x.xls"),
+            "x.xls has the extension '.xls'; allowed are .csv, .par",
+        ),
+        (("export", "recording", "run.mcap", "--to", "nowhere/x.csv"), "nowhere/x.csv cannot be written"),
+        (("record", "heavy.toml", "--out", "x.mcap", "--quasi-static"), "x.mcap holds what was before, 1 s, 2000 rows"),
+    ],
+)
+def test_a_mistake_ends_in_one_sentence(
+    tenodesis: Command, tmp_path: Path, arguments: tuple[str, ...], sentence: str
+) -> None:
+    tenodesis("record", "short.toml", "--out", "run.mcap")
+    (tmp_path / "far.toml").write_text(PROTOCOL.replace("15 deg", "60 deg"))
+    (tmp_path / "heavy.toml").write_text(
+        'name = "heavy"\nphases = [{kind = "hold", duration = "1 s"}, '
+        '{kind = "ramp", duration = "0.9 s", force = "300 N"}]\n'
+    )
+    with (tmp_path / "other.mcap").open("wb") as stream:
+        writer = StockWriter(stream)
+        schema = writer.register_msgdef("std_msgs/msg/String", "string data")
+        writer.write_message("/chatter", schema, {"data": "hello"})
+        writer.finish()
+    code, _, err = tenodesis(*arguments)
+    assert code == 1
+    assert sentence in err
+    assert "Traceback" not in err
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_an_existing_recording_is_replaced_when_asked(tenodesis: Command, tmp_path: Path) -> None:
+    (tmp_path / "run.mcap").write_text("mine")
+    assert tenodesis("record", "short.toml", "--out", "run.mcap")[0] == 1
+    assert (tmp_path / "run.mcap").read_text() == "mine"
+    assert tenodesis("record", "short.toml", "--out", "run.mcap", "--overwrite")[0] == 0
+    assert len(Recording.open("run.mcap").run) == 600
+
+
+def test_an_export_without_pandas_says_what_to_install(tenodesis: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    tenodesis("record", "short.toml", "--out", "run.mcap")
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    code, _, err = tenodesis("export", "recording", "run.mcap", "--to", "run.parquet")
+    assert code == 1
+    assert 'pip install "tenodesis[tables]"' in err
+
+
+def test_ctrl_c_leaves_a_readable_recording_and_says_so(tmp_path: Path) -> None:
+    (tmp_path / "long.toml").write_text('name = "long"\n[[phases]]\nkind = "hold"\nduration = "3000 s"\n')
+    command = [sys.executable, "-m", "tenodesis.cli", "record", "long.toml", "--out", "run.mcap"]
+    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    while not ((tmp_path / "run.mcap").exists() and (tmp_path / "run.mcap").stat().st_size > 100_000):
+        time.sleep(0.02)
+        assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 1
+    recording = Recording.open(tmp_path / "run.mcap")
+    assert recording.damage is None
+    assert err.strip() == (
+        f"tenodesis: interrupted; run.mcap holds what was before, {recording.run.time[-1]:.6g} s, "
+        f"{len(recording.run)} rows."
+    )
