@@ -1,7 +1,8 @@
 #pragma once
 // Where the energy of a step goes: what was stored, what was put in, what friction and damping took.
 //
-// All work is the trapezoidal rule's, which for linear springs is exact.
+// All work is the trapezoidal rule's, which for linear springs is exact; only where a contact begins to slide within a
+// step is the friction at the step's end the better guess, and never drives.
 
 #include "tenodesis/twin.hpp"
 
@@ -27,8 +28,8 @@ struct Energy {
 template <class T>
 typename T::S stored_energy(const T& twin, const typename T::State& state) {
   using S = typename T::S;
-  S sum = twin.body.inertia * state.output_velocity * state.output_velocity +
-          twin.axis.distal.passive_stiffness() * state.output_angle * state.output_angle;
+  const S motion = twin.quasi_static ? S(0) : twin.body.inertia * state.output_velocity * state.output_velocity;
+  S sum = motion + twin.axis.distal.passive_stiffness() * state.output_angle * state.output_angle;
   const S beyond = twin.beyond_stop(state.output_angle);
   sum = sum + twin.body.stop_stiffness * beyond * beyond;
   for (const auto& one : state.tendon)
@@ -52,14 +53,16 @@ Energy<typename T::S> account(const T& twin, const typename T::State& before, co
   energy.handle = mean(before.handle_moment, after.handle_moment) * (after.handle_angle - before.handle_angle);
   const S turned = after.output_angle - before.output_angle;
   energy.load = mean(load_moment(before, load_before), load_moment(after, load_after)) * turned;
-  energy.damping = twin.body.damping * mean(before.output_velocity, after.output_velocity) * turned;
+  if (!twin.quasi_static)
+    energy.damping = twin.body.damping * mean(before.output_velocity, after.output_velocity) * turned;
   for (int k = 0; k < 2; ++k) {
     const auto& was = before.tendon[k];
     const auto& is = after.tendon[k];
     const S wound = twin.drive.spool_radius * (after.drive[k].spool - before.drive[k].spool);
     energy.spools = energy.spools + mean(was.tension[0], is.tension[0]) * wound;
     for (int j = 0; j < twin.tendon.contacts(); ++j) {
-      const S pull = mean(was.tension[j] - was.tension[j + 1], is.tension[j] - is.tension[j + 1]);
+      const S at_end = is.tension[j] - is.tension[j + 1];
+      const S pull = was.slide[j] == is.slide[j] ? mean(was.tension[j] - was.tension[j + 1], at_end) : at_end;
       energy.friction = energy.friction + pull * (is.slip[j] - was.slip[j]);
     }
   }

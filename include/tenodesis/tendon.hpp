@@ -9,8 +9,10 @@
 // chain of linear equations, eliminated from the spool to the tip in one pass, exactly. Where the result contradicts
 // the guess, the guess is revised and the pass repeated. Every equation has the sign pattern of an M-matrix (a contact
 // gives way to its own slip and is urged on by its neighbours'), so that the solution is unique, and a few passes find
-// it. Should they run in circles, contacts are relaxed one after another, which cannot, until the guess is right.
-// Slip counts from the step's beginning, so that a contact never slides back from where a pass overshot.
+// it. Should they run in circles, contacts are relaxed one after another, which cannot, and after that one
+// contradiction a pass is revised, the first (Murty 1974), which ends at the solution too: relaxation is slow where all
+// of a tendon but its ends floats, held by drag alone. Slip counts from the step's beginning, so that a contact never
+// slides back from where a pass overshot.
 
 #include "tenodesis/friction.hpp"
 
@@ -40,10 +42,10 @@ enum class Slide : signed char { toward_tip = -1, none = 0, toward_spool = 1 };
 /// What holds at a contact or in a segment for as long as no pass contradicts it.
 template <class S, class Rows>
 struct TendonState {
-  typename Rows::template PerContact<S> slip{};       ///< past each contact toward the spool, m
-  typename Rows::template PerContact<Slide> slide{};  ///< how each contact slid in the last step
-  typename Rows::template PerSegment<bool> slack{};
-  typename Rows::template PerSegment<S> tension{};  ///< N
+  Rows::template PerContact<S> slip{};       ///< past each contact toward the spool, m
+  Rows::template PerContact<Slide> slide{};  ///< how each contact slid in the last step
+  Rows::template PerSegment<bool> slack{};
+  Rows::template PerSegment<S> tension{};  ///< N
 };
 
 /// What the end of a tendon does when it gives way by y toward the spool: tension = at_rest - stiffness y.
@@ -57,6 +59,8 @@ struct Reaction {
 inline constexpr int most_sweeps = 96;
 /// After so many revisions in a row the contacts are relaxed.
 inline constexpr int hasty_sweeps = 16;
+/// After so many the places are revised one at a time.
+inline constexpr int joint_sweeps = 2 * hasty_sweeps;
 /// Rounds of one relaxation.
 inline constexpr int relaxation_rounds = 512;
 
@@ -72,9 +76,9 @@ inline constexpr S friction_tolerance = sizeof(S) == 4 ? S(2e-6) : S(1e-13);
 template <class S, class Rows>
 struct Tendon {
   using State = TendonState<S, Rows>;
-  using Bands = typename Rows::template PerContact<Band<S>>;
-  using Lengths = typename Rows::template PerSegment<S>;
-  using Slips = typename Rows::template PerContact<S>;
+  using Bands = Rows::template PerContact<Band<S>>;
+  using Lengths = Rows::template PerSegment<S>;
+  using Slips = Rows::template PerContact<S>;
 
   Lengths stiffness{};  ///< of each segment, N/m
   S rest_tension{};     ///< of every segment where nothing has moved, N
@@ -138,29 +142,35 @@ struct Tendon {
     state.tension[0] = spool.at_rest - spool.stiffness * beyond;
   }
 
-  /// Revises what a pass contradicts and returns in how many places; slack segments get no tension.
-  int revise(const Bands& band, const Slips& from, const S& tolerance, State& state) const {
+  /// Revises what a pass contradicts, or only so many places of it, and returns in how many; slack segments get no
+  /// tension.
+  int revise(const Bands& band, const Slips& from, const S& tolerance, State& state,
+             int most = std::numeric_limits<int>::max()) const {
     const int n = contacts();
     int revised = 0;
     for (int i = 0; i <= n; ++i) {
       const bool slack = state.slack[i] ? state.tension[i] <= tolerance : state.tension[i] < -tolerance;
-      revised += slack != state.slack[i];
-      state.slack[i] = slack;
+      if (slack != state.slack[i] && revised < most) {
+        state.slack[i] = slack;
+        ++revised;
+      }
       if (slack || state.tension[i] < S(0)) state.tension[i] = S(0);
     }
     for (int j = 0; j < n; ++j) {
       const Slide slide =
           slide_of(band[j], state.tension[j], state.tension[j + 1], state.slip[j] - from[j], tolerance, state.slide[j]);
-      revised += slide != state.slide[j];
-      state.slide[j] = slide;
+      if (slide != state.slide[j] && revised < most) {
+        state.slide[j] = slide;
+        ++revised;
+      }
     }
     return revised;
   }
 
   /// Projects one contact after another onto its friction law, its neighbours held, from the step's beginning on; where
   /// that leads is the state, and the next guess.
-  void relax(const Bands& band, const Reaction<S>& spool, const Lengths& pull, const S& y, const Slips& from,
-             State& state) const {
+  [[gnu::noinline, gnu::cold]] void relax(const Bands& band, const Reaction<S>& spool, const Lengths& pull, const S& y,
+                                          const Slips& from, State& state) const {
     const int n = contacts();
     state.slip = from;
     for (int round = 0; round < relaxation_rounds; ++round) {
@@ -246,6 +256,8 @@ struct Tendon {
   static Slide slide_of(const Band<S>& band, const S& spool, const S& tip, const S& slipped, const S& tolerance,
                         Slide slide) {
     if (band.free()) return Slide::toward_spool;
+    // What a slack tendon slips by is rounding, and no direction of it is wrong.
+    if (band.constant == S(0) && spool <= tolerance && tip <= tolerance) return slide;
     if (slide == Slide::toward_spool) return slipped < S(0) ? Slide::none : slide;
     if (slide == Slide::toward_tip) return slipped > S(0) ? Slide::none : slide;
     if (spool > band.ratio * tip + band.constant + tolerance) return Slide::toward_spool;
@@ -265,9 +277,11 @@ int settle(const Tendon<S, Rows>& tendon, const typename Tendon<S, Rows>::Bands&
   for (int sweep = 1; sweep <= most_sweeps; ++sweep) {
     tendon.eliminate(band, spool, pull, from, state, line);
     tendon.substitute(spool, pull, line, S(0), state);
-    if (tendon.revise(band, from, tolerance, state) == 0) return sweep;
-    if (sweep % hasty_sweeps == 0) tendon.relax(band, spool, pull, S(0), from, state);
+    const int most = sweep <= joint_sweeps ? tendon.contacts() * 2 + 1 : 1;
+    if (tendon.revise(band, from, tolerance, state, most) == 0) return sweep;
+    if (sweep <= joint_sweeps && sweep % hasty_sweeps == 0) tendon.relax(band, spool, pull, S(0), from, state);
   }
+  tendon.relax(band, spool, pull, S(0), from, state);
   return most_sweeps + 1;
 }
 

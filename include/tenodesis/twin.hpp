@@ -94,8 +94,10 @@ struct TwinState {
   S handle_moment{};      ///< of the tendons on the handle's joint, against positive handle angles, N m
   S tip_moment{};         ///< of everything on the tip but its inertia, N m
   S net_handle_torque{};  ///< of hand and tendons, N m
+  S handle_wanted{};      ///< by the last command, rad
+  Load<S> load{};         ///< by the last command
   TendonState<S, Rows> tendon[2]{};
-  typename Rows::template PerContact<S> slip_speed[2]{};  ///< that a law which depends on it goes by, m/s
+  Rows::template PerContact<S> slip_speed[2]{};  ///< that a law which depends on it goes by, m/s
   DriveState<S> drive[2]{};
   Noise noise{};
   Reading<S> reading{};
@@ -104,7 +106,9 @@ struct TwinState {
 };
 
 /// How often an angle is corrected in one solve.
-inline constexpr int most_corrections = 48;
+inline constexpr int most_corrections = 64;
+/// Parts that a step at rest is broken into at most.
+inline constexpr int most_parts = 1024;
 
 /// One axis of an instrument on the bench; Law is one of friction.hpp's, Rows the rows of tendon.hpp.
 template <class A, class RowsOf, class LawOf>
@@ -151,9 +155,11 @@ struct Twin {
     const Load<S> load = load_of(command);
     for (int i = 0; i < 2; ++i)
       next.drive[i] = advance(drive, state.drive[i], command.spool_velocity[i], state.tendon[i].tension[0], time_step);
-    const Status found = prescribed() ? move_tip(command.handle_angle, load, state, next)
-                                      : move_handle(command.handle_angle, load, state, next);
+    Status found = move(command.handle_angle, load, state, next);
+    if (found == Status::no_equilibrium && quasi_static) found = move_in_parts(command.handle_angle, load, state, next);
     if (found != Status::ok) return found;
+    next.handle_wanted = command.handle_angle;
+    next.load = load;
     if (--next.until_sample <= 0) {
       next.reading = read(next);
       next.until_sample = steps_per_sample;
@@ -175,8 +181,8 @@ struct Twin {
   S residual(const State& before, const State& after) const {
     S worst(0);
     for (int i = 0; i < 2; ++i) {
-      const Bands band =
-          bands(after.handle_angle, quasi_static ? after.output_angle : before.output_angle, before.slip_speed[i]);
+      const S tip_angle = quasi_static ? after.output_angle : first_guess(before).angle;
+      const Bands band = bands(after.handle_angle, tip_angle, before.slip_speed[i]);
       worst = larger(worst, tendon.residual(band, before.tendon[i].slip, after.tendon[i]));
     }
     return worst / tension_scale();
@@ -200,11 +206,11 @@ struct Twin {
   int handle_segment() const { return tendon.contacts() - 2; }
 
   S hand_torque(const S& wanted, const State& state) const {
-    return hand.stiffness * (wanted - state.handle_angle) - hand.damping * state.handle_velocity;
+    const S resistance = quasi_static ? S(0) : hand.damping * state.handle_velocity;
+    return hand.stiffness * (wanted - state.handle_angle) - resistance;
   }
 
-  Bands bands(const S& handle_angle, const S& tip_angle,
-              const typename Rows::template PerContact<S>& slip_speed) const {
+  Bands bands(const S& handle_angle, const S& tip_angle, const Rows::template PerContact<S>& slip_speed) const {
     const int n = tendon.contacts();
     const int sheath = n - joint_contacts;
     const S bend = friction.sheath_bend + friction.sheath_bend_rate * abs(handle_angle);
@@ -212,7 +218,6 @@ struct Twin {
                             friction.vertex * axis.proximal.wrap_angle(handle_angle),
                             friction.vertex * axis.distal.wrap_angle(tip_angle)};
     const auto place = [&](int j) { return j < sheath ? 0 : j < n - 1 ? 1 : 2; };
-    const S drag = friction.viscous / time_step + least_drag<S> * axis.stiffness;
     Bands band{};
     if constexpr (Law::depends_on_speed) {
       for (int j = 0; j < n; ++j) band[j] = law.band(exponents[place(j)], slip_speed[j]);
@@ -221,7 +226,12 @@ struct Twin {
                                  law.band(exponents[2], S(0))};
       for (int j = 0; j < n; ++j) band[j] = places[place(j)];
     }
-    for (int j = 0; j < n; ++j) band[j].drag = drag;
+    for (int j = 0; j < n; ++j) {
+      // What the whole sheath has of constant and viscous friction is its contacts' to share.
+      const S share = place(j) == 0 ? S(1) / S(sheath) : S(1);
+      band[j].constant = band[j].constant * share;
+      band[j].drag = friction.viscous / time_step * share + least_drag<S> * axis.stiffness;
+    }
     return band;
   }
 
@@ -233,14 +243,14 @@ struct Twin {
     Line line[2]{};
   };
 
-  Chain chain(const S& handle_angle, const State& before, const State& next) const {
+  Chain chain(const S& handle_angle, const S& tip_angle, const State& before, const State& next) const {
     Chain both{};
     const S drawn = axis.proximal.excursion_slope() * axis.proximal.coordinate(handle_angle);
     for (int i = 0; i < 2; ++i) {
       both.pull[i][handle_segment()] = i == agonist ? drawn : -drawn;
       both.spool[i] = tendon.held_by_spool(drive.spool_radius * next.drive[i].spool);
     }
-    set_bands(handle_angle, before.output_angle, before, both);
+    set_bands(handle_angle, tip_angle, before, both);
     return both;
   }
 
@@ -249,23 +259,57 @@ struct Twin {
     both.band[1] = Law::depends_on_speed ? bands(handle_angle, tip_angle, before.slip_speed[1]) : both.band[0];
   }
 
+  Status move(const S& handle_angle, const Load<S>& load, const State& before, State& next) const {
+    return prescribed() ? move_tip(handle_angle, load, before, next) : move_handle(handle_angle, load, before, next);
+  }
+
+  // Rare ways are kept out of line, where they cost neither the common one its registers nor the compiler its patience.
+
+  // A long way at rest in short ones: a guess on the way of a jump may have no equilibrium where the tendons have one.
+  [[gnu::noinline, gnu::cold]] Status move_in_parts(const S& handle_angle, const Load<S>& load, const State& before,
+                                                    State& next) const {
+    const State wound = next;
+    Status found = Status::no_equilibrium;
+    for (int parts = 16; parts <= most_parts && found == Status::no_equilibrium; parts *= 8) {
+      State at = before;
+      found = Status::ok;
+      for (int k = 1; k <= parts && found == Status::ok; ++k) {
+        const S share = S(k) / S(parts);
+        const auto between = [&](const S& from, const S& to) { return from + (to - from) * share; };
+        State to = at;
+        for (int i = 0; i < 2; ++i) {
+          to.drive[i] = wound.drive[i];
+          to.drive[i].spool = between(before.drive[i].spool, wound.drive[i].spool);
+        }
+        const Load<S> carried{between(before.load.force, load.force),
+                              between(before.load.radial_force, load.radial_force)};
+        found = move(between(before.handle_wanted, handle_angle), carried, at, to);
+        at = to;
+      }
+      next = at;
+    }
+    return found;
+  }
+
   // Moves the tip to the step's end at a given handle angle.
   Status move_tip(const S& handle_angle, const Load<S>& load, const State& before, State& next) const {
     if (check_handle(axis, handle_angle) != Status::ok) return Status::out_of_range;
-    Chain both = chain(handle_angle, before, next);
+    Tip tip = first_guess(before);
+    Chain both = chain(handle_angle, tip.angle, before, next);
     next.handle_angle = handle_angle;
     next.handle_velocity = (handle_angle - before.handle_angle) / time_step;
     for (int i = 0; i < 2; ++i) next.tendon[i] = before.tendon[i];
-    Tip tip = first_guess(before);
     next.sweeps = 0;
     Status found = settle(both, load, before, tip, next);
-    // At rest the wrap angle at the tip is the one where it comes to rest; in motion a step makes no difference to it.
-    for (int n = 0; quasi_static && found == Status::ok && n < most_corrections; ++n) {
+    // At rest the wrap angle at the tip is the one where it comes to rest; in motion the first guess is near enough.
+    bool agreed = !quasi_static;
+    for (int n = 0; !agreed && found == Status::ok && n < most_corrections; ++n) {
       const S angle = tip.angle;
       set_bands(handle_angle, angle, before, both);
       found = settle(both, load, before, tip, next);
-      if (abs(tip.angle - angle) <= settled<S>) break;
+      agreed = abs(tip.angle - angle) <= settled<S>;
     }
+    if (found == Status::ok && !agreed) return Status::no_equilibrium;
     if (found != Status::ok) return found;
 
     next.output_angle = tip.angle;
@@ -294,31 +338,63 @@ struct Twin {
     return {before.output_angle + velocity * time_step, S(0)};
   }
 
+  Status correct_tip(const Reaction<S>* end, const Load<S>& load, const State& before, Tip& tip) const {
+    return quasi_static ? balance_tip(end, load, tip) : push_tip(end, load, before, tip);
+  }
+
+  S tolerance() const { return friction_tolerance<S> * tension_scale(); }
+
   // Guess, pass, revise (tendon.hpp), with the tip's own equation at the tendons' end.
   Status settle(Chain& both, const Load<S>& load, const State& before, Tip& tip, State& next) const {
-    const S tolerance = friction_tolerance<S> * tension_scale();
-    for (int sweep = 1; sweep <= most_sweeps; ++sweep) {
+    const Tip start = tip;
+    for (int sweep = 1; sweep <= hasty_sweeps; ++sweep) {
       ++next.sweeps;
       Reaction<S> end[2];
       for (int i = 0; i < 2; ++i)
         end[i] = tendon.eliminate(both.band[i], both.spool[i], both.pull[i], before.tendon[i].slip, next.tendon[i],
                                   both.line[i]);
-      const Status found = quasi_static ? balance_tip(end, load, tip) : push_tip(end, load, before, tip);
-      if (found != Status::ok) return found;
+      if (correct_tip(end, load, before, tip) != Status::ok) break;
       const S y = axis.distal.excursion_slope() * tip.x;
       int revised = 0;
       for (int i = 0; i < 2; ++i) {
-        const S given = i == agonist ? y : -y;
-        tendon.substitute(both.spool[i], both.pull[i], both.line[i], given, next.tendon[i]);
-        revised += tendon.revise(both.band[i], before.tendon[i].slip, tolerance, next.tendon[i]);
+        tendon.substitute(both.spool[i], both.pull[i], both.line[i], i == agonist ? y : -y, next.tendon[i]);
+        revised += tendon.revise(both.band[i], before.tendon[i].slip, tolerance(), next.tendon[i]);
       }
       if (revised == 0) return Status::ok;
-      if (sweep % hasty_sweeps == 0)
-        for (int i = 0; i < 2; ++i)
-          tendon.relax(both.band[i], both.spool[i], both.pull[i], i == agonist ? y : -y, before.tendon[i].slip,
-                       next.tendon[i]);
     }
-    return Status::ok;
+    tip = start;
+    return settle_in_turns(both, load, before, tip, next);
+  }
+
+  // The tip's own equation alone, with both tendons settled anew wherever it tries: slower, but the moment falls
+  // steadily with the tip's angle, so that each try tells on which side the answer lies.
+  [[gnu::noinline, gnu::cold]] Status settle_in_turns(Chain& both, const Load<S>& load, const State& before, Tip& tip,
+                                                      State& next) const {
+    S low = -axis.distal.angle(axis.distal.limit());
+    S high = -low;
+    for (int turn = 0; turn < most_corrections; ++turn) {
+      tip.x = axis.distal.coordinate(tip.angle);
+      const S y = axis.distal.excursion_slope() * tip.x;
+      Reaction<S> end[2];
+      for (int i = 0; i < 2; ++i) {
+        Lengths pull = both.pull[i];
+        const S away = i == agonist ? -y : y;
+        pull[tendon.contacts()] = pull[tendon.contacts()] + away;
+        next.tendon[i].slip = before.tendon[i].slip;
+        next.sweeps +=
+            tenodesis::settle(tendon, both.band[i], pull, both.spool[i], tolerance(), next.tendon[i], both.line[i]);
+        end[i] = tendon.eliminate(both.band[i], both.spool[i], both.pull[i], before.tendon[i].slip, next.tendon[i],
+                                  both.line[i]);
+      }
+      Tip better = tip;
+      const Status found = correct_tip(end, load, before, better);
+      if (found != Status::ok) return found;
+      if (abs(better.angle - tip.angle) <= settled<S>) return Status::ok;
+      (better.angle > tip.angle ? low : high) = tip.angle;
+      const bool inside = better.angle > low && better.angle < high;
+      tip.angle = inside ? better.angle : (low + high) * S(0.5);
+    }
+    return Status::no_equilibrium;
   }
 
   S velocity(const State& before, const S& angle) const {
@@ -376,7 +452,7 @@ struct Twin {
   }
 
   // Finds the handle angle at which hand and tendons agree, by the secant through the last two tries.
-  Status move_handle(const S& wanted, const Load<S>& load, const State& before, State& next) const {
+  [[gnu::noinline]] Status move_handle(const S& wanted, const Load<S>& load, const State& before, State& next) const {
     const S arm = axis.proximal.moment_arm(axis.proximal.coordinate(before.handle_angle));
     const S inertial = quasi_static ? S(0) : S(2) * hand.inertia / (time_step * time_step);
     const S damping = quasi_static ? S(0) : hand.damping * S(2) / time_step;

@@ -1,6 +1,7 @@
 #pragma once
 // A twin of any mechanism behind one face: commands in, signals out, row by row.
 
+#include <algorithm>
 #include <array>
 #include <cstring>
 #include <memory>
@@ -74,8 +75,8 @@ class AnyTwin {
   AnyTwin(const AnyTwin&) = delete;
   AnyTwin& operator=(const AnyTwin&) = delete;
 
-  /// Runs over count commands; out holds signals by row, each so many numbers long, from column on.
-  virtual Progress run(const Commands& commands, std::size_t count, double* out, std::size_t columns) = 0;
+  /// Runs over count commands; out holds a row of signals per step.
+  virtual Progress run(const Commands& commands, std::size_t count, double* out) = 0;
   /// Runs and keeps every so-manieth step's chosen signals, one after another in out.
   virtual Progress sample(const Commands& commands, std::size_t count, std::span<const std::size_t> signals,
                           std::size_t every, double* out, std::size_t columns) = 0;
@@ -93,15 +94,14 @@ class TwinOf final : public AnyTwin {
 
   TwinOf(const T& twin, std::uint64_t seed) : twin_(twin), state_(twin.rest(seed)) {}
 
-  Progress run(const Commands& commands, std::size_t count, double* out, std::size_t columns) override {
+  Progress run(const Commands& commands, std::size_t count, double* out) override {
     Progress progress;
     in_widest_vectors([&] {
       for (std::size_t i = 0; i < count; ++i) {
         const Command<double> command = commands[i];
         progress.status = twin_.step(command, state_);
         if (progress.status != Status::ok) return;
-        const auto row = signals_of(command);
-        for (std::size_t k = 0; k < signal_count; ++k) out[k * columns + i] = row[k];
+        std::ranges::copy(signals_of(command), out + i * signal_count);
         progress.steps = i + 1;
       }
     });

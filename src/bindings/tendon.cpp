@@ -81,11 +81,7 @@ struct AnyTendon {
           by_tension ? Reaction<double>{spool.data()[i], 0} : tendon.held_by_spool(spool.data()[i]);
       most = std::max(most, settle(tendon, band, pull, end, friction_tolerance<double> * (scale + 1), state, line));
       double lost = 0;
-      for (int j = 0; j < n; ++j) {
-        const double was = before.tension[j] - before.tension[j + 1];
-        const double is = state.tension[j] - state.tension[j + 1];
-        lost += (was + is) / 2 * (state.slip[j] - before.slip[j]);
-      }
+      for (int j = 0; j < n; ++j) lost += (state.tension[j] - state.tension[j + 1]) * (state.slip[j] - before.slip[j]);
       const double wound = state.slip[0] + (state.tension[0] - tendon.rest_tension) / tendon.stiffness[0];
       const double row[5] = {state.tension[0], state.tension[n], by_tension ? wound : spool.data()[i], lost,
                              tendon.residual(band, before.slip, state)};

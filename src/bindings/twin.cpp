@@ -98,15 +98,15 @@ void bind_twin(nb::module_& m) {
           "run",
           [](AnyTwin& twin, const Rows& commands, const Output& out) {
             const std::size_t count = commands.shape(0);
-            if (out.shape(0) != signal_count || out.shape(1) != count) throw nb::value_error("out does not fit");
+            if (out.shape(0) != count || out.shape(1) != signal_count) throw nb::value_error("out does not fit");
             const Commands rows = commands_of(commands);
             const nb::gil_scoped_release release;
-            const Progress progress = twin.run(rows, count, out.data(), count);
+            const Progress progress = twin.run(rows, count, out.data());
             return std::make_tuple(progress.steps, progress.status);
           },
           "commands"_a, "out"_a,
           nb::sig("def run(self, commands: NDArray[numpy.float64], out: NDArray[numpy.float64]) -> tuple[int, Status]"),
-          "Step over rows of commands; signals by row of out. Returns the steps taken and why no more were.")
+          "Step over rows of commands; a row of signals per step in out. Returns the steps taken and why no more were.")
       .def(
           "audit",
           [](AnyTwin& twin, const Rows& commands) {

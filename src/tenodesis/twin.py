@@ -31,12 +31,14 @@ _MOST_PHASE = 0.5
 _DEFAULT_SWING = 2 * pi * 20.0  # rad/s
 _DEFAULT_DAMPING_RATIO = 0.2
 _STOP_STIFFENING = 20.0  # stop over tip
-_STANDARD_TENDONS = ("agonist", "antagonist")
+_TENDONS = ("agonist", "antagonist")
 
 
 class State(NamedTuple):
     """The whole state of a twin, to be kept and set again; its bytes suit this version of the core only."""
 
+    kind: str
+    """What twin it is of; only another of that kind can be set to it."""
     time: float
     axes: tuple[bytes, ...]
 
@@ -110,6 +112,11 @@ class Twin:
             for n, one in enumerate(self._single)
         ]
         self._steps = 0
+        friction = inst.friction
+        self._kind = (
+            f"{inst.joint_type} joints, {len(inst.axes)} axes, {friction.law} friction, {friction.sheath_contacts} "
+            f"sheath contacts, steps of {time_step:g} s"
+        )
 
     @property
     def time(self) -> float:
@@ -124,12 +131,12 @@ class Twin:
     @property
     def state(self) -> State:
         """The whole state; setting it puts the twin back there."""
-        return State(self.time, tuple(axis.state for axis in self._axes))
+        return State(self._kind, self.time, tuple(axis.state for axis in self._axes))
 
     @state.setter
     def state(self, state: State) -> None:
-        if len(state.axes) != len(self._axes):
-            raise ValueError(f"state has {len(state.axes)} axes; allowed is {len(self._axes)}.")
+        if state.kind != self._kind:
+            raise ValueError(f"state is of a twin with {state.kind}; allowed is one with {self._kind}.")
         for axis, kept in zip(self._axes, state.axes, strict=True):
             axis.state = kept
         self._steps = round(state.time / self.time_step)
@@ -177,11 +184,11 @@ class Twin:
         before = self.state
         outs = []
         for name, axis, row in zip(self.inst.axes, self._axes, rows, strict=True):
-            out = np.empty((len(_SIGNALS), count))
+            out = np.empty((count, len(_SIGNALS)))
             steps, status = axis.run(row, out)
             if status != Status.OK:
                 self.state = before
-                raise _lost(status, f"step {steps} ({self.time + steps * self.time_step:.6g} s), {name}")
+                raise _lost(status, f"step {steps} ({name}, {self.time + steps * self.time_step:.6g} s)")
             outs.append(out)
         time = np.arange(self._steps + 1, self._steps + 1 + count, dtype=np.float64) * self.time_step
         self._steps += count
@@ -358,9 +365,12 @@ def run_many(
         if name not in _SIGNALS:
             raise ValueError(f"signals names {name!r}; allowed are {', '.join(_SIGNALS)}.")
     chosen = [_SIGNALS.index(name) for name in signals]
-    seed_row = np.arange(runs, dtype=np.uint64) if seeds is None else np.ascontiguousarray(seeds, np.uint64)
-    if seed_row.shape != (runs,):
-        raise ValueError(f"seeds has shape {seed_row.shape}; allowed is ({runs},).")
+    given = list(range(runs)) if seeds is None else np.asarray(seeds).tolist()
+    if not isinstance(given, list) or len(given) != runs:
+        raise ValueError(f"seeds has shape {np.shape(given)}; allowed is ({runs},).")
+    for seed in given:
+        _check_seed(seed)
+    seed_row = np.array(given, np.uint64)
     rows = {id(one): _parameters(one, time_step) for one in insts}
     parameters = np.array([rows[id(one)] for one in insts])
     spec = _spec(insts[0], time_step, quasi_static)
@@ -471,7 +481,7 @@ def _parameters(inst: Instrument, time_step: float) -> list[float]:
         "load_cell_resolution": 2 * sensors.load_cell_range / 2**sensors.load_cell_bits,
         "time_step": time_step,
     }
-    for n, tendon in enumerate(_STANDARD_TENDONS):
+    for n, tendon in enumerate(_TENDONS):
         values[f"{tendon}_load_cell_gain"] = mismatch.load_cell_gain[n]
         values[f"{tendon}_load_cell_bias"] = mismatch.load_cell_bias[n]
     return [values[name] for name in _ROW] + inst.spec.__getstate__()[1]
@@ -509,14 +519,14 @@ def _spec(inst: Instrument, time_step: float, quasi_static: bool) -> _core.TwinS
 
 
 def _check_seed(seed: int) -> None:
-    if not isinstance(seed, int) or not 0 <= seed < 2**64:
+    if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed < 2**64:
         raise ValueError(f"seed is {seed!r}; allowed is a whole number from 0 to 2**64 - 1.")
 
 
 def _refuse_not_finite(name: str, array: Array) -> None:
-    wrong = np.argwhere(~np.isfinite(array))
-    if wrong.size:
-        at = tuple(int(i) for i in wrong[0])
+    finite = np.isfinite(array)
+    if not finite.all():
+        at = tuple(int(i) for i in np.unravel_index(int(np.argmin(finite)), array.shape))
         place = f"[{', '.join(str(i) for i in at)}]" if at else ""
         raise ValueError(f"{name}{place} is {array[at]}; allowed is a finite number.")
 
@@ -549,12 +559,12 @@ def _run(time: Array, axes: tuple[str, ...], rows: Sequence[Array], outs: Sequen
     """Return a core's rows as signals: by step, by axis if there are two, by tendon."""
 
     def signal(name: str) -> Array:
-        per_axis = []
-        for out in outs:
-            if name in _SIGNALS:
-                per_axis.append(out[_SIGNALS.index(name)])
-            else:
-                per_axis.append(np.stack([out[_SIGNALS.index(f"{name}.{side}")] for side in _STANDARD_TENDONS], -1))
+        if name in _SIGNALS:
+            columns: int | slice = _SIGNALS.index(name)
+        else:
+            first = _SIGNALS.index(f"{name}.{_TENDONS[0]}")
+            columns = slice(first, first + len(_TENDONS))
+        per_axis = [out[:, columns] for out in outs]
         return per_axis[0] if len(outs) == 1 else np.stack(per_axis, 1)
 
     def command(columns: int | slice) -> Array:

@@ -3,6 +3,7 @@
 
 #include "instruments.hpp"
 #include "tenodesis/statics.hpp"
+#include "tenodesis/twin.hpp"
 
 static_assert(__STDC_HOSTED__ == 0, "this file is built with -ffreestanding");
 #ifdef __cpp_exceptions
@@ -47,4 +48,46 @@ extern "C" void derivatives(const double* in, double* out) {
   const D value = everything<D>(instruments::real_size<D>(), row) + everything<D>(instruments::continuum<D>(), row);
   out[0] = value.slope[0];
   out[1] = value.slope[1];
+}
+
+template <class S, class A, class FrictionLaw>
+S a_step(const A& axis, const FrictionLaw& law, const S* in) {
+  Twin<A, Contacts<4>, FrictionLaw> twin{};
+  twin.axis = axis;
+  twin.law = law;
+  twin.tendon.rest_tension = axis.pretension;
+  for (S& stiffness : twin.tendon.stiffness.at) stiffness = axis.stiffness * S(5);
+  twin.friction = {in[0], in[1], in[2], in[3], in[4]};
+  twin.body = {in[5], in[6], in[7], in[8]};
+  twin.hand = {in[9], in[10], in[11]};
+  twin.drive = {in[12], in[13], in[14], in[15], in[16]};
+  twin.rig = {in[17], in[18]};
+  twin.time_step = in[19];
+  twin.quasi_static = in[20] > S(0);
+  auto state = twin.rest(1);
+  const auto before = state;
+  const Command<S> command{in[21], in[22], in[23], in[24], {in[25], in[26]}};
+  const Status status = twin.step(command, state);
+  return status == Status::ok ? state.reading.output_angle + twin.residual(before, state) +
+                                    twin.handle_torque(command, state) + transmit(Band<S>{in[27]}, in[28], in[29])
+                              : S(0);
+}
+
+template <class S, class A>
+S a_step_by_any_law(const A& axis, const S* in) {
+  return a_step<S>(axis, NoFriction<S>{}, in) + a_step<S>(axis, Capstan<S>{}, in) +
+         a_step<S>(axis, CapstanWithConstant<S>{in[30]}, in) +
+         a_step<S>(axis, Stribeck<S>{in[30], in[31], in[32], in[33]}, in);
+}
+
+extern "C" float twins_in_float(const float* in) {
+  return a_step_by_any_law<float>(instruments::real_size<float>(), in) +
+         a_step_by_any_law<float>(instruments::pulley<float>(), in) +
+         a_step_by_any_law<float>(instruments::continuum<float>(), in);
+}
+
+extern "C" double twins_in_double(const double* in) {
+  return a_step_by_any_law<double>(instruments::real_size<double>(), in) +
+         a_step_by_any_law<double>(instruments::pulley<double>(), in) +
+         a_step_by_any_law<double>(instruments::continuum<double>(), in);
 }

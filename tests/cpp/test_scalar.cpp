@@ -56,9 +56,53 @@ void what_is_not_finite_is_told_apart() {
   CLAIM(!is_finite(-HUGE_VAL));
 }
 
+// Distance to the next larger number.
+template <class S>
+double last_place(double of) {
+  const S size = std::fabs(S(of));
+  return double(std::nextafter(size, std::numeric_limits<S>::infinity())) - double(size);
+}
+
+template <class S>
+void exp_matches_the_c_library_to_two_units_in_the_last_place(double range) {
+  double worst = 0;
+  for (int i = -200'000; i <= 200'000; ++i) {
+    const S u = S(range * i / 200'000);
+    const double expected = std::exp(double(u));
+    worst = std::fmax(worst, std::fabs(double(tenodesis::exp(u)) - expected) / last_place<S>(expected));
+  }
+  CLAIM(worst <= 2);
+  CLAIM(tenodesis::exp(S(0)) == S(1));
+  CLAIM(tenodesis::exp(-S(0)) == S(1));
+}
+
+template <class S>
+void round_finds_the_nearest_whole_number(double largest) {
+  for (int i = -2000; i <= 2000; ++i) {
+    const S u = S(i) / S(7);
+    CLAIM(tenodesis::round(u) == std::nearbyint(u));
+    CLAIM(tenodesis::round(S(i)) == S(i));
+    CLAIM(tenodesis::round(S(i) + S(0.5)) == std::nearbyint(S(i) + S(0.5)));
+  }
+  CLAIM(double(tenodesis::round(S(largest - 1))) == largest - 1);
+  CLAIM(double(tenodesis::round(S(1 - largest))) == 1 - largest);
+}
+
+void clamp_keeps_a_number_between_its_bounds() {
+  CLAIM(clamp(0.5, -1.0, 1.0) == 0.5);
+  CLAIM(clamp(-3.0, -1.0, 1.0) == -1.0);
+  CLAIM(clamp(HUGE_VAL, -1.0, 1.0) == 1.0);
+  CLAIM(clamp(2.0, 1.5, 1.5) == 1.5);
+}
+
 int main() {
   series_match_the_c_library<double>(2.3e-16);
   series_match_the_c_library<float>(2.4e-7);
+  exp_matches_the_c_library_to_two_units_in_the_last_place<double>(700);
+  exp_matches_the_c_library_to_two_units_in_the_last_place<float>(80);
+  round_finds_the_nearest_whole_number<double>(0x1p51);
+  round_finds_the_nearest_whole_number<float>(0x1p22);
+  clamp_keeps_a_number_between_its_bounds();
   asin_is_odd_and_exact_at_its_ends();
   dual_numbers_match_finite_differences();
   what_is_not_finite_is_told_apart();

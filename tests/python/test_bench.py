@@ -35,7 +35,7 @@ def test_every_figure_of_the_paper_is_there_as_svg_png_and_csv(bench: Bench) -> 
         assert (out / f"figures/{name}.png").read_bytes().startswith(b"\x89PNG")
         rows = list(csv.DictReader((out / f"curves/{name}.csv").open()))
         assert len(rows) > 200
-    assert {entry.name for entry in out.iterdir()} == {"curves", "figures", "report.html", "results.json"}
+    assert {entry.name for entry in out.iterdir()} == {"curves", "figures", "recordings", "report.html", "results.json"}
 
 
 def test_the_report_needs_nothing_beside_it_and_holds_every_figure(bench: Bench) -> None:

@@ -546,9 +546,9 @@ BEYOND: list[tuple[Callable[[], Any], str]] = [
     ),
     (lambda: Cycles(amplitude=0.1, start=-0.8, speed=1, count=1), "phase 2 (cycles): from is -45.8366 deg; allowed is"),
     (
-        lambda: Cycles(amplitude="40 deg", speed=1, count=1),
-        "phase 2 (cycles): amplitude is 40 deg, which bends the unloaded tip to 100.626 deg; "
-        "allowed is the output range of ±80 deg.",
+        lambda: Cycles(amplitude="44 deg", speed=1, count=1),
+        "phase 2 (cycles): amplitude is 44 deg, which bends the unloaded tip to 114.885 deg; "
+        "the joint stops at ±106.667 deg.",
     ),
     (
         lambda: Cycles(output_amplitude="90 deg", speed=1, count=1),
@@ -581,7 +581,10 @@ def test_what_an_instrument_cannot_do_is_refused(scaled: Instrument, phase: Call
 
 
 def test_a_recorded_angle_beyond_the_range_is_named_by_line_and_time(scaled: Instrument, motion_file: Path) -> None:
-    for scale, told in ((4.0, "48 deg; allowed is the handle's range"), (3.0, "36 deg, which bends the unloaded tip")):
+    for scale, told in (
+        (4.0, "48 deg; allowed is the handle's range"),
+        (3.6, "43.2 deg, which bends the unloaded tip"),
+    ):
         with pytest.raises(ProtocolError) as problem:
             one(Motion(file=motion_file, angle_unit="deg", scale=scale)).duration(scaled)
         assert f"test: phase 1 (motion): {motion_file}: line 6 (1.5 s): the handle angle is {told}" in str(

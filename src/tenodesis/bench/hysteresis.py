@@ -63,13 +63,19 @@ def cycle(inst: Instrument, force: float) -> Cycles:
     run = _from(whole, _LOADING + _RESTING)
     handle = np.clip(run["measured_handle_angle"], -inst.handle_range, inst.handle_range)
     estimate = statics.estimate_output_angle(inst, handle, run["measured_tension"][:, 0], run["measured_tension"][:, 1])
-    error = float(np.sqrt(np.nanmean((estimate - run["measured_output_angle"]) ** 2)))
+    error = float(np.sqrt(_mean((estimate - run["measured_output_angle"]) ** 2)))
     return Cycles(force, run, estimate, error, *_widths(inst, force, run, estimate))
 
 
 def _from(run: Run, time: float) -> Run:
     later = run.time > time
     return Run(run.time[later] - time, run.axes, **{name: values[later] for name, values in run.signals().items()})
+
+
+def _mean(values: Array) -> float:
+    """Return the mean of the values that are there; NaN if none is."""
+    there = values[np.isfinite(values)]
+    return float(there.mean()) if there.size else float("nan")
 
 
 def _widths(inst: Instrument, force: float, run: Run, estimate: Array) -> tuple[float, float, float, float, float]:
@@ -90,9 +96,9 @@ def _widths(inst: Instrument, force: float, run: Run, estimate: Array) -> tuple[
     estimated = halves(estimate)
     agonist, antagonist = halves(run["tension"][:, 0]), halves(run["tension"][:, 1])
     return (
-        float(np.nanmean(theory - flexion)),
-        float(np.nanmean(extension - theory)),
-        float(np.nanmean(estimated[1] - estimated[0])),
+        _mean(theory - flexion),
+        _mean(extension - theory),
+        _mean(estimated[1] - estimated[0]),
         float(np.mean(agonist[0] - agonist[1])),
         float(np.mean(antagonist[1] - antagonist[0])),
     )

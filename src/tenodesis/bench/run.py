@@ -42,7 +42,7 @@ class BenchError(RuntimeError):
 
 def steps(inst: Instrument, scaled: Instrument | None) -> int:
     """Return how often a run reports progress."""
-    return 10 + checks.mujoco_cases(inst, scaled)
+    return 9 + checks.mujoco_cases(inst, scaled)
 
 
 def run(
