@@ -1,8 +1,7 @@
 #pragma once
 // Where the energy of a step goes: what was stored, what was put in, what friction and damping took.
 //
-// All work is the trapezoidal rule's, which for linear springs is exact; only where a contact begins to slide within a
-// step is the friction at the step's end the better guess, and never drives.
+// All work is the trapezoidal rule's, which for linear springs is exact.
 
 #include "tenodesis/twin.hpp"
 
@@ -17,6 +16,8 @@ struct Energy {
   S load{};      ///< work of the load on the tip
   S friction{};  ///< lost at the contacts
   S damping{};   ///< lost at the tip
+  /// Lost at the contacts by the tensions at the step's end, where the friction law holds: never negative.
+  S friction_at_end{};
 
   /// What a step does not account for.
   constexpr S unaccounted(const S& stored_before) const {
@@ -61,9 +62,11 @@ Energy<typename T::S> account(const T& twin, const typename T::State& before, co
     const S wound = twin.drive.spool_radius * (after.drive[k].spool - before.drive[k].spool);
     energy.spools = energy.spools + mean(was.tension[0], is.tension[0]) * wound;
     for (int j = 0; j < twin.tendon.contacts(); ++j) {
+      const S at_start = was.tension[j] - was.tension[j + 1];
       const S at_end = is.tension[j] - is.tension[j + 1];
-      const S pull = was.slide[j] == is.slide[j] ? mean(was.tension[j] - was.tension[j + 1], at_end) : at_end;
-      energy.friction = energy.friction + pull * (is.slip[j] - was.slip[j]);
+      const S slipped = is.slip[j] - was.slip[j];
+      energy.friction = energy.friction + mean(at_start, at_end) * slipped;
+      energy.friction_at_end = energy.friction_at_end + at_end * slipped;
     }
   }
   return energy;

@@ -300,9 +300,10 @@ struct Twin {
     next.handle_velocity = (handle_angle - before.handle_angle) / time_step;
     for (int i = 0; i < 2; ++i) next.tendon[i] = before.tendon[i];
     next.sweeps = 0;
-    Status found = settle(both, load, before, tip, next);
+    const bool loose = quasi_static && nothing_holds(both, load, before, tip);
+    Status found = loose ? hold_loose(both, before, tip, next) : settle(both, load, before, tip, next);
     // At rest the wrap angle at the tip is the one where it comes to rest; in motion the first guess is near enough.
-    bool agreed = !quasi_static;
+    bool agreed = !quasi_static || loose;
     for (int n = 0; !agreed && found == Status::ok && n < most_corrections; ++n) {
       const S angle = tip.angle;
       set_bands(handle_angle, angle, before, both);
@@ -366,6 +367,35 @@ struct Twin {
     return settle_in_turns(both, load, before, tip, next);
   }
 
+  // Between two slack tendons nothing moves a tip without load and spring: it stays where it is, or is taken along by
+  // the tendon that grows tight.
+  bool nothing_holds(const Chain& both, const Load<S>& load, const State& before, Tip& tip) const {
+    if (load.force != S(0) || load.radial_force != S(0) || axis.distal.passive_stiffness() > S(0)) return false;
+    S length[2];
+    for (int i = 0; i < 2; ++i)
+      length[i] = tendon.rest_tension / axis.stiffness + both.pull[i][handle_segment()] +
+                  (both.spool[i].at_rest - tendon.rest_tension) / both.spool[i].stiffness;
+    if (!(length[agonist] + length[antagonist] < S(0))) return false;
+    const S slope = axis.distal.excursion_slope();
+    tip.x = clamp(axis.distal.coordinate(before.output_angle), length[agonist] / slope, -length[antagonist] / slope);
+    tip.angle = axis.distal.angle(tip.x);
+    return true;
+  }
+
+  [[gnu::noinline, gnu::cold]] Status hold_loose(Chain& both, const State& before, const Tip& tip, State& next) const {
+    for (int i = 0; i < 2; ++i) next.sweeps += settle_alone(both, i, before, tip, next);
+    return Status::ok;
+  }
+
+  // Settles one tendon for a tip that is where it is.
+  int settle_alone(Chain& both, int i, const State& before, const Tip& tip, State& next) const {
+    const S y = axis.distal.excursion_slope() * tip.x;
+    Lengths pull = both.pull[i];
+    pull[tendon.contacts()] = pull[tendon.contacts()] + (i == agonist ? -y : y);
+    next.tendon[i].slip = before.tendon[i].slip;
+    return tenodesis::settle(tendon, both.band[i], pull, both.spool[i], tolerance(), next.tendon[i], both.line[i]);
+  }
+
   // The tip's own equation alone, with both tendons settled anew wherever it tries: slower, but the moment falls
   // steadily with the tip's angle, so that each try tells on which side the answer lies.
   [[gnu::noinline, gnu::cold]] Status settle_in_turns(Chain& both, const Load<S>& load, const State& before, Tip& tip,
@@ -374,15 +404,9 @@ struct Twin {
     S high = -low;
     for (int turn = 0; turn < most_corrections; ++turn) {
       tip.x = axis.distal.coordinate(tip.angle);
-      const S y = axis.distal.excursion_slope() * tip.x;
       Reaction<S> end[2];
       for (int i = 0; i < 2; ++i) {
-        Lengths pull = both.pull[i];
-        const S away = i == agonist ? -y : y;
-        pull[tendon.contacts()] = pull[tendon.contacts()] + away;
-        next.tendon[i].slip = before.tendon[i].slip;
-        next.sweeps +=
-            tenodesis::settle(tendon, both.band[i], pull, both.spool[i], tolerance(), next.tendon[i], both.line[i]);
+        next.sweeps += settle_alone(both, i, before, tip, next);
         end[i] = tendon.eliminate(both.band[i], both.spool[i], both.pull[i], before.tendon[i].slip, next.tendon[i],
                                   both.line[i]);
       }

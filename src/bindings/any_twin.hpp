@@ -63,7 +63,7 @@ struct Progress {
 
 struct EnergyTotals {
   std::array<double, 7> values{};  // stored before, stored after, handle, spools, load, friction, damping
-  double least_friction{};         // the smallest loss to friction in any step
+  double least_friction{};         // the smallest loss in any step, by the tensions at its end
   double worst_residual{};
   int most_sweeps{};
 };
@@ -143,7 +143,7 @@ class TwinOf final : public AnyTwin {
       totals.values[4] += energy.load;
       totals.values[5] += energy.friction;
       totals.values[6] += energy.damping;
-      totals.least_friction = std::min(totals.least_friction, energy.friction);
+      totals.least_friction = std::min(totals.least_friction, energy.friction_at_end);
       totals.worst_residual = std::max(totals.worst_residual, twin_.residual(before, state_));
       totals.most_sweeps = std::max(totals.most_sweeps, state_.sweeps);
     }

@@ -59,7 +59,7 @@ class Energy(NamedTuple):
     damping: float
     """Lost to damping."""
     least_friction: float
-    """Smallest loss to friction in any step."""
+    """Smallest loss to friction in any step, by the tensions at its end, where the law holds."""
     residual: float
     """Largest residual of the friction law in any step, as a share of the tension scale."""
     sweeps: int
