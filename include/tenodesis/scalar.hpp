@@ -59,13 +59,21 @@ template <Real S, std::size_t N>
 struct Series {
   S coefficient[N];
 
-  // Horner's scheme by recursion, since a loop within a loop would keep the outer one from becoming vector code.
-  template <std::size_t n = 0, class T>
+  // Horner's scheme in t^2 for even and odd terms side by side, which halves the wait for one result; by recursion,
+  // since a loop within a loop would keep the outer one from becoming vector code.
+  template <class T>
   constexpr T operator()(const T& t) const {
-    if constexpr (n + 1 == N)
+    const T square = t * t;
+    return terms_from<1>(square) * t + terms_from<0>(square);
+  }
+
+ private:
+  template <std::size_t n, class T>
+  constexpr T terms_from(const T& square) const {
+    if constexpr (n + 2 >= N)
       return T(coefficient[n]);
     else
-      return operator()<n + 1>(t) * t + T(coefficient[n]);
+      return terms_from<n + 2>(square) * square + T(coefficient[n]);
   }
 };
 

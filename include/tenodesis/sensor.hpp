@@ -52,7 +52,8 @@ struct Sensor {
   S resolution{};  ///< one step of the converter
 
   S read(const S& value, Noise& random) const {
-    const S disturbed = gain * value + bias + noise * random.template normal<S>();
+    S disturbed = gain * value + bias;
+    if (noise > S(0)) disturbed = disturbed + noise * random.template normal<S>();
     return clamp(round(disturbed / resolution) * resolution, low, high);
   }
 };

@@ -109,17 +109,21 @@ struct Tendon {
       S rate(0);
       S stiffness_beyond = k;
       if (state.slide[j] != Slide::none) {
-        const Edge edge = edge_of(band[j], state.slide[j]);
-        const S share = edge.ratio * k;
-        const S resistance = end.stiffness + share + edge.drag;
+        // On the edge, the pulled side has ratio times the held one's tension, and more for constant and drag.
+        const bool to_spool = state.slide[j] == Slide::toward_spool;
+        const S on_spool = to_spool ? S(1) : band[j].ratio;
+        const S on_tip = to_spool ? band[j].ratio : S(1);
+        const S constant = to_spool ? -band[j].constant : band[j].constant;
+        const S held_spool = on_spool * end.stiffness + band[j].drag;
+        const S resistance = held_spool + on_tip * k;
         // Between two slack segments nothing moves the tendon.
         if (resistance > S(0)) {
           const S inverse = S(1) / resistance;
-          const S hold = edge.ratio * rest + share * pull[j + 1] + edge.constant - edge.drag * from[j];
-          slip = (end.at_rest - hold) * inverse;
-          rate = share * inverse;
+          const S tip = rest + k * pull[j + 1];
+          slip = (on_spool * end.at_rest - on_tip * tip + constant + band[j].drag * from[j]) * inverse;
+          rate = on_tip * k * inverse;
           // k (1 - rate), without the cancellation that would leave a loose tendon some stiffness.
-          stiffness_beyond = k * ((end.stiffness + edge.drag) * inverse);
+          stiffness_beyond = k * held_spool * inverse;
         }
       }
       line.at_rest[j] = slip;
@@ -219,19 +223,6 @@ struct Tendon {
   }
 
  private:
-  /// Spool-side tension of a sliding contact as a line over the tip-side one, and over the slip.
-  struct Edge {
-    S ratio{};
-    S constant{};
-    S drag{};
-  };
-
-  static Edge edge_of(const Band<S>& band, Slide slide) {
-    if (slide == Slide::toward_spool) return {band.ratio, band.constant, band.drag};
-    const S inverse = S(1) / band.ratio;
-    return {inverse, -band.constant * inverse, band.drag * inverse};
-  }
-
   /// Slip of one contact between two sides that react to it.
   static S project(const Band<S>& band, const Reaction<S>& spool, const Reaction<S>& tip, const S& from) {
     const S on_spool = larger(spool.at_rest - spool.stiffness * from, S(0));

@@ -203,6 +203,8 @@ struct Twin {
 
  private:
   bool prescribed() const { return !(hand.stiffness > S(0)); }
+  // One division in a whole step, since the compiler sees that all ask for the same.
+  S per_second() const { return S(1) / time_step; }
   int handle_segment() const { return tendon.contacts() - 2; }
 
   S hand_torque(const S& wanted, const State& state) const {
@@ -230,7 +232,7 @@ struct Twin {
       // What the whole sheath has of constant and viscous friction is its contacts' to share.
       const S share = place(j) == 0 ? S(1) / S(sheath) : S(1);
       band[j].constant = band[j].constant * share;
-      band[j].drag = friction.viscous / time_step * share + least_drag<S> * axis.stiffness;
+      band[j].drag = friction.viscous * per_second() * share + least_drag<S> * axis.stiffness;
     }
     return band;
   }
@@ -297,7 +299,7 @@ struct Twin {
     Tip tip = first_guess(before);
     Chain both = chain(handle_angle, tip.angle, before, next);
     next.handle_angle = handle_angle;
-    next.handle_velocity = (handle_angle - before.handle_angle) / time_step;
+    next.handle_velocity = (handle_angle - before.handle_angle) * per_second();
     for (int i = 0; i < 2; ++i) next.tendon[i] = before.tendon[i];
     next.sweeps = 0;
     const bool loose = quasi_static && nothing_holds(both, load, before, tip);
@@ -314,7 +316,8 @@ struct Twin {
     if (found != Status::ok) return found;
 
     next.output_angle = tip.angle;
-    next.output_velocity = quasi_static ? (tip.angle - before.output_angle) / time_step : velocity(before, tip.angle);
+    next.output_velocity =
+        quasi_static ? (tip.angle - before.output_angle) * per_second() : velocity(before, tip.angle);
     const S difference =
         next.tendon[agonist].tension[tendon.contacts()] - next.tendon[antagonist].tension[tendon.contacts()];
     next.tip_moment = tip_moment(tip.angle, next.output_velocity, tip.x, difference, load);
@@ -422,16 +425,17 @@ struct Twin {
   }
 
   S velocity(const State& before, const S& angle) const {
-    return S(2) * (angle - before.output_angle) / time_step - before.output_velocity;
+    return S(2) * per_second() * (angle - before.output_angle) - before.output_velocity;
   }
 
   // The trapezoidal rule: the mean moment of the step's two ends turns the tip.
   Status push_tip(const Reaction<S>* end, const Load<S>& load, const State& before, Tip& tip) const {
     const S slope = axis.distal.excursion_slope();
-    const S per_angle = S(2) * body.inertia / (time_step * time_step);
+    const S per_angle = S(2) * body.inertia * per_second() * per_second();
     const S pull = end[agonist].at_rest - end[antagonist].at_rest;
-    const S rate = (end[agonist].stiffness + end[antagonist].stiffness) * slope;
-    const S spring = axis.distal.passive_stiffness() + body.damping * S(2) / time_step;
+    const S springs = end[agonist].stiffness + end[antagonist].stiffness;
+    const S rate = springs * slope;
+    const S spring = axis.distal.passive_stiffness() + body.damping * S(2) * per_second();
     for (int n = 0; n < most_corrections; ++n) {
       tip.x = axis.distal.coordinate(tip.angle);
       const S arm = axis.distal.moment_arm(tip.x);
@@ -439,7 +443,7 @@ struct Twin {
       const S moment = tip_moment(tip.angle, velocity(before, tip.angle), tip.x, pull - rate * tip.x, load);
       const S off = (moment + before.tip_moment) * S(0.5) - per_angle * (turned - before.output_velocity * time_step);
       const S stop = beyond_stop(tip.angle) == S(0) ? S(0) : body.stop_stiffness;
-      const S stiffness = (rate / slope * arm * arm + spring + stop) * S(0.5) + per_angle;
+      const S stiffness = (springs * arm * arm + spring + stop) * S(0.5) + per_angle;
       const S correction = off / stiffness;
       tip.angle = tip.angle + correction;
       if (!(abs(tip.angle) < S(pi))) return Status::no_equilibrium;
@@ -478,8 +482,8 @@ struct Twin {
   // Finds the handle angle at which hand and tendons agree, by the secant through the last two tries.
   [[gnu::noinline]] Status move_handle(const S& wanted, const Load<S>& load, const State& before, State& next) const {
     const S arm = axis.proximal.moment_arm(axis.proximal.coordinate(before.handle_angle));
-    const S inertial = quasi_static ? S(0) : S(2) * hand.inertia / (time_step * time_step);
-    const S damping = quasi_static ? S(0) : hand.damping * S(2) / time_step;
+    const S inertial = quasi_static ? S(0) : S(2) * hand.inertia * per_second() * per_second();
+    const S damping = quasi_static ? S(0) : hand.damping * S(2) * per_second();
     const S share = quasi_static ? S(1) : S(0.5);
     S stiffness = share * (hand.stiffness + damping + S(2) * axis.stiffness * arm * arm) + inertial;
     S angle = before.handle_angle + (quasi_static ? S(0) : before.handle_velocity * time_step);
@@ -489,7 +493,7 @@ struct Twin {
       const Status found = move_tip(angle, load, before, next);
       if (found != Status::ok) return found;
       const S turned = angle - before.handle_angle;
-      if (!quasi_static) next.handle_velocity = S(2) * turned / time_step - before.handle_velocity;
+      if (!quasi_static) next.handle_velocity = S(2) * per_second() * turned - before.handle_velocity;
       S torque = hand.stiffness * (wanted - angle) - next.handle_moment;
       if (!quasi_static) torque = torque - hand.damping * next.handle_velocity;
       next.net_handle_torque = torque;
