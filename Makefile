@@ -43,13 +43,14 @@ test-python: build
 bench: build
 	$(BIN)/python benchmarks/accuracy.py
 	$(BIN)/python benchmarks/statics.py
+	$(BIN)/python benchmarks/twin.py
 
 lint: build
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/clang-format --dry-run -Werror $(CPP_FILES)
-	$(BIN)/clang-tidy --quiet src/bindings/core.cpp $(filter tests/cpp/test_%.cpp,$(CPP_TESTS)) -- -std=c++20 -Iinclude \
+	$(BIN)/clang-tidy --quiet $(wildcard src/bindings/*.cpp) $(filter tests/cpp/test_%.cpp,$(CPP_TESTS)) -- -std=c++20 -Iinclude \
 	  -fno-math-errno $$($(BIN)/python -c 'import nanobind, sysconfig; print("-isystem", nanobind.include_dir(), "-isystem", sysconfig.get_paths()["include"])')
 
 format: build

@@ -27,8 +27,8 @@ struct Energy {
 
 /// Energy stored in a state, J.
 template <class T>
-typename T::S stored_energy(const T& twin, const typename T::State& state) {
-  using S = typename T::S;
+T::S stored_energy(const T& twin, const typename T::State& state) {
+  using S = T::S;
   const S motion = twin.quasi_static ? S(0) : twin.body.inertia * state.output_velocity * state.output_velocity;
   S sum = motion + twin.axis.distal.passive_stiffness() * state.output_angle * state.output_angle;
   const S beyond = twin.beyond_stop(state.output_angle);
@@ -43,9 +43,9 @@ typename T::S stored_energy(const T& twin, const typename T::State& state) {
 template <class T>
 Energy<typename T::S> account(const T& twin, const typename T::State& before, const typename T::State& after,
                               const Load<typename T::S>& load_before, const Load<typename T::S>& load_after) {
-  using S = typename T::S;
+  using S = T::S;
   const auto mean = [](const S& a, const S& b) { return (a + b) * S(0.5); };
-  const auto load_moment = [&](const typename T::State& state, const Load<S>& load) {
+  const auto load_moment = [&](const T::State& state, const Load<S>& load) {
     const S x = twin.axis.distal.coordinate(state.output_angle);
     return load.radial_force * twin.axis.distal.radial_arm(x) - load.force * twin.axis.distal.tangential_arm(x);
   };

@@ -59,12 +59,13 @@ template <Real S, std::size_t N>
 struct Series {
   S coefficient[N];
 
-  // Horner's scheme in t^2 for even and odd terms side by side, which halves the wait for one result; by recursion,
-  // since a loop within a loop would keep the outer one from becoming vector code.
+  // Horner's scheme in t^2 for even and odd terms side by side, which halves the wait for one result; the first term
+  // apart, which keeps their rounding small. By recursion, since a loop within a loop would keep the outer one from
+  // becoming vector code.
   template <class T>
   constexpr T operator()(const T& t) const {
     const T square = t * t;
-    return terms_from<1>(square) * t + terms_from<0>(square);
+    return (terms_from<2>(square) * t + terms_from<1>(square)) * t + T(coefficient[0]);
   }
 
  private:

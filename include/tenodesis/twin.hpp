@@ -113,13 +113,13 @@ inline constexpr int most_parts = 1024;
 /// One axis of an instrument on the bench; Law is one of friction.hpp's, Rows the rows of tendon.hpp.
 template <class A, class RowsOf, class LawOf>
 struct Twin {
-  using S = typename A::Scalar;
+  using S = A::Scalar;
   using Rows = RowsOf;
   using Law = LawOf;
   using State = TwinState<S, Rows>;
-  using Line = typename Tendon<S, Rows>::Line;
-  using Bands = typename Tendon<S, Rows>::Bands;
-  using Lengths = typename Tendon<S, Rows>::Lengths;
+  using Line = Tendon<S, Rows>::Line;
+  using Bands = Tendon<S, Rows>::Bands;
+  using Lengths = Tendon<S, Rows>::Lengths;
 
   A axis{};
   Tendon<S, Rows> tendon{};

@@ -89,7 +89,7 @@ class AnyTwin {
 template <class T>
 class TwinOf final : public AnyTwin {
  public:
-  using State = typename T::State;
+  using State = T::State;
   static_assert(std::is_trivially_copyable_v<State>);
 
   TwinOf(const T& twin, std::uint64_t seed) : twin_(twin), state_(twin.rest(seed)) {}

@@ -88,7 +88,7 @@ def test_progress_reaches_its_announced_end(bench: Bench) -> None:
 
 def test_a_second_run_gives_the_same_results(bench: Bench, tmp_path: Path) -> None:
     out, _, _ = bench
-    run(tn.load("real-size"), tn.load("scaled-up"), tmp_path)
+    run(tn.load("real-size"), tn.load("scaled-up"), tmp_path, recordings=False)
     for name in ("results.json", "report.html", "curves/fig8_tension.csv", "figures/fig8_tension.svg"):
         assert (tmp_path / name).read_bytes() == (out / name).read_bytes(), name
 
@@ -98,7 +98,7 @@ def test_other_mechanisms_get_a_report_without_the_papers_numbers(
     name: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     inst: Instrument = request.getfixturevalue(name)
-    context = run(inst, None, tmp_path)
+    context = run(inst, None, tmp_path, recordings=False)
     html = (tmp_path / "report.html").read_text("utf-8")
     assert inst.name in html
     assert "No scale model was given" in html
@@ -108,7 +108,7 @@ def test_other_mechanisms_get_a_report_without_the_papers_numbers(
 
 def test_a_changed_instrument_is_not_set_beside_the_papers_numbers(tmp_path: Path) -> None:
     real = tn.load("real-size")
-    context = run(real.replace(tendon_diameter="0.5 mm"), tn.load("scaled-up"), tmp_path)
+    context = run(real.replace(tendon_diameter="0.5 mm"), tn.load("scaled-up"), tmp_path, recordings=False)
     assert not context.is_paper
     assert all(result.published is None for result in context.results.values())
 
@@ -161,7 +161,7 @@ UNUSUAL = {
 def test_unusual_instruments_get_a_report_too(change: tuple[str, str], tmp_path: Path) -> None:
     assert change[0] in REAL
     inst = tn.parse(REAL.replace(*change, 1))
-    context = run(inst, inst, tmp_path)
+    context = run(inst, inst, tmp_path, recordings=False)
     html = (tmp_path / "report.html").read_text("utf-8")
     text = re.sub(r"<svg.*?</svg>|<style.*?</style>", "", html, flags=re.S)
     assert ">nan" not in text
@@ -195,5 +195,5 @@ def report_text(inst: Instrument, out: Path) -> str:
 def test_what_others_keep_in_the_folder_stays(tmp_path: Path, pulley: Instrument) -> None:
     (tmp_path / "figures").mkdir()
     (tmp_path / "figures/mine.tex").write_text("mine")
-    run(pulley, None, tmp_path)
+    run(pulley, None, tmp_path, recordings=False)
     assert (tmp_path / "figures/mine.tex").read_text() == "mine"

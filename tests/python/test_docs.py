@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from .conftest import ROOT
 
 GENERATED = (
@@ -33,12 +35,12 @@ def test_every_equation_and_care_point_is_implemented_and_tested() -> None:
     assert [int(number) for number in care] == list(range(1, 10))
 
 
-def test_the_python_example_of_the_readme_runs_and_prints_what_it_says() -> None:
-    text = (ROOT / "README.md").read_text("utf-8")
-    example = re.search(r"```python\n(.*?)```", text, re.S)
-    assert example is not None
-    done = subprocess.run([sys.executable, "-c", example[1]], capture_output=True, text=True, check=True, timeout=60)
-    said = [line.split("# ")[1].strip() for line in example[1].splitlines() if line.startswith("print")]
+@pytest.mark.parametrize("page", ["README.md", "docs/twin.md"])
+def test_the_python_examples_run_and_print_what_they_say(page: str) -> None:
+    code = "".join(re.findall(r"```python\n(.*?)```", (ROOT / page).read_text("utf-8"), re.S))
+    assert code
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    said = [line.split("# ")[1].strip() for line in code.splitlines() if line.startswith("print")]
     assert done.stdout.splitlines() == said
 
 

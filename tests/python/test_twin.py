@@ -94,6 +94,14 @@ def test_at_rest_without_friction_it_is_the_statics_to_rounding(
         assert np.abs(told - tension).max() < 1e-9 * inst.pretension
 
 
+def test_a_jump_at_rest_ends_where_the_statics_says(real: Instrument) -> None:
+    inst = smooth(real)
+    run = Twin(inst, quasi_static=True).run([-0.5794], [0.2308])
+    rest = tn.statics.equilibrium(inst, [-0.5794], [0.2308])
+    assert run.output_angle == pytest.approx(rest.output_angle, abs=1e-9)
+    assert run.distal_tension[0] == pytest.approx([rest.agonist[0], rest.antagonist[0]], abs=1e-7)
+
+
 def test_moved_slowly_it_tends_to_the_statics(any_inst: Instrument) -> None:
     inst = smooth(any_inst)
     goal = handle(inst, 0.8)
@@ -271,6 +279,35 @@ def test_with_motors_let_out_both_tendons_hang_slack_and_wound_again_they_are_as
     again = twin.run(np.zeros(len(loose)), spool_velocity=speed)
     assert again.tension[-1] == pytest.approx([inst.pretension] * 2, rel=1e-6)
     assert again.spool_angle[-1] == pytest.approx([0, 0], abs=1e-6)  # what drives still coast
+
+
+@pytest.mark.parametrize("quasi_static", [False, True], ids=["moving", "at rest"])
+@pytest.mark.parametrize("contacts", [1, 4, 16])
+def test_wound_slack_and_taut_again_the_tendons_keep_the_law(
+    any_inst: Instrument, contacts: int, quasi_static: bool
+) -> None:
+    inst = rubbed(any_inst, sheath_contacts=contacts)
+    t = clock(1.2)
+    # Out by twice what the pretension stretches, and back, both and then each in turn.
+    out = 2 * inst.pretension / inst.tendon_stiffness / inst.drives.spool_radius
+    speed = -np.pi / 0.4 * out * np.sin(2 * np.pi * t / 0.4)
+    velocity = np.stack([np.where(t < 0.8, speed, 0), np.where((t < 0.4) | (t > 0.8), speed, 0)], -1)
+    command = {"handle_angle": 0.2 * np.sin(12 * t), "spool_velocity": velocity}
+    run = Twin(inst, quasi_static=quasi_static).run(**command)
+    slack = run.tension == 0
+    assert slack.all(axis=1).any() and slack.any(axis=0).all()
+    assert (run.tension[-1] > 0.5 * inst.pretension).all()
+    energy = Twin(inst, quasi_static=quasi_static).energy(**command)
+    assert energy.residual < 1e-9
+    assert energy.friction > 0
+
+
+def test_constant_friction_does_not_grow_with_the_sheaths_contacts(scaled: Instrument) -> None:
+    tips = [cycle(rubbed(scaled, "constant", constant=3.0, sheath_contacts=2**n), 1)[0].output_angle for n in range(5)]
+    free = cycle(rubbed(scaled, "capstan"), 1)[0].output_angle
+    apart = [np.abs(one - other).max() for one, other in itertools.pairwise(tips)]
+    assert all(finer < 0.75 * coarser for coarser, finer in itertools.pairwise(apart))
+    assert np.abs(tips[-1] - tips[0]).max() < 0.1 * np.abs(tips[0] - free).max()
 
 
 def test_more_sheath_contacts_converge(scaled: Instrument) -> None:
@@ -648,6 +685,7 @@ def test_an_instrument_that_cannot_be_is_refused(scaled: Instrument, changes: di
         ({"seed": -1}, r"seed is -1; allowed is a whole number from 0 to 2\*\*64 - 1"),
         ({"seed": 2**64}, "seed is 18446744073709551616; allowed"),
         ({"seed": 1.5}, "seed is 1.5; allowed"),
+        ({"seed": True}, "seed is True; allowed"),
     ],
 )
 def test_a_twin_that_cannot_be_is_refused(scaled: Instrument, arguments: dict[str, Any], told: str) -> None:
@@ -668,6 +706,11 @@ def test_the_largest_time_step_allowed_is_told_and_taken(any_inst: Instrument) -
     ("command", "told"),
     [
         ({"handle_angle": [0, np.nan]}, r"handle_angle\[1\] is nan; allowed is a finite number"),
+        ({"handle_angle": np.nan}, "handle_angle is nan; allowed is a finite number"),
+        ({"handle_angle": [0, 0], "force": np.nan}, "force is nan; allowed is a finite number"),
+        ({"handle_angle": [0, 0], "radial_force": np.inf}, "radial_force is inf; allowed is a finite number"),
+        ({"handle_angle": [0, 0], "weight": -np.inf}, "weight is -inf; allowed is a finite number"),
+        ({"handle_angle": [0, 0], "spool_velocity": np.nan}, "spool_velocity is nan; allowed is a finite number"),
         ({"handle_angle": [0, 0], "force": [0, np.inf]}, r"force\[1\] is inf; allowed"),
         ({"handle_angle": [0, 0], "radial_force": [np.nan, 0]}, r"radial_force\[0\] is nan; allowed"),
         ({"handle_angle": [0, 0], "weight": [0, np.nan]}, r"weight\[1\] is nan; allowed"),
@@ -716,6 +759,11 @@ def test_loaded_past_the_fold_in_motion_it_snaps_to_the_stop(scaled: Instrument)
         ({"signals": ["tip"]}, "signals names 'tip'; allowed are measured_handle_angle"),
         ({"every": 3}, "every is 3; allowed is a whole number from 1 to 2"),
         ({"seeds": [1, 2]}, r"seeds has shape \(2,\); allowed is \(1,\)"),
+        ({"seeds": [-1]}, r"seed is -1; allowed is a whole number from 0 to 2\*\*64 - 1"),
+        ({"seeds": [1.5]}, r"seed is 1\.5; allowed is a whole number from 0 to 2\*\*64 - 1"),
+        ({"seeds": [True]}, r"seed is True; allowed is a whole number from 0 to 2\*\*64 - 1"),
+        ({"handle_angle": np.nan}, "handle_angle is nan; allowed is a finite number"),
+        ({"force": np.nan}, "force is nan; allowed is a finite number"),
         ({"force": [0, np.nan]}, r"force\[1\] is nan; allowed"),
         ({"vary": {"pretension": [1.0, 2.0], "handle_length": [0.1]}}, r"vary has columns of \[1, 2\] runs"),
         ({"vary": {"pretensions": [1.0, 2.0]}}, "pretensions is not a known key; allowed are"),
@@ -726,7 +774,7 @@ def test_loaded_past_the_fold_in_motion_it_snaps_to_the_stop(scaled: Instrument)
 )
 def test_runs_that_cannot_be_are_refused(scaled: Instrument, arguments: dict[str, Any], told: str) -> None:
     with pytest.raises(ValueError, match=told):
-        run_many(scaled, [0.0, 0.0], **arguments)
+        run_many(scaled, **({"handle_angle": [0.0, 0.0]} | arguments))
 
 
 def test_runs_of_unlike_twins_or_two_axes_are_refused(real: Instrument, scaled: Instrument) -> None:
@@ -740,12 +788,19 @@ def test_runs_of_unlike_twins_or_two_axes_are_refused(real: Instrument, scaled: 
         Twin(real).energy([0.0])
 
 
-def test_a_state_of_another_kind_of_twin_is_refused(real: Instrument, scaled: Instrument) -> None:
+def test_a_state_of_another_kind_of_twin_is_refused(real: Instrument, scaled: Instrument, pulley: Instrument) -> None:
     twin = Twin(scaled)
-    with pytest.raises(ValueError, match="state is of a twin with .* 2 axes, .*; allowed is one with .* 1 axes"):
+    with pytest.raises(ValueError, match=r"state is of a twin with .* 2 axes, .*; allowed is one with .* 1 axes"):
         twin.state = Twin(real).state
-    with pytest.raises(ValueError, match="another kind of twin"):
-        twin.state = Twin(rubbed(scaled, sheath_contacts=4)).state
+    for other, told in (
+        (Twin(rubbed(scaled, sheath_contacts=4)), "4 sheath contacts, .*; allowed is one with .* 1 sheath contacts"),
+        (Twin(rubbed(scaled, "stribeck")), "stribeck friction, .*; allowed is one with .* capstan friction"),
+        (Twin(scaled, time_step=TIME_STEP / 2), r"steps of 0\.00025 s; allowed is one with .* steps of 0\.0005 s"),
+        (Twin(rubbed(pulley)), "tendon-pulley joints, .*; allowed is one with tendon-gear joints"),
+    ):
+        other.run([0.1])
+        with pytest.raises(ValueError, match=f"state is of a twin with .*{told}"):
+            twin.state = other.state
     assert twin.time == 0
 
 

@@ -11,6 +11,7 @@ from tenodesis import protocols, published, statics, twin
 from tenodesis.bench import style
 from tenodesis.bench.content import Context, Plot, Section, Session, Table, fixed, named
 from tenodesis.bench.input_output import forces
+from tenodesis.errors import NoSolutionError
 from tenodesis.instrument import Instrument
 from tenodesis.signals import Run
 
@@ -19,6 +20,7 @@ Array = NDArray[np.float64]
 SPEED = float(np.radians(10))  # of the handle, rad/s
 _LOADING, _RESTING = 1.0, 0.5  # s
 _SEED = 14
+_TITLE = "Flexion and extension with friction"
 _KEPT = 20  # every so-manieth sample is drawn
 
 
@@ -57,8 +59,15 @@ def protocol(inst: Instrument, force: float) -> protocols.Protocol:
     )
 
 
-def cycle(inst: Instrument, force: float) -> Cycles:
-    """Run the cycles under one force (N) on the twin."""
+def cycle(inst: Instrument, force: float) -> Cycles | None:
+    """Run the cycles under one force (N) on the twin; None if the joint does not hold it."""
+    try:
+        return _cycle(inst, force)
+    except NoSolutionError:
+        return None
+
+
+def _cycle(inst: Instrument, force: float) -> Cycles:
     whole = protocols.execute(twin.Twin(inst, seed=_SEED), protocol(inst, force))
     run = _from(whole, _LOADING + _RESTING)
     handle = np.clip(run["measured_handle_angle"], -inst.handle_range, inst.handle_range)
@@ -108,7 +117,11 @@ def section(context: Context) -> Section:
     """Compute the cycles under every force of the instrument's conditions."""
     inst = context.scaled if context.is_paper and context.scaled is not None else context.inst
     inst = inst if len(inst.axes) == 1 else inst.axis(inst.axes[0])
-    cycles = [cycle(inst, force) for force in forces(inst)[1:]]
+    tried = [cycle(inst, force) for force in forces(inst)[1:]]
+    cycles = [one for one in tried if one is not None]
+    if not cycles:
+        text = f"<p>Not run: {named(inst)} holds none of the forces while its handle moves.</p>"
+        return Section("hysteresis", _TITLE, text)
     for one in cycles:
         context.recordings[f"fig14_{one.force:g}N"] = Session(inst, protocol(inst, one.force), _SEED)
         _add(context, one)
@@ -165,7 +178,7 @@ def section(context: Context) -> Section:
         ],
         rows,
     )
-    return Section("hysteresis", "Flexion and extension with friction", _text(context, inst), plots, [table])
+    return Section("hysteresis", _TITLE, _text(context, inst), plots, [table])
 
 
 def _text(context: Context, inst: Instrument) -> str:

@@ -50,6 +50,7 @@ def run(
     scaled: Instrument | None = None,
     out: Path = Path("out"),
     progress: Callable[[str], None] = lambda _: None,
+    recordings: bool = True,
 ) -> Context:
     """Compute the bench for an instrument and write report, figures, curves and results.
 
@@ -63,6 +64,8 @@ def run(
         Folder for report.html, results.json, figures/, curves/ and recordings/; made if absent.
     progress
         Called with the name of what is being worked on.
+    recordings
+        Whether the twin's experiments are recorded as well.
 
     Returns
     -------
@@ -76,7 +79,7 @@ def run(
     """
     context = Context(_within_reach(inst), scaled, _is_paper(inst, scaled))
     with style.applied():
-        return _run(context, out, progress)
+        return _run(context, out, progress, recordings)
 
 
 def _within_reach(inst: Instrument) -> Instrument:
@@ -85,7 +88,7 @@ def _within_reach(inst: Instrument) -> Instrument:
     return inst.replace(output_range=reached) if reached < inst.output_range else inst
 
 
-def _run(context: Context, out: Path, progress: Callable[[str], None]) -> Context:
+def _run(context: Context, out: Path, progress: Callable[[str], None], recordings: bool) -> Context:
     sections: list[Section] = []
     for name, section in (
         ("input and output", input_output.section),
@@ -100,7 +103,9 @@ def _run(context: Context, out: Path, progress: Callable[[str], None]) -> Contex
         progress(name)
         sections.append(section(context))
     sections.append(checks.section(context, lambda: progress("MuJoCo")))
-    progress("recording and writing")
+    progress("writing")
+    if not recordings:
+        context.recordings.clear()
     try:
         _write(context, sections, out)
     except OSError as problem:
