@@ -16,7 +16,8 @@ struct Energy {
   S load{};      ///< work of the load on the tip
   S friction{};  ///< lost at the contacts
   S damping{};   ///< lost at the tip
-  /// Lost at the contacts by the tensions at the step's end, where the friction law holds: never negative.
+  /// Lost at the contacts by the tensions at the step's end, where the friction law holds: never negative but for
+  /// rounding.
   S friction_at_end{};
 
   /// What a step does not account for.

@@ -56,7 +56,7 @@ struct Reaction {
 };
 
 /// How often a guess may be revised in one step before the tendon is given up on.
-inline constexpr int most_sweeps = 96;
+constexpr int most_sweeps(int contacts) { return 96 + 16 * contacts; }
 /// After so many revisions in a row the contacts are relaxed.
 inline constexpr int hasty_sweeps = 16;
 /// After so many the places are revised one at a time.
@@ -264,16 +264,17 @@ template <class S, class Rows>
 int settle(const Tendon<S, Rows>& tendon, const typename Tendon<S, Rows>::Bands& band,
            const typename Tendon<S, Rows>::Lengths& pull, const Reaction<S>& spool, const S& tolerance,
            TendonState<S, Rows>& state, typename Tendon<S, Rows>::Line& line) {
+  const int most = most_sweeps(tendon.contacts());
   const auto from = state.slip;
-  for (int sweep = 1; sweep <= most_sweeps; ++sweep) {
+  for (int sweep = 1; sweep <= most; ++sweep) {
     tendon.eliminate(band, spool, pull, from, state, line);
     tendon.substitute(spool, pull, line, S(0), state);
-    const int most = sweep <= joint_sweeps ? tendon.contacts() * 2 + 1 : 1;
-    if (tendon.revise(band, from, tolerance, state, most) == 0) return sweep;
+    const int places = sweep <= joint_sweeps ? tendon.contacts() * 2 + 1 : 1;
+    if (tendon.revise(band, from, tolerance, state, places) == 0) return sweep;
     if (sweep <= joint_sweeps && sweep % hasty_sweeps == 0) tendon.relax(band, spool, pull, S(0), from, state);
   }
   tendon.relax(band, spool, pull, S(0), from, state);
-  return most_sweeps + 1;
+  return most + 1;
 }
 
 /// Tension beyond one contact, N: as it was while the contact sticks, on the band's edge while it slides.

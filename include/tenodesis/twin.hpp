@@ -102,7 +102,8 @@ struct TwinState {
   Noise noise{};
   Reading<S> reading{};
   int until_sample{};
-  int sweeps{};  ///< that the last step took
+  int sweeps{};             ///< that the last step took
+  S residual_in_parts{-1};  ///< of the last step's parts at worst; -1: it was taken as a whole
 };
 
 /// How often an angle is corrected in one solve.
@@ -152,6 +153,7 @@ struct Twin {
                     command.spool_velocity[0], command.spool_velocity[1]))
       return Status::not_finite;
     State next = state;
+    next.residual_in_parts = S(-1);
     const Load<S> load = load_of(command);
     for (int i = 0; i < 2; ++i)
       next.drive[i] = advance(drive, state.drive[i], command.spool_velocity[i], state.tendon[i].tension[0], time_step);
@@ -179,6 +181,7 @@ struct Twin {
 
   /// By how much a step has broken the friction law at its worst contact, as a share of the tension scale.
   S residual(const State& before, const State& after) const {
+    if (after.residual_in_parts >= S(0)) return after.residual_in_parts;
     S worst(0);
     for (int i = 0; i < 2; ++i) {
       const S tip_angle = quasi_static ? after.output_angle : first_guess(before).angle;
@@ -273,7 +276,11 @@ struct Twin {
     const State wound = next;
     Status found = Status::no_equilibrium;
     for (int parts = 16; parts <= most_parts && found == Status::no_equilibrium; parts *= 8) {
+      Twin part = *this;
+      part.time_step = time_step / S(parts);
       State at = before;
+      S worst(0);
+      int sweeps = 0;
       found = Status::ok;
       for (int k = 1; k <= parts && found == Status::ok; ++k) {
         const S share = S(k) / S(parts);
@@ -285,11 +292,17 @@ struct Twin {
         }
         const Load<S> carried{between(before.load.force, load.force),
                               between(before.load.radial_force, load.radial_force)};
-        found = move(between(before.handle_wanted, handle_angle), carried, at, to);
+        found = part.move(between(before.handle_wanted, handle_angle), carried, at, to);
+        worst = larger(worst, part.residual(at, to));
+        sweeps += to.sweeps;
         at = to;
       }
       next = at;
+      next.sweeps = sweeps;
+      next.residual_in_parts = worst;
     }
+    next.output_velocity = (next.output_angle - before.output_angle) * per_second();
+    next.handle_velocity = (next.handle_angle - before.handle_angle) * per_second();
     return found;
   }
 
@@ -302,8 +315,8 @@ struct Twin {
     next.handle_velocity = (handle_angle - before.handle_angle) * per_second();
     for (int i = 0; i < 2; ++i) next.tendon[i] = before.tendon[i];
     next.sweeps = 0;
-    const bool loose = quasi_static && nothing_holds(both, load, before, tip);
-    Status found = loose ? hold_loose(both, before, tip, next) : settle(both, load, before, tip, next);
+    const bool loose = quasi_static && stays_loose(both, load, before, next, tip);
+    Status found = loose ? Status::ok : settle(both, load, before, tip, next);
     // At rest the wrap angle at the tip is the one where it comes to rest; in motion the first guess is near enough.
     bool agreed = !quasi_static || loose;
     for (int n = 0; !agreed && found == Status::ok && n < most_corrections; ++n) {
@@ -371,8 +384,9 @@ struct Twin {
   }
 
   // Between two slack tendons nothing moves a tip without load and spring: it stays where it is, or is taken along by
-  // the tendon that grows tight.
-  bool nothing_holds(const Chain& both, const Load<S>& load, const State& before, Tip& tip) const {
+  // the tendon that grows tight. Friction may keep parts of a loose tendon tight, which then do move it.
+  [[gnu::noinline, gnu::cold]] bool stays_loose(Chain& both, const Load<S>& load, const State& before, State& next,
+                                                Tip& tip) const {
     if (load.force != S(0) || load.radial_force != S(0) || axis.distal.passive_stiffness() > S(0)) return false;
     S length[2];
     for (int i = 0; i < 2; ++i)
@@ -380,14 +394,21 @@ struct Twin {
                   (both.spool[i].at_rest - tendon.rest_tension) / both.spool[i].stiffness;
     if (!(length[agonist] + length[antagonist] < S(0))) return false;
     const S slope = axis.distal.excursion_slope();
-    tip.x = clamp(axis.distal.coordinate(before.output_angle), length[agonist] / slope, -length[antagonist] / slope);
-    tip.angle = axis.distal.angle(tip.x);
-    return true;
-  }
-
-  [[gnu::noinline, gnu::cold]] Status hold_loose(Chain& both, const State& before, const Tip& tip, State& next) const {
-    for (int i = 0; i < 2; ++i) next.sweeps += settle_alone(both, i, before, tip, next);
-    return Status::ok;
+    const S x = clamp(tip.x, length[agonist] / slope, -length[antagonist] / slope);
+    const Tip resting{axis.distal.angle(x), x};
+    set_bands(next.handle_angle, resting.angle, before, both);
+    S tightest(0);
+    for (int i = 0; i < 2; ++i) {
+      next.sweeps += settle_alone(both, i, before, resting, next);
+      tightest = larger(tightest, next.tendon[i].tension[tendon.contacts()]);
+    }
+    if (tightest <= tolerance()) {
+      tip = resting;
+      return true;
+    }
+    for (int i = 0; i < 2; ++i) next.tendon[i] = before.tendon[i];
+    set_bands(next.handle_angle, tip.angle, before, both);
+    return false;
   }
 
   // Settles one tendon for a tip that is where it is.
@@ -399,8 +420,8 @@ struct Twin {
     return tenodesis::settle(tendon, both.band[i], pull, both.spool[i], tolerance(), next.tendon[i], both.line[i]);
   }
 
-  // The tip's own equation alone, with both tendons settled anew wherever it tries: slower, but the moment falls
-  // steadily with the tip's angle, so that each try tells on which side the answer lies.
+  // The tip's own equation alone, with both tendons settled anew wherever it tries: slower, but up to a fold the moment
+  // falls with the tip's angle, so that its sign tells on which side the answer lies.
   [[gnu::noinline, gnu::cold]] Status settle_in_turns(Chain& both, const Load<S>& load, const State& before, Tip& tip,
                                                       State& next) const {
     S low = -axis.distal.angle(axis.distal.limit());
@@ -413,16 +434,36 @@ struct Twin {
         end[i] = tendon.eliminate(both.band[i], both.spool[i], both.pull[i], before.tendon[i].slip, next.tendon[i],
                                   both.line[i]);
       }
+      const S push = push_at(load, before, next, tip);
+      if (push == S(0)) return Status::ok;
       Tip better = tip;
-      const Status found = correct_tip(end, load, before, better);
-      if (found != Status::ok) return found;
-      if (abs(better.angle - tip.angle) <= settled<S>) return Status::ok;
-      (better.angle > tip.angle ? low : high) = tip.angle;
-      const bool inside = better.angle > low && better.angle < high;
+      const bool corrected = correct_tip(end, load, before, better) == Status::ok && better.angle != tip.angle;
+      if (corrected && abs(better.angle - tip.angle) <= settled<S>) return Status::ok;
+      (push > S(0) ? low : high) = tip.angle;
+      const bool inside = corrected && better.angle > low && better.angle < high;
       tip.angle = inside ? better.angle : (low + high) * S(0.5);
+      if (high - low <= settled<S>) break;
     }
-    return Status::no_equilibrium;
+    // Nothing between the end of the joint and the last try: the load has taken the tip past every hold.
+    return high - low <= settled<S> && abs(tip.angle) < axis.distal.angle(axis.distal.limit()) * S(0.999)
+               ? Status::ok
+               : Status::no_equilibrium;
   }
+
+  // What drives the tip further, by the tendons as they are.
+  S push_at(const Load<S>& load, const State& before, const State& next, const Tip& tip) const {
+    const int last = tendon.contacts();
+    const S difference = next.tendon[agonist].tension[last] - next.tendon[antagonist].tension[last];
+    if (quasi_static) {
+      const Demand<S> demand = axis.distal.demand(tip.x, load);
+      return difference * demand.weight - demand.value;
+    }
+    const S moment = tip_moment(tip.angle, velocity(before, tip.angle), tip.x, difference, load);
+    return (moment + before.tip_moment) * S(0.5) -
+           inertial() * (tip.angle - before.output_angle - before.output_velocity * time_step);
+  }
+
+  S inertial() const { return S(2) * body.inertia * per_second() * per_second(); }
 
   S velocity(const State& before, const S& angle) const {
     return S(2) * per_second() * (angle - before.output_angle) - before.output_velocity;
@@ -431,7 +472,7 @@ struct Twin {
   // The trapezoidal rule: the mean moment of the step's two ends turns the tip.
   Status push_tip(const Reaction<S>* end, const Load<S>& load, const State& before, Tip& tip) const {
     const S slope = axis.distal.excursion_slope();
-    const S per_angle = S(2) * body.inertia * per_second() * per_second();
+    const S per_angle = inertial();
     const S pull = end[agonist].at_rest - end[antagonist].at_rest;
     const S springs = end[agonist].stiffness + end[antagonist].stiffness;
     const S rate = springs * slope;
@@ -516,7 +557,7 @@ struct Twin {
     reading.output_angle = sensors.output_encoder.read(state.output_angle, state.noise);
     for (int i = 0; i < 2; ++i) {
       reading.tension[i] = sensors.load_cell[i].read(state.tendon[i].tension[0], state.noise);
-      reading.spool_angle[i] = sensors.motor_encoder.read(state.drive[i].angle, state.noise);
+      reading.spool_angle[i] = sensors.motor_encoder.read(state.drive[i].angle - drive.backlash * S(0.5), state.noise);
     }
     return reading;
   }

@@ -44,13 +44,12 @@ inline constexpr std::array signal_names{"measured_handle_angle",
                                          "sweeps"};
 inline constexpr std::size_t signal_count = signal_names.size();
 
-/// Commands of successive steps, each a row of command_count numbers; a stride of 0 holds one row for all.
+/// Commands of successive steps, each a row of command_count numbers.
 struct Commands {
   const double* rows{};
-  std::size_t stride{};
 
   Command<double> operator[](std::size_t i) const {
-    const double* row = rows + i * stride;
+    const double* row = rows + i * command_count;
     return {row[0], row[1], row[2], row[3], {row[4], row[5]}};
   }
 };
@@ -83,6 +82,7 @@ class AnyTwin {
   virtual Progress audit(const Commands& commands, std::size_t count, EnergyTotals& totals) = 0;
   virtual std::string state() const = 0;
   virtual void set_state(const std::string& bytes) = 0;
+  virtual double handle_wanted() const = 0;
   virtual std::array<double, signal_count> signals(const Commands& command) const = 0;
 };
 
@@ -128,15 +128,14 @@ class TwinOf final : public AnyTwin {
   Progress audit(const Commands& commands, std::size_t count, EnergyTotals& totals) override {
     Progress progress;
     totals.values[0] = stored_energy(twin_, state_);
-    Load<double> load = count > 0 ? twin_.load_of(commands[0]) : Load<double>{};
+    totals.values[1] = totals.values[0];
     for (std::size_t i = 0; i < count; ++i) {
       const State before = state_;
       const Command<double> command = commands[i];
       progress.status = twin_.step(command, state_);
       if (progress.status != Status::ok) return progress;
       progress.steps = i + 1;
-      const Energy<double> energy = account(twin_, before, state_, load, twin_.load_of(command));
-      load = twin_.load_of(command);
+      const Energy<double> energy = account(twin_, before, state_, before.load, state_.load);
       totals.values[1] = energy.stored;
       totals.values[2] += energy.handle;
       totals.values[3] += energy.spools;
@@ -160,6 +159,8 @@ class TwinOf final : public AnyTwin {
     if (bytes.size() != sizeof(State)) throw std::invalid_argument("the state is of another kind of twin");
     std::memcpy(&state_, bytes.data(), sizeof(State));
   }
+
+  double handle_wanted() const override { return state_.handle_wanted; }
 
   std::array<double, signal_count> signals(const Commands& command) const override { return signals_of(command[0]); }
 

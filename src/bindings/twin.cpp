@@ -30,7 +30,7 @@ using Told = nb::ndarray<std::int64_t, nb::ndim<2>, nb::c_contig, nb::device::cp
 
 Commands commands_of(const Rows& rows) {
   if (rows.shape(1) != command_count) throw nb::value_error("a command has another number of columns");
-  return {rows.data(), command_count};
+  return {rows.data()};
 }
 
 // A row of parameters: the twin's, then its axis's.
@@ -63,13 +63,13 @@ void run_many(const TwinSpec& spec, const Rows& parameters, const Stack& command
       const auto twin = make_twin(with_row(spec, parameters.data() + i * parameters.shape(1)), seeds.data()[i]);
       const double* own = commands.data() + (commands.shape(0) == 1 ? 0 : i * count * command_count);
       double* kept = out.data() + i * out.shape(1) * out.shape(2);
-      const Progress progress = twin->sample({own, command_count}, count, signals, every, kept, out.shape(2));
+      const Progress progress = twin->sample({own}, count, signals, every, kept, out.shape(2));
       told.data()[2 * i] = std::int64_t(progress.steps);
       told.data()[2 * i + 1] = std::int64_t(progress.status);
     }
   };
   std::vector<std::jthread> pool;
-  for (int i = 1; i < threads; ++i) pool.emplace_back(work);
+  for (std::size_t i = 1; i < std::min(std::size_t(threads), runs); ++i) pool.emplace_back(work);
   work();
 }
 
@@ -133,6 +133,7 @@ void bind_twin(nb::module_& m) {
           },
           [](AnyTwin& twin, const nb::bytes& bytes) { twin.set_state({bytes.c_str(), bytes.size()}); },
           "The whole state, as bytes.")
+      .def_prop_ro("handle_wanted", &AnyTwin::handle_wanted, "Where the handle was last told to be, rad.")
       .def(
           "signals", [](const AnyTwin& twin, const Rows& command) { return twin.signals(commands_of(command)); },
           "command"_a, nb::sig("def signals(self, command: NDArray[numpy.float64]) -> list[float]"),

@@ -105,7 +105,7 @@ class Twin:
 
     def run(self, commands: NDArray[numpy.float64], out: NDArray[numpy.float64]) -> tuple[int, Status]:
         """
-        Step over rows of commands; signals by row of out. Returns the steps taken and why no more were.
+        Step over rows of commands; a row of signals per step in out. Returns the steps taken and why no more were.
         """
 
     def audit(self, commands: NDArray[numpy.float64]) -> tuple[int, Status, list[float], float, float, int]:
@@ -119,6 +119,10 @@ class Twin:
 
     @state.setter
     def state(self, arg: bytes, /) -> None: ...
+
+    @property
+    def handle_wanted(self) -> float:
+        """Where the handle was last told to be, rad."""
 
     def signals(self, command: NDArray[numpy.float64]) -> list[float]:
         """The signals as they stand."""

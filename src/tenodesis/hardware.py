@@ -30,6 +30,9 @@ Coefficient = Annotated[float, Field(ge=0, le=3)]
 Ratio = Annotated[float, Field(gt=0, le=10)]
 Bits = Annotated[int, Field(ge=4, le=32, strict=True)]
 
+MOST_EXPONENT = 10.0
+"""Largest friction exponent of one contact: beyond it, rounding of the tension ratio would break the law."""
+
 FrictionLaw: TypeAlias = Literal["none", "capstan", "capstan-constant", "stribeck"]
 
 
@@ -48,8 +51,8 @@ class Friction(Table):
     sheath_bend: Bend = Field(default=0.0, description="Total bend of the sheath with the handle straight")
     sheath_bend_per_handle_angle: Coefficient = Field(default=0.0, description="Bend added per angle of the handle")
     sheath_contacts: int = Field(default=1, ge=1, le=32, strict=True, description="Contacts that make up the sheath")
-    constant: Force = Field(default=0.0, description="Load-independent friction of each contact")
-    viscous: Viscosity = Field(default=0.0, description="Viscous friction of each contact")
+    constant: Force = Field(default=0.0, description="Load-independent friction of each joint and of the whole sheath")
+    viscous: Viscosity = Field(default=0.0, description="Viscous friction of each joint and of the whole sheath")
     static_ratio: Annotated[float, Field(ge=1, le=10)] = Field(
         default=1.0, description="Static over kinetic coefficient of the Stribeck law"
     )
@@ -64,6 +67,18 @@ class Friction(Table):
             raise ValueError(f'constant is {self.constant:g} N, which law "{self.law}" does not know')
         if self.law != "stribeck" and self.static_ratio != 1:
             raise ValueError(f'static_ratio is {self.static_ratio:g}, which only law "stribeck" knows')
+        bend = self.sheath_bend + self.sheath_bend_per_handle_angle * math.pi
+        exponents = {
+            "vertex_coefficient": self.vertex_coefficient * self.static_ratio * math.pi,
+            "sheath_coefficient": self.sheath_coefficient * self.static_ratio * bend / self.sheath_contacts,
+        }
+        for key, exponent in exponents.items():
+            if exponent > MOST_EXPONENT:
+                raise ValueError(
+                    f"{key} is {getattr(self, key):g}, which with static_ratio and bend makes a friction exponent of "
+                    f"{exponent:.3g} at one contact; allowed is up to {MOST_EXPONENT:g}: a smaller coefficient or "
+                    "bend, or more sheath_contacts"
+                )
         return self
 
 

@@ -182,7 +182,9 @@ class Instrument(_Strict):
         values = {fields[key].alias or key: getattr(self, key) for key in self.model_fields_set}
         for key, value in changes.items():
             table, _, inner = key.partition(".")
-            if inner and isinstance(held := values.get(table, getattr(self, table, None)), BaseModel | dict):
+            held = values.get(table, getattr(self, table, None))
+            held = {} if held is None and table in fields else held
+            if inner and isinstance(held, BaseModel | dict):
                 own = dict(held) if isinstance(held, dict) else held.model_dump(exclude_unset=True)
                 values[table] = {name: one for name, one in (own | {inner: value}).items() if one is not None}
             else:

@@ -90,9 +90,10 @@ class Quantity:
 
 def annotation(quantity: Quantity) -> tuple[BeforeValidator, WithJsonSchema, Quantity]:
     """Return what a pydantic field of this quantity is annotated with: reading, editor schema, and itself."""
+    told = f"{quantity.allowed}, with its unit"
     schema = {
         "type": "string",
-        "description": f"{quantity.allowed}, with its unit".capitalize(),
+        "description": told[0].upper() + told[1:],
         "examples": [quantity.example],
         "pattern": r"^\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*[^0-9\s].*$",
     }

@@ -1,7 +1,8 @@
 """The signals of a run, of the twin's or a bench's: what each is, and the run that holds them."""
 
-from dataclasses import dataclass, fields
-from typing import NamedTuple, TypeAlias
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,3 +96,21 @@ class Run:
 
     def __len__(self) -> int:
         return int(self.time.size)
+
+
+def concatenate(runs: Sequence[Run]) -> Run:
+    """Return runs, one after another, as one.
+
+    Raises
+    ------
+    ValueError
+        There is none, or they have different axes or signals.
+    """
+    if not runs:
+        raise ValueError("there is no run; allowed are one or more.")
+    first = runs[0]
+    names = tuple(first.signals())
+    if any(run.axes != first.axes or tuple(run.signals()) != names for run in runs):
+        raise ValueError("the runs differ in axes or signals; allowed are runs that have the same.")
+    whole: dict[str, Any] = {name: np.concatenate([getattr(run, name) for run in runs]) for name in ("time", *names)}
+    return replace(first, **whole)

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core
+from tenodesis.hardware import MOST_EXPONENT
 
 Array = NDArray[np.float64]
-
-MOST_EXPONENT = 50.0
 
 
 class Pull(NamedTuple):

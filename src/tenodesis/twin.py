@@ -15,7 +15,7 @@ from tenodesis import _core, statics
 from tenodesis._core import Status
 from tenodesis.errors import NoSolutionError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array, Run
+from tenodesis.signals import Array, Run, concatenate
 from tenodesis.threads import threads
 
 TIME_STEP = 5e-4
@@ -31,6 +31,8 @@ _MOST_PHASE = 0.5
 _DEFAULT_SWING = 2 * pi * 20.0  # rad/s
 _DEFAULT_DAMPING_RATIO = 0.2
 _STOP_STIFFENING = 20.0  # stop over tip
+_LOOSENING_BLOCK = 0.05  # s
+_LONGEST_LOOSENING = 60.0  # s
 _TENDONS = ("agonist", "antagonist")
 
 
@@ -103,19 +105,20 @@ class Twin:
         _check_seed(seed)
         self.inst = inst
         self.time_step = time_step
-        self.seed = seed
+        self.seed = int(seed)
         self.quasi_static = quasi_static
         self._single = [inst] if len(inst.axes) == 1 else [inst.axis(name) for name in inst.axes]
-        # Axes draw from streams of their own.
+        # Axes draw from far apart in the same sequence, whose steps are this odd number.
         self._axes = [
-            _core.Twin(_spec(one, time_step, quasi_static), (seed + n * 0x9E3779B97F4A7C15) % 2**64)
+            _core.Twin(_spec(one, time_step, quasi_static), (int(seed) + (n << 40) * 0x9E3779B97F4A7C15) % 2**64)
             for n, one in enumerate(self._single)
         ]
         self._steps = 0
         friction = inst.friction
         self._kind = (
-            f"{inst.joint_type} joints, {len(inst.axes)} axes, {friction.law} friction, {friction.sheath_contacts} "
-            f"sheath contacts, steps of {time_step:g} s"
+            f"{inst.joint_type} joints of {inst.name}, {len(inst.axes)} axes, {friction.law} friction, "
+            f"{friction.sheath_contacts} sheath contacts, {'quasi-static' if quasi_static else 'dynamic'} steps of "
+            f"{time_step:g} s"
         )
 
     @property
@@ -135,6 +138,8 @@ class Twin:
 
     @state.setter
     def state(self, state: State) -> None:
+        if not isinstance(state, State):
+            raise TypeError(f"state is {state!r}; allowed is what a twin's state was.")
         if state.kind != self._kind:
             raise ValueError(f"state is of a twin with {state.kind}; allowed is one with {self._kind}.")
         for axis, kept in zip(self._axes, state.axes, strict=True):
@@ -238,7 +243,9 @@ class Twin:
         return Energy(stored_before, stored_after, handle, spools, load, friction, damping, least, residual, sweeps)
 
     def loosen(self, length: float = 2e-3) -> Run:
-        """Let both motors out by a length (m) at a third of their speed, so that tendons hang slack; return that run.
+        """Let both motors out by a length (m) at a third of their speed, without load, and return that run.
+
+        The handle stays where it was last told to be.
 
         Raises
         ------
@@ -249,16 +256,27 @@ class Twin:
             raise ValueError(f"length is {length!r}; allowed is a length above 0 and below 1 m.")
         drives = self.inst.drives
         speed = drives.motor_speed / drives.gear_ratio / 3
-        turning = max(1, round(length / drives.spool_radius / speed / self.time_step))
-        resting = round((5 * drives.time_constant + 0.1) / self.time_step)
-        velocity = np.concatenate([np.full(turning, -speed), np.zeros(resting)])
-        here = np.stack([np.array(axis.signals(np.zeros((1, len(_COMMANDS))))) for axis in self._axes], axis=-1)
-        handle = np.squeeze(here[_SIGNALS.index("handle_angle")])
-        shape = (velocity.size, 2) if len(self._axes) == 1 else (velocity.size, 2, 2)
-        return self.run(
-            np.broadcast_to(handle, (velocity.size, *handle.shape)),
-            spool_velocity=np.broadcast_to(velocity.reshape(-1, *[1] * (len(shape) - 1)), shape),
-        )
+        started = self._spools()
+        runs = []
+        # The drives take their time to get up to speed, and to stop.
+        for _ in range(round(_LONGEST_LOOSENING / _LOOSENING_BLOCK)):
+            unwinding = (started - self._spools()).min() * drives.spool_radius < length
+            runs.append(self._hold(-speed if unwinding else 0.0))
+            if not unwinding and np.abs(runs[-1]["spool_velocity"][-1]).max() < 1e-6 * speed:
+                break
+        return concatenate(runs)
+
+    def _spools(self) -> Array:
+        """Return where the spools are, rad, in whatever order."""
+        columns = slice(_SIGNALS.index("spool_angle.agonist"), _SIGNALS.index("spool_angle.antagonist") + 1)
+        return np.array([axis.signals(np.zeros((1, len(_COMMANDS))))[columns] for axis in self._axes])
+
+    def _hold(self, velocity: float) -> Run:
+        """Run for a block with the handle where it was last wanted, no load, and all spools at a velocity (rad/s)."""
+        count = max(1, round(_LOOSENING_BLOCK / self.time_step))
+        wanted = np.array([axis.handle_wanted for axis in self._axes])
+        handle = np.tile(wanted, (count, 1)) if len(self._axes) > 1 else np.full(count, wanted[0])
+        return self.run(handle, spool_velocity=np.full((*handle.shape, len(_TENDONS)), velocity))
 
     def _commands(self, *arguments: ArrayLike) -> list[Array]:
         """Return the commands of each axis as rows, checked."""
@@ -282,6 +300,8 @@ class Twin:
             at = slice(4, 6) if name == "spool_velocity" else _COMMANDS.index(name)
             for n in range(axes):
                 rows[n, :, at] = full if axes == 1 else full[:, n]
+        if rows[..., _COMMANDS.index("weight")].any():
+            _refuse_without_rig(self.inst)
         for n, one in enumerate(self._single):
             if not one.dynamics.hand_stiffness:
                 _refuse_beyond_range(one, rows[n, :, 0], self.inst.axes[n] if axes > 1 else "")
@@ -355,11 +375,17 @@ def run_many(
         runs = len(insts)
     if commands.shape[0] not in (1, runs):
         raise ValueError(f"commands are for {commands.shape[0]} runs, instruments for {runs}; allowed is the same.")
-    widest = max(insts, key=lambda one: -one.handle_range)
-    if not widest.dynamics.hand_stiffness:
+    prescribed = [one for one in insts if not one.dynamics.hand_stiffness]
+    if prescribed:
+        narrowest = min(prescribed, key=lambda one: one.handle_range)
         for row in commands[:, :, 0]:
-            _refuse_beyond_range(widest, row, "")
-    if not (isinstance(every, int) and 1 <= every <= commands.shape[1]):
+            _refuse_beyond_range(narrowest, row, "")
+    if commands[:, :, _COMMANDS.index("weight")].any():
+        for one in insts:
+            _refuse_without_rig(one)
+    if not commands.shape[1]:
+        raise ValueError("handle_angle is empty; allowed is at least one step.")
+    if not (isinstance(every, int | np.integer) and 1 <= every <= commands.shape[1]):
         raise ValueError(f"every is {every!r}; allowed is a whole number from 1 to {commands.shape[1]}, the steps.")
     for name in signals:
         if name not in _SIGNALS:
@@ -371,12 +397,13 @@ def run_many(
     for seed in given:
         _check_seed(seed)
     seed_row = np.array(given, np.uint64)
-    rows = {id(one): _parameters(one, time_step) for one in insts}
+    distinct = {id(one): one for one in insts}
+    rows = {key: _parameters(one, time_step) for key, one in distinct.items()}
     parameters = np.array([rows[id(one)] for one in insts])
-    spec = _spec(insts[0], time_step, quasi_static)
+    specs = [_spec(one, time_step, quasi_static) for one in distinct.values()]
     out = np.full((runs, len(chosen), commands.shape[1] // every), np.nan)
     told = np.zeros((runs, 2), np.int64)
-    _core.run_many(spec, parameters, commands, seed_row, chosen, every, out, told, threads())
+    _core.run_many(specs[0], parameters, commands, seed_row, chosen, every, out, told, threads())
     time = (1 + np.arange(out.shape[2])) * every * time_step
     return Batch(time, {name: out[:, n] for n, name in enumerate(signals)}, told[:, 0], told[:, 1])
 
@@ -391,6 +418,9 @@ def _instruments(inst: Instrument | Sequence[Instrument], vary: Mapping[str, Arr
     if not insts:
         raise ValueError("inst is empty; allowed is at least one instrument.")
     columns = {key: np.atleast_1d(np.asarray(values)) for key, values in vary.items()}
+    for key, column in columns.items():
+        if column.ndim != 1 or not column.size or column.dtype == object:
+            raise ValueError(f"vary[{key!r}] has shape {column.shape}; allowed is one value per run.")
     lengths = {column.size for column in columns.values()} | ({len(insts)} if len(insts) > 1 else set())
     if len(lengths) > 1:
         raise ValueError(f"vary has columns of {sorted(lengths)} runs; allowed is the same number for all.")
@@ -419,7 +449,11 @@ def _shared_commands(runs: int, *arguments: ArrayLike) -> Array:
     arrays = [np.asarray(argument, float) for argument in arguments]
     flat = [array if name != "spool_velocity" else array[..., 0] if array.ndim > 1 else np.zeros(())
             for name, array in zip(names, arrays, strict=True)]  # fmt: skip
-    shape = np.broadcast_shapes(*(array.shape for array in flat))
+    try:
+        shape = np.broadcast_shapes(*(array.shape for array in flat))
+    except ValueError:
+        told = ", ".join(f"{name} {array.shape}" for name, array in zip(names, arrays, strict=True))
+        raise ValueError(f"the shapes do not broadcast: {told}.") from None
     shape = (1,) * (2 - len(shape)) + shape
     if len(shape) != 2 or (shape[0] not in (1, runs) and runs != 1):
         raise ValueError(f"commands have shape {shape}; allowed is (n,) or ({runs}, n).")
@@ -519,7 +553,7 @@ def _spec(inst: Instrument, time_step: float, quasi_static: bool) -> _core.TwinS
 
 
 def _check_seed(seed: int) -> None:
-    if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed < 2**64:
+    if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or not 0 <= seed < 2**64:
         raise ValueError(f"seed is {seed!r}; allowed is a whole number from 0 to 2**64 - 1.")
 
 
@@ -542,6 +576,13 @@ def _refuse_beyond_range(inst: Instrument, handle_angle: Array, axis: str) -> No
         )
 
 
+def _refuse_without_rig(inst: Instrument) -> None:
+    if inst.conditions.cable_pulley_radius is None:
+        raise ValueError(
+            f"weight is given, but {inst.name} has no conditions.cable_pulley_radius; allowed is a force, or that key."
+        )
+
+
 def _lost(status: Status, place: str) -> Exception:
     if status == Status.OUT_OF_RANGE:
         return NoSolutionError(
@@ -550,8 +591,8 @@ def _lost(status: Status, place: str) -> Exception:
     if status == Status.NOT_FINITE:
         return ValueError(f"at {place} a command is not finite; allowed is a finite number.")
     return NoSolutionError(
-        f"at {place} there is no equilibrium, the load is past the fold where the joint snaps through; allowed is a "
-        "smaller load or more pretension."
+        f"at {place} the tip finds no equilibrium: the load is past what the tendons can hold; allowed is a smaller "
+        "load or more pretension."
     )
 
 

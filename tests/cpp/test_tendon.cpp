@@ -319,7 +319,7 @@ void random_motions_agree_with_brute_force(const Motion& motion, int steps, unsi
     unsettled += !settled;
     const double scale = ours.scale();
     most = std::max(most, ours.sweeps);
-    CLAIM(ours.sweeps <= most_sweeps);
+    CLAIM(ours.sweeps <= most_sweeps(n));
     CLAIM(ours.tendon.residual(ours.band, ours.from, ours.state) <= 1e-9 * scale);
     CLAIM(ours.dissipated() >= -1e-15 * scale);
     std::array<double, n> found{}, before{};
@@ -368,8 +368,8 @@ void small_steps_take_few_sweeps_and_float_follows_double() {
     for (int i = 0; i <= n; ++i)
       worst = std::max(worst, std::fabs(double(narrow.state.tension[i]) - wide.state.tension[i]));
   }
-  CLAIM(most <= most_sweeps);
-  CLAIM(most_narrow <= most_sweeps);
+  CLAIM(most <= most_sweeps(n));
+  CLAIM(most_narrow <= most_sweeps(n));
   CLAIM(lost > 0);
   // A float holds a length of 2 mm to 1.2e-10 m, which is 1.2e-10 k (n + 1) of tension.
   CLAIM_NEAR(worst, 0, 4 * (n + 1) * 1.2e-10 * total_stiffness * (n + 1));

@@ -547,7 +547,7 @@ BEYOND: list[tuple[Callable[[], Any], str]] = [
     (lambda: Cycles(amplitude=0.1, start=-0.8, speed=1, count=1), "phase 2 (cycles): from is -45.8366 deg; allowed is"),
     (
         lambda: Cycles(amplitude="44 deg", speed=1, count=1),
-        "phase 2 (cycles): amplitude is 44 deg, which bends the unloaded tip to 114.885 deg; "
+        "phase 2 (cycles): amplitude is 44 deg, which bends the unloaded tip to 114.888 deg; "
         "the joint stops at ±106.667 deg.",
     ),
     (

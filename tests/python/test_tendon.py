@@ -163,7 +163,7 @@ def test_any_motion_keeps_the_law_and_never_gains_energy(
     assert (pull.distal >= 0).all()
     assert pull.residual.max() <= 1e-9 * scale
     assert pull.dissipated.min() >= -1e-12 * scale * 1e-3  # rounding over the longest step, 1 mm
-    assert tendon.most_sweeps <= 96
+    assert tendon.most_sweeps <= 96 + 16 * tendon.slips.size
     assert pull.wound == pytest.approx(wound, abs=0)
 
 

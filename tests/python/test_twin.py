@@ -166,7 +166,7 @@ def test_the_energy_balance_closes(any_inst: Instrument, law: str | None, kind: 
     assert energy.damping >= 0
     if law:
         assert energy.friction > 0.1 * energy.work
-        assert energy.least_friction >= 0
+        assert energy.least_friction >= -1e-15 * energy.work  # rounding
     assert energy.residual < 1e-9
 
 
@@ -202,7 +202,7 @@ def test_friction_never_gives_energy_back_in_smooth_motion(law: str, contacts: i
     wave = [sum(random.normal() * np.sin(random.uniform(1, 25) * t) for _ in range(3)) / 3 for _ in range(2)]
     energy = Twin(inst).energy(0.3 * np.tanh(wave[0]), 0.4 * slack_force(inst) * np.tanh(wave[1]))
     assert energy.friction >= 0
-    assert energy.least_friction >= 0
+    assert energy.least_friction >= -1e-15 * energy.work  # rounding
     assert energy.residual < 1e-9
     assert energy.sweeps <= 96
 

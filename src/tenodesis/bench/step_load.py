@@ -86,6 +86,8 @@ def _hold(inst: Instrument, wanted: float, force: float) -> State:
         if abs(missed) < _NEAR or abs(handle) >= inst.handle_range:
             break
         handle = float(np.clip(handle + slope * missed, -inst.handle_range, inst.handle_range))
+    if abs(wanted - _approached(inst, handle)) > _NEAR:
+        raise NoSolutionError(f"{inst.name} does not reach {np.degrees(wanted):.4g} deg.")
     run = protocols.execute(twin.Twin(inst, seed=_SEED), protocol(inst, handle, force))
     first = int(np.argmax(run["force"] > 0))
     settled = slice(first - 400, first)

@@ -7,7 +7,7 @@ does not name stays as it was, spool velocities included.
 
 from tenodesis.errors import ProtocolError
 from tenodesis.protocols.cycles import Cycles
-from tenodesis.protocols.execution import concatenate, execute
+from tenodesis.protocols.execution import execute
 from tenodesis.protocols.files import load, parse, shipped
 from tenodesis.protocols.hold import Hold
 from tenodesis.protocols.motion import Motion
@@ -16,6 +16,7 @@ from tenodesis.protocols.protocol import Protocol
 from tenodesis.protocols.ramp import Ramp
 from tenodesis.protocols.step_load import StepLoad
 from tenodesis.protocols.twin import Twin
+from tenodesis.signals import concatenate
 
 __all__ = [
     "Cycles",

@@ -1,17 +1,13 @@
 """Running a protocol on a twin."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
-from typing import Any
-
-import numpy as np
+from collections.abc import Callable, Iterator
 
 from tenodesis.errors import ProtocolError
 from tenodesis.protocols.command import sampled
 from tenodesis.protocols.pretension import Pretension
 from tenodesis.protocols.protocol import Planned, Protocol, block_size
 from tenodesis.protocols.twin import Twin
-from tenodesis.signals import Run
+from tenodesis.signals import Run, concatenate
 
 _BLOCK = 1.0
 """Longest block, s."""
@@ -59,24 +55,6 @@ def execute(
     if progress is not None:
         progress(total, total)
     return concatenate(runs)
-
-
-def concatenate(runs: Sequence[Run]) -> Run:
-    """Return runs, one after another, as one.
-
-    Raises
-    ------
-    ValueError
-        There is none, or they have different axes or signals.
-    """
-    if not runs:
-        raise ValueError("there is no run; allowed are one or more.")
-    first = runs[0]
-    names = tuple(first.signals())
-    if any(run.axes != first.axes or tuple(run.signals()) != names for run in runs):
-        raise ValueError("the runs differ in axes or signals; allowed are runs that have the same.")
-    whole: dict[str, Any] = {name: np.concatenate([getattr(run, name) for run in runs]) for name in ("time", *names)}
-    return replace(first, **whole)
 
 
 def _runs(twin: Twin, planned: Planned) -> Iterator[Run]:
