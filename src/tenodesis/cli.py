@@ -76,7 +76,9 @@ def bench(
         task = bar.add_task("", total=steps(inst, scaled))
         context = bench_run(inst, scaled, out, lambda name: bar.update(task, advance=1, description=name))
     console.print(_summary(context))
-    console.print(f"Report: [bold]{out / 'report.html'}[/bold]  (figures/, curves/ and results.json beside it)")
+    console.print(
+        f"Report: [bold]{out / 'report.html'}[/bold]  (figures/, curves/, recordings/ and results.json beside it)"
+    )
 
 
 @app.command()

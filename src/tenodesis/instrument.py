@@ -418,6 +418,12 @@ def _quantity(field: FieldInfo) -> Quantity | None:
     return next((item for item in [*field.metadata, *inner] if isinstance(item, Quantity)), None)
 
 
+def unit_of(field: FieldInfo) -> str:
+    """Return the SI unit of a field, empty for what is no quantity."""
+    quantity = _quantity(field)
+    return quantity.unit if quantity else ""
+
+
 def _keys(kind: type[BaseModel], prefix: str = "") -> Iterator[str]:
     for name, field in kind.model_fields.items():
         key = prefix + (field.alias or name)

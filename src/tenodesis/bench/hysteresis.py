@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from tenodesis import protocols, published, statics, twin
 from tenodesis.bench import style
-from tenodesis.bench.content import Context, Plot, Section, Session, Table, fixed, named
+from tenodesis.bench.content import Context, Plot, Section, Session, Table, fixed, named, number
 from tenodesis.bench.input_output import forces
 from tenodesis.errors import NoSolutionError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, unit_of
 from tenodesis.signals import Run
 
 Array = NDArray[np.float64]
@@ -178,7 +178,27 @@ def section(context: Context) -> Section:
         ],
         rows,
     )
-    return Section("hysteresis", _TITLE, _text(context, inst), plots, [table])
+    return Section("hysteresis", _TITLE, _text(context, inst), plots, [table, _made_of(inst)])
+
+
+def _made_of(inst: Instrument) -> Table:
+    """Return what the instrument's file says of friction, mismatch and dynamics, with sources."""
+    rows = []
+    for name in ("friction", "mismatch", "dynamics"):
+        table = getattr(inst, name)
+        for key, field in type(table).model_fields.items():
+            if key not in table.model_fields_set:
+                continue
+            value, unit = getattr(table, key), unit_of(field)
+            if unit == "rad":
+                told = f"{fixed(float(np.degrees(value)), 1)}°"
+            elif isinstance(value, float):
+                told = " ".join([number(value), *([unit.replace("*", "·").replace("^2", "²")] if unit else [])])
+            else:
+                told = str(value)
+            source = inst.sources.get(f"{name}.{key}", inst.sources.get(name, ""))
+            rows.append([f"{name}: {key.replace('_', ' ')}", told, source])
+    return Table("What the twin is made of besides the dimensions", ["key", "value", "source"], rows)
 
 
 def _text(context: Context, inst: Instrument) -> str:
@@ -190,12 +210,13 @@ def _text(context: Context, inst: Instrument) -> str:
     text = (
         "<p>The twin stands for the bench: elastic tendons with capstan friction, drives, and sensors with noise and "
         "12 bits. Friction holds the tip back at flexion and forward at extension, and shifts the tensions that the "
-        "load cells see; eq. 19 reads both as load.</p>"
+        "load cells see; eq. 19 reads both as load. The runs are recorded, in <code>recordings/</code>.</p>"
     )
     if context.is_paper:
+        offset = fixed(float(np.degrees(inst.mismatch.output_encoder_offset)), 1)
         text += (
             f"<p>The ratio of true to nominal tendon stiffness ({inst.mismatch.stiffness_ratio:g}) and the distal "
-            f"encoder's offset ({np.degrees(inst.mismatch.output_encoder_offset):.1f}°) were fitted to the three "
+            f"encoder's offset ({offset}°) were fitted to the three "
             f"published errors; the friction coefficient ({inst.friction.vertex_coefficient:g}) was chosen so that "
             "what the paper tells besides holds as well: more shift at flexion, a higher agonist tension there and a "
             "higher antagonist tension at extension, an estimate whose loop is wider than the measured one, and a tip "
