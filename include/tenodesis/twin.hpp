@@ -435,19 +435,21 @@ struct Twin {
                                   both.line[i]);
       }
       const S push = push_at(load, before, next, tip);
-      if (push == S(0)) return Status::ok;
+      if (push == S(0)) return held_at(tip);
       Tip better = tip;
       const bool corrected = correct_tip(end, load, before, better) == Status::ok && better.angle != tip.angle;
-      if (corrected && abs(better.angle - tip.angle) <= settled<S>) return Status::ok;
+      if (corrected && abs(better.angle - tip.angle) <= settled<S>) return held_at(tip);
       (push > S(0) ? low : high) = tip.angle;
       const bool inside = corrected && better.angle > low && better.angle < high;
       tip.angle = inside ? better.angle : (low + high) * S(0.5);
       if (high - low <= settled<S>) break;
     }
-    // Nothing between the end of the joint and the last try: the load has taken the tip past every hold.
-    return high - low <= settled<S> && abs(tip.angle) < axis.distal.angle(axis.distal.limit()) * S(0.999)
-               ? Status::ok
-               : Status::no_equilibrium;
+    return high - low <= settled<S> ? held_at(tip) : Status::no_equilibrium;
+  }
+
+  // At the very end of the joint, where a load drives what nothing holds, tendons have no lever.
+  Status held_at(const Tip& tip) const {
+    return abs(tip.x) < axis.distal.limit() * S(0.999) ? Status::ok : Status::no_equilibrium;
   }
 
   // What drives the tip further, by the tendons as they are.

@@ -32,7 +32,6 @@ _DEFAULT_SWING = 2 * pi * 20.0  # rad/s
 _DEFAULT_DAMPING_RATIO = 0.2
 _STOP_STIFFENING = 20.0  # stop over tip
 _LOOSENING_BLOCK = 0.05  # s
-_LONGEST_LOOSENING = 60.0  # s
 _TENDONS = ("agonist", "antagonist")
 
 
@@ -259,7 +258,8 @@ class Twin:
         started = self._spools()
         runs = []
         # The drives take their time to get up to speed, and to stop.
-        for _ in range(round(_LONGEST_LOOSENING / _LOOSENING_BLOCK)):
+        expected = length / drives.spool_radius / speed + 2 * speed * drives.gear_ratio / drives.motor_acceleration
+        for _ in range(2 * round(expected / _LOOSENING_BLOCK) + 20):
             unwinding = (started - self._spools()).min() * drives.spool_radius < length
             runs.append(self._hold(-speed if unwinding else 0.0))
             if not unwinding and np.abs(runs[-1]["spool_velocity"][-1]).max() < 1e-6 * speed:

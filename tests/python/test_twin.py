@@ -98,8 +98,9 @@ def test_a_jump_at_rest_ends_where_the_statics_says(real: Instrument) -> None:
     inst = smooth(real)
     run = Twin(inst, quasi_static=True).run([-0.5794], [0.2308])
     rest = tn.statics.equilibrium(inst, [-0.5794], [0.2308])
-    assert run.output_angle == pytest.approx(rest.output_angle, abs=1e-9)
-    assert run.distal_tension[0] == pytest.approx([rest.agonist[0], rest.antagonist[0]], abs=1e-7)
+    # The least drag of tendon.hpp, over the millimetres that slip in this one step.
+    assert run.output_angle == pytest.approx(rest.output_angle, abs=1e-8)
+    assert run.distal_tension[0] == pytest.approx([rest.agonist[0], rest.antagonist[0]], abs=1e-6)
 
 
 def test_moved_slowly_it_tends_to_the_statics(any_inst: Instrument) -> None:
@@ -204,7 +205,7 @@ def test_friction_never_gives_energy_back_in_smooth_motion(law: str, contacts: i
     assert energy.friction >= 0
     assert energy.least_friction >= -1e-15 * energy.work  # rounding
     assert energy.residual < 1e-9
-    assert energy.sweeps <= 96
+    assert energy.sweeps <= 96 + 16 * (inst.friction.sheath_contacts + 2)
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -218,7 +219,7 @@ def test_friction_takes_energy_and_keeps_its_law_in_jumpy_motion(law: str, seed:
     energy = Twin(inst).energy(handle_angle, force)
     assert energy.friction > 0
     assert energy.residual < 1e-9
-    assert energy.sweeps <= 96
+    assert energy.sweeps <= 96 + 16 * (inst.friction.sheath_contacts + 2)
 
 
 # Friction
@@ -741,7 +742,9 @@ def test_loaded_past_the_fold_at_rest_it_says_where(scaled: Instrument) -> None:
     force = np.linspace(0, 30, 4000)
     folds = int(np.argmin(np.isfinite(tn.statics.output_angle(inst, 0.0, force))))
     twin = Twin(inst, quasi_static=True)
-    with pytest.raises(NoSolutionError, match=rf"at step {folds} .* past the fold .* allowed is a smaller load"):
+    with pytest.raises(
+        NoSolutionError, match=rf"at step {folds} .* past what the tendons can hold; allowed is a smaller load"
+    ):
         twin.run(np.zeros(4000), force)
 
 
@@ -796,7 +799,7 @@ def test_a_state_of_another_kind_of_twin_is_refused(real: Instrument, scaled: In
         (Twin(rubbed(scaled, sheath_contacts=4)), "4 sheath contacts, .*; allowed is one with .* 1 sheath contacts"),
         (Twin(rubbed(scaled, "stribeck")), "stribeck friction, .*; allowed is one with .* capstan friction"),
         (Twin(scaled, time_step=TIME_STEP / 2), r"steps of 0\.00025 s; allowed is one with .* steps of 0\.0005 s"),
-        (Twin(rubbed(pulley)), "tendon-pulley joints, .*; allowed is one with tendon-gear joints"),
+        (Twin(rubbed(pulley)), "tendon-pulley joints .*; allowed is one with tendon-gear joints"),
     ):
         other.run([0.1])
         with pytest.raises(ValueError, match=f"state is of a twin with .*{told}"):
