@@ -24,7 +24,7 @@ struct Friction {
   S sheath{};            ///< friction coefficient in the sheath
   S sheath_bend{};       ///< total bend of the sheath, rad
   S sheath_bend_rate{};  ///< added to it per radian of |handle angle|: the sheath bends as the hand moves
-  S viscous{};           ///< of each contact, N s/m
+  S viscous{};           ///< of each joint and of the whole sheath, N s/m
 };
 
 /// The tip as a body that turns by the output angle.
