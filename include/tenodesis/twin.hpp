@@ -460,9 +460,14 @@ struct Twin {
       const Demand<S> demand = axis.distal.demand(tip.x, load);
       return difference * demand.weight - demand.value;
     }
+    return unbalanced(tip, difference, load, before);
+  }
+
+  // By how much the mean moment of the step's two ends exceeds what turning the tip this far takes.
+  S unbalanced(const Tip& tip, const S& difference, const Load<S>& load, const State& before) const {
     const S moment = tip_moment(tip.angle, velocity(before, tip.angle), tip.x, difference, load);
-    return (moment + before.tip_moment) * S(0.5) -
-           inertial() * (tip.angle - before.output_angle - before.output_velocity * time_step);
+    const S turned = tip.angle - before.output_angle;
+    return (moment + before.tip_moment) * S(0.5) - inertial() * (turned - before.output_velocity * time_step);
   }
 
   S inertial() const { return S(2) * body.inertia * per_second() * per_second(); }
@@ -474,7 +479,6 @@ struct Twin {
   // The trapezoidal rule: the mean moment of the step's two ends turns the tip.
   Status push_tip(const Reaction<S>* end, const Load<S>& load, const State& before, Tip& tip) const {
     const S slope = axis.distal.excursion_slope();
-    const S per_angle = inertial();
     const S pull = end[agonist].at_rest - end[antagonist].at_rest;
     const S springs = end[agonist].stiffness + end[antagonist].stiffness;
     const S rate = springs * slope;
@@ -482,12 +486,9 @@ struct Twin {
     for (int n = 0; n < most_corrections; ++n) {
       tip.x = axis.distal.coordinate(tip.angle);
       const S arm = axis.distal.moment_arm(tip.x);
-      const S turned = tip.angle - before.output_angle;
-      const S moment = tip_moment(tip.angle, velocity(before, tip.angle), tip.x, pull - rate * tip.x, load);
-      const S off = (moment + before.tip_moment) * S(0.5) - per_angle * (turned - before.output_velocity * time_step);
       const S stop = beyond_stop(tip.angle) == S(0) ? S(0) : body.stop_stiffness;
-      const S stiffness = (springs * arm * arm + spring + stop) * S(0.5) + per_angle;
-      const S correction = off / stiffness;
+      const S stiffness = (springs * arm * arm + spring + stop) * S(0.5) + inertial();
+      const S correction = unbalanced(tip, pull - rate * tip.x, load, before) / stiffness;
       tip.angle = tip.angle + correction;
       if (!(abs(tip.angle) < S(pi))) return Status::no_equilibrium;
       // What the slope leaves out is smaller than the inertia by several orders: the next correction would be rounding.

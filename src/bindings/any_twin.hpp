@@ -95,34 +95,18 @@ class TwinOf final : public AnyTwin {
   TwinOf(const T& twin, std::uint64_t seed) : twin_(twin), state_(twin.rest(seed)) {}
 
   Progress run(const Commands& commands, std::size_t count, double* out) override {
-    Progress progress;
-    in_widest_vectors([&] {
-      for (std::size_t i = 0; i < count; ++i) {
-        const Command<double> command = commands[i];
-        progress.status = twin_.step(command, state_);
-        if (progress.status != Status::ok) return;
-        std::ranges::copy(signals_of(command), out + i * signal_count);
-        progress.steps = i + 1;
-      }
+    return walk(commands, count, [&](std::size_t i, const Command<double>& command) {
+      std::ranges::copy(signals_of(command), out + i * signal_count);
     });
-    return progress;
   }
 
   Progress sample(const Commands& commands, std::size_t count, std::span<const std::size_t> signals, std::size_t every,
                   double* out, std::size_t columns) override {
-    Progress progress;
-    in_widest_vectors([&] {
-      for (std::size_t i = 0; i < count; ++i) {
-        const Command<double> command = commands[i];
-        progress.status = twin_.step(command, state_);
-        if (progress.status != Status::ok) return;
-        progress.steps = i + 1;
-        if ((i + 1) % every != 0) continue;
-        const auto row = signals_of(command);
-        for (std::size_t k = 0; k < signals.size(); ++k) out[k * columns + i / every] = row[signals[k]];
-      }
+    return walk(commands, count, [&](std::size_t i, const Command<double>& command) {
+      if ((i + 1) % every != 0) return;
+      const auto row = signals_of(command);
+      for (std::size_t k = 0; k < signals.size(); ++k) out[k * columns + i / every] = row[signals[k]];
     });
-    return progress;
   }
 
   Progress audit(const Commands& commands, std::size_t count, EnergyTotals& totals) override {
@@ -165,6 +149,22 @@ class TwinOf final : public AnyTwin {
   std::array<double, signal_count> signals(const Commands& command) const override { return signals_of(command[0]); }
 
  private:
+  /// Steps over commands for as long as that goes well, and keeps what is wanted of each.
+  template <class Keep>
+  Progress walk(const Commands& commands, std::size_t count, const Keep& keep) {
+    Progress progress;
+    in_widest_vectors([&] {
+      for (std::size_t i = 0; i < count; ++i) {
+        const Command<double> command = commands[i];
+        progress.status = twin_.step(command, state_);
+        if (progress.status != Status::ok) return;
+        keep(i, command);
+        progress.steps = i + 1;
+      }
+    });
+    return progress;
+  }
+
   std::array<double, signal_count> signals_of(const Command<double>& command) const {
     const auto& tendon = state_.tendon;
     const auto& drive = state_.drive;

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     ConfigDict,
     Field,
@@ -40,6 +41,16 @@ Moment = Annotated[float, *annotation(Quantity("moment", "N*m", "0.15 N*m", abov
 Rate = Annotated[float, *annotation(Quantity("rate", "Hz", "2000 Hz", above=0, below=1e9))]
 Angle = Annotated[float, *annotation(Quantity("angle", "rad", "20 deg"))]
 Range = Annotated[float, *annotation(Quantity("angle", "rad", "45 deg", above=0, below=math.pi))]
+
+
+def _printable(name: str) -> str:
+    if not (1 <= len(name) <= 60 and name.isprintable()):
+        raise ValueError("it must be 1 to 60 printable characters")
+    return name
+
+
+Name = Annotated[str, AfterValidator(_printable)]
+"""What an instrument or a protocol is called."""
 
 AxisName = Literal["yaw", "pitch"]
 
@@ -76,7 +87,7 @@ class Instrument(_Strict):
 
     joint_type: str
 
-    name: str = Field(description="What the instrument is called in figures and tables")
+    name: Name = Field(description="What the instrument is called in figures and tables")
     description: str = Field(default="", max_length=200, description="One line about the instrument")
     axes: tuple[AxisName, ...] = Field(default=("yaw",), description="Bending axes: yaw, pitch, or both")
 
@@ -216,13 +227,6 @@ class Instrument(_Strict):
 
     def __hash__(self) -> int:
         return hash((self.joint_type, self.name, tuple((key, value) for key, value, _ in self.quantities())))
-
-    @field_validator("name")
-    @classmethod
-    def _printable_name(cls, name: str) -> str:
-        if not (1 <= len(name) <= 60 and name.isprintable()):
-            raise ValueError("it must be 1 to 60 printable characters")
-        return name
 
     @field_validator("axes")
     @classmethod

@@ -23,6 +23,11 @@ TIME_STEP = 5e-4
 
 _COMMANDS = _core.twin_commands()
 _SIGNALS = _core.twin_signals()
+_ARGUMENTS: dict[str, int | slice] = {
+    **{name: _COMMANDS.index(name) for name in ("handle_angle", "force", "radial_force", "weight")},
+    "spool_velocity": slice(4, 6),
+}
+"""Columns of a command, by the argument that fills them."""
 _ROW = _core.twin_parameters()
 _MEASURED_AND_TRUE = tuple(dict.fromkeys(name.partition(".")[0] for name in _SIGNALS if name != "sweeps"))
 
@@ -281,12 +286,11 @@ class Twin:
     def _commands(self, *arguments: ArrayLike) -> list[Array]:
         """Return the commands of each axis as rows, checked."""
         axes = len(self._axes)
-        names = ("handle_angle", "force", "radial_force", "weight", "spool_velocity")
         arrays = [np.asarray(argument, float) for argument in arguments]
         count = arrays[0].shape[0] if arrays[0].ndim else 1
         base: tuple[int, ...] = (count,) if axes == 1 else (count, axes)
         rows = np.empty((axes, count, len(_COMMANDS)), np.float64)
-        for name, array in zip(names, arrays, strict=True):
+        for (name, columns), array in zip(_ARGUMENTS.items(), arrays, strict=True):
             wanted = (*base, 2) if name == "spool_velocity" else base
             # A number per step holds for both axes.
             given = (
@@ -296,10 +300,9 @@ class Twin:
                 full = np.broadcast_to(given, wanted)
             except ValueError:
                 raise ValueError(f"{name} has shape {array.shape}; allowed is {wanted}, or a number.") from None
-            _refuse_not_finite(name, np.broadcast_to(array, array.shape))
-            at = slice(4, 6) if name == "spool_velocity" else _COMMANDS.index(name)
+            _refuse_not_finite(name, array)
             for n in range(axes):
-                rows[n, :, at] = full if axes == 1 else full[:, n]
+                rows[n, :, columns] = full if axes == 1 else full[:, n]
         if rows[..., _COMMANDS.index("weight")].any():
             _refuse_without_rig(self.inst)
         for n, one in enumerate(self._single):
@@ -391,19 +394,12 @@ def run_many(
         if name not in _SIGNALS:
             raise ValueError(f"signals names {name!r}; allowed are {', '.join(_SIGNALS)}.")
     chosen = [_SIGNALS.index(name) for name in signals]
-    given = list(range(runs)) if seeds is None else np.asarray(seeds).tolist()
-    if not isinstance(given, list) or len(given) != runs:
-        raise ValueError(f"seeds has shape {np.shape(given)}; allowed is ({runs},).")
-    for seed in given:
-        _check_seed(seed)
-    seed_row = np.array(given, np.uint64)
-    distinct = {id(one): one for one in insts}
-    rows = {key: _parameters(one, time_step) for key, one in distinct.items()}
-    parameters = np.array([rows[id(one)] for one in insts])
-    specs = [_spec(one, time_step, quasi_static) for one in distinct.values()]
+    seed_row = _seeds(seeds, runs)
+    spec = _spec(insts[0], time_step, quasi_static)
+    parameters = _rows(insts, time_step, quasi_static)
     out = np.full((runs, len(chosen), commands.shape[1] // every), np.nan)
     told = np.zeros((runs, 2), np.int64)
-    _core.run_many(specs[0], parameters, commands, seed_row, chosen, every, out, told, threads())
+    _core.run_many(spec, parameters, commands, seed_row, chosen, every, out, told, threads())
     time = (1 + np.arange(out.shape[2])) * every * time_step
     return Batch(time, {name: out[:, n] for n, name in enumerate(signals)}, told[:, 0], told[:, 1])
 
@@ -445,24 +441,41 @@ def _instruments(inst: Instrument | Sequence[Instrument], vary: Mapping[str, Arr
 
 def _shared_commands(runs: int, *arguments: ArrayLike) -> Array:
     """Return commands by run, step and column; one run's if all share them."""
-    names = ("handle_angle", "force", "radial_force", "weight", "spool_velocity")
     arrays = [np.asarray(argument, float) for argument in arguments]
     flat = [array if name != "spool_velocity" else array[..., 0] if array.ndim > 1 else np.zeros(())
-            for name, array in zip(names, arrays, strict=True)]  # fmt: skip
+            for name, array in zip(_ARGUMENTS, arrays, strict=True)]  # fmt: skip
     try:
         shape = np.broadcast_shapes(*(array.shape for array in flat))
     except ValueError:
-        told = ", ".join(f"{name} {array.shape}" for name, array in zip(names, arrays, strict=True))
+        told = ", ".join(f"{name} {array.shape}" for name, array in zip(_ARGUMENTS, arrays, strict=True))
         raise ValueError(f"the shapes do not broadcast: {told}.") from None
     shape = (1,) * (2 - len(shape)) + shape
     if len(shape) != 2 or (shape[0] not in (1, runs) and runs != 1):
         raise ValueError(f"commands have shape {shape}; allowed is (n,) or ({runs}, n).")
     rows = np.empty((*shape, len(_COMMANDS)))
-    for name, array in zip(names, arrays, strict=True):
+    for (name, columns), array in zip(_ARGUMENTS.items(), arrays, strict=True):
         _refuse_not_finite(name, array)
-        at = slice(4, 6) if name == "spool_velocity" else _COMMANDS.index(name)
-        rows[..., at] = array
+        rows[..., columns] = array
     return rows
+
+
+def _seeds(seeds: ArrayLike | None, runs: int) -> NDArray[np.uint64]:
+    given = list(range(runs)) if seeds is None else np.asarray(seeds).tolist()
+    if not isinstance(given, list) or len(given) != runs:
+        raise ValueError(f"seeds has shape {np.shape(given)}; allowed is ({runs},).")
+    for seed in given:
+        _check_seed(seed)
+    return np.array(given, np.uint64)
+
+
+def _rows(insts: Sequence[Instrument], time_step: float, quasi_static: bool) -> Array:
+    """Return the parameters of every run, each instrument checked and worked out once."""
+    rows: dict[int, list[float]] = {}
+    for one in insts:
+        if id(one) not in rows:
+            _steps_per_sample(one, time_step, quasi_static)
+            rows[id(one)] = _parameters(one, time_step)
+    return np.array([rows[id(one)] for one in insts])
 
 
 def _inertia(inst: Instrument) -> float:
@@ -522,6 +535,16 @@ def _parameters(inst: Instrument, time_step: float) -> list[float]:
 
 
 def _spec(inst: Instrument, time_step: float, quasi_static: bool) -> _core.TwinSpec:
+    per_sample = _steps_per_sample(inst, time_step, quasi_static)
+    numbers = _parameters(inst, time_step)[: len(_ROW)]
+    friction = inst.friction
+    return _core.TwinSpec(
+        inst.spec, numbers, friction.law == "stribeck", friction.sheath_contacts, per_sample, quasi_static
+    )
+
+
+def _steps_per_sample(inst: Instrument, time_step: float, quasi_static: bool) -> int:
+    """Return how many steps a sample takes, unless the time step or the tendons' lengths do not suit the instrument."""
     if not (np.isfinite(time_step) and time_step > 0):
         raise ValueError(f"time_step is {time_step!r}; allowed is a time above 0 s.")
     longest = _MOST_PHASE / swing(inst)
@@ -545,11 +568,7 @@ def _spec(inst: Instrument, time_step: float, quasi_static: bool) -> _core.TwinS
             f"handle_length and joints take {share:.3g} of the length of a tendon of {inst.name}; allowed is less than "
             "all of it: a shorter handle_length or a longer tendon_length."
         )
-    numbers = _parameters(inst, time_step)[: len(_ROW)]
-    friction = inst.friction
-    return _core.TwinSpec(
-        inst.spec, numbers, friction.law == "stribeck", friction.sheath_contacts, per_sample, quasi_static
-    )
+    return per_sample
 
 
 def _check_seed(seed: int) -> None:

@@ -91,6 +91,12 @@ class Context:
     recordings: dict[str, Session] = field(default_factory=dict)
     """What the twin did, to be recorded, by name of the file."""
 
+    @property
+    def tested(self) -> Instrument:
+        """The instrument that the experiments are done on, one axis: in the paper's report its scale model."""
+        inst = self.scaled if self.is_paper and self.scaled is not None else self.inst
+        return inst if len(inst.axes) == 1 else inst.axis(inst.axes[0])
+
     def figure_of(self, name: str) -> str:
         """Return how a caption refers to a figure of the paper."""
         return f"paper: {name}" if self.is_paper else f"as {name} of the paper"

@@ -115,8 +115,7 @@ def _widths(inst: Instrument, force: float, run: Run, estimate: Array) -> tuple[
 
 def section(context: Context) -> Section:
     """Compute the cycles under every force of the instrument's conditions."""
-    inst = context.scaled if context.is_paper and context.scaled is not None else context.inst
-    inst = inst if len(inst.axes) == 1 else inst.axis(inst.axes[0])
+    inst = context.tested
     tried = [cycle(inst, force) for force in forces(inst)[1:]]
     cycles = [one for one in tried if one is not None]
     if not cycles:

@@ -86,7 +86,7 @@ def _hold(inst: Instrument, wanted: float, force: float) -> State:
         if abs(missed) < _NEAR or abs(handle) >= inst.handle_range:
             break
         handle = float(np.clip(handle + slope * missed, -inst.handle_range, inst.handle_range))
-    if abs(wanted - _approached(inst, handle)) > _NEAR:
+    if abs(missed) >= _NEAR:
         raise NoSolutionError(f"{inst.name} does not reach {np.degrees(wanted):.4g} deg.")
     run = protocols.execute(twin.Twin(inst, seed=_SEED), protocol(inst, handle, force))
     first = int(np.argmax(run["force"] > 0))
@@ -113,8 +113,7 @@ def _approached(inst: Instrument, handle: float) -> float:
 
 def section(context: Context) -> Section:
     """Compute the held states of the instrument's conditions under the step load."""
-    inst = context.scaled if context.is_paper and context.scaled is not None else context.inst
-    inst = inst if len(inst.axes) == 1 else inst.axis(inst.axes[0])
+    inst = context.tested
     force = shown_force(inst)
     wanted = inst.conditions.output_angles or tuple(np.linspace(0.0, 0.9 * inst.output_range, 4))
     tried = [hold(inst, angle, force) for angle in wanted]

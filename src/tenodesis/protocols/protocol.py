@@ -8,7 +8,7 @@ import tomli_w
 from pydantic import Field, field_validator
 
 from tenodesis.errors import ProtocolError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, Name
 from tenodesis.instrument_text import with_units
 from tenodesis.protocols.command import Command, Segment, joined, sampled
 from tenodesis.protocols.cycles import Cycles
@@ -39,16 +39,9 @@ class Planned(NamedTuple):
 class Protocol(Strict):
     """What is done on the bench; the handle begins straight, without load, the drives at rest."""
 
-    name: str = Field(description="What the protocol is called")
+    name: Name = Field(description="What the protocol is called")
     description: str = Field(default="", max_length=200, description="One line about the protocol")
     phases: tuple[Annotated[AnyPhase, Field(discriminator="kind")], ...] = Field(description="What is done, in order")
-
-    @field_validator("name")
-    @classmethod
-    def _printable_name(cls, name: str) -> str:
-        if not (1 <= len(name) <= 60 and name.isprintable()):
-            raise ValueError("it must be 1 to 60 printable characters")
-        return name
 
     @field_validator("phases")
     @classmethod
