@@ -177,11 +177,11 @@ def section(context: Context) -> Section:
         ],
         rows,
     )
-    return Section("hysteresis", _TITLE, _text(context, inst), plots, [table, _made_of(inst)])
+    return Section("hysteresis", _TITLE, _text(context, inst), plots, [table, *_made_of(inst)])
 
 
-def _made_of(inst: Instrument) -> Table:
-    """Return what the instrument's file says of friction, mismatch and dynamics, with sources."""
+def _made_of(inst: Instrument) -> list[Table]:
+    """Return what the instrument's file says of friction, mismatch and dynamics, with sources; nothing if it does not."""
     rows = []
     for name in ("friction", "mismatch", "dynamics"):
         table = getattr(inst, name)
@@ -197,7 +197,8 @@ def _made_of(inst: Instrument) -> Table:
                 told = str(value)
             source = inst.sources.get(f"{name}.{key}", inst.sources.get(name, ""))
             rows.append([f"{name}: {key.replace('_', ' ')}", told, source])
-    return Table("What the twin is made of besides the dimensions", ["key", "value", "source"], rows)
+    table = Table("What the twin is made of besides the dimensions", ["key", "value", "source"], rows)
+    return [table] if rows else []
 
 
 def _text(context: Context, inst: Instrument) -> str:
