@@ -181,7 +181,7 @@ def section(context: Context) -> Section:
 
 
 def _made_of(inst: Instrument) -> list[Table]:
-    """Return what the instrument's file says of friction, mismatch and dynamics, with sources; nothing if it does not."""
+    """Return what the file says of friction, mismatch and dynamics, with sources; no table if it says nothing."""
     rows = []
     for name in ("friction", "mismatch", "dynamics"):
         table = getattr(inst, name)
