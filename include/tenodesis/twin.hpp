@@ -80,8 +80,6 @@ struct Reading {
   S spool_angle[2]{};
 };
 
-inline constexpr int agonist = 0, antagonist = 1;
-
 /// Contacts of a tendon beside those of the sheath: the handle's joint and the tip's.
 inline constexpr int joint_contacts = 2;
 

@@ -1,0 +1,53 @@
+#pragma once
+// What goes into and comes out of the controller of one axis, and what it must know of the instrument.
+
+#include <cstdint>
+
+#include "tenodesis/friction.hpp"
+#include "tenodesis/statics.hpp"
+
+namespace tenodesis {
+
+/// What the proximal sensors of one axis say.
+template <class S>
+struct Measurement {
+  S handle_angle{};    ///< rad
+  S tension[2]{};      ///< beside the spools, agonist first, N
+  S spool_angle[2]{};  ///< from where both tendons had their pretension at a straight handle, rad; positive winds
+};
+
+/// What an observer makes of it; a standard deviation covers what the sensors cannot tell as well.
+template <class S>
+struct Estimate {
+  S output_angle{};        ///< rad
+  S output_angle_std{};    ///< rad
+  S tip_force{};           ///< tangential at the tip, positive against positive flexion, N
+  S tip_force_std{};       ///< N
+  S friction_scale{1};     ///< of the friction there is over that of the parameters
+  S friction_scale_std{};  ///< 1
+};
+
+/// The constants of one axis that observers and compensators go by.
+template <class A>
+struct ControlModel {
+  using S = A::Scalar;
+
+  A axis{};
+  S spool_radius{};      ///< m
+  S share[4]{};          ///< of a tendon's compliance: to the sheath, to the handle's joint, in the stem, at the tip
+  S vertex{};            ///< friction coefficient at the joints' vertices
+  S sheath{};            ///< friction coefficient in the sheath
+  S sheath_bend{};       ///< total bend of the sheath, rad
+  S sheath_bend_rate{};  ///< added to it per radian of |handle angle|
+
+  /// Tendon length that the handle has drawn on the agonist and given on the antagonist, m.
+  S drawn(const S& handle_angle) const {
+    return axis.proximal.excursion_slope() * axis.proximal.coordinate(handle_angle);
+  }
+  /// The same at the tip, for an output angle.
+  S taken(const S& output_angle) const {
+    return axis.distal.excursion_slope() * axis.distal.coordinate(output_angle);
+  }
+};
+
+}  // namespace tenodesis

@@ -1,0 +1,350 @@
+#pragma once
+// What the proximal sensors say about the tip: where it is, what pushes on it, how strong friction is.
+//
+// Without friction a tension is the same all along its tendon, and eq. 19 turns the two into the tip's angle. With
+// friction each contact hides the tension beyond it inside a band, unless the direction in which the tendon slips there
+// is known: then that tension lies on the band's edge. And slip can be seen from outside: what the spool has wound less
+// the stretch of the tendon up to a contact is where the tendon stands there. So tension and slip are followed from the
+// spool to the tip, contact by contact, and each tendon that slips says where the tip is; one that sticks says between
+// which bounds. Two that slip the same way, as when both motors pull together, say it twice, and in how far they
+// disagree lies the friction's strength.
+
+#include "tenodesis/control.hpp"
+
+namespace tenodesis {
+
+/// eq. 19 as printed: without slack, without what the motors have wound, without friction.
+template <class A, class S>
+S paper_output_angle(const ControlModel<A>& model, const Measurement<S>& measured) {
+  const A& axis = model.axis;
+  const S stretch = (measured.tension[agonist] - measured.tension[antagonist]) / (S(2) * axis.stiffness);
+  const S x = (model.drawn(measured.handle_angle) - stretch) / axis.distal.excursion_slope();
+  const S most = axis.distal.limit() * S(0.999);
+  return axis.distal.angle(clamp(x, -most, most));
+}
+
+/// Where a tendon stands at a contact, with play: it counts as slipping only once it has moved by more than noise does.
+template <class S>
+struct Slip {
+  S dragged{};    ///< position that the play was last dragged to, m
+  S evidence{};   ///< share of a play it was dragged by just now, negative toward the tip
+};
+
+template <class S>
+Slip<S> follow(const Slip<S>& before, const S& position, const S& play) {
+  Slip<S> after{clamp(before.dragged, position - play * S(0.5), position + play * S(0.5)), S(0)};
+  after.evidence = clamp((after.dragged - before.dragged) / play, S(-1), S(1));
+  return after;
+}
+
+/// Tension beyond a contact, N: on the edge that slip toward the spool (positive evidence) or the tip asks for.
+template <class S>
+S beyond(const S& ratio, const S& near, const S& held, const S& evidence) {
+  const S low = near / ratio;
+  const S high = near * ratio;
+  const S edge = evidence > S(0) ? low : high;
+  return clamp(held + (edge - held) * abs(evidence), low, high);
+}
+
+/// What the friction observer remembers of one tendon.
+template <class S>
+struct TendonMemory {
+  S tension[4]{};   ///< beside the spool, before the handle's joint, in the stem, at the tip, N
+  Slip<S> slip[3]{};  ///< at the sheath, at the handle's joint, at the tip
+  S run{};          ///< how many plays it has slipped one way past the handle's joint, negative toward the tip
+};
+
+template <class S>
+struct FrictionMemory {
+  TendonMemory<S> tendon[2]{};
+  Measurement<S> smooth{};
+  S tip{};             ///< tendon length taken by the tip, m
+  S scale{1};          ///< of friction
+  S reference{};       ///< by how much both tendons together are longer than their references, m
+  S compliance{1};     ///< of the tendons over the parameters'
+  S covariance[3][3]{};  ///< of scale, reference, compliance
+  S freedom[2]{};      ///< how far the tip may have moved unseen, toward flexion and extension, m
+  S common{};          ///< how surely both tendons slip the same way now: 1 toward the spools, -1 toward the tip
+  bool started{};
+};
+
+template <class S>
+struct FrictionSettings {
+  S play{};             ///< of slip, above what encoders' noise and steps move it by, m
+  S smoothing{};        ///< time constant of the measurements, s
+  S scale_std{};        ///< of the friction scale at the start
+  S reference_std{};    ///< m
+  S compliance_std{};   ///< of the compliance at the start
+  S forgetting{};       ///< growth of the three deviations, share of the start's per root second
+  S slack_below{};      ///< N
+};
+
+/// Follows both tendons' friction from the spools to the tip.
+template <class A>
+struct FrictionObserver {
+  using S = A::Scalar;
+  using Memory = FrictionMemory<S>;
+
+  ControlModel<A> model{};
+  FrictionSettings<S> settings{};
+
+  void update(const Measurement<S>& measured, const S& dt, Memory& memory) const {
+    if (!memory.started) start(measured, memory);
+    smooth(measured, dt, memory.smooth);
+    grow(dt, memory);
+    const S handle = memory.smooth.handle_angle;
+    const S drawn = model.drawn(handle);
+    const Exponents nominal = exponents(handle, output_angle(memory));
+    const S ratio[3] = {exp(memory.scale * nominal.at[0]), exp(memory.scale * nominal.at[1]),
+                        exp(memory.scale * nominal.at[2])};
+    S position[2];
+    for (int i = 0; i < 2; ++i) position[i] = follow_to_stem(i, drawn, ratio, memory);
+    place_tip(position, ratio, memory);
+    learn(position, ratio, nominal, memory);
+    for (int i = 0; i < 2; ++i) follow_to_tip(i, position[i], ratio, memory);
+  }
+
+  S output_angle(const Memory& memory) const {
+    const S most = model.axis.distal.limit() * S(0.999);
+    return model.axis.distal.angle(clamp(memory.tip / model.axis.distal.excursion_slope(), -most, most));
+  }
+
+  /// How far the tip lags behind where tendons that do not stretch would hold it, as tendon length, m.
+  S lag(const Memory& memory) const { return model.drawn(memory.smooth.handle_angle) - memory.tip; }
+
+  /// Differential stroke that friction takes before the tip moves toward flexion (direction 1) or extension (-1), m.
+  S breakaway(const Memory& memory, const S& direction) const {
+    const Exponents nominal = exponents(memory.smooth.handle_angle, output_angle(memory));
+    const S at_tip = exp(memory.scale * nominal.at[2]);
+    const S whole = exp(memory.scale * (nominal.at[0] + nominal.at[1] + nominal.at[2]));
+    const auto& pulled = memory.tendon[direction > S(0) ? agonist : antagonist];
+    const auto& held = memory.tendon[direction > S(0) ? antagonist : agonist];
+    const S needed = pulled.tension[3] - held.tension[3];
+    const S in_stem = needed - (pulled.tension[2] / at_tip - held.tension[2] * at_tip);
+    const S at_spool = needed - (pulled.tension[0] / whole - held.tension[0] * whole);
+    return unit_of(memory) * S(0.5) *
+           (model.share[2] * larger(in_stem, S(0)) + (model.share[0] + model.share[1]) * larger(at_spool, S(0)));
+  }
+
+  Estimate<S> estimate(const Memory& memory) const {
+    Estimate<S> estimate{};
+    const A& axis = model.axis;
+    const S angle = output_angle(memory);
+    const S x = axis.distal.coordinate(angle);
+    const S arm = axis.distal.moment_arm(x);
+    estimate.output_angle = angle;
+    estimate.output_angle_std = deviation(memory) / arm;
+    const auto& tendon = memory.tendon;
+    const S reach = axis.distal.tangential_arm(x);
+    estimate.tip_force =
+        ((tendon[agonist].tension[3] - tendon[antagonist].tension[3]) * arm - axis.distal.passive_stiffness() * angle) /
+        reach;
+    S hidden(0);
+    for (const auto& one : tendon) {
+      const S band = memory.scale * model.vertex * axis.distal.wrap_angle(angle) * one.tension[2];
+      const S stretch = deviation(memory) * axis.stiffness;
+      hidden = hidden + band * band * S(1.0 / 3) + stretch * stretch;
+    }
+    estimate.tip_force_std = sqrt(hidden) * arm / reach;
+    estimate.friction_scale = memory.scale;
+    estimate.friction_scale_std = sqrt(memory.covariance[0][0]);
+    return estimate;
+  }
+
+  /// Deviation of the tip, as tendon length, m.
+  S deviation(const Memory& memory) const {
+    const auto& tendon = memory.tendon;
+    const S unit = unit_of(memory);
+    S by_friction(0);
+    S by_compliance(0);
+    for (int i = 0; i < 2; ++i) {
+      const S side = i == agonist ? S(0.5) : S(-0.5);
+      by_friction = by_friction + side * model.share[2] * unit * (tendon[i].tension[0] - tendon[i].tension[2]);
+      by_compliance = by_compliance - side * stretch(tendon[i], unit);
+    }
+    by_friction = by_friction / memory.scale;
+    by_compliance = by_compliance / memory.compliance;
+    const S unseen = larger(memory.freedom[0], memory.freedom[1]);
+    const auto& p = memory.covariance;
+    return sqrt(unseen * unseen * S(1.0 / 3) + by_friction * by_friction * p[0][0] + p[1][1] * S(0.25) +
+                by_compliance * by_compliance * p[2][2] + settings.play * settings.play * S(1.0 / 16));
+  }
+
+ private:
+  struct Exponents {
+    S at[3]{};
+  };
+
+  Exponents exponents(const S& handle, const S& angle) const {
+    const S bend = model.sheath_bend + model.sheath_bend_rate * abs(handle);
+    return {{model.sheath * bend, model.vertex * model.axis.proximal.wrap_angle(handle),
+             model.vertex * model.axis.distal.wrap_angle(angle)}};
+  }
+
+  // Stretch of a whole tendon per newton, m/N.
+  S unit_of(const Memory& memory) const { return memory.compliance / model.axis.stiffness; }
+
+  S stretch(const TendonMemory<S>& one, const S& unit) const {
+    S sum(0);
+    for (int j = 0; j < 4; ++j) sum = sum + model.share[j] * (one.tension[j] - model.axis.pretension);
+    return sum * unit;
+  }
+
+  S stretch_of(int segment, const S& tension, const S& unit) const {
+    return model.share[segment] * unit * (tension - model.axis.pretension);
+  }
+
+  void start(const Measurement<S>& measured, Memory& memory) const {
+    memory = {};
+    memory.started = true;
+    memory.smooth = measured;
+    memory.covariance[0][0] = settings.scale_std * settings.scale_std;
+    memory.covariance[1][1] = settings.reference_std * settings.reference_std;
+    memory.covariance[2][2] = settings.compliance_std * settings.compliance_std;
+    const S drawn = model.drawn(measured.handle_angle);
+    const S unit = unit_of(memory);
+    S tip(0);
+    for (int i = 0; i < 2; ++i) {
+      auto& one = memory.tendon[i];
+      for (S& tension : one.tension) tension = measured.tension[i];
+      const S side = i == agonist ? S(1) : S(-1);
+      const S wound = model.spool_radius * measured.spool_angle[i];
+      one.slip[0].dragged = wound - stretch_of(0, measured.tension[i], unit);
+      one.slip[1].dragged = one.slip[0].dragged + side * drawn - stretch_of(1, measured.tension[i], unit);
+      tip = tip + side * S(0.5) * (wound + side * drawn - stretch(one, unit));
+    }
+    memory.tip = tip;
+    memory.tendon[agonist].slip[2].dragged = tip;
+    memory.tendon[antagonist].slip[2].dragged = -tip;
+  }
+
+  void smooth(const Measurement<S>& measured, const S& dt, Measurement<S>& smooth) const {
+    const S share = dt / (settings.smoothing + dt);
+    const auto approach = [&](S& at, const S& to) { at = at + (to - at) * share; };
+    approach(smooth.handle_angle, measured.handle_angle);
+    for (int i = 0; i < 2; ++i) {
+      approach(smooth.tension[i], measured.tension[i]);
+      approach(smooth.spool_angle[i], measured.spool_angle[i]);
+    }
+  }
+
+  void grow(const S& dt, Memory& memory) const {
+    const S start[3] = {settings.scale_std, settings.reference_std, settings.compliance_std};
+    for (int n = 0; n < 3; ++n) {
+      const S most = start[n] * start[n];
+      const S grown = memory.covariance[n][n] + most * settings.forgetting * settings.forgetting * dt;
+      memory.covariance[n][n] = smaller(grown, most);
+    }
+  }
+
+  // From the spool past the handle's joint; returns where the tendon stands there.
+  S follow_to_stem(int i, const S& drawn, const S* ratio, Memory& memory) const {
+    auto& one = memory.tendon[i];
+    const S unit = unit_of(memory);
+    const S side = i == agonist ? S(1) : S(-1);
+    one.tension[0] = larger(memory.smooth.tension[i], S(0));
+    const S at_sheath = model.spool_radius * memory.smooth.spool_angle[i] - stretch_of(0, one.tension[0], unit);
+    one.slip[0] = follow(one.slip[0], at_sheath, settings.play);
+    one.tension[1] = beyond(ratio[0], one.tension[0], one.tension[1], one.slip[0].evidence);
+    const S at_handle =
+        at_sheath + side * drawn - stretch_of(1, one.tension[1], unit) - memory.reference * S(0.5);
+    one.slip[1] = follow(one.slip[1], at_handle, settings.play);
+    return at_handle;
+  }
+
+  // Where a tendon of a tension in the stem has the tip, as tendon length from the agonist's view.
+  S tip_by(int i, const S& position, const S& stem, const Memory& memory) const {
+    const S unit = unit_of(memory);
+    const S length = position - stretch_of(2, stem, unit) - stretch_of(3, memory.tendon[i].tension[3], unit);
+    return i == agonist ? length : -length;
+  }
+
+  bool slack(const TendonMemory<S>& one) const { return one.tension[0] <= settings.slack_below; }
+
+  void place_tip(const S* position, const S* ratio, Memory& memory) const {
+    S low = -std::numeric_limits<S>::max();
+    S high = std::numeric_limits<S>::max();
+    S pull(0);
+    S weight(0);
+    for (int i = 0; i < 2; ++i) {
+      auto& one = memory.tendon[i];
+      if (slack(one)) continue;
+      const S at_low = tip_by(i, position[i], one.tension[1] / ratio[1], memory);
+      const S at_high = tip_by(i, position[i], one.tension[1] * ratio[1], memory);
+      low = larger(low, smaller(at_low, at_high));
+      high = smaller(high, larger(at_low, at_high));
+      const S evidence = one.slip[1].evidence;
+      pull = pull + abs(evidence) * ((evidence > S(0) ? at_low : at_high) - memory.tip);
+      weight = weight + abs(evidence);
+    }
+    S tip = memory.tip + pull / larger(weight, S(1));
+    tip = low <= high ? clamp(tip, low, high) : (low + high) * S(0.5);
+    memory.tip = tip;
+  }
+
+  void follow_to_tip(int i, const S& position, const S* ratio, Memory& memory) const {
+    auto& one = memory.tendon[i];
+    const S unit = unit_of(memory);
+    const S side = i == agonist ? S(1) : S(-1);
+    const S stem = model.axis.pretension +
+                   (position - side * memory.tip - stretch_of(3, one.tension[3], unit)) / (model.share[2] * unit);
+    one.tension[2] = clamp(stem, one.tension[1] / ratio[1], one.tension[1] * ratio[1]);
+    one.slip[2] = follow(one.slip[2], side * memory.tip, settings.play);
+    one.tension[3] = beyond(ratio[2], one.tension[2], one.tension[3], one.slip[2].evidence);
+    // Unseen, a tip that goes with a tendon lowers its tension to the lower edge, one that goes against it raises it.
+    const S whole = ratio[0] * ratio[1];
+    const S stretch = model.share[2] * unit;
+    const S with = slack(one) ? std::numeric_limits<S>::max() : stretch * (one.tension[2] - one.tension[0] / whole);
+    const S against = slack(one) ? std::numeric_limits<S>::max() : stretch * (one.tension[0] * whole - one.tension[2]);
+    const S toward[2] = {i == agonist ? with : against, i == agonist ? against : with};
+    for (int n = 0; n < 2; ++n)
+      memory.freedom[n] = larger(i == agonist ? toward[n] : smaller(memory.freedom[n], toward[n]), S(0));
+  }
+
+  // Both slip the same way: their two accounts of the tip differ by what is wrong with friction, lengths, stiffness.
+  void learn(const S* position, const S* ratio, const Exponents& nominal, Memory& memory) const {
+    const S first = memory.tendon[agonist].slip[1].evidence;
+    const S second = memory.tendon[antagonist].slip[1].evidence;
+    memory.common = S(0);
+    for (auto& one : memory.tendon) {
+      const S evidence = one.slip[1].evidence;
+      const bool turned = evidence * one.run < S(0);
+      one.run = clamp(turned ? evidence : one.run + evidence, S(-8), S(8));
+      if (slack(one)) return;
+    }
+    const S weight = smaller(abs(first), abs(second));
+    const bool firm = smaller(memory.tendon[agonist].run, memory.tendon[antagonist].run) > S(2) ||
+                      larger(memory.tendon[agonist].run, memory.tendon[antagonist].run) < S(-2);
+    if (!(first * second > S(0)) || !firm) return;
+    const S direction = first > S(0) ? S(1) : S(-1);
+    memory.common = direction;
+    const S unit = unit_of(memory);
+    S residual(0);
+    S by[3] = {S(0), S(-1), S(0)};
+    for (int i = 0; i < 2; ++i) {
+      const auto& one = memory.tendon[i];
+      const S stem = direction > S(0) ? one.tension[1] / ratio[1] : one.tension[1] * ratio[1];
+      residual = residual + position[i] - stretch_of(2, stem, unit) - stretch_of(3, one.tension[3], unit);
+      by[0] = by[0] + direction * unit *
+                          (model.share[1] * nominal.at[0] * one.tension[1] +
+                           model.share[2] * (nominal.at[0] + nominal.at[1]) * stem);
+      by[2] = by[2] - stretch(one, unit) / memory.compliance;
+    }
+    const S noise = settings.play * settings.play / weight;
+    S gain[3];
+    S spread = noise;
+    for (int n = 0; n < 3; ++n) {
+      gain[n] = S(0);
+      for (int m = 0; m < 3; ++m) gain[n] = gain[n] + memory.covariance[n][m] * by[m];
+    }
+    for (int n = 0; n < 3; ++n) spread = spread + by[n] * gain[n];
+    const S share = S(1) / spread;
+    memory.scale = clamp(memory.scale - gain[0] * residual * share, S(0.05), S(20));
+    memory.reference = memory.reference - gain[1] * residual * share;
+    memory.compliance = clamp(memory.compliance - gain[2] * residual * share, S(0.5), S(2));
+    for (int n = 0; n < 3; ++n)
+      for (int m = 0; m < 3; ++m) memory.covariance[n][m] = memory.covariance[n][m] - gain[n] * gain[m] * share;
+  }
+};
+
+}  // namespace tenodesis
