@@ -1,14 +1,15 @@
 #pragma once
 // What the motors should do about the angle that is lost.
 //
-// Lengths of tendon throughout: the agonist's motor winds the differential stroke on and the antagonist's lets it out,
-// which moves the tip; a common stroke winds both, which moves their tension.
+// In lengths of tendon: a differential stroke winds the agonist and lets the antagonist out, which moves the tip; a
+// common stroke winds both, which moves their tension.
 //
-// The robust law spends the common stroke on knowledge. While both motors pull, every contact slips toward its spool,
-// and the observer sees the tip; so it corrects while pulling, slower than it pulls, so that neither tendon turns back.
-// It then lets out further than it pulled, correcting still, and pulls in again to the mean tension it started from.
-// There it rests, every contact on the edge of slipping toward the spool: whichever way a load pushes the tip, one of
-// the tendons gives way and tells.
+// The robust law spends common stroke on knowledge. While both motors wind, every contact slips toward its spool and
+// the observer sees the tip; so it corrects while winding, by less than it winds, so that neither tendon turns back.
+// Letting both out does as well, so that it winds when the mean tension is low and lets out when it is high. Where it
+// stops, every contact is on the same edge of its friction: whichever way a load pushes the tip next, one of the
+// tendons slips at once and tells. While the hand moves, the hand makes the tendons slip, and no common stroke is
+// needed.
 
 #include "tenodesis/observer.hpp"
 
@@ -19,24 +20,24 @@ enum class ControlLaw : unsigned char {
   paper,           ///< eq. 22 as a set point of the spools
   paper_feedback,  ///< the pseudo-error by eq. 19 winds the spools until it is gone
   exact,           ///< the whole stroke that frictionless theory asks for, slack included, as a set point
-  robust,          ///< pulls to know, corrects while pulling
+  robust,          ///< knows by common strokes, corrects during them; needs the friction observer
 };
 
 template <class S>
 struct CompensatorSettings {
   S gain{};            ///< of the tip's lag, 1/s
-  S breakaway_time{};  ///< in which the friction that holds a tip is overcome, s
+  S breakaway_time{};  ///< in which the friction that holds a tip after the hand has turned is overcome, s
   S position_gain{};   ///< of a spool's set point, 1/s
   S dead_band{};       ///< of the output angle, rad
   S speed{};           ///< of a tendon at most, m/s
-  S common_speed{};    ///< of the common stroke, m/s
+  S common_speed{};    ///< of a common stroke at least, m/s
   S common_stroke{};   ///< at most to either side of where it keeps the tendons tight, m
   S far{};             ///< lag beyond which it is made up without common stroke first, in dead bands
   S patience{};        ///< for which that is tried, s
   S least_tension{};   ///< that either tendon is to keep in the stem, N
-  S tension_limit{};   ///< N
-  S hand_play{};       ///< within which a handle counts as held, rad
-  S still_time{};      ///< for which it must be, s
+  S tension_limit{};   ///< above which no tendon is wound, N
+  S hand_travel{};     ///< from which on a hand moves, rad
+  S still_time{};      ///< after which one that does not move is still, s
 };
 
 enum class Phase : unsigned char { rest, track, pull, release };
@@ -44,73 +45,125 @@ enum class Phase : unsigned char { rest, track, pull, release };
 template <class S>
 struct CompensatorState {
   Phase phase{Phase::track};
-  S handle_angle{};  ///< smoothed, rad
-  S anchor{};        ///< where the handle was last held, rad
-  S hand{};          ///< direction that it was last moved in
-  S still{};         ///< time that the handle has been held, s
+  S handle_angle{};  ///< with the observer's play, rad
+  S held_angle{};    ///< where the handle was last still, rad
+  bool moving{};     ///< whether the hand moves
+  S hand{};          ///< direction that the handle was last moved in
+  S still{};         ///< time that it has been held, s
   S since{};         ///< time in this phase, s
 };
 
-/// Speeds of the two tendons at the spools, winding positive, m/s.
-template <class S>
-struct Winding {
-  S agonist{};
-  S antagonist{};
-};
-
 template <class A>
-struct RobustLaw {
+struct Compensator {
   using S = A::Scalar;
   using State = CompensatorState<S>;
 
   ControlModel<A> model{};
   CompensatorSettings<S> settings{};
+  ControlLaw law{ControlLaw::off};
   Actuation actuation{Actuation::differential};
 
-  /// lag: of the tip, m; memory: the friction observer's.
-  Winding<S> wind(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
-                  State& state) const {
-    const S lag = observer.lag(memory);
-    const S x = model.axis.distal.coordinate(observer.output_angle(memory));
-    const S dead = settings.dead_band * model.axis.distal.moment_arm(x);
-    watch_hand(memory.smooth.handle_angle, dt, state);
-    const bool moving = state.still < settings.still_time;
-    if (actuation == Actuation::agonist) {
-      const bool resting = state.phase == Phase::rest;
-      state.phase = abs(lag) > (resting ? S(2) * dead : dead * S(0.5)) ? Phase::track : Phase::rest;
-      if (state.phase == Phase::rest) return {};
-      return {clamp(S(2) * settings.gain * lag, -settings.speed, settings.speed), S(0)};
+  /// Speeds to wind with, m/s; the measurement's spool angles count from home.
+  Winding<S> wind(const Measurement<S>& measured, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
+                  const S& dt, State& state) const {
+    switch (law) {
+      case ControlLaw::off:
+        break;
+      case ControlLaw::paper:
+      case ControlLaw::exact:
+        return guarded(measured, to_set_point(measured));
+      case ControlLaw::paper_feedback:
+        return guarded(measured, by_pseudo_error(measured));
+      case ControlLaw::robust:
+        return guarded(measured, actuation == Actuation::agonist ? one_motor(observer, memory, state)
+                                                                 : two_motors(observer, memory, dt, state));
     }
-    const S common = model.spool_radius * (memory.smooth.spool_angle[0] + memory.smooth.spool_angle[1]) * S(0.5);
-    const S wanted = wanted_common(memory);
-    choose(lag, dead, moving, common - wanted, memory, dt, state);
+    return {};
+  }
+
+ private:
+  S dead_length(const S& output_angle) const {
+    return settings.dead_band * model.axis.distal.moment_arm(model.axis.distal.coordinate(output_angle));
+  }
+
+  S wound(const Measurement<S>& measured, int i) const { return model.spool_radius * measured.spool_angle[i]; }
+
+  S limited(const S& speed) const { return clamp(speed, -settings.speed, settings.speed); }
+
+  // Near the tension limit a tendon is wound slower, at the limit not at all.
+  Winding<S> guarded(const Measurement<S>& measured, const Winding<S>& wanted) const {
+    const auto guard = [&](const S& tension, const S& speed) {
+      const S room = clamp((settings.tension_limit - tension) / (S(0.1) * settings.tension_limit), S(0), S(1));
+      return speed > S(0) ? speed * room : speed;
+    };
+    return {guard(measured.tension[agonist], wanted.agonist), guard(measured.tension[antagonist], wanted.antagonist)};
+  }
+
+  Winding<S> to_set_point(const Measurement<S>& measured) const {
+    const Tensions<S> tension{measured.tension[agonist], measured.tension[antagonist]};
+    const Law theory = law == ControlLaw::paper ? Law::paper : Law::exact;
+    const Result<S> found = compensation_stroke(model.axis, tension, actuation, theory);
+    // Where no stroke gives the angle back, the agonist let out to its end is the most there is.
+    const S stroke = found.status == Status::ok ? found.value : -model.axis.pretension / model.axis.stiffness;
+    const auto approach = [&](int i, const S& target) {
+      const S missing = target - wound(measured, i);
+      return abs(missing) <= dead_length(S(0)) ? S(0) : limited(settings.position_gain * missing);
+    };
+    return {approach(agonist, stroke), actuation == Actuation::differential ? approach(antagonist, -stroke) : S(0)};
+  }
+
+  Winding<S> by_pseudo_error(const Measurement<S>& measured) const {
+    const S estimated = paper_output_angle(model, measured);
+    const S missing = model.drawn(measured.handle_angle) - model.taken(estimated);
+    if (abs(missing) <= dead_length(estimated)) return {};
+    const S speed = limited(settings.gain * missing);
+    return {speed, actuation == Actuation::differential ? -speed : S(0)};
+  }
+
+  // One motor cannot make both tendons slip the same way: it corrects by what the observer knows.
+  Winding<S> one_motor(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, State& state) const {
+    const S lag = observer.lag(memory);
+    const S dead = dead_length(observer.output_angle(memory));
+    const bool resting = state.phase == Phase::rest;
+    state.phase = abs(lag) > (resting ? S(2) * dead : dead * S(0.5)) ? Phase::track : Phase::rest;
+    return {state.phase == Phase::rest ? S(0) : limited(S(2) * settings.gain * lag), S(0)};
+  }
+
+  Winding<S> two_motors(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
+                        State& state) const {
+    const S lag = observer.lag(memory);
+    const S dead = dead_length(observer.output_angle(memory));
+    const bool moving = watch_hand(memory.smooth.handle_angle, dt, state);
+    const S common = (wound(memory.smooth, agonist) + wound(memory.smooth, antagonist)) * S(0.5);
+    choose(lag, dead, moving, common - wanted_common(memory), observer, memory, dt, state);
     if (state.phase == Phase::rest) return {};
     S across = settings.gain * lag;
     if (moving && lag * state.hand > dead) {
-      // The hand has turned and friction holds the tip: make that up before the tip is late.
+      // The hand has turned and friction holds the tip: that is made up before the tip is late.
       across = across + state.hand * observer.breakaway(memory, state.hand) / settings.breakaway_time;
     }
-    if (state.phase == Phase::track) {
-      across = clamp(across, -settings.speed, settings.speed);
-      return {across, -across};
-    }
+    if (state.phase == Phase::track) return {limited(across), -limited(across)};
     across = clamp(across, -ride * settings.speed, ride * settings.speed);
     const S along = larger(settings.common_speed, abs(across) / ride) * (state.phase == Phase::pull ? S(1) : S(-1));
     return {along + across, along - across};
   }
 
- private:
   // Of the common speed, what the differential one may be at most: neither tendon is to turn back.
   static constexpr S ride = S(0.8);
 
-  // A handle counts as moving from when it leaves a play wider than its encoder's noise.
-  void watch_hand(const S& handle_angle, const S& dt, State& state) const {
-    state.handle_angle = state.handle_angle + (handle_angle - state.handle_angle) * (dt / (S(0.02) + dt));
-    const S anchor =
-        clamp(state.anchor, state.handle_angle - settings.hand_play, state.handle_angle + settings.hand_play);
-    if (anchor != state.anchor) state.hand = anchor > state.anchor ? S(1) : S(-1);
-    state.still = anchor == state.anchor ? smaller(state.still + dt, S(1)) : S(0);
-    state.anchor = anchor;
+  // A hand moves from when it has gone further than noise would take it until it has been still for a while.
+  bool watch_hand(const S& handle_angle, const S& dt, State& state) const {
+    const S moved = handle_angle - state.handle_angle;
+    state.handle_angle = handle_angle;
+    if (moved != S(0)) state.hand = moved > S(0) ? S(1) : S(-1);
+    state.still = moved == S(0) ? smaller(state.still + dt, settings.still_time) : S(0);
+    if (state.still >= settings.still_time) {
+      state.held_angle = handle_angle;
+      state.moving = false;
+    } else if (abs(handle_angle - state.held_angle) > settings.hand_travel) {
+      state.moving = true;
+    }
+    return state.moving;
   }
 
   // The common stroke at which the looser tendon keeps its least tension.
@@ -121,29 +174,27 @@ struct RobustLaw {
     return larger(more, S(0)) * memory.compliance / model.axis.stiffness;
   }
 
-  static bool slipped(const FrictionMemory<S>& memory, const S& direction) {
-    return memory.tendon[agonist].run * direction > S(4) && memory.tendon[antagonist].run * direction > S(4);
-  }
-
-  void choose(const S& lag, const S& dead, bool moving, const S& above, const FrictionMemory<S>& memory, const S& dt,
-              State& state) const {
+  void choose(const S& lag, const S& dead, bool moving, const S& above, const FrictionObserver<A>& observer,
+              const FrictionMemory<S>& memory, const S& dt, State& state) const {
     const S unseen = larger(memory.freedom[0], memory.freedom[1]);
+    const bool near = abs(lag) < dead;
     const bool far = abs(lag) > settings.far * dead;
     state.since = smaller(state.since + dt, S(10));
     if (moving || (far && state.phase == Phase::rest)) return turn(Phase::track, state);
     switch (state.phase) {
       case Phase::track:
+        if (near && unseen < S(4) * dead) return turn(Phase::rest, state);
         if (!far || state.since > settings.patience) turn(above > S(0) ? Phase::release : Phase::pull, state);
         return;
       case Phase::rest:
         if (abs(lag) > S(2) * dead || unseen > S(4) * dead) turn(above > S(0) ? Phase::release : Phase::pull, state);
         return;
       case Phase::pull:
-        if (slipped(memory, S(1)) && abs(lag) < dead) return turn(Phase::rest, state);
+        if (observer.slip_together(memory, S(1)) && near) return turn(Phase::rest, state);
         if (above > settings.common_stroke) turn(Phase::release, state);
         return;
       case Phase::release:
-        if (slipped(memory, S(-1)) && abs(lag) < dead) return turn(Phase::rest, state);
+        if (observer.slip_together(memory, S(-1)) && near) return turn(Phase::rest, state);
         if (above < -settings.common_stroke) turn(Phase::pull, state);
         return;
     }

@@ -27,6 +27,13 @@ struct Estimate {
   S friction_scale_std{};  ///< 1
 };
 
+/// Speeds of the two tendons at the spools, winding positive, m/s.
+template <class S>
+struct Winding {
+  S agonist{};
+  S antagonist{};
+};
+
 /// The constants of one axis that observers and compensators go by.
 template <class A>
 struct ControlModel {
@@ -45,9 +52,7 @@ struct ControlModel {
     return axis.proximal.excursion_slope() * axis.proximal.coordinate(handle_angle);
   }
   /// The same at the tip, for an output angle.
-  S taken(const S& output_angle) const {
-    return axis.distal.excursion_slope() * axis.distal.coordinate(output_angle);
-  }
+  S taken(const S& output_angle) const { return axis.distal.excursion_slope() * axis.distal.coordinate(output_angle); }
 };
 
 }  // namespace tenodesis

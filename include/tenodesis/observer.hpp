@@ -26,14 +26,22 @@ S paper_output_angle(const ControlModel<A>& model, const Measurement<S>& measure
 /// Where a tendon stands at a contact, with play: it counts as slipping only once it has moved by more than noise does.
 template <class S>
 struct Slip {
-  S dragged{};    ///< position that the play was last dragged to, m
-  S evidence{};   ///< share of a play it was dragged by just now, negative toward the tip
+  S dragged{};   ///< position that the play was last dragged to, m
+  S evidence{};  ///< share of a play that it was dragged by just now, negative toward the tip
+  S run{};       ///< plays that it has been dragged one way without turning, up to most_run
 };
+
+inline constexpr int most_run = 8;
+/// Plays after which nothing is left of what was there before a turn.
+inline constexpr int firm_run = 4;
 
 template <class S>
 Slip<S> follow(const Slip<S>& before, const S& position, const S& play) {
-  Slip<S> after{clamp(before.dragged, position - play * S(0.5), position + play * S(0.5)), S(0)};
+  Slip<S> after{};
+  after.dragged = clamp(before.dragged, position - play * S(0.5), position + play * S(0.5));
   after.evidence = clamp((after.dragged - before.dragged) / play, S(-1), S(1));
+  const bool turned = after.evidence * before.run < S(0);
+  after.run = clamp(after.evidence + (turned ? S(0) : before.run), S(-most_run), S(most_run));
   return after;
 }
 
@@ -49,34 +57,37 @@ S beyond(const S& ratio, const S& near, const S& held, const S& evidence) {
 /// What the friction observer remembers of one tendon.
 template <class S>
 struct TendonMemory {
-  S tension[4]{};   ///< beside the spool, before the handle's joint, in the stem, at the tip, N
+  S tension[4]{};     ///< beside the spool, before the handle's joint, in the stem, at the tip, N
   Slip<S> slip[3]{};  ///< at the sheath, at the handle's joint, at the tip
-  S run{};          ///< how many plays it has slipped one way past the handle's joint, negative toward the tip
 };
 
 template <class S>
 struct FrictionMemory {
   TendonMemory<S> tendon[2]{};
-  Measurement<S> smooth{};
-  S tip{};             ///< tendon length taken by the tip, m
-  S scale{1};          ///< of friction
-  S reference{};       ///< by how much both tendons together are longer than their references, m
-  S compliance{1};     ///< of the tendons over the parameters'
-  S covariance[3][3]{};  ///< of scale, reference, compliance
-  S freedom[2]{};      ///< how far the tip may have moved unseen, toward flexion and extension, m
-  S common{};          ///< how surely both tendons slip the same way now: 1 toward the spools, -1 toward the tip
+  S handle_angle{};         ///< smoothed, rad
+  Measurement<S> smooth{};  ///< with play in the handle angle
+  S tip{};                  ///< tendon length taken by the tip, m
+  S scale{1};               ///< of friction
+  S reference{};            ///< by how much both tendons together are longer than their references, m
+  S compliance{1};          ///< of the tendons over the parameters'
+  S covariance[3][3]{};     ///< of scale, reference, compliance
+  S freedom[2]{};           ///< how far the tip may have moved unseen, toward flexion and extension, m
+  S common{};               ///< how surely both tendons slip the same way now: 1 toward the spools, -1 toward the tip
   bool started{};
 };
 
 template <class S>
 struct FrictionSettings {
-  S play{};             ///< of slip, above what encoders' noise and steps move it by, m
-  S smoothing{};        ///< time constant of the measurements, s
-  S scale_std{};        ///< of the friction scale at the start
-  S reference_std{};    ///< m
-  S compliance_std{};   ///< of the compliance at the start
-  S forgetting{};       ///< growth of the three deviations, share of the start's per root second
-  S slack_below{};      ///< N
+  S hand_play{};       ///< half the play that keeps the handle encoder's noise and steps from the tendons, rad
+  S sheath_play{};     ///< of a tendon's slip in the sheath, m
+  S length_noise{};    ///< of two tendons' lengths compared over one play of slip, m
+  S play{};            ///< of a slipping tendon, above what noise moves it by, m
+  S smoothing{};       ///< time constant of the measurements, s
+  S scale_std{};       ///< of the friction scale at the start
+  S reference_std{};   ///< m
+  S compliance_std{};  ///< of the compliance at the start
+  S forgetting{};      ///< growth of the three deviations, share of the start's per root second
+  S slack_below{};     ///< N
 };
 
 /// Follows both tendons' friction from the spools to the tip.
@@ -90,7 +101,7 @@ struct FrictionObserver {
 
   void update(const Measurement<S>& measured, const S& dt, Memory& memory) const {
     if (!memory.started) start(measured, memory);
-    smooth(measured, dt, memory.smooth);
+    smooth(measured, dt, memory);
     grow(dt, memory);
     const S handle = memory.smooth.handle_angle;
     const S drawn = model.drawn(handle);
@@ -151,6 +162,15 @@ struct FrictionObserver {
     return estimate;
   }
 
+  /// Whether both tendons have been slipping toward the spools (direction 1) or the tip (-1), at sheath and handle, for
+  /// long enough that their tensions lie on their edges.
+  bool slip_together(const Memory& memory, const S& direction) const {
+    for (const auto& one : memory.tendon)
+      if (slack(one) || one.slip[0].run * direction < S(firm_run) || one.slip[1].run * direction < S(firm_run))
+        return false;
+    return true;
+  }
+
   /// Deviation of the tip, as tendon length, m.
   S deviation(const Memory& memory) const {
     const auto& tendon = memory.tendon;
@@ -198,6 +218,7 @@ struct FrictionObserver {
     memory = {};
     memory.started = true;
     memory.smooth = measured;
+    memory.handle_angle = measured.handle_angle;
     memory.covariance[0][0] = settings.scale_std * settings.scale_std;
     memory.covariance[1][1] = settings.reference_std * settings.reference_std;
     memory.covariance[2][2] = settings.compliance_std * settings.compliance_std;
@@ -218,10 +239,13 @@ struct FrictionObserver {
     memory.tendon[antagonist].slip[2].dragged = -tip;
   }
 
-  void smooth(const Measurement<S>& measured, const S& dt, Measurement<S>& smooth) const {
+  void smooth(const Measurement<S>& measured, const S& dt, Memory& memory) const {
+    Measurement<S>& smooth = memory.smooth;
     const S share = dt / (settings.smoothing + dt);
     const auto approach = [&](S& at, const S& to) { at = at + (to - at) * share; };
-    approach(smooth.handle_angle, measured.handle_angle);
+    approach(memory.handle_angle, measured.handle_angle);
+    smooth.handle_angle =
+        clamp(smooth.handle_angle, memory.handle_angle - settings.hand_play, memory.handle_angle + settings.hand_play);
     for (int i = 0; i < 2; ++i) {
       approach(smooth.tension[i], measured.tension[i]);
       approach(smooth.spool_angle[i], measured.spool_angle[i]);
@@ -244,10 +268,9 @@ struct FrictionObserver {
     const S side = i == agonist ? S(1) : S(-1);
     one.tension[0] = larger(memory.smooth.tension[i], S(0));
     const S at_sheath = model.spool_radius * memory.smooth.spool_angle[i] - stretch_of(0, one.tension[0], unit);
-    one.slip[0] = follow(one.slip[0], at_sheath, settings.play);
+    one.slip[0] = follow(one.slip[0], at_sheath, settings.sheath_play);
     one.tension[1] = beyond(ratio[0], one.tension[0], one.tension[1], one.slip[0].evidence);
-    const S at_handle =
-        at_sheath + side * drawn - stretch_of(1, one.tension[1], unit) - memory.reference * S(0.5);
+    const S at_handle = at_sheath + side * drawn - stretch_of(1, one.tension[1], unit) - memory.reference * S(0.5);
     one.slip[1] = follow(one.slip[1], at_handle, settings.play);
     return at_handle;
   }
@@ -306,17 +329,9 @@ struct FrictionObserver {
     const S first = memory.tendon[agonist].slip[1].evidence;
     const S second = memory.tendon[antagonist].slip[1].evidence;
     memory.common = S(0);
-    for (auto& one : memory.tendon) {
-      const S evidence = one.slip[1].evidence;
-      const bool turned = evidence * one.run < S(0);
-      one.run = clamp(turned ? evidence : one.run + evidence, S(-8), S(8));
-      if (slack(one)) return;
-    }
-    const S weight = smaller(abs(first), abs(second));
-    const bool firm = smaller(memory.tendon[agonist].run, memory.tendon[antagonist].run) > S(2) ||
-                      larger(memory.tendon[agonist].run, memory.tendon[antagonist].run) < S(-2);
-    if (!(first * second > S(0)) || !firm) return;
     const S direction = first > S(0) ? S(1) : S(-1);
+    const S weight = smaller(abs(first), abs(second));
+    if (!(first * second > S(0)) || !slip_together(memory, direction)) return;
     memory.common = direction;
     const S unit = unit_of(memory);
     S residual(0);
@@ -330,7 +345,7 @@ struct FrictionObserver {
                            model.share[2] * (nominal.at[0] + nominal.at[1]) * stem);
       by[2] = by[2] - stretch(one, unit) / memory.compliance;
     }
-    const S noise = settings.play * settings.play / weight;
+    const S noise = settings.length_noise * settings.length_noise / weight;
     S gain[3];
     S spread = noise;
     for (int n = 0; n < 3; ++n) {
