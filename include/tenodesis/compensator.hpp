@@ -33,8 +33,6 @@ struct CompensatorSettings {
   S common_speed{};    ///< of a common stroke at least, m/s
   S common_stroke{};   ///< at most to either side of where it keeps the tendons tight, m
   S stroke_share{};    ///< more of it per stroke that keeps them tight
-  S reach_growth{1};   ///< of the next stroke if one was too short
-  S most_reach{1};     ///< by which strokes have grown at most
   S far{};             ///< lag beyond which it is made up without common stroke first, in dead bands
   S patience{};        ///< for which that is tried, s
   S least_tension{};   ///< that either tendon is to keep in the stem, N
@@ -54,8 +52,7 @@ struct CompensatorState {
   S hand{};          ///< direction that the handle was last moved in
   S still{};         ///< time that it has been held, s
   S since{};         ///< time in this phase, s
-  S turned{};        ///< common stroke at which the last one turned back, m
-  S reach{1};        ///< by which the common stroke has grown
+  S short_of{};      ///< by how much the last stroke ended early for a tendon getting loose, m
 };
 
 template <class A>
@@ -182,7 +179,7 @@ struct Compensator {
   void choose(const S& lag, const S& dead, bool moving, const S& above, const FrictionObserver<A>& observer,
               const FrictionMemory<S>& memory, const S& dt, State& state) const {
     const S unseen = larger(memory.freedom[0], memory.freedom[1]);
-    const S stroke = (settings.common_stroke + settings.stroke_share * wanted_common(memory)) * state.reach;
+    const S stroke = (settings.common_stroke + settings.stroke_share * wanted_common(memory));
     const S loosest = smaller(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]);
     const bool near = abs(lag) < dead;
     const bool far = abs(lag) > settings.far * dead;
@@ -198,28 +195,24 @@ struct Compensator {
         return;
       case Phase::pull:
         if (observer.slip_together(memory, S(1)) && near) return turn(Phase::rest, state);
-        if (above > larger(stroke, state.turned + S(2) * stroke)) turn_back(Phase::release, above, state);
+        if (above > larger(stroke, state.short_of + stroke)) turn_back(Phase::release, S(0), state);
         return;
       case Phase::release:
         if (observer.slip_together(memory, S(-1)) && near) return turn(Phase::rest, state);
-        if (above < -stroke || loosest < settings.least_tension) turn_back(Phase::pull, above, state);
+        if (above < -stroke || loosest < settings.least_tension)
+          turn_back(Phase::pull, larger(above + stroke, S(0)), state);
         return;
     }
   }
 
-  // A stroke that was too short for the friction at the tip is followed by a longer one.
-  void turn_back(Phase phase, const S& above, State& state) const {
+  void turn_back(Phase phase, const S& short_of, State& state) const {
     turn(phase, state);
-    state.turned = above;
-    state.reach = smaller(state.reach * settings.reach_growth, settings.most_reach);
+    state.short_of = short_of;
   }
 
   static void turn(Phase phase, State& state) {
     if (state.phase != phase) state.since = S(0);
-    if (phase == Phase::rest || phase == Phase::track) {
-      state.reach = S(1);
-      state.turned = S(0);
-    }
+    if (phase == Phase::rest || phase == Phase::track) state.short_of = S(0);
     state.phase = phase;
   }
 };
