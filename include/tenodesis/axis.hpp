@@ -5,9 +5,6 @@
 
 namespace tenodesis {
 
-/// Place of a tendon in a pair.
-inline constexpr int agonist = 0, antagonist = 1;
-
 /// Axial stiffness of a tendon of circular section, N/m: modulus (Pa) times section over length (m).
 template <class S>
 constexpr S tendon_stiffness(const S& modulus, const S& diameter, const S& length) {

@@ -125,7 +125,7 @@ struct Compensator {
   // One motor cannot make both tendons slip the same way: it corrects by what the observer knows.
   Winding<S> one_motor(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, State& state) const {
     const S lag = observer.lag(memory);
-    const S dead = dead_length(observer.output_angle(memory));
+    const S dead = dead_length(memory.output_angle);
     const bool resting = state.phase == Phase::rest;
     state.phase = abs(lag) > (resting ? S(2) * dead : dead * S(0.5)) ? Phase::track : Phase::rest;
     return {state.phase == Phase::rest ? S(0) : limited(S(2) * settings.gain * lag), S(0)};
@@ -134,7 +134,7 @@ struct Compensator {
   Winding<S> two_motors(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
                         State& state) const {
     const S lag = observer.lag(memory);
-    const S dead = dead_length(observer.output_angle(memory));
+    const S dead = dead_length(memory.output_angle);
     const bool moving = watch_hand(memory.smooth.handle_angle, dt, state);
     const S common = (wound(memory.smooth, agonist) + wound(memory.smooth, antagonist)) * S(0.5);
     choose(lag, dead, moving, common - wanted_common(memory), observer, memory, dt, state);
@@ -179,8 +179,9 @@ struct Compensator {
   void choose(const S& lag, const S& dead, bool moving, const S& above, const FrictionObserver<A>& observer,
               const FrictionMemory<S>& memory, const S& dt, State& state) const {
     const S unseen = larger(memory.freedom[0], memory.freedom[1]);
-    const S stroke = (settings.common_stroke + settings.stroke_share * wanted_common(memory));
+    const S stroke = settings.common_stroke + settings.stroke_share * wanted_common(memory);
     const S loosest = smaller(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]);
+    const S tightest = larger(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]);
     const bool near = abs(lag) < dead;
     const bool far = abs(lag) > settings.far * dead;
     state.since = smaller(state.since + dt, S(10));
@@ -195,7 +196,8 @@ struct Compensator {
         return;
       case Phase::pull:
         if (observer.slip_together(memory, S(1)) && near) return turn(Phase::rest, state);
-        if (above > larger(stroke, state.short_of + stroke)) turn_back(Phase::release, S(0), state);
+        if (above > larger(stroke, state.short_of + stroke) || tightest > S(0.95) * settings.tension_limit)
+          turn_back(Phase::release, S(0), state);
         return;
       case Phase::release:
         if (observer.slip_together(memory, S(-1)) && near) return turn(Phase::rest, state);

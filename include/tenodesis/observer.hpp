@@ -67,6 +67,7 @@ struct FrictionMemory {
   S handle_angle{};         ///< smoothed, rad
   Measurement<S> smooth{};  ///< with play in the handle angle
   S tip{};                  ///< tendon length taken by the tip, m
+  S output_angle{};  ///< that goes with it, rad
   S scale{1};               ///< of friction
   S reference{};            ///< by how much both tendons together are longer than their references, m
   S compliance{1};          ///< of the tendons over the parameters'
@@ -105,7 +106,7 @@ struct FrictionObserver {
     grow(dt, memory);
     const S handle = memory.smooth.handle_angle;
     const S drawn = model.drawn(handle);
-    const Exponents nominal = exponents(handle, output_angle(memory));
+    const Exponents nominal = exponents(handle, memory.output_angle);
     const S ratio[3] = {exp(memory.scale * nominal.at[0]), exp(memory.scale * nominal.at[1]),
                         exp(memory.scale * nominal.at[2])};
     S position[2];
@@ -115,17 +116,12 @@ struct FrictionObserver {
     for (int i = 0; i < 2; ++i) follow_to_tip(i, position[i], ratio, memory);
   }
 
-  S output_angle(const Memory& memory) const {
-    const S most = model.axis.distal.limit() * S(0.999);
-    return model.axis.distal.angle(clamp(memory.tip / model.axis.distal.excursion_slope(), -most, most));
-  }
-
   /// How far the tip lags behind where tendons that do not stretch would hold it, as tendon length, m.
   S lag(const Memory& memory) const { return model.drawn(memory.smooth.handle_angle) - memory.tip; }
 
   /// Differential stroke that friction takes before the tip moves toward flexion (direction 1) or extension (-1), m.
   S breakaway(const Memory& memory, const S& direction) const {
-    const Exponents nominal = exponents(memory.smooth.handle_angle, output_angle(memory));
+    const Exponents nominal = exponents(memory.smooth.handle_angle, memory.output_angle);
     const S at_tip = exp(memory.scale * nominal.at[2]);
     const S whole = exp(memory.scale * (nominal.at[0] + nominal.at[1] + nominal.at[2]));
     const auto& pulled = memory.tendon[direction > S(0) ? agonist : antagonist];
@@ -140,21 +136,22 @@ struct FrictionObserver {
   Estimate<S> estimate(const Memory& memory) const {
     Estimate<S> estimate{};
     const A& axis = model.axis;
-    const S angle = output_angle(memory);
+    const S angle = memory.output_angle;
     const S x = axis.distal.coordinate(angle);
     const S arm = axis.distal.moment_arm(x);
     estimate.output_angle = angle;
-    estimate.output_angle_std = deviation(memory) / arm;
+    const S off = deviation(memory);
+    estimate.output_angle_std = off / arm;
     const auto& tendon = memory.tendon;
     const S reach = axis.distal.tangential_arm(x);
     estimate.tip_force =
         ((tendon[agonist].tension[3] - tendon[antagonist].tension[3]) * arm - axis.distal.passive_stiffness() * angle) /
         reach;
-    S hidden(0);
+    const S stretched = off * axis.stiffness;
+    S hidden = S(2) * stretched * stretched;
     for (const auto& one : tendon) {
       const S band = memory.scale * model.vertex * axis.distal.wrap_angle(angle) * one.tension[2];
-      const S stretch = deviation(memory) * axis.stiffness;
-      hidden = hidden + band * band * S(1.0 / 3) + stretch * stretch;
+      hidden = hidden + band * band * S(1.0 / 3);
     }
     estimate.tip_force_std = sqrt(hidden) * arm / reach;
     estimate.friction_scale = memory.scale;
@@ -234,7 +231,7 @@ struct FrictionObserver {
       one.slip[1].dragged = one.slip[0].dragged + side * drawn - stretch_of(1, measured.tension[i], unit);
       tip = tip + side * S(0.5) * (wound + side * drawn - stretch(one, unit));
     }
-    memory.tip = tip;
+    put_tip(tip, memory);
     memory.tendon[agonist].slip[2].dragged = tip;
     memory.tendon[antagonist].slip[2].dragged = -tip;
   }
@@ -284,6 +281,12 @@ struct FrictionObserver {
 
   bool slack(const TendonMemory<S>& one) const { return one.tension[0] <= settings.slack_below; }
 
+  void put_tip(const S& tip, Memory& memory) const {
+    const S most = model.axis.distal.limit() * S(0.999);
+    memory.tip = tip;
+    memory.output_angle = model.axis.distal.angle(clamp(tip / model.axis.distal.excursion_slope(), -most, most));
+  }
+
   void place_tip(const S* position, const S* ratio, Memory& memory) const {
     S low = -std::numeric_limits<S>::max();
     S high = std::numeric_limits<S>::max();
@@ -302,7 +305,7 @@ struct FrictionObserver {
     }
     S tip = memory.tip + pull / larger(weight, S(1));
     tip = low <= high ? clamp(tip, low, high) : (low + high) * S(0.5);
-    memory.tip = tip;
+    put_tip(tip, memory);
   }
 
   void follow_to_tip(int i, const S& position, const S* ratio, Memory& memory) const {

@@ -24,6 +24,9 @@ enum class Law : unsigned char {
   paper,  ///< eq. 22 of the paper, whatever the actuation
 };
 
+/// Place of a tendon in an array of two.
+inline constexpr int agonist = 0, antagonist = 1;
+
 /// Rounding that a handle angle converted from degrees may carry past the range, rad.
 template <Real S>
 inline constexpr S range_tolerance = sizeof(S) == 4 ? S(1e-6) : S(1e-9);

@@ -69,6 +69,8 @@ struct Command {
   S radial_force{};       ///< N
   S weight{};             ///< on the load rig's cable, one side's more than the other's, N
   S spool_velocity[2]{};  ///< rad/s
+  S sheath_bend{};        ///< beside the sheath's own, rad
+  S let_out[2]{};         ///< tendon that has come off the spool, or is torn, m
 };
 
 /// What a data acquisition sees of one axis.
@@ -94,6 +96,8 @@ struct TwinState {
   S net_handle_torque{};  ///< of hand and tendons, N m
   S handle_wanted{};      ///< by the last command, rad
   Load<S> load{};         ///< by the last command
+  S sheath_bend{};        ///< beside the sheath's own, by the last command, rad
+  S let_out[2]{};         ///< by the last command, m
   TendonState<S, Rows> tendon[2]{};
   Rows::template PerContact<S> slip_speed[2]{};  ///< that a law which depends on it goes by, m/s
   DriveState<S> drive[2]{};
@@ -148,9 +152,12 @@ struct Twin {
   /// Advances the state by one step; on any status but ok it stays as it was.
   Status step(const Command<S>& command, State& state) const {
     if (!all_finite(command.handle_angle, command.force, command.radial_force, command.weight,
-                    command.spool_velocity[0], command.spool_velocity[1]))
+                    command.spool_velocity[0], command.spool_velocity[1], command.sheath_bend, command.let_out[0],
+                    command.let_out[1]))
       return Status::not_finite;
     State next = state;
+    next.sheath_bend = command.sheath_bend;
+    for (int i = 0; i < 2; ++i) next.let_out[i] = command.let_out[i];
     next.residual_in_parts = S(-1);
     const Load<S> load = load_of(command);
     for (int i = 0; i < 2; ++i)
@@ -183,7 +190,7 @@ struct Twin {
     S worst(0);
     for (int i = 0; i < 2; ++i) {
       const S tip_angle = quasi_static ? after.output_angle : first_guess(before).angle;
-      const Bands band = bands(after.handle_angle, tip_angle, before.slip_speed[i]);
+      const Bands band = bands(after.handle_angle, tip_angle, after.sheath_bend, before.slip_speed[i]);
       worst = larger(worst, tendon.residual(band, before.tendon[i].slip, after.tendon[i]));
     }
     return worst / tension_scale();
@@ -213,10 +220,11 @@ struct Twin {
     return hand.stiffness * (wanted - state.handle_angle) - resistance;
   }
 
-  Bands bands(const S& handle_angle, const S& tip_angle, const Rows::template PerContact<S>& slip_speed) const {
+  Bands bands(const S& handle_angle, const S& tip_angle, const S& more_bend,
+              const Rows::template PerContact<S>& slip_speed) const {
     const int n = tendon.contacts();
     const int sheath = n - joint_contacts;
-    const S bend = friction.sheath_bend + friction.sheath_bend_rate * abs(handle_angle);
+    const S bend = larger(friction.sheath_bend + friction.sheath_bend_rate * abs(handle_angle) + more_bend, S(0));
     const S exponents[3] = {friction.sheath * bend / S(sheath),
                             friction.vertex * axis.proximal.wrap_angle(handle_angle),
                             friction.vertex * axis.distal.wrap_angle(tip_angle)};
@@ -251,15 +259,16 @@ struct Twin {
     const S drawn = axis.proximal.excursion_slope() * axis.proximal.coordinate(handle_angle);
     for (int i = 0; i < 2; ++i) {
       both.pull[i][handle_segment()] = i == agonist ? drawn : -drawn;
-      both.spool[i] = tendon.held_by_spool(drive.spool_radius * next.drive[i].spool);
+      both.spool[i] = tendon.held_by_spool(drive.spool_radius * next.drive[i].spool - next.let_out[i]);
     }
-    set_bands(handle_angle, tip_angle, before, both);
+    set_bands(handle_angle, tip_angle, before, next, both);
     return both;
   }
 
-  void set_bands(const S& handle_angle, const S& tip_angle, const State& before, Chain& both) const {
-    both.band[0] = bands(handle_angle, tip_angle, before.slip_speed[0]);
-    both.band[1] = Law::depends_on_speed ? bands(handle_angle, tip_angle, before.slip_speed[1]) : both.band[0];
+  void set_bands(const S& handle_angle, const S& tip_angle, const State& before, const State& next, Chain& both) const {
+    const S& bend = next.sheath_bend;
+    both.band[0] = bands(handle_angle, tip_angle, bend, before.slip_speed[0]);
+    both.band[1] = Law::depends_on_speed ? bands(handle_angle, tip_angle, bend, before.slip_speed[1]) : both.band[0];
   }
 
   Status move(const S& handle_angle, const Load<S>& load, const State& before, State& next) const {
@@ -284,7 +293,9 @@ struct Twin {
         const S share = S(k) / S(parts);
         const auto between = [&](const S& from, const S& to) { return from + (to - from) * share; };
         State to = at;
+        to.sheath_bend = wound.sheath_bend;
         for (int i = 0; i < 2; ++i) {
+          to.let_out[i] = wound.let_out[i];
           to.drive[i] = wound.drive[i];
           to.drive[i].spool = between(before.drive[i].spool, wound.drive[i].spool);
         }
@@ -319,7 +330,7 @@ struct Twin {
     bool agreed = !quasi_static || loose;
     for (int n = 0; !agreed && found == Status::ok && n < most_corrections; ++n) {
       const S angle = tip.angle;
-      set_bands(handle_angle, angle, before, both);
+      set_bands(handle_angle, angle, before, next, both);
       found = settle(both, load, before, tip, next);
       agreed = abs(tip.angle - angle) <= settled<S>;
     }
@@ -394,7 +405,7 @@ struct Twin {
     const S slope = axis.distal.excursion_slope();
     const S x = clamp(tip.x, length[agonist] / slope, -length[antagonist] / slope);
     const Tip resting{axis.distal.angle(x), x};
-    set_bands(next.handle_angle, resting.angle, before, both);
+    set_bands(next.handle_angle, resting.angle, before, next, both);
     S tightest(0);
     for (int i = 0; i < 2; ++i) {
       next.sweeps += settle_alone(both, i, before, resting, next);
@@ -405,7 +416,7 @@ struct Twin {
       return true;
     }
     for (int i = 0; i < 2; ++i) next.tendon[i] = before.tendon[i];
-    set_bands(next.handle_angle, tip.angle, before, both);
+    set_bands(next.handle_angle, tip.angle, before, next, both);
     return false;
   }
 

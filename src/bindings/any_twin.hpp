@@ -17,8 +17,15 @@
 namespace tenodesis::bindings {
 
 /// Columns of a command, in the order Python hands them over.
-inline constexpr std::array command_names{
-    "handle_angle", "force", "radial_force", "weight", "agonist_spool_velocity", "antagonist_spool_velocity"};
+inline constexpr std::array command_names{"handle_angle",
+                                          "force",
+                                          "radial_force",
+                                          "weight",
+                                          "agonist_spool_velocity",
+                                          "antagonist_spool_velocity",
+                                          "sheath_bend",
+                                          "agonist_let_out",
+                                          "antagonist_let_out"};
 inline constexpr std::size_t command_count = command_names.size();
 
 /// Signals that a step writes, in order.
@@ -50,7 +57,7 @@ struct Commands {
 
   Command<double> operator[](std::size_t i) const {
     const double* row = rows + i * command_count;
-    return {row[0], row[1], row[2], row[3], {row[4], row[5]}};
+    return {row[0], row[1], row[2], row[3], {row[4], row[5]}, row[6], {row[7], row[8]}};
   }
 };
 
@@ -80,10 +87,13 @@ class AnyTwin {
   virtual Progress sample(const Commands& commands, std::size_t count, std::span<const std::size_t> signals,
                           std::size_t every, double* out, std::size_t columns) = 0;
   virtual Progress audit(const Commands& commands, std::size_t count, EnergyTotals& totals) = 0;
+  /// One step of a loop that is closed outside.
+  virtual Status step(const Command<double>& command) = 0;
+  virtual const Reading<double>& reading() const = 0;
   virtual std::string state() const = 0;
   virtual void set_state(const std::string& bytes) = 0;
   virtual double handle_wanted() const = 0;
-  virtual std::array<double, signal_count> signals(const Commands& command) const = 0;
+  virtual std::array<double, signal_count> signals(const Command<double>& command) const = 0;
 };
 
 template <class T>
@@ -133,6 +143,10 @@ class TwinOf final : public AnyTwin {
     return progress;
   }
 
+  Status step(const Command<double>& command) override { return twin_.step(command, state_); }
+
+  const Reading<double>& reading() const override { return state_.reading; }
+
   std::string state() const override {
     std::string bytes(sizeof(State), '\0');
     std::memcpy(bytes.data(), &state_, sizeof(State));
@@ -146,7 +160,9 @@ class TwinOf final : public AnyTwin {
 
   double handle_wanted() const override { return state_.handle_wanted; }
 
-  std::array<double, signal_count> signals(const Commands& command) const override { return signals_of(command[0]); }
+  std::array<double, signal_count> signals(const Command<double>& command) const override {
+    return signals_of(command);
+  }
 
  private:
   /// Steps over commands for as long as that goes well, and keeps what is wanted of each.

@@ -135,7 +135,7 @@ void bind_twin(nb::module_& m) {
           "The whole state, as bytes.")
       .def_prop_ro("handle_wanted", &AnyTwin::handle_wanted, "Where the handle was last told to be, rad.")
       .def(
-          "signals", [](const AnyTwin& twin, const Rows& command) { return twin.signals(commands_of(command)); },
+          "signals", [](const AnyTwin& twin, const Rows& command) { return twin.signals(commands_of(command)[0]); },
           "command"_a, nb::sig("def signals(self, command: NDArray[numpy.float64]) -> list[float]"),
           "The signals as they stand.");
 
@@ -150,15 +150,16 @@ void bind_twin(nb::module_& m) {
       },
       "spec"_a, "From a load rig's pivot to the tip of the straight joint, m.");
   m.def(
-      "joint_share",
+      "joint_shares",
       [](const Spec& spec) {
         return std::visit(
             [&](const auto& axis) {
-              return (axis.proximal.tendon_span() + axis.distal.tendon_span()) / spec.parameters[tendon_length];
+              const double length = spec.parameters[tendon_length];
+              return std::make_tuple(axis.proximal.tendon_span() / length, axis.distal.tendon_span() / length);
             },
             make_axis(spec));
       },
-      "spec"_a, "Share of a tendon's length that lies in the two joints.");
+      "spec"_a, "Shares of a tendon's length that lie in the handle's joint and in the tip's.");
   m.def("run_many", &run_many, "spec"_a, "parameters"_a, "commands"_a, "seeds"_a, "signals"_a, "every"_a, "out"_a,
         "told"_a, "threads"_a,
         nb::sig("def run_many(spec: TwinSpec, parameters: NDArray[numpy.float64], commands: NDArray[numpy.float64], "

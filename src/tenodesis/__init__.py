@@ -1,6 +1,6 @@
 """Model, scale, test and control tendon-driven hand-held surgical instruments."""
 
-from tenodesis import protocols, similarity, statics, tendon, twin
+from tenodesis import control, protocols, similarity, statics, tendon, twin
 from tenodesis.errors import InstrumentError, NoSolutionError, ProtocolError, RecordingError
 from tenodesis.instrument import Continuum, Instrument, TendonGear, TendonPulley, load, parse, shipped
 from tenodesis.recording import Recorder, Recording
@@ -21,6 +21,7 @@ __all__ = [
     "Run",
     "TendonGear",
     "TendonPulley",
+    "control",
     "load",
     "parse",
     "protocols",

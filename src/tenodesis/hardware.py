@@ -30,9 +30,13 @@ Coefficient = Annotated[float, Field(ge=0, le=3)]
 Ratio = Annotated[float, Field(gt=0, le=10)]
 Bits = Annotated[int, Field(ge=4, le=32, strict=True)]
 
+Gain = Annotated[float, *annotation(Quantity("gain", "1/s", "12 1/s", above=0, below=1e4))]
+Share = Annotated[float, Field(gt=0, le=1)]
+
 MOST_EXPONENT = 10.0
 """Largest friction exponent of one contact: beyond it, rounding of the tension ratio would break the law."""
 
+SafeState: TypeAlias = Literal["hold", "neutral"]
 FrictionLaw: TypeAlias = Literal["none", "capstan", "capstan-constant", "stribeck"]
 
 
@@ -138,3 +142,35 @@ class Mismatch(Table):
     load_cell_bias: tuple[SignedForce, SignedForce] = Field(
         default=(0.0, 0.0), description="What the load cells say too much"
     )
+
+
+class Control(Table):
+    """What the controller is to aim at, and when it is to stop; all that is left out follows from the instrument."""
+
+    dead_band: Turn = Field(default=math.radians(0.1), description="Output angle that is as good as on target")
+    gain: Gain | None = Field(
+        default=None, description="Of the tip's lag; without it 12/s, or less for a tip that swings slower than 8 Hz"
+    )
+    position_gain: Gain = Field(default=4.0, description="Of a spool's set point, for the laws that have one")
+    tendon_speed: Annotated[float, *annotation(Quantity("speed", "m/s", "50 mm/s", above=0, below=10))] | None = Field(
+        default=None, description="Largest speed of a tendon at its spool; without it half of what the drive can do"
+    )
+    tension_limit: Force | None = Field(
+        default=None, description="Tension above which no tendon is wound; without it 80 N, or 3 pretensions if more"
+    )
+    least_tension: Share = Field(default=0.15, description="Tension that both tendons keep, over the pretension")
+    common_stroke: Share = Field(default=0.4, description="Change of tension by a common stroke, over the pretension")
+    friction_uncertainty: Share = Field(default=0.4, description="Deviation of the friction scale before it is known")
+    stiffness_uncertainty: Annotated[float, Field(ge=0, le=1)] = Field(
+        default=0.25, description="Deviation of the tendons' compliance before it is known"
+    )
+    reference_uncertainty: Annotated[float, *annotation(Quantity("length", "m", "5 um", at_least=0, below=1))] = Field(
+        default=5e-6, description="Deviation of a tendon's length at its pretension"
+    )
+    mean_band: Share = Field(default=0.45, description="Share by which friction may move the mean tension")
+    watchdog: Time = Field(default=0.025, description="Time without a tick after which the motors stop")
+    safe_state: SafeState = Field(default="hold", description="What motors do after a fault: hold, or creep to neutral")
+    homing_speed: Annotated[float, *annotation(Quantity("speed", "m/s", "5 mm/s", above=0, below=1))] = Field(
+        default=5e-3, description="Speed at which slack tendons are wound"
+    )
+    homing_stroke: Length = Field(default=0.03, description="Length to wind before a tendon counts as broken")

@@ -23,7 +23,7 @@ from pydantic.fields import FieldInfo
 
 from tenodesis import _core
 from tenodesis.errors import InstrumentError
-from tenodesis.hardware import Drives, Dynamics, Friction, Mismatch, Sensors
+from tenodesis.hardware import Control, Drives, Dynamics, Friction, Mismatch, Sensors
 from tenodesis.quantity import Quantity, annotation
 
 PARAMETERS = tuple(_core.parameters())
@@ -113,6 +113,7 @@ class Instrument(_Strict):
     drives: Drives = Drives()
     sensors: Sensors = Sensors()
     mismatch: Mismatch = Mismatch()
+    control: Control = Control()
     overrides: Mapping[AxisName, Mapping[str, Any]] = Field(
         default={}, description="Values that differ on one axis, by axis"
     )

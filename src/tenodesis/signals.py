@@ -46,7 +46,20 @@ TRUTH = {
 }
 """What the twin knows and no bench does."""
 
-SIGNALS = COMMANDS | MEASURED | TRUTH
+CONTROL = {
+    "estimated_output_angle": Signal("rad", False, "Output angle by the controller's observer"),
+    "estimated_output_angle_std": Signal("rad", False, "Its standard deviation"),
+    "estimated_force": Signal("N", False, "Tangential force at the tip by the observer"),
+    "estimated_force_std": Signal("N", False, "Its standard deviation"),
+    "friction_scale": Signal("1", False, "Friction there is over the friction the controller was told"),
+    "friction_scale_std": Signal("1", False, "Its standard deviation"),
+    "operating_state": Signal("1", False, "0 disabled, 1 enabled, 2 paused, 3 fault"),
+    "faults": Signal("1", False, "Faults as a mask of bits, tenodesis.control.FAULTS in order"),
+    "phase": Signal("1", False, "Of the robust law: 0 rest, 1 track, 2 pull, 3 release"),
+}
+"""What a controller says of itself."""
+
+SIGNALS = COMMANDS | MEASURED | TRUTH | CONTROL
 
 
 @dataclass(frozen=True)
@@ -75,6 +88,15 @@ class Run:
     distal_tension: Array | None = None
     spool_angle: Array | None = None
     spool_velocity: Array | None = None
+    estimated_output_angle: Array | None = None
+    estimated_output_angle_std: Array | None = None
+    estimated_force: Array | None = None
+    estimated_force_std: Array | None = None
+    friction_scale: Array | None = None
+    friction_scale_std: Array | None = None
+    operating_state: Array | None = None
+    faults: Array | None = None
+    phase: Array | None = None
 
     def signals(self) -> dict[str, Array]:
         """Return the signals that are there, by name, without the time."""

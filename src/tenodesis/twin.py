@@ -6,7 +6,7 @@ Angles in rad, forces in N, time in s. Commands are what holds at the end of eac
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import degrees, pi, sqrt
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,9 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from tenodesis import _core, statics
 from tenodesis._core import Status
 from tenodesis.errors import NoSolutionError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import PARAMETERS, Instrument
 from tenodesis.signals import Array, Run, concatenate
+from tenodesis.tampering import Tampering, tampered
 from tenodesis.threads import threads
+
+if TYPE_CHECKING:
+    from tenodesis.control import Controller
 
 TIME_STEP = 5e-4
 """Default time step, s."""
@@ -26,9 +30,14 @@ _SIGNALS = _core.twin_signals()
 _ARGUMENTS: dict[str, int | slice] = {
     **{name: _COMMANDS.index(name) for name in ("handle_angle", "force", "radial_force", "weight")},
     "spool_velocity": slice(4, 6),
+    "sheath_bend": _COMMANDS.index("sheath_bend"),
+    "let_out": slice(7, 9),
 }
 """Columns of a command, by the argument that fills them."""
+_PER_TENDON = ("spool_velocity", "let_out")
 _ROW = _core.twin_parameters()
+_CONTROL = _core.control_signals()
+_CONTROLLED = tuple(dict.fromkeys(name.partition(".")[0] for name in _CONTROL))
 _MEASURED_AND_TRUE = tuple(dict.fromkeys(name.partition(".")[0] for name in _SIGNALS if name != "sweeps"))
 
 # More would leave fewer than a dozen steps to a swing of the tip, and the rule's error no longer small.
@@ -118,6 +127,7 @@ class Twin:
             for n, one in enumerate(self._single)
         ]
         self._steps = 0
+        self._steps_per_tick = _steps_per_sample(inst, time_step, quasi_static)
         friction = inst.friction
         self._kind = (
             f"{inst.joint_type} joints of {inst.name}, {len(inst.axes)} axes, {friction.law} friction, "
@@ -158,6 +168,11 @@ class Twin:
         radial_force: ArrayLike = 0.0,
         weight: ArrayLike = 0.0,
         spool_velocity: ArrayLike = 0.0,
+        sheath_bend: ArrayLike = 0.0,
+        let_out: ArrayLike = 0.0,
+        controller: "Controller | None" = None,
+        request: ArrayLike = 0,
+        tampering: Sequence[Tampering] = (),
     ) -> Run:
         """Step over arrays of commands, on from the present state.
 
@@ -175,6 +190,16 @@ class Twin:
         spool_velocity
             Spool velocities asked of the drives, rad/s, agonist and antagonist: shape (n, 2), or (2,); with two axes
             (n, 2, 2), axis before tendon.
+        sheath_bend
+            Bend of the sheath beside its own, rad; as handle_angle, or a number.
+        let_out
+            Length of tendon that has come off its spool, m: as spool_velocity. More than it is stretched by: it is torn.
+        controller
+            Closes the loop: what the sensors say goes to it, and its spool velocities to the drives.
+        request
+            What the controller is asked at each step, numbers of :class:`tenodesis.control.Request`; shape (n,).
+        tampering
+            Faults between the twin and the controller.
 
         Returns
         -------
@@ -188,9 +213,11 @@ class Twin:
         NoSolutionError
             The tip was loaded past what it can hold; the twin stands where it stood before.
         """
-        rows = self._commands(handle_angle, force, radial_force, weight, spool_velocity)
+        rows = self._commands(handle_angle, force, radial_force, weight, spool_velocity, sheath_bend, let_out)
         count = rows[0].shape[0]
         before = self.state
+        if controller is not None:
+            return self._controlled(controller, rows, np.asarray(request), tampering)
         outs = []
         for name, axis, row in zip(self.inst.axes, self._axes, rows, strict=True):
             out = np.empty((count, len(_SIGNALS)))
@@ -202,6 +229,37 @@ class Twin:
         time = np.arange(self._steps + 1, self._steps + 1 + count, dtype=np.float64) * self.time_step
         self._steps += count
         return _run(time, self.inst.axes, rows, outs)
+
+    def _controlled(
+        self, controller: "Controller", rows: list[Array], request: NDArray[Any], tampering: Sequence[Tampering]
+    ) -> Run:
+        """Step with the controller in the loop; if the tip is lost, twin and controller stay where it was."""
+        controller.refuse_another(self.inst)
+        count = rows[0].shape[0]
+        start = self._steps * self.time_step
+        time = np.arange(self._steps + 1, self._steps + 1 + count, dtype=np.float64) * self.time_step
+        if any(np.any(row[:, _ARGUMENTS["spool_velocity"]]) for row in rows):
+            raise ValueError("spool_velocity and a controller are both given; allowed is one of them.")
+        values, modes = (None, None) if not tampering else tampered(tampering, self.inst.axes, start, time)
+        outs = np.empty((len(rows), count, len(_SIGNALS)))
+        control = np.empty((len(rows), count, len(_CONTROL)))
+        steps, status = _core.run_controlled(
+            self._axes,
+            controller.core,
+            np.stack(rows),
+            self._steps_per_tick,
+            self.time_step,
+            self._steps,
+            _requests(controller, request, count),
+            values,
+            modes,
+            outs,
+            control,
+        )
+        self._steps += steps
+        if status != Status.OK:
+            raise _lost(status, f"step {steps} ({self.time:.6g} s)")
+        return _run(time, self.inst.axes, rows, list(outs), list(control))
 
     def step(
         self,
@@ -289,12 +347,13 @@ class Twin:
         arrays = [np.asarray(argument, float) for argument in arguments]
         count = arrays[0].shape[0] if arrays[0].ndim else 1
         base: tuple[int, ...] = (count,) if axes == 1 else (count, axes)
-        rows = np.empty((axes, count, len(_COMMANDS)), np.float64)
-        for (name, columns), array in zip(_ARGUMENTS.items(), arrays, strict=True):
-            wanted = (*base, 2) if name == "spool_velocity" else base
+        rows = np.zeros((axes, count, len(_COMMANDS)))
+        for (name, columns), array in zip(_ARGUMENTS.items(), arrays, strict=False):
+            per_tendon = name in _PER_TENDON
+            wanted = (*base, 2) if per_tendon else base
             # A number per step holds for both axes.
             given = (
-                array[:, np.newaxis] if axes == 2 and name != "spool_velocity" and array.shape == (count,) else array
+                array[:, np.newaxis] if axes == 2 and not per_tendon and array.shape == (count,) else array
             )
             try:
                 full = np.broadcast_to(given, wanted)
@@ -443,17 +502,17 @@ def _shared_commands(runs: int, *arguments: ArrayLike) -> Array:
     """Return commands by run, step and column; one run's if all share them."""
     arrays = [np.asarray(argument, float) for argument in arguments]
     flat = [array if name != "spool_velocity" else array[..., 0] if array.ndim > 1 else np.zeros(())
-            for name, array in zip(_ARGUMENTS, arrays, strict=True)]  # fmt: skip
+            for name, array in zip(_ARGUMENTS, arrays, strict=False)]  # fmt: skip
     try:
         shape = np.broadcast_shapes(*(array.shape for array in flat))
     except ValueError:
-        told = ", ".join(f"{name} {array.shape}" for name, array in zip(_ARGUMENTS, arrays, strict=True))
+        told = ", ".join(f"{name} {array.shape}" for name, array in zip(_ARGUMENTS, arrays, strict=False))
         raise ValueError(f"the shapes do not broadcast: {told}.") from None
     shape = (1,) * (2 - len(shape)) + shape
     if len(shape) != 2 or (shape[0] not in (1, runs) and runs != 1):
         raise ValueError(f"commands have shape {shape}; allowed is (n,) or ({runs}, n).")
-    rows = np.empty((*shape, len(_COMMANDS)))
-    for (name, columns), array in zip(_ARGUMENTS.items(), arrays, strict=True):
+    rows = np.zeros((*shape, len(_COMMANDS)))
+    for (name, columns), array in zip(_ARGUMENTS.items(), arrays, strict=False):
         _refuse_not_finite(name, array)
         rows[..., columns] = array
     return rows
@@ -534,6 +593,22 @@ def _parameters(inst: Instrument, time_step: float) -> list[float]:
     return [values[name] for name in _ROW] + inst.spec.__getstate__()[1]
 
 
+def _requests(controller: "Controller", request: NDArray[Any], count: int) -> NDArray[np.uint8] | None:
+    """Return the requests of each step; what was asked of the controller before comes with the first."""
+    asked = controller.take_request()
+    if not asked and not request.any():
+        return None
+    requests = np.array(np.broadcast_to(request, (count,)), np.uint8)
+    if count and not requests[0]:
+        requests[0] = asked
+    return requests
+
+
+def numbers(inst: Instrument, time_step: float = TIME_STEP) -> dict[str, float]:
+    """Return what an instrument's twin and axis are made of, in SI units, by the core's names; NaN where not given."""
+    return dict(zip((*_ROW, *PARAMETERS), _parameters(inst, time_step), strict=True))
+
+
 def _spec(inst: Instrument, time_step: float, quasi_static: bool) -> _core.TwinSpec:
     per_sample = _steps_per_sample(inst, time_step, quasi_static)
     numbers = _parameters(inst, time_step)[: len(_ROW)]
@@ -562,7 +637,7 @@ def _steps_per_sample(inst: Instrument, time_step: float, quasi_static: bool) ->
             f"time_step is {time_step:g} s; allowed is a whole part of the sampling period of "
             f"{1 / inst.sensors.sampling_rate:g} s, or more."
         )
-    share = inst.handle_length / (inst.tendon_length or inst.overall_length) + _core.joint_share(inst.spec)
+    share = inst.handle_length / (inst.tendon_length or inst.overall_length) + sum(_core.joint_shares(inst.spec))
     if not share < 1:
         raise ValueError(
             f"handle_length and joints take {share:.3g} of the length of a tendon of {inst.name}; allowed is less than "
@@ -615,27 +690,30 @@ def _lost(status: Status, place: str) -> Exception:
     )
 
 
-def _run(time: Array, axes: tuple[str, ...], rows: Sequence[Array], outs: Sequence[Array]) -> Run:
+def _run(
+    time: Array, axes: tuple[str, ...], rows: Sequence[Array], outs: Sequence[Array], controls: Sequence[Array] = ()
+) -> Run:
     """Return a core's rows as signals: by step, by axis if there are two, by tendon."""
 
-    def signal(name: str) -> Array:
-        if name in _SIGNALS:
-            columns: int | slice = _SIGNALS.index(name)
+    def signal(names: Sequence[str], stack: Sequence[Array], name: str) -> Array:
+        if name in names:
+            columns: int | slice = names.index(name)
         else:
-            first = _SIGNALS.index(f"{name}.{_TENDONS[0]}")
+            first = names.index(f"{name}.{_TENDONS[0]}")
             columns = slice(first, first + len(_TENDONS))
-        per_axis = [out[:, columns] for out in outs]
-        return per_axis[0] if len(outs) == 1 else np.stack(per_axis, 1)
+        per_axis = [one[:, columns] for one in stack]
+        return per_axis[0] if len(stack) == 1 else np.stack(per_axis, 1)
 
     def command(columns: int | slice) -> Array:
         per_axis = [row[:, columns] for row in rows]
         return per_axis[0] if len(rows) == 1 else np.stack(per_axis, 1)
 
+    sent = {name: signal(_CONTROL, controls, name) for name in _CONTROLLED} if controls else {}
     return Run(
         time,
         axes,
         commanded_handle_angle=command(0),
         radial_force=command(2),
-        commanded_spool_velocity=command(slice(4, 6)),
-        **{name: signal(name) for name in _MEASURED_AND_TRUE},
+        **{"commanded_spool_velocity": command(slice(4, 6)), **sent},
+        **{name: signal(_SIGNALS, outs, name) for name in _MEASURED_AND_TRUE},
     )

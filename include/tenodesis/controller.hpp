@@ -1,0 +1,261 @@
+#pragma once
+// The controller of an instrument: sensors in, spool velocities out, once per tick.
+//
+// watch -> supervisor -> observer -> homing or compensator -> supervisor. A tick reads nothing but its input and its
+// state, and what it sends has passed the supervisor last.
+
+#include "tenodesis/compensator.hpp"
+#include "tenodesis/homing.hpp"
+#include "tenodesis/supervisor.hpp"
+#include "tenodesis/watch.hpp"
+
+namespace tenodesis {
+
+enum class ObserverKind : unsigned char {
+  paper,     ///< eq. 19 as printed
+  exact,     ///< eq. 19 with slack and with what the motors have wound
+  friction,  ///< follows each contact of both tendons
+};
+
+/// What one tick is given.
+template <class S, int axes>
+struct ControlInput {
+  std::uint64_t time{};  ///< of the measurements, ns; not used by a controller that counts its own ticks
+  Request request{Request::none};
+  Measurement<S> axis[axes]{};
+};
+
+template <class S>
+struct AxisOutput {
+  S spool_velocity[2]{};  ///< to send to the drives, rad/s
+  Estimate<S> estimate{};
+  std::uint32_t faults{};  ///< of this axis that hold now
+};
+
+/// What one tick gives.
+template <class S, int axes>
+struct ControlOutput {
+  AxisOutput<S> axis[axes]{};
+  OperatingState state{OperatingState::disabled};
+  bool homed{};
+  bool homing{};
+  std::uint32_t faults{};        ///< latched in a fault, else those that hold now
+  std::uint32_t first_faults{};  ///< those that led to the fault
+};
+
+/// What a controller of one axis remembers.
+template <class S>
+struct AxisMemory {
+  FrictionMemory<S> friction{};
+  CompensatorState<S> compensator{};
+  HomingState<S> homing{};
+  WatchState<S> watch{};
+  CommandState<S> command{};
+  S zero[2]{};             ///< spool angles that count as zero, rad
+  std::uint32_t failed{};  ///< faults to report with the next tick
+};
+
+template <class S, int axes>
+struct ControllerState {
+  AxisMemory<S> axis[axes]{};
+  SupervisorState<S> supervisor{};
+  std::uint64_t time{};  ///< of the last tick, ns
+  bool started{};
+  bool homed{};
+};
+
+/// The constants of one axis.
+template <class A>
+struct AxisController {
+  using S = A::Scalar;
+  using Memory = AxisMemory<S>;
+
+  ObserverKind observer{ObserverKind::friction};
+  FrictionObserver<A> friction{};
+  Compensator<A> compensator{};
+  Homing<A> homing{};
+  Watch<S> watch{};
+
+  const ControlModel<A>& model() const { return friction.model; }
+
+  Measurement<S> from_zero(const Measurement<S>& measured, const Memory& memory) const {
+    Measurement<S> counted = measured;
+    for (int i = 0; i < 2; ++i) counted.spool_angle[i] = measured.spool_angle[i] - memory.zero[i];
+    return counted;
+  }
+
+  /// What the chosen observer says; deviations that it does not know are NaN.
+  Estimate<S> estimate(const Measurement<S>& measured, const Memory& memory) const {
+    if (observer == ObserverKind::friction) return friction.estimate(memory.friction);
+    const A& axis = model().axis;
+    constexpr S unknown = std::numeric_limits<S>::quiet_NaN();
+    Estimate<S> estimate{unknown, unknown, unknown, unknown, S(1), unknown};
+    if (observer == ObserverKind::paper) {
+      estimate.output_angle = paper_output_angle(model(), measured);
+    } else {
+      const Tensions<S> tension{measured.tension[agonist], measured.tension[antagonist]};
+      const Stroke<S> wound{model().spool_radius * measured.spool_angle[agonist],
+                            model().spool_radius * measured.spool_angle[antagonist]};
+      const S handle = clamp(measured.handle_angle, -axis.handle_range, axis.handle_range);
+      const Result<S> found = estimate_output_angle(axis, handle, tension, wound, friction.settings.slack_below);
+      if (found.status != Status::ok) return estimate;
+      estimate.output_angle = found.value;
+    }
+    const S x = axis.distal.coordinate(estimate.output_angle);
+    const S moment = (measured.tension[agonist] - measured.tension[antagonist]) * axis.distal.moment_arm(x) -
+                     axis.distal.passive_stiffness() * estimate.output_angle;
+    estimate.tip_force = moment / axis.distal.tangential_arm(x);
+    return estimate;
+  }
+
+  /// Velocities that compensate or home, rad/s.
+  void want(const Measurement<S>& raw, const Measurement<S>& measured, bool home, const S& dt, Memory& memory,
+            S (&wanted)[2]) const {
+    const Winding<S> winding = home ? homing.wind(raw, dt, memory.homing)
+                                    : compensator.wind(measured, friction, memory.friction, dt, memory.compensator);
+    wanted[agonist] = winding.agonist / model().spool_radius;
+    wanted[antagonist] = winding.antagonist / model().spool_radius;
+  }
+};
+
+/// One or two axes of one mechanism; A is the axis's type, most_axes how many there is memory for.
+template <class A, int most_axes = 1>
+struct Controller {
+  using S = A::Scalar;
+  using State = ControllerState<S, most_axes>;
+  using Input = ControlInput<S, most_axes>;
+  using Output = ControlOutput<S, most_axes>;
+
+  AxisController<A> axis[most_axes]{};
+  Supervisor<S> supervisor{};
+  int axes{most_axes};
+  bool own_clock{};  ///< ticks come once a period, whatever the input's time
+  bool homed{};      ///< spool angles count from pretension when the controller starts
+
+  State start() const {
+    State state{};
+    state.homed = homed;
+    for (int n = 0; n < axes; ++n) state.axis[n].watch.homed = homed;
+    return state;
+  }
+
+  OperatingState step(const Input& input, State& state, Output& output) const {
+    const S dt = elapsed(input, state);
+    const Request request = allowed(input.request, state);
+    Measurement<S> measured[most_axes];
+    std::uint32_t faults = 0;
+    for (int n = 0; n < axes; ++n) {
+      AxisMemory<S>& memory = state.axis[n];
+      measured[n] = axis[n].from_zero(input.axis[n], memory);
+      output.axis[n].faults = axis[n].watch.check(measured[n], memory.command.sent, dt, memory.watch) | memory.failed;
+      memory.failed = 0;
+      faults |= output.axis[n].faults;
+    }
+    const OperatingState before = state.supervisor.operating;
+    const bool was_homing = state.supervisor.homing;
+    supervisor.advance(request, faults, dt, state.supervisor);
+    change(before, was_homing, input, state);
+
+    for (int n = 0; n < axes; ++n) {
+      const bool readable = is_readable(measured[n]);
+      // A reading that cannot be is not followed while the watch waits whether it stays.
+      if (readable) measured[n] = state.axis[n].watch.trusted;
+      run(n, input.axis[n], measured[n], readable, dt, state, output.axis[n]);
+    }
+    if (state.supervisor.homing) finish_homing(input, state);
+
+    output.state = state.supervisor.operating;
+    output.homed = state.homed;
+    output.homing = state.supervisor.homing;
+    output.faults = output.state == OperatingState::fault ? state.supervisor.faults : state.supervisor.present;
+    output.first_faults = state.supervisor.first;
+    return output.state;
+  }
+
+ private:
+  S elapsed(const Input& input, State& state) const {
+    const std::uint64_t before = state.time;
+    const bool first = !state.started;
+    state.started = true;
+    state.time = input.time;
+    if (own_clock || first) return supervisor.period;
+    // Time that runs backward is a tick without an end: the watch says so.
+    if (input.time <= before) return S(0);
+    // Four seconds and more are too late all the same, and 32 bits are a single instruction to convert.
+    const std::uint64_t passed = input.time - before;
+    return S(passed < UINT32_MAX ? static_cast<std::uint32_t>(passed) : UINT32_MAX) * S(1e-9);
+  }
+
+  // What a fault has cast doubt on is to be homed again before anything compensates; what only homing can mend must not
+  // stand in the way of clearing.
+  Request allowed(Request request, State& state) const {
+    if (request == Request::clear && needs_homing(state.supervisor.faults)) forget_home(state);
+    const bool engages = request == Request::enable || request == Request::resume;
+    return engages && !state.homed ? Request::none : request;
+  }
+
+  void forget_home(State& state) const {
+    state.homed = false;
+    for (int n = 0; n < axes; ++n) state.axis[n].watch.homed = false;
+  }
+
+  void change(OperatingState before, bool was_homing, const Input& input, State& state) const {
+    const bool homing = state.supervisor.homing;
+    if (homing && (!was_homing || input.request == Request::home)) {
+      forget_home(state);
+      for (int n = 0; n < axes; ++n) state.axis[n].homing = axis[n].homing.begin(input.axis[n]);
+    }
+    if (state.supervisor.operating == before && homing == was_homing) return;
+    for (int n = 0; n < axes; ++n) {
+      state.axis[n].compensator = {};
+      // What was seen through a fault is not to be believed.
+      if (before == OperatingState::fault) state.axis[n].friction.started = false;
+    }
+  }
+
+  static bool is_readable(const Measurement<S>& measured) {
+    return all_finite(measured.handle_angle, measured.tension[0], measured.tension[1], measured.spool_angle[0],
+                      measured.spool_angle[1]);
+  }
+
+  void run(int n, const Measurement<S>& raw, const Measurement<S>& measured, bool readable, const S& dt, State& state,
+           AxisOutput<S>& output) const {
+    AxisMemory<S>& memory = state.axis[n];
+    const AxisController<A>& one = axis[n];
+    const S step = dt > S(0) ? smaller(dt, S(4) * supervisor.period) : supervisor.period;
+    S wanted[2]{};
+    if (readable) {
+      if (needs_friction(one)) one.friction.update(measured, step, memory.friction);
+      if (state.supervisor.operating == OperatingState::enabled)
+        one.want(raw, measured, state.supervisor.homing, step, memory, wanted);
+      output.estimate = one.estimate(measured, memory);
+    }
+    output.faults |= supervisor.command(wanted, measured, dt, state.supervisor, memory.command);
+    for (int i = 0; i < 2; ++i) output.spool_velocity[i] = memory.command.sent[i];
+    if (memory.homing.failed()) {
+      memory.failed = bit(Fault::homing_failed);
+      if (memory.homing.stage == HomingStage::broken) memory.failed |= bit(Fault::tendon_break);
+      memory.homing = {};
+    }
+  }
+
+  static bool needs_friction(const AxisController<A>& one) {
+    return one.observer == ObserverKind::friction || one.compensator.law == ControlLaw::robust;
+  }
+
+  void finish_homing(const Input& input, State& state) const {
+    for (int n = 0; n < axes; ++n)
+      if (state.axis[n].homing.stage != HomingStage::done) return;
+    for (int n = 0; n < axes; ++n) {
+      AxisMemory<S>& memory = state.axis[n];
+      for (int i = 0; i < 2; ++i) memory.zero[i] = axis[n].homing.zero(i, input.axis[n]);
+      Watch<S>::restart(memory.watch);
+      memory.watch.homed = true;
+      memory.friction.started = false;
+    }
+    state.homed = true;
+    Supervisor<S>::finish_homing(state.supervisor);
+  }
+};
+
+}  // namespace tenodesis

@@ -1,0 +1,62 @@
+#pragma once
+// The last moments before a fault, and a few after.
+
+namespace tenodesis {
+
+/// Keeps the latest of capacity records, one of every stride ticks, until after records past a fault.
+template <class Record, int capacity, int stride = 1, int after = 0>
+struct FlightRecorder {
+  static_assert(stride >= 1 && after >= 0 && after < capacity);
+
+  /// Once per tick; the first tick of a fault is kept whatever the stride.
+  void note(const Record& record, bool fault) {
+    if (frozen()) return;
+    const bool starts = fault && !failed_;
+    if (starts) {
+      failed_ = true;
+      left_ = after;
+      wait_ = 0;
+    }
+    if (wait_ == 0) {
+      keep(record);
+      if (failed_ && !starts) --left_;
+    }
+    wait_ = wait_ + 1 < stride ? wait_ + 1 : 0;
+  }
+
+  /// True once nothing is recorded any more.
+  bool frozen() const { return failed_ && left_ == 0; }
+
+  int size() const { return size_; }
+
+  /// A record by its age: 0 is the oldest, size() - 1 the latest.
+  const Record& operator[](int n) const {
+    const int at = next_ - size_ + n;
+    return record_[at < 0 ? at + capacity : at];
+  }
+
+  /// Place of the fault's first tick, -1 without one.
+  int fault_place() const { return failed_ ? size_ - 1 - (after - left_) : -1; }
+
+  /// Forgets everything and starts to record anew.
+  void rearm() {
+    next_ = size_ = wait_ = left_ = 0;
+    failed_ = false;
+  }
+
+ private:
+  void keep(const Record& record) {
+    record_[next_] = record;
+    next_ = next_ + 1 < capacity ? next_ + 1 : 0;
+    if (size_ < capacity) ++size_;
+  }
+
+  Record record_[capacity]{};
+  int next_{};
+  int size_{};
+  int wait_{};
+  int left_{};
+  bool failed_{};
+};
+
+}  // namespace tenodesis

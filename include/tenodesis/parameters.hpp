@@ -1,0 +1,128 @@
+#pragma once
+// A controller from the plain numbers of the C interface, in whatever precision they come.
+
+#include "tenodesis/controller.hpp"
+
+namespace tenodesis {
+
+namespace detail {
+
+template <class P, class S>
+constexpr void set_joint(const P& p, TendonGear<S>& joint, bool distal) {
+  joint = {S(distal ? p.distal_radius : p.proximal_radius), S(distal ? p.end_effector_length : p.handle_length)};
+}
+template <class P, class S>
+constexpr void set_joint(const P& p, TendonPulley<S>& joint, bool distal) {
+  joint = {S(distal ? p.distal_radius : p.proximal_radius), S(distal ? p.end_effector_length : p.handle_length)};
+}
+template <class P, class S>
+constexpr void set_joint(const P& p, TendonContinuum<S>& joint, bool) {
+  joint = {S(p.distal_radius), S(p.end_effector_length), S(p.backbone_length), S(p.backbone_rigidity)};
+}
+
+template <class A, class P>
+constexpr ControlModel<A> control_model(const P& p) {
+  using S = A::Scalar;
+  ControlModel<A> model{};
+  set_joint(p, model.axis.proximal, false);
+  set_joint(p, model.axis.distal, true);
+  model.axis.stiffness = S(p.stiffness);
+  model.axis.pretension = S(p.pretension);
+  model.axis.handle_range = S(p.handle_range);
+  model.spool_radius = S(p.spool_radius);
+  model.share[0] = S(p.share_sheath);
+  model.share[1] = S(p.share_handle);
+  model.share[2] = S(p.share_stem);
+  model.share[3] = S(p.share_tip);
+  model.vertex = S(p.vertex_coefficient);
+  model.sheath = S(p.sheath_coefficient);
+  model.sheath_bend = S(p.sheath_bend);
+  model.sheath_bend_rate = S(p.sheath_bend_rate);
+  return model;
+}
+
+template <class A, class P>
+constexpr AxisController<A> axis_controller(const P& p) {
+  using S = A::Scalar;
+  AxisController<A> axis{};
+  const ControlModel<A> model = control_model<A>(p);
+  axis.friction = {
+      model,
+      {S(p.hand_play), S(p.sheath_play), S(p.length_noise), S(p.play), S(p.smoothing), S(p.friction_scale_std),
+       S(p.reference_std), S(p.compliance_std), S(p.forgetting), S(p.slack_tension)}};
+  axis.compensator.model = model;
+  axis.compensator.settings = {S(p.gain),         S(p.breakaway_time), S(p.position_gain), S(p.dead_band),
+                               S(p.tendon_speed), S(p.common_speed),   S(p.common_stroke), S(p.common_stroke_share),
+                               S(p.far),          S(p.patience),       S(p.least_tension), S(p.tension_limit),
+                               S(p.hand_travel),  S(p.still_time)};
+  axis.homing = {model,
+                 {S(p.homing_speed), S(p.homing_gain), S(p.homing_stroke), S(p.homing_overshoot), S(p.homing_tolerance),
+                  S(p.homing_settle_time), S(p.homing_time), S(p.homing_least_stretch)}};
+  Watch<S>& watch = axis.watch;
+  for (int n = 0; n < fault_count; ++n) watch.limit[n] = {S(p.limit[n].threshold), S(p.limit[n].persistence)};
+  watch.spool_jump = {S(p.spool_jump.threshold), S(p.spool_jump.persistence)};
+  watch.drive = {S(p.spool_radius), S(p.drive_speed), S(p.drive_acceleration), S(p.drive_time_constant), S(0)};
+  watch.pretension = S(p.pretension);
+  watch.stiffness = S(p.stiffness);
+  watch.mean_band = S(p.mean_band);
+  watch.load_cell_range = S(p.load_cell_range);
+  watch.handle_range = S(p.handle_range);
+  watch.handle_noise = S(p.handle_noise);
+  watch.spool_noise = S(p.spool_noise);
+  watch.window = S(p.watch_window);
+  return axis;
+}
+
+/// Whether the numbers of an axis make sense together; what they mean is beyond a controller to know.
+template <class P>
+constexpr bool plausible(const P& p, bool continuum) {
+  const auto positive = [](auto... v) { return ((v > 0 && is_finite(v)) && ...); };
+  const auto not_negative = [](auto... v) { return ((v >= 0 && is_finite(v)) && ...); };
+  const auto share = [](auto v) { return v >= 0 && v <= 1; };
+  const auto whole = p.share_sheath + p.share_handle + p.share_stem + p.share_tip;
+  return positive(p.proximal_radius, p.distal_radius, p.handle_range, p.stiffness, p.pretension, p.spool_radius,
+                  p.drive_speed, p.drive_acceleration, p.sheath_play, p.play, p.length_noise, p.friction_scale_std,
+                  p.gain, p.breakaway_time, p.position_gain, p.tendon_speed, p.common_speed, p.common_stroke, p.far,
+                  p.tension_limit, p.homing_speed, p.homing_gain, p.homing_stroke, p.homing_tolerance, p.homing_time,
+                  p.share_stem, p.share_sheath, p.share_handle) &&
+         not_negative(p.handle_length, p.end_effector_length, p.backbone_length, p.backbone_rigidity, p.share_tip,
+                      p.vertex_coefficient, p.sheath_coefficient, p.sheath_bend, p.sheath_bend_rate,
+                      p.drive_time_constant, p.hand_play, p.smoothing, p.reference_std, p.compliance_std, p.forgetting,
+                      p.slack_tension, p.dead_band, p.common_stroke_share, p.patience, p.least_tension, p.hand_travel,
+                      p.still_time, p.homing_overshoot, p.homing_settle_time, p.homing_least_stretch) &&
+         share(p.share_sheath) && share(p.share_handle) && share(p.share_stem) && share(p.share_tip) &&
+         abs(whole - 1) < decltype(whole)(0.01) && (!continuum || p.backbone_length > 0) && p.handle_range < pi &&
+         p.pretension < p.tension_limit && p.homing_overshoot < 1;
+}
+
+}  // namespace detail
+
+/// Sets a controller up; false, and the controller unusable, if the parameters make no sense.
+template <class A, int most_axes, class P>
+bool configure(const P& p, Controller<A, most_axes>& controller) {
+  using S = A::Scalar;
+  if (p.axes < 1 || p.axes > static_cast<unsigned>(most_axes)) return false;
+  if (p.observer > 2 || p.law > 4 || p.actuation > 1 || p.safe_state > 1 || p.own_clock > 1 || p.homed > 1)
+    return false;
+  controller.axes = static_cast<int>(p.axes);
+  controller.own_clock = p.own_clock == 1;
+  controller.homed = p.homed == 1;
+  controller.supervisor = {
+      S(p.speed_limit), S(p.acceleration_limit), S(p.engage_time), S(p.tension_limit), SafeState(p.safe_state),
+      S(p.hold_time),   S(p.neutral_speed),      S(p.relief),      S(p.period)};
+  if (!controller.supervisor.valid()) return false;
+  constexpr bool continuum = requires(A a) { a.distal.backbone_length; };
+  for (int n = 0; n < controller.axes; ++n) {
+    if (!detail::plausible(p.axis[n], continuum)) return false;
+    AxisController<A>& axis = controller.axis[n];
+    axis = detail::axis_controller<A>(p.axis[n]);
+    axis.observer = ObserverKind(p.observer);
+    axis.compensator.law = ControlLaw(p.law);
+    axis.compensator.actuation = Actuation(p.actuation);
+    axis.watch.period = S(p.period);
+    if (!axis.watch.valid()) return false;
+  }
+  return true;
+}
+
+}  // namespace tenodesis

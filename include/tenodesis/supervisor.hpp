@@ -1,0 +1,188 @@
+#pragma once
+// What the motors may do: states, requests and latched faults, and the last word on every velocity that is sent.
+
+#include "tenodesis/control.hpp"
+#include "tenodesis/fault.hpp"
+
+namespace tenodesis {
+
+/// As in the Collaborative Robotics Toolkit.
+enum class OperatingState : std::uint8_t { disabled, enabled, paused, fault };
+
+enum class Request : std::uint8_t {
+  none,
+  enable,   ///< from disabled, unless a fault is present
+  disable,  ///< from enabled and paused
+  pause,    ///< from enabled: motors hold, estimation goes on
+  resume,   ///< from paused
+  home,     ///< from disabled, enabled and paused: enabled and homing, until finish_homing
+  clear,    ///< from fault to disabled, once no fault is present
+};
+
+/// What the motors do in a fault, after they have come to rest.
+enum class SafeState : std::uint8_t {
+  hold,     ///< they stand: the tendons keep their lengths, and the instrument works by hand
+  neutral,  ///< they creep back to where both tendons had their pretension
+};
+
+template <class S>
+struct SupervisorState {
+  OperatingState operating{OperatingState::disabled};
+  bool homing{};            ///< what is wanted comes from homing
+  std::uint32_t present{};  ///< faults of this tick
+  std::uint32_t first{};    ///< faults that led to the fault state
+  std::uint32_t faults{};   ///< those and all since
+  S since{};                ///< time in this state, s
+};
+
+/// What one axis was sent.
+template <class S>
+struct CommandState {
+  S sent[2]{};               ///< rad/s
+  bool over_tension[2]{};    ///< since the limit was passed, until well below it
+  std::uint32_t withheld{};  ///< ticks in which what was wanted was not finite
+};
+
+/// The constants of states and ramps.
+template <class S>
+struct Supervisor {
+  using State = SupervisorState<S>;
+
+  S speed_limit{};         ///< of a spool, rad/s
+  S acceleration_limit{};  ///< rad/s^2; speed_limit over it is the longest time to stop
+  S engage_time{};         ///< in which what is wanted is faded in, s
+  S tension_limit{};       ///< beyond which a tendon may only be unwound, N; 0: none
+  SafeState safe_state{SafeState::hold};
+  S hold_time{};      ///< before creeping back, s
+  S neutral_speed{};  ///< rad/s
+  S relief{};         ///< by which a tendon above its limit may be unwound beyond its pretension's place, rad
+  S period{};         ///< nominal, of ticks, s
+
+  bool valid() const {
+    return speed_limit > S(0) && acceleration_limit > S(0) && engage_time >= S(0) && tension_limit >= S(0) &&
+           hold_time >= S(0) && neutral_speed >= S(0) && relief >= S(0) && period > S(0) &&
+           all_finite(speed_limit, acceleration_limit, engage_time, tension_limit, hold_time, neutral_speed, relief,
+                      period);
+  }
+
+  /// The state after one tick; faults: those that hold now, of all axes. A fault is stronger than any request.
+  OperatingState advance(Request request, std::uint32_t faults, const S& dt, State& state) const {
+    state.present = faults;
+    state.since = smaller(state.since + usable(dt), S(100));
+    if (state.operating == OperatingState::fault) {
+      state.faults |= faults;
+      if (request == Request::clear && faults == 0) {
+        state.first = state.faults = 0;
+        turn(OperatingState::disabled, state);
+      }
+    } else if (faults != 0) {
+      fail(faults, state);
+    } else {
+      obey(request, state);
+    }
+    return state.operating;
+  }
+
+  /// Ends homing: the motors hold the pretension until resume engages what compensates.
+  static void finish_homing(State& state) {
+    if (state.homing) turn(OperatingState::paused, state);
+  }
+
+  /// Puts what one axis is sent into axis.sent, finite whatever is wanted, rad/s; the mask of faults found on the spot.
+  ///
+  /// wanted: rad/s; measured: spool angles and tensions are used.
+  std::uint32_t command(const S (&wanted)[2], const Measurement<S>& measured, const S& dt, State& state,
+                        CommandState<S>& axis) const {
+    const std::uint32_t found = all_finite(wanted[0], wanted[1]) ? 0U : bit(Fault::not_a_number);
+    if (found != 0) {
+      count(axis.withheld);
+      state.present |= found;
+      if (state.operating == OperatingState::fault) state.faults |= found;
+      fail(found, state);
+    }
+    for (int i = 0; i < 2; ++i) {
+      // A tension that is not a number changes nothing here.
+      if (tension_limit > S(0) && measured.tension[i] > tension_limit) axis.over_tension[i] = true;
+      if (measured.tension[i] < relaxed()) axis.over_tension[i] = false;
+      const S target = clamp(target_of(i, wanted[i], measured, state, axis), -speed_limit, speed_limit);
+      const S most = acceleration_limit * usable(dt);
+      const S ramped = axis.sent[i] + clamp(target - axis.sent[i], -most, most);
+      const S sent = clamp(ramped, -speed_limit, axis.over_tension[i] ? S(0) : speed_limit);
+      axis.sent[i] = is_finite(sent) ? sent : S(0);
+    }
+    return found;
+  }
+
+ private:
+  // A clock that stands still must not keep the motors running.
+  S usable(const S& dt) const { return dt > S(0) && is_finite(dt) ? dt : period; }
+
+  S relaxed() const { return S(0.9) * tension_limit; }
+
+  static void turn(OperatingState to, State& state) {
+    state.operating = to;
+    state.homing = false;
+    state.since = S(0);
+  }
+
+  static void fail(std::uint32_t faults, State& state) {
+    if (state.operating != OperatingState::enabled && state.operating != OperatingState::paused) return;
+    state.first = state.faults = faults;
+    turn(OperatingState::fault, state);
+  }
+
+  static void obey(Request request, State& state) {
+    using enum OperatingState;
+    const OperatingState from = state.operating;
+    switch (request) {
+      case Request::enable:
+        if (from == disabled) turn(enabled, state);
+        return;
+      case Request::disable:
+        if (from != disabled) turn(disabled, state);
+        return;
+      case Request::pause:
+        if (from == enabled) turn(paused, state);
+        return;
+      case Request::resume:
+        if (from == paused) turn(enabled, state);
+        return;
+      case Request::home:
+        turn(enabled, state);
+        state.homing = true;
+        return;
+      case Request::none:
+      case Request::clear:
+        return;
+    }
+  }
+
+  S target_of(int i, const S& wanted, const Measurement<S>& measured, const State& state,
+              const CommandState<S>& axis) const {
+    switch (state.operating) {
+      case OperatingState::enabled:
+        return state.since < engage_time ? wanted * (state.since / engage_time) : wanted;
+      case OperatingState::fault:
+        return safe_velocity(i, measured, state, axis);
+      case OperatingState::disabled:
+      case OperatingState::paused:
+        break;
+    }
+    return S(0);
+  }
+
+  S safe_velocity(int i, const Measurement<S>& measured, const State& state, const CommandState<S>& axis) const {
+    const Distrust distrust = distrusted(state.faults);
+    const S angle = measured.spool_angle[i];
+    if (distrust.spool || !is_finite(angle)) return S(0);
+    // Bounded, since a load cell that lies would have it unwound for good.
+    if (axis.over_tension[i]) return !distrust.tension && angle > -relief ? -neutral_speed : S(0);
+    if (safe_state != SafeState::neutral || state.since < hold_time) return S(0);
+    const S rate(5);  // 1/s: slows down before it arrives
+    const S creep = clamp(-rate * angle, -neutral_speed, neutral_speed);
+    const bool loose = tension_limit > S(0) ? measured.tension[i] < relaxed() : is_finite(measured.tension[i]);
+    return creep <= S(0) || (loose && !distrust.tension) ? creep : S(0);
+  }
+};
+
+}  // namespace tenodesis

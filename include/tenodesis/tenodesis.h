@@ -1,0 +1,263 @@
+/* The controller behind a plain C interface: for firmware, LabVIEW, Simulink and whatever calls C.
+ *
+ * Every struct is plain data of fixed layout; the controller itself lives in memory that the caller owns. No call
+ * allocates, blocks or keeps a pointer, and none reads past what it was given: sizes are checked, as is whether a
+ * controller was initialised. Two controllers share nothing.
+ *
+ *   tenodesis_controller controller;
+ *   tenodesis_init(&controller, &parameters);
+ *   each tick: tenodesis_step(&controller, &input, &output);  then send output.axis[n].spool_velocity
+ *
+ * Build src/c/tenodesis.cpp with the same TENODESIS_REAL. `tenodesis export controller` writes the parameters of an
+ * instrument file as a header. SI units and radians. Research software, not a medical device.
+ */
+#ifndef TENODESIS_TENODESIS_H
+#define TENODESIS_TENODESIS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifndef TENODESIS_REAL
+#define TENODESIS_REAL float
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef TENODESIS_REAL tenodesis_real;
+
+#define TENODESIS_VERSION 1u /* of this interface: raised whenever a struct or a meaning changes */
+#define TENODESIS_AXES 2
+#define TENODESIS_FAULTS 13
+#define TENODESIS_RECORDS 100 /* that the flight recorder keeps */
+#define TENODESIS_RECORD_TICKS 4 /* one record per so many ticks: the last 200 ms at 2 kHz */
+
+#define TENODESIS_STORAGE_WORDS (512u * sizeof(tenodesis_real)) /* 16 KiB in float, 32 KiB in double */
+
+/* What a call returns. */
+enum {
+  TENODESIS_OK = 0,
+  TENODESIS_NULL = 1,          /* a pointer is null */
+  TENODESIS_NOT_STARTED = 2,   /* the controller was not initialised, or with another build */
+  TENODESIS_BAD_VERSION = 3,   /* the parameters are of another version, size or precision */
+  TENODESIS_BAD_PARAMETER = 4, /* a parameter is not finite, has the wrong sign, or names a choice there is not */
+  TENODESIS_BAD_REQUEST = 5    /* there is no such request: the tick was taken without it */
+};
+
+enum { TENODESIS_TENDON_GEAR, TENODESIS_TENDON_PULLEY, TENODESIS_CONTINUUM };
+enum { TENODESIS_OBSERVER_PAPER, TENODESIS_OBSERVER_EXACT, TENODESIS_OBSERVER_FRICTION };
+enum {
+  TENODESIS_LAW_OFF,
+  TENODESIS_LAW_PAPER,
+  TENODESIS_LAW_PAPER_FEEDBACK,
+  TENODESIS_LAW_EXACT,
+  TENODESIS_LAW_ROBUST
+};
+enum { TENODESIS_ACTUATION_AGONIST, TENODESIS_ACTUATION_DIFFERENTIAL };
+enum { TENODESIS_SAFE_HOLD, TENODESIS_SAFE_NEUTRAL };
+enum {
+  TENODESIS_REQUEST_NONE,
+  TENODESIS_REQUEST_ENABLE,
+  TENODESIS_REQUEST_DISABLE,
+  TENODESIS_REQUEST_PAUSE,
+  TENODESIS_REQUEST_RESUME,
+  TENODESIS_REQUEST_HOME,
+  TENODESIS_REQUEST_CLEAR
+};
+enum { TENODESIS_DISABLED, TENODESIS_ENABLED, TENODESIS_PAUSED, TENODESIS_FAULT };
+
+/* Faults: bit 1u << number of a mask. */
+enum {
+  TENODESIS_FAULT_TENDON_BREAK,
+  TENODESIS_FAULT_TENDON_SLACK,
+  TENODESIS_FAULT_OVER_TENSION,
+  TENODESIS_FAULT_LOAD_CELL_STUCK,
+  TENODESIS_FAULT_LOAD_CELL_RANGE,
+  TENODESIS_FAULT_LOAD_CELL_DRIFT,
+  TENODESIS_FAULT_ENCODER_DROPOUT,
+  TENODESIS_FAULT_ENCODER_JUMP,
+  TENODESIS_FAULT_SPOOL_SLIP,
+  TENODESIS_FAULT_MOTOR_NOT_FOLLOWING,
+  TENODESIS_FAULT_TICK_LATE,
+  TENODESIS_FAULT_NOT_A_NUMBER,
+  TENODESIS_FAULT_HOMING_FAILED
+};
+
+typedef struct {
+  tenodesis_real threshold;   /* 0 switches the check off */
+  tenodesis_real persistence; /* s */
+} tenodesis_limit;
+
+typedef struct {
+  /* joints; what a mechanism does not have is 0 */
+  tenodesis_real proximal_radius;     /* m */
+  tenodesis_real distal_radius;       /* m */
+  tenodesis_real handle_length;       /* m */
+  tenodesis_real end_effector_length; /* m */
+  tenodesis_real backbone_length;     /* m */
+  tenodesis_real backbone_rigidity;   /* N m^2 */
+  tenodesis_real handle_range;        /* largest |handle angle|, rad */
+  /* tendons */
+  tenodesis_real stiffness;    /* of one, N/m */
+  tenodesis_real pretension;   /* N */
+  tenodesis_real share_sheath; /* of a tendon's compliance: from the spool to the sheath's friction */
+  tenodesis_real share_handle; /* on to the handle's joint */
+  tenodesis_real share_stem;   /* on to the tip's joint */
+  tenodesis_real share_tip;    /* beyond */
+  tenodesis_real vertex_coefficient;
+  tenodesis_real sheath_coefficient;
+  tenodesis_real sheath_bend;      /* rad */
+  tenodesis_real sheath_bend_rate; /* rad per rad of |handle angle| */
+  /* drives */
+  tenodesis_real spool_radius;       /* m */
+  tenodesis_real drive_speed;        /* largest, rad/s at the spool */
+  tenodesis_real drive_acceleration; /* largest, rad/s^2 */
+  tenodesis_real drive_time_constant; /* s */
+  /* friction observer */
+  tenodesis_real hand_play;          /* half the play that keeps the handle encoder's noise out, rad */
+  tenodesis_real sheath_play;        /* slip in the sheath above noise, m */
+  tenodesis_real play;               /* slip at the handle's joint above noise, m */
+  tenodesis_real length_noise;       /* of two tendons' lengths compared, m */
+  tenodesis_real smoothing;          /* time constant of the measurements, s */
+  tenodesis_real friction_scale_std; /* deviations at the start */
+  tenodesis_real reference_std;      /* m */
+  tenodesis_real compliance_std;
+  tenodesis_real forgetting;         /* growth of these deviations, share per root second */
+  tenodesis_real slack_tension;      /* N */
+  /* compensator */
+  tenodesis_real gain;                  /* 1/s */
+  tenodesis_real breakaway_time;        /* s */
+  tenodesis_real position_gain;         /* 1/s */
+  tenodesis_real dead_band;             /* of the output angle, rad */
+  tenodesis_real tendon_speed;          /* largest, m/s */
+  tenodesis_real common_speed;          /* m/s */
+  tenodesis_real common_stroke;         /* m */
+  tenodesis_real common_stroke_share;
+  tenodesis_real far;                   /* dead bands */
+  tenodesis_real patience;              /* s */
+  tenodesis_real least_tension;         /* N */
+  tenodesis_real tension_limit;         /* N */
+  tenodesis_real hand_travel;           /* rad */
+  tenodesis_real still_time;            /* s */
+  /* homing */
+  tenodesis_real homing_speed;         /* m/s */
+  tenodesis_real homing_gain;          /* 1/s */
+  tenodesis_real homing_stroke;        /* most to wind before a tendon is tight, m */
+  tenodesis_real homing_overshoot;     /* share of the pretension */
+  tenodesis_real homing_tolerance;     /* share of the pretension */
+  tenodesis_real homing_settle_time;   /* s */
+  tenodesis_real homing_time;          /* most, of each stage, s */
+  tenodesis_real homing_least_stretch; /* share of an elastic tendon's, below which one is jammed */
+  /* watch */
+  tenodesis_real mean_band;       /* share by which friction may move the mean tension */
+  tenodesis_real load_cell_range; /* N */
+  tenodesis_real handle_noise;    /* rad */
+  tenodesis_real spool_noise;     /* rad */
+  tenodesis_real watch_window;    /* s */
+  tenodesis_limit spool_jump;     /* rad/s */
+  tenodesis_limit limit[TENODESIS_FAULTS]; /* by number of the fault */
+} tenodesis_axis_parameters;
+
+typedef struct {
+  uint32_t size;    /* sizeof(tenodesis_parameters) */
+  uint32_t version; /* TENODESIS_VERSION */
+  uint32_t joint_type;
+  uint32_t axes; /* 1 or 2 */
+  uint32_t observer;
+  uint32_t law;
+  uint32_t actuation;
+  uint32_t safe_state;
+  uint32_t own_clock; /* 1: ticks come once a period; 0: the input's time tells */
+  uint32_t homed;     /* 1: spool angles count from pretension when the controller starts */
+  tenodesis_real period;             /* nominal, of ticks, s */
+  tenodesis_real speed_limit;        /* of a spool, rad/s */
+  tenodesis_real acceleration_limit; /* rad/s^2 */
+  tenodesis_real engage_time;        /* in which motion is faded in, s */
+  tenodesis_real tension_limit;      /* above which a tendon is only unwound, N */
+  tenodesis_real hold_time;          /* before a motor creeps back to neutral, s */
+  tenodesis_real neutral_speed;      /* rad/s */
+  tenodesis_real relief;             /* by which a tendon above its limit may be unwound past its place, rad */
+  tenodesis_axis_parameters axis[TENODESIS_AXES];
+} tenodesis_parameters;
+
+typedef struct {
+  tenodesis_real handle_angle;   /* rad */
+  tenodesis_real tension[2];     /* agonist, antagonist, N */
+  tenodesis_real spool_angle[2]; /* rad; positive winds */
+} tenodesis_measurement;
+
+typedef struct {
+  uint64_t time;    /* ns */
+  uint32_t request; /* TENODESIS_REQUEST_... */
+  uint32_t reserved;
+  tenodesis_measurement axis[TENODESIS_AXES];
+} tenodesis_input;
+
+typedef struct {
+  tenodesis_real spool_velocity[2]; /* rad/s; finite whatever came in */
+  tenodesis_real output_angle;      /* rad; a std that the observer does not know is NaN */
+  tenodesis_real output_angle_std;
+  tenodesis_real tip_force; /* N */
+  tenodesis_real tip_force_std;
+  tenodesis_real friction_scale;
+  tenodesis_real friction_scale_std;
+  uint32_t faults; /* of this axis that hold now */
+  uint32_t reserved;
+} tenodesis_axis_output;
+
+typedef struct {
+  tenodesis_axis_output axis[TENODESIS_AXES];
+  uint32_t state; /* TENODESIS_DISABLED ... */
+  uint32_t homed;
+  uint32_t homing;
+  uint32_t faults;       /* latched in a fault, else those that hold now */
+  uint32_t first_faults; /* those that led to the fault */
+  uint32_t reserved;
+} tenodesis_output;
+
+/* A tick as the flight recorder keeps it. */
+typedef struct {
+  uint64_t time;
+  uint32_t state;
+  uint32_t faults;
+  tenodesis_measurement measured[TENODESIS_AXES];
+  tenodesis_real spool_velocity[TENODESIS_AXES][2];
+  tenodesis_real output_angle[TENODESIS_AXES];
+} tenodesis_record;
+
+/* How often each fault was confirmed, and how many samples of each sensor were implausible. */
+typedef struct {
+  uint32_t faults[TENODESIS_FAULTS];
+  uint32_t bad_samples[5]; /* handle, agonist and antagonist load cell, agonist and antagonist spool */
+  uint32_t late_ticks;
+} tenodesis_counts;
+
+/* Memory of a controller; nothing in it is the caller's business. */
+typedef struct {
+  uint64_t storage[TENODESIS_STORAGE_WORDS];
+} tenodesis_controller;
+
+/* Sets a controller up, disabled. */
+int tenodesis_init(tenodesis_controller* controller, const tenodesis_parameters* parameters);
+/* One tick. On any error but TENODESIS_BAD_REQUEST the output says: velocities 0. */
+int tenodesis_step(tenodesis_controller* controller, const tenodesis_input* input, tenodesis_output* output);
+/* As after init, with the same parameters. */
+int tenodesis_reset(tenodesis_controller* controller);
+/* Whether motors must stop because no tick came for so long, ns: for a timer of its own. 1: stop. */
+int tenodesis_watchdog(const tenodesis_controller* controller, uint64_t since_last_step);
+/* The flight recorder: number of records, and one by its age (0 is the oldest). */
+int tenodesis_records(const tenodesis_controller* controller);
+int tenodesis_read_record(const tenodesis_controller* controller, int number, tenodesis_record* record);
+int tenodesis_read_counts(const tenodesis_controller* controller, int axis, tenodesis_counts* counts);
+/* Version of the library, and the size of its tenodesis_real. */
+uint32_t tenodesis_version(void);
+uint32_t tenodesis_real_size(void);
+/* What a fault is called; "unknown" for a number that is none. */
+const char* tenodesis_fault_name(uint32_t number);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,27 @@
+"""The controller: know the tip from what the handle's end tells, and give the lost angle back."""
+
+from tenodesis.control.controller import (
+    Controller,
+    FlightRecord,
+    LawName,
+    ObserverName,
+    OperatingState,
+    Output,
+    Request,
+)
+from tenodesis.control.parameters import FAULTS, Parameters, parameters
+from tenodesis.tampering import Tampering
+
+__all__ = [
+    "FAULTS",
+    "Controller",
+    "FlightRecord",
+    "LawName",
+    "ObserverName",
+    "OperatingState",
+    "Output",
+    "Parameters",
+    "Request",
+    "Tampering",
+    "parameters",
+]

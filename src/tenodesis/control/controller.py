@@ -1,0 +1,304 @@
+"""The controller of the core, tick by tick, for any plant."""
+
+from enum import IntEnum
+from math import isfinite
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tenodesis import _core
+from tenodesis.control.parameters import FAULTS, parameters
+from tenodesis.instrument import Instrument
+
+ObserverName: TypeAlias = Literal["paper", "exact", "friction"]
+LawName: TypeAlias = Literal["off", "paper", "paper-feedback", "exact", "robust"]
+ActuationName: TypeAlias = Literal["agonist", "differential"]
+Precision: TypeAlias = Literal["double", "single"]
+
+_SIGNALS = _core.control_signals()
+_CHANNELS = ("handle_angle", "tension.agonist", "tension.antagonist", "spool_angle.agonist", "spool_angle.antagonist")
+_LATEST = 2**63 / 1e9  # s
+
+
+class OperatingState(IntEnum):
+    """What the controller does, as in the Collaborative Robotics Toolkit."""
+
+    DISABLED = 0
+    ENABLED = 1
+    PAUSED = 2
+    FAULT = 3
+
+
+class Request(IntEnum):
+    """What a controller can be asked."""
+
+    NONE = 0
+    ENABLE = 1
+    DISABLE = 2
+    PAUSE = 3
+    RESUME = 4
+    HOME = 5
+    CLEAR = 6
+
+
+class Output(NamedTuple):
+    """What one tick gives; of a two-axis instrument, arrays by axis."""
+
+    spool_velocity: NDArray[np.float64]
+    """To send to the drives, rad/s, agonist and antagonist: shape (2,), with two axes (2, 2)."""
+    output_angle: Any
+    """rad"""
+    output_angle_std: Any
+    """rad; NaN from an observer that does not know it, as the other deviations"""
+    tip_force: Any
+    """N; positive against positive flexion"""
+    tip_force_std: Any
+    friction_scale: Any
+    """Friction there is over that of the instrument"""
+    friction_scale_std: Any
+    state: OperatingState
+    faults: tuple[str, ...]
+    """Names of the faults that are latched, or outside a fault of those that hold now"""
+    first_faults: tuple[str, ...]
+    """Names of those that led to the fault"""
+    homed: bool
+    homing: bool
+
+
+class FlightRecord(NamedTuple):
+    """The last moments before a fault, and a few after; one row per record."""
+
+    time: NDArray[np.float64]
+    state: NDArray[np.int64]
+    faults: NDArray[np.int64]
+    """Masks of bits, :data:`FAULTS` in order."""
+    handle_angle: NDArray[np.float64]
+    tension: NDArray[np.float64]
+    spool_angle: NDArray[np.float64]
+    spool_velocity: NDArray[np.float64]
+    output_angle: NDArray[np.float64]
+    fault_row: int | None
+    """Row of the fault's first tick; None without a fault."""
+
+
+class Controller:
+    """A controller for an instrument, whatever plant it runs: the twin, a bench, another simulator.
+
+    Parameters
+    ----------
+    inst
+        The instrument; its table control says what to aim at, friction what to start from.
+    observer
+        What tells where the tip is: ``paper`` (eq. 19), ``exact`` (with slack and motors), ``friction``.
+    law
+        What the motors do: ``off``, ``paper`` (eq. 22 as a set point), ``paper-feedback`` (the pseudo-error of Fig. 12
+        winds the spools), ``exact``, ``robust`` (goes by the friction observer).
+    actuation
+        ``agonist``: one motor; ``differential``: both.
+    homed
+        Whether spool angles count from where both tendons have their pretension at a straight handle. If not, home
+        first: nothing compensates before.
+    enabled
+        Whether the first tick enables it.
+    precision
+        ``single`` computes as a microcontroller does.
+    period
+        Nominal time between ticks, s; by default the instrument's sampling period.
+    own_clock
+        Whether ticks count as one period each, whatever time is given.
+
+    Raises
+    ------
+    ValueError
+        There is no such choice, the robust law is given another observer, or the numbers make no controller.
+    """
+
+    def __init__(
+        self,
+        inst: Instrument,
+        observer: ObserverName = "friction",
+        law: LawName = "robust",
+        actuation: ActuationName = "differential",
+        *,
+        homed: bool = True,
+        enabled: bool = True,
+        precision: Precision = "double",
+        period: float | None = None,
+        own_clock: bool = False,
+    ) -> None:
+        choices = [
+            _choice("observer", observer, ObserverName),
+            _choice("law", law, LawName),
+            _choice("actuation", actuation, ActuationName),
+        ]
+        single = _choice("precision", precision, Precision) == 1
+        if law == "robust" and observer != "friction":
+            raise ValueError(f'law is "robust" and observer "{observer}"; allowed with that law is "friction".')
+        if period is not None and not (isfinite(period) and 0 < period < 1):
+            raise ValueError(f"period is {period!r}; allowed is a time above 0 and below 1 s.")
+        self.inst = inst
+        self.observer, self.law, self.actuation = observer, law, actuation
+        self.homed_at_start, self.enabled_at_start = bool(homed), bool(enabled)
+        self.parameters = parameters(inst, period)
+        safe_state = ("hold", "neutral").index(inst.control.safe_state)
+        try:
+            self.core = _core.Controller(
+                self.parameters.joint_type, *choices, safe_state, own_clock, homed, *self.parameters.rows(), single
+            )
+        except (ValueError, RuntimeError):
+            raise ValueError(
+                f"the numbers of {inst.name} make no controller; allowed are a pretension below the tension_limit of "
+                f"{self.parameters.axes[0]['tension_limit']:g} N and joints that leave length to the stem."
+            ) from None
+        self._request = Request.ENABLE if enabled else Request.NONE
+
+    def step(
+        self,
+        time: float,
+        handle_angle: ArrayLike,
+        tensions: ArrayLike,
+        spool_angles: ArrayLike,
+        request: Request | str = Request.NONE,
+    ) -> Output:
+        """Take one tick.
+
+        Parameters
+        ----------
+        time
+            Of the measurements, s, from any start; 0 or more.
+        handle_angle
+            rad; with two axes shape (2,).
+        tensions
+            Beside the spools, agonist and antagonist, N; shape (2,), with two axes (2, 2), axis before tendon.
+        spool_angles
+            rad, positive winds; as tensions.
+        request
+            What is asked with this tick, a :class:`Request` or its name; :meth:`ask` queues one too.
+
+        Raises
+        ------
+        ValueError
+            A shape or the time is not what is allowed. What is measured may be anything, NaN included: that is a
+            fault, not an error.
+        """
+        if not (isfinite(time) and 0 <= time < _LATEST):
+            raise ValueError(f"time is {time!r}; allowed is a number of seconds from 0 on.")
+        asked = _request(request)
+        if asked == Request.NONE:
+            asked, self._request = self._request, Request.NONE
+        axes = len(self.inst.axes)
+        measured = np.empty((axes, 5))
+        measured[:, :1] = _shaped("handle_angle", handle_angle, axes, 1)
+        measured[:, 1:3] = _shaped("tensions", tensions, axes, 2)
+        measured[:, 3:] = _shaped("spool_angles", spool_angles, axes, 2)
+        rows, _, state, homed, homing, faults, first = self.core.step(round(time * 1e9), int(asked), measured)
+        table = np.array(rows)
+        signals = {name: table[:, n] if axes > 1 else float(table[0, n]) for n, name in enumerate(_SIGNALS)}
+        sent = table[:, _SIGNALS.index("commanded_spool_velocity.agonist") :][:, :2]
+        return Output(
+            sent if axes > 1 else sent[0],
+            signals["estimated_output_angle"],
+            signals["estimated_output_angle_std"],
+            signals["estimated_force"],
+            signals["estimated_force_std"],
+            signals["friction_scale"],
+            signals["friction_scale_std"],
+            OperatingState(state),
+            fault_names(faults),
+            fault_names(first),
+            homed,
+            homing,
+        )
+
+    def ask(self, request: Request | str) -> None:
+        """Ask for something with the next tick: a :class:`Request` or its name."""
+        self._request = _request(request)
+
+    def take_request(self) -> Request:
+        """Return what is to be asked with the next tick, and forget it."""
+        asked, self._request = self._request, Request.NONE
+        return asked
+
+    def reset(self) -> None:
+        """Start anew, as when it was made."""
+        self.core.reset()
+        self._request = Request.ENABLE if self.enabled_at_start else Request.NONE
+
+    def counts(self, axis: str | None = None) -> dict[str, dict[str, int]]:
+        """Return how often each fault was confirmed, and how many bad samples each sensor gave, of the first axis.
+
+        Raises
+        ------
+        ValueError
+            There is no such axis.
+        """
+        if axis is not None and axis not in self.inst.axes:
+            raise ValueError(f"axis is {axis!r}; allowed are {', '.join(self.inst.axes)}.")
+        faults, bad, late = self.core.counts(0 if axis is None else self.inst.axes.index(axis))
+        return {
+            "faults": dict(zip(FAULTS, faults, strict=True)),
+            "bad_samples": dict(zip(_CHANNELS, bad, strict=True)),
+            "ticks": {"late": late},
+        }
+
+    def flight_record(self) -> FlightRecord:
+        """Return what the flight recorder holds: the last 200 ms at 2 kHz, frozen by a fault until it is cleared."""
+        rows, place = self.core.records()
+        axes = len(self.inst.axes)
+        table = np.array(rows).reshape(len(rows), 3 + 8 * axes)
+        own = table[:, 3:].reshape(len(rows), axes, 8)
+        shaped = own[:, 0] if axes == 1 else own
+        return FlightRecord(
+            table[:, 0],
+            table[:, 1].astype(np.int64),
+            table[:, 2].astype(np.int64),
+            shaped[..., 0],
+            shaped[..., 1:3],
+            shaped[..., 3:5],
+            shaped[..., 5:7],
+            shaped[..., 7],
+            None if place < 0 else place,
+        )
+
+    def refuse_another(self, inst: Instrument) -> None:
+        """Refuse a plant whose axes or joints are others.
+
+        Raises
+        ------
+        ValueError
+            They are.
+        """
+        if inst.axes != self.inst.axes or inst.joint_type != self.inst.joint_type:
+            raise ValueError(
+                f"the controller is for {' and '.join(self.inst.axes)} of a {self.inst.joint_type}; allowed is a twin "
+                f"of such an instrument, not {' and '.join(inst.axes)} of a {inst.joint_type}."
+            )
+
+
+def fault_names(mask: int) -> tuple[str, ...]:
+    """Return the names of the faults in a mask of bits."""
+    return tuple(name for n, name in enumerate(FAULTS) if mask >> n & 1)
+
+
+def _choice(argument: str, value: str, choices: Any) -> int:
+    allowed = get_args(choices)
+    if value not in allowed:
+        raise ValueError(f"{argument} is {value!r}; allowed are {', '.join(allowed)}.")
+    return allowed.index(value)
+
+
+def _request(request: Request | str) -> Request:
+    try:
+        return Request[request.upper()] if isinstance(request, str) else Request(request)
+    except (KeyError, ValueError):
+        names = ", ".join(one.name.lower() for one in Request)
+        raise ValueError(f"request is {request!r}; allowed are {names}.") from None
+
+
+def _shaped(argument: str, value: ArrayLike, axes: int, columns: int) -> NDArray[np.float64]:
+    array = np.asarray(value, float)
+    wanted = tuple(size for size, needed in ((axes, axes > 1), (columns, columns > 1)) if needed)
+    if array.shape != wanted:
+        raise ValueError(f"{argument} has shape {array.shape}; allowed is {wanted}.")
+    return array.reshape(axes, columns)

@@ -1,0 +1,173 @@
+"""The controller's numbers, by the names they have in the C interface, from an instrument."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tenodesis import _core, twin
+from tenodesis.instrument import Instrument
+
+FAULTS = tuple(_core.fault_names())
+"""Names of the faults, in the order of their bits."""
+
+COMMON = tuple(_core.control_parameters())
+AXIS = tuple(_core.control_axis_parameters())
+
+_USUAL_GAIN = 12.0  # 1/s
+# A tip that swings freely turns an integrating loop unstable at twice its damping ratio times its angular frequency.
+_GAIN_PER_SWING = 0.23
+_STROKE_TIME = 0.25  # s
+_USUAL_LIMIT = 80.0  # N
+_FAULT_OVER_LIMIT = 1.25
+
+
+class Parameters(NamedTuple):
+    """Numbers of a controller: those all axes share, and per axis its own and its limits."""
+
+    joint_type: int
+    common: dict[str, float]
+    axes: tuple[dict[str, float], ...]
+    limits: tuple[dict[str, tuple[float, float]], ...]
+    """Threshold and persistence (s) by fault, and of the spools' jumps."""
+
+    def rows(self) -> tuple[list[float], NDArray[np.float64], NDArray[np.float64]]:
+        """Return the numbers in the core's order."""
+        return (
+            [self.common[name] for name in COMMON],
+            np.array([[axis[name] for name in AXIS] for axis in self.axes]),
+            np.array([[limits[name] for name in (*FAULTS, "spool_jump")] for limits in self.limits]),
+        )
+
+
+def parameters(inst: Instrument, period: float | None = None) -> Parameters:
+    """Return the controller's numbers for an instrument; period: of its ticks, s, by default a sampling period."""
+    single = [inst] if len(inst.axes) == 1 else [inst.axis(name) for name in inst.axes]
+    tick = 1 / inst.sensors.sampling_rate if period is None else period
+    first = single[0]
+    drives = first.drives
+    speed = drives.motor_speed / drives.gear_ratio
+    common = {
+        "period": tick,
+        "speed_limit": speed,
+        "acceleration_limit": drives.motor_acceleration / drives.gear_ratio,
+        "engage_time": 0.2,
+        "tension_limit": min(_FAULT_OVER_LIMIT * tension_limit(one) for one in single),
+        "hold_time": 0.5,
+        "neutral_speed": 0.01 * speed,
+        "relief": first.pretension / (2 * first.tendon_stiffness * drives.spool_radius),
+    }
+    joint_type = int(_core.JointType[inst.joint_type.replace("-", "_").upper()].value)
+    return Parameters(
+        joint_type, common, tuple(_axis(one, tick) for one in single), tuple(_limits(one, tick) for one in single)
+    )
+
+
+def tension_limit(inst: Instrument) -> float:
+    """Return the tension (N) above which no tendon is wound."""
+    given = inst.control.tension_limit
+    if given is not None:
+        return given
+    strength = np.inf if inst.breaking_load is None else inst.breaking_load / (1.5 * _FAULT_OVER_LIMIT)
+    return float(
+        min(max(_USUAL_LIMIT, 3 * inst.pretension), strength, inst.sensors.load_cell_range / (1.1 * _FAULT_OVER_LIMIT))
+    )
+
+
+def _axis(inst: Instrument, period: float) -> dict[str, float]:
+    numbers = twin.numbers(inst, period)
+    drives, sensors, control = inst.drives, inst.sensors, inst.control
+    pretension, stiffness = inst.pretension, inst.tendon_stiffness
+    in_handle = numbers["handle_length_share"] / 2
+    at_handle, at_tip = _core.joint_shares(inst.spec)
+    stem = 1 - numbers["handle_length_share"] - at_handle - at_tip
+    handle_step = max(numbers["encoder_resolution"], 2 * numbers["encoder_noise"])
+    spool_step = numbers["motor_encoder_resolution"] * drives.spool_radius
+    stretch = pretension / stiffness
+    speed = drives.motor_speed / drives.gear_ratio
+    stroke = control.common_stroke * stretch
+    return {
+        "proximal_radius": numbers["proximal_radius"],
+        "distal_radius": numbers["distal_radius"],
+        "handle_length": inst.handle_length,
+        "end_effector_length": inst.end_effector_length,
+        "backbone_length": float(np.nan_to_num(numbers["backbone_length"])),
+        "backbone_rigidity": float(np.nan_to_num(numbers["backbone_rigidity"])),
+        "handle_range": inst.handle_range,
+        "stiffness": stiffness,
+        "pretension": pretension,
+        "share_sheath": in_handle,
+        "share_handle": in_handle + at_handle,
+        "share_stem": stem,
+        "share_tip": at_tip,
+        "vertex_coefficient": inst.friction.vertex_coefficient,
+        "sheath_coefficient": inst.friction.sheath_coefficient,
+        "sheath_bend": inst.friction.sheath_bend,
+        "sheath_bend_rate": inst.friction.sheath_bend_per_handle_angle,
+        "spool_radius": drives.spool_radius,
+        "drive_speed": speed,
+        "drive_acceleration": drives.motor_acceleration / drives.gear_ratio,
+        "drive_time_constant": drives.time_constant,
+        "hand_play": max(0.7 * handle_step, 1e-5),
+        "sheath_play": max(3e-6, 10 * sensors.load_cell_noise * in_handle / stiffness),
+        "play": max(0.4 * numbers["proximal_radius"] * handle_step, spool_step, 1e-6),
+        "length_noise": max(2 * spool_step, 2e-6),
+        "smoothing": 6 * period,
+        "friction_scale_std": control.friction_uncertainty,
+        "reference_std": control.reference_uncertainty,
+        "compliance_std": control.stiffness_uncertainty,
+        "forgetting": 0.05,
+        "slack_tension": max(0.01 * pretension, 8 * sensors.load_cell_noise),
+        "gain": control.gain or min(_USUAL_GAIN, _GAIN_PER_SWING * twin.swing(inst)),
+        "breakaway_time": 0.025,
+        "position_gain": control.position_gain,
+        "dead_band": control.dead_band,
+        "tendon_speed": control.tendon_speed or 0.5 * speed * drives.spool_radius,
+        "common_speed": stroke / _STROKE_TIME,
+        "common_stroke": stroke,
+        "common_stroke_share": control.common_stroke,
+        "far": 15.0,
+        "patience": 0.3,
+        "least_tension": control.least_tension * pretension,
+        "tension_limit": tension_limit(inst),
+        "hand_travel": 5 * 0.7 * handle_step,
+        "still_time": 0.1,
+        "homing_speed": control.homing_speed,
+        "homing_gain": 8.0,
+        "homing_stroke": control.homing_stroke,
+        "homing_overshoot": 0.15,
+        "homing_tolerance": 0.004,
+        "homing_settle_time": 0.1,
+        "homing_time": control.homing_stroke / control.homing_speed + 10.0,
+        "homing_least_stretch": 0.4,
+        "mean_band": control.mean_band,
+        "load_cell_range": sensors.load_cell_range - numbers["load_cell_resolution"],
+        "handle_noise": 6 * handle_step,
+        "spool_noise": 2.5 * numbers["motor_encoder_resolution"],
+        "watch_window": 0.1,
+    }
+
+
+def _limits(inst: Instrument, period: float) -> dict[str, tuple[float, float]]:
+    pretension, sensors = inst.pretension, inst.sensors
+    speed = inst.drives.motor_speed / inst.drives.gear_ratio
+    # A cell without noise does not flicker, and one that is sampled slower than ticks stands still between samples.
+    flickers = sensors.load_cell_noise > 2 * 2 * sensors.load_cell_range / 2**sensors.load_cell_bits
+    stuck = 0.3 * sensors.load_cell_noise if flickers else 0.0
+    sample = max(period, 1 / sensors.sampling_rate)
+    return {
+        "tendon_break": (0.08 * pretension, 0.01),
+        "tendon_slack": (0.04 * pretension, 2.0),
+        "over_tension": (_FAULT_OVER_LIMIT * tension_limit(inst), 0.003),
+        "load_cell_stuck": (stuck, max(0.04, 30 * sample)),
+        "load_cell_range": (0.08 * pretension, 0.005),
+        "load_cell_drift": (0.1 * pretension, 0.5),
+        "encoder_dropout": (0.1, 0.005),
+        "encoder_jump": (30.0, 1.2 * period),
+        "spool_slip": (0.12 * pretension, 0.01),
+        "motor_not_following": (0.008, 0.005),
+        "tick_late": (inst.control.watchdog, 0.0),
+        "not_a_number": (0.0, 0.0),
+        "homing_failed": (0.0, 0.0),
+        "spool_jump": (3 * speed, 1.2 * period),
+    }
