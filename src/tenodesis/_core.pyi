@@ -2,8 +2,10 @@
 
 from collections.abc import Sequence
 import enum
+from typing import Annotated
 
 import numpy
+from numpy.typing import NDArray
 from numpy.typing import NDArray
 
 
@@ -142,10 +144,58 @@ def most_sheath_contacts() -> int:
 def rig_arm(spec: Spec) -> float:
     """From a load rig's pivot to the tip of the straight joint, m."""
 
-def joint_share(spec: Spec) -> float:
-    """Share of a tendon's length that lies in the two joints."""
+def joint_shares(spec: Spec) -> tuple[float, float]:
+    """
+    Shares of a tendon's length that lie in the handle's joint and in the tip's.
+    """
 
 def run_many(spec: TwinSpec, parameters: NDArray[numpy.float64], commands: NDArray[numpy.float64], seeds: NDArray[numpy.uint64], signals: Sequence[int], every: int, out: NDArray[numpy.float64], told: NDArray[numpy.int64], threads: int) -> None:
     """
     Run one twin per row of parameters (a twin's, then its axis's); told: steps taken and status of each.
+    """
+
+class Controller:
+    """The controller of an instrument, with its state."""
+
+    def __init__(self, joint_type: int, observer: int, law: int, actuation: int, safe_state: int, own_clock: bool, homed: bool, common: Sequence[float], axes: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], limits: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], single_precision: bool) -> None: ...
+
+    def step(self, time: int, request: int, measured: NDArray[numpy.float64]) -> tuple[list[list[float]], list[int], int, bool, bool, int, int]:
+        """
+        One tick, time in ns: per axis the control signals and its faults; state, homed, homing, faults, first.
+        """
+
+    def reset(self) -> None:
+        """As when it was made."""
+
+    def watchdog(self, since_last_step: float) -> bool:
+        """Whether the motors must stop, given seconds."""
+
+    def counts(self, axis: int) -> tuple[list[int], list[int], int]:
+        """
+        How often each fault was confirmed, bad samples per sensor, late ticks.
+        """
+
+    def records(self) -> tuple[list[list[float]], int]:
+        """
+        The flight recorder: time, state, faults, then per axis measurement, sent velocities, output angle; and which row is the fault's first.
+        """
+
+def control_parameters() -> list[str]:
+    """Names of the numbers that all axes share."""
+
+def control_axis_parameters() -> list[str]:
+    """Names of the numbers of an axis."""
+
+def fault_names() -> list[str]:
+    """Names of the faults, in the order of their bits."""
+
+def control_signals() -> list[str]:
+    """Names of the signals that a controller adds to a run."""
+
+def tamper_places() -> list[str]:
+    """Places between twin and controller where a fault can be put."""
+
+def run_controlled(twins: Sequence[Twin], controller: Controller, commands: NDArray[numpy.float64], steps_per_tick: int, time_step: float, started: int, requests: NDArray[numpy.uint8] | None, values: NDArray[numpy.float64] | None, modes: NDArray[numpy.uint8] | None, out: NDArray[numpy.float64], control: NDArray[numpy.float64]) -> tuple[int, Status]:
+    """
+    Step twins and a controller in one loop over rows of commands, axis by axis; returns steps and why no more.
     """

@@ -193,7 +193,7 @@ class Twin:
         sheath_bend
             Bend of the sheath beside its own, rad; as handle_angle, or a number.
         let_out
-            Length of tendon that has come off its spool, m: as spool_velocity. More than it is stretched by: it is torn.
+            Length of tendon that has come off its spool, m, as spool_velocity; half a metre stands for a torn one.
         controller
             Closes the loop: what the sensors say goes to it, and its spool velocities to the drives.
         request
@@ -352,9 +352,7 @@ class Twin:
             per_tendon = name in _PER_TENDON
             wanted = (*base, 2) if per_tendon else base
             # A number per step holds for both axes.
-            given = (
-                array[:, np.newaxis] if axes == 2 and not per_tendon and array.shape == (count,) else array
-            )
+            given = array[:, np.newaxis] if axes == 2 and not per_tendon and array.shape == (count,) else array
             try:
                 full = np.broadcast_to(given, wanted)
             except ValueError:

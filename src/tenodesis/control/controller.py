@@ -127,11 +127,9 @@ class Controller:
         period: float | None = None,
         own_clock: bool = False,
     ) -> None:
-        choices = [
-            _choice("observer", observer, ObserverName),
-            _choice("law", law, LawName),
-            _choice("actuation", actuation, ActuationName),
-        ]
+        chosen_observer = _choice("observer", observer, ObserverName)
+        chosen_law = _choice("law", law, LawName)
+        chosen_actuation = _choice("actuation", actuation, ActuationName)
         single = _choice("precision", precision, Precision) == 1
         if law == "robust" and observer != "friction":
             raise ValueError(f'law is "robust" and observer "{observer}"; allowed with that law is "friction".')
@@ -142,9 +140,20 @@ class Controller:
         self.homed_at_start, self.enabled_at_start = bool(homed), bool(enabled)
         self.parameters = parameters(inst, period)
         safe_state = ("hold", "neutral").index(inst.control.safe_state)
+        common, axes, limits = self.parameters.rows()
         try:
             self.core = _core.Controller(
-                self.parameters.joint_type, *choices, safe_state, own_clock, homed, *self.parameters.rows(), single
+                self.parameters.joint_type,
+                chosen_observer,
+                chosen_law,
+                chosen_actuation,
+                safe_state,
+                own_clock,
+                homed,
+                common,
+                axes,
+                limits,
+                single,
             )
         except (ValueError, RuntimeError):
             raise ValueError(
