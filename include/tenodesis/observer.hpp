@@ -67,13 +67,12 @@ struct FrictionMemory {
   S handle_angle{};         ///< smoothed, rad
   Measurement<S> smooth{};  ///< with play in the handle angle
   S tip{};                  ///< tendon length taken by the tip, m
-  S output_angle{};  ///< that goes with it, rad
+  S output_angle{};         ///< that goes with it, rad
   S scale{1};               ///< of friction
   S reference{};            ///< by how much both tendons together are longer than their references, m
   S compliance{1};          ///< of the tendons over the parameters'
   S covariance[3][3]{};     ///< of scale, reference, compliance
   S freedom[2]{};           ///< how far the tip may have moved unseen, toward flexion and extension, m
-  S common{};               ///< how surely both tendons slip the same way now: 1 toward the spools, -1 toward the tip
   bool started{};
 };
 
@@ -327,15 +326,29 @@ struct FrictionObserver {
       memory.freedom[n] = larger(i == agonist ? toward[n] : smaller(memory.freedom[n], toward[n]), S(0));
   }
 
+  // Variance of what is compared, from that of scale, reference and compliance; gain: its covariance with each.
+  static S spread_by(const S* by, const Memory& memory, S* gain) {
+    S spread(0);
+    for (int n = 0; n < 3; ++n) {
+      gain[n] = S(0);
+      for (int m = 0; m < 3; ++m) gain[n] = gain[n] + memory.covariance[n][m] * by[m];
+      spread = spread + by[n] * gain[n];
+    }
+    return spread;
+  }
+
+  void doubt_scale(Memory& memory) const {
+    for (int n = 1; n < 3; ++n) memory.covariance[0][n] = memory.covariance[n][0] = S(0);
+    memory.covariance[0][0] = settings.scale_std * settings.scale_std;
+  }
+
   // Both slip the same way: their two accounts of the tip differ by what is wrong with friction, lengths, stiffness.
   void learn(const S* position, const S* ratio, const Exponents& nominal, Memory& memory) const {
     const S first = memory.tendon[agonist].slip[1].evidence;
     const S second = memory.tendon[antagonist].slip[1].evidence;
-    memory.common = S(0);
     const S direction = first > S(0) ? S(1) : S(-1);
     const S weight = smaller(abs(first), abs(second));
     if (!(first * second > S(0)) || !slip_together(memory, direction)) return;
-    memory.common = direction;
     const S unit = unit_of(memory);
     S residual(0);
     S by[3] = {S(0), S(-1), S(0)};
@@ -348,14 +361,15 @@ struct FrictionObserver {
                            model.share[2] * (nominal.at[0] + nominal.at[1]) * stem);
       by[2] = by[2] - stretch(one, unit) / memory.compliance;
     }
-    const S noise = settings.length_noise * settings.length_noise / weight;
+    const S noise = settings.length_noise * settings.length_noise;
     S gain[3];
-    S spread = noise;
-    for (int n = 0; n < 3; ++n) {
-      gain[n] = S(0);
-      for (int m = 0; m < 3; ++m) gain[n] = gain[n] + memory.covariance[n][m] * by[m];
+    S spread = spread_by(by, memory, gain);
+    if (residual * residual > S(9) * (spread + noise)) {
+      // Too far off for what was known: a sheath that the hand has bent, most likely.
+      doubt_scale(memory);
+      spread = spread_by(by, memory, gain);
     }
-    for (int n = 0; n < 3; ++n) spread = spread + by[n] * gain[n];
+    spread = spread + noise / weight;
     const S share = S(1) / spread;
     memory.scale = clamp(memory.scale - gain[0] * residual * share, S(0.05), S(20));
     memory.reference = memory.reference - gain[1] * residual * share;
