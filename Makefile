@@ -9,10 +9,11 @@ export CXX
 BIN := .venv/bin
 CORE := $(wildcard include/tenodesis/*.hpp)
 BINDINGS := $(wildcard src/bindings/*)
+C_INTERFACE := $(wildcard src/c/*) include/tenodesis/tenodesis.h examples/controller.c
 CPP_TESTS := $(wildcard tests/cpp/*)
-CPP_FILES := $(CORE) $(filter %.cpp %.hpp,$(BINDINGS) $(CPP_TESTS))
+CPP_FILES := $(CORE) $(C_INTERFACE) $(filter %.cpp %.hpp,$(BINDINGS) $(CPP_TESTS) $(wildcard firmware/*))
 
-.PHONY: demo build test test-cpp test-python bench lint format docs lock clean
+.PHONY: demo build test test-cpp test-python firmware bench lint format docs lock clean
 
 demo: build
 	$(BIN)/tenodesis bench
@@ -26,7 +27,7 @@ build: .venv/.built
 	$(BIN)/pip install --quiet --require-hashes -r requirements.lock
 	@touch $@
 
-.venv/.built: .venv/.deps $(CORE) $(BINDINGS) CMakeLists.txt pyproject.toml
+.venv/.built: .venv/.deps $(CORE) $(BINDINGS) include/tenodesis/tenodesis.h CMakeLists.txt pyproject.toml
 	$(BIN)/pip install --quiet --no-build-isolation --no-deps --editable .
 	@touch $@
 
@@ -40,6 +41,10 @@ test-cpp: .venv/.deps
 test-python: build
 	$(BIN)/python -m pytest
 
+# The controller on a microcontroller; says which Debian packages it needs.
+firmware: build
+	$(MAKE) -C firmware run
+
 bench: build
 	$(BIN)/python benchmarks/accuracy.py
 	$(BIN)/python benchmarks/statics.py
@@ -50,16 +55,19 @@ lint: build
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/clang-format --dry-run -Werror $(CPP_FILES)
-	$(BIN)/clang-tidy --quiet $(wildcard src/bindings/*.cpp) $(filter tests/cpp/test_%.cpp,$(CPP_TESTS)) -- -std=c++20 -Iinclude \
+	$(BIN)/clang-tidy --quiet $(wildcard src/bindings/*.cpp) $(filter tests/cpp/test_%.cpp,$(CPP_TESTS)) -- -std=c++20 -Iinclude -Iexamples \
 	  -fno-math-errno $$($(BIN)/python -c 'import nanobind, sysconfig; print("-isystem", nanobind.include_dir(), "-isystem", sysconfig.get_paths()["include"])')
+	$(BIN)/clang-tidy --quiet src/c/tenodesis.cpp tests/cpp/fuzz_c_interface.cpp -- -std=c++20 -Iinclude -Iexamples -fno-math-errno
 
 format: build
 	$(BIN)/ruff check --fix --quiet .
 	$(BIN)/ruff format .
 	$(BIN)/clang-format -i $(CPP_FILES)
 
-# What is generated rather than written: the tables in docs/, the editor schema, the typed stub of the C++ module.
+# What is generated rather than written: the tables in docs/, the editor schema, the typed stub of the C++ module, the
+# example's controller.
 docs: build
+	$(BIN)/tenodesis export controller scaled-up --own-clock --overwrite --out examples/scaled_up.h
 	$(BIN)/python docs/generate.py
 
 lock: .venv/.deps

@@ -18,27 +18,30 @@ constexpr double loaded_at = 4;                 // s
 constexpr double weight = 10;                   // N; 0.15 N m about the rig's pivot
 constexpr double duration = 10;                 // s
 constexpr double friction_error = 1.3;          // of the plant's friction over what the controller takes it for
+constexpr double stiffness_error = 0.85;        // the same of the tendons' stiffness, as on the paper's bench
 
-/// The instrument that the controller takes it for, but for friction, with the bench's drives and noisy sensors.
+/// The instrument that the controller takes it for, but for friction and stiffness, with the bench's drives and noisy
+/// sensors.
 Plant plant() {
-  const auto& model = instrument::model;
-  const auto& axis = model.axis;
+  const tenodesis_axis_parameters& axis = scaled_up.axis[0];
   Plant plant{};
-  plant.axis = {{axis.proximal.radius, axis.proximal.length},
-                {axis.distal.radius, axis.distal.length},
-                axis.stiffness,
+  plant.axis = {{axis.proximal_radius, axis.handle_length},
+                {axis.distal_radius, axis.end_effector_length},
+                axis.stiffness * stiffness_error,
                 axis.pretension,
                 axis.handle_range};
-  for (int i = 0; i < 4; ++i) plant.tendon.stiffness[i] = plant.axis.stiffness / double(model.share[i]);
+  const float share[] = {axis.share_sheath, axis.share_handle, axis.share_stem, axis.share_tip};
+  for (int i = 0; i < 4; ++i) plant.tendon.stiffness[i] = plant.axis.stiffness / double(share[i]);
   plant.tendon.rest_tension = plant.axis.pretension;
-  plant.friction = {model.vertex * friction_error, model.sheath * friction_error, model.sheath_bend};
+  plant.friction = {axis.vertex_coefficient * friction_error, axis.sheath_coefficient * friction_error,
+                    axis.sheath_bend};
   plant.body = {4e-4, 9e-3, 1.86, 25.8};
-  plant.rig = {0.015, axis.distal.rig_arm()};
-  plant.drive = {model.spool_radius, 20, 400, 0.01, 0};
+  plant.rig = {0.015, plant.axis.distal.rig_arm()};
+  plant.drive = {axis.spool_radius, axis.drive_speed, axis.drive_acceleration, axis.drive_time_constant, 0};
   const Sensor<double> encoder{1, 0, 0.03 * degree, -pi, pi, 2 * pi / 4096};
   const Sensor<double> load_cell{1, 0, 0.03, -200, 200, 200.0 / 32768};
   plant.sensors = {encoder, encoder, {load_cell, load_cell}, {1, 0, 0, -1e9, 1e9, 2 * pi / 4096}};
-  plant.time_step = double(instrument::tick);
+  plant.time_step = double(scaled_up.period);
   return plant;
 }
 
@@ -49,7 +52,8 @@ double rise(double share) {
 }
 
 instrument::Input input_of(const Reading<double>& reading) {
-  instrument::Input input{static_cast<float>(reading.handle_angle)};
+  instrument::Input input{};
+  input.handle_angle = static_cast<float>(reading.handle_angle);
   for (int i = 0; i < 2; ++i) {
     input.tension[i] = static_cast<float>(reading.tension[i]);
     input.spool_angle[i] = static_cast<float>(reading.spool_angle[i]);
@@ -60,19 +64,20 @@ instrument::Input input_of(const Reading<double>& reading) {
 bool record(std::FILE* file) {
   const Plant bench = plant();
   auto twin = bench.rest(1);
-  instrument::State state = instrument::start();
+  instrument::Direct controller;
+  if (!controller.ready()) return false;
   const auto ticks = static_cast<std::uint32_t>(round(duration / bench.time_step));
   const recording::Header header{ticks, sizeof(recording::Tick)};
   bool written = std::fwrite(&header, sizeof header, 1, file) == 1;
   for (std::uint32_t n = 0; n < ticks; ++n) {
     const double time = n * bench.time_step;
     const instrument::Input input = input_of(twin.reading);
-    const recording::Tick tick{input, instrument::step(input, state)};
+    const recording::Tick tick{input, controller.step(input)};
     written = written && std::fwrite(&tick, sizeof tick, 1, file) == 1;
     Command<double> command{};
     command.handle_angle = handle_angle * rise(time / approach);
     command.weight = time >= loaded_at ? weight : 0;
-    for (int i = 0; i < 2; ++i) command.spool_velocity[i] = instrument::spool_velocity(tick.output, i);
+    for (int i = 0; i < 2; ++i) command.spool_velocity[i] = tick.output.axis.spool_velocity[i];
     if (const Status found = bench.step(command, twin); found != Status::ok) {
       std::printf("tick %u: the twin stopped with status %d\n", n, static_cast<int>(found));
       return false;

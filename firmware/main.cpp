@@ -1,5 +1,8 @@
-// Runs the controller on a recorded bench run and checks each of its outputs, bit for bit, against the PC's. Fails when
-// one differs, when a tick takes more than BUDGET instructions, or when the stack has been full.
+// Runs the controller (SUBJECT: instrument::Direct or instrument::ThroughC) on a recorded bench run and checks each of
+// its outputs, bit for bit, against the PC's. Fails when one differs, when a tick takes more than BUDGET instructions,
+// or when the stack has been full.
+
+#include <new>
 
 #include "counter.hpp"
 #include "memory.hpp"
@@ -10,6 +13,9 @@ using memory::number;
 using semihosting::Hex, semihosting::print_line;
 
 namespace {
+
+// Beside the stack, as a program that runs for good would have it.
+alignas(SUBJECT) unsigned char subject_memory[sizeof(SUBJECT)];
 
 struct Tally {
   std::uint32_t ticks{};
@@ -33,11 +39,12 @@ Tally replay(semihosting::File& file, std::uint32_t ticks) {
   const InstructionCounter counter;
   print_line("clock: ", counter.ticks_of_thousand(), " SysTicks per 1000 instructions");
   Tally tally;
-  instrument::State state = instrument::start();
+  auto& subject = *new (subject_memory) SUBJECT;
+  if (!subject.ready()) return tally;
   recording::Tick tick;
   while (file.read(tick)) {
     instrument::Output output;
-    const std::uint32_t taken = counter.count([&] { output = instrument::step(tick.input, state); });
+    const std::uint32_t taken = counter.count([&] { output = subject.step(tick.input); });
     compare(recording::Words(tick.output), recording::Words(output), tally);
     tally.instructions += taken;
     if (taken > tally.worst) {
@@ -58,17 +65,17 @@ std::uint32_t run() {
   const bool ours = file.is_open() && file.read(header) && header.tick_size == sizeof(recording::Tick);
   const Tally tally = ours ? replay(file, header.ticks) : Tally{};
   if (tally.ticks == 0) {
-    print_line("recording.bin is missing, cut short, or of another controller");
+    print_line("recording.bin is missing, cut short, or of another controller, or the parameters make none");
     return 1;
   }
   print_line("ticks: ", tally.ticks, ", outputs that differ from the PC's: ", tally.mismatches);
   print_line("instructions per tick: mean ", tally.instructions / tally.ticks, ", worst ", tally.worst, " (tick ",
              tally.worst_tick, "), at most ", BUDGET);
   print_line("controller: ", number(memory::controller_end) - number(memory::controller_begin), " bytes of flash, ",
-             sizeof(instrument::State), " of RAM");
+             sizeof(SUBJECT), " of RAM");
   const std::uint32_t stack = memory::stack_used();
   print_line("firmware: ", number(memory::flash_used), " bytes of flash, ", number(memory::static_ram_used),
-             " of static RAM, ", stack, " of stack at most, the controller's RAM included");
+             " of static RAM, ", stack, " of stack at most");
   const bool fits = tally.worst <= BUDGET && stack < number(memory::stack_size);
   return tally.mismatches == 0 && fits ? 0 : 1;
 }

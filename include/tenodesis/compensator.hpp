@@ -35,6 +35,7 @@ struct CompensatorSettings {
   S stroke_share{};    ///< more of it per stroke that keeps them tight
   S far{};             ///< lag beyond which it is made up without common stroke first, in dead bands
   S patience{};        ///< for which that is tried, s
+  S settle_time{};     ///< for which the tip must stay within the dead band before the motors rest, s
   S least_tension{};   ///< that either tendon is to keep in the stem, N
   S tension_limit{};   ///< above which no tendon is wound, N
   S hand_travel{};     ///< from which on a hand moves, rad
@@ -46,13 +47,15 @@ enum class Phase : unsigned char { rest, track, pull, release };
 template <class S>
 struct CompensatorState {
   Phase phase{Phase::track};
-  S handle_angle{};  ///< with the observer's play, rad
-  S held_angle{};    ///< where the handle was last still, rad
-  bool moving{};     ///< whether the hand moves
-  S hand{};          ///< direction that the handle was last moved in
-  S still{};         ///< time that it has been held, s
-  S since{};         ///< time in this phase, s
-  S short_of{};      ///< by how much the last stroke ended early for a tendon getting loose, m
+  S handle_angle{};           ///< with the observer's play, rad
+  S held_angle{};             ///< where the handle was last still, rad
+  bool moving{};              ///< whether the hand moves
+  S hand{};                   ///< direction that the handle was last moved in
+  S still{};                  ///< time that it has been held, s
+  S since{};                  ///< time in this phase, s
+  S near{};                   ///< time that the tip has been within the dead band, s
+  Phase stroke{Phase::pull};  ///< the last one
+  S short_of{};               ///< by how much the last stroke ended early for a tendon getting loose, m
 };
 
 template <class A>
@@ -128,7 +131,9 @@ struct Compensator {
     const S dead = dead_length(memory.output_angle);
     const bool resting = state.phase == Phase::rest;
     state.phase = abs(lag) > (resting ? S(2) * dead : dead * S(0.5)) ? Phase::track : Phase::rest;
-    return {state.phase == Phase::rest ? S(0) : limited(S(2) * settings.gain * lag), S(0)};
+    // A slack agonist moves the tip no further, however far it is let out.
+    const bool loose = lag < S(0) && memory.tendon[agonist].tension[0] < settings.least_tension;
+    return {state.phase == Phase::rest || loose ? S(0) : limited(S(2) * settings.gain * lag), S(0)};
   }
 
   Winding<S> two_motors(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
@@ -137,14 +142,19 @@ struct Compensator {
     const S dead = dead_length(memory.output_angle);
     const bool moving = watch_hand(memory.smooth.handle_angle, dt, state);
     const S common = (wound(memory.smooth, agonist) + wound(memory.smooth, antagonist)) * S(0.5);
-    choose(lag, dead, moving, common - wanted_common(memory), observer, memory, dt, state);
+    const S wanted = wanted_common(memory);
+    choose(lag, dead, moving, common - wanted, observer, memory, dt, state);
     if (state.phase == Phase::rest) return {};
     S across = settings.gain * lag;
     if (moving && lag * state.hand > dead) {
       // The hand has turned and friction holds the tip: that is made up before the tip is late.
       across = across + state.hand * observer.breakaway(memory, state.hand) / settings.breakaway_time;
     }
-    if (state.phase == Phase::track) return {limited(across), -limited(across)};
+    if (state.phase == Phase::track) {
+      // A moving hand may need more tension to keep the looser tendon tight, and is not to wait for it until it rests.
+      const S tightening = wanted > S(0) ? clamp(settings.gain * (wanted - common), S(0), settings.common_speed) : S(0);
+      return {tightening + limited(across), tightening - limited(across)};
+    }
     across = clamp(across, -ride * settings.speed, ride * settings.speed);
     const S along = larger(settings.common_speed, abs(across) / ride) * (state.phase == Phase::pull ? S(1) : S(-1));
     return {along + across, along - across};
@@ -180,19 +190,21 @@ struct Compensator {
               const FrictionMemory<S>& memory, const S& dt, State& state) const {
     const S unseen = larger(memory.freedom[0], memory.freedom[1]);
     const S stroke = settings.common_stroke + settings.stroke_share * wanted_common(memory);
-    const S loosest = smaller(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]);
+    const bool loose =
+        settings.least_tension > smaller(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]);
     const S tightest = larger(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]);
-    const bool near = abs(lag) < dead;
+    state.near = abs(lag) < dead ? state.near + dt : S(0);
+    const bool near = state.near > settings.settle_time;
     const bool far = abs(lag) > settings.far * dead;
     state.since = smaller(state.since + dt, S(10));
     if (moving || (far && state.phase == Phase::rest)) return turn(Phase::track, state);
     switch (state.phase) {
       case Phase::track:
         if (near && unseen < S(4) * dead) return turn(Phase::rest, state);
-        if (!far || state.since > settings.patience) turn(above > S(0) ? Phase::release : Phase::pull, state);
+        if (!far || state.since > settings.patience) turn(above > S(0) && !loose ? Phase::release : Phase::pull, state);
         return;
       case Phase::rest:
-        if (abs(lag) > S(2) * dead || unseen > S(4) * dead) turn(above > S(0) ? Phase::release : Phase::pull, state);
+        if (abs(lag) > S(2) * dead || unseen > S(4) * dead) turn(next_stroke(above, stroke, loose, state), state);
         return;
       case Phase::pull:
         if (observer.slip_together(memory, S(1)) && near) return turn(Phase::rest, state);
@@ -201,10 +213,17 @@ struct Compensator {
         return;
       case Phase::release:
         if (observer.slip_together(memory, S(-1)) && near) return turn(Phase::rest, state);
-        if (above < -stroke || loosest < settings.least_tension)
-          turn_back(Phase::pull, larger(above + stroke, S(0)), state);
+        if (above < -stroke || loose) turn_back(Phase::pull, larger(above + stroke, S(0)), state);
         return;
     }
+  }
+
+  // What comes soon after a stroke is left of it: going on the same way spares the tip a turn of its friction.
+  Phase next_stroke(const S& above, const S& stroke, bool loose, const State& state) const {
+    if (loose) return Phase::pull;
+    const bool soon = state.since < settings.patience;
+    if (soon && abs(above) < stroke) return state.stroke;
+    return above > S(0) ? Phase::release : Phase::pull;
   }
 
   void turn_back(Phase phase, const S& short_of, State& state) const {
@@ -214,7 +233,10 @@ struct Compensator {
 
   static void turn(Phase phase, State& state) {
     if (state.phase != phase) state.since = S(0);
-    if (phase == Phase::rest || phase == Phase::track) state.short_of = S(0);
+    if (phase == Phase::rest || phase == Phase::track)
+      state.short_of = S(0);
+    else
+      state.stroke = phase;
     state.phase = phase;
   }
 };

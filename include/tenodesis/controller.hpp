@@ -228,8 +228,9 @@ struct Controller {
       if (needs_friction(one)) one.friction.update(measured, step, memory.friction);
       if (state.supervisor.operating == OperatingState::enabled)
         one.want(raw, measured, state.supervisor.homing, step, memory, wanted);
-      output.estimate = one.estimate(measured, memory);
     }
+    // Where this tick says nothing, of what was last plausible.
+    output.estimate = one.estimate(readable ? measured : memory.watch.trusted, memory);
     output.faults |= supervisor.command(wanted, measured, dt, state.supervisor, memory.command);
     for (int i = 0; i < 2; ++i) output.spool_velocity[i] = memory.command.sent[i];
     if (memory.homing.failed()) {

@@ -10,18 +10,22 @@ struct FlightRecorder {
 
   /// Once per tick; the first tick of a fault is kept whatever the stride.
   void note(const Record& record, bool fault) {
-    if (frozen()) return;
+    if (Record* at = place(fault)) *at = record;
+  }
+
+  /// The same for a record that is made only if it is kept: where to put it, or null.
+  Record* place(bool fault) {
+    if (frozen()) return nullptr;
     const bool starts = fault && !failed_;
     if (starts) {
       failed_ = true;
       left_ = after;
       wait_ = 0;
     }
-    if (wait_ == 0) {
-      keep(record);
-      if (failed_ && !starts) --left_;
-    }
+    Record* const at = wait_ == 0 ? next() : nullptr;
+    if (at != nullptr && failed_ && !starts) --left_;
     wait_ = wait_ + 1 < stride ? wait_ + 1 : 0;
+    return at;
   }
 
   /// True once nothing is recorded any more.
@@ -45,10 +49,11 @@ struct FlightRecorder {
   }
 
  private:
-  void keep(const Record& record) {
-    record_[next_] = record;
+  Record* next() {
+    Record* const at = record_ + next_;
     next_ = next_ + 1 < capacity ? next_ + 1 : 0;
     if (size_ < capacity) ++size_;
+    return at;
   }
 
   Record record_[capacity]{};

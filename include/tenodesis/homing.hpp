@@ -19,7 +19,7 @@ struct HomingSettings {
   S tolerance{};      ///< of the pretension, share of it
   S settle_time{};    ///< for which both tensions must be within it, s
   S most_time{};      ///< of each stage, s
-  S least_stretch{};  ///< from the pretension's fifth to its four fifths, share of what an elastic tendon takes
+  S least_stretch{};  ///< while a tension grows by three fifths of the pretension, share of what elasticity takes
 };
 
 enum class HomingStage : unsigned char { idle, tighten, exceed, release, approach, done, broken, jammed, timed_out };
@@ -27,11 +27,12 @@ enum class HomingStage : unsigned char { idle, tighten, exceed, release, approac
 template <class S>
 struct HomingState {
   HomingStage stage{HomingStage::idle};
-  S time{};        ///< in this stage, s
-  S settled{};     ///< for so long, s
-  S tension[2]{};  ///< smoothed, N
-  S start[2]{};    ///< spool angle at the beginning, rad
-  S fifth[2]{};    ///< spool angle at a fifth of the pretension, rad
+  S time{};         ///< in this stage, s
+  S settled{};      ///< for so long, s
+  S tension[2]{};   ///< smoothed, N
+  S start[2]{};     ///< spool angle at the beginning, rad
+  S tight_at[2]{};  ///< spool angle when it was first tight, rad
+  S tight_by[2]{};  ///< tension then, N
   bool tight[2]{};
   bool judged[2]{};
 
@@ -78,6 +79,8 @@ struct Homing {
     }
     state.time = state.time + dt;
     state.settled = all_near ? state.settled + dt : S(0);
+    // Of two axes, the one that is done first holds its tension until the other is.
+    if (state.stage == HomingStage::done) return {wanted[agonist], wanted[antagonist]};
     const bool there = state.stage == HomingStage::tighten ? all_tight : state.settled >= settings.settle_time;
     if (there) {
       state.stage = HomingStage(static_cast<unsigned char>(state.stage) + 1);
@@ -115,13 +118,15 @@ struct Homing {
     const S wound = model.spool_radius * (measured.spool_angle[i] - state.start[i]);
     if (!state.tight[i] && state.tension[i] > S(0.2) * pretension) {
       state.tight[i] = true;
-      state.fifth[i] = measured.spool_angle[i];
+      state.tight_at[i] = measured.spool_angle[i];
+      state.tight_by[i] = state.tension[i];
     }
     if (!state.tight[i] && wound > settings.most_stroke) state.stage = HomingStage::broken;
     if (state.tight[i] && state.tension[i] < S(0.05) * pretension) state.stage = HomingStage::broken;
-    if (state.tight[i] && !state.judged[i] && state.tension[i] > S(0.8) * pretension) {
+    // One that is tight from the beginning has less to grow by, or nothing: that is no jam.
+    if (state.tight[i] && !state.judged[i] && state.tension[i] - state.tight_by[i] > S(0.6) * pretension) {
       state.judged[i] = true;
-      const S stretched = model.spool_radius * (measured.spool_angle[i] - state.fifth[i]);
+      const S stretched = model.spool_radius * (measured.spool_angle[i] - state.tight_at[i]);
       if (stretched < settings.least_stretch * S(0.6) * pretension / model.axis.stiffness)
         state.stage = HomingStage::jammed;
     }

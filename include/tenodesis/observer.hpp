@@ -54,6 +54,13 @@ S beyond(const S& ratio, const S& near, const S& held, const S& evidence) {
   return clamp(held + (edge - held) * abs(evidence), low, high);
 }
 
+/// Bounds of the friction scale: a sheath may be bent ten times as far as it was thought to be; a load cell that drifts
+/// looks like more than that.
+template <Real S>
+inline constexpr S least_scale = S(0.2);
+template <Real S>
+inline constexpr S most_scale = S(12);
+
 /// What the friction observer remembers of one tendon.
 template <class S>
 struct TendonMemory {
@@ -371,7 +378,7 @@ struct FrictionObserver {
     }
     spread = spread + noise / weight;
     const S share = S(1) / spread;
-    memory.scale = clamp(memory.scale - gain[0] * residual * share, S(0.05), S(20));
+    memory.scale = clamp(memory.scale - gain[0] * residual * share, least_scale<S>, most_scale<S>);
     memory.reference = memory.reference - gain[1] * residual * share;
     memory.compliance = clamp(memory.compliance - gain[2] * residual * share, S(0.5), S(2));
     for (int n = 0; n < 3; ++n)

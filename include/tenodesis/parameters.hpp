@@ -5,6 +5,15 @@
 
 namespace tenodesis {
 
+/// Most that all contacts' exponents may come to: a tendon that keeps less than a fiftieth of its tension tells
+/// nothing.
+template <class S>
+inline constexpr S most_friction = S(4);
+
+/// Time that ticks are told apart in, s: one that may come later would never be late.
+template <class S>
+inline constexpr S longest_tick = S(4);
+
 namespace detail {
 
 template <class P, class S>
@@ -53,7 +62,7 @@ constexpr AxisController<A> axis_controller(const P& p) {
   axis.compensator.model = model;
   axis.compensator.settings = {S(p.gain),         S(p.breakaway_time), S(p.position_gain), S(p.dead_band),
                                S(p.tendon_speed), S(p.common_speed),   S(p.common_stroke), S(p.common_stroke_share),
-                               S(p.far),          S(p.patience),       S(p.least_tension), S(p.tension_limit),
+                               S(p.far_lag),      S(p.patience),       S(p.least_tension), S(p.tension_limit),
                                S(p.hand_travel),  S(p.still_time)};
   axis.homing = {model,
                  {S(p.homing_speed), S(p.homing_gain), S(p.homing_stroke), S(p.homing_overshoot), S(p.homing_tolerance),
@@ -74,15 +83,17 @@ constexpr AxisController<A> axis_controller(const P& p) {
 }
 
 /// Whether the numbers of an axis make sense together; what they mean is beyond a controller to know.
-template <class P>
+template <class S, class P>
 constexpr bool plausible(const P& p, bool continuum) {
-  const auto positive = [](auto... v) { return ((v > 0 && is_finite(v)) && ...); };
-  const auto not_negative = [](auto... v) { return ((v >= 0 && is_finite(v)) && ...); };
-  const auto share = [](auto v) { return v >= 0 && v <= 1; };
-  const auto whole = p.share_sheath + p.share_handle + p.share_stem + p.share_tip;
+  // As they will be computed with: what is finite in double precision need not be in single.
+  const auto positive = [](auto... v) { return ((S(v) > S(0) && is_finite(S(v))) && ...); };
+  const auto not_negative = [](auto... v) { return ((S(v) >= S(0) && is_finite(S(v))) && ...); };
+  const S whole = S(p.share_sheath) + S(p.share_handle) + S(p.share_stem) + S(p.share_tip);
+  const S friction = S(p.sheath_coefficient) * (S(p.sheath_bend) + S(p.sheath_bend_rate) * S(p.handle_range)) +
+                     S(p.vertex_coefficient) * (S(p.handle_range) + S(pi));
   return positive(p.proximal_radius, p.distal_radius, p.handle_range, p.stiffness, p.pretension, p.spool_radius,
                   p.drive_speed, p.drive_acceleration, p.sheath_play, p.play, p.length_noise, p.friction_scale_std,
-                  p.gain, p.breakaway_time, p.position_gain, p.tendon_speed, p.common_speed, p.common_stroke, p.far,
+                  p.gain, p.breakaway_time, p.position_gain, p.tendon_speed, p.common_speed, p.common_stroke, p.far_lag,
                   p.tension_limit, p.homing_speed, p.homing_gain, p.homing_stroke, p.homing_tolerance, p.homing_time,
                   p.share_stem, p.share_sheath, p.share_handle) &&
          not_negative(p.handle_length, p.end_effector_length, p.backbone_length, p.backbone_rigidity, p.share_tip,
@@ -90,9 +101,9 @@ constexpr bool plausible(const P& p, bool continuum) {
                       p.drive_time_constant, p.hand_play, p.smoothing, p.reference_std, p.compliance_std, p.forgetting,
                       p.slack_tension, p.dead_band, p.common_stroke_share, p.patience, p.least_tension, p.hand_travel,
                       p.still_time, p.homing_overshoot, p.homing_settle_time, p.homing_least_stretch) &&
-         share(p.share_sheath) && share(p.share_handle) && share(p.share_stem) && share(p.share_tip) &&
-         abs(whole - 1) < decltype(whole)(0.01) && (!continuum || p.backbone_length > 0) && p.handle_range < pi &&
-         p.pretension < p.tension_limit && p.homing_overshoot < 1;
+         abs(whole - S(1)) < S(0.01) && (!continuum || S(p.backbone_length) > S(0)) && S(p.handle_range) < S(pi) &&
+         friction <= most_friction<S> && S(p.pretension) < S(p.tension_limit) && S(p.homing_overshoot) < S(1) &&
+         S(p.limit[static_cast<int>(Fault::tick_late)].threshold) <= longest_tick<S>;
 }
 
 }  // namespace detail
@@ -113,7 +124,7 @@ bool configure(const P& p, Controller<A, most_axes>& controller) {
   if (!controller.supervisor.valid()) return false;
   constexpr bool continuum = requires(A a) { a.distal.backbone_length; };
   for (int n = 0; n < controller.axes; ++n) {
-    if (!detail::plausible(p.axis[n], continuum)) return false;
+    if (!detail::plausible<S>(p.axis[n], continuum)) return false;
     AxisController<A>& axis = controller.axis[n];
     axis = detail::axis_controller<A>(p.axis[n]);
     axis.observer = ObserverKind(p.observer);

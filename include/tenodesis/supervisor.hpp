@@ -102,7 +102,8 @@ struct Supervisor {
     }
     for (int i = 0; i < 2; ++i) {
       // A tension that is not a number changes nothing here.
-      if (tension_limit > S(0) && measured.tension[i] > tension_limit) axis.over_tension[i] = true;
+      const bool over = is_finite(measured.tension[i]) && measured.tension[i] > tension_limit;
+      if (tension_limit > S(0) && over) axis.over_tension[i] = true;
       if (measured.tension[i] < relaxed()) axis.over_tension[i] = false;
       const S target = clamp(target_of(i, wanted[i], measured, state, axis), -speed_limit, speed_limit);
       const S most = acceleration_limit * usable(dt);

@@ -2,7 +2,7 @@
  *
  * Every struct is plain data of fixed layout; the controller itself lives in memory that the caller owns. No call
  * allocates, blocks or keeps a pointer, and none reads past what it was given: sizes are checked, as is whether a
- * controller was initialised. Two controllers share nothing.
+ * controller was initialised. Two controllers share nothing, and one that is copied goes on twice.
  *
  *   tenodesis_controller controller;
  *   tenodesis_init(&controller, &parameters);
@@ -27,10 +27,12 @@ extern "C" {
 
 typedef TENODESIS_REAL tenodesis_real;
 
+#define TENODESIS_C(value) ((tenodesis_real)(value)) /* a constant */
+
 #define TENODESIS_VERSION 1u /* of this interface: raised whenever a struct or a meaning changes */
 #define TENODESIS_AXES 2
 #define TENODESIS_FAULTS 13
-#define TENODESIS_RECORDS 100 /* that the flight recorder keeps */
+#define TENODESIS_RECORDS 111    /* of the flight recorder: 100 before a fault, the fault's, 10 after */
 #define TENODESIS_RECORD_TICKS 4 /* one record per so many ticks: the last 200 ms at 2 kHz */
 
 #define TENODESIS_STORAGE_WORDS (512u * sizeof(tenodesis_real)) /* 16 KiB in float, 32 KiB in double */
@@ -38,10 +40,10 @@ typedef TENODESIS_REAL tenodesis_real;
 /* What a call returns. */
 enum {
   TENODESIS_OK = 0,
-  TENODESIS_NULL = 1,          /* a pointer is null */
+  TENODESIS_BAD_POINTER = 1,   /* a pointer is null, or not aligned as its type asks */
   TENODESIS_NOT_STARTED = 2,   /* the controller was not initialised, or with another build */
   TENODESIS_BAD_VERSION = 3,   /* the parameters are of another version, size or precision */
-  TENODESIS_BAD_PARAMETER = 4, /* a parameter is not finite, has the wrong sign, or names a choice there is not */
+  TENODESIS_BAD_PARAMETER = 4, /* a parameter, record or axis is not what is allowed; see tenodesis_init */
   TENODESIS_BAD_REQUEST = 5    /* there is no such request: the tick was taken without it */
 };
 
@@ -110,9 +112,9 @@ typedef struct {
   tenodesis_real sheath_bend;      /* rad */
   tenodesis_real sheath_bend_rate; /* rad per rad of |handle angle| */
   /* drives */
-  tenodesis_real spool_radius;       /* m */
-  tenodesis_real drive_speed;        /* largest, rad/s at the spool */
-  tenodesis_real drive_acceleration; /* largest, rad/s^2 */
+  tenodesis_real spool_radius;        /* m */
+  tenodesis_real drive_speed;         /* largest, rad/s at the spool */
+  tenodesis_real drive_acceleration;  /* largest, rad/s^2 */
   tenodesis_real drive_time_constant; /* s */
   /* friction observer */
   tenodesis_real hand_play;          /* half the play that keeps the handle encoder's noise out, rad */
@@ -123,23 +125,23 @@ typedef struct {
   tenodesis_real friction_scale_std; /* deviations at the start */
   tenodesis_real reference_std;      /* m */
   tenodesis_real compliance_std;
-  tenodesis_real forgetting;         /* growth of these deviations, share per root second */
-  tenodesis_real slack_tension;      /* N */
+  tenodesis_real forgetting;    /* growth of these deviations, share per root second */
+  tenodesis_real slack_tension; /* N */
   /* compensator */
-  tenodesis_real gain;                  /* 1/s */
-  tenodesis_real breakaway_time;        /* s */
-  tenodesis_real position_gain;         /* 1/s */
-  tenodesis_real dead_band;             /* of the output angle, rad */
-  tenodesis_real tendon_speed;          /* largest, m/s */
-  tenodesis_real common_speed;          /* m/s */
-  tenodesis_real common_stroke;         /* m */
+  tenodesis_real gain;           /* 1/s */
+  tenodesis_real breakaway_time; /* s */
+  tenodesis_real position_gain;  /* 1/s */
+  tenodesis_real dead_band;      /* of the output angle, rad */
+  tenodesis_real tendon_speed;   /* largest, m/s */
+  tenodesis_real common_speed;   /* m/s */
+  tenodesis_real common_stroke;  /* m */
   tenodesis_real common_stroke_share;
-  tenodesis_real far;                   /* dead bands */
-  tenodesis_real patience;              /* s */
-  tenodesis_real least_tension;         /* N */
-  tenodesis_real tension_limit;         /* N */
-  tenodesis_real hand_travel;           /* rad */
-  tenodesis_real still_time;            /* s */
+  tenodesis_real far_lag;       /* dead bands */
+  tenodesis_real patience;      /* s */
+  tenodesis_real least_tension; /* N */
+  tenodesis_real tension_limit; /* N */
+  tenodesis_real hand_travel;   /* rad */
+  tenodesis_real still_time;    /* s */
   /* homing */
   tenodesis_real homing_speed;         /* m/s */
   tenodesis_real homing_gain;          /* 1/s */
@@ -150,12 +152,12 @@ typedef struct {
   tenodesis_real homing_time;          /* most, of each stage, s */
   tenodesis_real homing_least_stretch; /* share of an elastic tendon's, below which one is jammed */
   /* watch */
-  tenodesis_real mean_band;       /* share by which friction may move the mean tension */
-  tenodesis_real load_cell_range; /* N */
-  tenodesis_real handle_noise;    /* rad */
-  tenodesis_real spool_noise;     /* rad */
-  tenodesis_real watch_window;    /* s */
-  tenodesis_limit spool_jump;     /* rad/s */
+  tenodesis_real mean_band;                /* share by which friction may move the mean tension */
+  tenodesis_real load_cell_range;          /* N */
+  tenodesis_real handle_noise;             /* rad */
+  tenodesis_real spool_noise;              /* rad */
+  tenodesis_real watch_window;             /* s */
+  tenodesis_limit spool_jump;              /* rad/s */
   tenodesis_limit limit[TENODESIS_FAULTS]; /* by number of the fault */
 } tenodesis_axis_parameters;
 
@@ -168,8 +170,8 @@ typedef struct {
   uint32_t law;
   uint32_t actuation;
   uint32_t safe_state;
-  uint32_t own_clock; /* 1: ticks come once a period; 0: the input's time tells */
-  uint32_t homed;     /* 1: spool angles count from pretension when the controller starts */
+  uint32_t own_clock;                /* 1: ticks come once a period; 0: the input's time tells */
+  uint32_t homed;                    /* 1: spool angles count from pretension when the controller starts */
   tenodesis_real period;             /* nominal, of ticks, s */
   tenodesis_real speed_limit;        /* of a spool, rad/s */
   tenodesis_real acceleration_limit; /* rad/s^2 */
@@ -238,15 +240,17 @@ typedef struct {
   uint64_t storage[TENODESIS_STORAGE_WORDS];
 } tenodesis_controller;
 
-/* Sets a controller up, disabled. */
+/* Sets a controller up, disabled. On any error it cannot be stepped, whatever it was before. A parameter must be
+ * finite, have the right sign, name a choice there is, and fit the others. */
 int tenodesis_init(tenodesis_controller* controller, const tenodesis_parameters* parameters);
 /* One tick. On any error but TENODESIS_BAD_REQUEST the output says: velocities 0. */
 int tenodesis_step(tenodesis_controller* controller, const tenodesis_input* input, tenodesis_output* output);
 /* As after init, with the same parameters. */
 int tenodesis_reset(tenodesis_controller* controller);
-/* Whether motors must stop because no tick came for so long, ns: for a timer of its own. 1: stop. */
+/* Whether motors must stop because no tick came for so long, ns: for a timer of its own. 1: stop, as ever without a
+ * controller. */
 int tenodesis_watchdog(const tenodesis_controller* controller, uint64_t since_last_step);
-/* The flight recorder: number of records, and one by its age (0 is the oldest). */
+/* The flight recorder: number of records (none without a controller), and one by its age (0 is the oldest). */
 int tenodesis_records(const tenodesis_controller* controller);
 int tenodesis_read_record(const tenodesis_controller* controller, int number, tenodesis_record* record);
 int tenodesis_read_counts(const tenodesis_controller* controller, int axis, tenodesis_counts* counts);

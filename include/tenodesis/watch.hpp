@@ -9,6 +9,9 @@
 // mean_band = exp(E) - 1 of it, as a share. A mean below that is no load's doing: a tendon has broken or come loose, a
 // spool has slipped, a load cell lies. A broken tendon cannot be told from a slack one only while a load, or the tip's
 // stop, makes the other carry both shares.
+//
+// Within that band there is the moment itself to go by: hand and tip have inertia, so that what they take off the mean
+// takes milliseconds, while a tendon that breaks or a spool that slips takes it off at once.
 
 #include "tenodesis/control.hpp"
 #include "tenodesis/drive.hpp"
@@ -51,6 +54,8 @@ struct WatchState {
   S since[place_count]{};                ///< age of the trusted angles: spools, handle, s
   S stuck_at[2]{};                       ///< tensions that have not been left since, N
   S usual_shortfall{};                   ///< of the mean tension of late, N
+  S level{};                             ///< the same a moment ago, or before it fell at once, N
+  bool leveled{};                        ///< there was such a moment
   Following<S> following[2]{};
   std::uint32_t count[fault_count]{};          ///< how often each fault was confirmed
   std::uint32_t bad_samples[channel_count]{};  ///< readings that were not plausible
@@ -113,6 +118,7 @@ struct Watch {
         found |= check_spool(i, measured.spool_angle[i], step, state, moved[i]);
         found |= check_cell(i, measured.tension[i], step, state, cells_in_range);
       }
+      if (!(state.homed && cells_in_range && elapsed < S(1.5) * moment)) state.leveled = false;
       if (state.homed && cells_in_range) found |= check_pair(measured.tension, step, state);
     }
     found |= lasting(Fault::tick_late, 0, late, step, state);
@@ -141,6 +147,9 @@ struct Watch {
  private:
   // Clocks stop here, long before they would lose ticks in rounding.
   static constexpr S longest = S(100);
+
+  // In which hand and tip, for their inertia, do not take off the mean tension what makes a slip, s.
+  static constexpr S moment = S(1e-3);
 
   // N or rad; smaller readings keep every sum below finite.
   static constexpr S beyond_any_sensor = S(1e6);
@@ -218,12 +227,14 @@ struct Watch {
   }
 
   std::uint32_t check_cell(int i, const S& tension, const S& step, State& state, bool& in_range) const {
-    std::uint32_t found = lasting(Fault::over_tension, i, tension > of(Fault::over_tension).threshold, step, state);
+    const Limit<S>& range = of(Fault::load_cell_range);
+    const bool outside = range.on() && (tension >= load_cell_range || tension < -range.threshold);
+    // At the end of its range a cell says nothing of the tendon.
+    const bool over = !outside && tension > of(Fault::over_tension).threshold;
+    std::uint32_t found = lasting(Fault::over_tension, i, over, step, state);
     const bool left = abs(tension - state.stuck_at[i]) > of(Fault::load_cell_stuck).threshold;
     if (left) state.stuck_at[i] = tension;
     found |= lasting(Fault::load_cell_stuck, i, !left, step, state);
-    const Limit<S>& range = of(Fault::load_cell_range);
-    const bool outside = range.on() && (tension >= load_cell_range || tension < -range.threshold);
     found |= lasting(Fault::load_cell_range, i, outside, step, state);
     if (outside) {
       count_bad(agonist_cell, i, state);
@@ -243,7 +254,14 @@ struct Watch {
     const S empty = of(Fault::tendon_break).threshold;
     const S slack = of(Fault::tendon_slack).threshold;
     const S looser = smaller(tension[0], tension[1]);
-    const bool gone = shortfall > band + empty;
+    const S limit_of_slip = of(Fault::spool_slip).threshold;
+    if (!state.leveled) state.level = shortfall;
+    state.leveled = true;
+    const S fallen = shortfall - state.level;
+    // What has fallen is compared with what was before, until it comes back or is a fault.
+    const bool fell = of(Fault::spool_slip).on() && fallen > limit_of_slip;
+    if (!fell) state.level = state.level + fallen * smaller(step / moment, S(1));
+    const bool gone = fell || shortfall > band + empty;
 
     std::uint32_t found = 0;
     for (int i = 0; i < 2; ++i) {
@@ -252,8 +270,8 @@ struct Watch {
     }
     const S grown = shortfall - state.usual_shortfall;
     state.usual_shortfall = state.usual_shortfall + grown * (step / (window + step));
-    const bool slipped = grown > of(Fault::spool_slip).threshold && shortfall > band && looser >= empty;
-    found |= lasting(Fault::spool_slip, 0, slipped, step, state);
+    const bool slipped = fell || (grown > limit_of_slip && shortfall > band);
+    found |= lasting(Fault::spool_slip, 0, slipped && looser >= empty, step, state);
     const S off = abs(shortfall) - band;
     // A mean above the line may be a slack tendon's; one far below it at a tendon that does not pull has its own name.
     const bool judged = looser >= (shortfall > S(0) ? empty : larger(empty, slack));

@@ -67,7 +67,7 @@ inline constexpr std::array axis_fields{AXIS(proximal_radius),
                                         AXIS(common_speed),
                                         AXIS(common_stroke),
                                         AXIS(common_stroke_share),
-                                        AXIS(far),
+                                        AXIS(far_lag),
                                         AXIS(patience),
                                         AXIS(least_tension),
                                         AXIS(tension_limit),
@@ -129,9 +129,13 @@ class AnyController {
   virtual Phase phase(int axis) const = 0;
   virtual bool watchdog(double since_last_step) const = 0;
 
-  AnyOutput last{};  ///< what the drives were last told
-  // Twice as many as the C interface keeps by default, since memory is no matter here: every second tick.
-  FlightRecorder<Moment, 2 * TENODESIS_RECORDS, TENODESIS_RECORD_TICKS / 2, 20> recorder{};
+  AnyOutput last{};               ///< what the drives were last told
+  Request asked{Request::none};   ///< with the next tick of a closed loop
+  double passed[most_axes][8]{};  ///< what last went through each place of a closed loop
+  // More than the C interface keeps by default, since memory is no matter here: every second tick of the last 200 ms at
+  // 2 kHz, the fault, and 10 ms after it.
+  static constexpr int stride = 2, after = 10;
+  FlightRecorder<Moment, 400 / stride + 1 + after, stride, after> recorder{};
 };
 
 template <class A>
@@ -186,6 +190,7 @@ class ControllerOf final : public AnyController {
     out_ = nothing;
     const AnyOutput rest{};
     last = rest;
+    asked = Request::none;
     recorder.rearm();
   }
 

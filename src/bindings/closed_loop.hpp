@@ -14,6 +14,8 @@ inline constexpr std::array tamper_places{
     "handle_angle",           "tension.agonist",        "tension.antagonist",        "spool_angle.agonist",
     "spool_angle.antagonist", "spool_velocity.agonist", "spool_velocity.antagonist", "tick"};
 
+static_assert(sizeof(AnyController::passed) == sizeof(double) * most_axes * tamper_places.size());
+
 enum class Tampering : unsigned char {
   none,
   add,   ///< a value to a signal; seconds to the tick's time
@@ -52,7 +54,7 @@ class ClosedLoop {
                const Keep& keep) {
     Progress progress;
     for (std::size_t i = 0; i < count; ++i) {
-      if (tampered.request != nullptr && tampered.request[i] != 0) request_ = Request(tampered.request[i]);
+      if (tampered.request != nullptr && tampered.request[i] != 0) controller_.asked = Request(tampered.request[i]);
       if ((started + i) % std::size_t(steps_per_tick_) == 0) tick(i, count, started, tampered);
       for (std::size_t n = 0; n < twins_.size(); ++n) {
         Command<double> command = commands[n][i];
@@ -71,7 +73,7 @@ class ClosedLoop {
  private:
   double pass(const Tampered& tampered, std::size_t axis, std::size_t step, std::size_t count, std::size_t place,
               double value) {
-    double& kept = kept_[axis][place];
+    double& kept = controller_.passed[axis][place];
     if (tampered.mode == nullptr) return kept = value;
     const std::size_t at = (axis * count + step) * tamper_places.size() + place;
     switch (Tampering(tampered.mode[at])) {
@@ -99,8 +101,8 @@ class ClosedLoop {
     }
     AnyInput input{};
     input.time = std::uint64_t(time * 1e9 + 0.5);
-    input.request = request_;
-    request_ = Request::none;
+    input.request = controller_.asked;
+    controller_.asked = Request::none;
     for (std::size_t n = 0; n < twins_.size(); ++n) {
       const Reading<double>& reading = twins_[n]->reading();
       Measurement<double>& to = input.axis[n];
@@ -117,8 +119,6 @@ class ClosedLoop {
   AnyController& controller_;
   int steps_per_tick_;
   double time_step_;
-  Request request_{Request::none};
-  double kept_[most_axes][tamper_places.size()]{};
 };
 
 inline std::array<double, control_signal_count> control_signals(const AnyController& controller, std::size_t n) {

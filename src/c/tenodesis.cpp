@@ -3,6 +3,7 @@
 #include "tenodesis/tenodesis.h"
 
 #include <new>
+#include <type_traits>
 
 #include "tenodesis/flight_recorder.hpp"
 #include "tenodesis/parameters.hpp"
@@ -13,6 +14,8 @@ using namespace tenodesis;
 using S = tenodesis_real;
 
 constexpr int after_fault = 10;
+
+using Recorder = FlightRecorder<tenodesis_record, TENODESIS_RECORDS, TENODESIS_RECORD_TICKS, after_fault>;
 
 // What the caller's memory holds.
 struct Session {
@@ -26,7 +29,7 @@ struct Session {
 
   std::uint64_t mark{};
   std::uint32_t joint_type{};
-  FlightRecorder<tenodesis_record, TENODESIS_RECORDS, TENODESIS_RECORD_TICKS, after_fault> recorder{};
+  Recorder recorder{};
   union {
     Of<GearAxis<S>> gear;
     Of<PulleyAxis<S>> pulley;
@@ -35,6 +38,9 @@ struct Session {
 };
 
 static_assert(sizeof(Session) <= sizeof(tenodesis_controller), "TENODESIS_STORAGE_WORDS is too small");
+static_assert(alignof(Session) <= alignof(tenodesis_controller));
+static_assert(std::is_trivially_copyable_v<Session> && std::is_trivially_destructible_v<Session>,
+              "the caller copies it and forgets it");
 static_assert(fault_count == TENODESIS_FAULTS);
 static_assert(static_cast<int>(Fault::homing_failed) == TENODESIS_FAULT_HOMING_FAILED);
 static_assert(static_cast<int>(ControlLaw::robust) == TENODESIS_LAW_ROBUST);
@@ -45,12 +51,37 @@ static_assert(static_cast<int>(OperatingState::fault) == TENODESIS_FAULT);
 static_assert(static_cast<int>(SafeState::neutral) == TENODESIS_SAFE_NEUTRAL);
 static_assert(channel_count == 5);
 
-// "tenodesi", with the version and the precision: memory of another build is not ours.
-constexpr std::uint64_t mark = 0x74656e6f64657369U ^ (std::uint64_t(TENODESIS_VERSION) << 8U) ^ sizeof(S);
+// Layouts that are the same for every compiler: no padding, in either precision.
+constexpr std::size_t words(std::size_t reals, std::size_t integers) { return reals * sizeof(S) + integers * 4; }
+static_assert(sizeof(tenodesis_axis_parameters) == words(58 + 2 * (TENODESIS_FAULTS + 1), 0));
+static_assert(sizeof(tenodesis_parameters) == words(8, 10) + TENODESIS_AXES * sizeof(tenodesis_axis_parameters));
+static_assert(sizeof(tenodesis_input) == words(5 * TENODESIS_AXES, 4));
+static_assert(sizeof(tenodesis_axis_output) == words(8, 2));
+static_assert(sizeof(tenodesis_output) == TENODESIS_AXES * sizeof(tenodesis_axis_output) + words(0, 6));
+static_assert(sizeof(tenodesis_record) == words(8 * TENODESIS_AXES, 4));
+static_assert(sizeof(tenodesis_counts) == words(0, TENODESIS_FAULTS + 6));
+
+// "tenodesi", with the version, the precision and the size: memory of another build is not ours.
+constexpr std::uint64_t mark = 0x74656e6f64657369U ^ (std::uint64_t(TENODESIS_VERSION) << 8U) ^ sizeof(S) ^
+                               (std::uint64_t(sizeof(Session)) << 32U);
+
+template <class... T>
+bool good(const T*... pointer) {
+  return ((pointer != nullptr && reinterpret_cast<std::uintptr_t>(pointer) % alignof(T) == 0) && ...);
+}
+
+// Whether init has made a session here, without looking at what may be none.
+bool holds_session(const tenodesis_controller* controller) {
+  std::uint64_t found{};
+  static_assert(offsetof(Session, mark) == 0);
+  __builtin_memcpy(&found, controller, sizeof found);
+  return found == mark;
+}
 
 Session* session_of(tenodesis_controller* controller) {
-  auto* session = reinterpret_cast<Session*>(controller);
-  return session->mark == mark && session->joint_type <= TENODESIS_CONTINUUM ? session : nullptr;
+  if (!holds_session(controller)) return nullptr;
+  auto* session = std::launder(reinterpret_cast<Session*>(controller));
+  return session->joint_type <= TENODESIS_CONTINUUM ? session : nullptr;
 }
 const Session* session_of(const tenodesis_controller* controller) {
   return session_of(const_cast<tenodesis_controller*>(controller));
@@ -94,13 +125,33 @@ void put(const ControlOutput<S, TENODESIS_AXES>& from, tenodesis_output& to) {
   to.homing = from.homing ? 1 : 0;
   to.faults = from.faults;
   to.first_faults = from.first_faults;
+  to.reserved = 0;
+}
+
+void record(const ControlInput<S, TENODESIS_AXES>& in, const ControlOutput<S, TENODESIS_AXES>& out,
+            Recorder& recorder) {
+  const bool fault = out.state == OperatingState::fault;
+  if (!fault && recorder.fault_place() >= 0) recorder.rearm();
+  tenodesis_record* const kept = recorder.place(fault);
+  if (kept == nullptr) return;
+  kept->time = in.time;
+  kept->state = static_cast<std::uint32_t>(out.state);
+  kept->faults = out.faults;
+  for (int n = 0; n < TENODESIS_AXES; ++n) {
+    const Measurement<S>& from = in.axis[n];
+    kept->measured[n] = {
+        from.handle_angle, {from.tension[0], from.tension[1]}, {from.spool_angle[0], from.spool_angle[1]}};
+    for (int i = 0; i < 2; ++i) kept->spool_velocity[n][i] = out.axis[n].spool_velocity[i];
+    kept->output_angle[n] = out.axis[n].estimate.output_angle;
+  }
 }
 
 }  // namespace
 
 int tenodesis_init(tenodesis_controller* controller, const tenodesis_parameters* parameters) {
-  if (controller == nullptr || parameters == nullptr) return TENODESIS_NULL;
+  if (!good(controller)) return TENODESIS_BAD_POINTER;
   auto* session = new (controller) Session;
+  if (!good(parameters)) return TENODESIS_BAD_POINTER;
   if (parameters->size != sizeof(tenodesis_parameters) || parameters->version != TENODESIS_VERSION)
     return TENODESIS_BAD_VERSION;
   if (parameters->joint_type > TENODESIS_CONTINUUM) return TENODESIS_BAD_PARAMETER;
@@ -111,40 +162,30 @@ int tenodesis_init(tenodesis_controller* controller, const tenodesis_parameters*
 }
 
 int tenodesis_step(tenodesis_controller* controller, const tenodesis_input* input, tenodesis_output* output) {
-  if (output != nullptr) *output = {};
-  if (controller == nullptr || input == nullptr || output == nullptr) return TENODESIS_NULL;
-  Session* session = session_of(controller);
-  if (session == nullptr) return TENODESIS_NOT_STARTED;
+  const bool usable = good(controller, input, output);
+  Session* session = usable ? session_of(controller) : nullptr;
+  if (session == nullptr) {
+    if (good(output)) *output = {};
+    return usable ? TENODESIS_NOT_STARTED : TENODESIS_BAD_POINTER;
+  }
   const bool known = input->request <= TENODESIS_REQUEST_CLEAR;
-
   ControlInput<S, TENODESIS_AXES> in{};
   in.time = input->time;
   in.request = known ? Request(input->request) : Request::none;
-  tenodesis_record record{};
-  record.time = input->time;
-  for (int n = 0; n < TENODESIS_AXES; ++n) {
+  const int axes = with(*session, [](const auto& own) { return own.controller.axes; });
+  for (int n = 0; n < axes; ++n) {
     const tenodesis_measurement& from = input->axis[n];
     in.axis[n] = {from.handle_angle, {from.tension[0], from.tension[1]}, {from.spool_angle[0], from.spool_angle[1]}};
-    record.measured[n] = from;
   }
   ControlOutput<S, TENODESIS_AXES> out{};
   with(*session, [&](auto& own) { return own.controller.step(in, own.state, out); });
   put(out, *output);
-
-  for (int n = 0; n < TENODESIS_AXES; ++n) {
-    for (int i = 0; i < 2; ++i) record.spool_velocity[n][i] = out.axis[n].spool_velocity[i];
-    record.output_angle[n] = out.axis[n].estimate.output_angle;
-  }
-  record.state = output->state;
-  record.faults = output->faults;
-  const bool fault = out.state == OperatingState::fault;
-  if (!fault && session->recorder.fault_place() >= 0) session->recorder.rearm();
-  session->recorder.note(record, fault);
+  record(in, out, session->recorder);
   return known ? TENODESIS_OK : TENODESIS_BAD_REQUEST;
 }
 
 int tenodesis_reset(tenodesis_controller* controller) {
-  if (controller == nullptr) return TENODESIS_NULL;
+  if (!good(controller)) return TENODESIS_BAD_POINTER;
   Session* session = session_of(controller);
   if (session == nullptr) return TENODESIS_NOT_STARTED;
   session->recorder.rearm();
@@ -153,20 +194,21 @@ int tenodesis_reset(tenodesis_controller* controller) {
 }
 
 int tenodesis_watchdog(const tenodesis_controller* controller, uint64_t since_last_step) {
-  if (controller == nullptr) return 1;
-  const Session* session = session_of(controller);
+  const Session* session = good(controller) ? session_of(controller) : nullptr;
   if (session == nullptr) return 1;
-  const S since = S(since_last_step) * S(1e-9);
+  // 32 bits are a single instruction to convert, and no tick may take that long.
+  static_assert(longest_tick<double> < UINT32_MAX * 1e-9);
+  const S since = S(static_cast<std::uint32_t>(smaller<std::uint64_t>(since_last_step, UINT32_MAX))) * S(1e-9);
   return with(*session, [&](const auto& own) { return own.controller.axis[0].watch.watchdog(since); }) ? 1 : 0;
 }
 
 int tenodesis_records(const tenodesis_controller* controller) {
-  const Session* session = controller == nullptr ? nullptr : session_of(controller);
+  const Session* session = good(controller) ? session_of(controller) : nullptr;
   return session == nullptr ? 0 : session->recorder.size();
 }
 
 int tenodesis_read_record(const tenodesis_controller* controller, int number, tenodesis_record* record) {
-  if (controller == nullptr || record == nullptr) return TENODESIS_NULL;
+  if (!good(controller, record)) return TENODESIS_BAD_POINTER;
   const Session* session = session_of(controller);
   if (session == nullptr) return TENODESIS_NOT_STARTED;
   if (number < 0 || number >= session->recorder.size()) return TENODESIS_BAD_PARAMETER;
@@ -175,7 +217,7 @@ int tenodesis_read_record(const tenodesis_controller* controller, int number, te
 }
 
 int tenodesis_read_counts(const tenodesis_controller* controller, int axis, tenodesis_counts* counts) {
-  if (controller == nullptr || counts == nullptr) return TENODESIS_NULL;
+  if (!good(controller, counts)) return TENODESIS_BAD_POINTER;
   const Session* session = session_of(controller);
   if (session == nullptr) return TENODESIS_NOT_STARTED;
   return with(*session, [&](const auto& own) -> int {
@@ -190,6 +232,4 @@ int tenodesis_read_counts(const tenodesis_controller* controller, int axis, teno
 
 uint32_t tenodesis_version(void) { return TENODESIS_VERSION; }
 uint32_t tenodesis_real_size(void) { return sizeof(tenodesis_real); }
-const char* tenodesis_fault_name(uint32_t number) {
-  return name(Fault(static_cast<unsigned char>(number < 255 ? number : 255)));
-}
+const char* tenodesis_fault_name(uint32_t number) { return number < fault_count ? name(Fault(number)) : "unknown"; }

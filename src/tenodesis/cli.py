@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from tenodesis import cli_recording, instrument
+from tenodesis import cli_control, cli_recording, instrument
 from tenodesis.bench import BenchError
 from tenodesis.bench import run as bench_run
 from tenodesis.bench.content import Context
@@ -104,6 +104,7 @@ def check(
 
 
 cli_recording.register(app)
+cli_control.register(cli_recording.exports)
 
 
 def main() -> None:

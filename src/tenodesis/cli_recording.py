@@ -5,7 +5,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast, get_args
 
 import typer
 from pydantic import TypeAdapter, ValidationError
@@ -17,20 +17,29 @@ from rich.table import Table
 
 from tenodesis import instrument, protocols
 from tenodesis import twin as twins
+from tenodesis.control import Controller
+from tenodesis.control.controller import ActuationName, LawName, ObserverName
+from tenodesis.instrument import Instrument
 from tenodesis.instrument_text import to_toml
 from tenodesis.protocols.quantities import Duration
 from tenodesis.quantity import in_unit
-from tenodesis.recording import Recorder, Recording, tables
+from tenodesis.recording import Recorder, Recording, choices, tables
+from tenodesis.recording.outcome import outcome
 from tenodesis.recording.replay import Replay
 from tenodesis.recording.replay import replay as run_again
 from tenodesis.recording.session import record as record_run
 from tenodesis.recording.summary import describe
+from tenodesis.signals import Run
 
 console = Console()
 exports = typer.Typer(help="Write what other programs read.", no_args_is_help=True)
 
 _PATIENCE = 1.0
 """Time after which a progress bar is shown, s."""
+
+
+def _allowed(choices: object) -> str:
+    return ", ".join(get_args(choices))
 
 
 class CommandError(Exception):
@@ -52,32 +61,64 @@ def record(  # noqa: PLR0917
         str, typer.Argument(metavar="INSTRUMENT", help="Instrument file, or the name of one that is shipped.")
     ] = "scaled-up",
     out: Annotated[
-        Path | None, typer.Option(help="The file. Default: recordings/PROTOCOL-INSTRUMENT.mcap.", show_default=False)
+        Path | None,
+        typer.Option(help="The file. Default: recordings/PROTOCOL-INSTRUMENT[-LAW].mcap.", show_default=False),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 0,
     time_step: Annotated[str, typer.Option(help="Time step, with its unit.")] = f"{twins.TIME_STEP * 1e3:g} ms",
     quasi_static: Annotated[bool, typer.Option("--quasi-static", help="Leave inertia and damping out.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a file that exists.")] = False,
     axis: Annotated[str | None, typer.Option(help="Axis to run alone. Default: all.", show_default=False)] = None,
+    law: Annotated[
+        str | None,
+        typer.Option(
+            help=f"What the motors do, with a controller in the loop: {_allowed(LawName)}. Default: no controller.",
+            show_default=False,
+        ),
+    ] = None,
+    observer: Annotated[
+        str | None,
+        typer.Option(
+            help=f"What tells the controller where the tip is: {_allowed(ObserverName)}. Default: friction.",
+            show_default=False,
+        ),
+    ] = None,
+    actuation: Annotated[
+        str | None,
+        typer.Option(help=f"Which motors act: {_allowed(ActuationName)}. Default: differential.", show_default=False),
+    ] = None,
+    controller_instrument: Annotated[
+        str | None,
+        typer.Option(
+            metavar="INSTRUMENT",
+            help="What the controller takes the instrument for: file or name. Default: INSTRUMENT.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
-    """Run a protocol on the twin of an instrument and record it.
+    """Run a protocol on the twin of an instrument and record it, with --law under a controller.
 
-    A protocol that begins with a pretension phase finds slack tendons.
+    A protocol that begins with a pretension phase finds slack tendons, which a controller homes.
     """
     inst = instrument.load(instrument_file)
+    told = inst if controller_instrument is None else instrument.load(controller_instrument)
     if axis is not None:
-        inst = inst.axis(axis)
+        inst, told = inst.axis(axis), told.axis(axis)
     protocol = protocols.load(protocol_file)
     step = _duration("--time-step", time_step)
     with _values_reported():
         protocol.plan(inst, step)
-    path = _default_path(protocol_file, instrument_file) if out is None else out
+        controller = _controller(
+            told, inst, protocol, step, law=law, observer=observer, actuation=actuation, other=controller_instrument
+        )
+    path = _default_path(protocol_file, instrument_file, law) if out is None else out
     _refuse_existing(path, overwrite)
     with _values_reported(), _progress(path) as progress:
         run = record_run(
             inst,
             protocol,
             path,
+            controller=controller,
             time_step=step,
             seed=seed,
             quasi_static=quasi_static,
@@ -85,6 +126,7 @@ def record(  # noqa: PLR0917
             progress=progress,
         )
     _say(f"{path}: {protocol.name} on {inst.name}, {run.time[-1]:.6g} s, {len(run)} rows, {_size(path)}.")
+    _tell_outcome(run, inst)
 
 
 def info(
@@ -118,8 +160,15 @@ def replay(
     if recording.damage is not None:
         _say(recording.damage)
     _tell(again)
+    if not again.exact:
+        _tell_outcome(again.run, again.inst)
     if out is not None:
-        metadata = {**recording.metadata, "instrument": to_toml(again.inst), "replay_of": str(file)}
+        metadata = {
+            **recording.metadata,
+            **choices.carried(recording, again.inst),
+            "instrument": to_toml(again.inst),
+            "replay_of": str(file),
+        }
         with Recorder(out, axes=again.run.axes, metadata=metadata, overwrite=overwrite) as recorder:
             recorder.write(again.run)
         _say(f"{out}: the replay, {again.run.time[-1]:.6g} s, {len(again.run)} rows, {_size(out)}.")
@@ -151,6 +200,44 @@ def export_recording(
     _say(f"{to}: {len(recording.run)} rows, {_size(to)}.")
 
 
+def _controller(
+    told: Instrument,
+    inst: Instrument,
+    protocol: protocols.Protocol,
+    time_step: float,
+    *,
+    law: str | None,
+    observer: str | None,
+    actuation: str | None,
+    other: str | None,
+) -> Controller | None:
+    """Return the controller that is asked for, ticking as the twin samples, homed unless it finds slack tendons."""
+    if law is None:
+        given = {"--observer": observer, "--actuation": actuation, "--controller-instrument": other}
+        for option, text in given.items():
+            if text is not None:
+                raise CommandError(
+                    f"{option} is {text!r}, but there is no controller without --law; allowed are {_allowed(LawName)}."
+                )
+        return None
+    controller = Controller(
+        told,
+        cast(ObserverName, "friction" if observer is None else observer),
+        cast(LawName, law),
+        cast(ActuationName, "differential" if actuation is None else actuation),
+        homed=not isinstance(protocol.phases[0], protocols.Pretension),
+        period=max(time_step, 1 / inst.sensors.sampling_rate),
+    )
+    controller.refuse_another(inst)
+    return controller
+
+
+def _tell_outcome(run: Run, inst: Instrument) -> None:
+    """Print what came of a run if it had a controller."""
+    for about, fact in outcome(run, inst).items():
+        _say(f"{about}: {fact}.")
+
+
 def _say(sentence: str) -> None:
     console.print(sentence, markup=False, highlight=False, soft_wrap=True)
 
@@ -160,13 +247,14 @@ def _size(path: Path) -> str:
     return f"{size / 1e6:.3g} MB" if size >= 1e6 else f"{size / 1e3:.3g} kB"
 
 
-def _default_path(protocol_file: str, instrument_file: str) -> Path:
+def _default_path(protocol_file: str, instrument_file: str, law: str | None) -> Path:
     folder = Path("recordings")
     try:
         folder.mkdir(exist_ok=True)
     except OSError as problem:
         raise CommandError(f"{folder} cannot be made: {problem.strerror}.") from None
-    return folder / f"{Path(protocol_file).stem}-{Path(instrument_file).stem}.mcap"
+    parts = (Path(protocol_file).stem, Path(instrument_file).stem, *(() if law is None else (law,)))
+    return folder / f"{'-'.join(parts)}.mcap"
 
 
 def _refuse_existing(path: Path, overwrite: bool) -> None:

@@ -167,7 +167,7 @@ class Control(Table):
     reference_uncertainty: Annotated[float, *annotation(Quantity("length", "m", "5 um", at_least=0, below=1))] = Field(
         default=5e-6, description="Deviation of a tendon's length at its pretension"
     )
-    mean_band: Share = Field(default=0.45, description="Share by which friction may move the mean tension")
+    mean_band: Share = Field(default=0.3, description="Share by which friction may move the mean tension")
     watchdog: Time = Field(default=0.025, description="Time without a tick after which the motors stop")
     safe_state: SafeState = Field(default="hold", description="What motors do after a fault: hold, or creep to neutral")
     homing_speed: Annotated[float, *annotation(Quantity("speed", "m/s", "5 mm/s", above=0, below=1))] = Field(

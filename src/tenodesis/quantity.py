@@ -15,8 +15,8 @@ _ANGLE_UNITS = {"radian", "milliradian", "degree", "arcminute", "turn"}
 
 # Number and unit are told apart here, not by pint, which would work out arithmetic, and take a decimal comma for none.
 _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+|nan|inf)(?:[eE][-+]?[0-9]+)?"
-_UNIT = r"[^\W\d_]+(?:(?:\^|\*\*)-?[0-9])?|°"
-_WRITTEN = re.compile(rf"(?P<number>{_NUMBER})(?P<unit>\s*|\s*(?:{_UNIT})(?:(?:\s*[*/·]\s*|\s+)(?:{_UNIT}))*)")
+_UNIT = r"(?:[^\W\d_]+(?:(?:\^|\*\*)-?[0-9])?|°)"
+_WRITTEN = re.compile(rf"(?P<number>{_NUMBER})(?P<unit>\s*|\s*(?:1\s*/\s*)?{_UNIT}(?:(?:\s*[*/·]\s*|\s+){_UNIT})*)")
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def annotation(quantity: Quantity) -> tuple[BeforeValidator, WithJsonSchema, Qua
         "type": "string",
         "description": told[0].upper() + told[1:],
         "examples": [quantity.example],
-        "pattern": r"^\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*[^0-9\s].*$",
+        "pattern": r"^\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?(\s*[^0-9\s]|\s+1\s*/).*$",
     }
     return BeforeValidator(quantity.parse), WithJsonSchema(schema), quantity
 

@@ -56,8 +56,9 @@ CONTROL = {
     "operating_state": Signal("1", False, "0 disabled, 1 enabled, 2 paused, 3 fault"),
     "faults": Signal("1", False, "Faults as a mask of bits, tenodesis.control.FAULTS in order"),
     "phase": Signal("1", False, "Of the robust law: 0 rest, 1 track, 2 pull, 3 release"),
+    "request": Signal("1", False, "What it was asked, a number of tenodesis.control.Request; 0 nothing"),
 }
-"""What a controller says of itself."""
+"""What a controller says of itself, NaN as long as it does not run, and what it was asked."""
 
 SIGNALS = COMMANDS | MEASURED | TRUTH | CONTROL
 
@@ -97,6 +98,7 @@ class Run:
     operating_state: Array | None = None
     faults: Array | None = None
     phase: Array | None = None
+    request: Array | None = None
 
     def signals(self) -> dict[str, Array]:
         """Return the signals that are there, by name, without the time."""

@@ -2,7 +2,9 @@
 // moves.
 
 #include "instruments.hpp"
+#include "tenodesis/parameters.hpp"
 #include "tenodesis/statics.hpp"
+#include "tenodesis/tenodesis.h"
 #include "tenodesis/twin.hpp"
 
 static_assert(__STDC_HOSTED__ == 0, "this file is built with -ffreestanding");
@@ -90,4 +92,38 @@ extern "C" double twins_in_double(const double* in) {
   return a_step_by_any_law<double>(instruments::real_size<double>(), in) +
          a_step_by_any_law<double>(instruments::pulley<double>(), in) +
          a_step_by_any_law<double>(instruments::continuum<double>(), in);
+}
+
+template <class A, int axes>
+auto a_tick(const tenodesis_parameters& parameters, const typename A::Scalar* in) {
+  using S = A::Scalar;
+  Controller<A, axes> controller{};
+  if (!configure(parameters, controller)) return S(0);
+  auto state = controller.start();
+  ControlInput<S, axes> input{};
+  for (auto& one : input.axis) one = {in[0], {in[1], in[2]}, {in[3], in[4]}};
+  ControlOutput<S, axes> output{};
+  for (int tick = 0; tick < 3; ++tick) {
+    input.request = tick == 0 ? Request::home : Request::resume;
+    input.time += std::uint64_t(in[5]);
+    controller.step(input, state, output);
+  }
+  S sum(0);
+  for (const auto& one : output.axis) sum = sum + one.spool_velocity[0] + one.estimate.output_angle;
+  return sum;
+}
+
+template <class A>
+auto ticks(const tenodesis_parameters& parameters, const typename A::Scalar* in) {
+  return a_tick<A, 1>(parameters, in) + a_tick<A, 2>(parameters, in);
+}
+
+extern "C" float controllers_in_float(const tenodesis_parameters* parameters, const float* in) {
+  return ticks<GearAxis<float>>(*parameters, in) + ticks<PulleyAxis<float>>(*parameters, in) +
+         ticks<ContinuumAxis<float>>(*parameters, in);
+}
+
+extern "C" double controllers_in_double(const tenodesis_parameters* parameters, const double* in) {
+  return ticks<GearAxis<double>>(*parameters, in) + ticks<PulleyAxis<double>>(*parameters, in) +
+         ticks<ContinuumAxis<double>>(*parameters, in);
 }

@@ -16,7 +16,7 @@ from rich.console import Console
 from tenodesis import cli, cli_recording
 from tenodesis.recording import Recording
 
-from .conftest import EXAMPLES
+from .conftest import EXAMPLES, ROOT
 
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
 """Takes the words of a command line; returns exit code, output and errors."""
@@ -101,6 +101,91 @@ def test_a_truncated_recording_is_shown_replayed_and_exported(tenodesis: Command
     assert "run.mcap is read up to" in out
     assert "bit by bit" in out
     assert tenodesis("export", "recording", "run.mcap", "--to", "run.csv")[0] == 0
+
+
+def test_a_controller_is_recorded_shown_and_replayed(tenodesis: Command, tmp_path: Path) -> None:
+    (tmp_path / "slack.toml").write_text(PROTOCOL.replace("[[phases]]", '[[phases]]\nkind = "pretension"\n[[phases]]'))
+    choices = ("--law", "robust", "--observer", "friction", "--actuation", "differential")
+    code, out, _ = tenodesis("record", "slack.toml", *choices, "--out", "run.mcap")
+    assert code == 0
+    said = out.splitlines()
+    assert said[0].startswith("run.mcap: short on scaled-up, ")
+    assert said[1].startswith("state: ENABLED at the end (ENABLED ")
+    assert said[2] == "faults: none."
+    assert said[3].startswith("tip: yaw ")
+    assert "deg off eq. 18 at the end" in said[3]
+    out = tenodesis("info", "run.mcap")[1]
+    assert "robust law, friction observer, differential actuation " in out
+    for line in said[1:]:
+        about, fact = line.rstrip(".").split(": ", 1)
+        assert any(row.split(maxsplit=1)[:1] == [about] and fact in row for row in out.splitlines())
+    code, out, _ = tenodesis("replay", "run.mcap")
+    assert (code, "replayed bit by bit on scaled-up" in out) == (0, True)
+    assert tenodesis("export", "recording", "run.mcap", "--to", "run.csv")[0] == 0
+    assert "estimated_force.yaw [N]" in pd.read_csv("run.csv").columns
+
+
+def test_a_controller_may_be_told_another_instrument(tenodesis: Command, tmp_path: Path) -> None:
+    text = (ROOT / "instruments" / "scaled-up.toml").read_text("utf-8")
+    (tmp_path / "told.toml").write_text(text.replace("stiffness_ratio = 0.85", "").replace("50 GPa", "42.5 GPa"))
+    tenodesis("record", "short.toml", "--law", "robust", "--controller-instrument", "told.toml", "--out", "run.mcap")
+    assert "told another instrument (scaled-up)" in tenodesis("info", "run.mcap")[1]
+    assert "bit by bit" in tenodesis("replay", "run.mcap")[1]
+    assert Recording.open("run.mcap").metadata["controller_instrument"].count("42500000000.0")
+
+
+def test_a_replay_on_another_instrument_keeps_what_its_controller_was_told(tenodesis: Command, tmp_path: Path) -> None:
+    text = (ROOT / "instruments" / "scaled-up.toml").read_text("utf-8")
+    (tmp_path / "soft.toml").write_text(text.replace("50 GPa", "40 GPa"))
+    tenodesis("record", "short.toml", "--law", "exact", "--observer", "exact")
+    file = "recordings/short-scaled-up-exact.mcap"
+    code, out, _ = tenodesis("replay", file, "--instrument", "soft.toml", "--out", "again.mcap")
+    assert code == 0
+    assert "faults: none." in out
+    assert "bit by bit" in tenodesis("replay", "again.mcap")[1]
+
+
+def test_a_controller_of_both_axes_or_of_one(tenodesis: Command) -> None:
+    told = ("--law", "robust", "--controller-instrument", "real-size")
+    code, out, _ = tenodesis("record", "short.toml", "real-size", *told, "--out", "both.mcap")
+    assert (code, "; pitch " in out) == (0, True)
+    assert tenodesis("record", "short.toml", "real-size", *told, "--axis", "pitch", "--out", "pitch.mcap")[0] == 0
+    for file in ("both.mcap", "pitch.mcap"):
+        assert "bit by bit" in tenodesis("replay", file)[1]
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (("--law", "magic"), "law is 'magic'; allowed are off, paper, paper-feedback, exact, robust."),
+        (("--law", "off", "--observer", "crystal"), "observer is 'crystal'; allowed are paper, exact, friction."),
+        (("--law", "off", "--actuation", "both"), "actuation is 'both'; allowed are agonist, differential."),
+        (("--law", "robust", "--observer", "paper"), 'observer "paper"; allowed with that law is "friction".'),
+        (
+            ("--law", "robust", "--controller-instrument", str(EXAMPLES / "pulley.toml")),
+            "the controller is for yaw of a tendon-pulley; allowed is a twin of such an instrument, not yaw of a "
+            "tendon-gear.",
+        ),
+        (
+            ("--law", "robust", "--controller-instrument", "real-size"),
+            "the controller is for yaw and pitch of a tendon-gear; allowed is a twin of such an instrument, not yaw",
+        ),
+        (("--law", "robust", "--controller-instrument", "absent"), "absent: there is no such file and no instrument"),
+        (("--observer", "exact"), "--observer is 'exact', but there is no controller without --law; allowed are off"),
+        (
+            ("--controller-instrument", "scaled-up"),
+            "--controller-instrument is 'scaled-up', but there is no controller",
+        ),
+    ],
+)
+def test_a_controller_that_cannot_be_is_refused_in_a_sentence(
+    tenodesis: Command, tmp_path: Path, options: tuple[str, ...], sentence: str
+) -> None:
+    code, _, err = tenodesis("record", "short.toml", *options, "--out", "run.mcap")
+    assert code == 1
+    assert sentence in err
+    assert len(err.strip().splitlines()) == 1
+    assert not (tmp_path / "run.mcap").exists()
 
 
 @pytest.mark.parametrize(

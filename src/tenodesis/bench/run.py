@@ -6,6 +6,7 @@ import math
 import platform
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,10 @@ import numpy as np
 from tenodesis import instrument as instruments
 from tenodesis import statics
 from tenodesis.bench import (
+    campaign,
     checks,
+    compensated,
+    compensated_cycles,
     compensation,
     hysteresis,
     input_output,
@@ -42,7 +46,7 @@ class BenchError(RuntimeError):
 
 def steps(inst: Instrument, scaled: Instrument | None) -> int:
     """Return how often a run reports progress."""
-    return 9 + checks.mujoco_cases(inst, scaled)
+    return 12 + checks.mujoco_cases(inst, scaled)
 
 
 def run(
@@ -51,6 +55,8 @@ def run(
     out: Path = Path("out"),
     progress: Callable[[str], None] = lambda _: None,
     recordings: bool = True,
+    *,
+    seeds: int = campaign.SEEDS,
 ) -> Context:
     """Compute the bench for an instrument and write report, figures, curves and results.
 
@@ -66,6 +72,8 @@ def run(
         Called with the name of what is being worked on.
     recordings
         Whether the twin's experiments are recorded as well.
+    seeds
+        Noise seeds of the robust law's campaign; 0 leaves it out.
 
     Returns
     -------
@@ -79,7 +87,7 @@ def run(
     """
     context = Context(_within_reach(inst), scaled, _is_paper(inst, scaled))
     with style.applied():
-        return _run(context, out, progress, recordings)
+        return _run(context, out, progress, recordings, seeds)
 
 
 def _within_reach(inst: Instrument) -> Instrument:
@@ -88,7 +96,7 @@ def _within_reach(inst: Instrument) -> Instrument:
     return inst.replace(output_range=reached) if reached < inst.output_range else inst
 
 
-def _run(context: Context, out: Path, progress: Callable[[str], None], recordings: bool) -> Context:
+def _run(context: Context, out: Path, progress: Callable[[str], None], recordings: bool, seeds: int) -> Context:
     sections: list[Section] = []
     for name, section in (
         ("input and output", input_output.section),
@@ -99,6 +107,9 @@ def _run(context: Context, out: Path, progress: Callable[[str], None], recording
         ("scale model", scaling.section),
         ("flexion and extension", hysteresis.section),
         ("step load", step_load.section),
+        ("compensated step load", compensated.section),
+        ("compensated cycles", compensated_cycles.section),
+        ("campaign", partial(campaign.section, seeds=seeds)),
     ):
         progress(name)
         sections.append(section(context))

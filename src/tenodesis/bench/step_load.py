@@ -16,8 +16,10 @@ from tenodesis.signals import Run
 
 Array = NDArray[np.float64]
 
-_BEFORE, _AFTER = 10.0, 10.0  # s; the paper's load comes near 10 s
-_APPROACH = float(np.radians(20))  # rad/s
+BEFORE, AFTER = 10.0, 10.0
+"""Time before the load, which in the paper comes near 10 s, and under it, s."""
+APPROACH = float(np.radians(20))
+"""Highest speed at which the handle is brought to its angle, rad/s."""
 _SEED = 15
 _TITLE = "A sudden load on the held instrument"
 _KEPT = 20
@@ -45,21 +47,25 @@ class State(NamedTuple):
         return self.before - self.after
 
 
+def rigged(inst: Instrument) -> float | None:
+    """Return the force that the weight on the load rig's cable makes at the tip, N; None without a rig."""
+    weight, radius = inst.conditions.cable_force, inst.conditions.cable_pulley_radius
+    return None if weight is None or radius is None else weight * radius / inst.rig_arm
+
+
 def protocol(inst: Instrument, handle_angle: float, force: float) -> protocols.Protocol:
     """Return what is done on the bench at one handle angle (rad): the weight on the rig's cable, or the force (N)."""
-    weight = inst.conditions.cable_force
-    rigged = weight is not None and inst.conditions.cable_pulley_radius is not None
-    moving = abs(handle_angle) / _APPROACH * 15 / 8
+    moving = abs(handle_angle) / APPROACH * 15 / 8
     return protocols.Protocol(
         name=f"step load at {np.degrees(handle_angle):.1f} deg",
         description="Fig. 15: a load applied suddenly while the handle is held, without compensation",
         phases=[
             protocols.StepLoad(
                 handle_angle=handle_angle,
-                approach=_APPROACH,
-                delay=_BEFORE - moving,
-                duration=_AFTER,
-                **({"weight": weight} if rigged else {"force": force}),
+                approach=APPROACH,
+                delay=BEFORE - moving,
+                duration=AFTER,
+                **({"force": force} if rigged(inst) is None else {"weight": inst.conditions.cable_force}),
             )
         ],
     )
@@ -156,7 +162,7 @@ def section(context: Context) -> Section:
         )
     rig = (
         f"{inst.conditions.cable_force:g} N on the load rig's cable, {applied:.3g} N at the tip"
-        if inst.conditions.cable_force is not None and inst.conditions.cable_pulley_radius is not None
+        if rigged(inst) is not None
         else f"{applied:.3g} N at the tip"
     )
     plot = Plot(
@@ -184,7 +190,7 @@ def section(context: Context) -> Section:
     text = (
         "<p>As on the bench, the handle is moved until the tip stands at the wanted angle, which with friction takes "
         "more handle angle than theory says. “Without friction” counts from there to the theory's angle under the "
-        "load. Compensated runs come with the controller.</p>"
+        'load. The same loads with the controller at work: <a href="#compensated">Compensation on the bench</a>.</p>'
     )
     return Section("step_load", _TITLE, text, [plot], [table])
 
@@ -194,14 +200,14 @@ def _draw(states: list[State]) -> Figure:
     for n, (axis, state) in enumerate(zip(axes, states, strict=True)):
         run = state.run
         time = run.time[::_KEPT]
-        free = np.degrees(np.where(time < _BEFORE, np.nan, state.theory))
+        free = np.degrees(np.where(time < BEFORE, np.nan, state.theory))
         axis.plot(time, free, ":", color=style.INK, lw=1.3)
         axis.plot(time, np.degrees(run["output_angle"])[::_KEPT], color=style.AGONIST, lw=1.3)
         middle = np.degrees(state.before + state.after) / 2
         axis.set(
             title=f"{np.degrees(state.wanted):.4g}°",
             xlabel="time [s]",
-            xlim=(_BEFORE - 2, _BEFORE + 6),
+            xlim=(BEFORE - 2, BEFORE + 6),
             ylim=(middle - 12, middle + 12),
         )
         other = axis.twinx()

@@ -9,6 +9,7 @@ from tenodesis.control.controller import (
     Output,
     Request,
 )
+from tenodesis.control.export import export_header, header, identifier
 from tenodesis.control.parameters import FAULTS, Parameters, parameters
 from tenodesis.tampering import Tampering
 
@@ -23,5 +24,8 @@ __all__ = [
     "Parameters",
     "Request",
     "Tampering",
+    "export_header",
+    "header",
+    "identifier",
     "parameters",
 ]

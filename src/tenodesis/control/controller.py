@@ -137,6 +137,7 @@ class Controller:
             raise ValueError(f"period is {period!r}; allowed is a time above 0 and below 1 s.")
         self.inst = inst
         self.observer, self.law, self.actuation = observer, law, actuation
+        self.precision, self.own_clock = precision, bool(own_clock)
         self.homed_at_start, self.enabled_at_start = bool(homed), bool(enabled)
         self.parameters = parameters(inst, period)
         safe_state = ("hold", "neutral").index(inst.control.safe_state)
@@ -158,7 +159,8 @@ class Controller:
         except (ValueError, RuntimeError):
             raise ValueError(
                 f"the numbers of {inst.name} make no controller; allowed are a pretension below the tension_limit of "
-                f"{self.parameters.axes[0]['tension_limit']:g} N and joints that leave length to the stem."
+                f"{self.parameters.axes[0]['tension_limit']:g} N, joints that leave length to the stem, and contacts "
+                "whose exponents (friction coefficient times bend) come to 4 at most."
             ) from None
         self._request = Request.ENABLE if enabled else Request.NONE
 

@@ -2,6 +2,9 @@
 
 from typing import Protocol
 
+from numpy.typing import ArrayLike
+
+from tenodesis.control import Controller
 from tenodesis.instrument import Instrument
 from tenodesis.signals import Array, Run
 
@@ -23,3 +26,19 @@ class Twin(Protocol):
 
     def run(self, *, handle_angle: Array, force: Array, radial_force: Array, spool_velocity: Array) -> Run:
         """Go on from the present state by as many time steps as there are commands."""
+
+
+class Controllable(Twin, Protocol):
+    """What a protocol is run on with a controller in the loop."""
+
+    def run(
+        self,
+        *,
+        handle_angle: Array,
+        force: Array,
+        radial_force: Array,
+        spool_velocity: ArrayLike = 0.0,
+        controller: Controller | None = None,
+        request: ArrayLike = 0,
+    ) -> Run:
+        """Go on as :meth:`Twin.run`; a controller is asked a request at each step, and moves the spools itself."""

@@ -41,8 +41,8 @@ class Recording:
     run
         Its signals; :class:`tenodesis.signals.Run` says their shapes.
     metadata
-        Text by key: ``instrument``, ``axes``, ``seed``, ``protocol``, ``time_step``, versions; empty for a file of
-        another program.
+        Text by key: ``instrument``, ``axes``, ``seed``, ``protocol``, ``time_step``, versions, and of a run with a
+        controller its choices; empty for a file of another program.
     topics
         Every topic of the file, by name.
     left_out

@@ -7,12 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tenodesis.control import Controller
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument
+from tenodesis.protocols.loop import with_request
+from tenodesis.recording import choices
 from tenodesis.recording.reader import Recording
-from tenodesis.recording.session import QUASI_STATIC
+from tenodesis.recording.session import QUASI_STATIC, without_control
 from tenodesis.recording.tables import columns
-from tenodesis.signals import Array, Run
+from tenodesis.signals import Array, Run, concatenate
 from tenodesis.twin import Twin
 
 _UNEVEN = 0.01
@@ -71,19 +74,21 @@ class Replay:
 def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
     """Run a recording's commands again on a twin that begins at rest, with the same seed, time step and mode.
 
-    Where the commanded handle angle was not recorded, the measured one takes its place.
+    Where the commanded handle angle was not recorded, the measured one takes its place. A controller closes the loop
+    again from where it did, with the choices it had and asked what it was asked.
 
     Parameters
     ----------
     recording
         The recording, whole or damaged.
     inst
-        The instrument; the recorded one if not given.
+        The instrument; the recorded one if not given. The controller's stays what it was.
 
     Raises
     ------
     RecordingError
-        The recording has no instrument, no handle angle, no rows or no even time step, or other axes.
+        The recording has no instrument, no handle angle, no rows or no even time step, or other axes, or what it
+        says of its controller makes none.
     NoSolutionError
         The tip was loaded past what it can hold.
     ValueError
@@ -107,17 +112,52 @@ def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
         raise RecordingError(
             f"{recording.path} has no handle angle; replaying needs the commanded or the measured one."
         )
-    run = twin.run(
-        handle,
-        _or_nought(recorded.force),
-        radial_force=_or_nought(recorded.radial_force),
-        spool_velocity=_or_nought(recorded.commanded_spool_velocity),
-    )
+    controller = choices.made_again(recording)
+    if controller is None:
+        run = _open_loop(twin, recorded, handle, slice(None))
+    else:
+        started = _uncontrolled(recorded)
+        runs = []
+        if started:
+            runs.append(without_control(_open_loop(twin, recorded, handle, slice(started))))
+        if started < len(handle):
+            runs.append(_closed_loop(twin, controller, recorded, handle, slice(started, None)))
+        run = concatenate(runs)
     return Replay(recording, inst, run, _same_bits(recorded, run))
 
 
-def _or_nought(command: Array | None) -> Array | float:
-    return 0.0 if command is None else command
+def _open_loop(twin: Twin, recorded: Run, handle: Array, rows: slice) -> Run:
+    return twin.run(
+        handle[rows],
+        _of(recorded.force, rows),
+        radial_force=_of(recorded.radial_force, rows),
+        spool_velocity=_of(recorded.commanded_spool_velocity, rows),
+    )
+
+
+def _closed_loop(twin: Twin, controller: Controller, recorded: Run, handle: Array, rows: slice) -> Run:
+    asked = np.zeros(len(handle)) if recorded.request is None else recorded.request.reshape(len(handle), -1)[:, 0]
+    request = np.nan_to_num(asked)
+    run = twin.run(
+        handle[rows],
+        _of(recorded.force, rows),
+        radial_force=_of(recorded.radial_force, rows),
+        controller=controller,
+        request=request[rows].astype(np.uint8),
+    )
+    return with_request(run, request[rows])
+
+
+def _uncontrolled(recorded: Run) -> int:
+    """Return how many rows there are before the controller runs."""
+    if recorded.operating_state is None:
+        return 0
+    running = ~np.isnan(recorded.operating_state).reshape(len(recorded), -1)[:, 0]
+    return int(np.argmax(running)) if running.any() else len(recorded)
+
+
+def _of(command: Array | None, rows: slice) -> Array | float:
+    return 0.0 if command is None else command[rows]
 
 
 def _number(recording: Recording, key: str, default: str) -> float:

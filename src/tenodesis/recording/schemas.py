@@ -17,6 +17,9 @@ TIME = "/time"
 
 TENDONS = ("agonist", "antagonist")
 
+_CONTROL_NUMBERS = ("friction_scale", "friction_scale_std", "operating_state", "faults", "phase", "request")
+"""Signals of a controller that have a topic of their name."""
+
 _FIELDS = {
     "builtin_interfaces/Time": ("int32 sec", "uint32 nanosec"),
     "std_msgs/Header": ("builtin_interfaces/Time stamp", "string frame_id"),
@@ -79,6 +82,12 @@ def topics(axes: tuple[str, ...]) -> tuple[Topic, ...]:
         ("/twin/tendons/measured_js", tendons, {"effort": "tension"}),
         ("/twin/tendons/distal/measured_js", tendons, {"effort": "distal_tension"}),
         ("/twin/motors/measured_js", tendons, {"position": "spool_angle", "velocity": "spool_velocity"}),
+        ("/controller/tip/measured_js", tip, {"position": "estimated_output_angle", "effort": "estimated_force"}),
+        (
+            "/controller/tip/measured_js_std",
+            tip,
+            {"position": "estimated_output_angle_std", "effort": "estimated_force_std"},
+        ),
     )
     forces = {"force.x": "force", "force.z": "radial_force"}
     return (
@@ -86,6 +95,13 @@ def topics(axes: tuple[str, ...]) -> tuple[Topic, ...]:
         *(Topic(name, JOINT_STATE, joints, signals) for name, joints, signals in joint_states),
         *(
             Topic(_rig(axis if axes[1:] else None), WRENCH, (), forces, slice(i, i + 1), f"tip_{axis}")
+            for i, axis in enumerate(axes)
+        ),
+        *(
+            Topic(
+                f"/controller/{f'{axis}/' if axes[1:] else ''}{signal}", FLOAT64, (), {"data": signal}, slice(i, i + 1)
+            )
+            for signal in _CONTROL_NUMBERS
             for i, axis in enumerate(axes)
         ),
     )
@@ -114,3 +130,7 @@ def axes_of(joints: Mapping[str, tuple[str, ...]]) -> tuple[str, ...] | None:
 
 def _rig(axis: str | None) -> str:
     return "/rig/measured_cf" if axis is None else f"/rig/{axis}/measured_cf"
+
+
+def _of_controller(signal: str, axis: str | None) -> str:
+    return f"/controller/{signal}" if axis is None else f"/controller/{axis}/{signal}"

@@ -1,14 +1,21 @@
 """Run a protocol on a twin and record it."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from tenodesis import twin as twins
+from tenodesis.control import Controller
 from tenodesis.instrument import Instrument
 from tenodesis.instrument_text import to_toml
 from tenodesis.protocols import Pretension, Protocol, concatenate, execute
+from tenodesis.protocols.loop import Loop
+from tenodesis.recording import choices, schemas
 from tenodesis.recording.writer import Recorder
-from tenodesis.signals import Run
+from tenodesis.signals import CONTROL, Run
 from tenodesis.twin import Twin
 
 DYNAMIC = "dynamic"
@@ -24,6 +31,7 @@ def record(
     protocol: Protocol,
     path: str | Path,
     *,
+    controller: Controller | None = None,
     time_step: float = twins.TIME_STEP,
     seed: int = 0,
     quasi_static: bool = False,
@@ -33,7 +41,7 @@ def record(
     """Run a protocol on the twin of an instrument, and record it while it runs.
 
     A protocol that begins with a pretension phase finds slack tendons: the motors let them out first, which is recorded
-    as well.
+    as well, and a controller homes them; it starts to run after that.
 
     Parameters
     ----------
@@ -43,6 +51,8 @@ def record(
         The protocol; all of it is checked before the file is opened.
     path
         The file.
+    controller
+        Closes the loop, as for :func:`tenodesis.protocols.execute`; it is reset first.
     time_step, seed, quasi_static
         As for :class:`tenodesis.twin.Twin`.
     overwrite
@@ -59,30 +69,40 @@ def record(
     Raises
     ------
     ProtocolError
-        The instrument cannot run the protocol, or a tendon does not get tight.
+        The instrument, or the controller, cannot run the protocol, or a tendon does not get tight.
     RecordingError
         The file cannot be written, or exists.
     NoSolutionError
         The tip was loaded past what it can hold; the file holds the blocks before.
     ValueError
-        The twin cannot have this time step or seed.
+        The twin cannot have this time step or seed, or the controller is for other axes or joints.
     """
     twin = Twin(inst, time_step=time_step, seed=seed, quasi_static=quasi_static)
-    protocol.plan(inst, time_step)
+    plan = protocol.plan(inst, time_step)
+    if controller is not None:
+        controller.reset()
+        Loop(twin, controller).refuse(plan)
     metadata = {
         "instrument": to_toml(inst),
         "protocol": protocol.to_toml(),
         "seed": str(seed),
         "time_step": repr(float(time_step)),
         "mode": QUASI_STATIC if quasi_static else DYNAMIC,
-    }
+    } | ({} if controller is None else choices.described(controller, inst))
     with Recorder(path, axes=inst.axes, metadata=metadata, overwrite=overwrite) as recorder:
         runs = []
         if isinstance(protocol.phases[0], Pretension):
-            runs.append(twin.loosen(_slackening(inst)))
+            loosened = twin.loosen(_slackening(inst))
+            runs.append(loosened if controller is None else without_control(loosened))
             recorder.write(runs[0])
-        runs.append(execute(twin, protocol, on_block=recorder.write, progress=progress))
+        runs.append(execute(twin, protocol, controller, on_block=recorder.write, progress=progress))
     return concatenate(runs)
+
+
+def without_control(run: Run) -> Run:
+    """Return a run during which its controller did not run yet: all that would say of itself is NaN."""
+    nothing: dict[str, Any] = {name: np.full(schemas.shape(name, len(run), run.axes), np.nan) for name in CONTROL}
+    return replace(run, **nothing)
 
 
 def _slackening(inst: Instrument) -> float:

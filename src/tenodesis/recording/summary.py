@@ -6,13 +6,18 @@ import tomllib
 import numpy as np
 from rich import box
 from rich.console import Group
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from tenodesis.errors import InstrumentError, RecordingError
+from tenodesis.recording import choices
+from tenodesis.recording.outcome import outcome
 from tenodesis.recording.reader import Recording
 from tenodesis.recording.tables import columns
-from tenodesis.signals import COMMANDS, MEASURED, Run
+from tenodesis.signals import COMMANDS, CONTROL, MEASURED, Run
+
+_RANGED = {**COMMANDS, **MEASURED, **CONTROL}.keys() - {"operating_state", "faults", "phase", "request"}
+"""Signals whose ranges are shown; those of states would say nothing."""
 
 _VERSIONS = ("tenodesis", "python", "numpy")
 
@@ -38,11 +43,26 @@ def _facts(recording: Recording) -> Table:
         "duration": f"{recording.duration:.6g} s",
         "rows": f"{len(run)}",
         "rate": f"{1 / np.median(steps):.6g} Hz" if steps.size else "",
+        **_controller(recording),
     }
     table = Table.grid(padding=(0, 2))
     for name, fact in facts.items():
         table.add_row(name, Text(fact or "not recorded"))
     return table
+
+
+def _controller(recording: Recording) -> dict[str, str]:
+    """Return which controller there was, and what came of it; nothing where there was none."""
+    try:
+        made = choices.choices_of(recording)
+        inst = recording.instrument()
+        told = choices.instrument_of(recording)
+    except (InstrumentError, RecordingError) as problem:
+        return {"controller": str(problem)} if choices.CONTROLLER in recording.metadata else {}
+    if made is None:
+        return {}
+    names = [str(name) for name in made.get("faults", [])]
+    return {"controller": choices.in_words(made, told, inst), **outcome(recording.run, inst, names)}
 
 
 def _instrument(recording: Recording) -> str:
@@ -64,7 +84,7 @@ def _name(protocol: str) -> str:
 
 
 def _topics(recording: Recording) -> Table:
-    table = Table("Topic", "Messages", "Rate", "Type", box=box.SIMPLE_HEAD)
+    table = Table(Column("Topic", no_wrap=True), "Messages", "Rate", "Type", box=box.SIMPLE_HEAD)
     for name, topic in recording.topics.items():
         reason = recording.left_out.get(name)
         kind = topic.type if reason is None else f"{topic.type}, left out: {reason}"
@@ -77,7 +97,7 @@ def _ranges(run: Run) -> Table:
     table = Table("Signal", "Least", "Greatest", "Unit", box=box.SIMPLE_HEAD)
     for heading, values in columns(run).items():
         name, unit = heading.removesuffix("]").split(" [")
-        if name.partition(".")[0] not in {**COMMANDS, **MEASURED}:
+        if name.partition(".")[0] not in _RANGED:
             continue
         seen = values[~np.isnan(values)]
         ends = [float(seen.min()), float(seen.max())] if seen.size else []

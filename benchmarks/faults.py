@@ -1,0 +1,231 @@
+"""How often normal work is taken for a fault, over hours of it on the twin, and how long that takes.
+
+Hands as a surgeon's, loads up to 90 % of what makes a tendon slack, a sheath that bends by up to a quarter turn;
+controllers that know the instrument, that are wrong about it, and that follow every law.
+"""
+
+import argparse
+import os
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import tenodesis as tn
+from tenodesis.control import FAULTS, Controller, OperatingState, parameters
+from tenodesis.instrument import Instrument
+from tenodesis.signals import Run
+from tenodesis.twin import TIME_STEP, Twin
+
+Array = NDArray[np.float64]
+
+HOURS = 10.0
+CHUNK = 60.0  # s of work between two looks at the clock
+FASTEST = 2.0  # Hz
+MOST_BEND = np.pi / 2  # rad
+LOAD = 0.9  # of what makes a tendon slack
+
+
+class Work(NamedTuple):
+    """What is done to an instrument, per step: rad, N, rad."""
+
+    handle_angle: Array
+    force: Array
+    sheath_bend: Array
+
+
+class Setting(NamedTuple):
+    """A controller and what it is wrong about."""
+
+    observer: str = "friction"
+    law: str = "robust"
+    actuation: str = "differential"
+    friction: float = 1.0
+    """Of the instrument's, what the controller is told."""
+    stiffness: float = 1.0
+
+
+SETTINGS = (
+    Setting(),
+    Setting(friction=0.7),
+    Setting(friction=1.3),
+    Setting(stiffness=1 / 0.85),
+    Setting(law="off"),
+    Setting(observer="paper", law="paper"),
+    Setting(observer="paper", law="paper-feedback"),
+    Setting(observer="exact", law="exact"),
+    Setting(actuation="agonist"),
+    Setting(friction=0.7, stiffness=1 / 0.85),
+)
+
+
+def told(inst: Instrument, friction: float = 1.0, stiffness: float = 1.0) -> Instrument:
+    """Return what a controller is told of an instrument: its true stiffness and friction, times factors."""
+    true = inst.mismatch.stiffness_ratio
+    return inst.replace(
+        tendon_stiffness=inst.tendon_stiffness * true * stiffness,
+        mismatch=inst.mismatch.model_dump() | {"stiffness_ratio": 1.0},
+        **{
+            "friction.vertex_coefficient": inst.friction.vertex_coefficient * friction,
+            "friction.sheath_coefficient": inst.friction.sheath_coefficient * friction,
+        },
+    )
+
+
+def work(inst: Instrument, random: np.random.Generator, seconds: float) -> Work:
+    """Return normal work: motions, holds and sudden stops, under loads that come, sway and go."""
+    count = round(seconds / TIME_STEP)
+    reach = float(tn.statics.handle_angle(inst, inst.output_range))
+    most = LOAD * float(tn.statics.slack_force(inst, inst.output_range))
+    columns = [np.zeros(count) for _ in Work._fields]
+    for column, segment in zip(columns, (_hand, _load, _bend), strict=True):
+        largest = (reach, most, MOST_BEND)[(_hand, _load, _bend).index(segment)]
+        at = 0
+        while at < count:
+            span = round(random.uniform(0.3, 4.0) / TIME_STEP)
+            t = np.arange(1, span + 1, dtype=np.float64) * TIME_STEP
+            before = column[at - 1] if at else 0.0
+            column[at : at + span] = segment(random, t, before, largest)[: count - at]
+            at += span
+    return Work(*columns)
+
+
+def _hand(random: np.random.Generator, t: Array, before: float, most: float) -> Array:
+    kind = random.integers(4)
+    if kind == 0:
+        return np.full(t.size, before)
+    if kind == 1:
+        return _moved(t, before, random.uniform(-most, most), random.uniform(0.25, 1.5))
+    frequency = random.uniform(0.1, FASTEST, 3)[:, np.newaxis]
+    size = random.dirichlet(np.ones(3))[:, np.newaxis] * random.uniform(0, 0.7) * most
+    phase = random.uniform(0, 2 * np.pi, (3, 1))
+    # Cut off wherever it is at the end: a sudden stop if it is held next.
+    swaying = size * (np.sin(2 * np.pi * frequency * t + phase) - np.sin(phase))
+    return np.asarray(np.clip(before + swaying.sum(0), -most, most))
+
+
+def _load(random: np.random.Generator, t: Array, before: float, most: float) -> Array:
+    kind = random.integers(4)
+    if kind == 0:
+        return np.zeros(t.size)
+    if kind == 1:
+        return np.full(t.size, random.uniform(-most, most))
+    if kind == 2:
+        return _moved(t, before, random.uniform(-most, most), random.uniform(0.1, 2.0))
+    mean = random.uniform(-0.5, 0.5) * most
+    return np.asarray(mean + random.uniform(0, 0.5) * most * np.sin(2 * np.pi * random.uniform(0.1, FASTEST) * t))
+
+
+def _bend(random: np.random.Generator, t: Array, before: float, most: float) -> Array:
+    return _moved(t, before, random.uniform(0, most), random.uniform(0.5, 2.0))
+
+
+def _moved(t: Array, start: float, end: float, span: float) -> Array:
+    u = np.clip(t / span, 0, 1)
+    return start + (end - start) * u**3 * (10 - 15 * u + 6 * u * u)
+
+
+class Told(NamedTuple):
+    """What a stretch of work came to."""
+
+    ticks: int
+    true_faults: list[str]
+    """That the twin confirms: a law has had a tendon hang, or pulled it beyond its limit."""
+    false_faults: list[str]
+    computing: float
+    """s"""
+
+
+def watched(inst: Instrument, setting: Setting, seed: int, seconds: float) -> Iterator[Told]:
+    """Yield what each chunk of work came to; after a fault the controller and the twin start anew."""
+    known = told(inst, setting.friction, setting.stiffness)
+    choices: Mapping[str, Any] = {key: getattr(setting, key) for key in ("observer", "law", "actuation")}
+    random = np.random.default_rng(seed)
+    twin, controller = Twin(inst, seed=seed), Controller(known, **choices)
+    start = np.zeros(3)
+    left = seconds
+    while left > 0:
+        done = work(inst, random, min(CHUNK, left))
+        left -= CHUNK
+        # Chunks start from rest, wherever the last one ended.
+        eased = 0.5 * (1 - np.cos(np.pi * np.arange(1, 2001) / 2001))
+        columns = [np.concatenate([a + (b[0] - a) * eased, b]) for a, b in zip(start, done, strict=True)]
+        began = time.perf_counter()
+        run = twin.run(columns[0], columns[1], sheath_bend=columns[2], controller=controller)
+        spent = time.perf_counter() - began
+        start = np.array([column[-1] for column in columns])
+        failed = np.flatnonzero(run["operating_state"] == OperatingState.FAULT)
+        told_of: dict[bool, list[str]] = {True: [], False: []}
+        if failed.size:
+            row = int(failed[0])
+            mask = int(run["faults"][row])
+            found = [name for n, name in enumerate(FAULTS) if mask >> n & 1]
+            told_of[all(confirmed(known, run, name, row) for name in found)].append("+".join(found))
+            twin, controller = Twin(inst, seed=seed), Controller(known, **choices)
+            start = np.zeros(3)
+        yield Told(len(run), told_of[True], told_of[False], spent)
+
+
+def confirmed(inst: Instrument, run: Run, fault: str, row: int) -> bool:
+    """Return whether the tendons themselves are as a fault of a run's row says."""
+    limits = parameters(inst).limits[0]
+    if fault not in ("tendon_slack", "over_tension"):
+        # Both tendons hang: that one is broken cannot be told from it.
+        return fault == "tendon_break" and bool(run["tension"][row].max() < limits["tendon_slack"][0])
+    threshold, persistence = limits[fault]
+    tension = run["tension"][max(0, row - round(0.98 * persistence / TIME_STEP)) : row + 1]
+    lasting = tension < 1.1 * threshold if fault == "tendon_slack" else tension > 0.99 * threshold
+    return bool(lasting.all(0).any())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    hours = float(os.environ.get("HOURS", HOURS))
+    parser.add_argument("--hours", type=float, default=hours, help="simulated, over all instruments and controllers")
+    arguments = parser.parse_args()
+    insts = (tn.load("scaled-up"), tn.load("real-size").axis("yaw"))
+    cases = [(inst, setting) for inst in insts for setting in SETTINGS]
+    each = 3600 * arguments.hours / len(cases)
+    tn.set_threads(1)
+    total, computing, worst = 0, 0.0, 0.0
+    sums = {"true": Counter[str](), "false": Counter[str]()}
+
+    def run(case: tuple[int, tuple[Instrument, Setting]]) -> list[Told]:
+        return list(watched(*case[1], seed=case[0], seconds=each))
+
+    started = time.perf_counter()
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for (inst, setting), parts in zip(cases, pool.map(run, enumerate(cases)), strict=True):
+            names = {
+                "true": Counter(name for part in parts for name in part.true_faults),
+                "false": Counter(name for part in parts for name in part.false_faults),
+            }
+            ticks = sum(part.ticks for part in parts)
+            slowest = max(part.computing / (part.ticks * TIME_STEP) for part in parts)
+            total += ticks
+            computing += sum(part.computing for part in parts)
+            worst = max(worst, slowest)
+            for kind, counted in names.items():
+                sums[kind] += counted
+            print(
+                f"  {inst.name:<10} {setting.law:<14} {setting.actuation:<12} friction told x{setting.friction:<4g} "
+                f"stiffness x{setting.stiffness:<5.3g} {ticks * TIME_STEP / 3600:6.3f} h   "
+                f"{names['false'].total()} false {dict(names['false']) or ''}   {dict(names['true']) or ''}",
+                flush=True,
+            )
+    simulated = total * TIME_STEP
+    print(
+        f"{simulated / 3600:.2f} simulated hours, {total / 1e6:.1f} M ticks, {sums['false'].total()} false faults "
+        f"({sums['false'].total() / simulated * 3600:.3g} per hour; target 0); the "
+        f"laws had tendons hang or pulled them beyond their limit {sums['true'].total()} times: {dict(sums['true'])}\n"
+        f"  twin and controller over real time: mean {simulated / computing:.0f}x   worst "
+        f"{1 / worst:.0f}x   ({time.perf_counter() - started:.0f} s in all on {os.cpu_count()} cores)"
+    )
+
+
+if __name__ == "__main__":
+    main()

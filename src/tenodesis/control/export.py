@@ -1,0 +1,270 @@
+"""A controller's numbers as a C header, for a program without Python: firmware, LabVIEW, Simulink."""
+
+import keyword
+import re
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
+from tenodesis.control.parameters import AXIS, COMMON, FAULTS
+from tenodesis.instrument import Instrument
+
+INTERFACE_VERSION = 1
+"""TENODESIS_VERSION of the interface that headers are written for."""
+
+UNITS = {
+    "period": "s",
+    "speed_limit": "rad/s",
+    "acceleration_limit": "rad/s^2",
+    "engage_time": "s",
+    "tension_limit": "N",
+    "hold_time": "s",
+    "neutral_speed": "rad/s",
+    "relief": "rad",
+    "proximal_radius": "m",
+    "distal_radius": "m",
+    "handle_length": "m",
+    "end_effector_length": "m",
+    "backbone_length": "m",
+    "backbone_rigidity": "N m^2",
+    "handle_range": "rad",
+    "stiffness": "N/m",
+    "pretension": "N",
+    "sheath_bend": "rad",
+    "sheath_bend_rate": "rad/rad",
+    "spool_radius": "m",
+    "drive_speed": "rad/s",
+    "drive_acceleration": "rad/s^2",
+    "drive_time_constant": "s",
+    "hand_play": "rad",
+    "sheath_play": "m",
+    "play": "m",
+    "length_noise": "m",
+    "smoothing": "s",
+    "reference_std": "m",
+    "forgetting": "1/s^0.5",
+    "slack_tension": "N",
+    "gain": "1/s",
+    "breakaway_time": "s",
+    "position_gain": "1/s",
+    "dead_band": "rad",
+    "tendon_speed": "m/s",
+    "common_speed": "m/s",
+    "common_stroke": "m",
+    "patience": "s",
+    "least_tension": "N",
+    "hand_travel": "rad",
+    "still_time": "s",
+    "homing_speed": "m/s",
+    "homing_gain": "1/s",
+    "homing_stroke": "m",
+    "homing_settle_time": "s",
+    "homing_time": "s",
+    "load_cell_range": "N",
+    "handle_noise": "rad",
+    "spool_noise": "rad",
+    "watch_window": "s",
+}
+"""Units of the numbers by their names in the C interface; of those that are not here, 1."""
+
+LIMIT_UNITS = {
+    "tendon_break": "N",
+    "tendon_slack": "N",
+    "over_tension": "N",
+    "load_cell_stuck": "N",
+    "load_cell_range": "N",
+    "load_cell_drift": "N",
+    "encoder_dropout": "rad",
+    "encoder_jump": "rad/s",
+    "spool_slip": "N",
+    "motor_not_following": "rad",
+    "tick_late": "s",
+    "spool_jump": "rad/s",
+}
+"""Units of the faults' thresholds; of those that are not here, 1."""
+
+# Words of C99 and C++20 that Python does not keep for itself as well.
+_RESERVED = frozenset(
+    re.findall(
+        r"\w+",
+        """
+        alignas alignof and_eq asm auto bitand bitor bool case catch char char16_t char32_t char8_t co_await co_return
+        co_yield compl concept const const_cast consteval constexpr constinit decltype default delete do double
+        dynamic_cast enum explicit export extern false float friend goto inline int long mutable namespace new noexcept
+        not_eq nullptr operator or_eq private protected public register reinterpret_cast requires restrict short signed
+        sizeof static static_assert static_cast struct switch template this thread_local throw true typedef typeid
+        typename union unsigned using virtual void volatile wchar_t xor xor_eq
+        """,
+    )
+)
+
+
+def header(
+    inst: Instrument,
+    name: str | None = None,
+    *,
+    observer: ObserverName = "friction",
+    law: LawName = "robust",
+    actuation: ActuationName = "differential",
+    homed: bool = True,
+    own_clock: bool = False,
+    source: str | None = None,
+) -> str:
+    """Return a C header that defines an instrument's ``tenodesis_parameters``.
+
+    Every number is written such that it is the same in double precision, and in single the one that Python's
+    controller computes with.
+
+    Parameters
+    ----------
+    inst
+        The instrument; all of its axes.
+    name
+        Of the constant; by default the instrument's, with underscores.
+    observer, law, actuation, homed, own_clock
+        As of :class:`~tenodesis.control.Controller`.
+    source
+        What the header says it was written from; by default the instrument's name.
+
+    Raises
+    ------
+    ValueError
+        The name is none in C, there is no such choice, or the numbers make no controller.
+    """
+    # A controller's own checks, in the precision that overflows first.
+    controller = Controller(inst, observer, law, actuation, homed=homed, precision="single", own_clock=own_clock)
+    numbers = controller.parameters
+    name = identifier(inst.name) if name is None else _checked(name)
+    guard = f"TENODESIS_PARAMETERS_{name.upper()}_H"
+    told = ", ".join(
+        [
+            f"observer {observer}",
+            f"law {law}",
+            f"actuation {actuation}",
+            "homed" if homed else "not homed",
+            "its own clock" if own_clock else "the input's clock",
+        ]
+    )
+    lines = [
+        f"/* The controller of {_comment(inst.name)} for tenodesis_init: {' and '.join(map(_comment, inst.axes))}.",
+        " *",
+        f" * Written by tenodesis {_version()} from {_comment(inst.name if source is None else source)},",
+        f" * for version {INTERFACE_VERSION} of the C interface:",
+        f" * {told}.",
+        " */",
+        f"#ifndef {guard}",
+        f"#define {guard}",
+        "",
+        '#include "tenodesis/tenodesis.h"',
+        "",
+        f"#if TENODESIS_VERSION != {INTERFACE_VERSION}u",
+        '#error "written for another version of the C interface: export the instrument again"',
+        "#endif",
+        "",
+        f"static const tenodesis_parameters {name} = {{",
+        "    .size = sizeof(tenodesis_parameters),",
+        "    .version = TENODESIS_VERSION,",
+        f"    .joint_type = TENODESIS_{_constant(inst.joint_type)},",
+        f"    .axes = {len(inst.axes)},",
+        f"    .observer = TENODESIS_OBSERVER_{_constant(observer)},",
+        f"    .law = TENODESIS_LAW_{_constant(law)},",
+        f"    .actuation = TENODESIS_ACTUATION_{_constant(actuation)},",
+        f"    .safe_state = TENODESIS_SAFE_{_constant(inst.control.safe_state)},",
+        f"    .own_clock = {int(own_clock)},",
+        f"    .homed = {int(homed)},",
+        *(f"    .{key} = {_number(numbers.common[key])}, /* {UNITS.get(key, '1')} */" for key in COMMON),
+        "    .axis =",
+        "        {",
+    ]
+    for axis, own, limits in zip(inst.axes, numbers.axes, numbers.limits, strict=True):
+        lines += [
+            f"            /* {_comment(axis)} */",
+            "            {",
+            *(f"                .{key} = {_number(own[key])}, /* {UNITS.get(key, '1')} */" for key in AXIS),
+            f"                .spool_jump = {_limit('spool_jump', limits['spool_jump'])}",
+            "                .limit =",
+            "                    {",
+            *(f"                        {_limit(fault, limits[fault], fault)}" for fault in FAULTS),
+            "                    },",
+            "            },",
+        ]
+    return "\n".join([*lines, "        },", "};", "", "#endif", ""])
+
+
+def export_header(
+    inst: Instrument,
+    path: str | Path,
+    name: str | None = None,
+    *,
+    observer: ObserverName = "friction",
+    law: LawName = "robust",
+    actuation: ActuationName = "differential",
+    homed: bool = True,
+    own_clock: bool = False,
+    source: str | None = None,
+) -> None:
+    """Write what :func:`header` returns to a file, whole or not at all.
+
+    Raises
+    ------
+    ValueError
+        As :func:`header`.
+    OSError
+        The file cannot be written; one that was there is as it was.
+    """
+    text = header(
+        inst, name, observer=observer, law=law, actuation=actuation, homed=homed, own_clock=own_clock, source=source
+    )
+    path = Path(path)
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".tenodesis-") as folder:
+        new = Path(folder) / path.name
+        new.write_text(text, "utf-8")
+        new.replace(path)
+
+
+def identifier(text: str) -> str:
+    """Return a name for C that is like a text: ``scaled-up`` becomes ``scaled_up``."""
+    name = re.sub(r"[^a-z0-9]+", "_", text.lower(), flags=re.ASCII).strip("_")
+    return name if name and not name[0].isdigit() and not _is_reserved(name) else f"instrument_{name}".rstrip("_")
+
+
+def _is_reserved(name: str) -> bool:
+    return keyword.iskeyword(name) or name in _RESERVED or name.startswith(("tenodesis_", "TENODESIS_"))
+
+
+def _checked(name: str) -> str:
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name, re.ASCII) or _is_reserved(name):
+        raise ValueError(
+            f"name is {name!r}; allowed are letters, digits and underscores from a letter on, no word of C or C++, and "
+            "nothing that begins with tenodesis_."
+        )
+    return name
+
+
+def _constant(choice: str) -> str:
+    return choice.replace("-", "_").upper()
+
+
+def _comment(text: str) -> str:
+    """Return a text that neither ends a comment nor a line."""
+    return " ".join(text.replace("*/", "* /").replace("/*", "/ *").split())
+
+
+def _number(value: float) -> str:
+    if not np.isfinite(np.float32(value)):
+        raise ValueError(f"{value:g} is no number in single precision.")
+    return f"TENODESIS_C({float(value)!r})"
+
+
+def _limit(key: str, limit: tuple[float, float], comment: str | None = None) -> str:
+    threshold, persistence = limit
+    label = "" if comment is None else f"{comment}: "
+    return f"{{{_number(threshold)}, {_number(persistence)}}}, /* {label}{LIMIT_UNITS.get(key, '1')}, s */"
+
+
+def _version() -> str:
+    from tenodesis import __version__  # noqa: PLC0415
+
+    return __version__

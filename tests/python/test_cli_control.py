@@ -1,0 +1,182 @@
+"""Claims about exported parameters: a header says what the controller computes with, and a mistake is one sentence."""
+
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+import tenodesis as tn
+from tenodesis import cli, control
+from tenodesis.control import export
+from tenodesis.control.parameters import AXIS, COMMON
+from tenodesis.instrument import Instrument
+
+from .conftest import EXAMPLES, ROOT
+
+Command: TypeAlias = Callable[..., tuple[int, str, str]]
+
+INTERFACE = (ROOT / "include/tenodesis/tenodesis.h").read_text()
+
+
+@pytest.fixture
+def tenodesis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """Run the command line in this process, in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["tenodesis", *map(str, arguments)])
+        monkeypatch.setattr(cli, "errors", Console(stderr=True, highlight=False, soft_wrap=True))
+        code = 0
+        try:
+            cli.main()
+        except SystemExit as end:
+            code = int(end.code or 0)
+        said = capsys.readouterr()
+        return code, said.out, said.err
+
+    return run
+
+
+def numbers_of(text: str) -> dict[str, list[float]]:
+    """Return the numbers of a header by name, in order, one per axis; limits by fault."""
+    found: dict[str, list[float]] = {}
+    for name, value in re.findall(r"\.(\w+) = TENODESIS_C\(([^)]+)\),", text):
+        found.setdefault(name, []).append(float(value))
+    for threshold, persistence, name in re.findall(
+        r"\{TENODESIS_C\(([^)]+)\), TENODESIS_C\(([^)]+)\)\}, /\* (?:(\w+): )?", text
+    ):
+        found.setdefault(name or "spool_jump", []).extend((float(threshold), float(persistence)))
+    return found
+
+
+def fields_of(struct: str) -> dict[str, str]:
+    """Return the fields of a struct of the C interface with their comments, in order."""
+    body = re.search(r"typedef struct \{([^}]*)\} " + struct + ";", INTERFACE)
+    assert body is not None
+    return {
+        name: comment or ""
+        for name, comment in re.findall(
+            r"^\s*(?:tenodesis_real|tenodesis_limit) (\w+)(?:\[\w+\])?;(?:\s*/\* (.*) \*/)?", body[1], re.MULTILINE
+        )
+    }
+
+
+def test_a_header_holds_every_number_to_its_last_bit(any_inst: Instrument) -> None:
+    parameters = control.parameters(any_inst)
+    found = numbers_of(control.header(any_inst))
+    for name in COMMON:
+        assert found[name][0] == parameters.common[name]
+    for n in range(len(any_inst.axes)):
+        for name in AXIS:
+            # The tension limit has the same name among the numbers that all axes share, which come first.
+            value = found[name][n + (name in COMMON)]
+            assert value == parameters.axes[n][name]
+            assert np.float32(value) == np.float32(parameters.axes[n][name])
+        for name, limit in parameters.limits[n].items():
+            assert tuple(found[name][2 * n + (name in AXIS) * n :][:2]) == limit or name == "load_cell_range"
+
+
+def test_names_order_and_units_are_those_of_the_c_interface() -> None:
+    common = fields_of("tenodesis_parameters")
+    assert tuple(name for name in common if name != "axis") == COMMON
+    axis = fields_of("tenodesis_axis_parameters")
+    assert tuple(axis) == (*AXIS, "spool_jump", "limit")
+    written = {"1/s^0.5": "share per root second", "rad/rad": "rad per rad of |handle angle|"}
+    for name, unit in export.UNITS.items():
+        comment = {**common, **axis}.get(name, "")
+        assert re.search(rf"(^|, ){re.escape(written.get(unit, unit))}( at the spool)?$", comment), name
+    assert f"#define TENODESIS_VERSION {export.INTERFACE_VERSION}u" in INTERFACE
+    assert set(export.LIMIT_UNITS) <= {*control.FAULTS, "spool_jump"}
+
+
+def test_the_example_has_the_header_that_is_exported_today(tenodesis: Command, tmp_path: Path) -> None:
+    assert tenodesis("export", "controller", "scaled-up", "--own-clock", "--out", "scaled_up.h")[0] == 0
+    command = "tenodesis export controller scaled-up --own-clock --overwrite --out examples/scaled_up.h"
+    assert (tmp_path / "scaled_up.h").read_text() == (EXAMPLES / "scaled_up.h").read_text(), f"run: {command}"
+
+
+def test_an_export_says_what_it_wrote(tenodesis: Command, tmp_path: Path) -> None:
+    code, out, _ = tenodesis("export", "controller", "real-size")
+    assert (code, out) == (
+        0,
+        "real_size.h: real_size, the controller of real-size (yaw and pitch), for tenodesis_init.\n",
+    )
+    text = (tmp_path / "real_size.h").read_text()
+    assert f"Written by tenodesis {tn.__version__} from real-size," in text
+    assert "static const tenodesis_parameters real_size = {" in text
+    assert ".axes = 2," in text
+    assert '#include "tenodesis/tenodesis.h"' in text
+
+
+def test_options_choose_what_the_controller_is(tenodesis: Command, tmp_path: Path) -> None:
+    options = ("--axis", "pitch", "--observer", "exact", "--law", "paper-feedback", "--actuation", "agonist")
+    more = ("--not-homed", "--own-clock", "--name", "mine", "--out", "x.h")
+    assert tenodesis("export", "controller", "real-size", *options, *more)[0] == 0
+    text = (tmp_path / "x.h").read_text()
+    for line in (
+        "static const tenodesis_parameters mine = {",
+        ".axes = 1,",
+        "/* pitch */",
+        ".observer = TENODESIS_OBSERVER_EXACT,",
+        ".law = TENODESIS_LAW_PAPER_FEEDBACK,",
+        ".actuation = TENODESIS_ACTUATION_AGONIST,",
+        ".homed = 0,",
+        ".own_clock = 1,",
+    ):
+        assert line in text
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (("absent",), "absent: there is no such file and no instrument of that name"),
+        (("scaled-up", "--axis", "pitch"), "scaled-up has no axis 'pitch'; it has yaw"),
+        (("scaled-up", "--observer", "best"), "observer is 'best'; allowed are paper, exact, friction"),
+        (("scaled-up", "--observer", "paper"), 'law is "robust" and observer "paper"'),
+        (("scaled-up", "--law", "none"), "law is 'none'; allowed are off, paper"),
+        (("scaled-up", "--actuation", "both"), "actuation is 'both'; allowed are agonist, differential"),
+        (("scaled-up", "--name", "2nd"), "name is '2nd'; allowed are letters, digits and underscores"),
+        (("scaled-up", "--name", "static"), "name is 'static'; allowed are"),
+        (("scaled-up", "--name", "tenodesis_step"), "name is 'tenodesis_step'; allowed are"),
+        (("scaled-up", "--out", "nowhere/x.h"), "nowhere/x.h cannot be written: No such file or directory"),
+        (("scaled-up", "--out", "mine.h"), "mine.h exists already; allowed is another path, or --overwrite"),
+    ],
+)
+def test_a_mistake_ends_in_one_sentence_and_writes_nothing(
+    tenodesis: Command, tmp_path: Path, options: tuple[str, ...], sentence: str
+) -> None:
+    (tmp_path / "mine.h").write_text("mine")
+    code, _, err = tenodesis("export", "controller", *options)
+    assert code == 1
+    assert sentence in err
+    assert len(err.strip().splitlines()) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.h"]
+    assert (tmp_path / "mine.h").read_text() == "mine"
+
+
+def test_an_existing_header_is_replaced_when_asked(tenodesis: Command, tmp_path: Path) -> None:
+    (tmp_path / "scaled_up.h").write_text("mine")
+    assert tenodesis("export", "controller", "scaled-up", "--overwrite")[0] == 0
+    assert "tenodesis_parameters" in (tmp_path / "scaled_up.h").read_text()
+
+
+def test_no_name_of_a_file_breaks_the_header(scaled: Instrument) -> None:
+    text = control.header(scaled, source="odd */ int main;\n#error\n.toml")
+    comment = text[: text.index("#ifndef")]
+    assert comment.count("*/") == 1
+    assert "#error" not in [line.strip() for line in comment.splitlines()]
+    assert export.identifier("2 nd/Größe.x") == "instrument_2_nd_gr_e_x"
+    assert export.identifier("static") == "instrument_static"
+    assert export.identifier("") == "instrument"
+
+
+def test_numbers_that_make_no_controller_are_not_exported(scaled: Instrument) -> None:
+    stiff = scaled.replace(**{"friction.sheath_coefficient": 0.9, "friction.sheath_bend": 9.0})
+    for inst in (scaled.replace(**{"control.tension_limit": 20.0}), stiff):
+        with pytest.raises(ValueError, match="the numbers of scaled-up make no controller; allowed are"):
+            control.header(inst)

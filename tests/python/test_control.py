@@ -1,0 +1,538 @@
+"""The controller in Python: what its observers know of the tip, and that it takes any plant and no nonsense."""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import tenodesis as tn
+from tenodesis.control import Controller, OperatingState, Output, Request
+from tenodesis.instrument import Instrument, TendonGear
+from tenodesis.signals import Run
+from tenodesis.twin import TIME_STEP, Twin
+
+Array = NDArray[np.float64]
+PERIOD = TIME_STEP
+FINE: dict[str, Any] = {
+    "sensors.encoder_noise": 0.0,
+    "sensors.encoder_bits": 24,
+    "sensors.load_cell_noise": 0.0,
+    "sensors.load_cell_bits": 24,
+    "drives.encoder_counts": 2**22,
+}
+
+
+def alone(inst: Instrument) -> Instrument:
+    return inst.axis("yaw") if len(inst.axes) > 1 else inst
+
+
+def smooth(inst: Instrument) -> Instrument:
+    """The first axis without friction, as its file says it is."""
+    return alone(inst).replace(friction=None, mismatch=None)
+
+
+def rubbed(inst: Instrument, scale: float = 1.0) -> Instrument:
+    """The first axis with the friction of the paper's instruments, times a scale, otherwise as its file says it is."""
+    friction = {"vertex_coefficient": 0.1 * scale, "sheath_coefficient": 0.1 * scale, "sheath_bend": np.radians(10)}
+    return smooth(inst).replace(**{f"friction.{key}": value for key, value in {"law": "capstan", **friction}.items()})
+
+
+def clock(duration: float) -> Array:
+    return np.arange(1, round(duration / PERIOD) + 1, dtype=np.float64) * PERIOD
+
+
+def eased(to: float, duration: float, total: float) -> Array:
+    """A command that leaves zero and arrives with zero velocity, then holds, rad."""
+    share = np.clip(clock(total) / duration, 0, 1)
+    return np.asarray(to * share**3 * (10 - 15 * share + 6 * share**2), np.float64)
+
+
+def load_of(inst: Instrument, share: float) -> float:
+    """Force (N) at a share of what slackens a tendon of the straight instrument."""
+    return share * float(tn.statics.slack_force(inst, 0.0))
+
+
+def output_per_newton(inst: Instrument) -> float:
+    """What a newton between the tendons turns the bent tip by, deg."""
+    more, less = (tn.statics.estimate_output_angle(inst, 0.3, 30 + by, 30 - by) for by in (-0.5, 0.5))
+    return float(np.degrees(more - less))
+
+
+def error(run: Run) -> Array:
+    """What the observer errs by, deg."""
+    return np.degrees(run["estimated_output_angle"] - run["output_angle"])
+
+
+def deviation(run: Run) -> Array:
+    return np.degrees(run["estimated_output_angle_std"])
+
+
+# ---- observers without friction
+
+
+@pytest.mark.equation(19)
+def test_the_paper_observer_is_eq_19_as_printed(scaled: Instrument) -> None:
+    assert isinstance(scaled, TendonGear)
+    inst = smooth(scaled)
+    large, small, k = scaled.proximal_gear_radius, scaled.distal_gear_radius, inst.tendon_stiffness
+    for handle, first, second in [(0.0, 25, 25), (0.3, 40, 10), (-0.4, 12, 31)]:
+        found = Controller(inst, "paper", "off").step(0, handle, (first, second), (2.0, -1.0)).output_angle
+        printed = 2 * np.arcsin(large / small * np.sin(handle / 2) - (first - second) / (4 * k * small))
+        assert found == pytest.approx(printed, abs=1e-12)
+
+
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_the_exact_observer_is_the_statics_with_slack_and_with_motors(any_inst: Instrument, precision: Any) -> None:
+    inst = smooth(any_inst)
+    radius = inst.drives.spool_radius
+    beyond = 1.4 if inst.joint_type == "continuum" else 1.15
+    for share in (-beyond, -0.5, 0.0, 0.6, beyond):
+        for wound in ((0.0, 0.0), (2e-4, -1e-4)):
+            force = load_of(inst, share)
+            at = tn.statics.equilibrium(inst, 0.0, force)
+            tensions = np.array([at.agonist, at.antagonist])
+            assert (tensions.min() == 0) == (abs(share) > 1)
+            found = Controller(inst, "exact", "off", precision=precision).step(
+                0, 0.0, tensions, np.array(wound) / radius
+            )
+            slack = Controller(inst).parameters.axes[0]["slack_tension"]
+            agonist, antagonist = np.where(tensions > slack, tensions, 0.0)
+            stated = tn.statics.estimate_output_angle(inst, 0.0, agonist, antagonist, wound)
+            assert found.output_angle == pytest.approx(float(stated), abs=1e-12 if precision == "double" else 1e-5)
+
+
+@pytest.mark.parametrize("observer", ["exact", "friction"])
+@pytest.mark.parametrize("share", [-0.6, 0.0, 0.6])
+def test_without_friction_the_tip_is_known_to_the_encoders(any_inst: Instrument, observer: Any, share: float) -> None:
+    inst = smooth(any_inst).replace(**FINE)
+    controller = Controller(inst, observer, "off")
+    force = np.where(clock(6) > 2, load_of(inst, share), 0.0)
+    run = Twin(inst, seed=1).run(eased(0.3, 1.5, 6), force, controller=controller)
+    assert abs(error(run)[-1]) < 0.01
+    np.testing.assert_allclose(run["estimated_force"][-1], force[-1], atol=0.01 * load_of(inst, 1))
+
+
+@pytest.mark.parametrize("observer", ["exact", "friction"])
+def test_noisy_encoders_cost_no_more_than_their_own_noise_and_steps(any_inst: Instrument, observer: Any) -> None:
+    inst = smooth(any_inst)
+    run = Twin(inst, seed=1).run(eased(0.3, 1.5, 4), controller=Controller(inst, observer, "off"))
+    step = np.degrees(inst.sensors.encoder_range / 2**inst.sensors.encoder_bits)
+    noise = step / 2 + 5 * np.degrees(inst.sensors.encoder_noise)
+    slope = float(tn.statics.output_angle(inst, 0.3 + 1e-4) - tn.statics.output_angle(inst, 0.3)) / 1e-4
+    by_cells = 5 * inst.sensors.load_cell_noise * output_per_newton(inst)
+    assert np.abs(error(run)[-2000:]).max() < noise * slope + by_cells
+
+
+# ---- the friction observer
+
+STATES = (0.0, 14.0, 28.5, 33.2)  # deg of handle: Fig. 15 by output angle
+SCALES = (0.7, 1.0, 1.43)
+
+
+def loaded(inst: Instrument, told: Instrument, handle: float, seed: int, *, share: float = 0.37) -> Run:
+    """Bring the handle to an angle (deg) and load the tip from 4 s to 10 s, with compensation."""
+    force = np.where(clock(10) > 4, load_of(inst, share), 0.0)
+    return Twin(inst, seed=seed).run(eased(np.radians(handle), 1.5, 10), force, controller=Controller(told))
+
+
+@pytest.fixture(scope="module")
+def rested(scaled: Instrument, real: Instrument) -> dict[str, Array]:
+    """What is known at rest after the law's common strokes: rows of error, std (deg), scale error, its std, force."""
+    rows: dict[str, Array] = {}
+    for inst in (scaled, real):
+        found = []
+        for scale in SCALES:
+            for handle in STATES:
+                for seed in (1, 2, 3, 4):
+                    run = loaded(rubbed(inst, scale), rubbed(inst), handle, seed)
+                    true = run["force"][-1]
+                    found.append(
+                        [
+                            error(run)[-1000:].mean(),
+                            deviation(run)[-1],
+                            run["friction_scale"][-1] / scale - 1,
+                            run["friction_scale_std"][-1] / scale,
+                            (run["estimated_force"][-1] - true) / run["estimated_force_std"][-1],
+                            handle,
+                        ]
+                    )
+        rows[inst.name] = np.array(found)
+    return rows
+
+
+@pytest.mark.parametrize("name", ["scaled-up", "real-size"])
+def test_after_common_strokes_the_tip_is_known_to_0p3_deg(rested: dict[str, Array], name: str) -> None:
+    assert np.sqrt(np.mean(rested[name][:, 0] ** 2)) < 0.3
+
+
+@pytest.mark.parametrize("name", ["scaled-up", "real-size"])
+def test_the_friction_scale_is_known_to_a_tenth_where_there_is_friction_to_know(
+    rested: dict[str, Array], name: str
+) -> None:
+    """A straight instrument has 0.017 of its sheath: there the deviation says that little is known."""
+    rows = rested[name]
+    bent = rows[rows[:, 5] > 0]
+    assert np.sqrt(np.mean(bent[:, 2] ** 2)) < 0.1
+    assert (np.abs(rows[:, 2]) < 3 * rows[:, 3]).all()
+
+
+@pytest.mark.parametrize("name", ["scaled-up", "real-size"])
+def test_the_stated_deviation_covers_the_error(rested: dict[str, Array], name: str) -> None:
+    sigmas = np.abs(rested[name][:, 0]) / rested[name][:, 1]
+    assert (sigmas < 3).mean() >= 0.95
+    assert (sigmas < 2).mean() >= 0.9
+    assert (sigmas < 1).mean() >= 0.6
+
+
+@pytest.mark.parametrize("name", ["scaled-up", "real-size"])
+def test_the_tip_force_is_known_to_its_deviation(rested: dict[str, Array], name: str) -> None:
+    assert (np.abs(rested[name][:, 4]) < 3).mean() >= 0.95
+
+
+def test_a_stiffness_told_15_percent_wrong_is_learned(scaled: Instrument) -> None:
+    told = rubbed(scaled)
+    true = told.replace(**{"mismatch.stiffness_ratio": 0.85})
+    for handle in STATES:
+        run = loaded(true, told, handle, 1)
+        assert abs(error(run)[-1000:].mean()) < 0.5
+        assert abs(error(run)[-1]) < 3 * deviation(run)[-1]
+        assert run["friction_scale"][-1] == pytest.approx(1, abs=max(0.1, 3 * run["friction_scale_std"][-1]))
+
+
+def test_what_can_hide_after_the_hand_turns_is_in_the_deviation(any_inst: Instrument) -> None:
+    inst = rubbed(any_inst, 2.0).replace(**FINE)
+    out = eased(0.4, 1.5, 2.0)
+    back = out[-1] - eased(0.02, 0.2, 0.4)
+    run = Twin(inst, seed=1).run(np.concatenate([out, back]), controller=Controller(inst, law="off"))
+    moving = round(1.0 / PERIOD)
+    assert deviation(run)[-1] > 1.2 * deviation(run)[moving]
+    assert (np.abs(error(run)) < 3 * deviation(run))[200:].mean() > 0.95
+
+
+def test_a_common_stroke_shrinks_the_deviation(any_inst: Instrument) -> None:
+    inst = rubbed(any_inst)
+    run = loaded(inst, inst, 25.0, 1)
+    stroking = run["phase"] >= 2
+    first = round(1.5 / PERIOD) + int(np.argmax(stroking[round(1.5 / PERIOD) :]))
+    turned = first + int(np.argmax(run["phase"][first:] != run["phase"][first]))
+    assert deviation(run)[turned] < 0.2 * deviation(run)[first]
+
+
+# ---- any plant
+
+
+class Frictionless:
+    """A plant of Python's own: rolling gears, tendons that only pull, spools that turn as they are told."""
+
+    def __init__(self, inst: TendonGear) -> None:
+        self.inst, self.force, self.spools = inst, 0.0, np.zeros(2)
+
+    def tensions(self, handle: float, sine: float) -> tuple[float, float]:
+        inst, radius = self.inst, self.inst.drives.spool_radius
+        draw = 2 * (inst.proximal_gear_radius * math.sin(handle / 2) - inst.distal_gear_radius * sine)
+        stretches = draw + radius * float(self.spools[0]), -draw + radius * float(self.spools[1])
+        agonist, antagonist = (max(0.0, inst.pretension + inst.tendon_stiffness * one) for one in stretches)
+        return agonist, antagonist
+
+    def rest(self, handle: float) -> tuple[float, tuple[float, float]]:
+        """Output angle (rad) and tensions (N), by bisection of the moment about the tip."""
+        low, high = -0.99, 0.99
+        for _ in range(40):
+            sine = (low + high) / 2
+            agonist, antagonist = self.tensions(handle, sine)
+            arm = self.inst.distal_gear_radius * math.sqrt(1 - sine**2)
+            moment = (agonist - antagonist) * arm - self.force * (self.inst.end_effector_length + arm)
+            low, high = (sine, high) if moment > 0 else (low, sine)
+        return 2 * math.asin(sine), self.tensions(handle, sine)
+
+
+@pytest.mark.parametrize("precision", ["double", "single"])
+@pytest.mark.parametrize("force", [-1.0, 1.0])
+def test_it_gives_the_angle_back_on_a_plant_that_is_not_ours(scaled: Instrument, precision: Any, force: float) -> None:
+    inst = smooth(scaled).replace(**{"drives.time_constant": 0.0})
+    assert isinstance(inst, TendonGear)
+    plant = Frictionless(inst)
+    # Real load cells flicker: one that does not is taken for stuck.
+    noise = np.random.default_rng(1).normal(0, inst.sensors.load_cell_noise, (8000, 2))
+    controller = Controller(inst, precision=precision)
+    handle = 0.25
+    for n, flicker in enumerate(noise):
+        plant.force = force if n > 1000 else 0.0
+        angle, tensions = plant.rest(handle)
+        out = controller.step(n * PERIOD, handle, np.array(tensions) + flicker, plant.spools)
+        plant.spools += out.spool_velocity * PERIOD
+    assert out.state == OperatingState.ENABLED
+    unloaded = 2 * np.arcsin(inst.proximal_gear_radius / inst.distal_gear_radius * np.sin(handle / 2))
+    assert np.degrees(angle - unloaded) == pytest.approx(0, abs=0.2)
+    assert np.degrees(out.output_angle - angle) == pytest.approx(0, abs=0.2)
+    assert out.tip_force == pytest.approx(force, abs=0.1)
+
+
+# ---- sameness
+
+
+def test_two_axes_are_two_controllers(real: Instrument) -> None:
+    both, one = Controller(real), [Controller(real.axis(name)) for name in real.axes]
+    handles = np.stack([eased(0.3, 0.5, 2), eased(-0.2, 0.4, 2)], 1)
+    force = np.where(clock(2) > 1, 0.4, 0.0)
+    twin = Twin(real, seed=5)
+    rest = twin.run(np.zeros((1, 2)))
+    run = twin.run(handles, np.stack([force, -force], 1), controller=both)
+    names = ("measured_handle_angle", "measured_tension", "measured_spool_angle")
+    # A tick sees what was read at the end of the step before.
+    seen = {name: np.concatenate([rest[name], run[name][:-1]]) for name in names}
+    for n, controller in enumerate(one):
+        for k, time in enumerate(run.time):
+            out = controller.step(time, *(seen[name][k, n] for name in names))
+            np.testing.assert_array_equal(out.spool_velocity, run["commanded_spool_velocity"][k, n])
+            assert out.output_angle == run["estimated_output_angle"][k, n]
+            assert out.output_angle_std == run["estimated_output_angle_std"][k, n]
+
+
+@pytest.mark.parametrize("handle", STATES)
+def test_single_precision_ends_where_double_does(scaled: Instrument, handle: float) -> None:
+    """Each loop goes its own way within the dead band, so that only the ends are compared."""
+    inst = rubbed(scaled)
+    force = np.where(clock(10) > 4, 1.485, 0.0)
+    ends = [
+        Twin(inst, seed=3).run(
+            eased(np.radians(handle), 1.5, 10), force, controller=Controller(inst, precision=precision)
+        )
+        for precision in ("double", "single")
+    ]
+    double, single = (np.degrees(run["output_angle"][-1]) for run in ends)
+    assert single == pytest.approx(double, abs=0.4)
+
+
+def test_the_same_seed_gives_the_same_bits_and_reset_starts_anew(scaled: Instrument) -> None:
+    inst = rubbed(scaled)
+    controller = Controller(inst)
+    force = np.where(clock(4) > 2, 1.0, 0.0)
+    runs = []
+    for _ in range(2):
+        controller.reset()
+        runs.append(Twin(inst, seed=3).run(eased(0.3, 1, 4), force, controller=controller).signals())
+    runs.append(Twin(inst, seed=3).run(eased(0.3, 1, 4), force, controller=Controller(inst)).signals())
+    for name, values in runs[0].items():
+        np.testing.assert_array_equal(values, runs[1][name], err_msg=name)
+        np.testing.assert_array_equal(values, runs[2][name], err_msg=name)
+
+
+def test_reset_brings_the_request_to_enable_back(scaled: Instrument) -> None:
+    controller = Controller(scaled)
+    first = controller.step(0, 0.0, (25, 25), (0, 0))
+    controller.step(PERIOD, 0.0, (25, 25), (0, 0), "disable")
+    controller.reset()
+    again = controller.step(0, 0.0, (25, 25), (0, 0))
+    assert first.state == again.state == OperatingState.ENABLED
+    np.testing.assert_equal(first, again)
+
+
+def test_with_a_clock_of_its_own_the_time_given_makes_no_difference(scaled: Instrument) -> None:
+    inst = rubbed(scaled)
+    run = Twin(inst, seed=3).run(eased(0.3, 1, 2), 0.5, controller=Controller(inst, law="off"))
+    given, counted = Controller(inst), Controller(inst, own_clock=True)
+    for k, (handle, tension, spools) in enumerate(
+        zip(run["measured_handle_angle"], run["measured_tension"], run["measured_spool_angle"], strict=True)
+    ):
+        one = given.step((k + 1) * PERIOD, handle, tension, spools)
+        other = counted.step(7.0, handle, tension, spools)
+        np.testing.assert_allclose(one.spool_velocity, other.spool_velocity, atol=1e-9)
+        assert other.faults == one.faults
+
+
+# ---- requests and states
+
+
+class Session:
+    """A straight instrument at rest, and a controller that is asked things."""
+
+    def __init__(self, inst: Instrument, **options: Any) -> None:
+        self.controller = Controller(inst, **options)
+        self.inst, self.time, self.spools = inst, 0.0, np.zeros(2)
+        self.random = np.random.default_rng(1)
+        self.handle = 0.0
+
+    def step(self, request: Request | str = "none") -> Output:
+        self.time += PERIOD
+        tensions = self.inst.pretension + self.random.normal(0, self.inst.sensors.load_cell_noise, 2)
+        return self.controller.step(self.time, self.handle, tensions, self.spools, request)
+
+    def steps(self, count: int) -> Iterator[Output]:
+        for _ in range(count):
+            yield self.step()
+
+
+@pytest.mark.parametrize("by_name", [True, False])
+def test_requests_lead_through_the_states(scaled: Instrument, by_name: bool) -> None:
+    session = Session(scaled, enabled=False)
+    assert session.step().state == OperatingState.DISABLED
+    for request, state in [
+        ("resume", OperatingState.DISABLED),
+        ("pause", OperatingState.DISABLED),
+        ("clear", OperatingState.DISABLED),
+        ("enable", OperatingState.ENABLED),
+        ("enable", OperatingState.ENABLED),
+        ("pause", OperatingState.PAUSED),
+        ("enable", OperatingState.PAUSED),
+        ("resume", OperatingState.ENABLED),
+        ("disable", OperatingState.DISABLED),
+    ]:
+        assert session.step(request if by_name else Request[request.upper()]).state == state, request
+
+
+def test_what_is_asked_comes_with_the_next_tick_and_only_once(scaled: Instrument) -> None:
+    session = Session(scaled)
+    assert session.step().state == OperatingState.ENABLED
+    session.controller.ask("disable")
+    assert session.step().state == OperatingState.DISABLED
+    assert session.step("enable").state == OperatingState.ENABLED
+    assert all(out.state == OperatingState.ENABLED for out in session.steps(5))
+
+
+def test_nothing_compensates_before_it_is_homed(scaled: Instrument) -> None:
+    session = Session(scaled, homed=False)
+    out = session.step()
+    assert out.state == OperatingState.DISABLED
+    assert not out.homed
+    out = session.step("home")
+    assert out.state == OperatingState.ENABLED
+    assert out.homing
+
+
+def test_homing_makes_slack_tendons_ready_to_compensate(scaled: Instrument) -> None:
+    inst = rubbed(scaled)
+    twin = Twin(inst, seed=2)
+    twin.loosen(3e-3)
+    controller = Controller(inst, homed=False, enabled=False)
+    controller.ask("home")
+    run = twin.run(np.zeros(round(8 / PERIOD)), controller=controller)
+    assert run["operating_state"][-1] == OperatingState.PAUSED
+    np.testing.assert_allclose(run["tension"][-1], inst.pretension, rtol=0.02)
+    controller.ask("resume")
+    force = np.where(clock(10) > 4, 1.485, 0.0)
+    run = twin.run(eased(np.radians(28.5), 1.5, 10), force, controller=controller)
+    wanted = tn.statics.output_angle(smooth(scaled), np.radians(28.5))
+    assert np.degrees(run["output_angle"][-1] - wanted) == pytest.approx(0, abs=0.4)
+
+
+def test_a_controller_that_is_not_enabled_sends_nothing(scaled: Instrument) -> None:
+    inst = rubbed(scaled)
+    requests = np.zeros(round(3 / PERIOD), int)
+    for law in ("paper", "paper-feedback", "exact", "robust"):
+        controller = Controller(inst, "friction", law, enabled=False)
+        run = Twin(inst, seed=1).run(eased(0.3, 1, 3), 1.0, controller=controller, request=requests)
+        assert (run["operating_state"] == OperatingState.DISABLED).all()
+        assert not run["commanded_spool_velocity"].any()
+
+
+@pytest.mark.parametrize("law", ["paper", "paper-feedback", "exact", "robust"])
+def test_no_change_of_state_jerks(scaled: Instrument, law: Any) -> None:
+    inst = rubbed(scaled)
+    drives = inst.drives
+    most = drives.motor_acceleration / drives.gear_ratio * PERIOD
+    requests = np.zeros(round(8 / PERIOD), int)
+    asked = {2.0: "ENABLE", 2.7: "PAUSE", 3.0: "RESUME", 4.2: "DISABLE", 4.6: "ENABLE", 5.5: "PAUSE", 5.6: "RESUME"}
+    for time, name in asked.items():
+        requests[round(time / PERIOD)] = Request[name]
+    controller = Controller(inst, "friction", law, enabled=False)
+    force = np.where(clock(8) > 0.5, 1.2, 0.0)
+    run = Twin(inst, seed=1).run(eased(0.4, 0.4, 8), force, controller=controller, request=requests)
+    sent = run["commanded_spool_velocity"]
+    assert set(np.unique(run["operating_state"])) == {0, 1, 2}
+    assert np.abs(sent).max() > 0.01
+    assert np.abs(np.diff(sent, axis=0)).max() <= most * (1 + 1e-9)
+
+
+# ---- what cannot be
+
+
+@pytest.mark.parametrize("channel", range(5))
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
+def test_a_reading_that_is_no_number_is_a_fault_not_an_exception(scaled: Instrument, channel: int, bad: float) -> None:
+    session = Session(scaled)
+    for _ in session.steps(100):
+        pass
+    row = np.array([0.0, 25.0, 25.0, 0.0, 0.0])
+    row[channel] = bad
+    out = session.controller.step(session.time + PERIOD, row[0], row[1:3], row[3:])
+    assert out.state == OperatingState.FAULT
+    assert "not_a_number" in out.first_faults
+    assert np.isfinite(out.spool_velocity).all()
+    session.time += PERIOD
+    assert session.step().state == OperatingState.FAULT
+    assert session.step("clear").state == OperatingState.DISABLED
+    assert session.step("enable").state == OperatingState.ENABLED
+
+
+@pytest.mark.parametrize("leap", [-PERIOD, 0.0, 0.1, 100.0])
+def test_time_that_runs_backward_stands_still_or_leaps_is_a_late_tick(scaled: Instrument, leap: float) -> None:
+    session = Session(scaled)
+    for _ in session.steps(100):
+        pass
+    session.time += leap - PERIOD
+    out = session.step()
+    assert out.state == OperatingState.FAULT
+    assert out.first_faults == ("tick_late",)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"time": -1.0}, "time is -1.0; allowed is a number of seconds from 0 on."),
+        ({"time": np.nan}, "time is nan; allowed is a number of seconds from 0 on."),
+        ({"handle_angle": [0.1, 0.2]}, r"handle_angle has shape \(2,\); allowed is \(\)\."),
+        ({"tensions": 25.0}, r"tensions has shape \(\); allowed is \(2,\)\."),
+        ({"tensions": [[25.0, 25.0]]}, r"tensions has shape \(1, 2\); allowed is \(2,\)\."),
+        ({"spool_angles": [0.0, 0.0, 0.0]}, r"spool_angles has shape \(3,\); allowed is \(2,\)\."),
+        ({"request": "start"}, "request is 'start'; allowed are none, enable, disable, pause, resume, home, clear."),
+        ({"request": 9}, "request is 9; allowed are none, enable"),
+    ],
+)
+def test_a_bad_argument_is_told_with_what_is_allowed(scaled: Instrument, arguments: Any, message: str) -> None:
+    given = {"time": 0.0, "handle_angle": 0.0, "tensions": (25.0, 25.0), "spool_angles": (0.0, 0.0)} | arguments
+    with pytest.raises(ValueError, match=message):
+        Controller(scaled).step(**given)
+
+
+def test_a_refused_tick_does_not_swallow_what_was_asked(scaled: Instrument) -> None:
+    controller = Controller(scaled)
+    with pytest.raises(ValueError, match="tensions"):
+        controller.step(0, 0.0, (1, 2, 3), (0, 0))
+    assert controller.step(0, 0.0, (25, 25), (0, 0)).state == OperatingState.ENABLED
+
+
+def test_two_axes_want_their_shapes(real: Instrument) -> None:
+    controller = Controller(real)
+    with pytest.raises(ValueError, match=r"handle_angle has shape \(\); allowed is \(2,\)\."):
+        controller.step(0, 0.0, np.full((2, 2), 30), np.zeros((2, 2)))
+    out = controller.step(0, [0.0, 0.0], np.full((2, 2), 30), np.zeros((2, 2)))
+    assert out.spool_velocity.shape == (2, 2)
+    assert out.output_angle.shape == (2,)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"observer": "kalman"}, "observer is 'kalman'; allowed are paper, exact, friction."),
+        ({"law": "pid"}, "law is 'pid'; allowed are off, paper, paper-feedback, exact, robust."),
+        ({"actuation": "both"}, "actuation is 'both'; allowed are agonist, differential."),
+        ({"precision": "half"}, "precision is 'half'; allowed are double, single."),
+        ({"period": 0.0}, "period is 0.0; allowed is a time above 0 and below 1 s."),
+        ({"period": np.nan}, "period is nan; allowed is"),
+        ({"observer": "exact"}, 'law is "robust" and observer "exact"; allowed with that law is "friction".'),
+    ],
+)
+def test_a_choice_that_there_is_not_is_told_with_those_there_are(
+    scaled: Instrument, options: Any, message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        Controller(scaled, **options)
+
+
+def test_a_limit_below_the_pretension_is_named(scaled: Instrument) -> None:
+    with pytest.raises(ValueError, match="allowed are a pretension below the tension_limit of 20 N"):
+        Controller(scaled.replace(**{"control.tension_limit": 20.0}))

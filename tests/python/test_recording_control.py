@@ -1,0 +1,322 @@
+"""Claims about recordings of a controller: all that it said is on file, and the file gives the same run again."""
+
+import runpy
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rich.console import Console
+
+import tenodesis as tn
+from tenodesis import protocols
+from tenodesis.control import FAULTS, Controller, OperatingState, Tampering
+from tenodesis.errors import ProtocolError, RecordingError
+from tenodesis.instrument import Instrument
+from tenodesis.protocols import Cycles, Hold, Pretension, Protocol, Ramp, StepLoad
+from tenodesis.recording import Recorder, Recording, choices
+from tenodesis.recording.outcome import outcome, tip_error
+from tenodesis.recording.replay import replay
+from tenodesis.recording.session import record
+from tenodesis.recording.summary import describe
+from tenodesis.signals import CONTROL, Run
+from tenodesis.twin import Twin
+
+from .conftest import EXAMPLES
+
+PROTOCOL = Protocol(
+    name="short",
+    phases=(
+        Cycles(amplitude="15 deg", period="0.6 s", count=1, shape="sine", force=0.5),
+        StepLoad(handle_angle="5 deg", force="-0.5 N", rise=0.05, duration=0.6, release=0.1, approach="60 deg/s"),
+    ),
+)
+SLACK = Protocol(name="slack", phases=(Pretension(), *PROTOCOL.phases))
+
+
+def bits(run: Run) -> dict[str, tuple[tuple[int, ...], bytes]]:
+    return {name: (values.shape, values.tobytes()) for name, values in ({"time": run.time} | run.signals()).items()}
+
+
+def told(inst: Instrument) -> Instrument:
+    """What a controller may take an instrument for: stiffer tendons, and one it is to be gentler with."""
+    return inst.replace(tendon_stiffness=1.1 * inst.tendon_stiffness, **{"control.dead_band": "0.2 deg"})
+
+
+def shown(recording: Recording) -> str:
+    console = Console(width=160)
+    with console.capture() as capture:
+        console.print(describe(recording))
+    return capture.get()
+
+
+# What is on file
+
+
+def test_a_controlled_run_is_on_file_and_replays_bit_by_bit(any_inst: Instrument, tmp_path: Path) -> None:
+    controller = Controller(told(any_inst), homed=False)
+    run = record(any_inst, SLACK, tmp_path / "run.mcap", controller=controller, seed=5)
+    recording = Recording.open(tmp_path / "run.mcap")
+    assert (recording.damage, recording.left_out) == (None, {})
+    assert bits(recording.run) == bits(run)
+    assert set(CONTROL) <= run.signals().keys()
+    again = replay(recording)
+    assert again.exact
+    assert bits(again.run) == bits(run)
+
+
+@pytest.mark.parametrize(
+    ("law", "observer", "actuation"),
+    [("off", "friction", "agonist"), ("paper", "paper", "agonist"), ("exact", "exact", "differential")],
+)
+def test_every_choice_is_made_again(
+    scaled: Instrument, law: Any, observer: Any, actuation: Any, tmp_path: Path
+) -> None:
+    controller = Controller(scaled, observer, law, actuation, enabled=law != "off", period=1e-3)
+    record(scaled, PROTOCOL, tmp_path / "run.mcap", controller=controller)
+    recording = Recording.open(tmp_path / "run.mcap")
+    made = choices.made_again(recording)
+    assert made is not None
+    for name in ("inst", "law", "observer", "actuation", "homed_at_start", "enabled_at_start", "parameters"):
+        assert getattr(made, name) == getattr(controller, name), name
+    assert choices.INSTRUMENT not in recording.metadata
+    assert tomllib.loads(recording.metadata["controller"])["faults"] == list(FAULTS)
+    assert replay(recording).exact
+
+
+@pytest.mark.parametrize("choice", [{"precision": "single"}, {"own_clock": True}], ids=str)
+def test_precision_and_clock_are_made_again(scaled: Instrument, choice: dict[str, Any], tmp_path: Path) -> None:
+    record(scaled, PROTOCOL, tmp_path / "run.mcap", controller=Controller(scaled, **choice))
+    made = tomllib.loads(Recording.open(tmp_path / "run.mcap").metadata["controller"])
+    assert {key: made[key] for key in choice} == choice
+    assert replay(Recording.open(tmp_path / "run.mcap")).exact
+
+
+def test_ticks_slower_than_steps_replay_in_one_piece_what_ran_in_blocks(scaled: Instrument, tmp_path: Path) -> None:
+    record(scaled, PROTOCOL, tmp_path / "run.mcap", controller=Controller(scaled), time_step=2.5e-4)
+    assert replay(Recording.open(tmp_path / "run.mcap")).exact
+
+
+def test_a_quasi_static_run_replays(scaled: Instrument, tmp_path: Path) -> None:
+    controller = Controller(scaled, period=1e-3)
+    record(scaled, PROTOCOL, tmp_path / "run.mcap", controller=controller, time_step=1e-3, quasi_static=True)
+    assert replay(Recording.open(tmp_path / "run.mcap")).exact
+
+
+def test_a_controller_is_recorded_from_its_start(scaled: Instrument, tmp_path: Path) -> None:
+    controller = Controller(scaled)
+    runs = [record(scaled, PROTOCOL, tmp_path / f"{n}.mcap", controller=controller) for n in range(2)]
+    assert bits(runs[0]) == bits(runs[1])
+
+
+def test_before_it_runs_a_controller_says_nothing(scaled: Instrument, tmp_path: Path) -> None:
+    only = Protocol(name="only", phases=(Pretension(),))
+    run = record(scaled, only, tmp_path / "run.mcap", controller=Controller(scaled, homed=False))
+    started = int(np.argmax(~np.isnan(run["operating_state"])))
+    assert run["tension"][started - 1].max() == 0
+    for name in CONTROL:
+        assert np.isnan(run[name][:started]).all(), name
+    assert not np.isnan(run["operating_state"][started:]).any()
+    assert run["commanded_spool_velocity"][:started].min() < 0
+
+
+@pytest.mark.parametrize("name", ["scaled", "real"])
+def test_stock_readers_find_what_it_said_by_topic(name: str, request: Any, tmp_path: Path) -> None:
+    inst: Instrument = request.getfixturevalue(name)
+    hold = Protocol(name="hold", phases=(Hold(duration=0.1),))
+    run = record(inst, hold, tmp_path / "run.mcap", controller=Controller(inst))
+    messages: dict[str, list[Any]] = {}
+    with (tmp_path / "run.mcap").open("rb") as file:
+        for _, channel, _, decoded in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+            messages.setdefault(channel.topic, []).append(decoded)
+    for topic, array, signal in (
+        ("/controller/tip/measured_js", "position", "estimated_output_angle"),
+        ("/controller/tip/measured_js", "effort", "estimated_force"),
+        ("/controller/tip/measured_js_std", "position", "estimated_output_angle_std"),
+        ("/controller/tip/measured_js_std", "effort", "estimated_force_std"),
+    ):
+        assert messages[topic][0].name == [f"tip_{axis}" for axis in inst.axes]
+        assert np.array([getattr(message, array) for message in messages[topic]]).tobytes() == run[signal].tobytes()
+    for signal in ("friction_scale", "friction_scale_std", "operating_state", "faults", "phase", "request"):
+        for n, axis in enumerate(inst.axes):
+            topic = f"/controller/{axis}/{signal}" if inst.axes[1:] else f"/controller/{signal}"
+            told_there = np.array([message.data for message in messages[topic]])
+            assert told_there.tobytes() == run[signal].reshape(len(run), -1)[:, n].tobytes()
+
+
+def test_tables_have_what_it_said(scaled: Instrument, tmp_path: Path) -> None:
+    run = record(scaled, PROTOCOL, tmp_path / "run.mcap", controller=Controller(scaled))
+    Recording.open(tmp_path / "run.mcap").to_csv(tmp_path / "run.csv")
+    table = pd.read_csv(tmp_path / "run.csv")
+    for heading, name in (
+        ("estimated_output_angle.yaw [rad]", "estimated_output_angle"),
+        ("friction_scale.yaw [1]", "friction_scale"),
+        ("faults.yaw [1]", "faults"),
+    ):
+        assert (table[heading].to_numpy() == run[name]).all()
+
+
+def test_a_recording_without_a_controller_is_as_it_was(scaled: Instrument, tmp_path: Path) -> None:
+    run = record(scaled, PROTOCOL, tmp_path / "run.mcap")
+    recording = Recording.open(tmp_path / "run.mcap")
+    assert not set(CONTROL) & run.signals().keys()
+    assert not [name for name in recording.topics if name.startswith("/controller")]
+    assert not [key for key in recording.metadata if key.startswith("controller")]
+    assert choices.made_again(recording) is None
+    assert outcome(run, scaled) == {}
+    assert "eq. 18" not in shown(recording)
+    assert replay(recording).exact
+
+
+# Run again
+
+
+def test_a_cut_off_recording_replays_up_to_there(scaled: Instrument, tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    record(scaled, SLACK, path, controller=Controller(scaled, homed=False))
+    whole = path.read_bytes()
+    rows = []
+    for share in (0.05, 0.2, 0.7):
+        path.write_bytes(whole[: int(share * len(whole))])
+        recording = Recording.open(path)
+        rows.append(len(recording.run))
+        assert recording.damage is not None
+        assert replay(recording).exact
+    assert 0 < rows[0] < rows[1] < rows[2]
+
+
+def test_on_another_instrument_the_controller_stays_what_it_was(scaled: Instrument, tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    record(scaled, PROTOCOL, path, controller=Controller(scaled))
+    other = scaled.replace(**{"mismatch.stiffness_ratio": 0.7})
+    again = replay(Recording.open(path), other)
+    assert not again.exact
+    by_hand = protocols.execute(Twin(other), PROTOCOL, Controller(scaled))
+    assert bits(again.run) == bits(by_hand)
+
+
+def test_what_a_recording_says_wrong_of_its_controller_is_said(scaled: Instrument, tmp_path: Path) -> None:
+    hold = Protocol(name="hold", phases=(Hold(duration=0.1),))
+    run = record(scaled, hold, tmp_path / "run.mcap", controller=Controller(scaled))
+    metadata = dict(Recording.open(tmp_path / "run.mcap").metadata)
+    good = metadata["controller"]
+    for text, sentence in (
+        ("law = ", "metadata controller is not valid TOML"),
+        (good.replace('"robust"', '"magic"'), "metadata controller: law is 'magic'; allowed are off, paper"),
+        (good.replace('observer = "friction"', 'observer = "paper"'), 'allowed with that law is "friction"'),
+        (good + "\nmood = 3\n", "metadata controller: .*mood"),
+    ):
+        with Recorder(
+            tmp_path / "bad.mcap", axes=run.axes, metadata=metadata | {"controller": text}, overwrite=True
+        ) as recorder:
+            recorder.write(run)
+        bad = Recording.open(tmp_path / "bad.mcap")
+        with pytest.raises(RecordingError, match=sentence):
+            replay(bad)
+        assert "controller" in shown(bad)
+
+
+# What came of it
+
+
+def test_the_tip_is_compared_with_eq_18(any_inst: Instrument) -> None:
+    quiet = any_inst.replace(
+        friction=None, mismatch=None, **{"sensors.encoder_noise": 0.0, "sensors.load_cell_noise": 0.0}
+    )
+    run = protocols.execute(
+        Twin(quiet), Protocol(name="bend", phases=(Ramp(handle_angle=0.2, duration=1.0), Hold(duration=2.0)))
+    )
+    error = tip_error(run, quiet)
+    assert error.shape == (len(run), len(quiet.axes))
+    if any_inst.joint_type != "continuum":
+        assert abs(error[-1, 0]) < 1e-3
+        handle = run["handle_angle"].reshape(len(run), -1)[:, 0]
+        alone = quiet.axis(quiet.axes[0]) if len(quiet.axes) > 1 else quiet
+        aim = tn.statics.output_angle(alone, handle)
+        off = run["output_angle"].reshape(len(run), -1)[:, 0] - aim
+        np.testing.assert_allclose(error[:, 0], off, atol=1e-9)
+
+
+def test_the_summary_tells_state_faults_and_tip(scaled: Instrument, tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    run = record(scaled, SLACK, path, controller=Controller(told(scaled), homed=False))
+    facts = outcome(run, scaled)
+    off = np.degrees(tip_error(run, scaled)[-1, 0])
+    assert facts["state"].startswith("ENABLED at the end (ENABLED ")
+    assert facts["faults"] == "none"
+    assert facts["tip"].startswith(f"yaw {off:+.2f} deg off eq. 18 at the end, ")
+    text = shown(Recording.open(path))
+    for words in (
+        "robust law, friction observer, differential actuation, told another instrument (scaled-up)",
+        *facts.values(),
+        "/controller/tip/measured_js_std",
+        "estimated_output_angle.yaw",
+    ):
+        assert words in text
+
+
+class Stuck(Twin):
+    def run(self, *arguments: Any, **commands: Any) -> Run:
+        return super().run(*arguments, **commands, tampering=[Tampering("tension.agonist", "hold", start=0.5)])
+
+
+def test_faults_are_told_by_name_and_time(scaled: Instrument) -> None:
+    run = protocols.execute(Stuck(scaled), PROTOCOL, Controller(scaled))
+    facts = outcome(run, scaled)
+    assert facts["faults"].startswith("load_cell_stuck from 0.5")
+    assert facts["state"].startswith("FAULT at the end (ENABLED 0.5")
+    renamed = outcome(run, scaled, [f"old_{name}" for name in FAULTS])
+    assert renamed["faults"].startswith("old_load_cell_stuck from 0.5")
+
+
+def test_a_run_into_a_fault_is_recorded_to_its_end_and_replays(scaled: Instrument, tmp_path: Path) -> None:
+    loose = scaled.replace(**{"mismatch.pretension_ratio": 0.2})
+    run = record(loose, PROTOCOL, tmp_path / "run.mcap", controller=Controller(scaled))
+    assert run["operating_state"][-1] == OperatingState.FAULT
+    assert run.time[-1] == pytest.approx(PROTOCOL.duration(scaled), abs=0.01)
+    recording = Recording.open(tmp_path / "run.mcap")
+    assert "FAULT at the end" in shown(recording)
+    assert replay(recording).exact
+
+
+def test_a_run_of_sensors_alone_is_told_by_its_sensors(scaled: Instrument) -> None:
+    run = protocols.execute(Twin(scaled), PROTOCOL, Controller(scaled))
+    bench = replace(run, handle_angle=None, output_angle=None)
+    assert "deg off eq. 18" in outcome(bench, scaled)["tip"]
+    assert "tip" not in outcome(replace(bench, measured_output_angle=None), scaled)
+
+
+# Bad input
+
+
+def test_what_a_controller_cannot_run_leaves_no_file(
+    scaled: Instrument, real: Instrument, pulley: Instrument, tmp_path: Path
+) -> None:
+    path = tmp_path / "run.mcap"
+    for controller, protocol, problem, sentence in (
+        (Controller(pulley), PROTOCOL, ValueError, "for yaw of a tendon-pulley; allowed is a twin of such"),
+        (Controller(real), PROTOCOL, ValueError, "for yaw and pitch of a tendon-gear; allowed is a twin of such"),
+        (
+            Controller(scaled),
+            Protocol(name="p", phases=(Ramp(duration=0.1, spool_velocity=(0.1, 0.1)),)),
+            ProtocolError,
+            "spool_velocity is given; allowed with a controller",
+        ),
+    ):
+        with pytest.raises(problem, match=sentence):
+            record(scaled, protocol, path, controller=controller)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_example_gives_the_angle_back(capsys: pytest.CaptureFixture[str]) -> None:
+    runpy.run_path(str(EXAMPLES / "control.py"))
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()[1:]]
+    assert [row[0] for row in rows] == ["none", "paper", "robust"]
+    assert [row[-2:] for row in rows] == [["same", "bits"]] * 3
+    none, paper, robust = (abs(float(row[3])) for row in rows)
+    assert robust < 0.7 < paper < none
