@@ -49,6 +49,8 @@ bench: build
 	$(BIN)/python benchmarks/accuracy.py
 	$(BIN)/python benchmarks/statics.py
 	$(BIN)/python benchmarks/twin.py
+	$(BIN)/python benchmarks/control.py
+	$(BIN)/python benchmarks/faults.py
 
 lint: build
 	$(BIN)/ruff check .

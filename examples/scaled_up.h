@@ -77,6 +77,7 @@ static const tenodesis_parameters scaled_up = {
                 .common_stroke_share = TENODESIS_C(0.4), /* 1 */
                 .far_lag = TENODESIS_C(15.0), /* 1 */
                 .patience = TENODESIS_C(0.3), /* s */
+                .settle_time = TENODESIS_C(0.03), /* s */
                 .least_tension = TENODESIS_C(3.75), /* N */
                 .tension_limit = TENODESIS_C(80.0), /* N */
                 .hand_travel = TENODESIS_C(0.005368932757599744), /* rad */
@@ -89,7 +90,7 @@ static const tenodesis_parameters scaled_up = {
                 .homing_settle_time = TENODESIS_C(0.1), /* s */
                 .homing_time = TENODESIS_C(16.0), /* s */
                 .homing_least_stretch = TENODESIS_C(0.4), /* 1 */
-                .mean_band = TENODESIS_C(0.45), /* 1 */
+                .mean_band = TENODESIS_C(0.3), /* 1 */
                 .load_cell_range = TENODESIS_C(199.993896484375), /* N */
                 .handle_noise = TENODESIS_C(0.009203884727313847), /* rad */
                 .spool_noise = TENODESIS_C(0.003834951969714103), /* rad */
@@ -97,7 +98,7 @@ static const tenodesis_parameters scaled_up = {
                 .spool_jump = {TENODESIS_C(60.0), TENODESIS_C(0.0006)}, /* rad/s, s */
                 .limit =
                     {
-                        {TENODESIS_C(2.0), TENODESIS_C(0.01)}, /* tendon_break: N, s */
+                        {TENODESIS_C(2.0), TENODESIS_C(0.006)}, /* tendon_break: N, s */
                         {TENODESIS_C(1.0), TENODESIS_C(2.0)}, /* tendon_slack: N, s */
                         {TENODESIS_C(100.0), TENODESIS_C(0.003)}, /* over_tension: N, s */
                         {TENODESIS_C(0.009), TENODESIS_C(0.04)}, /* load_cell_stuck: N, s */
@@ -105,7 +106,7 @@ static const tenodesis_parameters scaled_up = {
                         {TENODESIS_C(1.25), TENODESIS_C(0.5)}, /* load_cell_drift: N, s */
                         {TENODESIS_C(0.1), TENODESIS_C(0.005)}, /* encoder_dropout: rad, s */
                         {TENODESIS_C(30.0), TENODESIS_C(0.0006)}, /* encoder_jump: rad/s, s */
-                        {TENODESIS_C(3.0), TENODESIS_C(0.01)}, /* spool_slip: N, s */
+                        {TENODESIS_C(3.0), TENODESIS_C(0.006)}, /* spool_slip: N, s */
                         {TENODESIS_C(0.008), TENODESIS_C(0.005)}, /* motor_not_following: rad, s */
                         {TENODESIS_C(0.025), TENODESIS_C(0.0)}, /* tick_late: s, s */
                         {TENODESIS_C(0.0), TENODESIS_C(0.0)}, /* not_a_number: 1, s */

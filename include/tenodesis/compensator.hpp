@@ -55,6 +55,8 @@ struct CompensatorState {
   S since{};                  ///< time in this phase, s
   S near{};                   ///< time that the tip has been within the dead band, s
   Phase stroke{Phase::pull};  ///< the last one
+  int turns{};                ///< of strokes since the motors last stood
+  S tolerance{1};             ///< by which the dead band has grown over strokes that did not end in it
   S short_of{};               ///< by how much the last stroke ended early for a tendon getting loose, m
 };
 
@@ -80,8 +82,9 @@ struct Compensator {
       case ControlLaw::paper_feedback:
         return guarded(measured, by_pseudo_error(measured));
       case ControlLaw::robust:
-        return guarded(measured, actuation == Actuation::agonist ? one_motor(observer, memory, state)
-                                                                 : two_motors(observer, memory, dt, state));
+        return guarded(measured,
+                       kept_tight(memory, actuation == Actuation::agonist ? one_motor(observer, memory, state)
+                                                                          : two_motors(observer, memory, dt, state)));
     }
     return {};
   }
@@ -102,6 +105,16 @@ struct Compensator {
       return speed > S(0) ? speed * room : speed;
     };
     return {guard(measured.tension[agonist], wanted.agonist), guard(measured.tension[antagonist], wanted.antagonist)};
+  }
+
+  // A slack tendon moves the tip no further and tells nothing: near the least tension it is let out slower, then not.
+  Winding<S> kept_tight(const FrictionMemory<S>& memory, const Winding<S>& wanted) const {
+    const auto keep = [&](int i, const S& speed) {
+      const S left = memory.tendon[i].tension[0] - settings.least_tension * S(0.5);
+      const S room = clamp(left / (settings.least_tension * S(0.5)), S(0), S(1));
+      return speed < S(0) ? speed * room : speed;
+    };
+    return {keep(agonist, wanted.agonist), keep(antagonist, wanted.antagonist)};
   }
 
   Winding<S> to_set_point(const Measurement<S>& measured) const {
@@ -131,15 +144,14 @@ struct Compensator {
     const S dead = dead_length(memory.output_angle);
     const bool resting = state.phase == Phase::rest;
     state.phase = abs(lag) > (resting ? S(2) * dead : dead * S(0.5)) ? Phase::track : Phase::rest;
-    // A slack agonist moves the tip no further, however far it is let out.
-    const bool loose = lag < S(0) && memory.tendon[agonist].tension[0] < settings.least_tension;
-    return {state.phase == Phase::rest || loose ? S(0) : limited(S(2) * settings.gain * lag), S(0)};
+    if (state.phase == Phase::rest) return {};
+    return {limited(S(2) * settings.gain * lag), S(0)};
   }
 
   Winding<S> two_motors(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
                         State& state) const {
     const S lag = observer.lag(memory);
-    const S dead = dead_length(memory.output_angle);
+    const S dead = dead_length(memory.output_angle) * state.tolerance;
     const bool moving = watch_hand(memory.smooth.handle_angle, dt, state);
     const S common = (wound(memory.smooth, agonist) + wound(memory.smooth, antagonist)) * S(0.5);
     const S wanted = wanted_common(memory);
@@ -156,9 +168,14 @@ struct Compensator {
       return {tightening + limited(across), tightening - limited(across)};
     }
     across = clamp(across, -ride * settings.speed, ride * settings.speed);
-    const S along = larger(settings.common_speed, abs(across) / ride) * (state.phase == Phase::pull ? S(1) : S(-1));
+    // On target a stroke goes on slowly until the tip has come to rest there.
+    const S least = state.near > S(0) ? settings.common_speed * S(0.25) : settings.common_speed;
+    const S along = larger(least, abs(across) / ride) * (state.phase == Phase::pull ? S(1) : S(-1));
     return {along + across, along - across};
   }
+
+  static constexpr int fair_turns = 8, many_turns = 100;
+  static constexpr S growth = S(1.25), most_tolerance = S(4);
 
   // Of the common speed, what the differential one may be at most: neither tendon is to turn back.
   static constexpr S ride = S(0.8);
@@ -192,7 +209,8 @@ struct Compensator {
     const S stroke = settings.common_stroke + settings.stroke_share * wanted_common(memory);
     const bool loose =
         settings.least_tension > smaller(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]);
-    const S tightest = larger(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]);
+    const bool tight = larger(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]) >
+                       S(0.95) * settings.tension_limit;
     state.near = abs(lag) < dead ? state.near + dt : S(0);
     const bool near = state.near > settings.settle_time;
     const bool far = abs(lag) > settings.far * dead;
@@ -201,6 +219,7 @@ struct Compensator {
     switch (state.phase) {
       case Phase::track:
         if (near && unseen < S(4) * dead) return turn(Phase::rest, state);
+        if (loose && tight) return;
         if (!far || state.since > settings.patience) turn(above > S(0) && !loose ? Phase::release : Phase::pull, state);
         return;
       case Phase::rest:
@@ -208,8 +227,9 @@ struct Compensator {
         return;
       case Phase::pull:
         if (observer.slip_together(memory, S(1)) && near) return turn(Phase::rest, state);
-        if (above > larger(stroke, state.short_of + stroke) || tightest > S(0.95) * settings.tension_limit)
-          turn_back(Phase::release, S(0), state);
+        // Between slack and the limit there is no room for strokes: what is left is to follow what is known.
+        if (loose && tight) return turn(Phase::track, state);
+        if (above > larger(stroke, state.short_of + stroke) || tight) turn_back(Phase::release, S(0), state);
         return;
       case Phase::release:
         if (observer.slip_together(memory, S(-1)) && near) return turn(Phase::rest, state);
@@ -226,12 +246,20 @@ struct Compensator {
     return above > S(0) ? Phase::release : Phase::pull;
   }
 
+  // Strokes that do not end within the dead band are not to go on for ever: after some, it grows.
   void turn_back(Phase phase, const S& short_of, State& state) const {
     turn(phase, state);
     state.short_of = short_of;
+    state.turns = state.turns < many_turns ? state.turns + 1 : many_turns;
+    if (state.turns > fair_turns) state.tolerance = smaller(state.tolerance * growth, most_tolerance);
   }
 
   static void turn(Phase phase, State& state) {
+    // What wakes the motors is a new load, which deserves the whole accuracy again.
+    if (phase == Phase::track || state.phase == Phase::rest) {
+      state.tolerance = S(1);
+      state.turns = 0;
+    }
     if (state.phase != phase) state.since = S(0);
     if (phase == Phase::rest || phase == Phase::track)
       state.short_of = S(0);

@@ -118,7 +118,7 @@ struct FrictionObserver {
     S position[2];
     for (int i = 0; i < 2; ++i) position[i] = follow_to_stem(i, drawn, ratio, memory);
     place_tip(position, ratio, memory);
-    learn(position, ratio, nominal, memory);
+    if (calm(measured, memory)) learn(position, ratio, nominal, memory);
     for (int i = 0; i < 2; ++i) follow_to_tip(i, position[i], ratio, memory);
   }
 
@@ -341,12 +341,22 @@ struct FrictionObserver {
       for (int m = 0; m < 3; ++m) gain[n] = gain[n] + memory.covariance[n][m] * by[m];
       spread = spread + by[n] * gain[n];
     }
-    return spread;
+    return larger(spread, S(0));
   }
 
   void doubt_scale(Memory& memory) const {
     for (int n = 1; n < 3; ++n) memory.covariance[0][n] = memory.covariance[n][0] = S(0);
     memory.covariance[0][0] = settings.scale_std * settings.scale_std;
+  }
+
+  // What the smoothing lags behind by in a jerk would pass for friction, and a tendon about to hang for a long one.
+  bool calm(const Measurement<S>& measured, const Memory& memory) const {
+    for (int i = 0; i < 2; ++i) {
+      const S behind = measured.tension[i] - memory.smooth.tension[i];
+      if (abs(behind) > S(2) * settings.slack_below || memory.smooth.tension[i] < S(4) * settings.slack_below)
+        return false;
+    }
+    return true;
   }
 
   // Both slip the same way: their two accounts of the tip differ by what is wrong with friction, lengths, stiffness.
@@ -381,8 +391,12 @@ struct FrictionObserver {
     memory.scale = clamp(memory.scale - gain[0] * residual * share, least_scale<S>, most_scale<S>);
     memory.reference = memory.reference - gain[1] * residual * share;
     memory.compliance = clamp(memory.compliance - gain[2] * residual * share, S(0.5), S(2));
-    for (int n = 0; n < 3; ++n)
+    const S start[3] = {settings.scale_std, settings.reference_std, settings.compliance_std};
+    for (int n = 0; n < 3; ++n) {
       for (int m = 0; m < 3; ++m) memory.covariance[n][m] = memory.covariance[n][m] - gain[n] * gain[m] * share;
+      // Rounding must not make it negative.
+      memory.covariance[n][n] = larger(memory.covariance[n][n], S(1e-6) * start[n] * start[n]);
+    }
   }
 };
 

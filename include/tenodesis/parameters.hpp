@@ -60,10 +60,10 @@ constexpr AxisController<A> axis_controller(const P& p) {
       {S(p.hand_play), S(p.sheath_play), S(p.length_noise), S(p.play), S(p.smoothing), S(p.friction_scale_std),
        S(p.reference_std), S(p.compliance_std), S(p.forgetting), S(p.slack_tension)}};
   axis.compensator.model = model;
-  axis.compensator.settings = {S(p.gain),         S(p.breakaway_time), S(p.position_gain), S(p.dead_band),
-                               S(p.tendon_speed), S(p.common_speed),   S(p.common_stroke), S(p.common_stroke_share),
-                               S(p.far_lag),      S(p.patience),       S(p.least_tension), S(p.tension_limit),
-                               S(p.hand_travel),  S(p.still_time)};
+  axis.compensator.settings = {S(p.gain),          S(p.breakaway_time), S(p.position_gain), S(p.dead_band),
+                               S(p.tendon_speed),  S(p.common_speed),   S(p.common_stroke), S(p.common_stroke_share),
+                               S(p.far_lag),       S(p.patience),       S(p.settle_time),   S(p.least_tension),
+                               S(p.tension_limit), S(p.hand_travel),    S(p.still_time)};
   axis.homing = {model,
                  {S(p.homing_speed), S(p.homing_gain), S(p.homing_stroke), S(p.homing_overshoot), S(p.homing_tolerance),
                   S(p.homing_settle_time), S(p.homing_time), S(p.homing_least_stretch)}};
@@ -99,8 +99,8 @@ constexpr bool plausible(const P& p, bool continuum) {
          not_negative(p.handle_length, p.end_effector_length, p.backbone_length, p.backbone_rigidity, p.share_tip,
                       p.vertex_coefficient, p.sheath_coefficient, p.sheath_bend, p.sheath_bend_rate,
                       p.drive_time_constant, p.hand_play, p.smoothing, p.reference_std, p.compliance_std, p.forgetting,
-                      p.slack_tension, p.dead_band, p.common_stroke_share, p.patience, p.least_tension, p.hand_travel,
-                      p.still_time, p.homing_overshoot, p.homing_settle_time, p.homing_least_stretch) &&
+                      p.slack_tension, p.dead_band, p.common_stroke_share, p.patience, p.settle_time, p.least_tension,
+                      p.hand_travel, p.still_time, p.homing_overshoot, p.homing_settle_time, p.homing_least_stretch) &&
          abs(whole - S(1)) < S(0.01) && (!continuum || S(p.backbone_length) > S(0)) && S(p.handle_range) < S(pi) &&
          friction <= most_friction<S> && S(p.pretension) < S(p.tension_limit) && S(p.homing_overshoot) < S(1) &&
          S(p.limit[static_cast<int>(Fault::tick_late)].threshold) <= longest_tick<S>;

@@ -138,6 +138,7 @@ typedef struct {
   tenodesis_real common_stroke_share;
   tenodesis_real far_lag;       /* dead bands */
   tenodesis_real patience;      /* s */
+  tenodesis_real settle_time;   /* s */
   tenodesis_real least_tension; /* N */
   tenodesis_real tension_limit; /* N */
   tenodesis_real hand_travel;   /* rad */

@@ -53,7 +53,7 @@ static_assert(channel_count == 5);
 
 // Layouts that are the same for every compiler: no padding, in either precision.
 constexpr std::size_t words(std::size_t reals, std::size_t integers) { return reals * sizeof(S) + integers * 4; }
-static_assert(sizeof(tenodesis_axis_parameters) == words(58 + 2 * (TENODESIS_FAULTS + 1), 0));
+static_assert(sizeof(tenodesis_axis_parameters) == words(59 + 2 * (TENODESIS_FAULTS + 1), 0));
 static_assert(sizeof(tenodesis_parameters) == words(8, 10) + TENODESIS_AXES * sizeof(tenodesis_axis_parameters));
 static_assert(sizeof(tenodesis_input) == words(5 * TENODESIS_AXES, 4));
 static_assert(sizeof(tenodesis_axis_output) == words(8, 2));

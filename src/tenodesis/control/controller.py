@@ -196,13 +196,13 @@ class Controller:
         if not (isfinite(time) and 0 <= time < _LATEST):
             raise ValueError(f"time is {time!r}; allowed is a number of seconds from 0 on.")
         asked = _request(request)
-        if asked == Request.NONE:
-            asked, self._request = self._request, Request.NONE
         axes = len(self.inst.axes)
         measured = np.empty((axes, 5))
         measured[:, :1] = _shaped("handle_angle", handle_angle, axes, 1)
         measured[:, 1:3] = _shaped("tensions", tensions, axes, 2)
         measured[:, 3:] = _shaped("spool_angles", spool_angles, axes, 2)
+        if asked == Request.NONE:
+            asked = self.take_request()
         rows, _, state, homed, homing, faults, first = self.core.step(round(time * 1e9), int(asked), measured)
         table = np.array(rows)
         signals = {name: table[:, n] if axes > 1 else float(table[0, n]) for n, name in enumerate(_SIGNALS)}

@@ -54,6 +54,7 @@ UNITS = {
     "common_speed": "m/s",
     "common_stroke": "m",
     "patience": "s",
+    "settle_time": "s",
     "least_tension": "N",
     "hand_travel": "rad",
     "still_time": "s",

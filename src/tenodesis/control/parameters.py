@@ -128,6 +128,7 @@ def _axis(inst: Instrument, period: float) -> dict[str, float]:
         "common_stroke_share": control.common_stroke,
         "far_lag": 15.0,
         "patience": 0.3,
+        "settle_time": 0.03,
         "least_tension": control.least_tension * pretension,
         "tension_limit": tension_limit(inst),
         "hand_travel": 5 * 0.7 * handle_step,
@@ -156,7 +157,7 @@ def _limits(inst: Instrument, period: float) -> dict[str, tuple[float, float]]:
     stuck = 0.3 * sensors.load_cell_noise if flickers else 0.0
     sample = max(period, 1 / sensors.sampling_rate)
     return {
-        "tendon_break": (0.08 * pretension, 0.01),
+        "tendon_break": (0.08 * pretension, 0.006),
         "tendon_slack": (0.04 * pretension, 2.0),
         "over_tension": (_FAULT_OVER_LIMIT * tension_limit(inst), 0.003),
         "load_cell_stuck": (stuck, max(0.04, 30 * sample)),
@@ -164,7 +165,7 @@ def _limits(inst: Instrument, period: float) -> dict[str, tuple[float, float]]:
         "load_cell_drift": (0.05 * pretension, 0.5),
         "encoder_dropout": (0.1, 0.005),
         "encoder_jump": (30.0, 1.2 * period),
-        "spool_slip": (max(0.12 * pretension, 15 * sensors.load_cell_noise), 0.01),
+        "spool_slip": (max(0.12 * pretension, 15 * sensors.load_cell_noise), 0.006),
         "motor_not_following": (0.008, 0.005),
         "tick_late": (inst.control.watchdog, 0.0),
         "not_a_number": (0.0, 0.0),
