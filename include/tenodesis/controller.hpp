@@ -132,10 +132,13 @@ struct Controller {
   bool own_clock{};  ///< ticks come once a period, whatever the input's time
   bool homed{};      ///< spool angles count from pretension when the controller starts
 
+  /// How many axes there are; a bound that the compiler can see.
+  int count() const { return smaller(axes, most_axes); }
+
   State start() const {
     State state{};
     state.homed = homed;
-    for (int n = 0; n < axes; ++n) state.axis[n].watch.homed = homed;
+    for (int n = 0; n < count(); ++n) state.axis[n].watch.homed = homed;
     return state;
   }
 
@@ -144,7 +147,7 @@ struct Controller {
     const Request request = allowed(input.request, state);
     Measurement<S> measured[most_axes];
     std::uint32_t faults = 0;
-    for (int n = 0; n < axes; ++n) {
+    for (int n = 0; n < count(); ++n) {
       AxisMemory<S>& memory = state.axis[n];
       measured[n] = axis[n].from_zero(input.axis[n], memory);
       output.axis[n].faults = axis[n].watch.check(measured[n], memory.command.sent, dt, memory.watch) | memory.failed;
@@ -156,7 +159,7 @@ struct Controller {
     supervisor.advance(request, faults, dt, state.supervisor);
     change(before, was_homing, input, state);
 
-    for (int n = 0; n < axes; ++n) {
+    for (int n = 0; n < count(); ++n) {
       const bool readable = is_readable(measured[n]);
       // A reading that cannot be is not followed while the watch waits whether it stays.
       if (readable) measured[n] = state.axis[n].watch.trusted;
@@ -196,17 +199,17 @@ struct Controller {
 
   void forget_home(State& state) const {
     state.homed = false;
-    for (int n = 0; n < axes; ++n) state.axis[n].watch.homed = false;
+    for (int n = 0; n < count(); ++n) state.axis[n].watch.homed = false;
   }
 
   void change(OperatingState before, bool was_homing, const Input& input, State& state) const {
     const bool homing = state.supervisor.homing;
     if (homing && (!was_homing || input.request == Request::home)) {
       forget_home(state);
-      for (int n = 0; n < axes; ++n) state.axis[n].homing = axis[n].homing.begin(input.axis[n]);
+      for (int n = 0; n < count(); ++n) state.axis[n].homing = axis[n].homing.begin(input.axis[n]);
     }
     if (state.supervisor.operating == before && homing == was_homing) return;
-    for (int n = 0; n < axes; ++n) {
+    for (int n = 0; n < count(); ++n) {
       state.axis[n].compensator = {};
       // What was seen through a fault is not to be believed.
       if (before == OperatingState::fault) state.axis[n].friction.started = false;
@@ -245,9 +248,9 @@ struct Controller {
   }
 
   void finish_homing(const Input& input, State& state) const {
-    for (int n = 0; n < axes; ++n)
+    for (int n = 0; n < count(); ++n)
       if (state.axis[n].homing.stage != HomingStage::done) return;
-    for (int n = 0; n < axes; ++n) {
+    for (int n = 0; n < count(); ++n) {
       AxisMemory<S>& memory = state.axis[n];
       for (int i = 0; i < 2; ++i) memory.zero[i] = axis[n].homing.zero(i, input.axis[n]);
       Watch<S>::restart(memory.watch);

@@ -2,6 +2,7 @@
 // Twins and a controller in one loop: what the sensors say goes to the controller, what it answers to the drives; and
 // faults put between them.
 
+#include <cmath>
 #include <span>
 
 #include "any_controller.hpp"
@@ -100,7 +101,7 @@ class ClosedLoop {
       if (mode == Tampering::set) time = tampered.value[at];
     }
     AnyInput input{};
-    input.time = std::uint64_t(time * 1e9 + 0.5);
+    input.time = static_cast<std::uint64_t>(std::llround(time * 1e9));
     input.request = controller_.asked;
     controller_.asked = Request::none;
     for (std::size_t n = 0; n < twins_.size(); ++n) {

@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <utility>
 
 #include "closed_loop.hpp"
 #include "modules.hpp"
@@ -97,15 +98,16 @@ std::tuple<std::size_t, Status> run_controlled(const std::vector<AnyTwin*>& twin
   const auto fits = [&](const auto& stack, std::size_t columns) {
     return stack.shape(0) == axes && stack.shape(1) == count && stack.shape(2) == columns;
   };
-  if (axes != static_cast<std::size_t>(controller.axes()) || !fits(commands, command_count) ||
-      !fits(out, signal_count) || !fits(control, control_signal_count) || steps_per_tick < 1 ||
-      (requests && requests->shape(0) != count) || (values.has_value() != modes.has_value()) ||
+  if (std::cmp_not_equal(axes, controller.axes()) || !fits(commands, command_count) || !fits(out, signal_count) ||
+      !fits(control, control_signal_count) || steps_per_tick < 1 || (requests && requests->shape(0) != count) ||
+      (values.has_value() != modes.has_value()) ||
       (values && (!fits(*values, tamper_places.size()) || !fits(*modes, tamper_places.size()))))
     throw nb::value_error("shapes do not fit");
   Tampered tampered;
   if (values) tampered = {values->data(), modes->data(), nullptr};
   if (requests) tampered.request = requests->data();
   std::vector<Commands> rows;
+  rows.reserve(axes);
   for (std::size_t n = 0; n < axes; ++n) rows.push_back({commands.data() + n * count * command_count});
   const nb::gil_scoped_release release;
   ClosedLoop loop({twins.data(), twins.size()}, controller, steps_per_tick, time_step);
@@ -120,6 +122,7 @@ std::tuple<std::size_t, Status> run_controlled(const std::vector<AnyTwin*>& twin
 template <class Fields>
 std::vector<std::string> names_of(const Fields& fields) {
   std::vector<std::string> names;
+  names.reserve(fields.size());
   for (const auto& field : fields) names.emplace_back(field.name);
   return names;
 }
@@ -180,6 +183,7 @@ void bind_control(nb::module_& m) {
       "fault_names",
       [] {
         std::vector<std::string> names;
+        names.reserve(fault_count);
         for (int n = 0; n < fault_count; ++n) names.emplace_back(name(Fault(n)));
         return names;
       },

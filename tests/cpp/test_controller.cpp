@@ -186,7 +186,7 @@ Settled settle(const A& axis, double handle, double force, ControlLaw law, Actua
     const auto tension = tensions(axis, S(handle), load, wound);
     CLAIM(angle.status == Status::ok);
     if (angle.status != Status::ok) return found;
-    const double loss = double(free - axis.distal.coordinate(angle.value));
+    const auto loss = double(free - axis.distal.coordinate(angle.value));
     if (n == 0) found.loss = loss;
     found.after = loss;
     found.stretch = double(tension.value.difference() / (S(2) * axis.stiffness * axis.distal.excursion_slope()));
@@ -251,7 +251,7 @@ Measurement<S> any_reading(Random& random, double handle_range) {
 template <class A>
 void no_law_winds_a_tendon_at_its_limit_or_faster_than_it_may(const A& axis) {
   using S = A::Scalar;
-  std::mt19937 random(1);
+  std::mt19937 random(1);  // NOLINT(cert-msc32-c,cert-msc51-cpp,bugprone-random-generator-seed): the same on every run
   for (const auto law : every_law) {
     for (const auto actuation : every_actuation) {
       const auto p = parameters(axis, law, actuation);
@@ -374,9 +374,9 @@ void robust_gives_the_angle_back_whatever_friction_it_was_told() {
         CLAIM(trace.state == OperatingState::enabled);
         CLAIM_NEAR(trace.tip.back(), trace.target, 0.5 * degree);
         CLAIM(std::fabs(trace.estimate.back() - trace.tip.back()) < 3 * trace.deviation.back());
-        for (int i = 0; i < 2; ++i)
+        for (const auto& velocity : trace.velocity)
           for (std::size_t n = 1; n < trace.tip.size(); ++n)
-            CLAIM(std::fabs(trace.velocity[i][n] - trace.velocity[i][n - 1]) <= 400 * dt * (1 + 1e-5));
+            CLAIM(std::fabs(velocity[n] - velocity[n - 1]) <= 400 * dt * (1 + 1e-5));
       }
     }
   }
@@ -431,8 +431,11 @@ void a_mirrored_recording_gets_the_mirrored_answer() {
 // ---- the controller as such
 
 template <class S>
+using Bits = std::conditional_t<sizeof(S) == 4, std::uint32_t, std::uint64_t>;
+
+template <class S>
 bool same(const AxisOutput<S>& a, const AxisOutput<S>& b) {
-  const auto equal = [](const S& x, const S& y) { return std::memcmp(&x, &y, sizeof x) == 0; };
+  const auto equal = [](const S& x, const S& y) { return std::bit_cast<Bits<S>>(x) == std::bit_cast<Bits<S>>(y); };
   return equal(a.spool_velocity[0], b.spool_velocity[0]) && equal(a.spool_velocity[1], b.spool_velocity[1]) &&
          equal(a.estimate.output_angle, b.estimate.output_angle) && equal(a.estimate.tip_force, b.estimate.tip_force) &&
          equal(a.estimate.output_angle_std, b.estimate.output_angle_std) &&
@@ -562,7 +565,7 @@ void a_controller_of_its_own_clock_looks_at_no_other() {
   const auto made = controller<GearAxis<S>>(p);
   auto state = made.start();
   double apart = 0;
-  std::mt19937_64 random(1);
+  std::mt19937 random(1);  // NOLINT(cert-msc32-c,cert-msc51-cpp,bugprone-random-generator-seed): the same on every run
   for (std::size_t n = 0; n < trace.read.size(); ++n) {
     ControlInput<S, 1> input{random(), n == 0 ? Request::enable : Request::none, {as<S>(trace.read[n])}};
     ControlOutput<S, 1> output{};

@@ -140,7 +140,7 @@ struct Dragged {
   Measurement<S> measured(const ControlModel<GearAxis<S>>& model) const {
     const double spool = stem * std::exp(slide * friction * double(model.sheath_bend));
     const double unit = compliance / double(model.axis.stiffness);
-    const double to = double(model.axis.pretension);
+    const auto to = double(model.axis.pretension);
     const double stretch = unit * (double(model.share[0]) * (spool - to) +
                                    double(model.share[1] + model.share[2] + model.share[3]) * (stem - to));
     return {S(0), {S(spool), S(spool)}, {S(stretch / spool_radius), S(stretch / spool_radius)}};
@@ -231,7 +231,7 @@ void nothing_is_learned_from_tendons_that_do_not_slip_together() {
 
 template <class S>
 void a_tendon_at_rest_under_noise_does_not_slip() {
-  std::mt19937 random(1);
+  std::mt19937 random(1);  // NOLINT(cert-msc32-c,cert-msc51-cpp,bugprone-random-generator-seed): the same on every run
   std::uniform_real_distribution<double> noise(-0.45, 0.45);
   const S play = S(1e-5);
   Slip<S> slip{};
@@ -257,7 +257,7 @@ void a_dragged_tendon_slips_until_it_turns_and_a_turn_takes_a_whole_play() {
 
 template <class S>
 void a_tension_beyond_a_contact_stays_within_its_friction() {
-  std::mt19937 random(1);
+  std::mt19937 random(1);  // NOLINT(cert-msc32-c,cert-msc51-cpp,bugprone-random-generator-seed): the same on every run
   std::uniform_real_distribution<double> any(0, 1);
   for (int n = 0; n < 10000; ++n) {
     const S ratio = S(1 + any(random)), near = S(60 * any(random)), held = S(60 * any(random));
@@ -274,7 +274,7 @@ void a_tension_beyond_a_contact_stays_within_its_friction() {
 template <class A>
 void no_finite_reading_makes_the_tip_or_the_friction_not_a_number(const A& axis) {
   using S = A::Scalar;
-  std::mt19937 random(3);
+  std::mt19937 random(3);  // NOLINT(cert-msc32-c,cert-msc51-cpp,bugprone-random-generator-seed): the same on every run
   std::uniform_real_distribution<double> any(-1, 1);
   for (const double friction : {0.0, 0.3}) {
     const auto observer = observer_of(axis, friction);
