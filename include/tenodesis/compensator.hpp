@@ -98,10 +98,12 @@ struct Compensator {
 
   S limited(const S& speed) const { return clamp(speed, -settings.speed, settings.speed); }
 
-  // Near the tension limit a tendon is wound slower, at the limit not at all.
+  // Near the tension limit a tendon is wound slower, and a little below it, which is what the drives need to stop, not
+  // at all.
   Winding<S> guarded(const Measurement<S>& measured, const Winding<S>& wanted) const {
     const auto guard = [&](const S& tension, const S& speed) {
-      const S room = clamp((settings.tension_limit - tension) / (S(0.1) * settings.tension_limit), S(0), S(1));
+      const S room =
+          clamp((S(0.97) * settings.tension_limit - tension) / (S(0.1) * settings.tension_limit), S(0), S(1));
       return speed > S(0) ? speed * room : speed;
     };
     return {guard(measured.tension[agonist], wanted.agonist), guard(measured.tension[antagonist], wanted.antagonist)};
@@ -210,7 +212,7 @@ struct Compensator {
     const bool loose =
         settings.least_tension > smaller(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]);
     const bool tight = larger(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]) >
-                       S(0.95) * settings.tension_limit;
+                       S(0.94) * settings.tension_limit;
     state.near = abs(lag) < dead ? state.near + dt : S(0);
     const bool near = state.near > settings.settle_time;
     const bool far = abs(lag) > settings.far * dead;

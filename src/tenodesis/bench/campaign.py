@@ -159,10 +159,7 @@ def conditions(context: Context) -> list[Condition]:
             f"{_SHARE_OF_SLACK:g} of the load that slackens a tendon",
             inst,
             lambda state: _SHARE_OF_SLACK * float(statics.slack_force(inst, state)),
-            bound="after so large a load the tip swings and the motors hurry, and the observer takes some of what it "
-            "sees then for friction and stiffness: a friction scale that was right before the load is wrong after it, "
-            "and the antagonist, near its least tension, leaves little room for strokes that would correct it. The "
-            "tension limit is overrun by what the drives need to stop",
+            bound="the tension limit leaves the drives little to stop in",
         ),
         Condition(
             "low_pretension",
@@ -216,10 +213,10 @@ def conditions(context: Context) -> list[Condition]:
 
 
 _ONE_SCALE = (
-    "nobody tells the controller of the bend, and its one friction scale stands for the sheath and the joints alike. "
-    "After the strokes that follow the load it takes the scale for known to a few percent and lets go of it slowly; "
-    "what the sheath changes then is still in the scale when the motors come to rest, and at rest nothing slips that "
-    "would tell"
+    "nobody tells the controller of the bend, and its one friction scale stands for the sheath and the joints alike; "
+    "it is compared with that of the sheath as the file has it. A changed scale is found by the next strokes, and these "
+    "come when a tendon slips or the tip is off: what the sheath changes after the motors have come to rest, nothing "
+    "tells"
 )
 
 
