@@ -214,9 +214,9 @@ def conditions(context: Context) -> list[Condition]:
 
 _ONE_SCALE = (
     "nobody tells the controller of the bend, and its one friction scale stands for the sheath and the joints alike; "
-    "it is compared with that of the sheath as the file has it. A changed scale is found by the next strokes, and "
-    "these come when a tendon slips or the tip is off: what the sheath changes after the motors have come to rest, nothing "
-    "tells"
+    "it is compared with that of the sheath as the file has it. A changed scale is found by the next strokes, "
+    "and these come when a tendon slips or the tip is off: what the sheath changes after the motors have come to rest, "
+    "nothing tells"
 )
 
 
