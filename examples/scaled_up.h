@@ -98,7 +98,7 @@ static const tenodesis_parameters scaled_up = {
                 .spool_jump = {TENODESIS_C(60.0), TENODESIS_C(0.0006)}, /* rad/s, s */
                 .limit =
                     {
-                        {TENODESIS_C(2.0), TENODESIS_C(0.006)}, /* tendon_break: N, s */
+                        {TENODESIS_C(2.0), TENODESIS_C(0.008)}, /* tendon_break: N, s */
                         {TENODESIS_C(0.5), TENODESIS_C(2.0)}, /* tendon_slack: N, s */
                         {TENODESIS_C(100.0), TENODESIS_C(0.003)}, /* over_tension: N, s */
                         {TENODESIS_C(0.009), TENODESIS_C(0.04)}, /* load_cell_stuck: N, s */

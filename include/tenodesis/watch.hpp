@@ -259,7 +259,8 @@ struct Watch {
     state.leveled = true;
     const S fallen = shortfall - state.level;
     // What has fallen is compared with what was before, until it comes back or is a fault.
-    const bool fell = of(Fault::spool_slip).on() && fallen > limit_of_slip;
+    // A mean that a slack tendon held above the line, and that comes down to it, has lost nothing.
+    const bool fell = of(Fault::spool_slip).on() && fallen > limit_of_slip && shortfall > -band;
     if (!fell) state.level = state.level + fallen * smaller(step / moment, S(1));
     const bool gone = fell || shortfall > band + empty;
 

@@ -157,7 +157,7 @@ def _limits(inst: Instrument, period: float) -> dict[str, tuple[float, float]]:
     stuck = 0.3 * sensors.load_cell_noise if flickers else 0.0
     sample = max(period, 1 / sensors.sampling_rate)
     return {
-        "tendon_break": (0.08 * pretension, 0.006),
+        "tendon_break": (0.08 * pretension, 0.008),
         "tendon_slack": (0.02 * pretension, 2.0),
         "over_tension": (_FAULT_OVER_LIMIT * tension_limit(inst), 0.003),
         "load_cell_stuck": (stuck, max(0.04, 30 * sample)),
