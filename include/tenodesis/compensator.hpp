@@ -176,7 +176,7 @@ struct Compensator {
     return {along + across, along - across};
   }
 
-  static constexpr int fair_turns = 8, many_turns = 100;
+  static constexpr int fair_turns = 8;
   static constexpr S growth = S(1.25), most_tolerance = S(4);
 
   // Of the common speed, what the differential one may be at most: neither tendon is to turn back.
@@ -252,8 +252,7 @@ struct Compensator {
   void turn_back(Phase phase, const S& short_of, State& state) const {
     turn(phase, state);
     state.short_of = short_of;
-    state.turns = state.turns < many_turns ? state.turns + 1 : many_turns;
-    if (state.turns > fair_turns) state.tolerance = smaller(state.tolerance * growth, most_tolerance);
+    if (++state.turns > fair_turns) state.tolerance = smaller(state.tolerance * growth, most_tolerance);
   }
 
   static void turn(Phase phase, State& state) {

@@ -36,7 +36,6 @@ struct HomingState {
   bool tight[2]{};
   bool judged[2]{};
 
-  constexpr bool busy() const { return stage != HomingStage::idle && stage < HomingStage::done; }
   constexpr bool failed() const { return stage > HomingStage::done; }
 };
 
