@@ -74,7 +74,7 @@ docs: build
 
 lock: .venv/.deps
 	$(BIN)/pip install --quiet uv
-	$(BIN)/uv pip compile pyproject.toml --quiet --extra tables --extra verify --group dev --generate-hashes --no-emit-index-url \
+	$(BIN)/uv pip compile pyproject.toml --quiet --extra cluster --extra tables --extra verify --group dev --generate-hashes --no-emit-index-url \
 	  --universal --python-version 3.11 --custom-compile-command "make lock" -o requirements.lock
 
 clean:
