@@ -182,6 +182,7 @@ NB_MODULE(_core, m) {
   bind_tendon(m);
   bind_twin(m);
   bind_control(m);
+  bind_similarity(m);
 }
 
 }  // namespace tenodesis::bindings

@@ -7,6 +7,7 @@ namespace tenodesis::bindings {
 
 void bind_twin(nanobind::module_& m);
 void bind_control(nanobind::module_& m);
+void bind_similarity(nanobind::module_& m);
 void bind_tendon(nanobind::module_& m);
 
 }  // namespace tenodesis::bindings

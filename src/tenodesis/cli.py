@@ -13,13 +13,13 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from tenodesis import cli_control, cli_recording, instrument
+from tenodesis import cli_control, cli_recording, cli_scale, instrument
 from tenodesis.bench import BenchError
 from tenodesis.bench import run as bench_run
 from tenodesis.bench.content import Context
 from tenodesis.bench.run import steps
 from tenodesis.cli_recording import CommandError
-from tenodesis.errors import InstrumentError, NoSolutionError, ProtocolError, RecordingError
+from tenodesis.errors import DesignError, InstrumentError, NoSolutionError, ProtocolError, RecordingError, StudyError
 from tenodesis.instrument import Instrument
 
 app = typer.Typer(
@@ -104,6 +104,7 @@ def check(
 
 
 cli_recording.register(app)
+cli_scale.register(app)
 cli_control.register(cli_recording.exports)
 
 
@@ -111,10 +112,21 @@ def main() -> None:
     """Run the command line; what a user can mend ends in one sentence and exit code 1."""
     try:
         app()
-    except (BenchError, CommandError, InstrumentError, NoSolutionError, ProtocolError, RecordingError) as problem:
+    except _MENDABLE as problem:
         errors.print(f"tenodesis: {problem}", markup=False, style="red")
         sys.exit(1)
 
+
+_MENDABLE = (
+    BenchError,
+    CommandError,
+    DesignError,
+    InstrumentError,
+    NoSolutionError,
+    ProtocolError,
+    RecordingError,
+    StudyError,
+)
 
 _BRIEF = (
     r"loss\.at_\d+deg\.|tension\.slack_force|transmissibility\.straight|table1\.stiffness|table2\.(force|tension)|"

@@ -15,3 +15,11 @@ class RecordingError(Exception):
 
 class ProtocolError(ValueError):
     """A protocol is not valid, or an instrument cannot run it; the message names phase, key and what is allowed."""
+
+
+class DesignError(ValueError):
+    """A catalogue is not valid, or there is no scale model within the constraints; the message says why."""
+
+
+class StudyError(ValueError):
+    """A tolerance study cannot be carried out; the message says why."""

@@ -7,7 +7,7 @@ import tomli_w
 from pydantic import BaseModel
 
 from tenodesis.instrument import Instrument
-from tenodesis.quantity import Quantity
+from tenodesis.quantity import Quantity, in_unit
 
 
 def to_toml(inst: Instrument) -> str:
@@ -22,6 +22,39 @@ def to_toml(inst: Instrument) -> str:
         for axis, values in inst.overrides.items()
     }
     return tomli_w.dumps(with_units(inst) | {"overrides": own})
+
+
+_READABLE = {"m": "mm", "Pa": "GPa", "rad": "deg", "s": "ms", "rad/s": "deg/s", "m/s": "mm/s"}
+
+
+def to_file(inst: Instrument, *, comment: str = "") -> str:
+    """Return the text of an instrument file to be read and edited by people.
+
+    It has what the instrument was given and no defaults, in the units of drawings, to nine digits.
+
+    Parameters
+    ----------
+    inst
+        The instrument, one axis.
+    comment
+        What the file begins with.
+    """
+    values = {key: value for key, value in _readable(with_units(inst, unset=False)).items() if value not in ({}, [])}
+    lines = "".join(f"# {line}\n" for line in comment.splitlines())
+    return f"{lines}\n{tomli_w.dumps(values)}" if lines else tomli_w.dumps(values)
+
+
+def _readable(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: one if key == "sources" else _readable(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_readable(one) for one in value]
+    number, _, unit = value.partition(" ") if isinstance(value, str) else ("", "", "")
+    try:
+        shown = float(number) * in_unit(_READABLE.get(unit, unit), unit)
+    except ValueError:
+        return value
+    return f"{shown:.9g} {_READABLE.get(unit, unit)}"
 
 
 def with_units(model: BaseModel, *, unset: bool = True) -> dict[str, Any]:

@@ -1,0 +1,174 @@
+// Many scale models of one instrument judged at once, over the same points of its working range.
+
+#include "tenodesis/similarity.hpp"
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <string>
+
+#include "evaluate.hpp"
+#include "modules.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace tenodesis::bindings {
+namespace {
+
+using Numbers = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Table = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+/// What is found of a scale model.
+enum Finding : std::size_t {
+  largest_error,  // rad, over the points that the instrument holds; a tip that snaps through counts as at its stop
+  rms_error,      // rad, likewise
+  snapped,        // share of the points at which the scale model snaps through
+  force_scale,
+  scaled_pretension,  // N, as given or as scaled
+  model_stiffness,    // N/m, of one tendon
+  largest_tension,    // N
+  tension_per_tip_force,
+  rig_lever,  // m
+  unloaded_share,
+  joints_span,  // m, of tendon within both straight joints
+  finding_count,
+};
+
+inline constexpr std::array<const char*, finding_count> finding_names{"largest_error",
+                                                                      "rms_error",
+                                                                      "snapped",
+                                                                      "force_factor",
+                                                                      "pretension",
+                                                                      "tendon_stiffness",
+                                                                      "largest_tension",
+                                                                      "tension_per_force",
+                                                                      "rig_arm",
+                                                                      "unloaded_limit",
+                                                                      "joints_span"};
+static_assert(finding_names.back() != nullptr, "every finding has a name");
+
+/// An instrument, the points its scale models are judged at, and what it does there.
+struct Target {
+  Spec spec;
+  std::vector<double> handle, force, expected;  // rad, N, rad
+  double at_angle{};                            // output angle at which the loss of dexterity is equal, rad
+  double stop{};                                // output angle of the mechanical stop, rad
+};
+
+double tension_scale_of(const Spec& spec) {
+  return std::visit([](const auto& axis) { return tension_scale(axis); }, make_axis(spec));
+}
+
+/// What the instrument does where it is judged; its working range is where it has an equilibrium.
+std::vector<double> held_angles(const Spec& spec, const std::vector<double>& handle, const std::vector<double>& force) {
+  if (handle.size() != force.size()) throw nb::value_error("handle angles and forces differ in number");
+  std::vector<double> angles(handle.size());
+  std::visit(
+      [&](const auto& axis) {
+        for (std::size_t i = 0; i < angles.size(); ++i) {
+          const auto at = equilibrium(axis, handle[i], Load<double>{force[i], 0}, Stroke<double>{});
+          if (at.status != Status::ok) throw nb::value_error("a point is not held");
+          angles[i] = axis.distal.angle(at.coordinate);
+        }
+      },
+      make_axis(spec));
+  return angles;
+}
+
+template <class A>
+void judge_over_points(const Target& target, const A& axis, double factor, double* out) {
+  Block block;
+  std::array<unsigned char, block_size> status{};
+  for (Lane& lane : block.in) lane.fill(0);
+  double largest = 0, squares = 0, tension = 0, lost = 0;
+  for (std::size_t base = 0; base < target.handle.size(); base += block_size) {
+    // The last block keeps valid numbers of the one before where the points end.
+    const std::size_t n = std::min<std::size_t>(block_size, target.handle.size() - base);
+    for (std::size_t i = 0; i < n; ++i) {
+      block.in[held_handle_angle][i] = target.handle[base + i];
+      block.in[held_force][i] = target.force[base + i] * factor;
+    }
+    solve_block<HeldState>(axis, block, status);
+    for (std::size_t i = 0; i < n; ++i) {
+      const bool held = status[i] == static_cast<unsigned char>(Status::ok);
+      const double stop = target.force[base + i] > 0 ? -target.stop : target.stop;
+      const double error = std::abs((held ? block.out[0][i] : stop) - target.expected[base + i]);
+      largest = std::max(largest, error);
+      squares += error * error;
+      lost += held ? 0 : 1;
+      if (held) tension = std::max({tension, block.out[1][i], block.out[2][i]});
+    }
+  }
+  const double count = double(target.handle.size());
+  out[largest_error] = largest;
+  out[rms_error] = std::sqrt(squares / count);
+  out[snapped] = lost / count;
+  out[largest_tension] = tension;
+}
+
+template <class A, class B>
+void judge_one(const Target& target, const A& model, B axis, double pretension, double* out) {
+  const double scaled = model.pretension * tension_scale(axis) / tension_scale(model);
+  axis.pretension = std::isnan(pretension) ? scaled : pretension;
+  const Result<double> factor = force_factor(model, axis, target.at_angle);
+  out[force_scale] = factor.status == Status::ok ? factor.value : nan;
+  out[scaled_pretension] = axis.pretension;
+  out[model_stiffness] = axis.stiffness;
+  out[tension_per_tip_force] = tension_per_force(axis);
+  out[rig_lever] = axis.distal.rig_arm();
+  out[unloaded_share] = axis.proximal.excursion_slope() * axis.proximal.coordinate(axis.handle_range) /
+                        axis.distal.excursion_slope() / axis.distal.limit();
+  out[joints_span] = axis.proximal.tendon_span() + axis.distal.tendon_span();
+  judge_over_points(target, axis, factor.value, out);
+}
+
+/// Writes what is found of every row of parameters, whatever pretension they have; NaN scales the instrument's.
+void judge_designs(const Target& target, const Rows& rows, const Numbers& pretensions, const Table& out, int threads) {
+  if (rows.shape(1) != parameter_count || out.shape(1) != finding_count || out.shape(0) != rows.shape(0) ||
+      pretensions.shape(0) != rows.shape(0))
+    throw nb::value_error("rows, pretensions and findings do not fit");
+  const std::size_t count = rows.shape(0);
+  if (count == 0) return;
+  const nb::gil_scoped_release release;
+  const AnyAxis<double> any = make_axis(target.spec);
+  constexpr std::size_t designs_per_thread = 128;
+  over_threads(count, threads, designs_per_thread, [&](std::size_t begin, std::size_t end) {
+    Spec spec = target.spec;
+    for (std::size_t i = begin; i < end; ++i) {
+      std::copy_n(rows.data() + i * parameter_count, parameter_count, spec.parameters.begin());
+      const double pretension = pretensions.data()[i];
+      double* const found = out.data() + i * finding_count;
+      std::visit(
+          [&]<class A>(const A& model) { judge_one(target, model, std::get<A>(make_axis(spec)), pretension, found); },
+          any);
+    }
+  });
+}
+
+}  // namespace
+
+void bind_similarity(nb::module_& m) {
+  m.def("tension_scale", &tension_scale_of, "spec"_a, "Tension that stretches a tendon by the distal radius, N.");
+  m.def(
+      "findings", [] { return std::vector<std::string>(finding_names.begin(), finding_names.end()); },
+      "Names of what is found of a scale model, in their order.");
+  nb::class_<Target>(m, "SimilarityTarget", "An instrument and the points that its scale models are judged at.")
+      .def(
+          "__init__",
+          [](Target* self, const Spec& spec, std::vector<double> handle, std::vector<double> force, double at_angle,
+             double stop) {
+            std::vector<double> expected = held_angles(spec, handle, force);
+            new (self) Target{spec, std::move(handle), std::move(force), std::move(expected), at_angle, stop};
+          },
+          "spec"_a, "handle_angle"_a, "force"_a, "at_angle"_a, "stop"_a)
+      .def("judge", &judge_designs, "rows"_a, "pretension"_a, "out"_a, "threads"_a,
+           nb::sig("def judge(self, rows: NDArray[numpy.float64], pretension: NDArray[numpy.float64], out: "
+                   "NDArray[numpy.float64], threads: int) -> None"),
+           "Write what is found of every row of parameters, by row and finding; NaN scales the pretension.");
+}
+
+}  // namespace tenodesis::bindings

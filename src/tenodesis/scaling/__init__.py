@@ -1,0 +1,32 @@
+"""Scale models: designed from stock parts, with a plan for the workshop, and what they measure carried back."""
+
+from tenodesis.errors import DesignError
+from tenodesis.scaling.candidates import COMBINATIONS, Wheel
+from tenodesis.scaling.catalogue import Catalogue, Constraints, json_schema, load, shipped
+from tenodesis.scaling.design import Choice, Design, Front, Objectives, TestLoad, design, name_of, told_better
+from tenodesis.scaling.pins import PINS
+from tenodesis.scaling.pins import parse as parse_pins
+from tenodesis.scaling.weights import Hanging, hang
+
+__all__ = [
+    "COMBINATIONS",
+    "PINS",
+    "Catalogue",
+    "Choice",
+    "Constraints",
+    "Design",
+    "DesignError",
+    "Front",
+    "Hanging",
+    "Objectives",
+    "TestLoad",
+    "Wheel",
+    "design",
+    "hang",
+    "json_schema",
+    "load",
+    "name_of",
+    "parse_pins",
+    "shipped",
+    "told_better",
+]

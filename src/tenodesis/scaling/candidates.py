@@ -1,0 +1,276 @@
+"""Every scale model that parts and lengths allow: numbered, and worked out only when it is its turn."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tenodesis.errors import DesignError
+from tenodesis.instrument import PARAMETERS, Instrument
+from tenodesis.scaling.catalogue import Catalogue, Rod, Rope
+from tenodesis.scaling.pins import missing, radii, same
+from tenodesis.signals import Array
+
+COMBINATIONS = 1_000_000
+"""How many scale models a search goes through if lengths are free to be cut that finely."""
+
+_FEWEST_LEVELS = 3
+_MOST_LEVELS = 200
+_MADE_TO = 1e-3  # m
+_END_EFFECTOR_MADE_TO = 1e-4  # m; it decides the similarity
+_NO_UNDERCUT = 17
+"""Teeth from which a gear of 20 degrees pressure angle is not undercut."""
+
+
+class Wheel(NamedTuple):
+    """A gear or pulley: pitch radius (m), and module (m) and teeth of a gear."""
+
+    radius: float
+    module: float | None = None
+    teeth: int | None = None
+
+    @property
+    def tip_radius(self) -> float:
+        """Outer radius, m: of a gear, the pitch radius and one module of addendum."""
+        return self.radius + (self.module or 0.0)
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """The scale models of an instrument that a catalogue allows, before anything but radii is asked of them.
+
+    Lengths in m; the last of a pair's end-effector lengths is the most similar one that is allowed.
+    """
+
+    model: Instrument
+    pairs: tuple[tuple[Wheel, Wheel], ...]
+    """Distal and proximal wheels."""
+    ropes: tuple[Rope, ...]
+    rods: tuple[Rod | None, ...]
+    overall_lengths: Array
+    end_effector_lengths: Array
+    """By pair and level."""
+    handle_lengths: Array
+    """By pair."""
+    pretension: float
+    """As pinned, N; NaN to scale the instrument's."""
+
+    @cached_property
+    def shape(self) -> tuple[int, ...]:
+        """How many pairs, ropes, rods, overall lengths and end-effector lengths there are."""
+        return (
+            len(self.pairs),
+            len(self.ropes),
+            len(self.rods),
+            self.overall_lengths.size,
+            self.end_effector_lengths.shape[1],
+        )
+
+    def __len__(self) -> int:
+        return math.prod(self.shape)
+
+    def columns(self, numbers: NDArray[np.int64]) -> dict[str, Array]:
+        """Return the core's parameters of some candidates, by name; what does not apply is left out."""
+        pair, rope, rod, length, level = np.unravel_index(numbers, self.shape)
+        distal = np.array([one.radius for one, _ in self.pairs])[pair]
+        columns = {
+            "distal_radius": distal,
+            "proximal_radius": np.array([one.radius for _, one in self.pairs])[pair],
+            "handle_length": self.handle_lengths[pair],
+            "end_effector_length": self.end_effector_lengths[pair, level],
+            "tendon_modulus": np.array([one.modulus for one in self.ropes])[rope],
+            "tendon_diameter": np.array([one.diameter for one in self.ropes])[rope],
+            "tendon_length": self.overall_lengths[length],
+        }
+        if "backbone_length" in _parameters(self.model):
+            scale = distal / _parameter(self.model, "distal_radius")
+            columns["backbone_length"] = scale * _parameter(self.model, "backbone_length")
+            columns["backbone_rigidity"] = np.array([one.rigidity for one in self.rods if one is not None])[rod]
+        return columns
+
+    def rows(self, columns: Mapping[str, Array]) -> Array:
+        """Return columns as the core's rows of parameters."""
+        count = columns["distal_radius"].size
+        rows = np.full((count, len(PARAMETERS)), np.nan)
+        for name, values in columns.items():
+            rows[:, PARAMETERS.index(name)] = values
+        return rows
+
+    def parts(self, number: int) -> tuple[tuple[Wheel, Wheel], Rope, Rod | None]:
+        """Return the wheels (distal, proximal), the rope and the backbone of one candidate."""
+        pair, rope, rod, _, _ = np.unravel_index(number, self.shape)
+        return self.pairs[pair], self.ropes[rope], self.rods[rod]
+
+    def chunks(self, size: int) -> Iterator[NDArray[np.int64]]:
+        """Yield the numbers of all candidates, some at a time."""
+        for begin in range(0, len(self), size):
+            yield np.arange(begin, min(begin + size, len(self)), dtype=np.int64)
+
+
+def candidates(
+    model: Instrument, catalogue: Catalogue, pins: Mapping[str, Any], combinations: int = COMBINATIONS
+) -> Candidates:
+    """Return the scale models that a catalogue allows for an instrument.
+
+    Parameters
+    ----------
+    model
+        The real-size instrument.
+    catalogue
+        What there is, narrowed to what is pinned.
+    pins
+        Pinned values in SI units.
+    combinations
+        About how many there are to be; the levels of the lengths follow from it.
+
+    Raises
+    ------
+    DesignError
+        The catalogue lacks parts, or no two of them make the ratio of the radii.
+    """
+    catalogue.refuse_incomplete(model.joint_type)
+    constraints = catalogue.constraints
+    pairs = _pairs(model, catalogue, pins)
+    rods: tuple[Rod | None, ...] = catalogue.rods if model.joint_type == "continuum" else (None,)
+    distal = np.array([one.radius for one, _ in pairs])
+    proximal = np.array([one.radius for _, one in pairs])
+    free = [low != high for low, high in _given(constraints.overall_length, constraints.end_effector_length)]
+    per_length = combinations / (len(pairs) * len(catalogue.ropes) * len(rods))
+    levels = int(np.clip(np.ceil(per_length ** (1 / max(sum(free), 1))), _FEWEST_LEVELS, _MOST_LEVELS))
+    return Candidates(
+        model,
+        pairs,
+        catalogue.ropes,
+        rods,
+        _overall(model, constraints.overall_length, distal, levels),
+        _levels(
+            constraints.end_effector_length,
+            distal * _ratio(model, "end_effector_length", "distal_radius"),
+            levels,
+            _END_EFFECTOR_MADE_TO,
+        ),
+        _levels(constraints.handle_length, proximal * _ratio(model, "handle_length", "proximal_radius"), 1)[:, -1],
+        pins.get("pretension", math.nan),
+    )
+
+
+def _given(*ranges: tuple[float, float] | None) -> list[tuple[float, float]]:
+    return [one for one in ranges if one is not None]
+
+
+def _overall(model: Instrument, allowed: tuple[float, float] | None, distal: Array, levels: int) -> Array:
+    if allowed is None:
+        scale = np.unique(distal / _parameter(model, "distal_radius"))
+        return np.linspace(scale[0], scale[-1], min(levels, scale.size)) * model.overall_length
+    return np.unique(_made(np.linspace(*allowed, levels), allowed))
+
+
+def _levels(allowed: tuple[float, float] | None, similar: Array, levels: int, made_to: float = _MADE_TO) -> Array:
+    """Return lengths by pair and level, of which the last is as similar as is allowed."""
+    if allowed is None:
+        return similar[:, None]
+    nearest = _made(similar, allowed, made_to)[:, None]
+    if levels == 1 or allowed[0] == allowed[1]:
+        return nearest
+    between = _made(np.linspace(*allowed, levels - 1), allowed, made_to)
+    return np.concatenate([np.tile(between, (similar.size, 1)), nearest], axis=1)
+
+
+def _made(lengths: Array, allowed: tuple[float, float], made_to: float = _MADE_TO) -> Array:
+    """Return lengths as a workshop makes them, within what is allowed."""
+    made: Array = np.clip(np.round(lengths / made_to) * made_to, *allowed)
+    return made
+
+
+def _pairs(model: Instrument, catalogue: Catalogue, pins: Mapping[str, Any]) -> tuple[tuple[Wheel, Wheel], ...]:
+    wheels = _wheels(model, catalogue)
+    distal_field, proximal_field = radii(model)
+    foreign = [key for key in pins if key.endswith(("_radius", "_offset")) and key not in (
+        distal_field, proximal_field, "spool_radius")]  # fmt: skip
+    if foreign:
+        raise DesignError(
+            f"{foreign[0]} is pinned, but {model.name} has joint_type {model.joint_type}; "
+            f"allowed are {distal_field} and {proximal_field}."
+        )
+    distals = _pinned(wheels, distal_field, pins, catalogue)
+    proximals = _pinned(wheels, proximal_field, pins, catalogue)
+    small, large = _parameter(model, "distal_radius"), _parameter(model, "proximal_radius")
+    factor = catalogue.constraints.factor
+    if factor is not None:
+        low, high = (bound * small * (1 + sign * 1e-9) for bound, sign in zip(factor, (-1, 1), strict=True))
+        within = [one for one in distals if low <= one.radius <= high]
+        if not within:
+            raise DesignError(_no_radius(model, catalogue, distals, factor))
+        distals = within
+    tolerance = catalogue.constraints.ratio_tolerance
+    pairs: dict[tuple[float, float], tuple[Wheel, Wheel]] = {}
+    nearest = (math.inf, math.nan)
+    radius = np.array([one.radius for one in proximals])
+    for one in distals:
+        off = radius / one.radius / (large / small) - 1
+        nearest = min(nearest, (float(np.abs(off).min()), float(radius[np.abs(off).argmin()] / one.radius)))
+        for index in np.flatnonzero(np.abs(off) <= tolerance + 1e-12):
+            other = proximals[index]
+            size = (round(one.radius, 12), round(other.radius, 12))
+            if size not in pairs or _makeable((one, other)) < _makeable(pairs[size]):
+                pairs[size] = (one, other)
+    if not pairs:
+        raise DesignError(
+            f"no two wheels of catalogue {catalogue.name} make R/r = {large / small:.6g} of {model.name} to within "
+            f"ratio_tolerance = {tolerance:g}; the nearest make {nearest[1]:.6g} ({100 * nearest[0]:.2g} % off)."
+        )
+    return tuple(pairs[size] for size in sorted(pairs))
+
+
+def _no_radius(model: Instrument, catalogue: Catalogue, distals: Sequence[Wheel], factor: tuple[float, float]) -> str:
+    small = _parameter(model, "distal_radius")
+    low, high = factor
+    asked = f"factor = {low:g}" if low == high else f"factor from {low:g} to {high:g}"
+    near = min(distals, key=lambda one: max(low * small - one.radius, one.radius - high * small))
+    return (
+        f"{asked} asks for a distal radius of {1e3 * low * small:.6g}"
+        f"{'' if low == high else f' to {1e3 * high * small:.6g}'} mm, which no wheel of catalogue {catalogue.name} "
+        f"has; the nearest has {1e3 * near.radius:.6g} mm (factor {near.radius / small:.6g})."
+    )
+
+
+def _wheels(model: Instrument, catalogue: Catalogue) -> list[Wheel]:
+    if model.joint_type != "tendon-gear":
+        return [Wheel(pulley.radius) for pulley in catalogue.pulleys]
+    gears = catalogue.gears
+    if gears is None:
+        raise DesignError(f"catalogue {catalogue.name} has no gears, which {model.name} is made of.")
+    least, most = gears.teeth
+    return [Wheel(module * teeth / 2, module, teeth) for module in gears.modules for teeth in range(least, most + 1)]
+
+
+def _pinned(wheels: list[Wheel], field: str, pins: Mapping[str, Any], catalogue: Catalogue) -> list[Wheel]:
+    if field not in pins:
+        return wheels
+    found = [one for one in wheels if same(one.radius, pins[field])]
+    if not found:
+        raise missing(field, pins[field], [one.radius for one in wheels], catalogue)
+    return found
+
+
+def _makeable(pair: tuple[Wheel, Wheel]) -> tuple[Any, ...]:
+    """Return what to choose between pairs of the same radii by: no undercut, one module, the coarser teeth."""
+    one, other = pair
+    undercut = sum(wheel.teeth is not None and wheel.teeth < _NO_UNDERCUT for wheel in pair)
+    return undercut, one.module != other.module, -(one.module or 0.0), -(other.module or 0.0)
+
+
+def _parameters(inst: Instrument) -> Mapping[str, str]:
+    return {parameter: field for field, parameter in inst.parameter_fields.items()}
+
+
+def _parameter(inst: Instrument, name: str) -> float:
+    return float(getattr(inst, _parameters(inst)[name]))
+
+
+def _ratio(inst: Instrument, length: str, radius: str) -> float:
+    return _parameter(inst, length) / _parameter(inst, radius)

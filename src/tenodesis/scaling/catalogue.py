@@ -1,0 +1,188 @@
+"""What the workshop has and what the design must keep to: catalogues, merged from files."""
+
+from collections.abc import Mapping
+from functools import reduce
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import Field
+
+from tenodesis.errors import DesignError
+from tenodesis.hardware import Table
+from tenodesis.scaling.catalogue_file import CatalogueFile, parse
+from tenodesis.scaling.constraints_table import Constraints
+from tenodesis.scaling.parts import (
+    KINDS,
+    Encoder,
+    Gears,
+    LoadCell,
+    Part,
+    Pulley,
+    Rod,
+    Rope,
+    Spool,
+    Weight,
+    expanded,
+)
+
+__all__ = [
+    "NEEDED",
+    "STANDARD",
+    "Catalogue",
+    "Constraints",
+    "Encoder",
+    "Gears",
+    "LoadCell",
+    "Pulley",
+    "Rod",
+    "Rope",
+    "Spool",
+    "Weight",
+    "json_schema",
+    "load",
+    "shipped",
+]
+
+STANDARD = "standard"
+"""The shipped catalogue that is meant where none is named."""
+
+_ALWAYS = ("ropes", "load_cells", "spools", "weights")
+NEEDED: Mapping[str, tuple[str, ...]] = {
+    "tendon-gear": ("gears", *_ALWAYS),
+    "tendon-pulley": ("pulleys", *_ALWAYS),
+    "continuum": ("pulleys", "rods", *_ALWAYS),
+}
+"""What a design cannot do without, by joint type."""
+
+_SHIPPED = Path(__file__).parents[1] / "catalogue"
+
+
+class Catalogue(Table):
+    """Parts at hand and constraints, in SI units; use :func:`load`."""
+
+    name: str
+    description: str = ""
+    gears: Gears | None = None
+    pulleys: tuple[Pulley, ...] = ()
+    ropes: tuple[Rope, ...] = ()
+    rods: tuple[Rod, ...] = ()
+    load_cells: tuple[LoadCell, ...] = ()
+    encoders: tuple[Encoder, ...] = ()
+    spools: tuple[Spool, ...] = ()
+    weights: tuple[Weight, ...] = ()
+    constraints: Constraints = Constraints()
+    sources: Mapping[str, str] = Field(default={})
+
+    def refuse_incomplete(self, joint_type: str) -> None:
+        """Refuse a catalogue that lacks what a scale model of a joint type needs.
+
+        Raises
+        ------
+        DesignError
+            A list is empty, or there is no such joint type.
+        """
+        if joint_type not in NEEDED:
+            raise DesignError(f"joint_type is {joint_type!r}; allowed are {', '.join(NEEDED)}.")
+        for kind in NEEDED[joint_type]:
+            held = self.gears.modules if kind == "gears" and self.gears else getattr(self, kind)
+            if not held:
+                raise DesignError(
+                    f"catalogue {self.name} has no {kind.replace('_', ' ')}, which a {joint_type} scale model needs; "
+                    f"add {'[gears]' if kind == 'gears' else f'[[{kind}]]'} or a shipped catalogue."
+                )
+
+
+def shipped() -> tuple[str, ...]:
+    """Return the names of the catalogues that come with the package."""
+    return tuple(sorted(file.stem for file in _SHIPPED.glob("*.toml")))
+
+
+def load(*names_or_paths: str | Path) -> Catalogue:
+    """Read and merge catalogues that come with the package, by name, and catalogue files, by path.
+
+    Parts of all files are joined; a part that several have is the last one's. Of gears and constraints, a later
+    file's values replace an earlier one's key by key. What a file includes comes before it.
+
+    Parameters
+    ----------
+    *names_or_paths
+        Catalogues in order; the standard one if none is given.
+
+    Raises
+    ------
+    DesignError
+        There is no such catalogue or file, it cannot be read, or it is not valid.
+    """
+    catalogues = [_read(wanted, Path(), ()) for wanted in names_or_paths or (STANDARD,)]
+    name = " + ".join(catalogue.name for catalogue in catalogues)
+    return reduce(_merged, catalogues).model_copy(update={"name": name})
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON schema of catalogue files, for editors that complete and check TOML."""
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **CatalogueFile.model_json_schema(),
+        "title": "Tenodesis catalogue",
+    }
+
+
+def _read(name_or_path: str | Path, folder: Path, chain: tuple[Path, ...]) -> Catalogue:
+    """Read one catalogue and what it includes; `chain` are the files that include it."""
+    wanted = str(name_or_path)
+    path = _SHIPPED / f"{wanted}.toml" if wanted in shipped() else folder / wanted
+    source = f"{wanted} (included by {chain[-1].name})" if chain else wanted
+    text = _text(path, source)
+    if path.resolve() in chain:
+        raise DesignError(f"{source}: it includes itself; allowed are catalogues that do not include one another.")
+    file = parse(text, source)
+    own = Catalogue(
+        name=file.name or path.stem,
+        gears=file.gears,
+        constraints=file.constraints,
+        description=file.description,
+        sources=file.sources,
+        **{kind: tuple(expanded(getattr(file, kind))) for kind in KINDS},
+    )
+    included = [_read(other, path.parent, (*chain, path.resolve())) for other in file.include]
+    return reduce(_merged, [*included, own])
+
+
+def _text(path: Path, source: str) -> str:
+    try:
+        return path.read_text("utf-8-sig")
+    except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
+        raise DesignError(
+            f"{source}: there is no such file and no catalogue of that name; "
+            f"allowed is the path of a TOML file or one of {', '.join(shipped())}."
+        ) from None
+    except UnicodeDecodeError:
+        raise DesignError(f"{source} is not UTF-8 text; allowed is a TOML file.") from None
+    except OSError as problem:
+        raise DesignError(f"{source} cannot be read: {problem.strerror}.") from None
+    except ValueError:
+        raise DesignError(f"{source} is no path; allowed is the path of a TOML file.") from None
+
+
+def _merged(earlier: Catalogue, later: Catalogue) -> Catalogue:
+    parts = {kind: _joined(getattr(earlier, kind), getattr(later, kind)) for kind in KINDS}
+    return Catalogue(
+        name=later.name,
+        description=later.description or earlier.description,
+        gears=_over(earlier.gears, later.gears) if earlier.gears and later.gears else later.gears or earlier.gears,
+        constraints=_over(earlier.constraints, later.constraints),
+        sources={**earlier.sources, **later.sources},
+        **parts,
+    )
+
+
+_P = TypeVar("_P", bound=Part)
+_T = TypeVar("_T", bound=Table)
+
+
+def _joined(earlier: tuple[_P, ...], later: tuple[_P, ...]) -> tuple[_P, ...]:
+    return tuple({part.key: part for part in (*earlier, *later)}.values())
+
+
+def _over(earlier: _T, later: _T) -> _T:
+    return earlier.model_copy(update={key: getattr(later, key) for key in later.model_fields_set})

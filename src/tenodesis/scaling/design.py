@@ -1,0 +1,448 @@
+"""Scale models: a design with all that follows from it, and the front of designs that no other one beats."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tenodesis.errors import DesignError, InstrumentError
+from tenodesis.instrument import Instrument
+from tenodesis.scaling import catalogue as catalogues
+from tenodesis.scaling.candidates import COMBINATIONS, Wheel
+from tenodesis.scaling.catalogue import Catalogue, Encoder, LoadCell, Rod, Rope, Spool
+from tenodesis.scaling.pins import narrowed, parse
+from tenodesis.scaling.sweep import Judge, Progress, Sweep, sweep, tip_force
+from tenodesis.scaling.transfer_friction import carry_friction
+from tenodesis.scaling.weights import Hanging, hang
+from tenodesis.signals import Array
+from tenodesis.similarity import Comparison, compare
+
+Preference: TypeAlias = Literal["similarity", "resolution", "size", "margin", "balanced"]
+PREFERENCES: tuple[Preference, ...] = get_args(Preference)
+
+SIMILAR_ENOUGH = 0.1
+"""Similarity error, deg, below which other things count more."""
+
+
+YIELD = 0.1
+"""Share of other objectives that one might give up for one."""
+
+
+class Objectives(NamedTuple):
+    """What designs are judged by; the tension margin is better large, the others small."""
+
+    similarity_error: float
+    """Largest over the working range, without friction, deg; a tip that snaps through counts as at its stop."""
+    force_resolution: float
+    """Least force on the real-size instrument, N, that weights can make and load cells can tell."""
+    overall_length: float
+    """m."""
+    tension_margin: float
+    """Breaking load over the largest tension."""
+
+
+class Choice(NamedTuple):
+    """The parts a design is made of."""
+
+    distal: Wheel
+    proximal: Wheel
+    rope: Rope
+    rod: Rod | None
+    load_cell: LoadCell
+    encoder: Encoder | None
+    spool: Spool | None
+
+
+class TestLoad(NamedTuple):
+    """A force on the real-size instrument (N), that of the scaled-up tip (N), and what is hung for it."""
+
+    real_force: float
+    force: float
+    hanging: Hanging
+    error: float
+    """What is hung over what is wanted, N on the real-size instrument."""
+
+
+@dataclass(frozen=True)
+class Design:
+    """A scaled-up instrument, what it is made of, and how well it stands for the real-size one."""
+
+    model: Instrument
+    prototype: Instrument
+    choice: Choice
+    catalogue: Catalogue
+    objectives: Objectives
+    comparison: Comparison
+    tests: tuple[TestLoad, ...]
+    largest_tension: float
+    """Over the working range, N."""
+    angle_resolution: float
+    """Of the distal encoder, deg, on either instrument the same."""
+    tension_resolution: float
+    """Of the load cells, N on the real-size instrument."""
+    force_resolution: float
+    """Of the load cells, N at the real-size tip."""
+
+
+@dataclass(frozen=True)
+class Front:
+    """The designs that no other one beats in everything, in the order of their similarity error.
+
+    Designs differ where a bench could tell: by 0.01 deg of similarity error, or 1 % of anything else.
+    """
+
+    sweep: Sweep
+
+    def __len__(self) -> int:
+        return int(self.sweep.numbers.size)
+
+    def __getitem__(self, index: int) -> Design:
+        """Return a design of the front.
+
+        Raises
+        ------
+        IndexError
+            There is no such design.
+        DesignError
+            Its weights make a test force not nearly enough.
+        """
+        return _design(self.sweep, int(self.sweep.numbers[index]))
+
+    @property
+    def model(self) -> Instrument:
+        """The real-size instrument."""
+        return self.sweep.model
+
+    @property
+    def examined(self) -> int:
+        """How many scale models were judged."""
+        return self.sweep.examined
+
+    @property
+    def feasible(self) -> int:
+        """How many of them met every constraint."""
+        return self.sweep.feasible
+
+    @cached_property
+    def objectives(self) -> tuple[Objectives, ...]:
+        """The objectives of every design."""
+        return tuple(
+            Objectives(error, resolution, length, 1 / inverse) for error, resolution, length, inverse in self._rows
+        )
+
+    @cached_property
+    def _rows(self) -> list[list[float]]:
+        rows: list[list[float]] = self.sweep.costs.tolist()
+        return rows
+
+    def best(self, prefer: Preference = "similarity") -> int:
+        """Return the index of the design to take.
+
+        Parameters
+        ----------
+        prefer
+            One objective; among designs as good in that (to 0.1 deg, or 1 %), or for "balanced" among all, the one
+            whose worst rank in the other objectives is best.
+
+        Raises
+        ------
+        ValueError
+            The preference is unknown.
+        """
+        if prefer not in PREFERENCES:
+            raise ValueError(f"prefer is {prefer!r}; allowed are {', '.join(PREFERENCES)}.")
+        costs = self.sweep.costs
+        good = np.ones(len(costs), bool)
+        if prefer != "balanced":
+            column = PREFERENCES.index(prefer)
+            least = costs[:, column].min()
+            good = costs[:, column] <= (max(least, SIMILAR_ENOUGH) if column == 0 else least * 1.01)
+        ranks = np.column_stack([_ranks(costs[good][:, column]) for column in range(4)])
+        order = np.lexsort((ranks.sum(axis=1), ranks.max(axis=1)))
+        return int(np.flatnonzero(good)[order[0]])
+
+    def described(self, index: int) -> str:
+        """Return in a line what a design is made of."""
+        row = self._row(int(self.sweep.numbers[index]))
+        return f"r {row['distal radius [mm]']:.4g} mm, l_d {row['end-effector length [mm]']:.4g} mm, {row['rope']}"
+
+    def beating(self, objectives: Objectives) -> NDArray[np.int64]:
+        """Return the indices of designs that are at least as good in everything and better in something."""
+        costs = np.array([*objectives[:3], 1 / objectives.tension_margin])
+        # To rounding the same is as good.
+        as_good = (self.sweep.costs <= costs * (1 + 1e-9) + 1e-12).all(axis=1)
+        better = (self.sweep.costs < costs * (1 - 1e-9) - 1e-12).any(axis=1)
+        return np.flatnonzero(as_good & better)
+
+    def table(self) -> dict[str, list[Any]]:
+        """Return what each design is made of and its objectives, by column, lengths in mm."""
+        rows = [self._row(int(number)) for number in self.sweep.numbers]
+        made = {key: [row[key] for row in rows] for key in rows[0]}
+        judged = {
+            "similarity error [deg]": [one.similarity_error for one in self.objectives],
+            "force resolution [N real-size]": [one.force_resolution for one in self.objectives],
+            "overall length [mm]": [1e3 * one.overall_length for one in self.objectives],
+            "tension margin": [one.tension_margin for one in self.objectives],
+        }
+        return judged | made
+
+    def _row(self, number: int) -> dict[str, Any]:
+        (distal, proximal), rope, rod = self.sweep.candidates.parts(number)
+        columns = {name: float(values[0]) for name, values in self.sweep.candidates.columns(np.array([number])).items()}
+        row: dict[str, Any] = {}
+        for name, wheel in (("distal", distal), ("proximal", proximal)):
+            row[f"{name} radius [mm]"] = 1e3 * wheel.radius
+            if wheel.module is not None:
+                row |= {f"{name} module [mm]": 1e3 * wheel.module, f"{name} teeth": wheel.teeth}
+        row |= {"rope": rope.name, "end-effector length [mm]": 1e3 * columns["end_effector_length"]}
+        row["handle length [mm]"] = 1e3 * columns["handle_length"]
+        if rod is not None:
+            row |= {"rod": rod.name, "backbone length [mm]": 1e3 * columns["backbone_length"]}
+        return row
+
+
+def design(
+    model: Instrument,
+    catalogue: Catalogue | None = None,
+    *,
+    pins: Mapping[str, Any] | None = None,
+    combinations: int = COMBINATIONS,
+    progress: Progress = lambda *_: None,
+) -> Front:
+    """Find the scale models of an instrument that no other one beats in everything.
+
+    Parameters
+    ----------
+    model
+        The real-size instrument; of two axes, the first.
+    catalogue
+        Parts and constraints; by default what is shipped.
+    pins
+        Choices fixed beforehand, in SI units or as text: lengths, radii, ``factor``, ``rope``, ``pretension`` ...
+    combinations
+        About how many scale models to judge.
+    progress
+        Called with what is done, how much of it is, and how much there is.
+
+    Returns
+    -------
+    Front
+        The designs, in the order of their similarity error.
+
+    Raises
+    ------
+    DesignError
+        A pin names nothing there is, or no scale model meets the constraints; the message names those that contradict
+        each other.
+    """
+    if not isinstance(model, Instrument):
+        raise TypeError(f"model is {model!r}; allowed is an instrument, as tenodesis.load gives it.")
+    if isinstance(combinations, bool) or not isinstance(combinations, int) or not 1 <= combinations <= 10**9:
+        raise ValueError(f"combinations is {combinations!r}; allowed is a whole number from 1 to 10**9.")
+    given = parse(pins or {})
+    parts = narrowed(catalogues.load() if catalogue is None else catalogue, given)
+    single = model.axis(model.axes[0]) if model.axes[1:] else model
+    return Front(sweep(single, parts, given, combinations=combinations, progress=progress))
+
+
+def name_of(model: Instrument) -> str:
+    """Return what the scale model of an instrument is called."""
+    return f"{model.name[:50]}-scaled-up"
+
+
+def told_better(front: Front, objectives: Objectives) -> str:
+    """Say by how much other designs would be better, as the rest of a sentence."""
+    better = front.beating(objectives)
+    if not better.size:
+        return f"no design beats this one in everything: it is on the front. {_trades(front, objectives)}"
+    gains = [
+        ("similarity error", objectives.similarity_error, min, 0, "{:.3g} deg"),
+        ("force resolution", objectives.force_resolution, min, 1, "{:.3g} N"),
+        ("overall length", objectives.overall_length, min, 2, "{:.3g} m"),
+        ("tension margin", objectives.tension_margin, max, 3, "{:.3g}"),
+    ]
+    told = ", ".join(
+        f"{name} {form.format(ours)} (up to {form.format(best(front.objectives[i][column] for i in better))})"
+        for name, ours, best, column, form in gains
+    )
+    one = front.objectives[int(better[0])]
+    return (
+        f"{better.size} designs are as good or better in everything: {told}. The most similar of them has "
+        f"{one.similarity_error:.3g} deg, {one.force_resolution:.3g} N, {one.overall_length:.3g} m and "
+        f"{one.tension_margin:.3g} ({front.described(int(better[0]))})."
+    )
+
+
+def _trades(front: Front, objectives: Objectives) -> str:
+    """Say what each objective could be if the others may be a little worse."""
+    costs = np.array([*objectives[:3], 1 / objectives.tension_margin])
+    allowed = costs * (1 + YIELD)
+    told = []
+    for column, (name, unit) in enumerate(
+        (("similarity error", " deg"), ("force resolution", " N"), ("overall length", " m"), ("tension margin", ""))
+    ):
+        others = [n for n in range(4) if n != column]
+        within = (front.sweep.costs[:, others] <= allowed[others]).all(axis=1)
+        best = front.sweep.costs[within, column].min(initial=costs[column])
+        if best < costs[column] * (1 - 1e-6):
+            values = [1 / value if column == 3 else value for value in (best, costs[column])]
+            told.append(f"{name} {values[0]:.3g} instead of {values[1]:.3g}{unit}")
+    if not told:
+        return f"Giving up {100 * YIELD:g} % of the others wins nothing."
+    return f"Giving up {100 * YIELD:g} % of the others, one can have " + ", or ".join(told) + "."
+
+
+def _ranks(values: Array) -> Array:
+    """Return every value's place among all, from 0 to 1; equal values share the first."""
+    ordered = np.sort(values)
+    places: Array = np.searchsorted(ordered, values) / max(values.size - 1, 1)
+    return places
+
+
+def _design(found: Sweep, number: int) -> Design:
+    judge = Judge(found.candidates, found.catalogue, found.range)
+    columns = judge.columns(np.array([number]), fine=True)
+    one = {name: float(values[0]) for name, values in columns.items()}
+    objectives = judge.costs(columns)[0]
+    wheels, rope, rod = found.candidates.parts(number)
+    choice = Choice(
+        *wheels,
+        rope,
+        rod,
+        judge.load_cell(one["largest_tension"]),
+        _encoder(found.catalogue, one["distal_radius"]),
+        _spool(found, one["distal_radius"]),
+    )
+    tests = tuple(_test(found.catalogue, force, one) for force in found.tests.hung)
+    prototype = _prototype(found, choice, one, tests)
+    comparison = compare(found.model, prototype, largest_force=found.tests.largest)
+    return Design(
+        found.model,
+        prototype,
+        choice,
+        found.catalogue,
+        Objectives(*objectives[:3].tolist(), 1 / float(objectives[3])),
+        comparison,
+        tests,
+        one["largest_tension"],
+        math.degrees(prototype.sensors.encoder_range / 2**prototype.sensors.encoder_bits),
+        choice.load_cell.resolution / comparison.tension_factor,
+        float(tip_force(choice.load_cell.resolution, one)),
+    )
+
+
+def _encoder(catalogue: Catalogue, radius: float) -> Encoder | None:
+    """Return the finest encoder that fits."""
+    fitting = [encoder for encoder in catalogue.encoders if encoder.least_distal_radius <= radius * (1 + 1e-9)]
+    return min(fitting, key=lambda one: (one.range / 2**one.bits, one.noise), default=None)
+
+
+def _spool(found: Sweep, radius: float) -> Spool | None:
+    """Return the spool that turns most nearly as far as the real one does."""
+    fields = {parameter: field for field, parameter in found.model.parameter_fields.items()}
+    wanted = found.model.drives.spool_radius * radius / float(getattr(found.model, fields["distal_radius"]))
+    return min(found.catalogue.spools, key=lambda one: abs(math.log(one.radius / wanted)), default=None)
+
+
+def _test(catalogue: Catalogue, force: float, one: Mapping[str, float]) -> TestLoad:
+    constraints = catalogue.constraints
+    lever = constraints.cable_pulley_radius / one["rig_arm"]
+    wanted = force * one["force_factor"]
+    hanging = hang(wanted / lever, catalogue.weights, cable_mass=constraints.cable_mass)
+    error = hanging.error * lever / one["force_factor"]
+    if abs(error) > constraints.force_tolerance * force:
+        raise DesignError(
+            f"the weights of catalogue {catalogue.name} cannot make {force:g} N on the real-size instrument to "
+            f"force_tolerance = {100 * constraints.force_tolerance:g} %: the nearest is {hanging.sentence}, "
+            f"{100 * error / force:+.2g} % or {error:+.2g} N on the real-size instrument."
+        )
+    return TestLoad(force, hanging.weight * lever, hanging, error)
+
+
+def _prototype(found: Sweep, choice: Choice, one: Mapping[str, float], tests: Sequence[TestLoad]) -> Instrument:
+    model, constraints = found.model, found.catalogue.constraints
+    changes: dict[str, Any] = {
+        field: one[parameter] for field, parameter in model.parameter_fields.items() if parameter in one
+    }
+    length = changes.pop("tendon_length")
+    factor = one["distal_radius"] / float(getattr(model, _field(model, "distal_radius")))
+    changes |= {
+        "name": name_of(model),
+        "description": f"Scale model of {model.name}, distal radius times {factor:.4g}"[:200],
+        "overall_length": length,
+        "tendon_length": None,
+        "tendon_stiffness": None,
+        "stem_diameter": model.stem_diameter and model.stem_diameter * factor,
+        "pretension": one["pretension"],
+        "breaking_load": choice.rope.breaking_load,
+        "overrides": None,
+        "dynamics": None,
+        "mismatch": None,
+        "control": None,
+        "conditions": {
+            "forces": tuple(test.force for test in tests if test.force > 0),
+            "cycles": model.conditions.cycles,
+            "sampling_rate": model.conditions.sampling_rate,
+            "cable_pulley_radius": constraints.cable_pulley_radius,
+        },
+        "sensors.load_cell_range": choice.load_cell.range,
+        "sensors.load_cell_bits": _bits(2 * choice.load_cell.range / choice.load_cell.resolution),
+    }
+    if choice.encoder is not None:
+        changes |= {
+            "sensors.encoder_bits": choice.encoder.bits,
+            "sensors.encoder_range": choice.encoder.range,
+            "sensors.encoder_noise": choice.encoder.noise,
+        }
+    if choice.spool is not None:
+        changes["drives.spool_radius"] = choice.spool.radius
+    changes["sources"] = _sources(found, choice, changes)
+    try:
+        prototype = model.replace(**changes)
+        return carry_friction(model, prototype) if model.friction.law != "none" else prototype
+    except InstrumentError as problem:
+        raise DesignError(f"the scale model is no instrument: {problem}") from None
+
+
+def _field(inst: Instrument, parameter: str) -> str:
+    return next(field for field, name in inst.parameter_fields.items() if name == parameter)
+
+
+def _bits(counts: float) -> int:
+    return min(max(math.ceil(math.log2(counts)), 4), 32)
+
+
+def _sources(found: Sweep, choice: Choice, changes: Mapping[str, Any]) -> dict[str, str]:
+    model, name = found.model, found.catalogue.name
+    sources = {
+        _field(model, "distal_radius"): _made_of(choice.distal),
+        _field(model, "proximal_radius"): _made_of(choice.proximal),
+        "tendon_diameter": choice.rope.name,
+        "tendon_modulus": f"{choice.rope.name}: {choice.rope.source}",
+        "breaking_load": f"{choice.rope.name}: {choice.rope.source}",
+        "pretension": "as pinned" if not math.isnan(found.candidates.pretension) else "scaled by k r",
+        "overall_length": f"tenodesis scale, catalogue {name}",
+        "end_effector_length": f"tenodesis scale, catalogue {name}",
+        "handle_length": f"tenodesis scale, catalogue {name}",
+        "conditions.forces": "equal loss of dexterity, as the weights make it",
+        "conditions.cable_pulley_radius": f"catalogue {name}",
+        "output_range": f"as {model.name}",
+        "handle_range": f"as {model.name}",
+        "sensors.load_cell_range": f"{choice.load_cell.name}: {choice.load_cell.source}",
+    }
+    if choice.rod is not None:
+        sources["backbone_rigidity"] = f"{choice.rod.name}: {choice.rod.source}"
+        sources["backbone_length"] = "scaled by r"
+    if choice.encoder is not None:
+        sources["sensors.encoder_bits"] = f"{choice.encoder.name}: {choice.encoder.source}"
+    if changes["stem_diameter"]:
+        sources["stem_diameter"] = "scaled by r"
+    return sources
+
+
+def _made_of(wheel: Wheel) -> str:
+    return "pulley" if wheel.module is None else f"module {1e3 * wheel.module:g} mm, {wheel.teeth} teeth"

@@ -1,0 +1,54 @@
+"""Designs that no other one beats in everything: the Pareto front."""
+
+from collections.abc import Callable
+
+import moocore
+import numpy as np
+from numpy.typing import NDArray
+
+from tenodesis.signals import Array
+
+ERROR_STEP = 0.01
+"""Similarity errors, deg, that a bench cannot tell apart."""
+
+RELATIVE_STEP = 0.01
+"""Relative difference of resolutions, lengths and margins that is none."""
+
+
+def levels(costs: Array) -> Array:
+    """Return costs as numbers of steps that can be told apart.
+
+    Parameters
+    ----------
+    costs
+        Similarity error (deg), force resolution (N), overall length (m) and one over the tension margin; shape (n, 4).
+    """
+    relative = np.round(np.log(costs[:, 1:]) / np.log1p(RELATIVE_STEP))
+    return np.column_stack([np.round(costs[:, 0] / ERROR_STEP), relative])
+
+
+def search(lower: Array, refine: Callable[[NDArray[np.int64]], Array]) -> tuple[NDArray[np.int64], Array]:
+    """Return the numbers of the designs on the front, and their costs; of equal designs, the first.
+
+    Exact, though few designs are refined: one whose lower bounds are beaten by a refined one is beaten itself.
+
+    Parameters
+    ----------
+    lower
+        Lower bounds of the costs, as levels, shape (n, 4).
+    refine
+        Returns the costs of some designs by number, as levels, shape (m, 4).
+    """
+    costs = lower.copy()
+    refined = np.zeros(len(costs), bool)
+    pool = np.arange(len(costs))
+    while True:
+        # Refined ones first: of equal rows the first is kept, and an equal bound promises nothing better.
+        order = np.argsort(~refined[pool], kind="stable")
+        pool = pool[order]
+        front = pool[moocore.is_nondominated(costs[pool])]
+        new = front[~refined[front]]
+        if not new.size:
+            return front, costs[front]
+        costs[new] = refine(new)
+        refined[new] = True

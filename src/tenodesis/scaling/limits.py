@@ -1,0 +1,202 @@
+"""What every scale model must meet: limits, each an amount and the bound it must not pass."""
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import g
+
+from tenodesis.errors import DesignError
+from tenodesis.instrument import Instrument
+from tenodesis.scaling.catalogue import Catalogue
+from tenodesis.signals import Array
+
+Columns = Mapping[str, Array]
+"""Parameters and findings of some scale models, by name, and the rope's breaking load and the larger wheel's size."""
+
+
+class Limit(NamedTuple):
+    """One limit: the constraint it comes from, what it asks, its unit, and amount and bound of every scale model."""
+
+    key: str
+    asks: str
+    amount_is: str
+    unit: str
+    compute: Callable[[Columns], tuple[Array, Array | float]]
+
+    def met(self, columns: Columns) -> NDArray[np.bool_]:
+        """Return which scale models meet it."""
+        amount, bound = self.compute(columns)
+        # A length that is pinned to its bound may be off by rounding.
+        return np.asarray(amount <= bound + 1e-12 * np.abs(bound))
+
+
+class Forces(NamedTuple):
+    """The forces (N, real-size) that the instrument is judged and tested up to."""
+
+    largest: float
+    hung: tuple[float, ...]
+
+
+def forces_of(model: Instrument, catalogue: Catalogue) -> Forces:
+    """Return the forces that a scale model is judged and tested at, N on the real-size instrument.
+
+    Raises
+    ------
+    DesignError
+        A test force exceeds the largest force.
+    """
+    constraints = catalogue.constraints
+    hung = constraints.test_forces or model.conditions.forces or (1.0,)
+    largest = constraints.largest_force or max(model.conditions.forces, default=max(hung))
+    if max(hung) > largest:
+        raise DesignError(
+            f"test_forces go up to {max(hung):g} N and largest_force is {largest:g} N, which contradict each other; "
+            "allowed are test forces up to the largest force."
+        )
+    return Forces(largest, tuple(hung))
+
+
+def limits(catalogue: Catalogue, tests: Forces) -> tuple[Limit, ...]:
+    """Return the limits that a catalogue's constraints and parts set."""
+    constraints = catalogue.constraints
+    rho = constraints.cable_pulley_radius
+    masses = sum(weight.mass * weight.count for weight in catalogue.weights)
+    step = min(weight.mass for weight in catalogue.weights)
+    widest = max(cell.range for cell in catalogue.load_cells)
+    found = [
+        Limit(
+            "handle_range",
+            "the tip bends as far as the handle asks for",
+            "unloaded bend at the end of the handle's range, over the joint's limit",
+            "1",
+            lambda c: (c["unloaded_limit"], 1 - 1e-9),
+        ),
+        Limit(
+            "overall_length",
+            "joints, end-effector and handle fit into the overall length",
+            "their length",
+            "m",
+            lambda c: (c["end_effector_length"] + c["handle_length"] + c["joints_span"], c["tendon_length"]),
+        ),
+        Limit(
+            "tension_margin",
+            f"no rope breaks: a breaking load of {constraints.tension_margin:g} times the largest tension",
+            "breaking load needed",
+            "N",
+            lambda c: (constraints.tension_margin * c["largest_tension"], c["breaking_load"]),
+        ),
+        Limit(
+            "load_cell_margin",
+            f"a load cell with a range of {constraints.load_cell_margin:g} times the largest tension",
+            "range needed",
+            "N",
+            lambda c: (constraints.load_cell_margin * c["largest_tension"], widest),
+        ),
+        Limit(
+            "weights",
+            f"weights for the largest test force, {max(tests.hung):g} N on the real-size instrument",
+            "mass to hang",
+            "kg",
+            lambda c: (
+                max(tests.hung) * c["force_factor"] * c["rig_arm"] / rho / g + 2 * constraints.cable_mass,
+                masses,
+            ),
+        ),
+        Limit(
+            "force_tolerance",
+            f"weights fine enough for the smallest test force, {min(tests.hung):g} N on the real-size instrument, "
+            f"to {100 * constraints.force_tolerance:g} %",
+            "force of half the lightest weight",
+            "N",
+            lambda c: (
+                0.5 * step * g * rho / c["rig_arm"],
+                constraints.force_tolerance * min(tests.hung) * c["force_factor"],
+            ),
+        ),
+    ]
+    if catalogue.encoders:
+        least = min(encoder.least_distal_radius for encoder in catalogue.encoders)
+        found.append(
+            Limit(
+                "encoders",
+                "a distal encoder fits",
+                "distal radius needed",
+                "m",
+                lambda c: (np.full_like(c["distal_radius"], least), c["distal_radius"]),
+            )
+        )
+    if constraints.print_bed is not None:
+        bed = min(constraints.print_bed[:2])
+        found.append(
+            Limit(
+                "print_bed",
+                f"the largest wheel fits on the print bed's {1e3 * bed:g} mm",
+                "its diameter",
+                "m",
+                lambda c: (2 * c["largest_wheel"], bed),
+            )
+        )
+    return tuple(found)
+
+
+class Tally:
+    """Counts which limits, and which two of them, scale models meet, to name what contradicts what."""
+
+    def __init__(self, limits: tuple[Limit, ...]) -> None:
+        self._limits = limits
+        self._both = np.zeros((len(limits), len(limits)), np.int64)
+        self._nearest: list[tuple[float, float, float]] = [(np.inf, np.nan, np.nan)] * len(limits)
+        self._examined = 0
+
+    def feasible(self, columns: Columns) -> NDArray[np.bool_]:
+        """Count some scale models and return which of them meet every limit."""
+        met = np.array([limit.met(columns) for limit in self._limits])
+        counted = met.astype(np.float64)  # exact up to 2**53, and a product that BLAS does
+        self._both += (counted @ counted.T).astype(np.int64)
+        self._examined += met.shape[1]
+        for n, limit in enumerate(self._limits):
+            if not met[n].any():
+                amount, bound = np.broadcast_arrays(*limit.compute(columns))
+                at = int(np.argmin(amount / bound))
+                self._nearest[n] = min(self._nearest[n], (amount[at] / bound[at], amount[at], bound[at]))
+        return np.asarray(met.all(axis=0))
+
+    def unmeetable(self) -> Limit | None:
+        """Return the first limit that no scale model meets, whatever the others do."""
+        met = self._both.diagonal()
+        return next((limit for n, limit in enumerate(self._limits) if not met[n]), None)
+
+    def nearest(self, limit: Limit) -> str:
+        """Say how near scale models come to a limit that none meets."""
+        _, amount, bound = self._nearest[self._limits.index(limit)]
+        return (
+            f"of {self._examined} scale models the nearest has, as {limit.amount_is}, {_told(amount, limit.unit)} "
+            f"against {_told(bound, limit.unit)} there is"
+        )
+
+    def contradiction(self) -> DesignError:
+        """Return the error that says which limit, or which two, cannot be met."""
+        alone = self.unmeetable()
+        if alone is not None:
+            return DesignError(f"{alone.key} cannot be met: {alone.asks}; {self.nearest(alone)}.")
+        met = self._both.diagonal()
+        for i, one in enumerate(self._limits):
+            for j, other in enumerate(self._limits[:i]):
+                if not self._both[i, j]:
+                    return DesignError(
+                        f"{other.key} and {one.key} contradict each other: of {self._examined} scale models {met[j]} "
+                        f"meet the one ({other.asks}), {met[i]} the other ({one.asks}), and none both."
+                    )
+        scarce = sorted(range(len(self._limits)), key=lambda n: met[n])[:3]
+        told = ", ".join(f"{self._limits[n].key} ({met[n]})" for n in scarce)
+        return DesignError(
+            f"no scale model of {self._examined} meets all limits, though any two can be met; fewest meet {told}."
+        )
+
+
+def _told(amount: float, unit: str) -> str:
+    if unit == "m":
+        return f"{1e3 * amount:.4g} mm"
+    return f"{amount:.4g}" if unit == "1" else f"{amount:.4g} {unit}"

@@ -1,0 +1,128 @@
+"""Choices that are fixed beforehand: a catalogue narrowed to them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+
+from tenodesis.errors import DesignError
+from tenodesis.instrument import Instrument, Length, Tension
+from tenodesis.scaling.catalogue import Catalogue
+
+_T = TypeVar("_T")
+
+SAME_LENGTH = 1e-6
+"""Relative difference up to which a length is the one that is pinned."""
+
+_RANGES = ("overall_length", "end_effector_length", "handle_length")
+_PARTS = {"rope": "ropes", "rod": "rods", "load_cell": "load_cells", "encoder": "encoders"}
+_RADII = (
+    "distal_gear_radius",
+    "proximal_gear_radius",
+    "distal_pulley_radius",
+    "proximal_pulley_radius",
+    "distal_tendon_offset",
+)
+PINS = ("factor", *_RANGES, *_RADII, "tendon_diameter", *_PARTS, "spool_radius", "pretension")
+"""What may be pinned."""
+
+
+def parse(pins: Mapping[str, Any], *, file: bool = False) -> dict[str, Any]:
+    """Return pins in SI units.
+
+    Parameters
+    ----------
+    pins
+        Value by key: lengths in m and pretension in N as numbers or text with a unit, parts by name, factor as a
+        number.
+    file
+        Whether numbers must have their units, as in files.
+
+    Raises
+    ------
+    DesignError
+        A key is unknown or a value is not understood.
+    """
+    return {key: _value(key, value, file) for key, value in pins.items()}
+
+
+def _value(key: str, value: Any, file: bool) -> Any:
+    if key not in PINS:
+        raise DesignError(f"{key} cannot be pinned; allowed are {', '.join(PINS)}.")
+    if key in _PARTS:
+        return str(value)
+    kind: Any = Tension if key == "pretension" else float if key == "factor" else Length
+    try:
+        found = TypeAdapter(kind).validate_python(value, context={"file": file})
+    except ValidationError as invalid:
+        told = invalid.errors(include_url=False)[0]["msg"].removeprefix("Value error, ")
+        raise DesignError(f"{key} = {value!r} is pinned: {told}.") from None
+    if key == "factor" and not 0.1 <= found <= 1000:
+        raise DesignError(f"factor = {found:g} is pinned; allowed is a number from 0.1 to 1000.")
+    return found
+
+
+def same(one: float, other: float) -> bool:
+    """Return whether two lengths, m, are the same part's."""
+    return abs(one - other) <= SAME_LENGTH * abs(other)
+
+
+def narrowed(catalogue: Catalogue, pins: Mapping[str, Any]) -> Catalogue:
+    """Return a catalogue that leaves only what is pinned of parts and ranges.
+
+    Radii stay as they are, since they are made of modules and teeth.
+
+    Raises
+    ------
+    DesignError
+        The catalogue has no such part; the message names the nearest.
+    """
+    changes: dict[str, Any] = {}
+    for key, field in _PARTS.items():
+        if key in pins:
+            changes[field] = _only(getattr(catalogue, field), key, pins[key], lambda part: part.name, catalogue)
+    if "tendon_diameter" in pins:
+        ropes = changes.get("ropes", catalogue.ropes)
+        wanted = pins["tendon_diameter"]
+        changes["ropes"] = _nearest(ropes, "tendon_diameter", wanted, lambda rope: rope.diameter, catalogue)
+    if "spool_radius" in pins:
+        changes["spools"] = _nearest(
+            catalogue.spools, "spool_radius", pins["spool_radius"], lambda spool: spool.radius, catalogue
+        )
+    ranges: dict[str, Any] = {key: (pins[key], pins[key]) for key in (*_RANGES, "factor") if key in pins}
+    constraints = catalogue.constraints.model_copy(update=ranges)
+    return catalogue.model_copy(update=changes | {"constraints": constraints})
+
+
+def _only(
+    parts: Sequence[_T], key: str, wanted: str, name: Callable[[_T], str], catalogue: Catalogue
+) -> tuple[_T, ...]:
+    found = tuple(part for part in parts if name(part) == wanted)
+    if not found:
+        names = ", ".join(name(part) for part in parts) or "none"
+        raise DesignError(f"{key} = {wanted!r} is pinned, but catalogue {catalogue.name} has {names}.")
+    return found
+
+
+def _nearest(
+    parts: Sequence[_T], key: str, wanted: float, size: Callable[[_T], float], catalogue: Catalogue
+) -> tuple[_T, ...]:
+    found = tuple(part for part in parts if same(size(part), wanted))
+    if not found:
+        raise missing(key, wanted, [size(part) for part in parts], catalogue)
+    return found
+
+
+def missing(key: str, wanted: float, sizes: Sequence[float], catalogue: Catalogue) -> DesignError:
+    """Return the error that no part has a size (m) that is pinned, with the nearest ones there are."""
+    near = sorted(set(sizes), key=lambda one: abs(one - wanted))[:2]
+    told = " and ".join(f"{1e3 * one:.6g} mm" for one in sorted(near)) or "none"
+    return DesignError(
+        f"{key} = {1e3 * wanted:.6g} mm is pinned, but no part of catalogue {catalogue.name} has it; nearest: {told}."
+    )
+
+
+def radii(inst: Instrument) -> tuple[str, str]:
+    """Return the fields that hold the distal and the proximal radius of an instrument."""
+    fields = {parameter: field for field, parameter in inst.parameter_fields.items()}
+    return fields["distal_radius"], fields["proximal_radius"]

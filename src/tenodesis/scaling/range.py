@@ -1,0 +1,58 @@
+"""The working range that a scale model is judged over: where the real-size instrument has an equilibrium."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tenodesis import _core, statics
+from tenodesis.instrument import Instrument
+from tenodesis.signals import Array
+from tenodesis.similarity import GRID
+
+COARSE = (8, 8)
+"""Handle angles and forces that every combination is judged at."""
+
+
+class Points(NamedTuple):
+    """Handle angles (rad) and forces (N) of the real-size instrument, flat."""
+
+    handle_angle: Array
+    force: Array
+
+    def target(self, model: Instrument) -> _core.SimilarityTarget:
+        """Return what the core judges scale models by: equal loss of dexterity at mid-range."""
+        at_angle = model.output_range / 2
+        return _core.SimilarityTarget(
+            model.spec, self.handle_angle.tolist(), self.force.tolist(), at_angle, model.output_stop
+        )
+
+
+class WorkingRange(NamedTuple):
+    """All points of the grid that the instrument holds, and a few of them that reach as far."""
+
+    fine: Points
+    coarse: Points
+
+
+def working_range(model: Instrument, largest_force: float) -> WorkingRange:
+    """Return where an instrument is judged, up to a force (N) and over its range of output angles.
+
+    The few points are some of the many, up to the largest force held at each of their handle angles, so that an error
+    over them is never larger than over all.
+    """
+    reach = statics.reach(model)
+    handle = np.linspace(-reach, reach, GRID[0])
+    force = np.linspace(0.0, largest_force, GRID[1])
+    held = np.isfinite(statics.output_angle(model, handle[:, None], force))
+    rows, columns = np.nonzero(held)
+    chosen = [
+        (row, column)
+        for row in _spread(np.unique(rows), COARSE[0])
+        for column in _spread(columns[rows == row], COARSE[1])
+    ]
+    few = tuple(np.array(chosen).T)
+    return WorkingRange(Points(handle[rows], force[columns]), Points(handle[few[0]], force[few[1]]))
+
+
+def _spread(numbers: Array, count: int) -> list[int]:
+    return [int(numbers[round(at)]) for at in np.linspace(0, numbers.size - 1, count)]

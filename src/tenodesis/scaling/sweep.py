@@ -1,0 +1,240 @@
+"""Judge every scale model that parts and lengths allow, and find the front."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.constants import g
+
+from tenodesis import _core
+from tenodesis.errors import DesignError
+from tenodesis.instrument import Instrument
+from tenodesis.scaling import front
+from tenodesis.scaling.candidates import COMBINATIONS, Candidates, candidates
+from tenodesis.scaling.catalogue import Catalogue, LoadCell
+from tenodesis.scaling.limits import Forces, Tally, forces_of, limits
+from tenodesis.scaling.pins import radii
+from tenodesis.scaling.range import WorkingRange, working_range
+from tenodesis.signals import Array
+from tenodesis.threads import threads
+
+FINDINGS = tuple(_core.findings())
+"""What the core finds of a scale model, in its order."""
+
+_CHUNK = 65_536
+_REFINED_AT_ONCE = 4096
+RANGES = ("factor", "overall_length", "end_effector_length", "handle_length")
+"""Constraints that are ranges."""
+
+_WIDER = 4.0
+_TRIED = 50_000
+
+Progress = Callable[[str, int, int], object]
+"""Called with what is being done, how much of it is done, and how much there is."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """The scale models of an instrument that meet every limit, and which of them no other beats in everything.
+
+    `costs` are similarity error (deg), force resolution (N, real-size), overall length (m) and one over the tension
+    margin, of the designs on the front, in the order of the error; `numbers` are theirs among the candidates.
+    """
+
+    model: Instrument
+    catalogue: Catalogue
+    candidates: Candidates
+    tests: Forces
+    range: WorkingRange
+    feasible: int
+    numbers: NDArray[np.int64]
+    costs: Array
+
+    @property
+    def examined(self) -> int:
+        """How many scale models were judged."""
+        return len(self.candidates)
+
+
+class Judge:
+    """Finds what there is to know of scale models by number; see :class:`Sweep` for the costs."""
+
+    def __init__(self, found: Candidates, catalogue: Catalogue, span: WorkingRange) -> None:
+        self._candidates = found
+        self._span = span
+        self._catalogue = catalogue
+        self._cells = sorted(catalogue.load_cells, key=lambda cell: (cell.range, cell.resolution))
+        self._largest_wheel = np.array([max(wheel.tip_radius for wheel in pair) for pair in found.pairs])
+        self._breaking_load = np.array([rope.breaking_load for rope in found.ropes])
+
+    @cached_property
+    def _coarse(self) -> _core.SimilarityTarget:
+        return self._span.coarse.target(self._candidates.model)
+
+    @cached_property
+    def _fine(self) -> _core.SimilarityTarget:
+        return self._span.fine.target(self._candidates.model)
+
+    def columns(self, numbers: NDArray[np.int64], *, fine: bool = False) -> dict[str, Array]:
+        """Return parameters and findings of scale models by name, over few points of the working range or all."""
+        columns = self._candidates.columns(numbers)
+        rows = self._candidates.rows(columns)
+        found = np.empty((numbers.size, len(FINDINGS)))
+        pretension = np.full(numbers.size, self._candidates.pretension)
+        (self._fine if fine else self._coarse).judge(rows, pretension, found, threads())
+        pair, rope, *_ = np.unravel_index(numbers, self._candidates.shape)
+        extra = {"largest_wheel": self._largest_wheel[pair], "breaking_load": self._breaking_load[rope]}
+        return columns | dict(zip(FINDINGS, found.T, strict=True)) | extra
+
+    def load_cell(self, largest_tension: float) -> LoadCell:
+        """Return the load cell with the least range that suits a tension (N)."""
+        return self._cells[int(self._cell(np.array([largest_tension]))[0])]
+
+    def _cell(self, largest_tension: Array) -> NDArray[np.int64]:
+        ranges = np.array([cell.range for cell in self._cells])
+        needed = self._catalogue.constraints.load_cell_margin * largest_tension
+        return np.minimum(np.searchsorted(ranges, needed * (1 - 1e-12)), len(self._cells) - 1)
+
+    def costs(self, columns: Mapping[str, Array]) -> Array:
+        """Return the costs of scale models, shape (n, 4)."""
+        resolution = np.array([cell.resolution for cell in self._cells])[self._cell(columns["largest_tension"])]
+        return np.column_stack(
+            [
+                np.degrees(columns["largest_error"]),
+                np.maximum(self._weight_step(columns), tip_force(resolution, columns)),
+                columns["tendon_length"],
+                columns["largest_tension"] / columns["breaking_load"],
+            ]
+        )
+
+    def _weight_step(self, columns: Mapping[str, Array]) -> Array:
+        lightest = min(weight.mass for weight in self._catalogue.weights)
+        rho = self._catalogue.constraints.cable_pulley_radius
+        step: Array = lightest * g * rho / columns["rig_arm"] / columns["force_factor"]
+        return step
+
+
+def tip_force(tension_resolution: Any, columns: Mapping[str, Any]) -> Any:
+    """Return the force at the real-size tip (N) that two load cells can just tell.
+
+    Parameters
+    ----------
+    tension_resolution
+        Resolution of a load cell, N.
+    columns
+        Tension difference per tip force and force factor, as the core finds them.
+    """
+    return sqrt(2) * tension_resolution / columns["tension_per_force"] / columns["force_factor"]
+
+
+def sweep(
+    model: Instrument,
+    catalogue: Catalogue,
+    pins: Mapping[str, Any],
+    *,
+    combinations: int = COMBINATIONS,
+    progress: Progress = lambda *_: None,
+) -> Sweep:
+    """Judge every scale model of an instrument by the full frictionless model, and find the front.
+
+    Parameters
+    ----------
+    model
+        The real-size instrument, one axis.
+    catalogue
+        Parts and constraints, narrowed to what is pinned.
+    pins
+        What is pinned, in SI units.
+    combinations
+        About how many scale models to judge.
+    progress
+        Called as the work goes on.
+
+    Raises
+    ------
+    DesignError
+        No scale model meets the constraints.
+    """
+    tests = forces_of(model, catalogue)
+    found = candidates(model, catalogue, pins, combinations)
+    span = working_range(model, tests.largest)
+    judge = Judge(found, catalogue, span)
+    tally = Tally(limits(catalogue, tests))
+    numbers, costs = [], []
+    for chunk in found.chunks(_CHUNK):
+        columns = judge.columns(chunk)
+        feasible = tally.feasible(columns)
+        numbers.append(chunk[feasible])
+        costs.append(judge.costs({name: values[feasible] for name, values in columns.items()}))
+        progress("judging", int(chunk[-1]) + 1, len(found))
+    held, lower = np.concatenate(numbers), np.concatenate(costs)
+    if not held.size:
+        raise contradiction(model, catalogue, pins, tally, span)
+
+    exact = lower.copy()
+    refined = 0
+
+    def refine(rows: NDArray[np.int64]) -> Array:
+        nonlocal refined
+        for part in np.array_split(rows, -(-rows.size // _REFINED_AT_ONCE)):
+            exact[part, 0] = np.degrees(_errors(judge, held[part]))
+            refined += part.size
+            progress("refining the front", refined, refined + rows.size)
+        return front.levels(exact[rows])
+
+    best, _ = front.search(front.levels(lower), refine)
+    by_level = np.column_stack([front.levels(exact[best])[:, 0], exact[best, 1:]])
+    best = best[np.lexsort(by_level.T[::-1])]
+    return Sweep(model, catalogue, found, tests, span, held.size, held[best], exact[best])
+
+
+def contradiction(
+    model: Instrument, catalogue: Catalogue, pins: Mapping[str, Any], tally: Tally, span: WorkingRange
+) -> DesignError:
+    """Return the error that says which two constraints contradict each other, if it is two.
+
+    A limit that nothing meets stands against one of the ranges, if it can be met with that range wider.
+    """
+    limit = tally.unmeetable()
+    if limit is None:
+        return tally.contradiction()
+    for key, asked, wider, free in _widened(model, catalogue, pins):
+        try:
+            found = candidates(model, wider, free, _TRIED)
+        except DesignError:
+            continue
+        judge = Judge(found, wider, span)
+        if any(limit.met(judge.columns(chunk)).any() for chunk in found.chunks(_CHUNK)):
+            return DesignError(
+                f"{limit.key} and {key} contradict each other: {limit.asks}, and {asked}; {tally.nearest(limit)}, but "
+                f"another {key} would do."
+            )
+    return tally.contradiction()
+
+
+def _widened(
+    model: Instrument, catalogue: Catalogue, pins: Mapping[str, Any]
+) -> Iterator[tuple[str, str, Catalogue, Mapping[str, Any]]]:
+    """Yield, one range or pin at a time, its key, what it asks, and catalogue and pins without it."""
+    for key in pins:
+        if key in (*radii(model), "pretension"):
+            free = {name: value for name, value in pins.items() if name != key}
+            yield key, f"{key} is pinned", catalogue, free
+    ranges = {key: getattr(catalogue.constraints, key) for key in RANGES}
+    # What is pinned is the likelier to be asked too much of.
+    for key, asked in sorted(ranges.items(), key=lambda item: item[1] is None or item[1][0] != item[1][1]):
+        if asked is not None:
+            wider = {key: (asked[0] / _WIDER, asked[1] * _WIDER)}
+            unit, scale = ("", 1.0) if key == "factor" else (" mm", 1e3)
+            low, high = (f"{scale * bound:g}" for bound in asked)
+            told = f"{key} is {low}{unit}" if low == high else f"{key} is {low} to {high}{unit}"
+            constraints = catalogue.constraints.model_copy(update=wider)
+            yield key, told, catalogue.model_copy(update={"constraints": constraints}), pins
+
+
+def _errors(judge: Judge, numbers: NDArray[np.int64]) -> Array:
+    return judge.columns(numbers, fine=True)["largest_error"]

@@ -1,0 +1,78 @@
+"""By which factors what was measured on a scaled-up instrument is carried to the real-size one."""
+
+import math
+from collections.abc import Mapping
+
+from tenodesis import twin
+from tenodesis.instrument import Instrument
+from tenodesis.similarity import Comparison, compare
+
+KEYS = (
+    "length",
+    "force",
+    "tension",
+    "torque",
+    "handle_torque",
+    "motor_stroke",
+    "spool_angle",
+    "spool_velocity",
+    "time",
+)
+"""The factors, as :attr:`tenodesis.similarity.Comparison.factors` has them: scaled-up over real-size."""
+
+QUANTITY = {
+    "force": "force",
+    "estimated_force": "force",
+    "estimated_force_std": "force",
+    # A radial force bends the joint by its radius alone, as a tension does, and not by the end-effector's length.
+    "radial_force": "tension",
+    "measured_tension": "tension",
+    "tension": "tension",
+    "distal_tension": "tension",
+    "handle_torque": "handle_torque",
+    "measured_spool_angle": "spool_angle",
+    "spool_angle": "spool_angle",
+    "commanded_spool_velocity": "spool_velocity",
+    "spool_velocity": "spool_velocity",
+    "output_velocity": "output_velocity",
+}
+"""What scales a signal, by its name; the others are the same on both: angles, numbers and states."""
+
+
+def as_it_is(inst: Instrument) -> Instrument:
+    """Return an instrument of one axis with the stiffness and pretension that its table mismatch says it truly has."""
+    mismatch = inst.mismatch
+    if mismatch.stiffness_ratio == 1 and mismatch.pretension_ratio == 1:
+        return inst
+    return inst.replace(
+        **{
+            "tendon_stiffness": inst.tendon_stiffness * mismatch.stiffness_ratio,
+            "pretension": inst.pretension * mismatch.pretension_ratio,
+            "mismatch.stiffness_ratio": None,
+            "mismatch.pretension_ratio": None,
+            # An inertia that is not given would follow the stiffness.
+            "dynamics.tip_inertia": twin.numbers(inst)["tip_inertia"],
+        }
+    )
+
+
+def comparison(model: Instrument, prototype: Instrument) -> Comparison:
+    """Return the comparison of two instruments of one axis as they are, tables mismatch included."""
+    return compare(as_it_is(model), as_it_is(prototype))
+
+
+def factors(compared: Comparison, time_factor: float | None = None) -> Mapping[str, float]:
+    """Return the factors of two instruments, scaled-up over real-size, by :data:`KEYS`, and that of angular velocity.
+
+    Raises
+    ------
+    ValueError
+        A time factor is given that is no number above 0.
+    """
+    found = {key: float(compared.factors[key]) for key in KEYS}
+    if time_factor is not None:
+        if not 0 < time_factor < math.inf:
+            raise ValueError(f"time_factor is {time_factor!r}; allowed is a number above 0.")
+        found["time"] = float(time_factor)
+        found["spool_velocity"] = found["spool_angle"] / found["time"]
+    return found | {"output_velocity": 1 / found["time"]}

@@ -1,0 +1,105 @@
+"""Carry friction identified on a scaled-up instrument into the file of the real-size one."""
+
+from collections.abc import Mapping
+from math import degrees
+from typing import TypeVar
+
+from tenodesis.errors import InstrumentError
+from tenodesis.instrument import Instrument
+from tenodesis.scaling.transfer_factors import comparison, factors
+
+_T = TypeVar("_T", bound=Instrument)
+
+
+def carry_friction(scaled: Instrument, model: _T, *, source: str = "", time_factor: float | None = None) -> _T:
+    """Return the real-size instrument with the friction of the scaled-up one.
+
+    Coefficients and bends are what they are, since capstan friction knows no scale; a constant friction scales as a
+    tension, viscous friction and the speed and memory of the Stribeck law by their dimensions.
+
+    Parameters
+    ----------
+    scaled
+        The scaled-up instrument, its friction identified.
+    model
+        The real-size instrument; of its file only the table friction and where that is from change.
+    source
+        The file of the scaled-up instrument or recording, for the sources; its name alone if not given.
+    time_factor
+        Factor of time; by default that of the tips' swings.
+
+    Raises
+    ------
+    InstrumentError
+        The scaled-up instrument has no friction, no axis or another joint type in common, or the carried friction is
+        not allowed.
+    """
+    if scaled.friction.law == "none":
+        raise InstrumentError(
+            f"{scaled.name} has no friction to carry over; allowed is one with a friction.law other than none."
+        )
+    axis = shared_axes(scaled, model)[0]
+    scale = factors(comparison(model.axis(axis), scaled.axis(axis)), time_factor)
+    sources = {key: text for key, text in model.sources.items() if key.partition(".")[0] != "friction"}
+    sources["friction"] = f"carried over from {scaled.name}" + (f" ({source})" if source else "")
+    return model.replace(friction=_scaled(scaled, scale), sources=sources)
+
+
+def shared_axes(scaled: Instrument, model: Instrument) -> tuple[str, ...]:
+    """Return the axes of the scaled-up instrument.
+
+    Raises
+    ------
+    InstrumentError
+        The real-size one lacks one of them, or has another joint type.
+    """
+    if scaled.joint_type != model.joint_type:
+        raise InstrumentError(
+            f"{scaled.name} has joint_type {scaled.joint_type}, {model.name} {model.joint_type}; "
+            "allowed to carry over are results of an instrument of the same joint type."
+        )
+    for axis in scaled.axes:
+        model.axis(axis)
+    return scaled.axes
+
+
+def left_behind(scaled: Instrument) -> tuple[str, ...]:
+    """Return sentences on what the scaled-up instrument's table mismatch tells and no other instrument inherits."""
+    mismatch = scaled.mismatch
+    sentences = []
+    if mismatch.stiffness_ratio != 1:
+        sentences.append(
+            f"{scaled.name} has mismatch.stiffness_ratio {mismatch.stiffness_ratio:g}: a property of its ropes, which "
+            "is not carried over; the factors are those of the ropes as they are."
+        )
+    errors = {
+        "handle_encoder_offset": f"{degrees(mismatch.handle_encoder_offset):.3g} deg",
+        "output_encoder_offset": f"{degrees(mismatch.output_encoder_offset):.3g} deg",
+        "load_cell_gain": f"{mismatch.load_cell_gain[0]:g} and {mismatch.load_cell_gain[1]:g}",
+        "load_cell_bias": f"{mismatch.load_cell_bias[0]:g} N and {mismatch.load_cell_bias[1]:g} N",
+    }
+    defaults = type(mismatch)()
+    found = [f"{key} {text}" for key, text in errors.items() if getattr(mismatch, key) != getattr(defaults, key)]
+    if found:
+        sentences.append(
+            f"{scaled.name} has mismatch.{', '.join(found)}: measured signals are carried over as they were read."
+        )
+    return tuple(sentences)
+
+
+def _scaled(scaled: Instrument, scale: Mapping[str, float]) -> dict[str, object]:
+    """Return the table friction of the real-size file, without what is by default or its law does not know."""
+    friction = scaled.friction
+    speed = scale["motor_stroke"] / scale["time"]
+    by_dimension = {
+        "constant": scale["tension"],
+        "viscous": scale["tension"] / speed,
+        "stribeck_speed": speed,
+        "memory": scale["time"],
+    }
+    of_stribeck = {"stribeck_speed", "memory"}
+    given = friction.model_dump(exclude_defaults=True).keys() - of_stribeck
+    if friction.law == "stribeck":
+        given |= of_stribeck
+    values = {key: getattr(friction, key) for key in type(friction).model_fields if key in given}
+    return {key: value / by_dimension[key] if key in by_dimension else value for key, value in values.items()}

@@ -1,0 +1,168 @@
+"""The dimensionless groups of the whole model, by what each of them governs."""
+
+from math import isnan, nan
+from typing import Literal, NamedTuple, TypeAlias
+
+from tenodesis import _core, statics, twin
+from tenodesis.instrument import Instrument
+from tenodesis.similarity.parameters import tension_scale
+
+Kind: TypeAlias = Literal["elastic", "load", "pretension", "slack", "friction", "handle", "motor", "inertia"]
+
+SAME = 1e-9
+"""Relative difference up to which two groups count as equal."""
+
+
+class Definition(NamedTuple):
+    """What a group governs, and what it is."""
+
+    kind: Kind
+    meaning: str
+
+
+DEFINITIONS: dict[str, Definition] = {
+    "R/r": Definition("elastic", "proximal over distal radius: output angle per handle angle (eq. 18)"),
+    "l_d/r": Definition("elastic", "end-effector over distal radius: tendon tension per tip force (eq. 1)"),
+    "L_b/r": Definition("elastic", "length of the backbone over the tendons' offset"),
+    "EI/(k r^2 L_b)": Definition("elastic", "bending stiffness of the backbone over that of one tendon"),
+    "handle share": Definition("elastic", "share of the tendon's compliance between spool and handle joint"),
+    "proximal joint share": Definition("elastic", "share of the tendon's compliance in the handle's joint"),
+    "stem share": Definition("elastic", "share of the tendon's compliance in the stem"),
+    "distal joint share": Definition("elastic", "share of the tendon's compliance in the tip's joint"),
+    "theta_stop": Definition("elastic", "output angle of the mechanical stop, rad"),
+    "F/(kr)": Definition("load", "tip force over the tension that stretches a tendon by the distal radius"),
+    "Theta": Definition("load", "loss of dexterity at mid-range under the largest force, rad (eq. 17)"),
+    "T_o/(kr)": Definition("pretension", "pretension over the tension that stretches a tendon by the distal radius"),
+    "F_slack/F": Definition(
+        "slack", "force that slackens a tendon at the straight tip, over the largest force (eq. 8)"
+    ),
+    "mu": Definition("friction", "friction coefficient at the joints' vertices"),
+    "mu_s": Definition("friction", "friction coefficient in the sheath"),
+    "phi_s": Definition("friction", "bend of the sheath with the handle straight, rad"),
+    "dphi_s/dtheta_h": Definition("friction", "bend of the sheath added per angle of the handle"),
+    "n_s": Definition("friction", "contacts that make up the sheath"),
+    "f_c/(kr)": Definition("friction", "constant friction of a joint over k r"),
+    "c_v/(kt)": Definition("friction", "viscous friction of a joint over stiffness times the tip's time"),
+    "mu_0/mu": Definition("friction", "static over kinetic friction coefficient"),
+    "v_S t/r": Definition("friction", "Stribeck speed by the tip's time over the distal radius"),
+    "t_f/t": Definition("friction", "time by which friction lags over the tip's time"),
+    "l_p/R": Definition("handle", "handle over proximal radius: governs the torque at the handle only (eq. 13)"),
+    "v_m t/r": Definition("motor", "largest tendon speed of the drive by the tip's time over the distal radius"),
+    "a_m t^2/r": Definition("motor", "largest tendon acceleration of the drive, likewise"),
+    "t_m/t": Definition("motor", "time constant of the drive over the tip's time"),
+    "b r_s/r": Definition("motor", "tendon length within the drive's backlash over the distal radius"),
+    "q r_s/r": Definition("motor", "tendon length per count of the motor's encoder over the distal radius"),
+    "J/(kappa t^2)": Definition("inertia", "tip inertia over stiffness by time squared, times by the time factor"),
+    "zeta": Definition("inertia", "damping ratio of the straight, unloaded tip"),
+    "K_h/(k R^2)": Definition("inertia", "stiffness of the hand over that of one tendon at the handle"),
+    "J_h/(K_h t^2)": Definition("inertia", "inertia of the hand over its stiffness by the tip's time squared"),
+    "c_h/(K_h t)": Definition("inertia", "damping of the hand over its stiffness by the tip's time"),
+}
+"""Every group by name, in the order they are shown in; the tip's time t is that of :func:`unit_of_time`."""
+
+
+class Group(NamedTuple):
+    """A dimensionless group of the model and its value in both instruments; NaN for one that has no such group."""
+
+    name: str
+    kind: Kind
+    model: float
+    prototype: float
+
+    @property
+    def meaning(self) -> str:
+        """What the group is, in one line."""
+        return DEFINITIONS[self.name].meaning
+
+    @property
+    def ratio(self) -> float:
+        """Prototype over model, NaN where the model's is zero."""
+        return self.prototype / self.model if self.model else nan
+
+    @property
+    def matches(self) -> bool:
+        """Whether the group is the same in both instruments."""
+        return abs(self.prototype - self.model) <= SAME * abs(self.model)
+
+
+def unit_of_time(inst: Instrument) -> float:
+    """Return sqrt(J / kappa), the time of the straight tip's swing over two pi, s."""
+    return 1 / twin.swing(inst)
+
+
+def groups_of(inst: Instrument) -> dict[str, float]:
+    """Return the groups of one instrument by name, but for those of the load (Tables I and II, physics of the twin).
+
+    The spools' radius is a factor and no group: only the tendon length it winds counts. Groups of the Stribeck law
+    and of a hand that gives way are there for instruments that have them.
+    """
+    numbers = twin.numbers(inst)
+    distal, proximal = numbers["distal_radius"], numbers["proximal_radius"]
+    stiffness, tension, time = inst.tendon_stiffness, tension_scale(inst), unit_of_time(inst)
+    in_handle, (at_handle, at_tip) = numbers["handle_length_share"], _core.joint_shares(inst.spec)
+    spool = numbers["spool_radius"]
+    kappa = float(statics.flexural_stiffness(inst, 0.0))
+    groups = {
+        "R/r": proximal / distal,
+        "l_d/r": numbers["end_effector_length"] / distal,
+        "l_p/R": numbers["handle_length"] / proximal,
+        "T_o/(kr)": inst.pretension / tension,
+        "handle share": in_handle,
+        "proximal joint share": at_handle,
+        "stem share": 1 - in_handle - at_handle - at_tip,
+        "distal joint share": at_tip,
+        "theta_stop": numbers["output_stop"],
+        "mu": numbers["vertex_coefficient"],
+        "mu_s": numbers["sheath_coefficient"],
+        "phi_s": numbers["sheath_bend"],
+        "dphi_s/dtheta_h": numbers["sheath_bend_rate"],
+        "n_s": float(inst.friction.sheath_contacts),
+        "f_c/(kr)": numbers["constant"] / tension,
+        "c_v/(kt)": numbers["viscous"] / (stiffness * time),
+        "v_m t/r": spool * numbers["spool_speed_limit"] * time / distal,
+        "a_m t^2/r": spool * numbers["spool_acceleration_limit"] * time**2 / distal,
+        "t_m/t": numbers["drive_time_constant"] / time,
+        "b r_s/r": spool * numbers["backlash"] / distal,
+        "q r_s/r": spool * numbers["motor_encoder_resolution"] / distal,
+        "zeta": numbers["tip_damping"] / (2 * kappa * time),
+    }
+    if inst.joint_type == "continuum":
+        length = numbers["backbone_length"]
+        groups |= {
+            "L_b/r": length / distal,
+            "EI/(k r^2 L_b)": numbers["backbone_rigidity"] / (stiffness * distal**2 * length),
+        }
+    if inst.friction.law == "stribeck":
+        groups |= {
+            "mu_0/mu": numbers["static_ratio"],
+            "v_S t/r": numbers["stribeck_speed"] * time / distal,
+            "t_f/t": numbers["memory"] / time,
+        }
+    hand = numbers["hand_stiffness"]
+    if hand:
+        groups |= {
+            "K_h/(k R^2)": hand / (stiffness * proximal**2),
+            "J_h/(K_h t^2)": numbers["hand_inertia"] / (hand * time**2),
+            "c_h/(K_h t)": numbers["hand_damping"] / (hand * time),
+        }
+    return groups
+
+
+def groups_under_load(inst: Instrument, force: float, mid_range: float, time: float) -> dict[str, float]:
+    """Return the groups of load, slack and inertia at a tip force (N), an output angle (rad) and a time (s)."""
+    return {
+        "F/(kr)": force / tension_scale(inst),
+        "Theta": float(statics.loss_of_dexterity(inst, mid_range, force)),
+        "F_slack/F": float(statics.slack_force(inst, 0.0)) / force,
+        "J/(kappa t^2)": (unit_of_time(inst) / time) ** 2,
+    }
+
+
+def paired(model: dict[str, float], prototype: dict[str, float]) -> tuple[Group, ...]:
+    """Return the groups that either instrument has, in the order of their definitions."""
+    pairs = ((name, model.get(name, nan), prototype.get(name, nan)) for name in DEFINITIONS)
+    return tuple(
+        Group(name, DEFINITIONS[name].kind, ours, theirs)
+        for name, ours, theirs in pairs
+        if not (isnan(ours) and isnan(theirs))
+    )

@@ -1,0 +1,33 @@
+"""Parameters of an instrument by the core's names, whatever its joint type calls them."""
+
+from tenodesis import _core
+from tenodesis.instrument import Instrument
+
+
+def field_of(inst: Instrument, parameter: str) -> str:
+    """Return the field that sets a parameter of the core.
+
+    Raises
+    ------
+    KeyError
+        The joint type has no such parameter.
+    """
+    for field, name in inst.parameter_fields.items():
+        if name == parameter:
+            return field
+    raise KeyError(parameter)
+
+
+def value_of(inst: Instrument, parameter: str) -> float:
+    """Return a parameter of the core, in SI units."""
+    return float(getattr(inst, field_of(inst, parameter)))
+
+
+def tension_scale(inst: Instrument) -> float:
+    """Return k r, the tension that stretches a tendon by the distal radius, N (Table II)."""
+    return _core.tension_scale(inst.spec)
+
+
+def alone(inst: Instrument) -> Instrument:
+    """Return the instrument of the first axis, which an instrument of two is judged by."""
+    return inst if len(inst.axes) == 1 else inst.axis(inst.axes[0])

@@ -1,0 +1,88 @@
+"""An instrument made to have given groups, keeping another's mechanism, distal radius, tendon stiffness and time."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from tenodesis import _core
+from tenodesis.hardware import FrictionLaw
+from tenodesis.instrument import Instrument
+from tenodesis.similarity.groups import unit_of_time
+from tenodesis.similarity.parameters import field_of, tension_scale, value_of
+
+_LAWS: tuple[FrictionLaw, ...] = ("none", "capstan", "capstan-constant", "stribeck")
+
+COUPLED = ("R/r", "l_d/r", "L_b/r", "EI/(k r^2 L_b)", "T_o/(kr)")
+"""Groups of the frictionless model that an instrument can be given."""
+
+SEGMENTS = ("handle share", "distal joint share")
+"""Groups of the compliance: the proximal joint's share follows with R/r, the stem's is what is left."""
+
+FRICTION = ("mu", "mu_s", "phi_s", "dphi_s/dtheta_h", "f_c/(kr)", "c_v/(kt)", "mu_0/mu", "v_S t/r", "t_f/t")
+"""Groups of friction that an instrument can be given."""
+
+_NEUTRAL = {"mu_0/mu": 1.0}
+
+
+class Realisation(NamedTuple):
+    """What instruments with given groups are made from."""
+
+    template: Instrument
+    law: FrictionLaw
+    handle_range: float
+
+    def instrument(self, groups: Mapping[str, float]) -> Instrument:
+        """Return the instrument that has these groups and else the template's.
+
+        Raises
+        ------
+        InstrumentError
+            No instrument can have them.
+        """
+        inst = self.template
+        radius, stiffness, time = value_of(inst, "distal_radius"), inst.tendon_stiffness, unit_of_time(inst)
+        tension = tension_scale(inst)
+        units = {
+            "mu": ("friction.vertex_coefficient", 1.0),
+            "mu_s": ("friction.sheath_coefficient", 1.0),
+            "phi_s": ("friction.sheath_bend", 1.0),
+            "dphi_s/dtheta_h": ("friction.sheath_bend_per_handle_angle", 1.0),
+            "f_c/(kr)": ("friction.constant", tension),
+            "c_v/(kt)": ("friction.viscous", stiffness * time),
+            "mu_0/mu": ("friction.static_ratio", 1.0),
+            "v_S t/r": ("friction.stribeck_speed", radius / time),
+            "t_f/t": ("friction.memory", time),
+            "R/r": (field_of(inst, "proximal_radius"), radius),
+            "l_d/r": ("end_effector_length", radius),
+            "T_o/(kr)": ("pretension", tension),
+        }
+        changes: dict[str, Any] = {units[name][0]: groups[name] * units[name][1] for name in units if name in groups}
+        length = inst.tendon_length or inst.overall_length
+        if "distal joint share" in groups:
+            length *= _core.joint_shares(inst.spec)[1] / groups["distal joint share"]
+        if "handle share" in groups:
+            changes["handle_length"] = groups["handle share"] * length
+        if "L_b/r" in groups:
+            backbone = groups["L_b/r"] * radius
+            changes[field_of(inst, "backbone_length")] = backbone
+            changes[field_of(inst, "backbone_rigidity")] = groups["EI/(k r^2 L_b)"] * stiffness * radius**2 * backbone
+        return inst.replace(
+            **{"friction.law": self.law},
+            **changes,
+            tendon_stiffness=stiffness,
+            tendon_modulus=None,
+            tendon_diameter=None,
+            tendon_length=length,
+            breaking_load=None,
+            handle_range=self.handle_range,
+        )
+
+
+def law_of_both(model: Instrument, prototype: Instrument) -> FrictionLaw:
+    """Return the friction law that both instruments' laws are cases of."""
+    return max(model.friction.law, prototype.friction.law, key=_LAWS.index)
+
+
+def friction_of(groups: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
+    """Return an instrument's groups of friction; those that only the other has are such that they do nothing."""
+    idle = dict(other) | _NEUTRAL
+    return {name: groups.get(name, idle.get(name, 0.0)) for name in FRICTION if name in groups or name in other}

@@ -1,0 +1,56 @@
+"""The experiment of a study: under a constant load the handle flexes, goes a little beyond, comes back and flexes."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tenodesis import statics
+from tenodesis.instrument import Instrument
+from tenodesis.signals import Array
+
+STEPS = 24
+"""Steps from straight to the working range's end."""
+BEYOND = 6
+"""Steps beyond it, so that every contact slides back before the end is approached in extension."""
+LOADING = 8
+SPEED = float(np.radians(10))
+"""Of the handle, rad/s; only viscous friction feels it."""
+
+
+class Cycle(NamedTuple):
+    """The handle's way (rad) and the share of the load on it, by step, with where on it the responses are read."""
+
+    handle: Array
+    load: Array
+    end: float
+    """Handle angle at the working range's end, rad."""
+    time_step: float
+
+    @property
+    def extension(self) -> slice:
+        """Steps from the end back to straight."""
+        first = LOADING + BEYOND + STEPS + BEYOND - 1
+        return slice(first, first + STEPS + 1)
+
+    @property
+    def flexion(self) -> slice:
+        """Steps from straight to the end, the second time."""
+        last = len(self.handle)
+        return slice(last - STEPS - 1, last)
+
+
+def cycle(model: Instrument, prototype: Instrument) -> Cycle:
+    """Return the cycle of two instruments.
+
+    It goes to the end of the real-size instrument's working range, or less far where either handle does not reach a
+    quarter beyond it.
+    """
+    room = min(model.handle_range, prototype.handle_range) / (1 + BEYOND / STEPS)
+    end = min(statics.reach(model), room)
+    top = STEPS + BEYOND
+    nodes = np.concatenate(
+        [np.zeros(LOADING), np.arange(1, top + 1), np.arange(top - 1, -1, -1), np.arange(1, STEPS + 1)]
+    )
+    load = np.ones(nodes.size)
+    load[:LOADING] = np.arange(1, LOADING + 1) / LOADING
+    return Cycle(nodes * (end / STEPS), load, end, end / STEPS / SPEED)

@@ -1,0 +1,87 @@
+"""Tolerances where none are given: a workshop's general tolerances, and what an identification leaves open."""
+
+from typing import Any
+
+from tenodesis.instrument import Instrument
+from tenodesis.tolerance.files import Tolerance, Tolerances
+
+_FINE = ((6e-3, 0.05), (30e-3, 0.1), (120e-3, 0.15), (400e-3, 0.2), (1.0, 0.3))
+_MEDIUM = ((6e-3, 0.1), (30e-3, 0.2), (120e-3, 0.3), (400e-3, 0.5), (1.0, 0.8))
+# Up to this dimension (m), by half width (mm); beyond the last, the class from 1 to 2 m.
+_BEYOND = {"f": 0.5, "m": 1.2}
+
+_RADII = (
+    "distal_gear_radius",
+    "proximal_gear_radius",
+    "distal_pulley_radius",
+    "proximal_pulley_radius",
+    "distal_tendon_offset",
+)
+_LENGTHS = ("overall_length", "end_effector_length", "handle_length", "backbone_length")
+_STIFFNESS = "ours: a pull test of rope and terminations"
+_IDENTIFIED = "ours: several coefficients fit one bench's readings alike, see the comments of scaled-up.toml"
+_IDENTIFICATION: dict[str, dict[str, Any]] = {
+    "tendon_modulus": {"distribution": "normal", "standard_deviation": "5 %", "source": _STIFFNESS},
+    "tendon_stiffness": {"distribution": "normal", "standard_deviation": "5 %", "source": _STIFFNESS},
+    "backbone_rigidity": {"distribution": "normal", "standard_deviation": "5 %", "source": "ours: a bending test"},
+    "pretension": {
+        "distribution": "normal",
+        "standard_deviation": "5 %",
+        "source": "ours: set by load cells beside the spools, with the sheath's friction between them and the joints",
+    },
+    "friction.vertex_coefficient": {
+        "distribution": "normal",
+        "standard_deviation": "20 %",
+        "source": _IDENTIFIED,
+    },
+    "friction.sheath_coefficient": {
+        "distribution": "normal",
+        "standard_deviation": "20 %",
+        "source": _IDENTIFIED,
+    },
+    "friction.sheath_bend": {
+        "distribution": "uniform",
+        "half_width": "50 %",
+        "source": "ours: how the hand leads the sheath",
+    },
+}
+
+
+def default(prototype: Instrument) -> Tolerances:
+    """Return the tolerances of a scaled-up instrument for which none are given.
+
+    Radii have ISO 2768-1 class f, lengths class m, each as a half width by its size; stiffness, pretension and friction
+    have what we take an identification to leave open. Whatever the instrument does not have, or has as zero, is left
+    out.
+    """
+    found = []
+    for keys, grade in ((_RADII, "f"), (_LENGTHS, "m")):
+        for key in keys:
+            if getattr(prototype, key, None):
+                found.append(_machined(key, getattr(prototype, key), grade))
+    for key, values in _IDENTIFICATION.items():
+        if _given(prototype, key):
+            found.append(Tolerance(key=key, **values))
+    return Tolerances(
+        name="defaults",
+        description="ISO 2768-1 for radii (f) and lengths (m); ours for what is identified",
+        parameters=tuple(found),
+    )
+
+
+def _machined(key: str, size: float, grade: str) -> Tolerance:
+    classes = _FINE if grade == "f" else _MEDIUM
+    half_width = next((width for limit, width in classes if size <= limit), _BEYOND[grade])
+    return Tolerance(
+        key=key, distribution="uniform", half_width=f"{half_width} mm", source=f"ISO 2768-1, class {grade}"
+    )
+
+
+def _given(inst: Instrument, key: str) -> bool:
+    if key == "tendon_stiffness":
+        return inst.given_stiffness is not None
+    if key == "tendon_modulus":
+        return inst.given_stiffness is None
+    table, _, inner = key.partition(".")
+    held = getattr(inst, table, None)
+    return bool(getattr(held, inner) if inner else held)

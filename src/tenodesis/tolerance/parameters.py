@@ -1,0 +1,210 @@
+"""What varies in a study: a number of an instrument, its distribution, and the bounds that its file allows."""
+
+import math
+import re
+from collections.abc import Iterator
+from typing import Annotated, Any, NamedTuple, get_args
+
+from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic.fields import FieldInfo
+from scipy import stats
+
+from tenodesis.errors import StudyError
+from tenodesis.instrument import Instrument
+from tenodesis.quantity import Quantity, annotation, in_unit
+from tenodesis.tolerance.files import DistributionName, InstrumentName, Tolerance, Tolerances
+
+MOST_OUTSIDE = 1e-6
+"""Largest probability that a distribution may leave to values no instrument file allows; it is cut off there."""
+
+_FIXED = {
+    "handle_range": "it bounds the cycle, which is the same for all samples",
+    "output_range": "it bounds the cycle, which is the same for all samples",
+    "sensors.sampling_rate": "it is the same for all runs of a batch",
+}
+_PERCENT = re.compile(r"\s*(?P<number>[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*%\s*")
+_SHOWN = {"m": "mm", "Pa": "GPa", "rad": "deg"}
+
+
+class Parameter(NamedTuple):
+    """One number that varies: SI units, without a unit 1."""
+
+    key: str
+    instrument: InstrumentName
+    nominal: float
+    """What the instrument file says, also the median."""
+    distribution: DistributionName
+    width: float
+    """Half width of a uniform or triangular distribution, standard deviation of a normal one."""
+    lower: float
+    """Least value that an instrument file allows."""
+    upper: float
+    """Largest value that an instrument file allows."""
+    unit: str
+    source: str
+
+    @property
+    def label(self) -> str:
+        """What it is called in figures and tables."""
+        return self.key.replace("_", " ").replace(".", " ") + " (real-size)" * (self.instrument == "real-size")
+
+    def shown(self, value: float, digits: int = 4) -> str:
+        """Return a value as it reads best: in mm, GPa and degrees."""
+        unit = _SHOWN.get(self.unit, self.unit)
+        number = f"{value * in_unit(unit, self.unit) if unit != '1' else value:.{digits}g}"
+        return f"{number} {unit}".removesuffix(" 1").replace("*", "·").replace("^2", "²").replace(" deg", "°")
+
+    @property
+    def spread(self) -> str:
+        """The distribution in a few characters."""
+        if self.distribution == "normal":
+            return f"s = {self.shown(self.width, 3)}"
+        return f"± {self.shown(self.width, 3)}" + " triangular" * (self.distribution == "triangular")
+
+
+class _Number(NamedTuple):
+    value: float
+    quantity: Quantity | None
+    lower: float
+    upper: float
+
+
+def resolve(tolerances: Tolerances, model: Instrument, prototype: Instrument) -> tuple[Parameter, ...]:
+    """Return what varies, from tolerances and the two instruments they are about.
+
+    Raises
+    ------
+    StudyError
+        A key is unknown or no number, a width is not understood, zero or negative, or a distribution leaves what an
+        instrument file allows.
+    """
+    return tuple(
+        _parameter(one, model if one.instrument == "real-size" else prototype) for one in tolerances.parameters
+    )
+
+
+def _parameter(tolerance: Tolerance, inst: Instrument) -> Parameter:
+    number = _number(tolerance.key, inst)
+    width = _width(tolerance, inst, number)
+    parameter = Parameter(
+        tolerance.key,
+        tolerance.instrument,
+        number.value,
+        tolerance.distribution,
+        width,
+        number.lower,
+        number.upper,
+        number.quantity.unit if number.quantity else "1",
+        tolerance.source,
+    )
+    _refuse_outside(parameter, inst, tolerance.width_key)
+    return parameter
+
+
+def _number(key: str, inst: Instrument) -> _Number:
+    if key in _FIXED:
+        raise StudyError(f"{key} of {inst.name} cannot vary: {_FIXED[key]}; allowed is another key.")
+    known = dict(_fields(inst))
+    if key not in known:
+        allowed = ", ".join(name for name, (value, _) in known.items() if _varies(name, value))
+        raise StudyError(f"{key} is not a known key of {inst.name}; allowed are {allowed}.")
+    value, field = known[key]
+    if value is None:
+        raise StudyError(f"{key} of {inst.name} is not given, so it cannot vary; allowed is a key its file has.")
+    if not isinstance(value, float):
+        raise StudyError(f"{key} of {inst.name} is {_told(value)}; allowed is a key with a number that can vary.")
+    return _Number(value, _quantity(field), *_bounds(field))
+
+
+def _varies(key: str, value: object) -> bool:
+    return key not in _FIXED and isinstance(value, float)
+
+
+def _told(value: object) -> str:
+    if isinstance(value, int):
+        return f"{value}, a whole number"
+    return f"{value!r}, no number" if isinstance(value, str) else "no number"
+
+
+def _fields(model: BaseModel, prefix: str = "") -> Iterator[tuple[str, tuple[Any, FieldInfo]]]:
+    for name, field in type(model).model_fields.items():
+        value, key = getattr(model, name), prefix + (field.alias or name)
+        if isinstance(value, BaseModel):
+            yield from _fields(value, f"{key}.")
+        yield key, (value, field)
+
+
+def _metadata(field: FieldInfo) -> list[Any]:
+    inner = [item for option in get_args(field.annotation) for item in getattr(option, "__metadata__", ())]
+    return [item for one in [*field.metadata, *inner] for item in getattr(one, "metadata", [one])]
+
+
+def _quantity(field: FieldInfo) -> Quantity | None:
+    return next((item for item in _metadata(field) if isinstance(item, Quantity)), None)
+
+
+def _bounds(field: FieldInfo) -> tuple[float, float]:
+    lower, upper = [-math.inf], [math.inf]
+    for item in _metadata(field):
+        if isinstance(item, Quantity):
+            lower += [bound for bound in (item.above, item.at_least) if bound is not None]
+            upper += [bound for bound in (item.below,) if bound is not None]
+        lower += [getattr(item, key) for key in ("ge", "gt") if hasattr(item, key)]
+        upper += [getattr(item, key) for key in ("le", "lt") if hasattr(item, key)]
+    return float(max(lower)), float(min(upper))
+
+
+def _width(tolerance: Tolerance, inst: Instrument, number: _Number) -> float:
+    place = f"{tolerance.key} of {inst.name}: {tolerance.width_key} = {tolerance.width!r}"
+    percent = _PERCENT.fullmatch(tolerance.width) if isinstance(tolerance.width, str) else None
+    if percent is not None:
+        if number.value == 0:
+            raise StudyError(
+                f"{place}: the file's value is 0, of which there is no share; allowed is an absolute width."
+            )
+        width = float(percent["number"]) / 100 * abs(number.value)
+    elif number.quantity is None:
+        try:
+            width = float(tolerance.width)
+        except ValueError:
+            raise StudyError(f'{place}: it is not understood; allowed is a number, or a share like "5 %".') from None
+    else:
+        of = number.quantity
+        written = Annotated[float, *annotation(Quantity(of.name, of.unit, of.example, above=0))]
+        try:
+            return float(TypeAdapter(written).validate_python(tolerance.width, context={"file": True}))
+        except ValidationError as invalid:
+            told = invalid.errors(include_url=False)[0]["msg"].removeprefix("Value error, ")
+            raise StudyError(f'{place}: {told}, or a share like "5 %".') from None
+    if not (math.isfinite(width) and width > 0):
+        raise StudyError(f"{place}: allowed is a width above 0.")
+    return width
+
+
+def _refuse_outside(parameter: Parameter, inst: Instrument, width_key: str) -> None:
+    outside = probability_outside(parameter)
+    if outside <= MOST_OUTSIDE:
+        return
+    bounds = [
+        f"{word} {parameter.shown(bound)}"
+        for word, bound in (("above", parameter.lower), ("below", parameter.upper))
+        if math.isfinite(bound)
+    ]
+    share = f"{100 * outside:.2g} %"
+    raise StudyError(
+        f"{parameter.key} of {inst.name}: a {parameter.distribution} distribution about "
+        f"{parameter.shown(parameter.nominal)} with a {width_key} of {parameter.shown(parameter.width)} leaves what an "
+        f"instrument file allows ({' and '.join(bounds)}) with a probability of {share}; allowed is a narrower one."
+    )
+
+
+def probability_outside(parameter: Parameter) -> float:
+    """Return the probability that a parameter's distribution leaves what an instrument file allows."""
+    centre, width = parameter.nominal, parameter.width
+    spreads = {
+        "normal": lambda: stats.norm(centre, width),
+        "uniform": lambda: stats.uniform(centre - width, 2 * width),
+        "triangular": lambda: stats.triang(0.5, centre - width, 2 * width),
+    }
+    spread: Any = spreads[parameter.distribution]()
+    return float(spread.cdf(parameter.lower) + spread.sf(parameter.upper))

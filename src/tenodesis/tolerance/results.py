@@ -1,0 +1,188 @@
+"""What a study found: distributions of the responses, and which parameters they are from."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tenodesis.instrument import Instrument
+from tenodesis.signals import Array
+from tenodesis.tolerance import sampling
+from tenodesis.tolerance.files import Tolerances
+from tenodesis.tolerance.parameters import Parameter
+
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+LEAST_COMPLETE = 0.95
+"""Share of base samples that must have all their runs for Sobol indices to be valid."""
+CLOSE = 0.1
+"""Half width of the confidence intervals up to which indices count as converged."""
+
+DESCRIPTIONS: Mapping[str, str] = {
+    "loss_flexion": "output loss, approached in flexion",
+    "loss_extension": "output loss, approached in extension",
+    "loop_width": "mean width of the hysteresis loop",
+    "similarity_rms": "similarity error, rms",
+    "similarity_largest": "similarity error, largest",
+    "real_size_loss_flexion": "real-size: output loss, approached in flexion",
+    "real_size_loss_extension": "real-size: output loss, approached in extension",
+    "real_size_loop_width": "real-size: mean width of the hysteresis loop",
+}
+
+
+@dataclass(frozen=True)
+class Indices:
+    """Sobol indices of a response by parameter, with half widths of their 95 % confidence intervals.
+
+    A first index is the share of the variance that knowing this parameter alone would take away, a total index the
+    share that stays while it alone is unknown.
+    """
+
+    first: Array
+    first_half_width: Array
+    total: Array
+    total_half_width: Array
+
+    @property
+    def converged(self) -> bool:
+        """Whether every total index is known to a tenth."""
+        return bool(self.total_half_width.max() <= CLOSE)
+
+
+@dataclass(frozen=True)
+class Response:
+    """One response of a study, deg: over all rows of the scheme, at the nominal values, and by tornado."""
+
+    key: str
+    scheme: Array
+    """By row of Saltelli's scheme; NaN where a run was lost."""
+    nominal: float
+    swings: Array
+    """With one parameter at its 5 % and its 95 % quantile and the others at the median, shape (parameters, 2)."""
+    samples: Array
+    """Of the independent samples, the scheme's A and B, without those that were lost."""
+    indices: Indices | None
+    """None where they are not valid, or the response does not vary."""
+
+    @property
+    def description(self) -> str:
+        """What it is."""
+        return DESCRIPTIONS[self.key]
+
+    @property
+    def mean(self) -> float:
+        """Mean, deg."""
+        return float(self.samples.mean())
+
+    @property
+    def std(self) -> float:
+        """Standard deviation, deg."""
+        return float(self.samples.std(ddof=1))
+
+    def quantile(self, share: float) -> float:
+        """Return a quantile, deg."""
+        return float(np.quantile(self.samples, share))
+
+    @cached_property
+    def order(self) -> tuple[int, ...]:
+        """Parameters from the one that dominates down: by total index, or by swing where there is none."""
+        swing = np.nan_to_num(np.abs(self.swings[:, 1] - self.swings[:, 0]))
+        weight = swing if self.indices is None else self.indices.total
+        return tuple(int(n) for n in np.argsort(-weight, kind="stable"))
+
+
+@dataclass(frozen=True)
+class Study:
+    """A tolerance study; :func:`tenodesis.tolerance.study` makes it."""
+
+    model: Instrument
+    prototype: Instrument
+    tolerances: Tolerances
+    parameters: tuple[Parameter, ...]
+    samples: int
+    """Base samples N: the Monte-Carlo samples are 2 N, the runs N (parameters + 2) and the tornado's."""
+    seed: int
+    force: float
+    """On the real-size instrument, N."""
+    force_factor: float
+    end: float
+    """Handle angle at which the losses are read, rad."""
+    matrix: Array
+    """Values by row of the scheme and parameter, SI units."""
+    status: NDArray[np.int64]
+    """By row: 0 is a run to the end, otherwise why it was lost."""
+    responses: Mapping[str, Response] = field(default_factory=dict)
+
+    @property
+    def runs(self) -> int:
+        """Samples worked out, the tornado's and the nominal one included."""
+        return len(self.matrix) + 2 * len(self.parameters) + 1
+
+    @property
+    def base(self) -> NDArray[np.int64]:
+        """Rows of the independent samples, A and B."""
+        return base_rows(self.samples, len(self.parameters))
+
+    @property
+    def failed(self) -> float:
+        """Share of the independent samples whose run was lost."""
+        return float(np.mean(self.status[self.base] != 0))
+
+    @property
+    def incomplete(self) -> float:
+        """Share of the base samples that lack a run, and are left out of the indices."""
+        return 1 - float(complete_blocks(self.status, self.samples).mean())
+
+    @property
+    def indices_valid(self) -> bool:
+        """Whether enough runs came to an end for Sobol indices."""
+        return self.incomplete <= 1 - LEAST_COMPLETE
+
+    @property
+    def statements(self) -> tuple[str, ...]:
+        """What must be said of failed runs and of convergence, in sentences."""
+        told = []
+        if self.failed:
+            told.append(
+                f"{100 * self.failed:.2g} % of the samples failed (the tip was lost, or the instrument is none); they "
+                "are left out of means and quantiles, which hold for those that did not."
+            )
+        if not self.indices_valid:
+            told.append(
+                f"{100 * self.incomplete:.2g} % of the base samples lack a run, more than the "
+                f"{100 * (1 - LEAST_COMPLETE):.0f} % up to which Sobol indices are valid; there are none."
+            )
+        elif self.incomplete:
+            told.append(
+                f"{100 * self.incomplete:.2g} % of the base samples lack a run and are left out of the indices."
+            )
+        there = [one.indices for one in self.responses.values() if one.indices is not None]
+        if there:
+            widest = max(float(one.total_half_width.max()) for one in there)
+            hint = "" if widest <= CLOSE else "; this is wide, four times the samples halve it"
+            told.append(f"The total indices are known to ±{widest:.2g} or better (95 % confidence){hint}.")
+        return tuple(told)
+
+
+def base_rows(samples: int, parameters: int) -> NDArray[np.int64]:
+    """Return the rows of the scheme that are independent samples, first those of A, then those of B."""
+    first = np.arange(samples) * (parameters + 2)
+    return np.concatenate([first, first + parameters + 1])
+
+
+def complete_blocks(status: NDArray[np.int64], samples: int) -> NDArray[np.bool_]:
+    """Return by base sample whether none of its runs was lost."""
+    return (status.reshape(samples, -1) == 0).all(axis=1)
+
+
+def respond(key: str, scheme: Array, study: Study, rest: Array) -> Response:
+    """Return one response from its values by row of the scheme and, in `rest`, of the nominal row and the tornado's."""
+    samples = scheme[study.base]
+    complete = complete_blocks(study.status, study.samples)
+    values = scheme.reshape(study.samples, -1)[complete].ravel()
+    indices = None
+    if study.indices_valid and values.size and np.ptp(values) > 0:
+        indices = Indices(*sampling.estimate(study.parameters, values, study.seed))
+    swings = rest[1:].reshape(2, len(study.parameters)).T
+    return Response(key, scheme, float(rest[0]), swings, samples[~np.isnan(samples)], indices)

@@ -1,0 +1,354 @@
+"""Claims about the workshop plan: one page of each kind, both of the same words, whatever the names and lists."""
+
+import re
+import shutil
+import subprocess
+from base64 import b64decode
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass, replace
+from html.parser import HTMLParser
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+import tenodesis as tn
+from tenodesis.errors import DesignError
+from tenodesis.scaling import catalogue, plan
+from tenodesis.scaling.candidates import Wheel
+from tenodesis.scaling.catalogue import Constraints
+from tenodesis.scaling.parts import Weight
+from tenodesis.scaling.weights import cable_weight, hang, tip_force
+
+from .conftest import ROOT
+
+PAPER = catalogue.load("paper").model_copy(
+    update={"constraints": Constraints(tension_margin=3.0, load_cell_margin=1.2, force_tolerance=0.02)}
+)
+
+
+def made(
+    *,
+    model: Any = None,
+    prototype: Any = None,
+    forces: tuple[float, ...] = (0.5, 1.0, 2.0, 3.0),
+    parts: Any = PAPER,
+    choice: dict[str, Any] | None = None,
+    margin: float = 3.4,
+    largest_force: float | None = None,
+) -> Any:
+    """Return a stand-in of a design, by default the paper's pair with the pretension that is similar."""
+    model = model or tn.load("real-size").axis("yaw")
+    prototype = prototype or tn.load("scaled-up").replace(pretension=41.3)
+    comparison = tn.similarity.compare(model, prototype, largest_force=largest_force)
+    factor, radius = float(comparison.force_factor()), parts.constraints.cable_pulley_radius
+    tests = []
+    for force in forces:
+        wanted = cable_weight(prototype, force * factor, radius)
+        hanging = hang(wanted, parts.weights, cable_mass=parts.constraints.cable_mass)
+        off = tip_force(prototype, hanging.error, radius) / factor
+        tests.append(SimpleNamespace(real_force=force, force=force * factor + off, hanging=hanging, error=off))
+    taken = {
+        "distal": Wheel(7.5e-3, 1.25e-3, 12),
+        "proximal": Wheel(16.875e-3, 1.25e-3, 27),
+        "rope": parts.ropes[0],
+        "rod": None,
+        "load_cell": parts.load_cells[0],
+        "encoder": parts.encoders[0],
+        "spool": parts.spools[0],
+    } | (choice or {})
+    return SimpleNamespace(
+        model=model,
+        prototype=prototype,
+        choice=SimpleNamespace(**taken),
+        catalogue=parts,
+        objectives=SimpleNamespace(
+            similarity_error=comparison.error(pretension=prototype.pretension).largest_snapped,
+            force_resolution=0.018,
+            overall_length=prototype.overall_length,
+            tension_margin=margin,
+        ),
+        comparison=comparison,
+        tests=tuple(tests),
+        angle_resolution=0.092,
+        tension_resolution=0.073,
+        force_resolution=0.011,
+        largest_tension=taken["rope"].breaking_load / margin,
+    )
+
+
+@pytest.fixture(scope="module")
+def design() -> Any:
+    return made()
+
+
+@pytest.fixture(scope="module")
+def written(design: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    return plan.write(design, tmp_path_factory.mktemp("prototype"))
+
+
+HOSTILE = """<b>#1 $x$ _y_ *z* `q` "r" 's' & \\u{41} @t {{ u }} [v] //"""
+LONG = "W" * 60
+
+
+def pages(pdf: bytes) -> int:
+    """Return how many pages a PDF says it has."""
+    counts = re.findall(rb"/Type\s*/Pages\b[^>]*?/Count\s+(\d+)", pdf)
+    assert len(counts) == 1
+    return int(counts[0])
+
+
+def texts(value: Any) -> Iterator[tuple[tuple[Any, ...], str]]:
+    """Yield every text of a plan that is to be read, and the way to it."""
+    if isinstance(value, str):
+        yield (), value
+    elif is_dataclass(value):
+        for field in fields(value):
+            if field.name != "svg":
+                yield from (((field.name, *way), text) for way, text in texts(getattr(value, field.name)))
+    elif isinstance(value, tuple):
+        for index, one in enumerate(value):
+            yield from (((index, *way), text) for way, text in texts(one))
+
+
+def changed(value: Any, way: tuple[Any, ...], text: str) -> Any:
+    """Return a plan with another text at one place."""
+    if not way:
+        return text
+    if isinstance(value, tuple):
+        return (*value[: way[0]], changed(value[way[0]], way[1:], text), *value[way[0] + 1 :])
+    return replace(value, **{way[0]: changed(getattr(value, way[0]), way[1:], text)})
+
+
+class Page(HTMLParser):
+    """What an HTML file shows, and what it refers to."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.shown: list[str] = []
+        self.elements: list[str] = []
+        self.references: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append(tag)
+        self.references += [value or "" for name, value in attrs if name in ("src", "href", "data", "action")]
+        if tag in ("td", "th", "p", "h1", "figcaption", "caption", "b"):
+            self.shown.append("\n")
+
+    def handle_data(self, data: str) -> None:
+        self.shown.append(data)
+
+    @property
+    def text(self) -> str:
+        return " ".join("".join(self.shown).split())
+
+
+def test_plan_is_one_page_of_a4_and_a_file_for_the_screen(written: tuple[Path, Path]) -> None:
+    page, pdf = written
+    assert [path.name for path in written] == ["plan.html", "plan.pdf"]
+    assert sorted(path.name for path in page.parent.iterdir()) == ["plan.html", "plan.pdf"]
+    assert pages(pdf.read_bytes()) == 1
+    assert b"/MediaBox[0 0 595.2756 841.8898]" in pdf.read_bytes()
+
+
+def test_html_refers_to_nothing_outside(written: tuple[Path, Path]) -> None:
+    text = written[0].read_text("utf-8")
+    page = Page(text)
+    assert len(page.references) == 3
+    for reference in page.references:
+        kind, data = reference.split(",", 1)
+        assert kind == "data:image/svg+xml;base64"
+        drawing = b64decode(data).decode()
+        ElementTree.fromstring(drawing)
+        # Within a picture, only namespaces and the drawing itself.
+        assert all(target.startswith(("#", "data:")) for target in re.findall(r'href="([^"]+)"', drawing))
+        assert not re.findall(r"@import|url\((?!#)", drawing)
+    without = text
+    for reference in page.references:
+        without = without.replace(reference, "")
+    assert not re.search(r"https?:|//|@import|url\(|<script|<link", without)
+
+
+def test_every_text_of_the_plan_stands_in_both(design: Any) -> None:
+    blank = '<svg xmlns="http://www.w3.org/2000/svg" width="9" height="5"/>'
+    whole = plan.content(design)
+    whole = replace(whole, drawings=tuple(replace(one, svg=blank) for one in whole.drawings))
+    shown = Page(plan._html(whole, 7.0)).text.replace(" ", "")
+    pdf = plan._pdf(whole, 7.0)
+    seen = [(way, text) for way, text in texts(whole) if text]
+    assert len(seen) > 150
+    assert not [way for way, text in seen if re.sub("[_ \u00a0]", "", text) not in shown]
+    # What does not show would change nothing; of every column the last row stands for all.
+    columns = {tuple(step for n, step in enumerate(way) if n != 2 or way[1] != "rows"): way for way, _ in seen}
+    for way in columns.values():
+        assert plan._pdf(changed(whole, way, "Q"), 7.0) != pdf, way
+
+
+def test_numbers_are_those_of_the_design(design: Any) -> None:
+    found = plan.content(design)
+    text = " ".join(text for _, text in texts(found)).replace("\u00a0", " ")
+    for number in (
+        "41.3 N", "30 N real-size", "module 1.25 mm, 12 teeth", "module 1.25 mm, 27 teeth", "pitch radius 16.875 mm",
+        "breaks at 177.6 N", "2 kg + 20 g + 10 g", "l_d 86", "0.092°", "0.073 N", "2.88", "1.378", "101",
+    ):  # fmt: skip
+        assert number in text, number
+    assert [row[2:5] for row in found.loads.rows][1] == ("1", f"{design.tests[1].force:.3f}", "19.39")
+
+
+def test_cause_of_the_error_is_named_where_it_is_largest(design: Any) -> None:
+    assert "caused by l_d/r" in plan.content(design).similarity.note
+    pinned = made(prototype=tn.load("scaled-up"))
+    assert "caused by T_o/(kr)" in plan.content(pinned).similarity.note
+
+
+def test_groups_are_said_to_match_or_not(design: Any) -> None:
+    groups = plan.content(design).groups
+    assert "R/r" in groups.note
+    assert {"l_d/r", "l_p/R", "F/(kr)"} <= {row[0] for row in groups.rows}
+    assert not any(row[-1] == "1" for row in groups.rows)
+
+
+def test_what_a_workshop_must_not_overlook_is_a_warning() -> None:
+    coarse = PAPER.model_copy(update={"weights": (Weight(mass=0.05, count=9), Weight(mass=0.5, count=20))})
+    weak = PAPER.load_cells[0].model_copy(update={"range": 90.0})
+    bad = made(
+        prototype=tn.load("scaled-up"), parts=coarse, margin=2.1, choice={"encoder": None, "load_cell": weak},
+        forces=(0.03, 0.5),
+    )  # fmt: skip
+    said = "\n".join(plan.content(bad).warnings).replace("\u00a0", " ")
+    for told in (
+        r"Pretension is 25 N, 40 % below the similar 41\.3 N",
+        r"What hangs for 0\.03 N real-size is off by [+−]\d+\.\d+ %, more than 2 %",
+        r"The rope breaks at 2\.10 × its largest tension; 3 × is asked for",
+        r"The load cells end at 1\.06 × the largest tension; 1\.2 × is asked for",
+        r"No encoder of the catalogue fits a distal radius of 7\.5 mm",
+        r"neither holds the load",
+    ):
+        assert re.search(told, said), told
+
+
+def test_a_similar_design_without_flaw_has_no_warning() -> None:
+    inst = tn.load("real-size").axis("yaw")
+    scale = {"overall_length": 1.0, "distal_gear_radius": 4e-3, "proximal_gear_radius": 9e-3}
+    same = inst.replace(**scale, end_effector_length=0.1, handle_length=0.24)
+    similar = same.replace(pretension=tn.similarity.compare(inst, same).scaled_pretension)
+    found = plan.content(made(prototype=similar, largest_force=0.5, forces=(0.25, 0.5)))
+    assert found.warnings == ()
+    assert found.cards[2].value == "below 0.001°"
+    assert "none worth a cause" in found.similarity.note
+
+
+@pytest.mark.parametrize("name", [HOSTILE, LONG], ids=["markup", "one long word"])
+def test_any_name_is_shown_as_it_is(name: str, tmp_path: Path) -> None:
+    model = tn.load("real-size").axis("yaw").replace(name=name[:60])
+    prototype = tn.load("scaled-up").replace(name=name[:60])
+    rope = PAPER.ropes[0].model_copy(update={"name": name[:60]})
+    design = made(
+        model=model,
+        prototype=prototype,
+        parts=PAPER.model_copy(update={"name": name}),
+        choice={"rope": rope, "load_cell": PAPER.load_cells[0].model_copy(update={"name": name[:60]})},
+    )
+    page, pdf = plan.write(design, tmp_path)
+    assert pages(pdf.read_bytes()) == 1
+    shown = Page(page.read_text("utf-8"))
+    assert shown.text.count(" ".join(name[:60].split())) >= 5
+    assert shown.elements.count("b") == 5  # the cards' own
+    if shutil.which("pdftotext"):
+        read = subprocess.run(["pdftotext", "-layout", pdf, "-"], capture_output=True, text=True, check=True).stdout
+        assert name[:60].split()[0][:20] in read.replace("\u200b", "")
+
+
+@pytest.fixture(scope="module")
+def crowded() -> Any:
+    """Return a design with as much to say as there can be: twelve loads of many odd pieces, long names, all flaws."""
+    box = tuple(Weight(mass=(3**n) * 1e-5, count=1) for n in range(12)) + (Weight(mass=7.77, count=1),)
+    parts = PAPER.model_copy(update={"name": " + ".join(["catalogue of the workshop"] * 12), "weights": box})
+    named = {"name": LONG}
+    choice = {
+        "rope": PAPER.ropes[0].model_copy(update=named),
+        "load_cell": PAPER.load_cells[0].model_copy(update=named | {"range": 60.0}),
+        "encoder": PAPER.encoders[0].model_copy(update=named),
+    }
+    return made(
+        model=tn.load("real-size").axis("yaw").replace(name=LONG),
+        prototype=tn.load("scaled-up").replace(name="M" * 60, tendon_length=1.1),
+        forces=tuple(0.0713 * n for n in range(1, 13)),
+        parts=parts,
+        choice=choice,
+        margin=2.0,
+    )
+
+
+def test_long_lists_fit_on_the_page_or_say_what_is_left_out(crowded: Any, tmp_path: Path) -> None:
+    page, pdf = plan.write(crowded, tmp_path)
+    assert pages(pdf.read_bytes()) == 1
+    text = Page(page.read_text("utf-8")).text
+    listed = sum(f"{test.real_force:.3g}" in text for test in crowded.tests)
+    assert listed == 12 or f"{12 - listed} further test loads left out" in text
+    assert len(Page(page.read_text("utf-8")).references) == 3 or re.search(r"drawings? left out", text)
+
+
+def test_cut_lists_say_what_is_left_out(crowded: Any) -> None:
+    cut = plan.content(crowded, plan.Limits(loads=5, pieces=3, groups=4, warnings=2))
+    assert len(cut.loads.rows) == 5
+    assert cut.loads.left_out.startswith("7 further test loads left out")
+    assert any("smaller, not listed, of" in cell for row in cut.loads.rows for cell in row)
+    assert len(cut.groups.rows) == 4
+    assert re.match(r"\d+ further groups left out", cut.groups.left_out)
+    assert len(cut.warnings) == 3
+    assert "further warning" in cut.warnings[-1]
+
+
+@pytest.mark.parametrize("file", ["pulley", "continuum"])
+def test_other_mechanisms_have_a_plan(file: str, tmp_path: Path) -> None:
+    model = tn.load(ROOT / f"examples/{file}.toml")
+    model = model.axis(model.axes[0])
+    radii = {key: 3 * getattr(model, key) for key, name in model.parameter_fields.items() if name.endswith("_radius")}
+    prototype = model.replace(name="large", **radii)
+    distal, proximal = (Wheel(radii[key]) for key in sorted(radii))
+    rod = catalogue.load("rods").rods[0] if file == "continuum" else None
+    design = made(
+        model=model, prototype=prototype, forces=(0.1,), choice={"distal": distal, "proximal": proximal, "rod": rod}
+    )
+    found = plan.content(design)
+    parts = [row[1] for row in found.parts.rows]
+    assert "proximal pulley" in parts
+    assert ("discs on the backbone" if rod else "distal pulley") in parts
+    assert ("rod for a backbone" in parts) == bool(rod)
+    assert pages(plan.write(design, tmp_path)[1].read_bytes()) == 1
+
+
+def test_a_design_without_test_loads_has_a_plan(tmp_path: Path) -> None:
+    assert pages(plan.write(made(forces=()), tmp_path)[1].read_bytes()) == 1
+
+
+def test_nothing_is_written_where_the_folder_cannot_be(design: Any, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(DesignError, match="file cannot be written"):
+        plan.write(design, tmp_path / "file")
+    (tmp_path / "plan.pdf").mkdir()
+    with pytest.raises(DesignError, match="cannot be written"):
+        plan.write(design, tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "plan.pdf"]
+
+
+def test_the_same_design_gives_the_same_bytes(design: Any, written: tuple[Path, Path], tmp_path: Path) -> None:
+    again = plan.write(design, tmp_path)
+    assert [path.read_bytes() for path in again] == [path.read_bytes() for path in written]
+
+
+@pytest.mark.skipif(not shutil.which("chromium"), reason="there is no browser to print with")
+@pytest.mark.parametrize("of", ["design", "crowded"])
+def test_html_prints_on_one_page(of: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
+    page, _ = plan.write(request.getfixturevalue(of), tmp_path)
+    command = [
+        "chromium", "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
+        "--disable-component-update", "--disable-sync", f"--user-data-dir={tmp_path / 'profile'}",
+        "--no-pdf-header-footer", f"--print-to-pdf={tmp_path / 'printed.pdf'}", page.as_uri(),
+    ]  # fmt: skip
+    subprocess.run(command, check=True, capture_output=True, timeout=60)
+    assert len(re.findall(rb"/Type\s*/Page\b", (tmp_path / "printed.pdf").read_bytes())) == 1
