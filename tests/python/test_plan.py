@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 import pytest
 
 import tenodesis as tn
+from tenodesis import scaling
 from tenodesis.errors import DesignError
 from tenodesis.scaling import catalogue, plan
 from tenodesis.scaling.candidates import Wheel
@@ -181,9 +182,8 @@ def test_every_text_of_the_plan_stands_in_both(design: Any) -> None:
     seen = [(way, text) for way, text in texts(whole) if text]
     assert len(seen) > 150
     assert not [way for way, text in seen if re.sub("[_ \u00a0]", "", text) not in shown]
-    # What does not show would change nothing; of every column the last row stands for all.
-    columns = {tuple(step for n, step in enumerate(way) if n != 2 or way[1] != "rows"): way for way, _ in seen}
-    for way in columns.values():
+    # What does not show would change nothing; the last text of every part stands for the part.
+    for way in {way[:2]: way for way, _ in seen}.values():
         assert plan._pdf(changed(whole, way, "Q"), 7.0) != pdf, way
 
 
@@ -222,7 +222,7 @@ def test_what_a_workshop_must_not_overlook_is_a_warning() -> None:
     for told in (
         r"Pretension is 25 N, 40 % below the similar 41\.3 N",
         r"What hangs for 0\.03 N real-size is off by [+−]\d+\.\d+ %, more than 2 %",
-        r"The rope breaks at 2\.10 × its largest tension; 3 × is asked for",
+        r"The rope breaks at 2\.10 × the largest tension; 3 × is asked for",
         r"The load cells end at 1\.06 × the largest tension; 1\.2 × is asked for",
         r"No encoder of the catalogue fits a distal radius of 7\.5 mm",
         r"neither holds the load",
@@ -241,8 +241,8 @@ def test_a_similar_design_without_flaw_has_no_warning() -> None:
     assert "none worth a cause" in found.similarity.note
 
 
-@pytest.mark.parametrize("name", [HOSTILE, LONG], ids=["markup", "one long word"])
-def test_any_name_is_shown_as_it_is(name: str, tmp_path: Path) -> None:
+def test_any_name_is_shown_as_it_is(tmp_path: Path) -> None:
+    name = HOSTILE
     model = tn.load("real-size").axis("yaw").replace(name=name[:60])
     prototype = tn.load("scaled-up").replace(name=name[:60])
     rope = PAPER.ropes[0].model_copy(update={"name": name[:60]})
@@ -259,13 +259,13 @@ def test_any_name_is_shown_as_it_is(name: str, tmp_path: Path) -> None:
     assert shown.elements.count("b") == 5  # the cards' own
     if shutil.which("pdftotext"):
         read = subprocess.run(["pdftotext", "-layout", pdf, "-"], capture_output=True, text=True, check=True).stdout
-        assert name[:60].split()[0][:20] in read.replace("\u200b", "")
+        assert name[:60].split(maxsplit=1)[0][:20] in read.replace("\u200b", "")
 
 
 @pytest.fixture(scope="module")
 def crowded() -> Any:
     """Return a design with as much to say as there can be: twelve loads of many odd pieces, long names, all flaws."""
-    box = tuple(Weight(mass=(3**n) * 1e-5, count=1) for n in range(12)) + (Weight(mass=7.77, count=1),)
+    box = (*(Weight(mass=3**n * 1e-5, count=1) for n in range(12)), Weight(mass=7.77, count=1))
     parts = PAPER.model_copy(update={"name": " + ".join(["catalogue of the workshop"] * 12), "weights": box})
     named = {"name": LONG}
     choice = {
@@ -289,6 +289,7 @@ def test_long_lists_fit_on_the_page_or_say_what_is_left_out(crowded: Any, tmp_pa
     text = Page(page.read_text("utf-8")).text
     listed = sum(f"{test.real_force:.3g}" in text for test in crowded.tests)
     assert listed == 12 or f"{12 - listed} further test loads left out" in text
+    assert text.count(LONG) >= 4  # of a name that has no place to break it
     assert len(Page(page.read_text("utf-8")).references) == 3 or re.search(r"drawings? left out", text)
 
 
@@ -320,6 +321,16 @@ def test_other_mechanisms_have_a_plan(file: str, tmp_path: Path) -> None:
     assert ("discs on the backbone" if rod else "distal pulley") in parts
     assert ("rod for a backbone" in parts) == bool(rod)
     assert pages(plan.write(design, tmp_path)[1].read_bytes()) == 1
+
+
+def test_a_design_that_was_searched_for_has_a_plan(tmp_path: Path) -> None:
+    front = scaling.design(tn.load("real-size"), catalogue.load("paper"), combinations=2000)
+    found = front[front.best()]
+    page, pdf = plan.write(found, tmp_path)
+    assert pages(pdf.read_bytes()) == 1
+    text = Page(page.read_text("utf-8")).text
+    assert f"{found.choice.distal.teeth} teeth" in text
+    assert f"{found.prototype.pretension:.3g} N".replace(" ", "") in text.replace(" ", "")
 
 
 def test_a_design_without_test_loads_has_a_plan(tmp_path: Path) -> None:

@@ -196,7 +196,11 @@ def test_progress_runs_to_its_end() -> None:
     [
         ({"factor": (1.5, 1.8)}, {}, r"encoders and factor contradict each other: a distal encoder fits"),
         ({"print_bed": (0.02, 0.02, 0.02)}, {}, r"print_bed and factor contradict each other: .* 20 mm"),
-        ({"overall_length": (0.2, 0.25)}, {}, r"overall_length.* contradict each other"),
+        (
+            {"overall_length": (0.2, 0.21), "end_effector_length": (0.15, 0.3)},
+            {},
+            "overall_length and end_effector_length contradict each other: joints, .* is 150 to 300 mm; .* but another",
+        ),
         ({"tension_margin": 2.4}, {"overall_length": 0.6}, r"tension_margin and overall_length contradict each other"),
         ({"largest_force": 1.0, "test_forces": (2.0,)}, {}, "test_forces go up to 2 N and largest_force is 1 N"),
         ({}, {"distal_gear_radius": 7.61e-3}, r"distal_gear_radius = 7.61 mm is pinned.* nearest: 7.6 mm and 7.65 mm"),

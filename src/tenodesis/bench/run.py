@@ -20,6 +20,7 @@ from tenodesis.bench import (
     compensated,
     compensated_cycles,
     compensation,
+    designing,
     hysteresis,
     input_output,
     loss,
@@ -46,7 +47,7 @@ class BenchError(RuntimeError):
 
 def steps(inst: Instrument, scaled: Instrument | None) -> int:
     """Return how often a run reports progress."""
-    return 12 + checks.mujoco_cases(inst, scaled)
+    return 13 + checks.mujoco_cases(inst, scaled)
 
 
 def run(
@@ -105,6 +106,7 @@ def _run(context: Context, out: Path, progress: Callable[[str], None], recording
         ("loss", loss.section),
         ("compensation", compensation.section),
         ("scale model", scaling.section),
+        ("scale-model design", designing.section),
         ("flexion and extension", hysteresis.section),
         ("step load", step_load.section),
         ("compensated step load", compensated.section),

@@ -12,6 +12,12 @@ from tenodesis.published import EQUIVALENT_FORCE, SCALE_FACTORS, STIFFNESS
 from tenodesis.quantity import in_unit
 from tenodesis.similarity import Comparison, SimilarityError, compare
 
+_CAUSES = 3
+"""Causes that are shown of each error."""
+
+_NO_CAUSE = 5e-4
+"""Contribution, deg, below which a group causes nothing."""
+
 _SHOWN: tuple[tuple[str, str, str, str], ...] = (
     ("stem_diameter", "stem diameter ∅", "mm", "m"),
     ("overall_length", "overall length L", "mm", "m"),
@@ -43,6 +49,7 @@ def section(context: Context) -> Section:
     comparison = compare(context.inst, scaled)
     tables = [_dimensions(context, comparison), _factors(context, comparison), _groups(context, comparison)]
     tables.append(_errors(context, comparison))
+    tables += [_with_friction(context, comparison), _causes(context, comparison)]
     text = (
         "<p>Two instruments of different size lose the same angle if the loss of dexterity Θ is the same. Equal Θ "
         "fixes one factor for force; equal T/kr fixes one for tension. What the geometry does not share shows in the "
@@ -213,6 +220,85 @@ def _errors(context: Context, comparison: Comparison) -> Table:
             "largest at",
             "no equilibrium",
         ],
+        rows,
+    )
+
+
+def _with_friction(context: Context, comparison: Comparison) -> Table:
+    """Errors at rest and in time, over loops of the handle through the working range."""
+    sets: dict[str, Any] = {"held": None}
+    if context.is_paper:
+        factor = float(comparison.force_factor())
+        sets = {"fig14": [force / factor for force in comparison.prototype.conditions.forces]} | sets
+    rows = []
+    for name, pretension in (("scaled", None), ("as used", comparison.prototype.pretension)):
+        for which, several in sets.items():
+            for kind, measure in (("at rest", comparison.error_at_rest), ("in time", comparison.cycle_error)):
+                error = measure(pretension=pretension, forces=several)
+                key = f"similarity_with_friction.{name.replace(' ', '_')}.{which}.{kind.replace(' ', '_')}"
+                about = (
+                    f"with friction {kind}, pretension {name}, "
+                    f"{'the loads of Fig. 14' if which == 'fig14' else 'loads up to the largest that both hold'}"
+                )
+                context.add(f"{key}.rms", error.rms, "deg", f"Root mean square similarity error {about}")
+                context.add(
+                    f"{key}.quantile_95", error.quantile_95, "deg", f"95 % quantile of similarity error {about}"
+                )
+                context.add(f"{key}.largest", error.largest, "deg", f"Largest similarity error {about}")
+                at = error.worst
+                rows.append(
+                    [
+                        f"{error.prototype_pretension:.4g} N ({name})",
+                        f"to {error.force.max():.3g} N",
+                        kind,
+                        fixed(error.rms, 3),
+                        fixed(error.quantile_95, 3),
+                        fixed(error.largest, 3),
+                        f"θ_h = {fixed(np.degrees(at.handle_angle), 1)}°, {at.force:.2f} N, "
+                        f"{'flexing' if at.flexing else 'extending'}",
+                    ]
+                )
+    return Table(
+        "Similarity error with friction [°], over loops of the handle through the working range under constant forces: "
+        "at rest after every step, and in time on the twin, both as their files mean them. At the largest load both "
+        "hold, single jumps of a tip make the largest error",
+        ["pretension scaled-up", f"force on {named(comparison.model)}", "", "rms", "95 %", "largest", "largest at"],
+        rows,
+    )
+
+
+def _causes(context: Context, comparison: Comparison) -> Table:
+    """Which group's mismatch makes the error, without friction and with it."""
+    limit = EQUIVALENT_FORCE.value if context.is_paper else None
+    rows = []
+    for name, pretension in (("scaled", None), ("as used", comparison.prototype.pretension)):
+        several = None if limit is None else [limit * share for share in (0.0, 0.5, 1.0)]
+        for kind, causes in (
+            ("without", comparison.causes(pretension=pretension, largest_force=limit)),
+            ("with", comparison.causes(friction=True, pretension=pretension, forces=several)),
+        ):
+            for cause in causes.causes[:_CAUSES]:
+                if not abs(cause.at_worst) > _NO_CAUSE:
+                    continue
+                key = f"causes.{name.replace(' ', '_')}.{kind}_friction.{cause.name}"
+                about = f"that {cause.name} causes, {kind} friction, pretension {name}"
+                context.add(f"{key}.rms", cause.rms, "deg", f"Root mean square similarity error {about}")
+                context.add(f"{key}.at_worst", cause.at_worst, "deg", f"Similarity error at its largest {about}")
+                rows.append(
+                    [
+                        f"{name}, {kind} friction",
+                        cause.name,
+                        number(cause.model),
+                        number(cause.prototype),
+                        fixed(cause.at_worst, 3),
+                        fixed(cause.rms, 3),
+                        f"{fixed(causes.error, 3)} / {fixed(causes.error_rms, 3)}",
+                    ]
+                )
+    to = "" if limit is None else f", loads up to {limit:g} N"
+    return Table(
+        f"What causes the error: the groups whose mismatch does most, each at the others constant{to} [°]",
+        ["pretension", "group", named(comparison.model), named(comparison.prototype), "where largest", "rms", "of"],
         rows,
     )
 

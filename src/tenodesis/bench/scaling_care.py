@@ -53,7 +53,8 @@ def _pretension(context: Context, comparison: Comparison) -> CarePoint:
         f"the experiments used {comparison.prototype.pretension:g} N. Slack then begins at what would be "
         f"{fixed(meant)} N at 80° instead of {fixed(small)} N, and the rms similarity error up to "
         f"{comparison.largest_force:g} N grows from {fixed(similar.rms, 2)}° to {fixed(used.rms, 2)}°. Up to "
-        f"{EQUIVALENT_FORCE.value} N, where Fig. 14 was taken, no tendon goes slack and it makes no difference.",
+        f"{EQUIVALENT_FORCE.value} N, where Fig. 14 was taken, no tendon goes slack and without friction it makes no "
+        "difference; friction grows with tension, so that with it even there it does.",
     )
 
 

@@ -55,7 +55,7 @@ class Candidates:
     end_effector_lengths: Array
     """By pair and level."""
     handle_lengths: Array
-    """By pair."""
+    """By overall length: as near as is allowed to the same share of it, since friction in the sheath acts on that."""
     pretension: float
     """As pinned, N; NaN to scale the instrument's."""
 
@@ -80,7 +80,7 @@ class Candidates:
         columns = {
             "distal_radius": distal,
             "proximal_radius": np.array([one.radius for _, one in self.pairs])[pair],
-            "handle_length": self.handle_lengths[pair],
+            "handle_length": self.handle_lengths[length],
             "end_effector_length": self.end_effector_lengths[pair, level],
             "tendon_modulus": np.array([one.modulus for one in self.ropes])[rope],
             "tendon_diameter": np.array([one.diameter for one in self.ropes])[rope],
@@ -137,23 +137,20 @@ def candidates(
     pairs = _pairs(model, catalogue, pins)
     rods: tuple[Rod | None, ...] = catalogue.rods if model.joint_type == "continuum" else (None,)
     distal = np.array([one.radius for one, _ in pairs])
-    proximal = np.array([one.radius for _, one in pairs])
     free = [low != high for low, high in _given(constraints.overall_length, constraints.end_effector_length)]
     per_length = combinations / (len(pairs) * len(catalogue.ropes) * len(rods))
     levels = int(np.clip(np.ceil(per_length ** (1 / max(sum(free), 1))), _FEWEST_LEVELS, _MOST_LEVELS))
+    overall = _overall(model, constraints.overall_length, distal, levels)
+    similar = distal * _ratio(model, "end_effector_length", "distal_radius")
+    handle = overall * model.handle_length / (model.tendon_length or model.overall_length)
     return Candidates(
         model,
         pairs,
         catalogue.ropes,
         rods,
-        _overall(model, constraints.overall_length, distal, levels),
-        _levels(
-            constraints.end_effector_length,
-            distal * _ratio(model, "end_effector_length", "distal_radius"),
-            levels,
-            _END_EFFECTOR_MADE_TO,
-        ),
-        _levels(constraints.handle_length, proximal * _ratio(model, "handle_length", "proximal_radius"), 1)[:, -1],
+        overall,
+        _levels(constraints.end_effector_length, similar, levels, _END_EFFECTOR_MADE_TO),
+        handle if constraints.handle_length is None else _made(handle, constraints.handle_length),
         pins.get("pretension", math.nan),
     )
 

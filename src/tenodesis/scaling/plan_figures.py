@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 from io import StringIO
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import statics
 from tenodesis.bench import style
@@ -21,9 +21,14 @@ MOST_CURVES = 4
 """Test loads that curves are drawn for; more would hide each other."""
 
 _SIZE = (3.55, 1.75)  # inches: half the page's width
-_SMALL = {"font.size": 6.5, "axes.titlesize": 6.5, "legend.fontsize": 6, "lines.linewidth": 1.0, "axes.linewidth": 0.6}
+_SMALL: Any = {
+    "font.size": 6.5,
+    "legend.fontsize": 6,
+    "lines.linewidth": 1.0,
+    "axes.linewidth": 0.6,
+}
 _POINTS = 161
-_LEAST_BOUND = 0.05  # deg
+_LEAST_BOUND = 1e-3  # deg
 _FAR = 2.0  # times the largest tension; what lies beyond would flatten the curves
 
 
@@ -40,8 +45,8 @@ def input_output(design: "Design") -> str:
         label = f"{real:.3g} → {scaled:.3g} N" if real else "no load"
         axis.plot(np.degrees(handle), found, color=color, label=label)
     axis.set(xlabel="handle angle [°]", ylabel="output angle [°]", xlim=np.degrees(handle[[0, -1]]))
-    axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02), handlelength=1.2, title="real-size → scaled-up")
-    axis.get_legend().get_title().set_fontsize(6)
+    place: Any = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.02), "handlelength": 1.2}
+    axis.legend(**place, title="real-size → scaled-up", title_fontsize=6)
     return _svg(fig)
 
 
@@ -107,8 +112,8 @@ def drawn(design: "Design", error: SimilarityError) -> tuple[str, str, str]:
 def shown(tests: Sequence["TestLoad"]) -> list["TestLoad"]:
     """Return the test loads that curves are drawn for, by size: all, or a few spread over them."""
     ordered = sorted(tests, key=lambda test: test.real_force)
-    chosen = np.unique(np.linspace(0, len(ordered) - 1, MOST_CURVES).round().astype(int)) if ordered else []
-    return [ordered[at] for at in chosen]
+    spread = np.linspace(0, len(ordered) - 1, MOST_CURVES).round().astype(int)
+    return [ordered[at] for at in np.unique(spread)] if ordered else []
 
 
 def _handle(design: "Design") -> NDArray[np.float64]:
@@ -116,7 +121,8 @@ def _handle(design: "Design") -> NDArray[np.float64]:
 
 
 def _output(inst: Instrument, handle: ArrayLike, force: float) -> NDArray[np.float64]:
-    return np.degrees(statics.output_angle(inst, handle, force))
+    found: NDArray[np.float64] = np.degrees(statics.output_angle(inst, handle, force))
+    return found
 
 
 def _svg(fig: Figure) -> str:

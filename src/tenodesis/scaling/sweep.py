@@ -203,6 +203,8 @@ def contradiction(
     if limit is None:
         return tally.contradiction()
     for key, asked, wider, free in _widened(model, catalogue, pins):
+        if key == limit.key:
+            continue
         try:
             found = candidates(model, wider, free, _TRIED)
         except DesignError:

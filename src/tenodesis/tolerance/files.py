@@ -74,10 +74,12 @@ class Tolerances(_Strict):
 
     name: Name = Field(default="tolerances", description="What they are called in the report")
     description: str = Field(default="", max_length=200, description="One line about them")
-    parameters: tuple[Tolerance, ...] = Field(min_length=1, max_length=50, description="One table per key that varies")
+    parameters: tuple[Tolerance, ...] = Field(max_length=50, description="One table per key that varies")
 
     @model_validator(mode="after")
-    def _each_once(self) -> Self:
+    def _some_and_each_once(self) -> Self:
+        if not self.parameters:
+            raise ValueError("parameters is empty; allowed is at least one table [[parameters]]")
         seen: set[tuple[str, str]] = set()
         for one in self.parameters:
             if (one.key, one.instrument) in seen:

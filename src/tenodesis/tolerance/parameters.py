@@ -187,24 +187,24 @@ def _refuse_outside(parameter: Parameter, inst: Instrument, width_key: str) -> N
         return
     bounds = [
         f"{word} {parameter.shown(bound)}"
-        for word, bound in (("above", parameter.lower), ("below", parameter.upper))
+        for word, bound in (("from", parameter.lower), ("to", parameter.upper))
         if math.isfinite(bound)
     ]
     share = f"{100 * outside:.2g} %"
     raise StudyError(
         f"{parameter.key} of {inst.name}: a {parameter.distribution} distribution about "
         f"{parameter.shown(parameter.nominal)} with a {width_key} of {parameter.shown(parameter.width)} leaves what an "
-        f"instrument file allows ({' and '.join(bounds)}) with a probability of {share}; allowed is a narrower one."
+        f"instrument file allows ({' '.join(bounds)}) with a probability of {share}; allowed is a narrower one."
     )
 
 
 def probability_outside(parameter: Parameter) -> float:
     """Return the probability that a parameter's distribution leaves what an instrument file allows."""
     centre, width = parameter.nominal, parameter.width
-    spreads = {
-        "normal": lambda: stats.norm(centre, width),
-        "uniform": lambda: stats.uniform(centre - width, 2 * width),
-        "triangular": lambda: stats.triang(0.5, centre - width, 2 * width),
-    }
-    spread: Any = spreads[parameter.distribution]()
+    if parameter.distribution == "normal":
+        spread: Any = stats.norm(centre, width)
+    else:
+        spread = stats.uniform(centre - width, 2 * width)
+    if parameter.distribution == "triangular":
+        spread = stats.triang(0.5, loc=centre - width, scale=2 * width)
     return float(spread.cdf(parameter.lower) + spread.sf(parameter.upper))

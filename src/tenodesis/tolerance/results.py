@@ -20,15 +20,16 @@ CLOSE = 0.1
 """Half width of the confidence intervals up to which indices count as converged."""
 
 DESCRIPTIONS: Mapping[str, str] = {
-    "loss_flexion": "output loss, approached in flexion",
-    "loss_extension": "output loss, approached in extension",
-    "loop_width": "mean width of the hysteresis loop",
-    "similarity_rms": "similarity error, rms",
-    "similarity_largest": "similarity error, largest",
-    "real_size_loss_flexion": "real-size: output loss, approached in flexion",
-    "real_size_loss_extension": "real-size: output loss, approached in extension",
-    "real_size_loop_width": "real-size: mean width of the hysteresis loop",
+    "loss_flexion": "loss in flexion",
+    "loss_extension": "loss in extension",
+    "loop_width": "loop width",
+    "similarity_rms": "similarity, rms",
+    "similarity_largest": "similarity, largest",
+    "real_size_loss_flexion": "real-size: loss in flexion",
+    "real_size_loss_extension": "real-size: loss in extension",
+    "real_size_loop_width": "real-size: loop width",
 }
+"""Responses by name: output loss by how the end is approached, mean width of the loop, similarity error."""
 
 
 @dataclass(frozen=True)
@@ -173,7 +174,8 @@ def base_rows(samples: int, parameters: int) -> NDArray[np.int64]:
 
 def complete_blocks(status: NDArray[np.int64], samples: int) -> NDArray[np.bool_]:
     """Return by base sample whether none of its runs was lost."""
-    return (status.reshape(samples, -1) == 0).all(axis=1)
+    complete: NDArray[np.bool_] = (status.reshape(samples, -1) == 0).all(axis=1)
+    return complete
 
 
 def respond(key: str, scheme: Array, study: Study, rest: Array) -> Response:

@@ -1,0 +1,139 @@
+"""The command about tolerances: what manufacturing and identification leave open."""
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from pydantic import TypeAdapter, ValidationError
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from tenodesis import instrument, tolerance
+from tenodesis.bench.content import fixed
+from tenodesis.cli_recording import CommandError
+from tenodesis.instrument import Force
+from tenodesis.tolerance.report import write
+from tenodesis.tolerance.results import QUANTILES
+from tenodesis.tolerance.study import SAMPLES
+
+console = Console()
+
+_PATIENCE = 1.0
+"""Time after which a progress bar is shown, s."""
+_NAMED = 3
+"""How many of the dominating parameters the table names."""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to an app."""
+    app.command("tolerance")(study_tolerances)
+
+
+def study_tolerances(  # noqa: PLR0917
+    real_size: Annotated[str, typer.Argument(metavar="REAL", help="Real-size instrument: file or shipped name.")],
+    scaled_up: Annotated[str, typer.Argument(metavar="SCALED", help="Scaled-up instrument: file or shipped name.")],
+    tolerances: Annotated[
+        Path | None,
+        typer.Option(help="Tolerance file. Default: ISO 2768-1 and what an identification leaves.", show_default=False),
+    ] = None,
+    samples: Annotated[int, typer.Option(help="Base samples N; N (parameters + 2) runs.")] = SAMPLES,
+    seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
+    force: Annotated[
+        str | None,
+        typer.Option(help="Force on the real-size instrument. Default: the largest test force.", show_default=False),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for page, figures, samples and numbers.")] = Path("out/tolerance"),
+    engine: Annotated[str, typer.Option(help="threads or ray.")] = "threads",
+    address: Annotated[
+        str | None, typer.Option(help="Of the Ray cluster: host:port of its head, or auto.", show_default=False)
+    ] = None,
+) -> None:
+    """Study what tolerances do to a scale model's loss of angle and similarity, and which of them dominate."""
+    model, prototype = instrument.load(real_size), instrument.load(scaled_up)
+    given = None if tolerances is None else tolerance.load(tolerances)
+    newton = None if force is None else _force(force)
+    begun = time.monotonic()
+    with _Bar() as bar:
+        study = tolerance.study(
+            model,
+            prototype,
+            given,
+            samples=samples,
+            seed=seed,
+            force=newton,
+            engine=engine,
+            address=address,
+            progress=bar,
+        )
+    took = time.monotonic() - begun
+    write(study, out)
+    console.print(_distributions(study))
+    console.print(_dominating(study))
+    for statement in study.statements:
+        console.print(statement, highlight=False, markup=False)
+    console.print(f"{study.runs} runs in {took:.3g} s, {study.runs / took:.0f} a second.", highlight=False)
+    console.print(
+        f"Page: [bold]{escape(str(out / 'tolerance.html'))}[/bold]  (figures/, samples.csv and tolerance.json)"
+    )
+
+
+def _force(text: str) -> float:
+    try:
+        return TypeAdapter(Force).validate_python(text, context={"file": True})
+    except ValidationError as invalid:
+        told = invalid.errors(include_url=False)[0]["msg"].removeprefix("Value error, ")
+        raise CommandError(f"--force = {text!r}: {told}.") from None
+
+
+def _distributions(study: tolerance.Study) -> Table:
+    names = f"{escape(study.prototype.name)} for {escape(study.model.name)}"
+    title = f"{names}, {study.force:.3g} N at real size: quantiles in deg"
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
+    table.add_column("response", overflow="fold")
+    for heading in ("nominal", "mean", "std", *(f"{100 * share:g} %" for share in QUANTILES)):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for one in study.responses.values():
+        numbers = (one.nominal, one.mean, one.std, *(one.quantile(share) for share in QUANTILES))
+        table.add_row(one.description, *(fixed(number) for number in numbers))
+    return table
+
+
+def _dominating(study: tolerance.Study) -> Table:
+    table = Table(title="what dominates: total Sobol index", title_justify="left", box=box.SIMPLE_HEAD)
+    table.add_column("response", overflow="fold")
+    table.add_column("parameters", overflow="fold")
+    for one in study.responses.values():
+        named = [
+            study.parameters[n].label + ("" if one.indices is None else f" {fixed(one.indices.total[n])}")
+            for n in one.order[:_NAMED]
+        ]
+        table.add_row(one.description, escape(", ".join(named)))
+    return table
+
+
+class _Bar:
+    """A progress bar that shows itself once a study takes long."""
+
+    def __init__(self) -> None:
+        columns = (TextColumn("samples"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+        self._bar = Progress(*columns, console=console, transient=True)
+        self._task = self._bar.add_task("", total=None)
+        self._begun = time.monotonic()
+        self._shown = False
+
+    def __enter__(self) -> "_Bar":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._shown:
+            self._bar.stop()
+
+    def __call__(self, done: int, whole: int) -> None:
+        if not self._shown and console.is_interactive and time.monotonic() > self._begun + _PATIENCE:
+            self._bar.start()
+            self._shown = True
+        self._bar.update(self._task, completed=done, total=whole)

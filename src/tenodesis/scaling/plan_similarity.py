@@ -1,0 +1,88 @@
+"""The tables of a workshop plan that say how similar the two are, what they do not share, and what that costs."""
+
+import math
+from typing import TYPE_CHECKING
+
+from tenodesis.bench.content import fixed
+from tenodesis.scaling.plan_tables import Table
+from tenodesis.scaling.plan_text import NO_ERROR, SPACE, degrees, factor, more, plain, symbols
+from tenodesis.similarity import GRID, Comparison, Group, SimilarityError
+
+if TYPE_CHECKING:
+    from tenodesis.scaling.design import Design
+
+_IN_MOTION = ("motor", "inertia")
+"""Kinds of groups that a held instrument does not feel."""
+
+_ALIKE = 1e-4
+"""Relative difference of two groups that a workshop calls none."""
+
+_WORTH_A_WORD = 0.02
+"""Share of the error below which a cause is not named."""
+
+
+def similarity(design: "Design", error: SimilarityError, drawings: int) -> Table:
+    """Return how large the similarity error is, where it is largest, and which groups cause it."""
+    at_rest = design.comparison.error_at_rest(pretension=design.prototype.pretension)
+    return Table(
+        f"Similarity error, up to {plain(design.comparison.largest_force, 3)}{SPACE}N real-size",
+        ("", "largest", "root mean square"),
+        (
+            ("without friction", degrees(error.largest), degrees(error.rms)),
+            ("with friction, at rest", degrees(at_rest.largest), degrees(at_rest.rms)),
+        ),
+        note=f"output angle, scaled-up minus real-size, where both hold the load; {_cause(design, error)}",
+        left_out="; ".join(more(3 - drawings, "drawing")),
+    )
+
+
+def _cause(design: "Design", error: SimilarityError) -> str:
+    """Return where the error is largest and which groups make it."""
+    try:
+        found = design.comparison.causes(pretension=design.prototype.pretension, grid=GRID)
+    except ValueError:
+        return f"worst at {_place(*error.worst)}"
+    if abs(found.error) < NO_ERROR:
+        return "none worth a cause"
+    parts = [
+        f"{symbols(cause.name)} {'+' if cause.at_worst > 0 else ''}{plain(cause.at_worst, 2)}°"
+        for cause in found.causes
+        if abs(cause.at_worst) > _WORTH_A_WORD * abs(found.error)
+    ]
+    return f"worst at {_place(found.place.handle_angle, found.place.force)}, caused by {', '.join(parts)}"
+
+
+def _place(handle_angle: float, force: float) -> str:
+    return f"handle {fixed(math.degrees(handle_angle), 1)}°, {plain(force, 3)}{SPACE}N real-size"
+
+
+def groups(comparison: Comparison, most: int) -> Table:
+    """Return which groups do not match, and in its note which do."""
+    there = [group for group in comparison.groups if group.model or group.prototype]
+    alike = [symbols(group.name) for group in there if _matches(group)]
+    others = [group for group in there if not _matches(group)]
+    held = [group for group in others if group.kind not in _IN_MOTION]
+    moved = [
+        f"{symbols(group.name)} × {factor(group.ratio)}".replace(" ", SPACE)
+        for group in others
+        if group.kind in _IN_MOTION
+    ]
+    rows = tuple(
+        (symbols(group.name), group.kind, plain(group.model, 3), plain(group.prototype, 3), factor(group.ratio))
+        for group in held[:most]
+    )
+    notes = [f"matching: {', '.join(alike) or 'none'}"]
+    if moved:
+        notes.append(f"not matching, in motion only: {', '.join(moved)}")
+    return Table(
+        "Groups that do not match",
+        ("", "", "real-size", "scaled-up", "ratio"),
+        rows,
+        texts=2,
+        note="; ".join(notes),
+        left_out="; ".join(more(len(held) - most, "further group")),
+    )
+
+
+def _matches(group: Group) -> bool:
+    return group.matches or abs(group.ratio - 1) < _ALIKE

@@ -1,0 +1,154 @@
+"""The figures of a study: distributions, tornado chart, Sobol indices."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from tenodesis.bench import style
+from tenodesis.bench.content import Plot
+from tenodesis.tolerance.results import Response, Study
+
+_BINS = 48
+_MOST_BARS = 12
+_LOW, _HIGH = style.ANTAGONIST, style.AGONIST
+_SHOWN = {
+    "loss_flexion": ("output loss, in flexion", "output loss [deg]"),
+    "similarity_rms": ("similarity error, rms", "similarity error [deg]"),
+    "loop_width": ("mean width of the loop", "loop width [deg]"),
+}
+
+
+def plots(study: Study) -> list[Plot]:
+    """Return the figures that a study has."""
+    pages = [_distributions(study), _tornado(study)]
+    if any(response.indices for response in _shown(study)):
+        pages.append(_sobol(study))
+    return pages
+
+
+def _shown(study: Study) -> list[Response]:
+    return [study.responses[key] for key in _SHOWN]
+
+
+def _conditions(study: Study) -> str:
+    return (
+        f"{study.force:.3g} N on {study.model.name}, {study.force * study.force_factor:.3g} N on {study.prototype.name}"
+    )
+
+
+def _distributions(study: Study) -> Plot:
+    fig, axes = style.figure(2, width=10.0, height=4.3)
+    pairs = [("loss_flexion", "loss_extension"), ("similarity_rms", "similarity_largest")]
+    labels = [("approached in flexion", "approached in extension"), ("rms over the cycle", "largest")]
+    for axis, keys, names in zip(axes, pairs, labels, strict=True):
+        _histograms(axis, [study.responses[key] for key in keys], names)
+    axes[0].set_xlabel("output loss [deg]")
+    axes[1].set_xlabel("similarity error [deg]")
+    axes[0].set_ylabel("share of samples [%]")
+    marks: list[tuple[str, dict[str, Any]]] = [
+        ("5 % and 95 % quantile", {"ls": ":"}),
+        ("median", {"ls": "-"}),
+        ("nominal", {"ls": "", "marker": "^", "ms": 7}),
+    ]
+    handles = [Line2D([], [], color=style.INK, lw=1.2, label=name, **look) for name, look in marks]
+    fig.legend(handles=handles, loc="outside lower center", ncols=len(marks))
+    curves = {f"{key} [deg]": study.responses[key].samples for pair in pairs for key in pair}
+    return Plot(
+        "distributions",
+        f"Output loss at {np.degrees(study.end):.3g}° of handle and similarity error over the cycle, "
+        f"{_conditions(study)}: {2 * study.samples} samples.",
+        fig,
+        curves,
+    )
+
+
+def _histograms(axis: Axes, responses: Sequence[Response], names: Sequence[str]) -> None:
+    everything = np.concatenate([one.samples for one in responses])
+    # The tails beyond would squeeze what matters.
+    low, high = np.quantile(everything, [0.0005, 0.9995])
+    low = min(low, *(one.nominal for one in responses))
+    high = max(high, *(one.nominal for one in responses))
+    edges = np.linspace(low, high, _BINS + 1) if high > low else np.linspace(low - 0.5, high + 0.5, _BINS + 1)
+    for one, name, color in zip(responses, names, (_HIGH, _LOW), strict=True):
+        weights = np.full(one.samples.size, 100 / one.samples.size)
+        axis.hist(one.samples, edges.tolist(), weights=weights, color=color, alpha=0.45, label=name)
+        for share, line in ((0.05, ":"), (0.5, "-"), (0.95, ":")):
+            axis.axvline(one.quantile(share), color=color, ls=line, lw=1.2)
+        axis.plot([one.nominal], [0], "^", color=color, ms=8, clip_on=False, zorder=5, mec="white", mew=0.8)
+    style.legend_above(axis, 2)
+
+
+def _panels(study: Study) -> tuple[Figure, list[tuple[Axes, Response, list[int]]]]:
+    """Return a panel for each response that is shown, and its parameters, the dominating one first."""
+    responses = _shown(study)
+    bars = min(_MOST_BARS, len(study.parameters))
+    fig, axes = style.figure(len(responses), width=4.4 * len(responses), height=1.5 + 0.34 * bars)
+    panels = [(axis, one, list(one.order[:bars])) for axis, one in zip(axes, responses, strict=True)]
+    for axis, one, order in panels:
+        axis.set_title(_SHOWN[one.key][0])
+        axis.set_yticks(range(bars), [study.parameters[n].label for n in order], color=style.INK)
+        axis.set_ylim(bars - 0.4, -0.6)
+        axis.grid(axis="y", visible=False)
+    return fig, panels
+
+
+def _tornado(study: Study) -> Plot:
+    fig, panels = _panels(study)
+    curves = {}
+    for axis, one, order in panels:
+        for side, color, label in ((0, _LOW, "at its 5 % quantile"), (1, _HIGH, "at its 95 % quantile")):
+            change = one.swings[order, side] - one.nominal
+            axis.barh(range(len(order)), change, left=one.nominal, height=0.66, color=color, label=label)
+            curves[f"{one.key} {label} [deg]"] = one.swings[:, side]
+        axis.axvline(one.nominal, color=style.INK, lw=1.2)
+        axis.margins(x=0.08)
+        axis.set_xlabel(_SHOWN[one.key][1])
+    handles, names = panels[0][0].get_legend_handles_labels()
+    fig.legend(handles, names, loc="outside upper left", ncols=2)
+    return Plot(
+        "tornado",
+        "Tornado chart: each parameter from its 5 % to its 95 % quantile, the others at the median; the line is the "
+        f"nominal value, {_conditions(study)}.",
+        fig,
+        curves,
+    )
+
+
+def _sobol(study: Study) -> Plot:
+    fig, panels = _panels(study)
+    curves = {}
+    for axis, one, order in panels:
+        if one.indices is None:
+            axis.text(0.5, 0.5, "does not vary", transform=axis.transAxes, ha="center", color=style.MUTED)
+            continue
+        found = one.indices
+        kinds = (
+            (-0.19, found.first, found.first_half_width, _LOW, "first index"),
+            (0.19, found.total, found.total_half_width, _HIGH, "total index"),
+        )
+        for shift, values, half_widths, color, label in kinds:
+            axis.barh(
+                np.arange(len(order)) + shift,
+                values[order],
+                xerr=half_widths[order],
+                height=0.36,
+                color=color,
+                label=label,
+                error_kw={"ecolor": style.INK, "elinewidth": 1.0, "capsize": 2},
+            )
+            curves[f"{one.key} {label} [1]"] = values
+        axis.axvline(0, color=style.INK, lw=1.0)
+        axis.set_xlabel("share of the variance [1]")
+    handles, names = next(axis for axis, one, _ in panels if one.indices).get_legend_handles_labels()
+    fig.legend(handles, names, loc="outside upper left", ncols=2)
+    return Plot(
+        "sobol",
+        "Sobol indices with their 95 % confidence intervals: first, what knowing a parameter alone would take off the "
+        "variance; total, what stays of it while that parameter alone is unknown.",
+        fig,
+        curves,
+    )
