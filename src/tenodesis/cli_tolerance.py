@@ -16,9 +16,9 @@ from tenodesis import instrument, tolerance
 from tenodesis.bench.content import fixed
 from tenodesis.cli_recording import CommandError
 from tenodesis.instrument import Force
+from tenodesis.tolerance.conduct import SAMPLES
 from tenodesis.tolerance.report import write
 from tenodesis.tolerance.results import QUANTILES
-from tenodesis.tolerance.study import SAMPLES
 
 console = Console()
 

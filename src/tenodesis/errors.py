@@ -23,3 +23,7 @@ class DesignError(ValueError):
 
 class StudyError(ValueError):
     """A tolerance study cannot be carried out; the message says why."""
+
+
+class IdentificationError(ValueError):
+    """Measured data cannot be used, or do not tell what is asked of them; the message says why."""

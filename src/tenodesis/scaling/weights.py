@@ -27,6 +27,8 @@ _EXACT = 1e-9
 _BASE = 1000
 """What sums of masses are carried at, so that the solver's tolerance of a whole number, 1e-6, stays far from one."""
 
+_NOTHING: NDArray[np.float64] = np.zeros(0)
+
 _AS_WANTED = 5e-4
 """Share of the weight below which its error is not worth a word."""
 
@@ -204,8 +206,8 @@ class _Problem(NamedTuple):
         # Most sets can make every difference, so that no search for the nearest is needed.
         found = self._fewest(_nearest((below, above), target, same))
         if found is None:
-            sides = (self._hung(below, short=below), self._hung(above, over=int(self.masses @ self.counts)))
-            found = self._fewest(_nearest([hung.difference for hung in sides if hung is not None], target, same))
+            sides = (self._extreme(-1.0, (-math.inf, below)), self._extreme(1.0, (above, math.inf)))
+            found = self._fewest(_nearest([one for one in sides if one is not None], target, same))
         if found is None:
             total, least = float(self.masses @ self.counts) * self.unit, self.least * self.unit
             raise DesignError(
@@ -219,45 +221,59 @@ class _Problem(NamedTuple):
         made = (self._hung(one) for one in differences)
         return min((hung for hung in made if hung is not None), key=lambda hung: hung.pieces, default=None)
 
-    def _hung(self, difference: int, *, short: int = 0, over: int = 0) -> _Hung | None:
-        """Return what makes a difference, or the nearest that is short of it or over it by so much at most.
+    def _extreme(self, sign: float, limits: tuple[float, float]) -> int | None:
+        """Return the least difference within limits, or with a negative sign the largest; None if there is none."""
+        none = np.zeros(self.masses.size)
+        rows = ((self.masses, -self.masses), (self.masses, none), (none, self.masses))
+        matrix = np.array([np.concatenate(row) for row in rows], float)
+        lower = np.array([limits[0], self.least, self.least])
+        upper = np.array([limits[1], math.inf, math.inf])
+        found = self._optimum(sign * matrix[0], LinearConstraint(matrix, lower, upper))
+        return None if found is None else found.difference
 
-        An exact difference is made by the fewest pieces, and of these by the lightest, whose inertia disturbs least.
+    def _hung(self, difference: int) -> _Hung | None:
+        """Return the fewest pieces that make a difference, and of these the lightest, whose inertia disturbs least.
+
+        Sums of masses are made digit by digit, with what is carried from one to the next among the unknowns: with whole
+        masses for coefficients, the solver's tolerance of what counts as whole would let small weights slip through.
         """
-        kinds = self.masses.size
         digits = len(_digits(max(int(self.masses @ self.counts), difference, self.least)))
-        # Unknown are the counts on either cable, by how much the difference is off, what the lighter cable has beyond
-        # its least mass, both in digits, and what is carried from digit to digit in either sum. With whole masses for
-        # coefficients, the solver's tolerance of what counts as whole would let small weights slip through.
-        by_mass = np.array([_digits(int(mass), digits) for mass in self.masses]).T
-        powers = np.eye(digits)
+        by_mass = np.array([_digits(int(mass), digits) for mass in self.masses], float).T
         carry = np.eye(digits, digits - 1, -1) - _BASE * np.eye(digits, digits - 1)
-        none, unmoved = np.zeros((digits, kinds)), np.zeros((digits, digits))
-        uncarried = np.zeros((digits, digits - 1))
+        none, spare, unmoved = np.zeros(by_mass.shape), np.eye(digits), np.zeros((digits, digits))
+        uncarried = np.zeros(carry.shape)
+        # Unknown beside the counts: what the lighter cable has beyond its least mass, and what is carried in each sum.
         sums = np.block(
             [
-                [by_mass, -by_mass, powers if short else -powers, unmoved, carry, uncarried],
-                [none, by_mass, unmoved, -powers, uncarried, carry],
+                [by_mass, -by_mass, unmoved, carry, uncarried],
+                [none, by_mass, -spare, uncarried, carry],
             ]
         )
-        wanted = np.array([*_digits(difference, digits), *_digits(self.least, digits)])
-        of_a_kind = np.hstack([np.eye(kinds), np.eye(kinds), np.zeros((kinds, sums.shape[1] - 2 * kinds))])
-        off = short or over
-        most = np.minimum(_BASE - 1, off // _BASE ** np.arange(digits, dtype=np.float64))
-        carried = np.full(2 * (digits - 1), 2.0 * float(self.counts.sum()) + 2)
-        cost = np.zeros(sums.shape[1])
-        if off:
-            cost[2 * kinds : 2 * kinds + digits] = float(_BASE) ** np.arange(digits)
-        else:
-            cost[: 2 * kinds] = np.tile(1 + self.masses / (2.0 * float(self.masses @ self.counts)), 2)
+        wanted = np.array([*_digits(difference, digits), *_digits(self.least, digits)], float)
+        share = self.masses / (2.0 * float(self.masses @ self.counts))
+        cost = np.concatenate([np.tile(1 + share, 2), np.zeros(sums.shape[1] - 2 * self.masses.size)])
+        most = 2.0 * float(self.counts.sum()) + 2
+        lower = np.concatenate([np.zeros(digits), np.full(2 * digits - 2, -most)])
+        upper = np.concatenate([np.full(digits, _BASE - 1.0), np.full(2 * digits - 2, most)])
+        return self._optimum(cost, LinearConstraint(sums, wanted, wanted), lower, upper)
+
+    def _optimum(
+        self,
+        cost: NDArray[np.float64],
+        sums: LinearConstraint,
+        lower: NDArray[np.float64] = _NOTHING,
+        upper: NDArray[np.float64] = _NOTHING,
+    ) -> _Hung | None:
+        """Return the pieces of least cost whose sums are right, None if there are none; further unknowns have bounds."""
+        kinds = self.masses.size
+        of_a_kind = np.hstack([np.eye(kinds), np.eye(kinds), np.zeros((kinds, lower.size))])
         found = milp(
             cost,
             integrality=np.ones(cost.size, np.int64),
             bounds=Bounds(
-                np.concatenate([np.zeros(cost.size - carried.size), -carried]),
-                np.concatenate([np.tile(self.counts, 2), most, np.full(digits, _BASE - 1), carried]),
+                np.concatenate([np.zeros(2 * kinds), lower]), np.concatenate([np.tile(self.counts, 2), upper])
             ),
-            constraints=[LinearConstraint(sums, wanted, wanted), LinearConstraint(of_a_kind, 0, self.counts)],
+            constraints=[sums, LinearConstraint(of_a_kind, 0, self.counts)],
             options={"mip_rel_gap": 0.0},
         )
         if found.x is None:

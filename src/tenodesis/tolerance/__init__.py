@@ -1,10 +1,10 @@
 """Tolerance studies: what manufacturing and identification leave open, and what that does to the scale model."""
 
+from tenodesis.tolerance.conduct import study
 from tenodesis.tolerance.defaults import default
 from tenodesis.tolerance.files import Tolerance, Tolerances, json_schema, load, parse
 from tenodesis.tolerance.parameters import Parameter
 from tenodesis.tolerance.results import Indices, Response, Study
-from tenodesis.tolerance.study import study
 
 __all__ = [
     "Indices",

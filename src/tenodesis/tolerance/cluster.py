@@ -18,6 +18,7 @@ PATIENCE = 20.0
 _KNOCK = 5.0  # s
 _RETRIES = 10
 _QUIET = {"log_to_driver": False, "logging_level": "CRITICAL"}
+_UNAUTHENTICATED = b"Unauthenticated"
 _PROBE = "import ray, sys; ray.init(address=sys.argv[1], log_to_driver=False, logging_level='CRITICAL')"
 
 
@@ -98,17 +99,21 @@ class Cluster:
                 timeout=PATIENCE,
                 check=False,
             )
-        except subprocess.TimeoutExpired:
-            raise StudyError(
-                self._refused(f"what is there did not answer as a cluster within {PATIENCE:g} s")
-            ) from None
+        except subprocess.TimeoutExpired as waited:
+            if _UNAUTHENTICATED in (waited.stderr or b""):
+                reason = "it does not accept the token: RAY_AUTH_MODE and RAY_AUTH_TOKEN must be the cluster's"
+            else:
+                reason = f"what is there did not answer as a cluster within {PATIENCE:g} s"
+            raise StudyError(self._refused(reason)) from None
         if probe.returncode:
             lines = [line for line in probe.stderr.splitlines() if "Error: " in line]
             raise StudyError(self._refused(lines[-1].partition("Error: ")[2] if lines else "it gave no reason"))
 
     def _refused(self, reason: str) -> str:
         reason = reason.strip().splitlines()[0].rstrip(".")
-        return f"there is no Ray cluster at {self.address} ({reason}); allowed is host:port of its head, or auto."
+        return (
+            f"there is no Ray cluster to use at {self.address} ({reason}); allowed is host:port of its head, or auto."
+        )
 
 
 def _imported() -> Any:

@@ -1,0 +1,180 @@
+"""The Ray engine, on a cluster of two nodes on this machine's loopback addresses."""
+
+import os
+import secrets
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tenodesis import tolerance
+from tenodesis.errors import StudyError
+from tenodesis.instrument import Instrument
+from tenodesis.tolerance import cluster, conduct
+
+from .test_tolerance import FEW, assert_same, varied
+
+# Not imported here, since Ray reads how to authenticate when it is.
+if find_spec("ray") is None:
+    pytest.skip("Ray is not installed: pip install 'tenodesis[cluster]'", allow_module_level=True)
+if not Path("/proc/self/cmdline").exists():
+    pytest.skip("the test finds a cluster's processes in /proc", allow_module_level=True)
+
+# Ray takes 127.0.0.1 for the machine's outer address.
+HEAD, SECOND = "127.0.0.2", "127.0.0.3"
+
+
+class TwoNodes:
+    """A cluster whose processes all name its own folder, so that no other's are ever touched."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.address = f"{HEAD}:{free_port()}"
+
+    def start(self) -> None:
+        common = ["--num-cpus=1", "--object-store-memory=80000000", "--disable-usage-stats"]
+        port = self.address.rpartition(":")[2]
+        head = ["--head", f"--port={port}", f"--node-ip-address={HEAD}", "--include-dashboard=false"]
+        for arguments in (
+            [*head, f"--temp-dir={self.folder}"],
+            [f"--address={self.address}", f"--node-ip-address={SECOND}"],
+        ):
+            started = subprocess.run(
+                [str(Path(sys.executable).with_name("ray")), "start", *arguments, *common],
+                capture_output=True,
+                text=True,
+                timeout=60,
+                check=False,
+            )
+            assert started.returncode == 0, started.stdout + started.stderr
+
+    def processes(self) -> Iterator[tuple[int, list[str]]]:
+        for entry in Path("/proc").iterdir():
+            if entry.name.isdigit() and int(entry.name) != os.getpid():
+                try:
+                    words = (entry / "cmdline").read_text("utf-8", "replace").split("\0")
+                except OSError:
+                    continue
+                if any(str(self.folder) in word for word in words):
+                    yield int(entry.name), words
+
+    def kill_second(self) -> None:
+        (raylet,) = [
+            pid
+            for pid, words in self.processes()
+            if words[0].endswith("/raylet") and any(word.endswith(f"={SECOND}") for word in words)
+        ]
+        os.kill(raylet, signal.SIGKILL)
+
+    def stop(self) -> None:
+        for _ in range(20):
+            left = list(self.processes())
+            for pid, _ in left:
+                try:
+                    os.kill(pid, signal.SIGKILL)
+                except ProcessLookupError:
+                    continue
+            if not left:
+                return
+            time.sleep(0.1)
+
+
+def free_port() -> int:
+    with socket.socket() as listener:
+        listener.bind((HEAD, 0))
+        return int(listener.getsockname()[1])
+
+
+@pytest.fixture
+def two_nodes(monkeypatch: pytest.MonkeyPatch) -> Iterator[TwoNodes]:
+    for key, value in {
+        "RAY_AUTH_MODE": "token",
+        "RAY_AUTH_TOKEN": secrets.token_hex(16),
+        "RAY_USAGE_STATS_ENABLED": "0",
+        # A dead node is to be noticed in a second, not in half a minute.
+        "RAY_health_check_initial_delay_ms": "500",
+        "RAY_health_check_period_ms": "500",
+        "RAY_health_check_timeout_ms": "500",
+        "RAY_health_check_failure_threshold": "3",
+    }.items():
+        monkeypatch.setenv(key, value)
+    # The path of a socket may not have more than about a hundred characters.
+    with tempfile.TemporaryDirectory(prefix="tenodesis-ray-", ignore_cleanup_errors=True) as folder:
+        nodes = TwoNodes(Path(folder))
+        try:
+            nodes.start()
+            yield nodes
+        finally:
+            nodes.stop()
+
+
+def test_a_node_killed_half_way_loses_nothing(
+    real: Instrument, scaled: Instrument, two_nodes: TwoNodes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(conduct, "CHUNK", 32)
+    told: list[int] = []
+    killed = []
+
+    def progress(done: int, whole: int) -> None:
+        told.append(done)
+        if not killed and done > whole / 3:
+            two_nodes.kill_second()
+            killed.append(done)
+
+    arguments = (real, scaled, varied(*FEW))
+    found = tolerance.study(*arguments, samples=512, seed=5, engine="ray", address=two_nodes.address, progress=progress)
+    assert killed and killed[0] < found.runs / 2
+    assert told[-1] == found.runs
+    assert_same(found, tolerance.study(*arguments, samples=512, seed=5))
+    assert np.isfinite(found.responses["loss_flexion"].scheme).all()
+
+
+def test_a_cluster_that_wants_another_token_is_told_from_none(
+    real: Instrument, scaled: Instrument, two_nodes: TwoNodes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster, "PATIENCE", 5.0)
+    monkeypatch.setenv("RAY_AUTH_TOKEN", secrets.token_hex(16))
+    with pytest.raises(StudyError, match="does not accept the token"):
+        tolerance.study(real, scaled, varied(*FEW), samples=8, engine="ray", address=two_nodes.address)
+
+
+@pytest.mark.parametrize(
+    ("address", "told"),
+    [
+        (lambda: f"{HEAD}:{free_port()}", r"there is no Ray cluster to use at 127\.0\.0\.2:\d+ \(Connection refused\)"),
+        (lambda: "nonsense", "address is 'nonsense'; allowed is host:port of a Ray cluster's head, or auto"),
+        (lambda: "ray://127.0.0.2:10001", "address is 'ray://127.0.0.2:10001'"),
+        (lambda: f"{HEAD}:99999", "there is no Ray cluster to use at 127.0.0.2:99999"),
+    ],
+)
+def test_where_no_cluster_is_one_sentence_says_so(
+    real: Instrument, scaled: Instrument, address: Callable[[], str], told: str
+) -> None:
+    with pytest.raises(StudyError, match=told):
+        tolerance.study(real, scaled, varied(*FEW), samples=8, engine="ray", address=address())
+
+
+def test_what_listens_but_is_no_cluster_is_given_up_in_time(
+    real: Instrument, scaled: Instrument, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster, "PATIENCE", 2.0)
+    with socket.socket() as mute:
+        mute.bind((HEAD, 0))
+        mute.listen()
+        address = f"{HEAD}:{mute.getsockname()[1]}"
+        with pytest.raises(StudyError, match=r"what is there did not answer as a cluster within 2 s"):
+            tolerance.study(real, scaled, varied(*FEW), samples=8, engine="ray", address=address)
+
+
+def test_without_ray_the_extra_is_named(real: Instrument, scaled: Instrument, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(StudyError, match=r"Ray is not installed; pip install 'tenodesis\[cluster\]'"):
+        tolerance.study(real, scaled, varied(*FEW), samples=8, engine="ray", address="127.0.0.2:6379")
