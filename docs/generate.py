@@ -12,7 +12,7 @@ from pathlib import Path
 
 import picture
 
-from tenodesis import instrument
+from tenodesis import instrument, scaling
 from tenodesis.bench import run
 
 ROOT = Path(__file__).parents[1]
@@ -28,6 +28,9 @@ def main(folder: Path = ROOT) -> None:
     (package / "instruments").mkdir(parents=True, exist_ok=True)
     schema = json.dumps(instrument.json_schema(), indent=2, ensure_ascii=False)
     (package / "instruments/instrument.schema.json").write_text(schema + "\n", "utf-8")
+    (package / "catalogue").mkdir(exist_ok=True)
+    schema = json.dumps(scaling.json_schema(), indent=2, ensure_ascii=False)
+    (package / "catalogue/catalogue.schema.json").write_text(schema + "\n", "utf-8")
     (package / "_core.pyi").write_text(stub(), "utf-8")
     picture.draw(folder / "docs/picture.svg")
 

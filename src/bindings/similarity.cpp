@@ -38,17 +38,9 @@ enum Finding : std::size_t {
   finding_count,
 };
 
-inline constexpr std::array<const char*, finding_count> finding_names{"largest_error",
-                                                                      "rms_error",
-                                                                      "snapped",
-                                                                      "force_factor",
-                                                                      "pretension",
-                                                                      "tendon_stiffness",
-                                                                      "largest_tension",
-                                                                      "tension_per_force",
-                                                                      "rig_arm",
-                                                                      "unloaded_limit",
-                                                                      "joints_span"};
+inline constexpr std::array<const char*, finding_count> finding_names{
+    "largest_error",   "rms_error",         "snapped", "force_factor",   "pretension", "tendon_stiffness",
+    "largest_tension", "tension_per_force", "rig_arm", "unloaded_limit", "joints_span"};
 static_assert(finding_names.back() != nullptr, "every finding has a name");
 
 /// An instrument, the points its scale models are judged at, and what it does there.

@@ -5,6 +5,7 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include <cstdint>
 #include <vector>
 
 #include "modules.hpp"
@@ -102,6 +103,28 @@ void transmit_all(const Column& tension, double exponent, double gain, double he
   }
 }
 
+using Sources = nb::ndarray<std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+/// Which bound a value that moves only where a band pushes it was pushed by last: k + 1 for upper[k], -(k + 1) for
+/// lower[k], 0 while it is where it started.
+void play(const Column& lower, const Column& upper, double start, const Sources& source) {
+  const std::size_t count = lower.shape(0);
+  if (upper.shape(0) != count || source.shape(0) != count) throw nb::value_error("arrays do not fit");
+  const nb::gil_scoped_release release;
+  std::int64_t last = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double low = lower.data()[i], high = upper.data()[i];
+    if (start > high) {
+      start = high;
+      last = std::int64_t(i) + 1;
+    } else if (start < low) {
+      start = low;
+      last = -(std::int64_t(i) + 1);
+    }
+    source.data()[i] = last;
+  }
+}
+
 }  // namespace
 
 void bind_tendon(nb::module_& m) {
@@ -120,6 +143,10 @@ void bind_tendon(nb::module_& m) {
         nb::sig("def transmit(tension: NDArray[numpy.float64], exponent: float, gain: float, held: float, "
                 "out: NDArray[numpy.float64]) -> None"),
         "Write the distal tension of one contact; held: the distal tension before, N.");
+  m.def("play", &play, "lower"_a, "upper"_a, "start"_a, "source"_a,
+        nb::sig("def play(lower: NDArray[numpy.float64], upper: NDArray[numpy.float64], start: float, "
+                "source: NDArray[numpy.int64]) -> None"),
+        "Write by which bound a value was pushed last: k + 1 by upper[k], -(k + 1) by lower[k], 0 by none.");
 }
 
 }  // namespace tenodesis::bindings

@@ -95,6 +95,11 @@ def transmit(tension: NDArray[numpy.float64], exponent: float, gain: float, held
     Write the distal tension of one contact; held: the distal tension before, N.
     """
 
+def play(lower: NDArray[numpy.float64], upper: NDArray[numpy.float64], start: float, source: NDArray[numpy.int64]) -> None:
+    """
+    Write by which bound a value was pushed last: k + 1 by upper[k], -(k + 1) by lower[k], 0 by none.
+    """
+
 class TwinSpec:
     """A twin of one axis, as numbers in SI units."""
 
@@ -199,3 +204,19 @@ def run_controlled(twins: Sequence[Twin], controller: Controller, commands: NDAr
     """
     Step twins and a controller in one loop over rows of commands, axis by axis; returns steps and why no more.
     """
+
+def tension_scale(spec: Spec) -> float:
+    """Tension that stretches a tendon by the distal radius, N."""
+
+def findings() -> list[str]:
+    """Names of what is found of a scale model, in their order."""
+
+class SimilarityTarget:
+    """An instrument and the points that its scale models are judged at."""
+
+    def __init__(self, spec: Spec, handle_angle: Sequence[float], force: Sequence[float], at_angle: float, stop: float) -> None: ...
+
+    def judge(self, rows: NDArray[numpy.float64], pretension: NDArray[numpy.float64], out: NDArray[numpy.float64], threads: int) -> None:
+        """
+        Write what is found of every row of parameters, by row and finding; NaN scales the pretension.
+        """

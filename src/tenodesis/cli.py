@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from tenodesis import cli_control, cli_recording, cli_scale, instrument
+from tenodesis import cli_control, cli_recording, cli_scale, cli_tolerance, cli_transfer, instrument, scaling, tolerance
 from tenodesis.bench import BenchError
 from tenodesis.bench import run as bench_run
 from tenodesis.bench.content import Context
@@ -82,9 +82,20 @@ def bench(
 
 
 @app.command()
-def schema() -> None:
-    """Print the JSON schema of instrument files, for editors that complete and check TOML."""
-    typer.echo(json.dumps(instrument.json_schema(), indent=2, ensure_ascii=False))
+def schema(
+    of: Annotated[
+        str, typer.Argument(metavar="KIND", help="Kind of file: instrument, catalogue or tolerances.")
+    ] = "instrument",
+) -> None:
+    """Print the JSON schema of a kind of file, for editors that complete and check TOML."""
+    schemas = {
+        "instrument": instrument.json_schema,
+        "catalogue": scaling.json_schema,
+        "tolerances": tolerance.json_schema,
+    }
+    if of not in schemas:
+        raise CommandError(f"KIND is {of!r}; allowed are {', '.join(schemas)}.")
+    typer.echo(json.dumps(schemas[of](), indent=2, ensure_ascii=False))
 
 
 @app.command()
@@ -105,6 +116,8 @@ def check(
 
 cli_recording.register(app)
 cli_scale.register(app)
+cli_transfer.register(app)
+cli_tolerance.register(app)
 cli_control.register(cli_recording.exports)
 
 

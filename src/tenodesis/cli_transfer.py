@@ -13,7 +13,7 @@ from rich.table import Table
 
 from tenodesis import instrument
 from tenodesis.cli_recording import CommandError
-from tenodesis.instrument_text import to_toml
+from tenodesis.instrument_text import to_file
 from tenodesis.recording import Recording
 from tenodesis.scaling.transfer import Carried, carry
 from tenodesis.scaling.transfer_factors import KEYS, QUANTITY
@@ -58,7 +58,7 @@ def transfer(  # noqa: PLR0917
     rubbing = None
     if instrument_out is not None:
         source = log.name if scaled_up is None else scaled_up
-        rubbing = to_toml(carry_friction(carried.prototype, model, source=source, time_factor=time_factor))
+        rubbing = to_file(carry_friction(carried.prototype, model, source=source, time_factor=time_factor))
     carried.write(path, overwrite=overwrite)
     if instrument_out is not None and rubbing is not None:
         _write(instrument_out, rubbing)

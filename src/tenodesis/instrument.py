@@ -3,7 +3,7 @@
 import math
 import tomllib
 from collections.abc import Iterator, Mapping
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args
@@ -263,9 +263,8 @@ class Instrument(_Strict):
             )
         for axis, values in self.overrides.items():
             self._check_override(axis, values, in_file=bool(info.context and info.context.get("file")))
-        known = set(_keys(type(self)))
         for key in self.sources:
-            if key not in known:
+            if key not in _known(type(self)):
                 raise ValueError(f"sources.{key} names no key of an instrument")
         return self
 
@@ -427,6 +426,11 @@ def unit_of(field: FieldInfo) -> str:
     """Return the SI unit of a field, empty for what is no quantity."""
     quantity = _quantity(field)
     return quantity.unit if quantity else ""
+
+
+@cache
+def _known(kind: type[BaseModel]) -> frozenset[str]:
+    return frozenset(_keys(kind))
 
 
 def _keys(kind: type[BaseModel], prefix: str = "") -> Iterator[str]:

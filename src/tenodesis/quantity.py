@@ -104,3 +104,7 @@ def annotation(quantity: Quantity) -> tuple[BeforeValidator, WithJsonSchema, Qua
 def in_unit(unit: str, si_unit: str) -> float:
     """Return how many of `unit` one `si_unit` is, for showing SI values on screen and in reports."""
     return float(_UNITS.Quantity(1.0, si_unit).to(unit).magnitude)
+
+
+STANDARD_GRAVITY = in_unit("m/s^2", "standard_gravity")
+"""Weight of a mass, N/kg."""

@@ -15,6 +15,7 @@ GENERATED = (
     "docs/picture.svg",
     "src/tenodesis/_core.pyi",
     "src/tenodesis/instruments/instrument.schema.json",
+    "src/tenodesis/catalogue/catalogue.schema.json",
 )
 
 
@@ -35,7 +36,7 @@ def test_every_equation_and_care_point_is_implemented_and_tested() -> None:
     assert [int(number) for number in care] == list(range(1, 10))
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/twin.md"])
+@pytest.mark.parametrize("page", ["README.md", "docs/twin.md", "docs/scaling.md"])
 def test_the_python_examples_run_and_print_what_they_say(page: str) -> None:
     code = "".join(re.findall(r"```python\n(.*?)```", (ROOT / page).read_text("utf-8"), re.S))
     assert code

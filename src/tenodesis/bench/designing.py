@@ -9,6 +9,7 @@ from tenodesis.instrument import Instrument, TendonGear
 from tenodesis.published import TIP_FORCE
 from tenodesis.scaling import Design, Front, Objectives, front_figure
 from tenodesis.scaling.round_trip import RoundTrip, round_trip
+from tenodesis.signals import Array
 
 ROUND_TRIP_AMPLITUDE = np.radians(60.0)
 
@@ -166,7 +167,7 @@ def _front(front: Front, paper: Objectives, best: Objectives) -> Plot:
 
 def _loop(trips: dict[float, RoundTrip]) -> Plot:
     fig, axes = style.figure(2, width=8.6, height=3.7)
-    curves = {}
+    curves: dict[str, Array] = {}
     for axis, (force, trip) in zip(axes, trips.items(), strict=True):
         handle = np.degrees(trip.handle_angle)
         step = max(handle.size // (20 * _BETWEEN), 1)

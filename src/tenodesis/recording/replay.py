@@ -13,6 +13,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.protocols.loop import with_request
 from tenodesis.recording import choices
 from tenodesis.recording.reader import Recording
+from tenodesis.recording.schemas import TRANSFERRED
 from tenodesis.recording.session import QUASI_STATIC, without_control
 from tenodesis.recording.tables import columns
 from tenodesis.signals import Array, Run, concatenate
@@ -87,14 +88,18 @@ def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
     Raises
     ------
     RecordingError
-        The recording has no instrument, no handle angle, no rows or no even time step, or other axes, or what it
-        says of its controller makes none.
+        The recording has no instrument, no handle angle, no rows or no even time step, or other axes, what it says
+        of its controller makes none, or it was carried over from another instrument.
     NoSolutionError
         The tip was loaded past what it can hold.
     ValueError
         The twin cannot follow a command, or not with this time step.
     """
     recorded, metadata = recording.run, recording.metadata
+    if TRANSFERRED in metadata:
+        raise RecordingError(
+            f"{recording.path} was carried over from {metadata[TRANSFERRED]}; allowed is to replay that, as it was run."
+        )
     if inst is None:
         inst = recording.instrument()
     if inst.axes != recorded.axes:

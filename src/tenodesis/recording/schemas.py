@@ -12,6 +12,9 @@ FLOAT64 = "std_msgs/msg/Float64"
 METADATA = "tenodesis"
 """Name of the metadata record."""
 
+TRANSFERRED = "transferred_from"
+"""Metadata of what was carried over from another instrument: the file it was carried from."""
+
 TIME = "/time"
 """Topic of the time to the last bit, since stamps only count nanoseconds."""
 

@@ -307,7 +307,7 @@ def _design(found: Sweep, number: int) -> Design:
     judge = Judge(found.candidates, found.catalogue, found.range)
     columns = judge.columns(np.array([number]), fine=True)
     one = {name: float(values[0]) for name, values in columns.items()}
-    objectives = judge.costs(columns)[0]
+    error, resolution, length, inverse = judge.costs(columns)[0].tolist()
     wheels, rope, rod = found.candidates.parts(number)
     choice = Choice(
         *wheels,
@@ -325,7 +325,7 @@ def _design(found: Sweep, number: int) -> Design:
         prototype,
         choice,
         found.catalogue,
-        Objectives(*objectives[:3].tolist(), 1 / float(objectives[3])),
+        Objectives(error, resolution, length, 1 / inverse),
         comparison,
         tests,
         one["largest_tension"],

@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import g
 
 from tenodesis.errors import DesignError
 from tenodesis.instrument import Instrument
+from tenodesis.quantity import STANDARD_GRAVITY
 from tenodesis.scaling.catalogue import Catalogue
 from tenodesis.signals import Array
 
@@ -61,7 +61,7 @@ def forces_of(model: Instrument, catalogue: Catalogue) -> Forces:
 def limits(catalogue: Catalogue, tests: Forces) -> tuple[Limit, ...]:
     """Return the limits that a catalogue's constraints and parts set."""
     constraints = catalogue.constraints
-    rho = constraints.cable_pulley_radius
+    rho, largest = constraints.cable_pulley_radius, max(tests.hung)
     masses = sum(weight.mass * weight.count for weight in catalogue.weights)
     step = min(weight.mass for weight in catalogue.weights)
     widest = max(cell.range for cell in catalogue.load_cells)
@@ -96,11 +96,12 @@ def limits(catalogue: Catalogue, tests: Forces) -> tuple[Limit, ...]:
         ),
         Limit(
             "weights",
-            f"weights for the largest test force, {max(tests.hung):g} N on the real-size instrument",
+            f"weights for the largest test force, {largest:g} N on the real-size instrument",
             "mass to hang",
             "kg",
             lambda c: (
-                max(tests.hung) * c["force_factor"] * c["rig_arm"] / rho / g + 2 * constraints.cable_mass,
+                max(tests.hung) * c["force_factor"] * c["rig_arm"] / rho / STANDARD_GRAVITY
+                + 2 * constraints.cable_mass,
                 masses,
             ),
         ),
@@ -111,7 +112,7 @@ def limits(catalogue: Catalogue, tests: Forces) -> tuple[Limit, ...]:
             "force of half the lightest weight",
             "N",
             lambda c: (
-                0.5 * step * g * rho / c["rig_arm"],
+                0.5 * step * STANDARD_GRAVITY * rho / c["rig_arm"],
                 constraints.force_tolerance * min(tests.hung) * c["force_factor"],
             ),
         ),

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import g
 
 from tenodesis import _core
 from tenodesis.errors import DesignError
 from tenodesis.instrument import Instrument
+from tenodesis.quantity import STANDARD_GRAVITY
 from tenodesis.scaling import front
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates, candidates
 from tenodesis.scaling.catalogue import Catalogue, LoadCell
@@ -114,7 +114,7 @@ class Judge:
     def _weight_step(self, columns: Mapping[str, Array]) -> Array:
         lightest = min(weight.mass for weight in self._catalogue.weights)
         rho = self._catalogue.constraints.cable_pulley_radius
-        step: Array = lightest * g * rho / columns["rig_arm"] / columns["force_factor"]
+        step: Array = lightest * STANDARD_GRAVITY * rho / columns["rig_arm"] / columns["force_factor"]
         return step
 
 

@@ -14,13 +14,12 @@ from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument
 from tenodesis.instrument_text import to_toml
 from tenodesis.recording import Recorder, Recording
+from tenodesis.recording.schemas import TRANSFERRED
 from tenodesis.scaling.transfer_factors import QUANTITY, comparison, factors
 from tenodesis.scaling.transfer_friction import carry_friction, left_behind, shared_axes
 from tenodesis.signals import SIGNALS, Array, Run
 from tenodesis.similarity import Comparison
 
-FROM = "transferred_from"
-"""Metadata of the file that was carried over."""
 FACTORS = "transfer_factors"
 """Metadata of the factors, by axis, as TOML."""
 BEFORE = "scaled_up_"
@@ -56,7 +55,7 @@ class Carried:
         return {
             **before,
             "instrument": to_toml(self.model),
-            FROM: self.recording.path.name,
+            TRANSFERRED: self.recording.path.name,
             f"{BEFORE}instrument": to_toml(self.prototype),
             FACTORS: tomli_w.dumps({axis: dict(own) for axis, own in self.factors.items()}),
         }

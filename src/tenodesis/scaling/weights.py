@@ -12,11 +12,10 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.constants import g as STANDARD_GRAVITY  # noqa: N812
-from scipy.optimize import Bounds, LinearConstraint, milp
 
 from tenodesis.errors import DesignError
 from tenodesis.instrument import Instrument
+from tenodesis.quantity import STANDARD_GRAVITY
 
 _GRID = 1e-6
 """Mass that all masses are whole multiples of, kg: that of the least weight of OIML R 111."""
@@ -264,7 +263,9 @@ class _Problem(NamedTuple):
         lower: NDArray[np.float64] = _NOTHING,
         upper: NDArray[np.float64] = _NOTHING,
     ) -> _Hung | None:
-        """Return the pieces of least cost whose sums are right, None if there are none; further unknowns have bounds."""
+        """Return the pieces of least cost whose sums are right, if any; unknowns beside their counts have bounds."""
+        from scipy.optimize import Bounds, LinearConstraint, milp  # noqa: PLC0415 - takes half a second
+
         kinds = self.masses.size
         of_a_kind = np.hstack([np.eye(kinds), np.eye(kinds), np.zeros((kinds, lower.size))])
         found = milp(

@@ -8,7 +8,6 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import minimize_scalar
 
 from tenodesis import statics
 from tenodesis.instrument import Instrument
@@ -310,6 +309,8 @@ class Comparison:
         """
         if measure not in ("largest", "rms"):
             raise ValueError(f"measure is {measure!r}; allowed are largest and rms.")
+        from scipy.optimize import minimize_scalar  # noqa: PLC0415 - slow to load, and seldom needed
+
         middle = float(self.force_factor())
 
         def cost(logarithm: float) -> float:

@@ -111,9 +111,7 @@ class Cluster:
 
     def _refused(self, reason: str) -> str:
         reason = reason.strip().splitlines()[0].rstrip(".")
-        return (
-            f"there is no Ray cluster to use at {self.address} ({reason}); allowed is host:port of its head, or auto."
-        )
+        return f"no Ray cluster can be used at {self.address} ({reason}); allowed is host:port of its head, or auto."
 
 
 def _imported() -> Any:

@@ -7,7 +7,6 @@ from typing import Annotated, Any, NamedTuple, get_args
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
-from scipy import stats
 
 from tenodesis.errors import StudyError
 from tenodesis.instrument import Instrument
@@ -201,6 +200,8 @@ def _refuse_outside(parameter: Parameter, inst: Instrument, width_key: str) -> N
 def probability_outside(parameter: Parameter) -> float:
     """Return the probability that a parameter's distribution leaves what an instrument file allows."""
     centre, width = parameter.nominal, parameter.width
+    from scipy import stats  # noqa: PLC0415 - takes half a second
+
     if parameter.distribution == "normal":
         spread: Any = stats.norm(centre, width)
     else:

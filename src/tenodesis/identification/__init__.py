@@ -1,0 +1,25 @@
+"""Identification from recordings: parameters of a model, how well they are known, and what the recordings cannot tell."""
+
+from tenodesis.identification.differences import jacobian_error
+from tenodesis.identification.fit import fit
+from tenodesis.identification.identifiability import Combination, Identifiability
+from tenodesis.identification.problem import Parameter, Problem, Trace
+from tenodesis.identification.registry import FORMATS, Format
+from tenodesis.identification.results import Fit, RunErrors, to_json
+from tenodesis.identification.whiteness import Whiteness
+
+__all__ = [
+    "FORMATS",
+    "Combination",
+    "Fit",
+    "Format",
+    "Identifiability",
+    "Parameter",
+    "Problem",
+    "RunErrors",
+    "Trace",
+    "Whiteness",
+    "fit",
+    "jacobian_error",
+    "to_json",
+]

@@ -1,0 +1,57 @@
+"""Derivatives by differences: for models without their own, and to check those that have them."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from tenodesis.identification.problem import Parameter, Problem
+from tenodesis.signals import Array
+
+STEP = 1e-6
+"""Step as a share of a parameter's scale."""
+
+
+def differenced(function: Callable[[Array], Array], at: Array, lower: Array, upper: Array, scale: Array) -> Array:
+    """Return the derivatives of a vector function by central differences within bounds, shape (n, parameters)."""
+    columns = []
+    for index in range(at.size):
+        above, below = at.copy(), at.copy()
+        above[index] = min(at[index] + STEP * scale[index], upper[index])
+        below[index] = max(at[index] - STEP * scale[index], lower[index])
+        columns.append((function(above) - function(below)) / (above[index] - below[index]))
+    return np.stack(columns, axis=1)
+
+
+def scales(parameters: Sequence[Parameter], values: Array) -> Array:
+    """Return what changes of parameters are measured by, shape (parameters,): the range between their bounds.
+
+    A quantity that cannot be zero is measured by its value where that is less.
+    """
+    pairs = zip(parameters, values.tolist(), strict=True)
+    return np.array(
+        [min(one.upper - one.lower, value) if one.lower > 0 else one.upper - one.lower for one, value in pairs]
+    )
+
+
+def jacobian_error(problem: Problem, values: Array, run: int, *, quantile: float = 1.0) -> float:
+    """Return how far a problem's own derivatives are from differences, as a share of each column's largest.
+
+    Parameters
+    ----------
+    problem
+        Has derivatives of its own.
+    values
+        Where, shape (parameters,).
+    run
+        Index of the run.
+    quantile
+        Of the deviations; below 1 leaves out the few samples where a difference steps over stick and slip.
+    """
+    own = problem.jacobian(values, run)
+    if own is None:
+        return 0.0
+    lower = np.array([one.lower for one in problem.parameters])
+    upper = np.array([one.upper for one in problem.parameters])
+    other = differenced(lambda at: problem.residuals(at, run), values, lower, upper, scales(problem.parameters, values))
+    size = np.maximum(np.abs(other).max(axis=0), 1e-12 * np.abs(other).max() + 1e-300)
+    return float(np.quantile(np.abs(own - other) / size, quantile, axis=0).max())

@@ -1,0 +1,225 @@
+"""What a fit found, and the same as plain numbers for a file."""
+
+import math
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tenodesis.identification.identifiability import Identifiability
+from tenodesis.identification.problem import Parameter
+from tenodesis.identification.uncertainty import LossName
+from tenodesis.identification.whiteness import Whiteness
+from tenodesis.signals import Array
+
+RESULTS_SCHEMA = 1
+"""Version of the layout of result.json."""
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class RunErrors:
+    """Measured minus model over one run, by name with the unit last."""
+
+    name: str
+    split: str
+    """train or test."""
+    samples: dict[str, int]
+    rmse: dict[str, float]
+    mean: dict[str, float]
+    largest: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What a fit found."""
+
+    parameters: tuple[Parameter, ...]
+    free: tuple[str, ...]
+    values: dict[str, float]
+    """Of all parameters, SI; those that were not fitted are at their start."""
+    std: dict[str, float]
+    """Of the fitted ones, corrected for residuals that are not independent; infinite where nothing depends on them."""
+    std_white: dict[str, float]
+    """As if residuals were independent."""
+    interval_95: dict[str, Interval]
+    bootstrap_interval_95: dict[str, Interval] | None
+    correlation: Array
+    """Of the fitted ones, in the order of `free`."""
+    cost: float
+    """Half the sum of the squared residuals (linear loss), in variances of the sensors."""
+    aic: float
+    bic: float
+    """With as many samples as there are, and the noise of the residuals, as if they were independent."""
+    files: tuple[RunErrors, ...]
+    train_rmse: dict[str, float]
+    test_rmse: dict[str, float]
+    identifiability: Identifiability
+    whiteness: tuple[Whiteness, ...]
+    starts: int
+    same_optimum: int
+    """How many starts came to an optimum that is not to be told from the best."""
+    costs: tuple[float, ...]
+    """Of every start, where it ended; infinite where the model has no answer there."""
+    loss: LossName
+    seed: int
+    bootstrap: int
+    """Replicates of the bootstrap; zero where there was none."""
+    samples: int
+    evaluations: int
+    """How often residuals of all training runs were computed, differences included."""
+    jacobians: int
+    """How often the model's own derivatives were."""
+    warnings: tuple[str, ...]
+    seconds: float
+
+    @property
+    def vector(self) -> Array:
+        """The values in the order of the parameters."""
+        return np.array(list(self.values.values()))
+
+
+def by_unit(rmse: Mapping[str, float]) -> dict[str, float]:
+    """Return the first value of each unit, by unit: what output_angle_deg and tension_N are called rmse_deg, rmse_N."""
+    found: dict[str, float] = {}
+    for key, value in rmse.items():
+        found.setdefault(key.rpartition("_")[2], value)
+    return found
+
+
+def distinct(names: Sequence[str]) -> list[str]:
+    """Return names with a number behind those that were there before."""
+    seen: dict[str, int] = {}
+    out = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        out.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
+    return out
+
+
+def about() -> dict[str, str]:
+    """Return the versions a fit was made with."""
+    import scipy  # noqa: PLC0415
+
+    from tenodesis import __version__  # noqa: PLC0415
+
+    return {
+        "tenodesis": __version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+    }
+
+
+def to_json(found: Fit, *, format: str, law: str, notes: Mapping[str, Sequence[str]] | None = None) -> dict[str, Any]:  # noqa: A002
+    """Return a fit as plain numbers, SI; what is not finite is None.
+
+    Parameters
+    ----------
+    found
+        The fit.
+    format, law
+        Format of the recordings and name of the friction law.
+    notes
+        What the loader says of each recording, by its name.
+    """
+    runs = distinct([one.name for one in found.files])
+    return {
+        "schema": RESULTS_SCHEMA,
+        "about": about(),
+        "format": format,
+        "law": law,
+        "train": [name for name, one in zip(runs, found.files, strict=True) if one.split == "train"],
+        "test": [name for name, one in zip(runs, found.files, strict=True) if one.split == "test"],
+        "parameters": {one.name: _parameter(found, one) for one in found.parameters},
+        **{f"train_rmse_{unit}": _number(value) for unit, value in by_unit(found.train_rmse).items()},
+        **{f"test_rmse_{unit}": _number(value) for unit, value in by_unit(found.test_rmse).items()},
+        "train_rmse": _numbers(found.train_rmse),
+        "test_rmse": _numbers(found.test_rmse),
+        "files": {name: _file(one) for name, one in zip(runs, found.files, strict=True)},
+        "correlation": {
+            name: dict(zip(found.free, map(_number, row), strict=True))
+            for name, row in zip(found.free, found.correlation.tolist(), strict=True)
+        },
+        "identifiability": {
+            "singular_values": [_number(value) for value in found.identifiability.singular_values.tolist()],
+            "combinations": [
+                {"parameters": list(one.names), "known": one.known} for one in found.identifiability.combinations
+            ],
+            "at_bound": found.identifiability.at_bound,
+            "statements": list(found.identifiability.statements),
+        },
+        "whiteness": [_whiteness(one) for one in found.whiteness],
+        "cost": _number(found.cost),
+        "aic": _number(found.aic),
+        "bic": _number(found.bic),
+        "samples": found.samples,
+        "loss": found.loss,
+        "starts": found.starts,
+        "same_optimum": found.same_optimum,
+        "costs": [_number(value) for value in found.costs],
+        "seed": found.seed,
+        "bootstrap": found.bootstrap,
+        "evaluations": found.evaluations,
+        "jacobians": found.jacobians,
+        "warnings": list(found.warnings),
+        "notes": {name: list(sentences) for name, sentences in (notes or {}).items()},
+        "seconds": found.seconds,
+    }
+
+
+def _parameter(found: Fit, one: Parameter) -> dict[str, Any]:
+    name, fitted = one.name, one.name in found.free
+    interval = found.interval_95.get(name)
+    drawn = (found.bootstrap_interval_95 or {}).get(name)
+    return {
+        "value": found.values[name],
+        "unit": one.unit,
+        "meaning": one.meaning,
+        "fitted": fitted,
+        "std": _number(found.std[name]) if fitted else None,
+        "std_white": _number(found.std_white[name]) if fitted else None,
+        "interval_95": None if interval is None else list(interval),
+        "bootstrap_interval_95": None if drawn is None else list(drawn),
+        "identifiable": found.identifiability.identifiable[name] if fitted else None,
+        "at_bound": found.identifiability.at_bound.get(name),
+        "start": one.start,
+        "lower": one.lower,
+        "upper": one.upper,
+    }
+
+
+def _file(one: RunErrors) -> dict[str, Any]:
+    return {
+        "split": one.split,
+        "samples": max(one.samples.values(), default=0),
+        **{f"rmse_{unit}": _number(value) for unit, value in by_unit(one.rmse).items()},
+        "rmse": _numbers(one.rmse),
+        "mean": _numbers(one.mean),
+        "largest": _numbers(one.largest),
+    }
+
+
+def _whiteness(one: Whiteness) -> dict[str, Any]:
+    return {
+        "run": one.run,
+        "channel": one.channel,
+        "white": one.white,
+        "p_value": _number(one.p_value),
+        "ljung_box": _number(one.statistic),
+        "lags": one.lags,
+        "correlation_time": one.correlation_time,
+        "samples": one.samples,
+        "effective_samples": one.effective_samples,
+    }
+
+
+def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
+    return {key: _number(value) for key, value in values.items()}
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

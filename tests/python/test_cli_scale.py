@@ -1,0 +1,158 @@
+"""Claims about ``tenodesis scale``: what it writes, what it says, and what it refuses in one sentence."""
+
+import csv
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeAlias
+
+import pytest
+from rich.console import Console
+
+import tenodesis as tn
+from tenodesis import cli, cli_scale
+from tenodesis.scaling import PINS
+
+Command: TypeAlias = Callable[..., tuple[int, str, str]]
+
+FILES = ["front.csv", "front.png", "front.svg", "plan.html", "plan.pdf", "real-size-scaled-up.toml"]
+PAPER = [
+    "--catalogue",
+    "paper",
+    *(f"--pin={key}={value}" for key, value in (
+        ("distal_gear_radius", "7.5 mm"),
+        ("proximal_gear_radius", "16.875 mm"),
+        ("overall_length", "1 m"),
+        ("end_effector_length", "86 mm"),
+        ("handle_length", "160 mm"),
+    )),
+]  # fmt: skip
+
+
+@pytest.fixture
+def tenodesis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """Run the command line in this process, in a folder of its own, on a wide screen."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["tenodesis", *map(str, arguments)])
+        monkeypatch.setattr(cli, "errors", Console(stderr=True, highlight=False, soft_wrap=True))
+        monkeypatch.setattr(cli_scale, "console", Console(width=140))
+        code = 0
+        try:
+            cli.main()
+        except SystemExit as end:
+            code = int(end.code or 0)
+        said = capsys.readouterr()
+        return code, said.out, said.err
+
+    return run
+
+
+def test_a_workshop_gets_an_instrument_file_a_plan_and_the_front(tenodesis: Command, tmp_path: Path) -> None:
+    code, said, wrong = tenodesis("scale", "real-size", "--combinations", 50_000)
+    assert (code, wrong) == (0, "")
+    folder = tmp_path / "prototype"
+    assert sorted(path.name for path in folder.iterdir()) == FILES
+    assert "scale models judged" in said
+    assert "is taken: real-size-scaled-up, length x" in said
+    inst = tn.load(folder / "real-size-scaled-up.toml")
+    error = tn.similarity.compare(tn.load("real-size").axis("yaw"), inst).error(pretension=inst.pretension)
+    rows = list(csv.DictReader((folder / "front.csv").open()))
+    assert float(rows[0]["similarity error [deg]"]) == pytest.approx(error.largest, abs=0.02)
+    assert float(rows[0]["overall length [mm]"]) == pytest.approx(1e3 * inst.overall_length)
+    assert (folder / "plan.pdf").read_bytes().startswith(b"%PDF")
+    assert tenodesis("check", "prototype/real-size-scaled-up.toml")[0] == 0
+    assert tenodesis("record", "cycles", "prototype/real-size-scaled-up.toml", "--quasi-static")[0] == 0
+
+
+def test_the_papers_prototype_is_told_to_be_on_the_front(tenodesis: Command, tmp_path: Path) -> None:
+    code, said, _ = tenodesis("scale", "real-size", *PAPER, "--out", "paper")
+    assert code == 0
+    assert "1 scale models judged, 1 meet every constraint, 1 on the front" in said
+    assert "length x 3.75, force x 2.88, tension x 1.378; pretension 41.33 N." in said
+    assert "Without the pins, no design beats this one in everything: it is on the front. Giving up 10 %" in said
+    inst = tn.load(tmp_path / "paper/real-size-scaled-up.toml")
+    assert inst.tendon_stiffness == pytest.approx(11451, abs=0.5)
+
+
+def test_a_factor_pins_the_distal_radius(tenodesis: Command, tmp_path: Path) -> None:
+    assert tenodesis("scale", "real-size", "--factor", 3.75, "--combinations", 20_000)[0] == 0
+    inst = tn.load(tmp_path / "prototype/real-size-scaled-up.toml")
+    assert isinstance(inst, tn.TendonGear)
+    assert inst.distal_gear_radius == pytest.approx(7.5e-3)
+
+
+def test_a_row_of_the_front_can_be_taken(tenodesis: Command, tmp_path: Path) -> None:
+    tenodesis("scale", "real-size", "--combinations", 20_000, "--prefer", "size")
+    rows = list(csv.DictReader((tmp_path / "prototype/front.csv").open()))
+    shortest = min(float(row["overall length [mm]"]) for row in rows)
+    taken = tn.load(tmp_path / "prototype/real-size-scaled-up.toml")
+    assert 1e3 * taken.overall_length == pytest.approx(shortest, rel=0.011)
+    code, _, _ = tenodesis("scale", "real-size", "--combinations", 20_000, "--pick", len(rows), "--overwrite")
+    taken = tn.load(tmp_path / "prototype/real-size-scaled-up.toml")
+    assert code == 0
+    assert 1e3 * taken.overall_length == pytest.approx(float(rows[-1]["overall length [mm]"]))
+
+
+def test_an_own_catalogue_is_merged_with_shipped_ones(tenodesis: Command, tmp_path: Path) -> None:
+    own = (
+        '[[ropes]]\nname = "cord"\ndiameter = "1 mm"\nmodulus = "40 GPa"\nbreaking_load = "900 N"\nsource = "tested"\n'
+    )
+    (tmp_path / "own.toml").write_text(own)
+    code, said, wrong = tenodesis(
+        "scale", "real-size", "--catalogue", "standard", "--catalogue", "own.toml", "--pin", "rope=cord",
+        "--combinations", 20_000,
+    )  # fmt: skip
+    assert (code, wrong) == (0, "")
+    assert tn.load(tmp_path / "prototype/real-size-scaled-up.toml").breaking_load == 900
+    assert "Without the pins" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--catalogue", "nowhere.toml"], "nowhere.toml: there is no such file and no catalogue of that name; allowed"),
+        (["--pin", "overall_length"], "--pin is 'overall_length'; allowed is KEY=VALUE"),
+        (["--pin", "overall_length=1"], "overall_length = '1' is pinned: it has no unit"),
+        (["--pin", "size=1 m"], f"size cannot be pinned; allowed are {PINS[0]}"),
+        (["--pin", "rope=a", "--pin", "rope=b"], "--pin names rope twice"),
+        (["--prefer", "beauty"], "--prefer is 'beauty'; allowed are similarity"),
+        (["--pick", "0"], "--pick is 0; allowed is a row of the front, from 1 to"),
+        (["--combinations", "0"], "combinations is 0; allowed is a whole number"),
+        (["--factor", "1"], "factor = 1 asks for a distal radius of 2 mm, which no wheel"),
+    ],
+)
+def test_mistakes_are_one_sentence(tenodesis: Command, tmp_path: Path, arguments: list[str], message: str) -> None:
+    if "--combinations" not in arguments:
+        arguments = [*arguments, "--combinations", "5000"]
+    code, _, wrong = tenodesis("scale", "real-size", *arguments)
+    assert code == 1
+    assert message in wrong
+    assert "Traceback" not in wrong
+    assert not (tmp_path / "prototype").exists()
+
+
+def test_nothing_is_written_over_unless_asked(tenodesis: Command, tmp_path: Path) -> None:
+    (tmp_path / "prototype").mkdir()
+    (tmp_path / "prototype/plan.pdf").write_text("mine")
+    code, _, wrong = tenodesis("scale", "real-size", "--combinations", 5000)
+    assert code == 1
+    assert "prototype/plan.pdf exists already; allowed is another --out, or --overwrite." in wrong
+    assert [path.name for path in (tmp_path / "prototype").iterdir()] == ["plan.pdf"]
+    assert (tmp_path / "prototype/plan.pdf").read_text() == "mine"
+
+
+def test_a_folder_that_cannot_be_written_is_told(tenodesis: Command, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    code, _, wrong = tenodesis("scale", "real-size", "--combinations", 5000, "--out", "file/inside")
+    assert code == 1
+    assert "file/inside cannot be written" in wrong
+
+
+def test_schemas_of_every_kind_of_file_are_printed(tenodesis: Command) -> None:
+    assert json.loads(tenodesis("schema")[1])["title"] == "Tenodesis instrument"
+    assert json.loads(tenodesis("schema", "catalogue")[1])["title"] == "Tenodesis catalogue"
+    assert "olerance" in json.loads(tenodesis("schema", "tolerances")[1])["title"]
+    assert "KIND is 'car'; allowed are instrument, catalogue, tolerances." in tenodesis("schema", "car")[2]
