@@ -241,6 +241,11 @@ struct Dual {
     const S root = sqrt(a.value);
     return chain(a, root, S(1) / (S(2) * root));
   }
+  friend Dual exp(const Dual& a) {
+    using tenodesis::exp;
+    const S power = exp(a.value);
+    return chain(a, power, power);
+  }
   friend constexpr Dual abs(const Dual& a) { return a.value < S(0) ? -a : a; }
   friend Dual asin(const Dual& a) {
     using tenodesis::asin, tenodesis::sqrt;

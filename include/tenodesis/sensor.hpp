@@ -53,8 +53,12 @@ struct Sensor {
 
   S read(const S& value, Noise& random) const {
     S disturbed = gain * value + bias;
-    if (noise > S(0)) disturbed = disturbed + noise * random.template normal<S>();
-    return clamp(round(disturbed / resolution) * resolution, low, high);
+    // In dual numbers, what is expected of a reading: neither noise nor steps have a slope.
+    if constexpr (Real<S>) {
+      if (noise > S(0)) disturbed = disturbed + noise * random.template normal<S>();
+      disturbed = clamp(round(disturbed / resolution) * resolution, low, high);
+    }
+    return disturbed;
   }
 };
 

@@ -151,9 +151,9 @@ struct Twin {
 
   /// Advances the state by one step; on any status but ok it stays as it was.
   Status step(const Command<S>& command, State& state) const {
-    if (!all_finite(command.handle_angle, command.force, command.radial_force, command.weight,
-                    command.spool_velocity[0], command.spool_velocity[1], command.sheath_bend, command.let_out[0],
-                    command.let_out[1]))
+    if (!all_finite(value_of(command.handle_angle), value_of(command.force), value_of(command.radial_force),
+                    value_of(command.weight), value_of(command.spool_velocity[0]), value_of(command.spool_velocity[1]),
+                    value_of(command.sheath_bend), value_of(command.let_out[0]), value_of(command.let_out[1])))
       return Status::not_finite;
     State next = state;
     next.sheath_bend = command.sheath_bend;
@@ -183,6 +183,9 @@ struct Twin {
   S handle_torque(const Command<S>& command, const State& state) const {
     return prescribed() ? state.handle_moment : hand_torque(command.handle_angle, state);
   }
+
+  /// What the sensors are expected to read, without noise and steps where S is a dual number.
+  Reading<S> expected(State state) const { return read(state); }
 
   /// By how much a step has broken the friction law at its worst contact, as a share of the tension scale.
   S residual(const State& before, const State& after) const {
@@ -241,7 +244,7 @@ struct Twin {
       // What the whole sheath has of constant and viscous friction is its contacts' to share.
       const S share = place(j) == 0 ? S(1) / S(sheath) : S(1);
       band[j].constant = band[j].constant * share;
-      band[j].drag = friction.viscous * per_second() * share + least_drag<S> * axis.stiffness;
+      band[j].drag = friction.viscous * per_second() * share + least_drag<ValueOf<S>> * axis.stiffness;
     }
     return band;
   }
@@ -332,7 +335,7 @@ struct Twin {
       const S angle = tip.angle;
       set_bands(handle_angle, angle, before, next, both);
       found = settle(both, load, before, tip, next);
-      agreed = abs(tip.angle - angle) <= settled<S>;
+      agreed = abs(tip.angle - angle) <= settled<ValueOf<S>>;
     }
     if (found == Status::ok && !agreed) return Status::no_equilibrium;
     if (found != Status::ok) return found;
@@ -368,7 +371,7 @@ struct Twin {
     return quasi_static ? balance_tip(end, load, tip) : push_tip(end, load, before, tip);
   }
 
-  S tolerance() const { return friction_tolerance<S> * tension_scale(); }
+  S tolerance() const { return friction_tolerance<ValueOf<S>> * tension_scale(); }
 
   // Guess, pass, revise (tendon.hpp), with the tip's own equation at the tendons' end.
   Status settle(Chain& both, const Load<S>& load, const State& before, Tip& tip, State& next) const {
@@ -447,13 +450,13 @@ struct Twin {
       if (push == S(0)) return held_at(tip);
       Tip better = tip;
       const bool corrected = correct_tip(end, load, before, better) == Status::ok && better.angle != tip.angle;
-      if (corrected && abs(better.angle - tip.angle) <= settled<S>) return held_at(tip);
+      if (corrected && abs(better.angle - tip.angle) <= settled<ValueOf<S>>) return held_at(tip);
       (push > S(0) ? low : high) = tip.angle;
       const bool inside = corrected && better.angle > low && better.angle < high;
       tip.angle = inside ? better.angle : (low + high) * S(0.5);
-      if (high - low <= settled<S>) break;
+      if (high - low <= settled<ValueOf<S>>) break;
     }
-    return high - low <= settled<S> ? held_at(tip) : Status::no_equilibrium;
+    return high - low <= settled<ValueOf<S>> ? held_at(tip) : Status::no_equilibrium;
   }
 
   // At the very end of the joint, where a load drives what nothing holds, tendons have no lever.
@@ -501,7 +504,8 @@ struct Twin {
       tip.angle = tip.angle + correction;
       if (!(abs(tip.angle) < S(pi))) return Status::no_equilibrium;
       // What the slope leaves out is smaller than the inertia by several orders: the next correction would be rounding.
-      constexpr S arrived = sizeof(S) == 4 ? S(1e-5) : S(1e-7);
+      using V = ValueOf<S>;
+      constexpr V arrived = sizeof(V) == 4 ? V(1e-5) : V(1e-7);
       if (abs(correction) <= arrived) {
         tip.x = tip.x + correction * arm / slope;
         return Status::ok;
@@ -524,7 +528,7 @@ struct Twin {
       const S correction = ((pull - rate * tip.x) * demand.weight - demand.value) / slope;
       tip.x = tip.x + clamp(correction, -longest, longest);
       if (!(abs(tip.x) < axis.distal.limit())) return Status::no_equilibrium;
-      if (abs(correction) <= settled<S>) {
+      if (abs(correction) <= settled<ValueOf<S>>) {
         tip.angle = axis.distal.angle(tip.x);
         return Status::ok;
       }
@@ -555,7 +559,7 @@ struct Twin {
       const S secant = n > 0 ? (missed - off) / (angle - tried) : S(0);
       if (secant > S(0)) stiffness = secant;
       const S correction = off / stiffness;
-      if (abs(correction) <= settled<S>) return Status::ok;
+      if (abs(correction) <= settled<ValueOf<S>>) return Status::ok;
       tried = angle;
       missed = off;
       angle = angle + correction;

@@ -181,6 +181,7 @@ NB_MODULE(_core, m) {
 
   bind_tendon(m);
   bind_twin(m);
+  bind_twin_gradient(m);
   bind_control(m);
   bind_similarity(m);
 }

@@ -128,11 +128,12 @@ struct LongContacts {
 };
 
 /// The constants of every part of a twin, from its row.
-template <class T>
-void fill(T& twin, const TwinSpec& spec) {
-  const TwinRow& row = spec.row;
-  twin.axis.stiffness *= row[stiffness_ratio];
-  twin.axis.pretension *= row[pretension_ratio];
+///
+/// length: of a tendon, m.
+template <class T, class S = T::S>
+void fill(T& twin, const TwinSpec& spec, const std::array<S, twin_parameter_count>& row, const S& length) {
+  twin.axis.stiffness = twin.axis.stiffness * row[stiffness_ratio];
+  twin.axis.pretension = twin.axis.pretension * row[pretension_ratio];
   twin.friction = {row[vertex_coefficient], row[sheath_coefficient], row[sheath_bend], row[sheath_bend_rate],
                    row[viscous]};
   twin.body = {row[tip_inertia], row[tip_damping], row[output_stop], row[stop_stiffness]};
@@ -140,20 +141,24 @@ void fill(T& twin, const TwinSpec& spec) {
   twin.drive = {row[spool_radius], row[spool_speed_limit], row[spool_acceleration_limit], row[drive_time_constant],
                 row[backlash]};
   twin.rig = {row[rig_pulley_radius], twin.axis.distal.rig_arm()};
-  const auto encoder = [&](double offset) {
-    return Sensor<double>{
-        1, offset, row[encoder_noise], -row[encoder_range] / 2, row[encoder_range] / 2, row[encoder_resolution]};
+  const auto encoder = [&](const S& offset) {
+    return Sensor<S>{S(1),
+                     offset,
+                     row[encoder_noise],
+                     -row[encoder_range] * S(0.5),
+                     row[encoder_range] * S(0.5),
+                     row[encoder_resolution]};
   };
-  const auto load_cell = [&](double gain, double bias) {
-    return Sensor<double>{
+  const auto load_cell = [&](const S& gain, const S& bias) {
+    return Sensor<S>{
         gain, bias, row[load_cell_noise], -row[load_cell_range], row[load_cell_range], row[load_cell_resolution]};
   };
-  constexpr double turns = 1e9;  // a motor's encoder counts on
+  const S turns(1e9);  // a motor's encoder counts on
   twin.sensors = {encoder(row[handle_encoder_offset]),
                   encoder(row[output_encoder_offset]),
                   {load_cell(row[agonist_load_cell_gain], row[agonist_load_cell_bias]),
                    load_cell(row[antagonist_load_cell_gain], row[antagonist_load_cell_bias])},
-                  {1, 0, 0, -turns, turns, row[motor_encoder_resolution]}};
+                  {S(1), S(0), S(0), -turns, turns, row[motor_encoder_resolution]}};
   twin.time_step = row[time_step];
   twin.steps_per_sample = spec.steps_per_sample;
   twin.quasi_static = spec.quasi_static;
@@ -161,12 +166,11 @@ void fill(T& twin, const TwinSpec& spec) {
   if constexpr (requires { twin.tendon.stiffness.length; })
     twin.tendon.stiffness.length = spec.sheath_contacts + joint_contacts + 1;
   // Compliance by length, from the spool: the sheath in the handle, its joint, the stem, the tip's joint.
-  const double length = spec.axis.parameters[tendon_length];
   const int sheath = spec.sheath_contacts;
-  const double in_handle = row[handle_length_share] / (sheath + 1);
-  const double at_handle = twin.axis.proximal.tendon_span() / length;
-  const double at_tip = twin.axis.distal.tendon_span() / length;
-  const double in_stem = 1 - row[handle_length_share] - at_handle - at_tip;
+  const S in_handle = row[handle_length_share] / S(sheath + 1);
+  const S at_handle = twin.axis.proximal.tendon_span() / length;
+  const S at_tip = twin.axis.distal.tendon_span() / length;
+  const S in_stem = S(1) - row[handle_length_share] - at_handle - at_tip;
   for (int i = 0; i < sheath; ++i) twin.tendon.stiffness[i] = twin.axis.stiffness / in_handle;
   twin.tendon.stiffness[sheath] = twin.axis.stiffness / (in_handle + at_handle);
   twin.tendon.stiffness[sheath + 1] = twin.axis.stiffness / in_stem;
@@ -174,10 +178,11 @@ void fill(T& twin, const TwinSpec& spec) {
   twin.tendon.rest_tension = twin.axis.pretension;
 }
 
-/// Calls work(twin) with the twin a spec describes, in the core's own types.
-template <class Work>
-auto with_twin(const TwinSpec& spec, const Work& work) {
-  const AnyAxis<double> any = make_axis(spec.axis);
+/// Calls work(twin) with the twin a spec describes, its numbers given in any number type.
+template <class S, class Work>
+auto with_twin(const TwinSpec& spec, const std::array<S, parameter_count>& parameters,
+               const std::array<S, twin_parameter_count>& row, const Work& work) {
+  const AnyAxis<S> any = make_axis(spec.axis, parameters);
   return std::visit(
       [&]<class A>(const A& axis) {
         const auto with_law = [&]<class Law>(const Law& law) {
@@ -185,19 +190,24 @@ auto with_twin(const TwinSpec& spec, const Work& work) {
             Twin<A, Rows, Law> twin{};
             twin.axis = axis;
             twin.law = law;
-            fill(twin, spec);
+            fill(twin, spec, row, parameters[tendon_length]);
             return work(twin);
           };
           return spec.sheath_contacts == 1 ? with_rows.template operator()<Contacts<1 + joint_contacts>>()
                                            : with_rows.template operator()<LongContacts>();
         };
-        const TwinRow& row = spec.row;
         // The other laws are this one with some of its numbers at zero, to the last bit.
         return spec.speed_dependent
-                   ? with_law(Stribeck<double>{row[constant], row[static_ratio], row[stribeck_speed], row[memory]})
-                   : with_law(CapstanWithConstant<double>{row[constant]});
+                   ? with_law(Stribeck<S>{row[constant], row[static_ratio], row[stribeck_speed], row[memory]})
+                   : with_law(CapstanWithConstant<S>{row[constant]});
       },
       any);
+}
+
+/// The same in plain numbers.
+template <class Work>
+auto with_twin(const TwinSpec& spec, const Work& work) {
+  return with_twin(spec, spec.axis.parameters, spec.row, work);
 }
 
 }  // namespace tenodesis::bindings

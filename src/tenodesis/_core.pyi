@@ -159,6 +159,11 @@ def run_many(spec: TwinSpec, parameters: NDArray[numpy.float64], commands: NDArr
     Run one twin per row of parameters (a twin's, then its axis's); told: steps taken and status of each.
     """
 
+def twin_gradient(spec: TwinSpec, commands: NDArray[numpy.float64], as_read: bool, variables: Sequence[int], out: NDArray[numpy.float64]) -> tuple[int, Status]:
+    """
+    Write what handle encoder, output encoder and both load cells are expected to read, and the derivatives by numbers of twin and then axis, by reading, 1 + variable and step. Returns the steps taken and why no more.
+    """
+
 class Controller:
     """The controller of an instrument, with its state."""
 

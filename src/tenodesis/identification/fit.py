@@ -14,7 +14,7 @@ from tenodesis.errors import IdentificationError
 from tenodesis.identification import bootstrap as resampling
 from tenodesis.identification import identifiability, uncertainty, whiteness
 from tenodesis.identification.differences import differenced, scales
-from tenodesis.identification.problem import Parameter, Problem, WithChannels
+from tenodesis.identification.problem import Problem, WithChannels
 from tenodesis.identification.results import Fit, Interval, RunErrors
 from tenodesis.identification.uncertainty import Linearised, LossName, Spread
 from tenodesis.identification.whiteness import Whiteness
@@ -371,24 +371,17 @@ def _check_excitation(
     problem: Problem, free: Sequence[int], runs: Sequence[Linearised], names: Sequence[str], loss: LossName
 ) -> None:
     """Refuse recordings that tell none of the parameters, or only by a constant."""
-    parameters = [problem.parameters[index] for index in free]
-    listed = ", ".join(one.name for one in parameters)
-    found = uncertainty.spread(runs, loss)
-    if not (found.std < identifiability.TOLD).any():
+    listed = ", ".join(problem.parameters[index].name for index in free)
+    if not uncertainty.spread(runs, loss).best < identifiability.TOLD:
         raise IdentificationError(
-            f"{', '.join(names)}: no excitation, the recordings tell nothing of {listed}; the best of them, "
-            f"{_best(parameters, found)}, would be known no better than its bounds say already."
+            f"{', '.join(names)}: no excitation, the recordings tell nothing of {listed} that their bounds do not."
         )
     varying = [Linearised(one.residuals, _centred(one), one.channels) for one in runs]
-    if len(free) > 1 and not (uncertainty.spread(varying, loss).std < identifiability.TOLD).any():
+    if len(free) > 1 and not uncertainty.spread(varying, loss).best < identifiability.TOLD:
         raise IdentificationError(
             f"{', '.join(names)}: no excitation, nothing that changes over the recordings tells of {listed}; "
             "what they hold is constants."
         )
-
-
-def _best(parameters: Sequence[Parameter], found: Spread) -> str:
-    return parameters[int(np.argmin(found.std))].name
 
 
 def _centred(one: Linearised) -> Array:
@@ -415,16 +408,25 @@ def _intervals(problem: Problem, free: Sequence[int], at: Array, std: Array, fre
 
 
 def _replicates(
-    task: _Task, at: Array, runs: Sequence[Linearised], count: int, seed: int, done: Callable[[int], None]
+    task: _Task,
+    at: Array,
+    runs: Sequence[Linearised],
+    count: int,
+    seed: int,
+    freedom: float,
+    done: Callable[[int], None],
 ) -> Array:
-    """Return the optimum of each replicate, shape (count, free parameters)."""
+    """Return the optimum of each replicate, shape (count, free parameters).
+
+    Drawn residuals are swollen by what the parameters took up, and so that percentiles are as far out as Student's t
+    with the effective samples left over (Hesterberg 2015).
+    """
     draw = np.random.default_rng([seed, 1])
     lengths = [
         max(resampling.block_length(series) for series in one.residuals.reshape(one.channels, -1)) for one in runs
     ]
     centred = np.concatenate([one.residuals for one in runs])
-    # residuals are drawn from those of a fit, which are smaller than the errors by what the parameters took up
-    swell = math.sqrt(task.samples / (task.samples - at.size))
+    swell = math.sqrt(1 + at.size / freedom) * float(stats.t.ppf(0.975, freedom) / stats.norm.ppf(0.975))
     out = np.empty((count, at.size))
     for replicate in range(count):
         fresh = np.concatenate(

@@ -12,8 +12,9 @@ from tenodesis.signals import Array
 
 LossName: TypeAlias = Literal["linear", "soft_l1"]
 
-_BLOCKS = 1000
+_BLOCKS = 300
 """Of a run's scores, summed before their correlation is estimated: the sum's variance is that of all samples."""
+_LARGEST_ORDER = 6
 _LARGEST_ROOT = 0.97
 """Of the autoregression that whitens the scores (Andrews and Monahan 1992)."""
 _BLIND = 1e-8
@@ -57,6 +58,11 @@ class Spread:
     def full(self) -> Array:
         """Corrected covariance in all directions, with a blind one known a thousand times worse than its range."""
         return np.asarray(self.covariance + 1e6 * self.blind @ self.blind.T, dtype=np.float64)
+
+    @property
+    def best(self) -> float:
+        """Standard deviation of the combination of parameters that is known best."""
+        return math.sqrt(max(0.0, float(linalg.eigvalsh(self.full).min())))
 
     @property
     def correlation(self) -> Array:
@@ -105,8 +111,8 @@ def spread(runs: Sequence[Linearised], loss: LossName = "linear") -> Spread:
 def long_run(scores: Sequence[Array]) -> Array:
     """Return the covariance of the sum of all scores, each (n, m), correlated within a run and not between runs.
 
-    Prewhitened by a first-order vector autoregression, then by the quadratic spectral kernel with its automatic
-    bandwidth (Andrews 1991).
+    Whitened by a vector autoregression (den Haan and Levin 1997), what it leaves by the quadratic spectral kernel with
+    its automatic bandwidth (Andrews 1991).
     """
     width = scores[0].shape[1]
     if width == 0:
@@ -117,15 +123,35 @@ def long_run(scores: Sequence[Array]) -> Array:
     size = np.sqrt(np.mean(np.concatenate(centred) ** 2, axis=0))
     size[size == 0] = 1
     centred = [one / size for one in centred]
-    before, after = np.concatenate([one[:-1] for one in centred]), np.concatenate([one[1:] for one in centred])
-    roots = linalg.lstsq(before, after)[0].T
-    left, stretch, right = linalg.svd(roots)
-    roots = left * np.minimum(stretch, _LARGEST_ROOT) @ right
-    innovations = [one[1:] - one[:-1] @ roots.T for one in centred]
+    steps, innovations = _whitened(centred)
+    left, stretch, right = linalg.svd(steps)
+    steps = left * np.minimum(stretch, _LARGEST_ROOT) @ right
     white = sum(_kernel_sum(one, _bandwidth(innovations)) for one in innovations)
     white = white * count / sum(len(one) for one in innovations)
-    colour = linalg.inv(np.eye(width) - roots) * size[:, None]
+    colour = linalg.inv(np.eye(width) - steps) * size[:, None]
     return np.asarray(colour @ white @ colour.T, dtype=np.float64)
+
+
+def _whitened(series: Sequence[Array]) -> tuple[Array, list[Array]]:
+    """Return the sum of the coefficients of the autoregression that Akaike's criterion prefers, and what it leaves."""
+    width = series[0].shape[1]
+    count = sum(len(one) for one in series)
+    most = int(np.clip(count // (10 * width), 0, _LARGEST_ORDER))
+    best: tuple[float, Array, list[Array]] = (math.inf, np.zeros((width, width)), list(series))
+    for order in range(most + 1):
+        after = [one[most:] for one in series]
+        before = [
+            np.concatenate([one[most - lag : len(one) - lag] for lag in range(1, order + 1)] or [one[most:, :0]], axis=1)
+            for one in series
+        ]
+        coefficients = linalg.lstsq(np.concatenate(before), np.concatenate(after))[0] if order else np.zeros((0, width))
+        left = [new - old @ coefficients for new, old in zip(after, before, strict=True)]
+        rest = np.concatenate(left)
+        size = np.linalg.slogdet(rest.T @ rest / len(rest))[1]
+        criterion = size + 2 * order * width**2 / len(rest)
+        if criterion < best[0]:
+            best = (criterion, coefficients.reshape(order, width, width).sum(axis=0).T, left)
+    return best[1], best[2]
 
 
 def _summed(scores: Array) -> Array:

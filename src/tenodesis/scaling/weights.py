@@ -227,7 +227,7 @@ class _Problem(NamedTuple):
         matrix = np.array([np.concatenate(row) for row in rows], float)
         lower = np.array([limits[0], self.least, self.least])
         upper = np.array([limits[1], math.inf, math.inf])
-        found = self._optimum(sign * matrix[0], LinearConstraint(matrix, lower, upper))
+        found = self._optimum(sign * matrix[0], (matrix, lower, upper))
         return None if found is None else found.difference
 
     def _hung(self, difference: int) -> _Hung | None:
@@ -254,12 +254,12 @@ class _Problem(NamedTuple):
         most = 2.0 * float(self.counts.sum()) + 2
         lower = np.concatenate([np.zeros(digits), np.full(2 * digits - 2, -most)])
         upper = np.concatenate([np.full(digits, _BASE - 1.0), np.full(2 * digits - 2, most)])
-        return self._optimum(cost, LinearConstraint(sums, wanted, wanted), lower, upper)
+        return self._optimum(cost, (sums, wanted, wanted), lower, upper)
 
     def _optimum(
         self,
         cost: NDArray[np.float64],
-        sums: LinearConstraint,
+        sums: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
         lower: NDArray[np.float64] = _NOTHING,
         upper: NDArray[np.float64] = _NOTHING,
     ) -> _Hung | None:
@@ -274,7 +274,7 @@ class _Problem(NamedTuple):
             bounds=Bounds(
                 np.concatenate([np.zeros(2 * kinds), lower]), np.concatenate([np.tile(self.counts, 2), upper])
             ),
-            constraints=[sums, LinearConstraint(of_a_kind, 0, self.counts)],
+            constraints=[LinearConstraint(*sums), LinearConstraint(of_a_kind, 0, self.counts)],
             options={"mip_rel_gap": 0.0},
         )
         if found.x is None:

@@ -164,13 +164,20 @@ class Raw:
         """Bring a column to SI from the unit that its magnitude shows, and return that unit's name.
 
         The first unit is the format's own and holds whenever it is plausible; any other is said in a note. Refused
-        where no unit is plausible or several are. Plausible is judged on the spread of the middle 99.8 % of the values.
+        where no unit is plausible, several are, or the column does not move. Plausible is judged on the spread of the
+        middle 96 % of the values, and on whether most are whole numbers.
         """
         values = self.columns[column]
-        low, high = np.quantile(values, [0.001, 0.999])
+        if not values.size:
+            raise self.refuse(f"no samples of {column}")
+        low, high = np.quantile(values, [0.02, 0.98])
         spread = float(high - low)
-        whole = bool((values == np.round(values)).all())
-        fits = [u for u in units if u.least <= spread <= u.most and (u.whole is None or u.whole == whole)]
+        whole = bool((values == np.round(values)).mean() > 0.5)
+        kin = [u for u in units if u.whole is None or u.whole == whole]
+        if not spread or (kin and all(spread < u.least for u in kin)):
+            least = " or ".join(f"{u.least:g} {u.name}" for u in kin)
+            raise self.refuse(f"no excitation: {column} moves by {spread:.3g}, and at least {least} is needed")
+        fits = [u for u in kin if u.least <= spread <= u.most]
         if fits and fits[0] is units[0]:
             fits = fits[:1]
         if len(fits) != 1:

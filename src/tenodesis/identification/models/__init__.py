@@ -1,0 +1,1 @@
+"""Physical models, one file each, with the recordings they are fitted to."""
