@@ -51,6 +51,7 @@ bench: build
 	$(BIN)/python benchmarks/twin.py
 	$(BIN)/python benchmarks/control.py
 	$(BIN)/python benchmarks/faults.py
+	$(BIN)/python benchmarks/scaling.py
 
 lint: build
 	$(BIN)/ruff check .

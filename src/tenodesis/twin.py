@@ -466,6 +466,11 @@ def swing(inst: Instrument) -> float:
     return sqrt(float(statics.flexural_stiffness(inst, 0.0)) / _inertia(inst))
 
 
+def longest_step(inst: Instrument) -> float:
+    """Return the longest time step that a swing of the tip allows, s."""
+    return _MOST_PHASE / swing(inst)
+
+
 def _instruments(inst: Instrument | Sequence[Instrument], vary: Mapping[str, ArrayLike]) -> list[Instrument]:
     insts = [inst] if isinstance(inst, Instrument) else list(inst)
     if not insts:
@@ -620,7 +625,7 @@ def _steps_per_sample(inst: Instrument, time_step: float, quasi_static: bool) ->
     """Return how many steps a sample takes, unless the time step or the tendons' lengths do not suit the instrument."""
     if not (np.isfinite(time_step) and time_step > 0):
         raise ValueError(f"time_step is {time_step!r}; allowed is a time above 0 s.")
-    longest = _MOST_PHASE / swing(inst)
+    longest = longest_step(inst)
     if not quasi_static and time_step > longest:
         raise ValueError(
             f"time_step is {time_step:g} s; allowed is at most {longest:.3g} s, a twelfth of a swing of the tip of "

@@ -9,12 +9,14 @@ from tenodesis.signals import Array
 
 LEAST_BLOCKS = 8
 """A run is never one block: at least so many are drawn for it."""
+_LONGER = 2
+"""Times the length of least mean square error, whose blocks cut off more than an interval can spare."""
 _QUIET = 2.0
 """Standard errors above which a correlation counts (Politis and White 2004)."""
 
 
 def block_length(series: Array) -> int:
-    """Return the length of block for the variance of a mean: Politis and White (2004), as corrected in 2009.
+    """Return the length of block for an interval of a mean, after Politis and White (2004), as corrected in 2009.
 
     Parameters
     ----------
@@ -38,7 +40,7 @@ def block_length(series: Array) -> int:
     if size <= 0:
         return longest
     length = (1.5 * (shape / size) ** 2) ** (1 / 3) * count ** (1 / 3)
-    return int(np.clip(math.ceil(length), 1, longest))
+    return int(np.clip(math.ceil(_LONGER * length), 1, longest))
 
 
 def redrawn(residuals: Array, channels: int, length: int, draw: np.random.Generator) -> Array:

@@ -3,11 +3,11 @@
 import math
 import time
 from collections.abc import Callable, Sequence
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from scipy import stats
-from scipy.optimize import OptimizeResult, least_squares
+from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from tenodesis.errors import IdentificationError
@@ -85,16 +85,15 @@ def fit(
     whole = starts + bootstrap
     report = progress or (lambda _done, _whole: None)
 
-    ends: list[OptimizeResult | None] = []
+    ends: list[_End | None] = []
     for start in _starts(task, starts, seed):
         ends.append(task.solve(start))
         report(len(ends), whole)
-    costs = [math.inf if end is None else float(end.cost) for end in ends]
+    costs = [math.inf if end is None else end.cost for end in ends]
     best = ends[int(np.argmin(costs))]
     if best is None:
         raise task.unanswered()
     at, cost = task.on_bounds(best)
-    same = sum(one <= cost + max(1e-6, 1 / task.samples) * cost + 1e-12 for one in costs)
 
     values = task.full(at)
     scale = scales(problem.parameters, values)[indices]
@@ -107,13 +106,24 @@ def fit(
         task.evaluations += 1
         return float(np.sum((np.concatenate([problem.residuals(other, run) for run in task.train]) - base) ** 2))
 
-    told = identifiability.examine(problem, indices, values, scale, found, change)
+    told = identifiability.examine(problem, indices, values, scale=scale, found=found, change=change)
     noises = [noise for run, one in zip(task.train, linearised, strict=True) for noise in _noises(problem, run, one)]
-    freedom = max(1.0, sum(noise.effective_samples for noise in noises) - len(indices))
+    worth = sum(noise.effective_samples for noise in noises)
+    freedom = max(1.0, worth - len(indices))
+    # by so much costs differ by chance
+    same = sum(one <= cost * (1 + 1 / worth) + 1e-12 for one in costs)
     names = tuple(problem.parameters[index].name for index in indices)
     drawn = None
     if bootstrap:
-        replicates = _replicates(task, at, linearised, bootstrap, seed, lambda done: report(starts + done, whole))
+        replicates = _replicates(
+            task,
+            at,
+            linearised,
+            bootstrap,
+            seed=seed,
+            freedom=freedom,
+            done=lambda done: report(starts + done, whole),
+        )
         low, high = np.quantile(replicates, [0.025, 0.975], axis=0)
         drawn = {name: (float(low[n]), float(high[n])) for n, name in enumerate(names)}
 
@@ -147,9 +157,17 @@ def fit(
         samples=task.samples,
         evaluations=task.evaluations,
         jacobians=task.jacobians,
-        warnings=tuple(_warnings(found, noises, best, same, starts, len(indices))),
+        warnings=tuple(_warnings(found, noises, best, same=same, starts=starts, parameters=len(indices))),
         seconds=time.monotonic() - begun,
     )
+
+
+class _End(NamedTuple):
+    """Where a search ended."""
+
+    at: Array
+    cost: float
+    converged: bool
 
 
 class _Task:
@@ -194,7 +212,7 @@ class _Task:
 
     def solve(
         self, start: Array, *, aim: Array | None = None, held: Sequence[int] = (), steps: int = _MOST_STEPS
-    ) -> OptimizeResult | None:
+    ) -> _End | None:
         """Return the optimum found from a start, or None where the model has no answer there.
 
         Parameters
@@ -219,15 +237,17 @@ class _Task:
             found = self.residuals(moved(part))
             return found if aim is None else found - aim
 
+        def jacobian(part: Array) -> Array:
+            return self._finite(self.jacobian(moved(part)))[:, loose]
+
         if not np.isfinite(residuals(start[loose])).all():
             return None
         if not loose:
-            found = OptimizeResult(cost=self._cost(residuals(start)), status=1, x=start)
-            return found
+            return _End(start, self._cost(residuals(start[loose])), converged=True)
         found = least_squares(
             residuals,
             start[loose],
-            jac=lambda part: self._finite(self.jacobian(moved(part)))[:, loose],
+            jac=jacobian,
             bounds=(self.lower[loose], self.upper[loose]),
             x_scale=self._scale(start)[loose],
             loss=self.loss,
@@ -236,15 +256,14 @@ class _Task:
             gtol=_TOLERANCE,
             max_nfev=steps,
         )
-        found.x = moved(np.asarray(found.x))
-        return found
+        return _End(moved(np.asarray(found.x)), float(found.cost), converged=found.status != 0)
 
-    def on_bounds(self, found: OptimizeResult) -> tuple[Array, float]:
-        """Return the optimum and its cost, with parameters exactly on a bound that they lean on: the search stops short.
+    def on_bounds(self, found: _End) -> tuple[Array, float]:
+        """Return the optimum and its cost, with parameters on a bound they lean on, of which the search stops short.
 
         A parameter leans on a bound where the cost is no higher on it.
         """
-        at, cost = np.asarray(found.x), float(found.cost)
+        at, cost = found.at, found.cost
         reach = _NEAR_BOUND * (self.upper - self.lower)
         for bound in (self.lower, self.upper):
             for index in np.flatnonzero((np.abs(at - bound) < reach) & (at != bound)):
@@ -255,7 +274,7 @@ class _Task:
                         there, held=[int(index), *np.flatnonzero((at == self.lower) | (at == self.upper))]
                     )
                     if again is not None and again.cost <= cost * (1 + 1e-9):
-                        at, cost = np.asarray(again.x), float(again.cost)
+                        at, cost = again.at, again.cost
         return at, cost
 
     def linearised(self, at: Array, run: int, scale: Array) -> Linearised:
@@ -412,6 +431,7 @@ def _replicates(
     at: Array,
     runs: Sequence[Linearised],
     count: int,
+    *,
     seed: int,
     freedom: float,
     done: Callable[[int], None],
@@ -436,7 +456,7 @@ def _replicates(
             ]
         )
         again = task.solve(at, aim=centred - swell * fresh, steps=_REFIT_STEPS)
-        out[replicate] = at if again is None else again.x
+        out[replicate] = at if again is None else again.at
         done(replicate + 1)
     return out
 
@@ -476,10 +496,10 @@ def _criteria(residuals: Array, parameters: int) -> tuple[float, float]:
 
 
 def _warnings(
-    found: Spread, noises: Sequence[Whiteness], best: Any, same: int, starts: int, parameters: int
+    found: Spread, noises: Sequence[Whiteness], best: _End, *, same: int, starts: int, parameters: int
 ) -> list[str]:
     out = []
-    if best.status == 0:
+    if not best.converged:
         out.append(f"The search stopped after {_MOST_STEPS} steps without having converged.")
     if starts > 2 and same == 1:
         out.append(f"Only one of {starts} starts came to the best optimum; there may be a better one yet.")

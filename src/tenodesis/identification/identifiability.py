@@ -55,7 +55,7 @@ Cost = Callable[[Array], float]
 
 
 def examine(
-    problem: Problem, free: Sequence[int], values: Array, scale: Array, found: Spread, change: Cost
+    problem: Problem, free: Sequence[int], values: Array, *, scale: Array, found: Spread, change: Cost
 ) -> Identifiability:
     """Return which of the free parameters are told, and which only together.
 
@@ -78,13 +78,12 @@ def examine(
     identifiable = {one.name: bool(std < TOLD) for one, std in zip(parameters, found.std, strict=True)}
     variances, directions = linalg.eigh(found.covariance)
     blind = found.blind
-    seen = variances > 0
-    weak = seen & (variances > TOLD**2)
+    weak = variances > TOLD**2
     size = np.sqrt(np.diag(found.full))[:, None]
     open_ = _sparse(np.concatenate([blind, directions[:, weak]], axis=1) / size) * size
     told = np.array(list(identifiable.values()))
     combinations = tuple(
-        _combination(problem, free, values, scale, direction, part, found, change)
+        _combination(problem, free, values, direction * scale, part=part, std=found.std * scale, change=change)
         for direction in open_.T
         if (part := _taking_part(direction / size[:, 0], told, found.correlation)).size
     )
@@ -98,12 +97,10 @@ def examine(
     for one in parameters:
         if one.name in at_bound:
             bound = getattr(one, at_bound[one.name])
+            wanted = "less" if at_bound[one.name] == "lower" else "more"
             statements.append(
-                f"{one.name} is at its {at_bound[one.name]} bound {bound:.6g} {one.unit}: the recordings ask for less "
-                "than is allowed, and its interval has one side only."
-                if at_bound[one.name] == "lower"
-                else f"{one.name} is at its upper bound {bound:.6g} {one.unit}: the recordings ask for more than is "
-                "allowed, and its interval has one side only."
+                f"{one.name} is at its {at_bound[one.name]} bound {bound:.6g} {one.unit}: the recordings ask for no "
+                f"{'more' if wanted == 'less' else 'less'}, if not for {wanted}; its interval has one side only."
             )
     named = {name for one in combinations for name in one.names}
     for one, std, width in zip(parameters, found.std, scale, strict=True):
@@ -112,7 +109,8 @@ def examine(
                 f"The recordings leave {one.name} open by {std * width:.3g} {one.unit} (standard deviation): "
                 "it leans on several others."
             )
-    sizes = np.concatenate([np.sort(1 / np.sqrt(variances[seen]))[::-1], np.zeros(blind.shape[1])])
+    # a blind direction has no variance of its own here; eigenvalues rise, so that these come first
+    sizes = np.concatenate([1 / np.sqrt(variances[blind.shape[1] :]), np.zeros(blind.shape[1])])
     return Identifiability(sizes, identifiable, combinations, at_bound, tuple(statements))
 
 
@@ -139,22 +137,22 @@ def _combination(
     problem: Problem,
     free: Sequence[int],
     values: Array,
-    scale: Array,
     direction: Array,
+    *,
     part: NDArray[np.intp],
-    found: Spread,
+    std: Array,
     change: Cost,
 ) -> Combination:
     taking = [problem.parameters[free[index]] for index in part]
-    changes = [float(direction[index] * scale[index]) for index in part]
+    changes = direction[part].tolist()
     names = tuple(one.name for one in taking)
     known = None
     if len(taking) == 1:
-        one, std = taking[0], float(found.std[part[0]] * scale[part[0]])
+        one, open_by = taking[0], float(std[part[0]])
         extent = (
             "no sample depends on it"
-            if not math.isfinite(std)
-            else f"they leave it open by {std:.3g} {one.unit} (standard deviation)"
+            if not math.isfinite(open_by)
+            else f"they leave it open by {open_by:.3g} {one.unit} (standard deviation)"
         )
         sentence = f"The recordings do not tell {one.name} ({one.meaning}): {extent}."
     else:
@@ -169,7 +167,8 @@ def _combination(
     if told is None and len(taking) == 1:
         told = f"A protocol would tell it in which {taking[0].meaning} changes what the sensors see."
     elif told is None:
-        told = f"A protocol in which one of {_listed(names)} acts without the others, or a value held by --fit, would."
+        others = "other" if len(names) == 2 else "others"
+        told = f"A protocol in which one acts without the {others} would, or holding one of them at a known value."
     return Combination(names, tuple(changes), known, f"{sentence} {told}")
 
 

@@ -114,7 +114,7 @@ def about() -> dict[str, str]:
     }
 
 
-def to_json(found: Fit, *, format: str, law: str, notes: Mapping[str, Sequence[str]] | None = None) -> dict[str, Any]:  # noqa: A002
+def to_json(found: Fit, *, format: str, law: str, notes: Mapping[str, Sequence[str]] | None = None) -> dict[str, Any]:
     """Return a fit as plain numbers, SI; what is not finite is None.
 
     Parameters

@@ -118,7 +118,7 @@ def long_run(scores: Sequence[Array]) -> Array:
     if width == 0:
         return np.zeros((0, 0))
     count = sum(len(one) for one in scores)
-    middle = sum(one.sum(axis=0) for one in scores) / count
+    middle = np.sum([one.sum(axis=0) for one in scores], axis=0) / count
     centred = [one - middle for one in scores]
     size = np.sqrt(np.mean(np.concatenate(centred) ** 2, axis=0))
     size[size == 0] = 1
@@ -126,7 +126,7 @@ def long_run(scores: Sequence[Array]) -> Array:
     steps, innovations = _whitened(centred)
     left, stretch, right = linalg.svd(steps)
     steps = left * np.minimum(stretch, _LARGEST_ROOT) @ right
-    white = sum(_kernel_sum(one, _bandwidth(innovations)) for one in innovations)
+    white = np.sum([_kernel_sum(one, _bandwidth(innovations)) for one in innovations], axis=0)
     white = white * count / sum(len(one) for one in innovations)
     colour = linalg.inv(np.eye(width) - steps) * size[:, None]
     return np.asarray(colour @ white @ colour.T, dtype=np.float64)
@@ -141,7 +141,9 @@ def _whitened(series: Sequence[Array]) -> tuple[Array, list[Array]]:
     for order in range(most + 1):
         after = [one[most:] for one in series]
         before = [
-            np.concatenate([one[most - lag : len(one) - lag] for lag in range(1, order + 1)] or [one[most:, :0]], axis=1)
+            np.concatenate(
+                [one[most - lag : len(one) - lag] for lag in range(1, order + 1)] or [one[most:, :0]], axis=1
+            )
             for one in series
         ]
         coefficients = linalg.lstsq(np.concatenate(before), np.concatenate(after))[0] if order else np.zeros((0, width))

@@ -46,7 +46,7 @@ def autocorrelation(series: Array, lags: int | None = None) -> Array:
     most = series.size - 1 if lags is None else min(lags, series.size - 1)
     sums = signal.correlate(centred, centred, method="fft")[series.size - 1 : series.size + most]
     if not sums[0] > 0:
-        return np.eye(1, most + 1)[0]
+        return np.asarray(np.arange(most + 1) == 0, dtype=np.float64)
     return np.asarray(sums / sums[0], dtype=np.float64)
 
 

@@ -93,9 +93,10 @@ def load(path: Path) -> Measured:
 
 def _angle(counts: int) -> tuple[Unit, ...]:
     return (
-        Unit("counts", _TURN / counts, _LEAST_ANGLE / _TURN * counts, counts, whole=True),
-        Unit("rad", 1.0, _LEAST_ANGLE, _TURN, whole=False),
-        Unit("deg", math.radians(1), math.degrees(_LEAST_ANGLE), 360, whole=False),
+        Unit("counts", _TURN / counts, _LEAST_ANGLE / _TURN * counts, counts / 2, whole=True),
+        # neither the spindle nor the jaw turns by half a turn, so that the two cannot be taken for one another
+        Unit("rad", 1.0, _LEAST_ANGLE, math.pi, whole=False),
+        Unit("deg", math.radians(1), 5, 180, whole=False),
     )
 
 

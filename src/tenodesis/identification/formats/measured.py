@@ -165,12 +165,12 @@ class Raw:
 
         The first unit is the format's own and holds whenever it is plausible; any other is said in a note. Refused
         where no unit is plausible, several are, or the column does not move. Plausible is judged on the spread of the
-        middle 96 % of the values, and on whether most are whole numbers.
+        middle 90 % of the values, and on whether most are whole numbers.
         """
         values = self.columns[column]
         if not values.size:
             raise self.refuse(f"no samples of {column}")
-        low, high = np.quantile(values, [0.02, 0.98])
+        low, high = np.quantile(values, [0.05, 0.95])
         spread = float(high - low)
         whole = bool((values == np.round(values)).mean() > 0.5)
         kin = [u for u in units if u.whole is None or u.whole == whole]
@@ -272,11 +272,13 @@ def read_rows(
     except OSError as error:
         raise IdentificationError(f"{path} cannot be read: {error.strerror}") from None
     lines = [line for line in text.splitlines()[skip:] if line.strip() and not (comment and line.startswith(comment))]
+    if not lines:
+        raise IdentificationError(f"{path} has no row of {width} numbers")
     try:
         rows = np.loadtxt(lines, delimiter=delimiter, comments=None, usecols=range(width), ndmin=2)
     except ValueError:
         rows = np.array([_numbers(line, width, delimiter) for line in lines]).reshape(-1, width)
-    if not rows.size or np.isnan(rows).all(axis=1).all():
+    if np.isnan(rows).all(axis=1).all():
         raise IdentificationError(f"{path} has no row of {width} numbers")
     return np.asarray(rows, dtype=np.float64)
 

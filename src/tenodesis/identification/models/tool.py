@@ -1,13 +1,15 @@
 """A tool's jaw angle from what its spindle tells: angle and torque, through an elastic transmission with friction.
 
-The transmission is a tendon that is evenly elastic and rubs evenly along its way, cut into equal contacts. Each
+The transmission is a tendon that is evenly elastic and rubs evenly along its way, cut into n equal pieces. Each contact
 passes the torque on within its friction band and holds it inside (stick-slip); between contacts the tendon stretches.
-With u[i] the torque past contact i, and T = u + pretension the tendon's tension times the spindle's radius:
+With u[i] the torque past contact i, p the pretension and h the friction exponent, T = u + p is the tendon's tension
+times the spindle's radius (Euler, Eytelwein):
 
-    jaw = offset +- (ratio spindle + compliance mean(u))        contact i slides on u[i] + p = (u[i-1] + p) e^(-+h/n)
+    u[0]    slides on   torque -+ spindle friction              load-independent, at the spindle's bearing
+    u[i]    slides on   (u[i-1] + p) e^(-+h/n) - p              and T ends at zero: a tendon cannot push
+    jaw   = offset +- (ratio spindle + compliance mean(u))      mean by the trapezoidal rule
 
-with the friction exponent h over n contacts (Euler, Eytelwein), and a load-independent friction of the spindle's
-bearing before the first. A tendon cannot push: T ends at zero. Nothing of the jaw is used but to fit.
+Nothing of the jaw is used but to fit.
 """
 
 import math
@@ -25,7 +27,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.signals import Array
 
 DEFAULT_LAW = "capstan-constant"
-CONTACTS = 12
+CONTACTS = 8
 """Contacts that the transmission is cut into."""
 SETTLING = 2.0
 """Time from the start in which the bench settles, s: the model runs through it, and no error is taken in it."""
@@ -100,6 +102,13 @@ class Signs(NamedTuple):
     """Whether the jaw turns with the spindle's sensor (1) or against it (-1)."""
 
 
+class _Pace(NamedTuple):
+    factor: Array
+    """Friction over that in motion, (n,)."""
+    of_factor: Array | None
+    """Its derivatives, (parameters, n)."""
+
+
 class Tool:
     """A tool with its recordings.
 
@@ -160,18 +169,16 @@ class Tool:
         """Return measured minus modelled jaw angle every 10 ms, (n,), in standard deviations of the encoder."""
         return self._errors(values, self._thin[run]) / NOISE
 
-    def jacobian(self, values: Array, run: int) -> Array | None:
-        """Return the derivatives of the residuals, (n, parameters); None for bouc-wen, which has none exact here."""
-        if self.law == "bouc-wen":
-            return None
+    def jacobian(self, values: Array, run: int) -> Array:
+        """Return the derivatives of the residuals, (n, parameters)."""
         series = self._thin[run]
         given = dict(zip(self._names, values.tolist(), strict=True))
         slopes = np.zeros((len(self.parameters), series.time.size))
         mean = np.zeros((len(self.parameters), series.time.size))
         torque = np.zeros(series.time.size)
         for section, slope in self._sections(given, series, slopes):
-            torque += section / self._count
-            mean += slope / self._count
+            torque += section
+            mean += slope
         out = given["compliance"] * self.signs.load * mean
         out[self._names.index("compliance")] += self.signs.load * torque
         out[self._names.index("ratio")] += series.spindle
@@ -186,6 +193,10 @@ class Tool:
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus modelled jaw angle at all samples after settling, deg."""
         return {"output_angle_deg": np.degrees(self._errors(values, self._full[run]))}
+
+    def predict(self, values: Array, run: int) -> Array:
+        """Return the modelled jaw angle at all samples, (n,), rad, by nothing but the run's proximal signals."""
+        return self._model(values, self._full[run])
 
     def traces(self, values: Array, run: int) -> dict[str, Trace]:
         """Return measured and modelled jaw angle at all samples after settling, deg."""
@@ -209,102 +220,111 @@ class Tool:
             return "Record the same motion at several loads at the jaw, over a larger angle."
         return None
 
-    @property
-    def _count(self) -> int:
-        return 1 if self.law in ("none", "bouc-wen") else self.contacts
-
     def _errors(self, values: Array, series: Series) -> Array:
+        error: Array = (series.jaw - self._model(values, series))[series.counted]
+        return error - error.mean() if self.offset == "run" else error
+
+    def _model(self, values: Array, series: Series) -> Array:
         given = dict(zip(self._names, values.tolist(), strict=True))
         torque = sum((section for section, _ in self._sections(given, series, None)), np.zeros(series.time.size))
-        turned = given["ratio"] * series.spindle + given["compliance"] * self.signs.load * torque / self._count
-        error: Array = (series.jaw - self.signs.jaw * turned - given.get("offset", 0.0))[series.counted]
-        return error - error.mean() if self.offset == "run" else error
+        turned = given["ratio"] * series.spindle + given["compliance"] * self.signs.load * torque
+        return np.asarray(self.signs.jaw * turned + given.get("offset", 0.0), dtype=np.float64)
 
     def _sections(
         self, given: Mapping[str, float], series: Series, slopes: Array | None
     ) -> Iterator[tuple[Array, Array]]:
-        """Yield the torque past each contact, (n,), and its derivatives, (parameters, n), if slopes begin as zeros."""
+        """Yield what each section adds to the mean torque, (n,), and its derivatives, (parameters, n), from zeros."""
+        none = np.zeros(0)
         torque = series.torque
         if self.law == "none":
-            yield torque, np.zeros(0) if slopes is None else slopes
-            return
-        if self.law == "bouc-wen":
-            yield torque - _bouc_wen(given, -self.signs.load * series.spindle), np.zeros(0)
-            return
-        factor, of_factor = self._stribeck(given, series, slopes)
-        for contact in range(self.contacts):
-            torque, slopes = self._pass(given, torque, slopes, contact, factor, of_factor)
-            yield torque, np.zeros(0) if slopes is None else slopes
+            yield torque, none if slopes is None else slopes
+        elif self.law == "bouc-wen":
+            full, width, beta, start = (given[one.name] for one in LAWS[self.law])
+            share, of_shape = _bouc_wen(width, beta, start, -self.signs.load * series.spindle)
+            if slopes is not None:
+                slopes = slopes.copy()
+                slopes[-len(LAWS[self.law]) :] = -np.vstack([share, full * of_shape])
+            yield torque - full * share, none if slopes is None else slopes
+        else:
+            pace = self._pace(given, series, slopes)
+            for contact in range(self.contacts + 1):
+                torque, slopes = self._pass(given, torque, slopes, contact, pace)
+                # the tendon reaches from the bearing to the last contact: a half of its pieces' length at either end
+                weight = (1 if 0 < contact < self.contacts else 0.5) / self.contacts
+                yield weight * torque, none if slopes is None else weight * slopes
 
-    def _stribeck(
-        self, given: Mapping[str, float], series: Series, slopes: Array | None
-    ) -> tuple[Array | float, Array | float]:
-        """Return friction over that in motion, and its derivatives."""
+    def _pace(self, given: Mapping[str, float], series: Series, slopes: Array | None) -> _Pace:
+        """Return friction at each sample over that in motion (Stribeck)."""
+        one = np.ones(series.time.size)
         if self.law != "stribeck":
-            return 1.0, 0.0
+            return _Pace(one, None if slopes is None else np.zeros_like(slopes))
         share = (series.speed / given["stribeck_speed"]) ** 2
         falling = np.exp(-share)
-        factor = 1 + given["static_excess"] * falling
+        factor = one + given["static_excess"] * falling
         if slopes is None:
-            return factor, 0.0
+            return _Pace(factor, None)
         of_factor = np.zeros_like(slopes)
         of_factor[self._names.index("static_excess")] = falling
         of_factor[self._names.index("stribeck_speed")] = (
             given["static_excess"] * falling * 2 * share / given["stribeck_speed"]
         )
-        return factor, of_factor
+        return _Pace(factor, of_factor)
 
     def _pass(
+        self, given: Mapping[str, float], torque: Array, slopes: Array | None, contact: int, pace: _Pace
+    ) -> tuple[Array, Array | None]:
+        """Return the torque past a contact, and its derivatives, from those before it."""
+        lower, of_lower = self._bound(given, torque, slopes, contact, pace, sign=-1.0)
+        upper, of_upper = self._bound(given, torque, slopes, contact, pace, sign=1.0)
+        start = given["start"]
+        held = float(lower[0] + start * (upper[0] - lower[0]))
+        source = np.empty(lower.size, dtype=np.int64)
+        _core.play(lower, upper, held, source)
+        # where each sample's torque stands among: where the run started, all lower bounds, all upper bounds
+        place = np.where(source < 0, -source, np.where(source > 0, source + lower.size, 0))
+        passed = np.concatenate([[held], lower, upper])[place]
+        if of_lower is None or of_upper is None:
+            return passed, None
+        of_held = of_lower[:, :1] + start * (of_upper[:, :1] - of_lower[:, :1])
+        of_held[self._names.index("start")] += upper[0] - lower[0]
+        return passed, np.concatenate([of_held, of_lower, of_upper], axis=1)[:, place]
+
+    def _bound(
         self,
         given: Mapping[str, float],
         torque: Array,
         slopes: Array | None,
         contact: int,
-        factor: Array | float,
-        of_factor: Array | float,
+        pace: _Pace,
+        *,
+        sign: float,
     ) -> tuple[Array, Array | None]:
-        """Return the torque past a contact, and its derivatives, from those before it."""
-        constant = given.get("spindle_friction", 0.0) if contact == 0 else 0.0
-        constant += given.get("sliding_friction", 0.0) / self.contacts
-        exponent = given.get("friction_exponent", 0.0) / self.contacts
-        # without load-dependent friction there is no tension to tell of, and so no slack
-        pretension = given.get("pretension", math.inf)
-        start = given["start"]
-        bounds = []
-        for sign in (-1.0, 1.0):
-            gain = np.exp(sign * exponent * factor)
-            tension = torque + sign * constant * factor + (pretension if math.isfinite(pretension) else 0.0)
-            taut = (tension > 0) | (not math.isfinite(pretension))
-            bound = np.where(taut, tension, 0.0) * gain - (pretension if math.isfinite(pretension) else 0.0)
-            if slopes is None:
-                bounds.append((bound, np.zeros(0)))
-                continue
-            of_bound = slopes + sign * constant * of_factor
-            if "spindle_friction" in self._names and contact == 0:
-                of_bound[self._names.index("spindle_friction")] += sign * factor
-            if "sliding_friction" in self._names:
-                of_bound[self._names.index("sliding_friction")] += sign * factor / self.contacts
-            if "pretension" in self._names:
-                of_bound[self._names.index("pretension")] += 1
-            of_gain = sign * exponent * of_factor + np.zeros_like(slopes)
-            if "friction_exponent" in self._names:
-                of_gain[self._names.index("friction_exponent")] += sign * factor / self.contacts
-            of_bound = np.where(taut, gain * (of_bound + tension * of_gain), 0.0)
-            if "pretension" in self._names:
-                of_bound[self._names.index("pretension")] -= 1
-            bounds.append((bound, of_bound))
-        (lower, of_lower), (upper, of_upper) = bounds
-        held = lower[0] + start * (upper[0] - lower[0])
-        source = np.empty(lower.size, dtype=np.int64)
-        _core.play(np.ascontiguousarray(lower), np.ascontiguousarray(upper), float(held), source)
-        # row 0 of each is where the run started, then all lower and all upper bounds
-        place = np.where(source < 0, -source, np.where(source > 0, source + lower.size, 0))
-        passed = np.concatenate([[held], lower, upper])[place]
-        if slopes is None:
-            return passed, None
-        of_held = of_lower[:, :1] + start * (of_upper[:, :1] - of_lower[:, :1])
-        of_held[self._names.index("start")] += upper[0] - lower[0]
-        return passed, np.concatenate([of_held, of_lower, of_upper], axis=1)[:, place]
+        """Return the least (sign -1) or most (1) torque that a contact can hold, and its derivatives."""
+        bearing, share = float(contact == 0), float(contact > 0) / self.contacts
+        constant = bearing * given.get("spindle_friction", 0.0) + share * given.get("sliding_friction", 0.0)
+        exponent = share * given.get("friction_exponent", 0.0)
+        pretension = given.get("pretension", 0.0)
+        gain = np.exp(sign * exponent * pace.factor)
+        tension = torque + pretension + sign * constant * pace.factor
+        # a law that knows no tension knows no slack
+        taut = tension > 0 if "pretension" in given else np.ones(tension.size, dtype=bool)
+        bound = np.where(taut, tension * gain, 0.0) - pretension
+        if slopes is None or pace.of_factor is None:
+            return bound, None
+        of_tension = slopes + sign * constant * pace.of_factor
+        of_exponent = sign * exponent * pace.of_factor
+        for name, row, value in (
+            ("spindle_friction", of_tension, sign * bearing * pace.factor),
+            ("sliding_friction", of_tension, sign * share * pace.factor),
+            ("pretension", of_tension, 1.0),
+            ("friction_exponent", of_exponent, sign * share * pace.factor),
+        ):
+            if name in given:
+                row[self._names.index(name)] += value
+        of_bound = np.where(taut, gain * (of_tension + tension * of_exponent), 0.0)
+        if "pretension" in given:
+            of_bound[self._names.index("pretension")] -= 1
+        return bound, of_bound
 
 
 def problem(train: Sequence[Measured], test: Sequence[Measured], *, law: str, instrument: Instrument | None) -> Tool:
@@ -320,19 +340,30 @@ def problem(train: Sequence[Measured], test: Sequence[Measured], *, law: str, in
     return Tool(train, test, law=law)
 
 
-def _bouc_wen(given: Mapping[str, float], turned: Array) -> Array:
-    """Return the friction torque over a turning spindle, N*m (Wen 1976, exponent 1, solved exactly by step)."""
-    full, width, beta = given["hysteresis_torque"], given["hysteresis_angle"], given["hysteresis_shape"]
-    state = given["hysteresis_start"]
-    out = [state]
+def _bouc_wen(width: float, beta: float, start: float, turned: Array) -> tuple[Array, Array]:
+    """Return friction over the full one along a turning spindle, (n,), and its derivatives by the three, (3, n).
+
+    Wen 1976 with exponent 1 and beta + gamma = 1, solved exactly by step.
+    """
+    state, of_width, of_beta, of_start = start, 0.0, 0.0, 1.0
+    out = [(state, of_width, of_beta, of_start)]
     for step in np.diff(turned).tolist():
-        sign = math.copysign(1.0, step)
-        rate = beta + (1 - beta) * (1.0 if state * step > 0 else -1.0)
-        way = abs(step) / width
-        grown = way if abs(rate) < 1e-9 else -math.expm1(-rate * way) / rate
-        state = max(-1.0, min(1.0, state + (sign - rate * state) * grown))
-        out.append(state)
-    return full * np.array(out)
+        sign, way = math.copysign(1.0, step), abs(step) / width
+        against = state * step <= 0
+        rate = 2 * beta - 1 if against else 1.0
+        kept = math.exp(-rate * way)
+        if abs(rate * way) < 1e-6:
+            grown, of_rate = way, -0.5 * way * way
+        else:
+            grown, of_rate = (1 - kept) / rate, (way * kept * rate - (1 - kept)) / rate**2
+        nearer = (rate * state - sign) * kept * way / width
+        of_width = kept * of_width + nearer
+        of_beta = kept * of_beta + (2 * (sign * of_rate - way * kept * state) if against else 0.0)
+        of_start *= kept
+        state = kept * state + sign * grown
+        out.append((state, of_width, of_beta, of_start))
+    found = np.array(out).T
+    return found[0], found[1:]
 
 
 def _signs(train: Sequence[Measured]) -> Signs:

@@ -1,0 +1,233 @@
+"""The command that finds a model's parameters in recordings."""
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Annotated, get_args
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from tenodesis import instrument
+from tenodesis.cli_recording import CommandError
+from tenodesis.identification import report
+from tenodesis.identification.fit import STARTS, fit
+from tenodesis.identification.problem import Problem, WithGroups
+from tenodesis.identification.registry import FORMATS, LAWS, law_of
+from tenodesis.identification.results import Fit, to_json
+from tenodesis.identification.uncertainty import LossName
+
+console = Console()
+
+_PATIENCE = 1.0
+"""Time after which a progress bar is shown, s."""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to an app."""
+    app.command()(identify)
+
+
+def identify(  # noqa: PLR0917
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help="Recordings to fit.")],
+    format_name: Annotated[str, typer.Option("--format", help=f"{', '.join(FORMATS)}.")] = "mcap",
+    test: Annotated[list[Path] | None, typer.Option(metavar="FILE", help="Recording held out; repeatable.")] = None,
+    parameters: Annotated[
+        str | None,
+        typer.Option("--fit", metavar="NAMES", help="Parameters or groups: friction,stiffness. Default: all."),
+    ] = None,
+    instrument_file: Annotated[
+        str | None,
+        typer.Option("--instrument", metavar="INSTRUMENT", help="Where values start: file or shipped name."),
+    ] = None,
+    law: Annotated[
+        str | None, typer.Option(help=f"Friction law: {', '.join(LAWS)}. Default: the format's.", show_default=False)
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Parameters, intervals and errors go there as well.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for report.html, result.json and instrument.toml.")] = Path(
+        "out/identification"
+    ),
+    starts: Annotated[int, typer.Option(help="Starts of the search, the first from the file's values.")] = STARTS,
+    bootstrap: Annotated[int, typer.Option(help="Replicates of a block bootstrap; 0 for none.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of starts and bootstrap.", min=0)] = 0,
+    loss: Annotated[
+        str, typer.Option(help=f"{', '.join(get_args(LossName))}; the latter against outliers.")
+    ] = "linear",
+) -> None:
+    """Identify a model from recordings: parameters with intervals, errors on held-out runs, and the instrument file."""
+    tests = test or []
+    _check_files(logs, tests)
+    outputs = [("--out", out / name) for name in (report.PAGE, report.NUMBERS, report.INSTRUMENT)]
+    outputs += [] if json_file is None else [("--json", json_file)]
+    given = [] if instrument_file is None else [Path(instrument_file)]
+    _refuse_inputs(outputs, [*logs, *tests, *given])
+    for option, value, allowed in (("--format", format_name, tuple(FORMATS)), ("--law", law, (None, *LAWS))):
+        if value not in allowed:
+            names = ", ".join(name for name in allowed if name)
+            raise CommandError(f"{option} is {value}; allowed are {names}.")
+    inst = None if instrument_file is None else instrument.load(instrument_file)
+    kind = FORMATS[format_name]
+    chosen = law_of(format_name) if law is None else law
+    measured = [kind.load(path) for path in (*logs, *tests)]
+    problem = kind.problem(measured[: len(logs)], measured[len(logs) :], law=chosen, instrument=inst)
+    with _Bar() as bar:
+        found = fit(
+            problem,
+            None if parameters is None else chosen_parameters(problem, parameters),
+            train=range(len(logs)),
+            test=range(len(logs), len(measured)),
+            starts=starts,
+            bootstrap=bootstrap,
+            seed=seed,
+            loss=_loss(loss),
+            progress=bar,
+        )
+    notes = {one.name: one.notes for one in measured}
+    written = report.write(problem, found, out, runs=range(len(measured)), format=format_name, law=chosen, notes=notes)
+    if json_file is not None:
+        _write(json_file, report.as_text(to_json(found, format=format_name, law=chosen, notes=notes)))
+    _tell(found, written if json_file is None else [*written, json_file], notes)
+
+
+def chosen_parameters(problem: Problem, text: str) -> list[str]:
+    """Return the parameters that names of parameters, groups, or words within the names stand for.
+
+    Raises
+    ------
+    CommandError
+        A name stands for none.
+    """
+    names = [one.name for one in problem.parameters]
+    groups = problem.groups if isinstance(problem, WithGroups) else {}
+    found: list[str] = []
+    for word in (part.strip() for part in text.split(",")):
+        if word in names:
+            meant = [word]
+        elif word in groups:
+            meant = list(groups[word])
+        else:
+            meant = [name for name in names if word and word in name.replace(".", "_").split("_")]
+        if not meant:
+            allowed = ", ".join([*names, *(f"{group} (group)" for group in groups)])
+            raise CommandError(f"--fit names {word!r}, which is no parameter of this model; allowed are {allowed}.")
+        found += meant
+    return list(dict.fromkeys(found))
+
+
+def _loss(name: str) -> LossName:
+    for one in get_args(LossName):
+        if name == one:
+            chosen: LossName = one
+            return chosen
+    raise CommandError(f"--loss is {name}; allowed are {', '.join(get_args(LossName))}.")
+
+
+def _check_files(logs: Sequence[Path], tests: Sequence[Path]) -> None:
+    seen: dict[Path, str] = {}
+    for what, paths in (("LOG", logs), ("--test", tests)):
+        for path in paths:
+            if not path.exists():
+                raise CommandError(f"{what} is {path}, which does not exist; allowed is the path of a recording.")
+            place = path.resolve()
+            if place in seen:
+                raise CommandError(f"{path} is given as {seen[place]} and as {what}; allowed is once.")
+            seen[place] = what
+
+
+def _refuse_inputs(outputs: Iterable[tuple[str, Path]], inputs: Sequence[Path]) -> None:
+    taken: dict[Path, str] = {}
+    for option, path in outputs:
+        if any(path.resolve() == one.resolve() or _same(path, one) for one in inputs):
+            raise CommandError(f"{option} would write {path}, which is an input; allowed is another path.")
+        if path.resolve() in taken:
+            raise CommandError(
+                f"{option} would write {path}, which {taken[path.resolve()]} writes; allowed is another."
+            )
+        if path.is_dir():
+            raise CommandError(f"{option} would write {path}, which is a folder; allowed is the path of a file.")
+        taken[path.resolve()] = option
+
+
+def _same(one: Path, other: Path) -> bool:
+    """Return whether two paths are one file by different names, hard links included."""
+    return one.exists() and other.exists() and one.samefile(other)
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, "utf-8")
+    except OSError as problem:
+        raise CommandError(f"{path} cannot be written: {problem.strerror or problem}.") from None
+
+
+def _tell(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, ...]]) -> None:
+    for name, sentences in notes.items():
+        for sentence in sentences:
+            _say(f"{name}: {sentence.rstrip('.')}.")
+    table = Table(title="parameters", title_justify="left", box=box.SIMPLE_HEAD)
+    table.add_column("parameter", no_wrap=True)
+    for heading in ("value", "std", "95 % interval", *(["bootstrap"] if found.bootstrap else [])):
+        table.add_column(heading, justify="right", overflow="fold")
+    table.add_column("", overflow="fold")
+    for one in found.parameters:
+        cells = report.shown(found, one)
+        told = {None: "held", True: "", False: "not told"}[found.identifiability.identifiable.get(one.name)]
+        side = found.identifiability.at_bound.get(one.name)
+        words = ", ".join(word for word in (told, f"at {side} bound" if side else "") if word)
+        table.add_row(one.name, *cells[: 4 if found.bootstrap else 3], words)
+    console.print(table)
+    keys = list(dict.fromkeys(key for one in found.files for key in one.rmse))
+    errors = Table(title="rmse, measured minus model", title_justify="left", box=box.SIMPLE_HEAD)
+    errors.add_column("run", overflow="fold")
+    errors.add_column("")
+    for key in keys:
+        errors.add_column(escape(key), justify="right")
+    for run in found.files:
+        numbers = (f"{run.rmse[key]:.4g}" if key in run.rmse else "" for key in keys)
+        errors.add_row(escape(run.name), "fitted" if run.split == "train" else "held out", *numbers)
+    for name, rmse in (("fitted", found.train_rmse), ("held out", found.test_rmse)):
+        if rmse:
+            errors.add_row("all", name, *(f"{rmse[key]:.4g}" if key in rmse else "" for key in keys))
+    console.print(errors)
+    for sentence in (*found.identifiability.statements, *found.warnings):
+        _say(sentence)
+    _say(
+        f"{found.same_optimum} of {found.starts} starts came to this optimum; {found.evaluations} evaluations in "
+        f"{found.seconds:.3g} s."
+    )
+    _say(f"Written: {', '.join(str(path) for path in written)}")
+
+
+def _say(sentence: str) -> None:
+    console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+
+
+class _Bar:
+    """A progress bar that shows itself once a fit takes long."""
+
+    def __init__(self) -> None:
+        columns = (TextColumn("starts and replicates"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+        self._bar = Progress(*columns, console=console, transient=True)
+        self._task = self._bar.add_task("", total=None)
+        self._begun = time.monotonic()
+        self._shown = False
+
+    def __enter__(self) -> Callable[[int, int], None]:
+        return self._update
+
+    def __exit__(self, *_: object) -> None:
+        if self._shown:
+            self._bar.stop()
+
+    def _update(self, done: int, whole: int) -> None:
+        if not self._shown and console.is_interactive and time.monotonic() > self._begun + _PATIENCE:
+            self._bar.start()
+            self._shown = True
+        self._bar.update(self._task, completed=done, total=whole)

@@ -1,0 +1,158 @@
+"""The figures of a fit: signals and residuals by run, autocorrelation, intervals, correlations."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from tenodesis.bench import style
+from tenodesis.identification.problem import Parameter, Problem, WithTraces
+from tenodesis.identification.results import Fit
+from tenodesis.quantity import in_unit
+
+_READABLE = {"rad": "deg", "m": "mm", "s": "ms"}
+_MOST_NAMED = 8
+"""Series that a legend names."""
+_MOST_WRITTEN = 12
+"""Parameters up to which correlations are written out."""
+
+
+def readable(unit: str) -> tuple[float, str]:
+    """Return the factor from an SI unit to the one that people read, and its name."""
+    shown = _READABLE.get(unit, unit)
+    name = "" if shown in {"", "1"} else shown.replace("*", "·").replace("^2", "²")
+    return (in_unit(shown, unit) if shown != unit else 1.0), name
+
+
+def worded(key: str) -> str:
+    """Return a key with its unit last as the label of an axis: output angle [deg]."""
+    name, _, unit = key.rpartition("_")
+    return f"{name.replace('_', ' ')} [{unit}]"
+
+
+def run_figure(problem: Problem, found: Fit, run: int) -> Figure:
+    """Return measured and modelled signals of a run over time, and the residuals of each."""
+    values = found.vector
+    errors = problem.errors(values, run)
+    traces = problem.traces(values, run) if isinstance(problem, WithTraces) else {}
+    panels = [(key, kind) for key in errors for kind in (("signal", "error") if key in traces else ("error",))]
+    heights = [2.0 if kind == "signal" else 1.0 for _, kind in panels]
+    fig = Figure(figsize=(8.6, 0.5 + 1.25 * sum(heights)), layout="constrained")
+    axes = fig.subplots(len(panels), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
+    for axis, (key, kind) in zip(axes, panels, strict=True):
+        error = errors[key]
+        if kind == "signal":
+            trace = traces[key]
+            axis.plot(trace.time, trace.measured, color=style.INK, lw=1.4, label="measured", rasterized=True)
+            axis.plot(trace.time, trace.model, color=style.ACCENT, lw=1.1, label="model", rasterized=True)
+            axis.set_ylabel(worded(key))
+            style.legend_above(axis, 2)
+        else:
+            same = key in traces and traces[key].time.size == error.size
+            time = traces[key].time if same else np.arange(error.size) * problem.sample_time(run)
+            axis.plot(time, error, color=style.MUTED, lw=0.8, rasterized=True)
+            axis.axhline(0, color=style.INK, lw=0.8)
+            unit = key.rpartition("_")[2]
+            axis.set_ylabel(f"residual [{unit}]" if key in traces else f"residual of\n{worded(key)}")
+    axes[-1].set_xlabel("time [s]")
+    fig.align_ylabels()
+    return fig
+
+
+def autocorrelation(found: Fit) -> Figure:
+    """Return the autocorrelation of each series of residuals over the lag."""
+    fig, (axis,) = style.figure(1, width=8.6, height=3.6)
+    several = any(one.channel for one in found.whiteness)
+    for colour, one in zip(style.colors(len(found.whiteness)), found.whiteness, strict=True):
+        label = f"{one.run}, sensor {one.channel + 1}" if several else one.run
+        lags = np.arange(one.autocorrelation.size) * one.sample_time
+        axis.plot(lags, one.autocorrelation, color=colour, lw=1.3, label=label)
+    band = 1.96 / np.sqrt(min(one.samples for one in found.whiteness))
+    axis.axhspan(-band, band, color=style.GRID, zorder=0.5, label="white noise, 95 %")
+    axis.axhline(0, color=style.INK, lw=0.8)
+    axis.set(xlabel="lag [s]", ylabel="autocorrelation")
+    axis.margins(x=0)
+    if len(found.whiteness) <= _MOST_NAMED:
+        axis.legend(loc="upper right", ncols=1 if len(found.whiteness) < 4 else 2)
+    return fig
+
+
+def intervals(found: Fit) -> Figure:
+    """Return each fitted parameter with its intervals, on an axis of its own."""
+    parameters = [one for one in found.parameters if one.name in found.free]
+    fig = Figure(figsize=(8.6, 0.6 + 0.78 * len(parameters)), layout="constrained")
+    axes = fig.subplots(len(parameters), 1, squeeze=False)[:, 0]
+    for axis, one in zip(axes, parameters, strict=True):
+        _interval(axis, one, found)
+    handles, labels = axes[0].get_legend_handles_labels()
+    fig.legend(handles, labels, loc="outside upper right", ncols=4)
+    return fig
+
+
+def _interval(axis: Axes, one: Parameter, found: Fit) -> None:
+    factor, unit = readable(one.unit)
+    value = found.values[one.name] * factor
+    half = 1.96 * found.std_white[one.name]
+    white = (max(one.lower, found.values[one.name] - half), min(one.upper, found.values[one.name] + half))
+    rows = [("as if white", white, style.REFERENCE), ("corrected", found.interval_95[one.name], style.ANTAGONIST)]
+    if found.bootstrap_interval_95:
+        rows.append(("block bootstrap", found.bootstrap_interval_95[one.name], style.LOADS[0]))
+    for height, (label, bounds, colour) in enumerate(rows):
+        low, high = (bound * factor for bound in bounds)
+        axis.plot([low, high], [height, height], color=colour, lw=4, solid_capstyle="butt", label=label)
+    told = found.identifiability.identifiable[one.name]
+    face = style.INK if told else "white"
+    axis.plot([value] * len(rows), range(len(rows)), "o", ms=5, mfc=face, mec=style.INK, ls="none", label="value")
+    axis.set_ylim(-0.7, len(rows) - 0.3)
+    axis.set_yticks([])
+    axis.grid(axis="y", visible=False)
+    axis.margins(x=0.08)
+    axis.ticklabel_format(axis="x", useOffset=False, style="plain") if 1e-3 < abs(value) < 1e6 else None
+    axis.locator_params(axis="x", nbins=6)
+    axis.tick_params(axis="x", labelsize=8)
+    name = one.name.replace("_", " ")
+    axis.set_ylabel(f"{name} [{unit}]" if unit else name, rotation=0, ha="right", va="center")
+
+
+def correlations(found: Fit) -> Figure:
+    """Return the correlation matrix of the fitted parameters as a map of colours."""
+    count = len(found.free)
+    longest = max(len(name) for name in found.free)
+    side, labels = 0.52 * count + 0.9, 0.08 * longest
+    fig, (axis,) = style.figure(1, width=side + labels + 0.9, height=side + 0.7 * labels)
+    image = axis.imshow(found.correlation, cmap="RdBu_r", vmin=-1, vmax=1)
+    names = [name.replace("_", " ") for name in found.free]
+    axis.set_xticks(range(count), names, rotation=45, ha="right", rotation_mode="anchor")
+    axis.set_yticks(range(count), names)
+    axis.grid(visible=False)
+    if count <= _MOST_WRITTEN:
+        for row, column in np.ndindex(count, count):
+            shade = found.correlation[row, column]
+            colour = "white" if abs(shade) > 0.6 else style.INK
+            axis.text(column, row, f"{shade:.2f}", ha="center", va="center", fontsize=8, color=colour)
+    fig.colorbar(image, ax=axis, shrink=0.8, label="correlation")
+    return fig
+
+
+def all_figures(problem: Problem, found: Fit, runs: Sequence[int]) -> dict[str, tuple[Figure, str]]:
+    """Return every figure with its caption, by name; runs are the indices behind the fit's files."""
+    out: dict[str, tuple[Figure, str]] = {
+        "intervals": (
+            intervals(found),
+            "Parameters with their 95 % intervals, each on its own axis; hollow where the recordings do not tell it.",
+        )
+    }
+    if len(found.free) > 1:
+        out["correlation"] = (correlations(found), "Correlation of the estimates.")
+    out["autocorrelation"] = (
+        autocorrelation(found),
+        "Autocorrelation of the whitened residuals of the training runs.",
+    )
+    for place, (run, one) in enumerate(zip(runs, found.files, strict=True)):
+        kind = "fitted" if one.split == "train" else "held out"
+        out[f"run-{place}"] = (
+            run_figure(problem, found, run),
+            f"{one.name}, {kind}: residual is measured minus model.",
+        )
+    return out

@@ -1,0 +1,192 @@
+"""A fit as files: one HTML page that needs nothing beside it, all numbers, and the instrument that came of it."""
+
+import io
+import json
+import math
+import re
+import tempfile
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+from markupsafe import Markup
+
+from tenodesis.bench import style
+from tenodesis.bench.content import fixed
+from tenodesis.errors import IdentificationError
+from tenodesis.identification import figures
+from tenodesis.identification.problem import Parameter, Problem, WithInstrument
+from tenodesis.identification.results import Fit, about, by_unit, to_json
+from tenodesis.instrument import Instrument
+from tenodesis.instrument_text import to_file
+
+PAGE, NUMBERS, INSTRUMENT = "report.html", "result.json", "instrument.toml"
+"""What a fit is written as."""
+
+_TEMPLATE = "identification.html.j2"
+_DOTS = 150
+"""Per inch, of the curves over time."""
+
+
+def identified(problem: Problem, found: Fit) -> Instrument | None:
+    """Return the instrument with what was found in place, or None where the parameters are no keys of an instrument."""
+    return problem.instrument(found.vector) if isinstance(problem, WithInstrument) else None
+
+
+def write(
+    problem: Problem,
+    found: Fit,
+    out: Path,
+    *,
+    runs: Sequence[int],
+    format: str,
+    law: str,
+    notes: Mapping[str, Sequence[str]] | None = None,
+) -> list[Path]:
+    """Write report.html, result.json and, where there is one, instrument.toml into a folder, or nothing.
+
+    Parameters
+    ----------
+    problem, found
+        The model and its fit.
+    out
+        The folder.
+    runs
+        Indices of the runs, train then test, as they were fitted.
+    format, law
+        Format of the recordings and name of the friction law.
+    notes
+        What the loader says of each recording, by its name.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    IdentificationError
+        The folder cannot be written.
+    """
+    numbers = to_json(found, format=format, law=law, notes=notes)
+    texts = {NUMBERS: as_text(numbers), PAGE: render(problem, found, runs=runs, numbers=numbers)}
+    inst = identified(problem, found)
+    if inst is not None:
+        fitted = ", ".join(found.free)
+        logs = ", ".join(one.name for one in found.files if one.split == "train")
+        texts = {INSTRUMENT: to_file(inst, comment=f"Identified from {logs}: {fitted}."), **texts}
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=out, prefix=".identification-") as folder:
+            for name, text in texts.items():
+                (Path(folder) / name).write_text(text, "utf-8")
+            for name in texts:
+                (Path(folder) / name).replace(out / name)
+    except OSError as problem_:
+        raise IdentificationError(f"{out} cannot be written: {problem_.strerror or problem_}.") from problem_
+    return [out / name for name in texts]
+
+
+def as_text(numbers: Mapping[str, Any]) -> str:
+    """Return plain numbers as the text of a JSON file."""
+    return json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def render(problem: Problem, found: Fit, *, runs: Sequence[int], numbers: Mapping[str, Any]) -> str:
+    """Return the page."""
+    text = (resources.files("tenodesis.identification") / _TEMPLATE).read_text("utf-8")
+    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    with style.applied():
+        drawn = [
+            (name, Markup(_svg(name, figure)), caption)
+            for name, (figure, caption) in figures.all_figures(problem, found, runs).items()
+        ]
+    return environment.from_string(text).render(
+        found=found,
+        numbers=numbers,
+        cards=cards(found),
+        rows=[_row(found, one) for one in found.parameters],
+        keys=list(dict.fromkeys(key for one in found.files for key in one.rmse)),
+        worded=figures.worded,
+        files=list(zip(numbers["files"], found.files, strict=True)),
+        drawn=[one for one in drawn if not one[0].startswith("run-")],
+        drawn_runs=[one for one in drawn if one[0].startswith("run-")],
+        fixed=fixed,
+        short=_short,
+        about=about(),
+    )
+
+
+def cards(found: Fit) -> list[tuple[str, str]]:
+    """Return the few numbers that stand first, with what they are."""
+    told = [
+        (f"rmse, {name}", f"{_short(value)} {unit}".replace(" deg", "°"))
+        for name, rmse in (("runs fitted", found.train_rmse), ("runs held out", found.test_rmse))
+        for unit, value in by_unit(rmse).items()
+    ]
+    known = sum(found.identifiability.identifiable.values())
+    return [
+        *told,
+        ("parameters told", f"{known} of {len(found.free)}"),
+        ("starts that came to this optimum", f"{found.same_optimum} of {found.starts}"),
+        ("model evaluations", f"{found.evaluations}"),
+    ]
+
+
+def shown(found: Fit, one: Parameter) -> tuple[str, str, str, str]:
+    """Return value, standard deviation, interval and bootstrap interval of a parameter as people read them."""
+    factor, unit = figures.readable(one.unit)
+    end = {"": "", "deg": "°"}.get(unit, f" {unit}")
+    std = found.std.get(one.name, math.nan) * factor
+    digits = _digits(found.values[one.name] * factor, std)
+
+    def number(value: float) -> str:
+        return f"{value * factor:.{digits}f}" if digits is not None else f"{value * factor:.5g}"
+
+    def interval(pair: tuple[float, float] | None) -> str:
+        return "" if pair is None else f"{number(pair[0])} … {number(pair[1])}"
+
+    spread = "held" if one.name not in found.free else f"{std:.2g}" if math.isfinite(std) else "open"
+    drawn = (found.bootstrap_interval_95 or {}).get(one.name)
+    value = number(found.values[one.name]) + end
+    return value, spread, interval(found.interval_95.get(one.name)), interval(drawn)
+
+
+def _row(found: Fit, one: Parameter) -> dict[str, str]:
+    value, spread, interval, drawn = shown(found, one)
+    told = found.identifiability.identifiable.get(one.name)
+    side = found.identifiability.at_bound.get(one.name)
+    words = {None: "held", True: "told", False: "not told"}[told]
+    return {
+        "name": one.name.replace("_", " "),
+        "meaning": one.meaning,
+        "value": value,
+        "std": spread,
+        "interval": interval,
+        "bootstrap": drawn,
+        "told": f"{words}, at its {side} bound" if side else words,
+    }
+
+
+def _digits(value: float, std: float) -> int | None:
+    """Return the decimals that show two digits of the standard deviation, or None where there is no such number."""
+    if not (math.isfinite(std) and std > 0) or abs(value) >= 1e7 or std < 1e-7:
+        return None
+    return int(np.clip(1 - math.floor(math.log10(std)), 0, 8))
+
+
+def _short(value: float) -> str:
+    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+
+
+def _svg(name: str, figure: Any) -> str:
+    """Return a figure as SVG to stand within HTML: no prologue, no size, and ids that no other figure uses."""
+    file = io.StringIO()
+    figure.savefig(file, format="svg", dpi=_DOTS, metadata={"Date": None})
+    svg = file.getvalue()
+    body = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg[svg.index("<svg") :])
+    body = re.sub(r'(xlink:href="#|url\(#)', rf"\1{name}-", body)
+    return re.sub(r"^<svg[^>]*>", lambda tag: re.sub(r' (width|height)="[^"]+"', "", tag[0]), body)

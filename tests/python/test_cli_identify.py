@@ -1,0 +1,218 @@
+"""The command identify, on a format made up for the purpose."""
+
+import json
+import os
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+import tenodesis as tn
+from tenodesis import cli_identify
+from tenodesis.cli_recording import CommandError
+from tenodesis.errors import IdentificationError
+from tenodesis.identification import FORMATS, Format, Parameter, Trace, registry
+from tenodesis.identification.formats.measured import Measured
+from tenodesis.instrument import Instrument
+from tenodesis.signals import Array
+
+STEP = 0.01
+
+
+class Springs:
+    """Tension over stretch: pretension and stiffness, which are keys of an instrument; the angle is their sum."""
+
+    def __init__(self, measured: Sequence[Measured], inst: Instrument | None) -> None:
+        self.measured, self.inst = measured, inst
+        self.runs = tuple(one.name for one in measured)
+        self.parameters = (
+            Parameter("pretension", "N", 10.0, 0.0, 200.0, "tension of a tendon at rest"),
+            Parameter("tendon_stiffness", "N/m", 2e4, 1e3, 1e6, "stiffness of a tendon"),
+            Parameter("encoder_offset", "rad", 0.0, -0.5, 0.5, "angle that the encoder shows at zero"),
+        )
+        self.groups = {"stiffness": ("tendon_stiffness",)}
+
+    def _model(self, values: Array, run: int) -> tuple[Array, Array]:
+        stretch = self.measured[run]["stretch"]
+        return values[0] + values[1] * stretch, 100 * stretch + values[2]
+
+    def residuals(self, values: Array, run: int) -> Array:
+        tension, angle = self._model(values, run)
+        one = self.measured[run]
+        return np.concatenate([(one["tension"] - tension) / 0.2, (one["angle"] - angle) / 1e-3])
+
+    def jacobian(self, values: Array, run: int) -> Array | None:
+        return None
+
+    def errors(self, values: Array, run: int) -> dict[str, Array]:
+        return {key: one.measured - one.model for key, one in self.traces(values, run).items()}
+
+    def traces(self, values: Array, run: int) -> dict[str, Trace]:
+        tension, angle = self._model(values, run)
+        one = self.measured[run]
+        return {
+            "output_angle_deg": Trace(one.time, np.degrees(one["angle"]), np.degrees(angle)),
+            "tension_N": Trace(one.time, one["tension"], tension),
+        }
+
+    def channels(self, run: int) -> int:
+        return 2
+
+    def sample_time(self, run: int) -> float:
+        return STEP
+
+    def instrument(self, values: Array) -> Instrument | None:
+        return self.inst and self.inst.replace(pretension=float(values[0]), tendon_stiffness=float(values[1]))
+
+
+@pytest.fixture(autouse=True)
+def springs(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    def load(path: Path) -> Measured:
+        stretch, tension, angle = np.loadtxt(path)
+        time = STEP * np.arange(stretch.size)
+        return Measured(path.name, time, {"stretch": stretch, "tension": tension, "angle": angle}, ("dropped 1 row",))
+
+    def problem(train: Sequence[Measured], test: Sequence[Measured], *, law: str, instrument: Instrument | None) -> Any:
+        assert law == "capstan-constant"
+        return Springs([*train, *test], instrument)
+
+    monkeypatch.setitem(FORMATS, "tendon-sheath", Format(load, problem))
+    monkeypatch.setattr(cli_identify, "law_of", lambda _: "capstan-constant")
+    yield
+
+
+def record(path: Path, seed: int, count: int = 400) -> Path:
+    draw = np.random.default_rng(seed)
+    stretch = 4e-4 * np.sin(2 * np.pi * 0.5 * STEP * np.arange(count))
+    tension = 30 + 31172 * stretch + 0.2 * draw.normal(size=count)
+    np.savetxt(path, [stretch, tension, 100 * stretch + 0.02 + 1e-3 * draw.normal(size=count)])
+    return path
+
+
+@pytest.fixture
+def logs(tmp_path: Path) -> list[Path]:
+    return [record(tmp_path / f"{n}.txt", n) for n in range(3)]
+
+
+app = typer.Typer()
+app.callback()(lambda: None)
+cli_identify.register(app)
+
+
+def run(*arguments: object) -> Any:
+    return CliRunner().invoke(
+        app, ["identify", "--format", "tendon-sheath", *map(str, arguments)], catch_exceptions=False
+    )
+
+
+def test_a_run_is_identified_and_written_as_page_numbers_and_instrument(logs: list[Path], tmp_path: Path) -> None:
+    out, numbers = tmp_path / "out", tmp_path / "deep" / "numbers.json"
+    given = run(
+        logs[0], logs[1], "--test", logs[2], "--instrument", "real-size", "--out", out, "--json", numbers,
+        "--bootstrap", 40,
+    )  # fmt: skip
+    assert given.exit_code == 0, given.output
+    found = json.loads(numbers.read_text())
+    assert found == json.loads((out / "result.json").read_text())
+    assert (found["format"], found["law"]) == ("tendon-sheath", "capstan-constant")
+    assert found["train"] == ["0.txt", "1.txt"]
+    assert found["test"] == ["2.txt"]
+    stiffness = found["parameters"]["tendon_stiffness"]
+    assert stiffness["interval_95"][0] < 31172 < stiffness["interval_95"][1]
+    assert stiffness["bootstrap_interval_95"][0] < 31172 < stiffness["bootstrap_interval_95"][1]
+    assert stiffness["unit"] == "N/m"
+    assert stiffness["identifiable"] is True
+    assert found["test_rmse_N"] == pytest.approx(0.2, rel=0.15)
+    assert found["test_rmse_deg"] == pytest.approx(np.degrees(1e-3), rel=0.15)
+    assert found["files"]["2.txt"]["rmse_deg"] == found["test_rmse_deg"]
+    assert found["notes"]["0.txt"] == ["dropped 1 row"]
+    inst = tn.load(out / "instrument.toml")
+    assert inst.tendon_stiffness == pytest.approx(stiffness["value"], rel=1e-8)
+    assert inst.pretension == pytest.approx(30, abs=0.1)
+    page = (out / "report.html").read_text()
+    assert not re.search(r"(src|href)=\"http|<script|<link|@import", page)
+    for words in ("encoder offset", "held out", "2.txt", "residual [N]", "Ljung"):
+        assert words in page
+    assert "tendon_stiffness" in given.output
+    assert "0.txt: dropped 1 row." in given.output
+
+
+def test_only_what_fit_names_is_fitted_by_name_group_or_word(logs: list[Path], tmp_path: Path) -> None:
+    run(logs[0], "--fit", "stiffness, offset", "--out", tmp_path / "out")
+    found = json.loads((tmp_path / "out" / "result.json").read_text())
+    fitted = [name for name, one in found["parameters"].items() if one["fitted"]]
+    assert fitted == ["tendon_stiffness", "encoder_offset"]
+    assert not (tmp_path / "out" / "instrument.toml").exists()
+    with pytest.raises(CommandError, match=r"--fit names 'mu', .* allowed are pretension, .* stiffness \(group\)"):
+        run(logs[0], "--fit", "mu", "--out", tmp_path / "out")
+
+
+@pytest.mark.parametrize("linked", ["same", "hard", "soft"])
+def test_an_input_is_never_written_over(logs: list[Path], tmp_path: Path, linked: str) -> None:
+    own = tmp_path / "out" / "instrument.toml"
+    own.parent.mkdir()
+    text = Path("src/tenodesis/instruments/real-size.toml")
+    own.write_text((Path(__file__).parents[2] / text).read_text("utf-8"), "utf-8")
+    log = logs[0]
+    if linked == "hard":
+        log = tmp_path / "hard.txt"
+        os.link(logs[0], log)
+    elif linked == "soft":
+        log = tmp_path / "soft.txt"
+        log.symlink_to(logs[0])
+    before = logs[0].read_bytes(), own.read_bytes()
+    with pytest.raises(CommandError, match=r"--json would write .*, which is an input"):
+        run(logs[0], "--json", log, "--out", tmp_path / "other")
+    with pytest.raises(CommandError, match=r"--json would write .*, which is an input"):
+        run(logs[1], "--test", logs[0], "--json", log, "--out", tmp_path / "other")
+    with pytest.raises(CommandError, match=r"--out would write .*instrument\.toml, which is an input"):
+        run(logs[0], "--instrument", own, "--out", own.parent)
+    assert (logs[0].read_bytes(), own.read_bytes()) == before
+    assert not (tmp_path / "other").exists()
+
+
+def test_two_outputs_are_never_one_file_and_none_is_a_folder(logs: list[Path], tmp_path: Path) -> None:
+    with pytest.raises(CommandError, match=r"--json would write .*result\.json, which --out writes"):
+        run(logs[0], "--out", tmp_path / "out", "--json", tmp_path / "out" / "result.json")
+    with pytest.raises(CommandError, match="which is a folder"):
+        run(logs[0], "--out", tmp_path / "out", "--json", tmp_path)
+
+
+def test_what_cannot_be_asked_is_one_sentence(logs: list[Path], tmp_path: Path) -> None:
+    for arguments, reason in (
+        ((tmp_path / "none.txt",), "LOG is .*none.txt, which does not exist"),
+        ((logs[0], "--test", logs[0]), "is given as LOG and as --test; allowed is once"),
+        ((logs[0], logs[0]), "is given as LOG and as LOG"),
+        ((logs[0], "--law", "dahl"), "--law is dahl; allowed are none, coulomb, capstan"),
+        ((logs[0], "--loss", "huber"), "--loss is huber; allowed are linear, soft_l1"),
+        ((logs[0], "--format", "xls"), "--format is xls; allowed are davinci-tool"),
+    ):
+        with pytest.raises(CommandError, match=reason):
+            run(*arguments)
+
+
+def test_a_format_that_is_not_there_is_said_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(registry._MODULES, "csv", ("formats.nowhere", "models.nowhere"))
+    lazy = registry._lazy("csv", "formats.nowhere", "models.nowhere")
+    with pytest.raises(IdentificationError, match=r"format csv is not available here: .*nowhere"):
+        lazy.load(Path("a.csv"))
+    with pytest.raises(IdentificationError, match="format csv is not available here"):
+        lazy.problem([], [], law="none", instrument=None)
+    with pytest.raises(IdentificationError, match="format csv is not available here"):
+        registry.law_of("csv")
+    with pytest.raises(IdentificationError, match="format is 'xls'; allowed are davinci-tool"):
+        registry.law_of("xls")
+
+
+def test_held_out_files_leave_parameters_alone(logs: list[Path], tmp_path: Path) -> None:
+    record(tmp_path / "strange.txt", 99, 250)
+    for name, test in (("a", logs[2]), ("b", tmp_path / "strange.txt")):
+        run(logs[0], logs[1], "--test", test, "--out", tmp_path / name, "--bootstrap", 40)
+    one, other = (json.loads((tmp_path / name / "result.json").read_text()) for name in ("a", "b"))
+    assert one["parameters"] == other["parameters"]
+    assert one["test_rmse_N"] != other["test_rmse_N"]
