@@ -106,8 +106,8 @@ def _equations(text: str) -> list[int]:
 
 
 def _python_functions() -> Iterator[tuple[str, str]]:
-    for module in ("statics", "similarity"):
-        tree = ast.parse((ROOT / f"src/tenodesis/{module}.py").read_text("utf-8"))
+    for module in ("statics", "similarity.comparison"):
+        tree = ast.parse((ROOT / f"src/tenodesis/{module.replace('.', '/')}.py").read_text("utf-8"))
         for node in ast.walk(tree):
             if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
                 yield f"tenodesis.{module}.{node.name}", (ast.get_docstring(node) or "").split("\n\n")[0]

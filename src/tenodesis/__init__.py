@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from tenodesis import control, protocols, similarity, statics, tendon, twin
 from tenodesis.errors import (
     DesignError,
+    IdentificationError,
     InstrumentError,
     NoSolutionError,
     ProtocolError,
@@ -18,13 +19,14 @@ from tenodesis.signals import Run
 from tenodesis.threads import set_threads
 
 if TYPE_CHECKING:
-    from tenodesis import scaling, tolerance
+    from tenodesis import identification, scaling, tolerance
 
 __version__ = "0.1.0"
 
 __all__ = [
     "Continuum",
     "DesignError",
+    "IdentificationError",
     "Instrument",
     "InstrumentError",
     "NoSolutionError",
@@ -37,6 +39,7 @@ __all__ = [
     "TendonGear",
     "TendonPulley",
     "control",
+    "identification",
     "load",
     "parse",
     "protocols",
@@ -50,7 +53,7 @@ __all__ = [
     "twin",
 ]
 
-_LATE = ("scaling", "tolerance")
+_LATE = ("identification", "scaling", "tolerance")
 
 
 def __getattr__(name: str) -> Any:

@@ -13,13 +13,31 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from tenodesis import cli_control, cli_recording, cli_scale, cli_tolerance, cli_transfer, instrument, scaling, tolerance
+from tenodesis import (
+    cli_control,
+    cli_identify,
+    cli_recording,
+    cli_scale,
+    cli_tolerance,
+    cli_transfer,
+    instrument,
+    scaling,
+    tolerance,
+)
 from tenodesis.bench import BenchError
 from tenodesis.bench import run as bench_run
 from tenodesis.bench.content import Context
 from tenodesis.bench.run import steps
 from tenodesis.cli_recording import CommandError
-from tenodesis.errors import DesignError, InstrumentError, NoSolutionError, ProtocolError, RecordingError, StudyError
+from tenodesis.errors import (
+    DesignError,
+    IdentificationError,
+    InstrumentError,
+    NoSolutionError,
+    ProtocolError,
+    RecordingError,
+    StudyError,
+)
 from tenodesis.instrument import Instrument
 
 app = typer.Typer(
@@ -118,6 +136,7 @@ cli_recording.register(app)
 cli_scale.register(app)
 cli_transfer.register(app)
 cli_tolerance.register(app)
+cli_identify.register(app)
 cli_control.register(cli_recording.exports)
 
 
@@ -134,6 +153,7 @@ _MENDABLE = (
     BenchError,
     CommandError,
     DesignError,
+    IdentificationError,
     InstrumentError,
     NoSolutionError,
     ProtocolError,
