@@ -161,6 +161,33 @@ def test_a_quick_wrist_neither_shakes_the_robust_law_up_nor_winds_the_tendons_ti
         assert context.results[key.format("rmse")].value < off
 
 
+def test_the_large_bench_predicts_the_small_instrument_with_friction(bench: Bench) -> None:
+    results = bench[1].results
+    trips = [result.value for key, result in results.items() if re.fullmatch(r"round_trip\..*\.rms", key)]
+    assert len(trips) == 6
+    assert max(trips) <= 0.3
+
+
+def test_the_papers_prototype_is_on_the_front_and_a_better_one_is_known(bench: Bench) -> None:
+    results = bench[1].results
+    assert results["design.paper.beaten_by"].value == 0
+    assert results["design.paper.similarity_error"].value == pytest.approx(
+        results["similarity.scaled.to_0.52N.largest"].value, abs=2e-3
+    )
+    assert results["design.stock_best.similarity_error"].value <= 0.1
+    assert results["design.stock.examined"].value >= 1e6
+
+
+def test_friction_makes_a_pretension_that_is_not_scaled_cost_more_than_statics_tell(bench: Bench) -> None:
+    results = bench[1].results
+    scaled, used = (
+        results[f"similarity_with_friction.{name}.fig14.at_rest.rms"].value for name in ("scaled", "as_used")
+    )
+    assert scaled < 0.1
+    assert used > 10 * scaled
+    assert results["causes.as_used.with_friction.T_o/(kr).rms"].value > 0.9 * used
+
+
 def test_missed_targets_are_named_with_what_bounds_them(bench: Bench) -> None:
     out, context, _ = bench
     html = (out / "report.html").read_text("utf-8")

@@ -108,7 +108,7 @@ def test_without_friction_every_law_is_the_elastic_line() -> None:
             "spindle_friction": 0.0,
             "sliding_friction": 0.0,
             "friction_exponent": 0.0,
-            "pretension": 0.5,
+            "pretension": 0.25,
             "hysteresis_torque": 0.0,
         }
         frictionless = np.array([without.get(one.name, TRUTH[one.name]) for one in tool.parameters])

@@ -58,7 +58,7 @@ def section(context: Context) -> Section:
     text = (
         f"<p>Of {free.examined} scale models that gears of standard modules, the paper's rope and lengths up to 1 m "
         f"allow, judged up to its {TIP_FORCE.value:g} N, {len(free)} are beaten by none in similarity error, force "
-        f"resolution, size and tension margin together. Of the paper's own, {told} With standard ropes and up to "
+        f"resolution, size and tension margin together. As for the paper's own prototype, {told} With standard ropes and up to "
         f"{max(model.conditions.forces):g} N on the real instrument, slack and all, {stock.examined} were judged.</p>"
     )
     trips = {key: _trips(context, key, design, scaled) for key, design in designs.items()}
@@ -87,7 +87,7 @@ def _designs(context: Context, designs: dict[str, Design], names: dict[str, str]
                 f"{1e3 * inst.distal_gear_radius:.4g} / {1e3 * inst.proximal_gear_radius:.5g}",
                 f"{1e3 * inst.end_effector_length:.4g}",
                 design.choice.rope.name,
-                f"{inst.pretension:.4g}",
+                f"{inst.pretension:.3g}",
                 fixed(one.similarity_error, 3),
                 number(1e3 * one.force_resolution, 3),
                 f"{1e3 * one.overall_length:.4g}",

@@ -38,6 +38,8 @@ NOISE = 2 * math.pi / 4000 / math.sqrt(12)
 
 Offset: TypeAlias = Literal["shared", "run"]
 
+_LEVEL_SPAN = 0.2
+"""Time from the start whose mean torque friction is taken to have held before, s: the drive starts with a kick."""
 _SPEED_SPAN = 0.1
 """Time over which the spindle's speed is taken, s."""
 _LEAST = 200
@@ -48,12 +50,12 @@ _KINEMATICS = (
     Parameter("compliance", "rad/(N*m)", 1.0, 0.0, 20.0, "Jaw angle lost per torque all along the transmission"),
 )
 _START = Parameter(
-    "start", "1", 0.2, 0.0, 1.0, "Where in its band friction holds at a run's first sample: 0 lower, 1 upper bound"
+    "start", "1", 0.2, 0.0, 1.0, "Where in its band friction holds as a run begins: 0 lower, 1 upper bound"
 )
-_BEARING = Parameter("spindle_friction", "N*m", 0.01, 0.0, 0.2, "Load-independent friction at the spindle")
+_BEARING = Parameter("spindle_friction", "N*m", 0.01, 0.0, 0.1, "Load-independent friction at the spindle")
 _CAPSTAN = (
-    Parameter("friction_exponent", "1", 0.5, 0.0, 4.0, "Friction coefficient times wrap angle all along the tendon"),
-    Parameter("pretension", "N*m", 0.05, 0.0, 0.5, "Pretension of the tendon times the spindle's radius"),
+    Parameter("friction_exponent", "1", 0.5, 0.0, 3.0, "Friction coefficient times wrap angle all along the tendon"),
+    Parameter("pretension", "N*m", 0.05, 0.0, 0.25, "Pretension of the tendon times the spindle's radius"),
 )
 _STRIBECK = (
     Parameter("static_excess", "1", 0.1, 0.0, 3.0, "By how much friction at rest exceeds friction in motion"),
@@ -73,7 +75,7 @@ LAWS: Mapping[str, tuple[Parameter, ...]] = {
         Parameter("hysteresis_torque", "N*m", 0.05, 0.0, 0.5, "Friction torque far from a reversal"),
         Parameter("hysteresis_angle", "rad", 0.05, 0.001, 3.0, "Spindle angle over which friction reverses"),
         Parameter("hysteresis_shape", "1", 0.5, 0.0, 1.0, "Share of friction that a reversal meets at once (beta)"),
-        Parameter("hysteresis_start", "1", 0.0, -1.0, 1.0, "Friction torque at a run's first sample over the full one"),
+        Parameter("hysteresis_start", "1", 0.0, -1.0, 1.0, "Friction torque as a run begins over the full one"),
     ),
 }
 """Parameters of each friction law, after those that all have."""
@@ -81,7 +83,10 @@ LAWS: Mapping[str, tuple[Parameter, ...]] = {
 
 @dataclass(frozen=True)
 class Series:
-    """What the model reads of a run, and the jaw angle it is compared with, each (n,); rad, N*m, rad/s."""
+    """What the model reads of a run, and the jaw angle it is compared with, each (1 + n,); rad, N*m, rad/s.
+
+    The first sample is before the run: the torque it began from.
+    """
 
     time: Array
     spindle: Array
@@ -196,7 +201,7 @@ class Tool:
 
     def predict(self, values: Array, run: int) -> Array:
         """Return the modelled jaw angle at all samples, (n,), rad, by nothing but the run's proximal signals."""
-        return self._model(values, self._full[run])
+        return self._model(values, self._full[run])[1:]
 
     def traces(self, values: Array, run: int) -> dict[str, Trace]:
         """Return measured and modelled jaw angle at all samples after settling, deg."""
@@ -207,7 +212,7 @@ class Tool:
 
     def sample_time(self, run: int) -> float:
         """Return the time between the samples that are fitted, s."""
-        return float(np.median(np.diff(self._thin[run].time)))
+        return float(np.median(np.diff(self._thin[run].time[1:])))
 
     def advice(self, names: Sequence[str]) -> str | None:
         """Return which recording would tell these parameters apart."""
@@ -387,31 +392,34 @@ def _series(one: Measured, signs: Signs) -> Series:
             f"{one.name} has {max(len(one) - first, 0)} samples after the first {SETTLING:g} s, in which the bench "
             f"settles; at least {_LEAST} are needed."
         )
+    torque = signs.load * one["spindle_torque"]
+    level = float(torque[one.time < one.time[0] + _LEVEL_SPAN].mean())
     return Series(
-        one.time,
-        spindle,
-        _causal_mean(signs.load * one["spindle_torque"], window),
-        (spindle - spindle[before]) / passed,
-        one["jaw_angle"],
-        slice(first, None),
+        np.append(one.time[0] - one.sample_time, one.time),
+        np.append(spindle[0], spindle),
+        np.append(level, _causal_mean(torque, window)),
+        np.append(0.0, (spindle - spindle[before]) / passed),
+        np.append(one["jaw_angle"][0], one["jaw_angle"]),
+        slice(1 + first, None),
     )
 
 
 def _thinned(one: Series) -> Series:
-    """Return every so many samples, each the mean over what it stands for."""
+    """Return every so many samples, each the mean over what it stands for; the one before the run stays."""
     step = max(1, round(INTERVAL / float(np.median(np.diff(one.time)))))
 
     def block(values: Array) -> Array:
-        whole = values[: values.size // step * step].reshape(-1, step)
-        return np.asarray(whole.mean(axis=1), dtype=np.float64)
+        run = values[1:]
+        means = run[: run.size // step * step].reshape(-1, step).mean(axis=1)
+        return np.append(values[0], means)
 
     return Series(
         block(one.time),
         block(one.spindle),
-        one.torque[step - 1 :: step],
-        one.speed[step - 1 :: step],
+        np.append(one.torque[0], one.torque[step::step]),
+        np.append(one.speed[0], one.speed[step::step]),
         block(one.jaw),
-        slice(-(-one.counted.start // step), None),
+        slice(1 + -(-(one.counted.start - 1) // step), None),
     )
 
 

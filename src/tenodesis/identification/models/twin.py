@@ -1,184 +1,42 @@
 """The instrument's own twin as a model of its recordings, with exact derivatives through stick and slip."""
 
-from collections.abc import Callable, Sequence
-from math import pi, sqrt
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from math import degrees, pi
+from typing import Any
 
 import numpy as np
 
 from tenodesis import _core, twin
 from tenodesis._core import Status
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.formats.mcap import TENDONS, InstrumentRun
+from tenodesis.identification.formats.instrument_run import TENDONS, InstrumentRun
 from tenodesis.identification.formats.measured import Measured
+from tenodesis.identification.models.twin_runs import READINGS, Prepared, prepared
+from tenodesis.identification.models.twin_unknowns import LARGEST_OFFSET, UNKNOWNS
 from tenodesis.identification.problem import Parameter, Trace
 from tenodesis.instrument import Instrument
 from tenodesis.signals import Array
 
 DEFAULT_LAW = "capstan"
 
-STEP = 2e-3
-"""Time step, s, that samples are averaged over, or less for a tip that swings fast."""
+LONGEST_STEP = 2e-3
+"""Time that samples are averaged over at most, s."""
 
 _LAWS = ("none", "capstan", "capstan-constant", "stribeck")
 _ROW = _core.twin_parameters()
-_COMMANDS = _core.twin_commands()
-_READINGS = ("measured_handle_angle", "measured_output_angle", "tension_agonist", "tension_antagonist")
-"""What the core tells of a twin's sensors, in its order."""
-
+_COARSE = 0.3
+"""Error that a longer step may make, in standard deviations of what a step measures."""
 _LOST = 1e3
 """Residual of a sample that the model does not reach because its tip was lost, in standard deviations."""
-
-
-class _Unknown(NamedTuple):
-    """One number of a twin: its name in the core, unit, bounds, meaning, and what it does to an instrument."""
-
-    number: str
-    unit: str
-    lower: float
-    upper: float
-    meaning: str
-    changes: Callable[[Instrument, float], dict[str, Any]]
-    group: str
-
-
-def _stiffness(inst: Instrument, ratio: float) -> dict[str, Any]:
-    if inst.given_stiffness is not None:
-        return {"tendon_stiffness": inst.given_stiffness * ratio}
-    return {"tendon_modulus": (inst.tendon_modulus or 0.0) * ratio}
-
-
-def _key(key: str) -> Callable[[Instrument, float], dict[str, Any]]:
-    return lambda _, value: {key: value}
-
-
-def _of_pair(key: str, place: int) -> Callable[[Instrument, float], dict[str, Any]]:
-    def changes(inst: Instrument, value: float) -> dict[str, Any]:
-        pair = list(getattr(inst.mismatch, key))
-        pair[place] = value
-        return {f"mismatch.{key}": tuple(pair)}
-
-    return changes
-
-
-_UNKNOWNS = {
-    "stiffness_ratio": _Unknown(
-        "stiffness_ratio", "1", 0.2, 3.0, "true over nominal stiffness of the tendons", _stiffness, "stiffness"
-    ),
-    "handle_length_share": _Unknown(
-        "handle_length_share",
-        "1",
-        0.02,
-        0.8,
-        "share of a tendon's compliance between spool and handle joint",
-        lambda *_: {},
-        "stiffness",
-    ),
-    "pretension_ratio": _Unknown(
-        "pretension_ratio",
-        "1",
-        0.1,
-        4.0,
-        "true over nominal pretension",
-        lambda inst, ratio: {"pretension": inst.pretension * ratio},
-        "pretension",
-    ),
-    "friction.vertex_coefficient": _Unknown(
-        "vertex_coefficient",
-        "1",
-        0.0,
-        1.0,
-        "friction coefficient at the joints",
-        _key("friction.vertex_coefficient"),
-        "friction",
-    ),
-    "friction.sheath_coefficient": _Unknown(
-        "sheath_coefficient",
-        "1",
-        0.0,
-        1.0,
-        "friction coefficient in the sheath",
-        _key("friction.sheath_coefficient"),
-        "friction",
-    ),
-    "friction.sheath_bend": _Unknown(
-        "sheath_bend", "rad", 0.0, 4 * pi, "total bend of the sheath", _key("friction.sheath_bend"), "sheath"
-    ),
-    "friction.constant": _Unknown(
-        "constant",
-        "N",
-        0.0,
-        20.0,
-        "load-independent friction of each joint and of the sheath",
-        _key("friction.constant"),
-        "friction",
-    ),
-    "friction.viscous": _Unknown(
-        "viscous",
-        "N*s/m",
-        0.0,
-        100.0,
-        "viscous friction of each joint and of the sheath",
-        _key("friction.viscous"),
-        "viscous",
-    ),
-    "dynamics.tip_damping": _Unknown(
-        "tip_damping", "N*m*s", 0.0, 1.0, "viscous damping of the tip", _key("dynamics.tip_damping"), "viscous"
-    ),
-    "drives.backlash": _Unknown(
-        "backlash", "rad", 0.0, 0.5, "backlash of the gearbox, at the spool", _key("drives.backlash"), "drives"
-    ),
-    "mismatch.handle_encoder_offset": _Unknown(
-        "handle_encoder_offset",
-        "rad",
-        -0.3,
-        0.3,
-        "what the handle's encoder says too much",
-        _key("mismatch.handle_encoder_offset"),
-        "sensors",
-    ),
-    "mismatch.output_encoder_offset": _Unknown(
-        "output_encoder_offset",
-        "rad",
-        -0.3,
-        0.3,
-        "what the distal encoder says too much",
-        _key("mismatch.output_encoder_offset"),
-        "sensors",
-    ),
-    **{
-        f"mismatch.load_cell_{kind}.{tendon}": _Unknown(
-            f"{tendon}_load_cell_{kind}",
-            unit,
-            lower,
-            upper,
-            f"{kind} of the {tendon}'s load cell",
-            _of_pair(f"load_cell_{kind}", place),
-            "load_cells",
-        )
-        for kind, unit, lower, upper in (("gain", "1", 0.5, 2.0), ("bias", "N", -20.0, 20.0))
-        for place, tendon in enumerate(TENDONS)
-    },
-}
-"""Every number that recordings may be asked for, by name."""
-
-
-class _Prepared(NamedTuple):
-    """One run averaged over steps: the core's commands, and what was measured by reading."""
-
-    name: str
-    time: Array
-    time_step: float
-    commands: Array
-    measured: dict[str, Array]
-    as_read: bool
+_MOST_HANDLE = 0.9  # of the compliance that the joints leave over
+_ANGLES = {"measured_handle_angle": "handle_angle_deg", "measured_output_angle": "output_angle_deg"}
 
 
 class TwinProblem:
     """Recordings of an instrument, and its twin as their model.
 
     The handle is where it was commanded to be, or where its encoder says less its offset; the spools are where their
-    encoders say.
+    encoders say. A run that does not begin at rest and straight is led there first.
     """
 
     def __init__(self, runs: Sequence[Measured], law: str, inst: Instrument) -> None:
@@ -188,19 +46,58 @@ class TwinProblem:
             )
         # What the file says of its own errors is not known to who identifies them.
         self._inst = _under(law, inst.replace(mismatch=None))
-        self._runs = [_prepared(run, self._inst) for run in runs]
-        self._nominal = twin.numbers(self._inst, STEP)
+        self._nominal = twin.numbers(self._inst) | {"hand_stiffness": 0.0}
+        # An encoder that says too much may show a handle beyond its range.
+        for run in runs:
+            if np.abs(run["handle_angle"]).max() > inst.handle_range + LARGEST_OFFSET:
+                raise IdentificationError(
+                    f"{run.name}: the handle is at up to {degrees(np.abs(run['handle_angle']).max()):.4g} deg; allowed "
+                    f"is the range of {inst.name}, ±{degrees(inst.handle_range):.4g} deg, and what an encoder may err "
+                    "by: another instrument, or a wider handle_range."
+                )
+        kind, parameters, handle_range = self._inst.spec.__getstate__()
+        self._spec = _core.Spec(kind, parameters, handle_range + 2 * LARGEST_OFFSET + 0.01)
+        stride = min(self._stride(run) for run in runs)
+        self._runs = [prepared(run, self._inst, stride) for run in runs]
         given = {name for run in self._runs for name in run.measured}
         spooled = any("spool_agonist" in run.columns for run in runs)
-        self._names = [name for name in _UNKNOWNS if self._applies(name, law, given, spooled)]
-        self._variables = [_ROW.index(_UNKNOWNS[name].number) for name in self._names]
-        self._sigma = _deviations(self._inst)
+        self._names = [name for name in UNKNOWNS if self._applies(name, law, given, spooled)]
+        self._variables = [_ROW.index(UNKNOWNS[name].number) for name in self._names]
+
+    def _stride(self, run: Measured) -> int:
+        """Return how many samples make the longest steps that hardly change what sensors are expected to read."""
+        longest = twin.longest_step(self._inst)
+        if run.sample_time > longest * (1 + 1e-6):
+            raise IdentificationError(
+                f"{run.name} has a sample every {1e3 * run.sample_time:.3g} ms, too few for the tip of "
+                f"{self._inst.name}, which swings at {twin.swing(self._inst) / (2 * pi):.3g} Hz; allowed is at most "
+                f"{1e3 * longest:.3g} ms."
+            )
+        stride = max(1, int(min(LONGEST_STEP, longest) / run.sample_time * (1 + 1e-6)))
+        if stride == 1:
+            return 1
+        numbers = [self._nominal[name] for name in _ROW]
+        finest = prepared(run, self._inst, 1)
+        fine = self._run(finest, numbers, [])[:, 0, finest.lead :]
+        while stride > 1:
+            coarse = prepared(run, self._inst, stride)
+            count = len(coarse.commands) - coarse.lead
+            means = fine[:, : count * stride].reshape(len(READINGS), count, stride).mean(axis=2)
+            there = self._run(coarse, numbers, [])[:, 0, coarse.lead :]
+            off = [(there - means)[READINGS.index(name)] / coarse.deviation[name] for name in coarse.measured]
+            known = [one[np.isfinite(one)] for one in off]
+            if all(one.size and np.sqrt(stride * np.mean(one**2)) < _COARSE for one in known):
+                break
+            stride //= 2
+        return stride
 
     def _applies(self, name: str, law: str, given: set[str], spooled: bool) -> bool:
         if name.startswith("friction.") and law == "none":
             return False
         if name == "friction.constant":
             return law in ("capstan-constant", "stribeck")
+        if name in ("friction.static_ratio", "friction.stribeck_speed"):
+            return law == "stribeck"
         if name == "mismatch.output_encoder_offset":
             return "measured_output_angle" in given
         if name == "mismatch.handle_encoder_offset":
@@ -210,17 +107,15 @@ class TwinProblem:
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The unknowns, starting from the instrument file."""
-        return tuple(
-            Parameter(
-                name,
-                one.unit,
-                float(np.clip(self._nominal[one.number], one.lower, one.upper)),
-                one.lower,
-                one.upper,
-                one.meaning,
-            )
-            for name, one in ((name, _UNKNOWNS[name]) for name in self._names)
-        )
+        out = []
+        for name in self._names:
+            one = UNKNOWNS[name]
+            upper = one.upper
+            if name == "handle_length_share":
+                upper = min(upper, _MOST_HANDLE * (1 - sum(_core.joint_shares(self._inst.spec))))
+            start = float(np.clip(self._nominal[one.number], one.lower, upper))
+            out.append(Parameter(name, one.unit, start, one.lower, upper, one.meaning))
+        return tuple(out)
 
     @property
     def runs(self) -> tuple[str, ...]:
@@ -230,37 +125,36 @@ class TwinProblem:
     @property
     def groups(self) -> dict[str, tuple[str, ...]]:
         """Names of parameters by group: stiffness, pretension, friction, sheath, drives, sensors, load_cells."""
-        kinds = dict.fromkeys(_UNKNOWNS[name].group for name in self._names)
-        return {kind: tuple(name for name in self._names if _UNKNOWNS[name].group == kind) for kind in kinds}
+        kinds = dict.fromkeys(UNKNOWNS[name].group for name in self._names)
+        return {kind: tuple(name for name in self._names if UNKNOWNS[name].group == kind) for kind in kinds}
 
     def channels(self, run: int) -> int:
         """Return how many sensors the residuals of a run hold."""
         return len(self._runs[run].measured)
 
     def sample_time(self, run: int) -> float:
-        """Return the time between samples, s."""
-        return self._runs[run].time_step
+        """Return the time between residuals of a sensor, s."""
+        return float(np.median(np.diff(self._runs[run].time)))
 
     def residuals(self, values: Array, run: int) -> Array:
         """Return measured minus model, in standard deviations, one sensor after the other."""
-        one = self._runs[run]
-        model = self._model(values, run, [])[:, 0]
-        return np.concatenate(
-            [self._scaled(name, measured - model[_READINGS.index(name)]) for name, measured in one.measured.items()]
-        )
+        off, one = self._off(values, run), self._runs[run]
+        return np.concatenate([np.nan_to_num(off[name] / one.deviation[name], nan=_LOST) for name in off])
 
     def jacobian(self, values: Array, run: int) -> Array:
-        """Return the derivatives of the residuals, exact through stick and slip."""
+        """Return the derivatives of the residuals by every parameter, exact through stick and slip."""
+        return self.derivatives(values, run, range(len(self._names)))
+
+    def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
+        """Return the derivatives of the residuals by some parameters, given their indices, shape (n, how many)."""
         one = self._runs[run]
-        model = self._model(values, run, self._variables)[:, 1:]
-        parts = [-np.nan_to_num(model[_READINGS.index(name)].T / self._sigma[name], nan=0.0) for name in one.measured]
+        model = self._model(values, run, [self._variables[index] for index in which])[:, 1:]
+        parts = [-np.nan_to_num(model[READINGS.index(name)].T / one.deviation[name], nan=0.0) for name in one.measured]
         return np.concatenate(parts)
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus model: output_angle_deg where there is a distal encoder, tension_N of both tendons."""
-        one = self._runs[run]
-        model = self._model(values, run, [])[:, 0]
-        off = {name: measured - model[_READINGS.index(name)] for name, measured in one.measured.items()}
+        off = self._off(values, run)
         errors = {"tension_N": np.concatenate([off[f"tension_{tendon}"] for tendon in TENDONS])}
         if "measured_output_angle" in off:
             errors = {"output_angle_deg": np.degrees(off["measured_output_angle"])} | errors
@@ -269,21 +163,24 @@ class TwinProblem:
     def traces(self, values: Array, run: int) -> dict[str, Trace]:
         """Return every sensor's signal beside the model's."""
         one = self._runs[run]
-        model = self._model(values, run, [])[:, 0]
-        names = {"measured_output_angle": "output_angle_deg", "measured_handle_angle": "handle_angle_deg"}
+        off = self._off(values, run)
         traces = {}
         for name, measured in one.measured.items():
-            degrees = 180 / pi if name in names else 1.0
-            expected = model[_READINGS.index(name)] * degrees
-            traces[names.get(name, f"{name}_N")] = Trace(one.time, measured * degrees, expected)
+            scale = 180 / pi if name in _ANGLES else 1.0
+            traces[_ANGLES.get(name, f"{name}_N")] = Trace(one.time, measured * scale, (measured - off[name]) * scale)
         return traces
 
     def instrument(self, values: Array) -> Instrument:
-        """Return the instrument with these values in place; a share of compliance has no key of its own."""
-        inst = self._inst
-        for name, value in zip(self._names, values, strict=True):
-            changes = _UNKNOWNS[name].changes(inst, float(value))
-            if changes:
+        """Return the instrument with these values in place, those that differ from its own.
+
+        A share of compliance has no key of its own, and is left out.
+        """
+        # What follows from the stiffness unless it is given was not fitted, and stays.
+        inst = self._inst.replace(**{"dynamics.tip_inertia": self._nominal["tip_inertia"]})
+        inst = inst.replace(**{"dynamics.tip_damping": self._nominal["tip_damping"]})
+        for one, value in zip(self.parameters, values, strict=True):
+            changes = UNKNOWNS[one.name].changes(inst, float(value))
+            if changes and value != one.start:
                 inst = inst.replace(**changes)
         return inst
 
@@ -302,27 +199,27 @@ class TwinProblem:
             return "Record cycles at two pretensions and both small and large handle angles, with common-mode pulls."
         return None
 
-    def _scaled(self, name: str, off: Array) -> Array:
-        return np.nan_to_num(off / self._sigma[name], nan=_LOST)
+    def _off(self, values: Array, run: int) -> dict[str, Array]:
+        """Return measured minus model by sensor; NaN from where the model's tip is lost."""
+        model = self._model(values, run, [])[:, 0]
+        return {name: data - model[READINGS.index(name)] for name, data in self._runs[run].measured.items()}
 
     def _model(self, values: Array, run: int, variables: Sequence[int]) -> Array:
-        """Return what every sensor is expected to read and its derivatives, by reading, row and step."""
+        """Return what every sensor is expected to read and its derivatives, by reading, row and kept step."""
+        given = {UNKNOWNS[name].number: float(value) for name, value in zip(self._names, values, strict=True)}
         one = self._runs[run]
-        numbers = [self._nominal[name] for name in _ROW]
-        for name, value in zip(self._names, values, strict=True):
-            numbers[_ROW.index(_UNKNOWNS[name].number)] = float(value)
-        numbers[_ROW.index("time_step")] = one.time_step
-        inst = self._inst
+        return self._run(one, [(self._nominal | given)[name] for name in _ROW], variables)[:, :, one.kept]
+
+    def _run(self, run: Prepared, numbers: list[float], variables: Sequence[int]) -> Array:
+        numbers[_ROW.index("time_step")] = run.time_step
+        friction = self._inst.friction
         spec = _core.TwinSpec(
-            inst.spec, numbers, inst.friction.law == "stribeck", inst.friction.sheath_contacts, 1, False
+            self._spec, numbers, friction.law == "stribeck", friction.sheath_contacts, 1, quasi_static=False
         )
-        out = np.full((len(_READINGS), 1 + len(variables), one.commands.shape[0]), np.nan)
-        _, status = _core.twin_gradient(spec, one.commands, one.as_read, list(variables), out)
+        out = np.full((len(READINGS), 1 + len(variables), len(run.commands)), np.nan)
+        _, status = _core.twin_gradient(spec, run.commands, run.as_read, list(variables), out)
         if status in (Status.NOT_FINITE, Status.OUT_OF_RANGE):
-            raise IdentificationError(
-                f"{one.name}: the handle was beyond the range of {inst.name}; allowed is another instrument, or one with "
-                "a wider handle_range."
-            )
+            raise IdentificationError(f"{run.name}: a command is not finite or beyond the handle's range.")
         return out
 
 
@@ -334,7 +231,7 @@ def problem(
     Raises
     ------
     IdentificationError
-        No instrument is known, it has two axes, or the law is none of the twin's.
+        No instrument is known, or the law is none of the twin's.
     """
     runs = [*train, *test]
     known = [run.instrument for run in runs if isinstance(run, InstrumentRun) and run.instrument is not None]
@@ -355,54 +252,3 @@ def _under(law: str, inst: Instrument) -> Instrument:
     if law == "capstan":
         changes["friction.constant"] = None
     return inst.replace(**changes)
-
-
-def _prepared(run: Measured, inst: Instrument) -> _Prepared:
-    """Average a run over steps; samples that were dropped are bridged."""
-    longest = min(STEP, twin.longest_step(inst))
-    stride = max(1, int(longest / run.sample_time * (1 + 1e-6)))
-    if run.sample_time > longest * (1 + 1e-6):
-        raise IdentificationError(
-            f"{run.name} has a sample every {1e3 * run.sample_time:.3g} ms, too few for the tip of {inst.name}, which "
-            f"swings at {twin.swing(inst) / (2 * pi):.3g} Hz; allowed is at most {1e3 * longest:.3g} ms."
-        )
-    step = stride * run.sample_time
-    edges = np.arange(run.time[0], run.time[-1] + step / 2, step)
-    count = edges.size - 1
-    place = np.minimum(np.searchsorted(edges, run.time, side="right") - 1, count - 1)
-    weights = np.bincount(place, minlength=count)
-
-    def mean(column: Array) -> Array:
-        sums = np.bincount(place, column, minlength=count)
-        filled = weights > 0
-        middles = (edges[:-1] + edges[1:]) / 2
-        averaged: Array = np.interp(middles, middles[filled], sums[filled] / weights[filled])
-        return averaged
-
-    commands = np.zeros((count, len(_COMMANDS)))
-    commands[:, _COMMANDS.index("handle_angle")] = mean(run["handle_angle"])
-    if "force" in run.columns:
-        commands[:, _COMMANDS.index("force")] = mean(run["force"])
-    for tendon in TENDONS:
-        if f"spool_{tendon}" in run.columns:
-            wound = inst.drives.spool_radius * mean(run[f"spool_{tendon}"])
-            commands[:, _COMMANDS.index(f"{tendon}_let_out")] = -wound
-    as_read = "measured_handle_angle" not in run.columns or np.array_equal(
-        run["measured_handle_angle"], run["handle_angle"]
-    )
-    told = [name for name in _READINGS if name in run.columns and not (as_read and name == "measured_handle_angle")]
-    return _Prepared(
-        run.name, (edges[:-1] + edges[1:]) / 2, step, commands, {name: mean(run[name]) for name in told}, as_read
-    )
-
-
-def _deviations(inst: Instrument) -> dict[str, float]:
-    """Return the standard deviation of a reading of every sensor, with its steps."""
-    sensors = inst.sensors
-    encoder = sqrt(sensors.encoder_noise**2 + (sensors.encoder_range / 2**sensors.encoder_bits) ** 2 / 12)
-    cell = sqrt(sensors.load_cell_noise**2 + (2 * sensors.load_cell_range / 2**sensors.load_cell_bits) ** 2 / 12)
-    return {
-        "measured_handle_angle": encoder,
-        "measured_output_angle": encoder,
-        **{f"tension_{tendon}": cell for tendon in TENDONS},
-    }

@@ -1,0 +1,123 @@
+"""Which candidates to take so that some parameters are known best within a time, the others being open as well."""
+
+from collections.abc import Sequence
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from tenodesis.identification.experiment.information import Information
+from tenodesis.signals import Array
+
+CriterionName: TypeAlias = Literal["D", "A"]
+
+_PASSES = 8
+_FITS = 1e-9
+
+
+class Criterion:
+    """How well parameters are known, in natural logarithms of a standard deviation: less is better.
+
+    D is the volume of the wanted parameters' confidence region, A the sum of their variances over their scales; both of
+    the marginal covariance, whose inverse is the Schur complement of the others in the information (Atkinson, Donev and
+    Tobias 2007, ch. 10). What nothing tells counts as known to its scale.
+
+    Parameters
+    ----------
+    name
+        D or A.
+    free
+        Indices of the parameters that are open.
+    wanted
+        Indices of those that count, among them.
+    """
+
+    def __init__(self, name: CriterionName, free: Sequence[int], wanted: Sequence[int]) -> None:
+        self.name = name
+        self._free = list(free)
+        self._wanted = [self._free.index(one) for one in wanted]
+
+    def one(self, found: Information) -> float:
+        """Return the criterion of some information."""
+        return float(self.many(found.curvature[None], found.scores[None])[0])
+
+    def many(self, curvature: Array, scores: Array) -> Array:
+        """Return the criterion of several, each (n, parameters, parameters); shape (n,)."""
+        both = np.ix_(range(len(curvature)), self._free, self._free)
+        known = np.eye(len(self._free))
+        inverse = np.linalg.inv(curvature[both] + known)
+        covariance = (inverse @ (scores[both] + known) @ inverse)[:, self._wanted][:, :, self._wanted]
+        count = len(self._wanted)
+        if self.name == "A":
+            return np.asarray(np.log(np.trace(covariance, axis1=1, axis2=2) / count) / 2, dtype=np.float64)
+        return np.asarray(np.linalg.slogdet(covariance)[1] / (2 * count), dtype=np.float64)
+
+
+def choose(told: Sequence[Information], seconds: Sequence[float], duration: float, criterion: Criterion) -> list[int]:
+    """Return which candidates to take, some of them several times: greedy by gain a second, then by exchange.
+
+    Parameters
+    ----------
+    told
+        What each candidate tells; of several together it is taken for the sum.
+    seconds
+        How long each lasts, s.
+    duration
+        How long all of them may last, s.
+    criterion
+        What is to become small.
+
+    Returns
+    -------
+    list of int
+        Indices in ascending order; empty where none fits.
+    """
+    pool = _Pool(told, np.asarray(seconds, dtype=np.float64), duration, criterion)
+    chosen = pool.filled([])
+    for _ in range(_PASSES):
+        better = pool.exchanged(chosen)
+        if better == chosen:
+            break
+        chosen = pool.filled(better)
+    return sorted(chosen)
+
+
+class _Pool:
+    def __init__(self, told: Sequence[Information], seconds: Array, duration: float, criterion: Criterion) -> None:
+        self._curvature = np.stack([one.curvature for one in told])
+        self._scores = np.stack([one.scores for one in told])
+        self._seconds, self._duration, self._criterion = seconds, duration, criterion
+
+    def filled(self, chosen: list[int]) -> list[int]:
+        """Return the choice with candidates added until none fits, each time the one that gains most a second."""
+        chosen = list(chosen)
+        while True:
+            left = self._duration - self._seconds[chosen].sum() + _FITS
+            fitting = np.flatnonzero(self._seconds <= left)
+            if not fitting.size:
+                return chosen
+            gains = self._of(chosen) - self._with(chosen, fitting)
+            best = int(np.argmax(gains / self._seconds[fitting]))
+            if gains[best] <= 0:
+                return chosen
+            chosen.append(int(fitting[best]))
+
+    def exchanged(self, chosen: list[int]) -> list[int]:
+        """Return the choice with each candidate in turn put out for the one that serves best in its place."""
+        chosen = list(chosen)
+        for place in range(len(chosen)):
+            rest = chosen[:place] + chosen[place + 1 :]
+            left = self._duration - self._seconds[rest].sum() + _FITS
+            fitting = np.flatnonzero(self._seconds <= left)
+            best = int(fitting[np.argmin(self._with(rest, fitting))])
+            chosen[place] = best
+        return chosen
+
+    def _of(self, chosen: Sequence[int]) -> float:
+        return self._criterion.one(Information(self._curvature[chosen].sum(axis=0), self._scores[chosen].sum(axis=0)))
+
+    def _with(self, chosen: Sequence[int], added: Array) -> Array:
+        places = list(chosen)
+        return self._criterion.many(
+            self._curvature[places].sum(axis=0) + self._curvature[added],
+            self._scores[places].sum(axis=0) + self._scores[added],
+        )

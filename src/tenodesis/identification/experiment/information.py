@@ -1,0 +1,144 @@
+"""What runs tell of parameters before anything is measured: exact derivatives, and the noise of the sensors' table."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy import linalg
+
+from tenodesis.identification.models.twin import TwinProblem
+from tenodesis.identification.uncertainty import Spread
+from tenodesis.instrument import Instrument
+from tenodesis.signals import Array
+
+_HARMONICS = 49
+_FAINT = 1e-4
+"""Variance of a harmonic, over that of independent noise, below which it is left out."""
+_BLIND = 1e-13
+"""Information in a direction, as a share of the largest, below which it is not seen at all."""
+
+
+@dataclass(frozen=True)
+class Information:
+    """What runs tell, in units of the parameters' scales; that of several is the sum."""
+
+    curvature: Array
+    """Of half the sum of squared residuals, shape (parameters, parameters)."""
+    scores: Array
+    """Covariance of its slope, which is the same where residuals are as independent and large as they are taken for."""
+
+    def __add__(self, other: "Information") -> "Information":
+        """Return what both tell."""
+        return Information(self.curvature + other.curvature, self.scores + other.scores)
+
+    def of(self, free: Sequence[int]) -> "Information":
+        """Return what is told of some parameters where the others are known."""
+        both = np.ix_(list(free), list(free))
+        return Information(self.curvature[both], self.scores[both])
+
+    def spread(self) -> Spread:
+        """Return the covariance that estimates will have."""
+        sizes, directions = linalg.eigh(self.curvature)
+        seen = sizes > _BLIND * max(float(sizes[-1]), 1.0)
+        inverse = directions[:, seen] / sizes[seen] @ directions[:, seen].T
+        return Spread(inverse @ self.scores @ inverse.T, inverse, directions[:, ~seen])
+
+
+class Converter(NamedTuple):
+    """A sensor with its converter, in the unit of its readings."""
+
+    noise: float
+    resolution: float
+
+    @property
+    def lasting(self) -> tuple[float, ...]:
+        """Variance of the error that noise does not dither away, where a signal rests, by harmonic."""
+        turns = [2 * math.pi * harmonic for harmonic in range(1, _HARMONICS + 1)]
+        return tuple(
+            2 * (self.resolution / turn) ** 2 * math.exp(-((turn * self.noise / self.resolution) ** 2))
+            for turn in turns
+        )
+
+    @property
+    def fresh(self) -> float:
+        """Variance of the error that is another one in every sample."""
+        return self.noise**2 + self.resolution**2 / 12 - sum(self.lasting)
+
+    def mean(self, samples: int) -> float:
+        """Return the standard deviation of a mean of so many samples."""
+        return math.sqrt(sum(self.lasting) + self.fresh / samples)
+
+
+def converters(inst: Instrument) -> dict[str, Converter]:
+    """Return the sensors of an instrument by the unit in which traces have their readings."""
+    sensors = inst.sensors
+    step = math.degrees(sensors.encoder_range / 2**sensors.encoder_bits)
+    return {
+        "deg": Converter(math.degrees(sensors.encoder_noise), step),
+        "N": Converter(sensors.load_cell_noise, 2 * sensors.load_cell_range / 2**sensors.load_cell_bits),
+    }
+
+
+def information(
+    problem: TwinProblem,
+    values: Array,
+    scale: Array,
+    sensors: dict[str, Converter],
+    averaged: int,
+    until: Sequence[float] = (math.inf,),
+) -> list[Information]:
+    """Return what the first run of a problem tells up to some times.
+
+    The noise is independent from sample to sample; the rounding of a reading lasts while a signal rests, and comes at a
+    random place of the converter's step (Widrow and Kollár 2008, ch. 5). Further runs of the problem have the same
+    readings with the spools' encoders at other places of their step: what that changes is noise as well.
+
+    Parameters
+    ----------
+    problem
+        The model with the run.
+    values
+        Where, shape (parameters,).
+    scale
+        What changes of parameters are measured by, shape (parameters,).
+    sensors
+        By the unit of the problem's traces.
+    averaged
+        How many samples make up one of the run.
+    until
+        Times, s.
+    """
+    traces = problem.traces(values, 0)
+    jacobian = (problem.jacobian(values, 0) * scale).reshape(len(traces), -1, scale.size)
+    kinds = [sensors[name.rpartition("_")[2]] for name in traces]
+    time = next(iter(traces.values())).time
+    others = []
+    for run in range(1, len(problem.runs)):
+        # A run may be averaged over other steps than the first.
+        pairs = zip(traces.values(), problem.traces(values, run).values(), kinds, strict=True)
+        others.append([(one.model - np.interp(time, it.time, it.model)) / of.mean(averaged) for one, it, of in pairs])
+    found = []
+    for end in np.searchsorted(time, until, side="right").tolist():
+        part = jacobian[:, :end]
+        curvature = np.einsum("cti,ctj->ij", part, part, optimize=True)
+        scores = np.zeros_like(curvature)
+        for kind, trace, one in zip(kinds, traces.values(), part, strict=True):
+            scores += _scores(kind, one, trace.model[:end], averaged)
+        for off in others:
+            slope = np.einsum("cti,ct->i", part, np.array(off)[:, :end], optimize=True)
+            scores += np.outer(slope, slope) / len(others)
+        found.append(Information(curvature, scores))
+    return found
+
+
+def _scores(sensor: Converter, jacobian: Array, reading: Array, averaged: int) -> Array:
+    """Return the covariance of what a sensor's errors pull the parameters with."""
+    variance = sensor.mean(averaged) ** 2
+    scores = sensor.fresh / averaged / variance * jacobian.T @ jacobian
+    for harmonic, size in enumerate(sensor.lasting, 1):
+        if size > _FAINT * variance:
+            waves = jacobian.T @ np.exp(2j * math.pi * harmonic / sensor.resolution * reading)
+            scores += size / variance * np.real(np.outer(waves, waves.conj()))
+    return np.asarray(scores, dtype=np.float64)

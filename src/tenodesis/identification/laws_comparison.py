@@ -1,0 +1,106 @@
+"""Friction laws fitted to the same recordings, and compared on recordings that none of them saw."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tenodesis.errors import IdentificationError
+from tenodesis.identification.fit import fit
+from tenodesis.identification.laws import LAWS
+from tenodesis.identification.problem import Problem
+from tenodesis.identification.results import Fit
+from tenodesis.identification.whiteness import autocorrelation, correlation_samples
+
+
+@dataclass(frozen=True)
+class LawRow:
+    """How one law did."""
+
+    law: str
+    parameters: int
+    """How many were fitted."""
+    train_rmse: float
+    test_rmse: float
+    """Over all held-out samples, in `unit`; NaN if none were held out."""
+    unit: str
+    worst_test_rmse: float
+    """Of the held-out run that it predicts worst."""
+    bic: float
+    """Bayesian information criterion (Schwarz 1978) of the training runs, over that of the best law."""
+    fit: Fit
+
+
+def compare_laws(
+    problem_factory: Callable[[str], Problem],
+    train: Sequence[int],
+    test: Sequence[int],
+    *,
+    laws: Sequence[str] = tuple(LAWS),
+    starts: int = 8,
+    seed: int = 0,
+) -> tuple[LawRow, ...]:
+    """Return how each law does, by the error on the runs held out, least first.
+
+    Residuals of one run are not independent, so the criterion counts samples by their autocorrelation time; the least
+    count of all laws holds for all, or a law would be preferred for leaving slower errors.
+
+    Parameters
+    ----------
+    problem_factory
+        Returns the same model of the same recordings with the friction law of this name.
+    train, test
+        Indices of the runs to fit and of those held out.
+    laws
+        Names to compare.
+    starts, seed
+        Of each fit.
+
+    Raises
+    ------
+    IdentificationError
+        There is no law to compare, or one cannot be fitted.
+    """
+    if not laws:
+        raise IdentificationError(f"laws is empty; allowed are one or more of {', '.join(LAWS)}.")
+    problems = [problem_factory(law) for law in laws]
+    fits = [fit(problem, train=train, test=test, starts=starts, seed=seed) for problem in problems]
+    samples = min(_independent(problem, one, train) for problem, one in zip(problems, fits, strict=True))
+    criteria = [samples * math.log(2 * one.cost / one.samples) + len(one.free) * math.log(samples) for one in fits]
+    rows = [_row(law, one, criterion - min(criteria)) for law, one, criterion in zip(laws, fits, criteria, strict=True)]
+    return tuple(sorted(rows, key=lambda row: row.train_rmse if math.isnan(row.test_rmse) else row.test_rmse))
+
+
+def to_markdown(rows: Sequence[LawRow]) -> str:
+    """Return the comparison as a table for a page."""
+    unit = rows[0].unit if rows else ""
+    head = f"| law | parameters | training RMSE ({unit}) | held-out RMSE ({unit}) | worst run | BIC over the best |"
+    lines = [
+        f"| {row.law} | {row.parameters} | {row.train_rmse:.3g} | {row.test_rmse:.3g} | {row.worst_test_rmse:.3g} "
+        f"| {row.bic:.1f} |"
+        for row in rows
+    ]
+    return "\n".join([head, "|---|---|---|---|---|---|", *lines])
+
+
+def _independent(problem: Problem, one: Fit, train: Sequence[int]) -> float:
+    """Return how many independent samples the residuals of the training runs are worth."""
+    values = np.array([one.values[parameter.name] for parameter in problem.parameters])
+    residuals = [problem.residuals(values, run) for run in train]
+    return float(sum(r.size / correlation_samples(autocorrelation(r)) for r in residuals))
+
+
+def _row(law: str, one: Fit, over: float) -> LawRow:
+    key = next(iter(one.train_rmse))
+    held = [run.rmse[key] for run in one.files if run.split == "test"]
+    return LawRow(
+        law,
+        len(one.free),
+        one.train_rmse[key],
+        one.test_rmse.get(key, math.nan),
+        key.rpartition("_")[2],
+        max(held, default=math.nan),
+        over,
+        one,
+    )
