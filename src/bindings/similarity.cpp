@@ -30,7 +30,7 @@ enum Finding : std::size_t {
   force_scale,
   scaled_pretension,  // N, as given or as scaled
   model_stiffness,    // N/m, of one tendon
-  largest_tension,    // N
+  largest_tension,    // N, with that of a tip that has snapped through
   tension_per_tip_force,
   rig_lever,  // m
   unloaded_share,
@@ -77,6 +77,7 @@ void judge_over_points(const Target& target, const A& axis, double factor, doubl
   std::array<unsigned char, block_size> status{};
   for (Lane& lane : block.in) lane.fill(0);
   double largest = 0, squares = 0, tension = 0, lost = 0;
+  const double rate = axis.stiffness * axis.distal.excursion_slope();
   for (std::size_t base = 0; base < target.handle.size(); base += block_size) {
     // The last block keeps valid numbers of the one before where the points end.
     const std::size_t n = std::min<std::size_t>(block_size, target.handle.size() - base);
@@ -92,7 +93,10 @@ void judge_over_points(const Target& target, const A& axis, double factor, doubl
       largest = std::max(largest, error);
       squares += error * error;
       lost += held ? 0 : 1;
-      if (held) tension = std::max({tension, block.out[1][i], block.out[2][i]});
+      const Tensions<double> pulled =
+          held ? Tensions<double>{block.out[1][i], block.out[2][i]}
+               : TendonPair<double>{block.agonist[i], block.antagonist[i], rate}.tensions(axis.distal.coordinate(stop));
+      tension = std::max({tension, pulled.agonist, pulled.antagonist});
     }
   }
   const double count = double(target.handle.size());

@@ -26,6 +26,7 @@ from tenodesis.scaling.sweep import Progress as Report
 console = Console()
 
 _SHOWN = 10
+_TRIED = 20
 _HEADING = """Scale model of {}, designed by tenodesis scale; plan.html says what to build and to hang.
 The tip's inertia and damping, and the ropes' true modulus, are to be measured once it stands."""
 
@@ -65,7 +66,12 @@ def scale(  # noqa: PLR0917
     pick: Annotated[
         int | None, typer.Option(help="Row of front.csv to take instead, from 1 on.", show_default=False)
     ] = None,
-    combinations: Annotated[int, typer.Option(help="About how many scale models to judge.")] = scaling.COMBINATIONS,
+    combinations: Annotated[
+        int,
+        typer.Option(
+            help="About how many scale models to judge, first over all parts, then over lengths of the good ones."
+        ),
+    ] = scaling.COMBINATIONS,
     out: Annotated[Path, typer.Option(help="Folder for instrument file, plan and front.")] = Path("prototype"),
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")] = False,
 ) -> None:
@@ -73,20 +79,20 @@ def scale(  # noqa: PLR0917
     model = instrument.load(instrument_file)
     parts = scaling.load(*(catalogue or ()))
     pins = _pins(factor, pin or [])
-    files = [f"{scaling.name_of(model)}.toml", "plan.html", "plan.pdf", "front.csv", "front.svg", "front.png"]
+    files = ["scaled-up.toml", "plan.html", "plan.pdf", "front.csv", "front.svg", "front.png"]
     existing = [out / file for file in files if (out / file).exists()]
     if existing and not overwrite:
         raise CommandError(f"{existing[0]} exists already; allowed is another --out, or --overwrite.")
     with _bar() as report:
         front = _front(model, parts, pins, combinations, report)
-        chosen = _chosen(front, prefer, pick)
+        chosen, design = _chosen(front, prefer, pick)
         free = _front(model, parts, {}, combinations, report) if pins else None
-        design = front[chosen]
         report("writing the plan", 0, 1)
         _write(out, files, front, design, free)
         report("writing the plan", 1, 1)
     _tell(front, chosen, design, free)
-    _say(f"{out / files[0]}, {out / 'plan.html'}, {out / 'plan.pdf'}, {out / 'front.csv'} and its picture are written.")
+    picture = "a picture of the front without pins" if pins else "its picture"
+    _say(f"{out / files[0]}, {out / 'plan.html'}, {out / 'plan.pdf'}, {out / 'front.csv'} and {picture} are written.")
 
 
 def _pins(factor: float | None, pins: Sequence[str]) -> dict[str, Any]:
@@ -98,6 +104,8 @@ def _pins(factor: float | None, pins: Sequence[str]) -> dict[str, Any]:
         if key.strip() in given:
             raise CommandError(f"--pin names {key.strip()} twice; allowed is once.")
         given[key.strip()] = value.strip()
+    if factor is not None and "factor" in given:
+        raise CommandError(f"--factor is {factor:g} and --pin names factor as well; allowed is one of them.")
     return scaling.parse_pins(given, file=True) | ({} if factor is None else scaling.parse_pins({"factor": factor}))
 
 
@@ -110,15 +118,23 @@ def _front(model: Instrument, parts: Catalogue, pins: dict[str, Any], combinatio
         raise CommandError(str(problem)) from None
 
 
-def _chosen(front: Front, prefer: str, pick: int | None) -> int:
+def _chosen(front: Front, prefer: str, pick: int | None) -> tuple[int, Design]:
+    """Return the index of the design to take, and the design: the first whose test forces can be hung."""
     if pick is not None:
         if not 1 <= pick <= len(front):
             raise CommandError(f"--pick is {pick}; allowed is a row of the front, from 1 to {len(front)}.")
-        return pick - 1
+        return pick - 1, front[pick - 1]
     try:
-        return front.best(cast(Preference, prefer))
+        ranked = front.ranked(cast(Preference, prefer))
     except ValueError as problem:
         raise CommandError(f"--{problem}") from None
+    problems = []
+    for index in ranked[:_TRIED]:
+        try:
+            return index, front[index]
+        except scaling.DesignError as problem:
+            problems.append(problem)
+    raise problems[0]
 
 
 def _write(out: Path, files: Sequence[str], front: Front, design: Design, free: Front | None) -> None:

@@ -21,7 +21,7 @@ from tenodesis.scaling import catalogue, plan
 from tenodesis.scaling.candidates import Wheel
 from tenodesis.scaling.catalogue import Constraints
 from tenodesis.scaling.parts import Weight
-from tenodesis.scaling.weights import cable_weight, hang, tip_force
+from tenodesis.scaling.weights import hang
 
 from .conftest import ROOT
 
@@ -44,12 +44,11 @@ def made(
     model = model or tn.load("real-size").axis("yaw")
     prototype = prototype or tn.load("scaled-up").replace(pretension=41.3)
     comparison = tn.similarity.compare(model, prototype, largest_force=largest_force)
-    factor, radius = float(comparison.force_factor()), parts.constraints.cable_pulley_radius
+    factor, lever = float(comparison.force_factor()), parts.constraints.cable_pulley_radius / prototype.rig_arm
     tests = []
     for force in forces:
-        wanted = cable_weight(prototype, force * factor, radius)
-        hanging = hang(wanted, parts.weights, cable_mass=parts.constraints.cable_mass)
-        off = tip_force(prototype, hanging.error, radius) / factor
+        hanging = hang(force * factor / lever, parts.weights, cable_mass=parts.constraints.cable_mass)
+        off = hanging.error * lever / factor
         tests.append(SimpleNamespace(real_force=force, force=force * factor + off, hanging=hanging, error=off))
     taken = {
         "distal": Wheel(7.5e-3, 1.25e-3, 12),

@@ -14,7 +14,7 @@ from scipy.constants import g
 import tenodesis as tn
 from tenodesis.errors import DesignError
 from tenodesis.instrument import Instrument
-from tenodesis.scaling.weights import Hanging, cable_weight, hang, hang_all, tip_force
+from tenodesis.scaling.weights import Hanging, finest, hang
 
 
 class Weight(NamedTuple):
@@ -80,26 +80,19 @@ def test_a_positive_weight_makes_the_twin_feel_a_positive_force(scaled: Instrume
     assert rig is not None
     calm = scaled.replace(friction=None, mismatch=None)
     handle = np.full(2000, 0.3)
-    found = hang(cable_weight(scaled, 1.5, rig), SET, cable_mass=0.05)
+    found = hang(1.5 * scaled.rig_arm / rig, SET, cable_mass=0.05)
     hung, pushed = (
         tn.twin.Twin(calm, quasi_static=True).run(handle, **{kind: value})["output_angle"][-1]
-        for kind, value in (("weight", found.weight), ("force", tip_force(scaled, found.weight, rig)))
+        for kind, value in (("weight", found.weight), ("force", found.weight * rig / scaled.rig_arm))
     )
     assert hung == pytest.approx(pushed, abs=1e-12)
     assert hung < tn.statics.output_angle(calm, 0.3)
     assert sum(found.loading) > sum(found.counter)
-    assert tip_force(scaled, found.weight, rig) == pytest.approx(1.5, rel=5e-3)
-
-
-def test_ten_newton_on_the_cable_are_what_the_paper_says(scaled: Instrument) -> None:
-    assert tip_force(scaled, 10.0, 0.015) == pytest.approx(0.15 / 0.101)
-    assert cable_weight(scaled, tip_force(scaled, 7.0, 0.015), 0.015) == pytest.approx(7.0)
-    with pytest.raises(ValueError, match=r"pulley_radius is 0\.0; allowed is a length above 0 m"):
-        cable_weight(scaled, 1.0, 0.0)
+    assert found.weight * rig / scaled.rig_arm == pytest.approx(1.5, rel=5e-3)
 
 
 def test_a_negative_force_is_hung_the_other_way_round() -> None:
-    ahead, back = hang_all((12.3, -12.3), SET, cable_mass=0.05)
+    ahead, back = (hang(force, SET, cable_mass=0.05) for force in (12.3, -12.3))
     assert (ahead.loading, ahead.counter) == (back.counter, back.loading)
     assert ahead.weight == pytest.approx(-back.weight, rel=1e-14)
     assert (back.wanted, back.difference < 0) == (-12.3, True)
@@ -152,12 +145,58 @@ def test_a_set_from_a_milligram_to_ten_kilograms_is_exact() -> None:
         assert found.difference == pytest.approx(mass, abs=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("grams", "count", "cable_mass", "step"),
+    [
+        ((1, 2, 5, 10, 20, 50), 2, 0.01, 1),  # the lightest piece
+        ((500, 501, 502, 504), 1, 0.05, 1),  # of weights that are all far heavier
+        ((20, 50), 1, 0.0, 20),
+        ((20, 50), 1, 0.02, 30),  # both hang
+        ((20, 50), 2, 0.0, 10),  # 50 against 20 + 20
+        ((300, 500.001), 2, 0.3, 99.999),
+        ((5000, 4999.999), 1, 4.0, 0.001),
+    ],
+)
+def test_the_finest_difference_is_what_the_pieces_can_make_and_no_less(
+    grams: tuple[float, ...], count: int, cable_mass: float, step: float
+) -> None:
+    weights = [Weight(round(mass * 1e-3, 9), count) for mass in grams]
+    assert finest(weights, cable_mass) == pytest.approx(step * 1e-3, rel=1e-12)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    grams=st.lists(st.sampled_from([0.003, 1, 3, 7, 20, 20.5, 333.333, 501, 5000]), min_size=2, max_size=4),
+    share=st.sampled_from([0.0, 1.0]),
+)
+def test_no_pieces_make_less_than_the_finest_difference(grams: list[float], share: float) -> None:
+    weights = [Weight(mass * 1e-3, 1) for mass in grams]
+    cable_mass = share * min(one.mass for one in weights)
+    made = []
+    for sides in product((-1, 0, 1), repeat=len(grams)):
+        cables = [sum(one.mass for one, at in zip(weights, sides, strict=True) if at == side) for side in (1, -1)]
+        if min(cables) >= cable_mass - 1e-12:
+            made.append(cables[0] - cables[1])
+    above = [difference for difference in made if difference > 1e-9]
+    if above:
+        assert finest(weights, cable_mass) == pytest.approx(min(above), abs=1e-9)
+    else:
+        with pytest.raises(DesignError, match="make no difference between two cables"):
+            finest(weights, cable_mass)
+
+
 def test_bad_input_ends_in_one_sentence() -> None:
     for weight in (nan, inf):
         with pytest.raises(ValueError, match=r"weight is (nan|inf); allowed is a finite force in N"):
             hang(weight, SET, cable_mass=0.05)
     with pytest.raises(ValueError, match=r"cable_mass is -0\.1; allowed is a mass of at least 0 kg"):
         hang(1.0, SET, cable_mass=-0.1)
+    with pytest.raises(ValueError, match=r"cable_mass is nan; allowed is a mass of at least 0 kg"):
+        finest(SET, nan)
+    with pytest.raises(
+        DesignError, match=r"the weights, 1 kg in all, make no difference between two cables with 0\.5 kg"
+    ):
+        finest((Weight(0.5, 2),), 0.5)
     with pytest.raises(DesignError, match="there are no weights to hang"):
         hang(1.0, (), cable_mass=0.05)
     with pytest.raises(DesignError, match=r"the weights, 0\.08 kg in all, do not keep two cables taut with 0\.05 kg"):

@@ -13,6 +13,7 @@ from tenodesis.signals import Array
 
 ROUND_TRIP_AMPLITUDE = np.radians(60.0)
 
+_UNITS = ("deg", "N", "m", "1")
 _BETWEEN = 100  # rows of a curve in the figure's file
 
 
@@ -49,8 +50,10 @@ def section(context: Context) -> Section:
         "paper_best": "most similar in the paper's workshop",
         "stock_best": "most similar of standard parts, to 3 N",
     }
-    beating = free.beating(designs["paper"].objectives)
-    context.add("design.paper.beaten_by", beating.size, "1", "Designs within the paper's constraints that beat its own")
+    rivals = free.rivals(designs["paper"].objectives)
+    context.add(
+        "design.paper.beaten_by", len(rivals), "1", "Scale models within the paper's constraints that beat its own"
+    )
     for key, front in (("paper", free), ("stock", stock)):
         context.add(f"design.{key}.examined", front.examined, "1", f"Scale models judged, {key} catalogue")
         context.add(f"design.{key}.front", len(front), "1", f"Designs on the front, {key} catalogue")
@@ -58,8 +61,9 @@ def section(context: Context) -> Section:
     text = (
         f"<p>Of {free.examined} scale models that gears of standard modules, the paper's rope and lengths up to 1 m "
         f"allow, judged up to its {TIP_FORCE.value:g} N, {len(free)} are beaten by none in similarity error, force "
-        f"resolution, size and tension margin together. As for the paper's own prototype, {told} With standard ropes and up to "
-        f"{max(model.conditions.forces):g} N on the real instrument, slack and all, {stock.examined} were judged.</p>"
+        f"resolution, size and tension margin together. As for the paper's own prototype, {told} With standard ropes "
+        f"and up to {max(model.conditions.forces):g} N on the real instrument, slack and all, {stock.examined} were "
+        "judged.</p>"
     )
     trips = {key: _trips(context, key, design, scaled) for key, design in designs.items()}
     table = _round_trips(names, trips)
@@ -74,9 +78,8 @@ def section(context: Context) -> Section:
 
 def _designs(context: Context, designs: dict[str, Design], names: dict[str, str]) -> Table:
     rows = []
-    units = ("deg", "N", "m", "1")
     for key, design in designs.items():
-        for name, value, unit in zip(Objectives._fields, design.objectives, units, strict=True):
+        for name, value, unit in zip(Objectives._fields, design.objectives, _UNITS, strict=True):
             context.add(f"design.{key}.{name}", value, unit, f"{name.replace('_', ' ').capitalize()}, {names[key]}")
         inst = design.prototype
         assert isinstance(inst, TendonGear)

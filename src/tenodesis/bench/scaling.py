@@ -235,6 +235,8 @@ def _with_friction(context: Context, comparison: Comparison) -> Table:
         for which, several in sets.items():
             for kind, measure in (("at rest", comparison.error_at_rest), ("in time", comparison.cycle_error)):
                 error = measure(pretension=pretension, forces=several)
+                if np.isnan(error.largest):
+                    continue
                 key = f"similarity_with_friction.{name.replace(' ', '_')}.{which}.{kind.replace(' ', '_')}"
                 about = (
                     f"with friction {kind}, pretension {name}, "

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tenodesis.errors import DesignError
 from tenodesis.instrument import PARAMETERS, Instrument
-from tenodesis.scaling.catalogue import Catalogue, Rod, Rope
+from tenodesis.scaling.catalogue import Catalogue, Constraints, Rod, Rope
 from tenodesis.scaling.pins import missing, radii, same
 from tenodesis.signals import Array
 
@@ -39,6 +39,16 @@ class Wheel(NamedTuple):
         return self.radius + (self.module or 0.0)
 
 
+class Parts(NamedTuple):
+    """What scale models are made of beside their lengths; a pretension (N) that is NaN is to be scaled."""
+
+    model: Instrument
+    pairs: tuple[tuple[Wheel, Wheel], ...]
+    ropes: tuple[Rope, ...]
+    rods: tuple[Rod | None, ...]
+    pretension: float
+
+
 @dataclass(frozen=True)
 class Candidates:
     """The scale models of an instrument that a catalogue allows, before anything but radii is asked of them.
@@ -51,13 +61,15 @@ class Candidates:
     """Distal and proximal wheels."""
     ropes: tuple[Rope, ...]
     rods: tuple[Rod | None, ...]
+    pretension: float
+    """As pinned, N; NaN to scale the instrument's."""
     overall_lengths: Array
+    between: Array
+    """End-effector lengths that every pair has."""
     end_effector_lengths: Array
     """By pair and level."""
     handle_lengths: Array
     """By overall length: as near as is allowed to the same share of it, since friction in the sheath acts on that."""
-    pretension: float
-    """As pinned, N; NaN to scale the instrument's."""
 
     @cached_property
     def shape(self) -> tuple[int, ...]:
@@ -136,22 +148,56 @@ def candidates(
     constraints = catalogue.constraints
     pairs = _pairs(model, catalogue, pins)
     rods: tuple[Rod | None, ...] = catalogue.rods if model.joint_type == "continuum" else (None,)
-    distal = np.array([one.radius for one, _ in pairs])
+    levels = _lengths_levels(constraints, combinations / (len(pairs) * len(catalogue.ropes) * len(rods)))
+    parts = Parts(model, pairs, catalogue.ropes, rods, pins.get("pretension", math.nan))
+    return _with_lengths(parts, constraints, levels)
+
+
+def finer(found: Candidates, catalogue: Catalogue, numbers: NDArray[np.int64], combinations: int) -> Candidates:
+    """Return candidates of the parts that some are made of, with the same lengths and as many between as are asked for.
+
+    Parameters
+    ----------
+    found
+        The candidates.
+    catalogue
+        What they are of.
+    numbers
+        Those whose parts are kept.
+    combinations
+        About how many there are to be.
+    """
+    pair, rope, rod, *_ = np.unravel_index(numbers, found.shape)
+    pairs = tuple(found.pairs[i] for i in np.unique(pair))
+    ropes = tuple(found.ropes[i] for i in np.unique(rope))
+    rods = tuple(found.rods[i] for i in np.unique(rod))
+    levels = _lengths_levels(catalogue.constraints, combinations / (len(pairs) * len(ropes) * len(rods)))
+    free = Parts(found.model, pairs, ropes, rods, found.pretension)
+    return _with_lengths(free, catalogue.constraints, max(levels - found.overall_lengths.size, 2), among=found)
+
+
+def _lengths_levels(constraints: Constraints, combinations: float) -> int:
     free = [low != high for low, high in _given(constraints.overall_length, constraints.end_effector_length)]
-    per_length = combinations / (len(pairs) * len(catalogue.ropes) * len(rods))
-    levels = int(np.clip(np.ceil(per_length ** (1 / max(sum(free), 1))), _FEWEST_LEVELS, _MOST_LEVELS))
+    return int(np.clip(np.ceil(combinations ** (1 / max(sum(free), 1))), _FEWEST_LEVELS, _MOST_LEVELS))
+
+
+def _with_lengths(parts: Parts, constraints: Constraints, levels: int, among: Candidates | None = None) -> Candidates:
+    model = parts.model
+    distal = np.array([one.radius for one, _ in parts.pairs])
     overall = _overall(model, constraints.overall_length, distal, levels)
+    between = _between(constraints.end_effector_length, levels)
+    if among is not None:
+        overall = np.unique(np.concatenate([overall, among.overall_lengths]))
+        between = np.unique(np.concatenate([between, among.between]))
     similar = distal * _ratio(model, "end_effector_length", "distal_radius")
+    nearest = _made(similar, constraints.end_effector_length, _END_EFFECTOR_MADE_TO)[:, None]
     handle = overall * model.handle_length / (model.tendon_length or model.overall_length)
     return Candidates(
-        model,
-        pairs,
-        catalogue.ropes,
-        rods,
+        *parts,
         overall,
-        _levels(constraints.end_effector_length, similar, levels, _END_EFFECTOR_MADE_TO),
-        handle if constraints.handle_length is None else _made(handle, constraints.handle_length),
-        pins.get("pretension", math.nan),
+        between,
+        np.concatenate([np.tile(between, (len(parts.pairs), 1)), nearest], axis=1),
+        _made(handle, constraints.handle_length),
     )
 
 
@@ -166,19 +212,17 @@ def _overall(model: Instrument, allowed: tuple[float, float] | None, distal: Arr
     return np.unique(_made(np.linspace(*allowed, levels), allowed))
 
 
-def _levels(allowed: tuple[float, float] | None, similar: Array, levels: int, made_to: float = _MADE_TO) -> Array:
-    """Return lengths by pair and level, of which the last is as similar as is allowed."""
+def _between(allowed: tuple[float, float] | None, levels: int) -> Array:
+    """Return the lengths of an end-effector that are tried beside the most similar one."""
+    if allowed is None or allowed[0] == allowed[1]:
+        return np.empty(0)
+    return np.unique(_made(np.linspace(*allowed, levels - 1), allowed, _END_EFFECTOR_MADE_TO))
+
+
+def _made(lengths: Array, allowed: tuple[float, float] | None, made_to: float = _MADE_TO) -> Array:
+    """Return lengths as a workshop makes them, within what is allowed; those that are not limited as they are."""
     if allowed is None:
-        return similar[:, None]
-    nearest = _made(similar, allowed, made_to)[:, None]
-    if levels == 1 or allowed[0] == allowed[1]:
-        return nearest
-    between = _made(np.linspace(*allowed, levels - 1), allowed, made_to)
-    return np.concatenate([np.tile(between, (similar.size, 1)), nearest], axis=1)
-
-
-def _made(lengths: Array, allowed: tuple[float, float], made_to: float = _MADE_TO) -> Array:
-    """Return lengths as a workshop makes them, within what is allowed."""
+        return lengths
     made: Array = np.clip(np.round(lengths / made_to) * made_to, *allowed)
     return made
 
@@ -216,6 +260,12 @@ def _pairs(model: Instrument, catalogue: Catalogue, pins: Mapping[str, Any]) -> 
             if size not in pairs or _makeable((one, other)) < _makeable(pairs[size]):
                 pairs[size] = (one, other)
     if not pairs:
+        if distal_field in pins and proximal_field in pins:
+            raise DesignError(
+                f"{distal_field} and {proximal_field} are pinned to R/r = {nearest[1]:.6g}, which is "
+                f"{100 * nearest[0]:.3g} % off the {large / small:.6g} of {model.name}; allowed is "
+                f"ratio_tolerance = {100 * tolerance:g} %."
+            )
         raise DesignError(
             f"no two wheels of catalogue {catalogue.name} make R/r = {large / small:.6g} of {model.name} to within "
             f"ratio_tolerance = {tolerance:g}; the nearest make {nearest[1]:.6g} ({100 * nearest[0]:.2g} % off)."

@@ -5,12 +5,14 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from tenodesis.hardware import Length, Table
-from tenodesis.instrument import Force
+from tenodesis.instrument import Force, Moment
+from tenodesis.quantity import Quantity, annotation
 from tenodesis.scaling.parts import Mass, ordered
 
 _Scale = Annotated[float, Field(gt=0, le=1000, strict=True)]
 _Margin = Annotated[float, Field(ge=1, le=1000, strict=True)]
 _Tolerance = Annotated[float, Field(ge=0, lt=1, strict=True)]
+SimilarityError = Annotated[float, *annotation(Quantity("angle", "rad", "2 deg", above=0, below=4))]
 _Lengths = Annotated[tuple[Length, Length], AfterValidator(ordered)]
 
 
@@ -26,8 +28,14 @@ class Constraints(Table):
     overall_length: _Lengths | None = Field(default=None, description="Overall length, least and most")
     end_effector_length: _Lengths | None = Field(default=None, description="End-effector length, least and most")
     handle_length: _Lengths | None = Field(default=None, description="Handle length, least and most")
-    print_bed: tuple[Length, Length, Length] | None = Field(
-        default=None, description="What the largest printed part must fit: width, depth and height"
+    print_bed: tuple[Length, Length] | None = Field(
+        default=None, description="What the largest wheel must lie on: width and depth"
+    )
+    spool_torque: Moment | None = Field(
+        default=None, description="Largest torque that the drive of a spool is to hold a tendon with"
+    )
+    similarity_error: SimilarityError | None = Field(
+        default=None, description="Largest difference in output angle that is still a scale model"
     )
     tension_margin: _Margin = Field(default=1.5, description="Least breaking load over the largest tension")
     load_cell_margin: _Margin = Field(default=1.2, description="Least range of a load cell over the largest tension")

@@ -7,15 +7,16 @@ from functools import cached_property
 from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tenodesis.errors import DesignError, InstrumentError
 from tenodesis.instrument import Instrument
 from tenodesis.scaling import catalogue as catalogues
-from tenodesis.scaling.candidates import COMBINATIONS, Wheel
+from tenodesis.scaling.candidates import COMBINATIONS, Candidates, Wheel
 from tenodesis.scaling.catalogue import Catalogue, Encoder, LoadCell, Rod, Rope, Spool
+from tenodesis.scaling.front import ERROR_STEP, RELATIVE_STEP
+from tenodesis.scaling.limits import limits
 from tenodesis.scaling.pins import narrowed, parse
-from tenodesis.scaling.sweep import Judge, Progress, Sweep, sweep, tip_force
+from tenodesis.scaling.sweep import Progress, Sweep, exact_costs, sweep, tip_force
 from tenodesis.scaling.transfer_friction import carry_friction
 from tenodesis.scaling.weights import Hanging, hang
 from tenodesis.signals import Array
@@ -45,6 +46,13 @@ class Objectives(NamedTuple):
     """Breaking load over the largest tension."""
 
 
+class Rival(NamedTuple):
+    """A scale model that another one is compared with."""
+
+    objectives: Objectives
+    made_of: str
+
+
 class Choice(NamedTuple):
     """The parts a design is made of."""
 
@@ -54,7 +62,7 @@ class Choice(NamedTuple):
     rod: Rod | None
     load_cell: LoadCell
     encoder: Encoder | None
-    spool: Spool | None
+    spool: Spool
 
 
 class TestLoad(NamedTuple):
@@ -139,13 +147,13 @@ class Front:
         rows: list[list[float]] = self.sweep.costs.tolist()
         return rows
 
-    def best(self, prefer: Preference = "similarity") -> int:
-        """Return the index of the design to take.
+    def ranked(self, prefer: Preference = "similarity") -> list[int]:
+        """Return the indices of the designs that are as good in what is preferred, the best in the rest first.
 
         Parameters
         ----------
         prefer
-            One objective; among designs as good in that (to 0.1 deg, or 1 %), or for "balanced" among all, the one
+            One objective; as good is to 0.1 deg, or 1 %. Of these, or for "balanced" of all, the first is the one
             whose worst rank in the other objectives is best.
 
         Raises
@@ -162,25 +170,43 @@ class Front:
             least = costs[:, column].min()
             good = costs[:, column] <= (max(least, SIMILAR_ENOUGH) if column == 0 else least * 1.01)
         ranks = np.column_stack([_ranks(costs[good][:, column]) for column in range(4)])
-        order = np.lexsort((ranks.sum(axis=1), ranks.max(axis=1)))
-        return int(np.flatnonzero(good)[order[0]])
+        order: list[int] = np.flatnonzero(good)[np.lexsort((ranks.sum(axis=1), ranks.max(axis=1)))].tolist()
+        return order
+
+    def best(self, prefer: Preference = "similarity") -> int:
+        """Return the index of the design to take, the first of :meth:`ranked`."""
+        return self.ranked(prefer)[0]
 
     def described(self, index: int) -> str:
         """Return in a line what a design is made of."""
-        row = self._row(int(self.sweep.numbers[index]))
-        return f"r {row['distal radius [mm]']:.4g} mm, l_d {row['end-effector length [mm]']:.4g} mm, {row['rope']}"
+        return _described(self.sweep.candidates, int(self.sweep.numbers[index]))
 
-    def beating(self, objectives: Objectives) -> NDArray[np.int64]:
-        """Return the indices of designs that are at least as good in everything and better in something."""
+    def rivals(self, objectives: Objectives) -> list["Rival"]:
+        """Return all scale models judged, not only the front's, that are as good in everything and better in something.
+
+        The most similar one is the first.
+        """
         costs = np.array([*objectives[:3], 1 / objectives.tension_margin])
         # To rounding the same is as good.
-        as_good = (self.sweep.costs <= costs * (1 + 1e-9) + 1e-12).all(axis=1)
-        better = (self.sweep.costs < costs * (1 - 1e-9) - 1e-12).any(axis=1)
-        return np.flatnonzero(as_good & better)
+        bound = costs * (1 + 1e-9) + 1e-12
+        found = []
+        for stage in self.sweep.stages:
+            may = np.flatnonzero((stage.lower <= bound).all(axis=1))
+            if not may.size:
+                continue
+            judge = self.sweep.judge(stage)
+            exact, allowed = exact_costs(judge, limits(self.sweep.catalogue, self.sweep.tests), stage.held[may])
+            better = (exact < costs * (1 - 1e-9) - 1e-12).any(axis=1)
+            good = allowed & (exact <= bound).all(axis=1) & better
+            for row in np.flatnonzero(good):
+                error, resolution, length, inverse = exact[row].tolist()
+                made_of = _described(stage.candidates, int(stage.held[may][row]))
+                found.append(Rival(Objectives(error, resolution, length, 1 / inverse), made_of))
+        return sorted(found)
 
     def table(self) -> dict[str, list[Any]]:
         """Return what each design is made of and its objectives, by column, lengths in mm."""
-        rows = [self._row(int(number)) for number in self.sweep.numbers]
+        rows = [_row(self.sweep.candidates, int(number)) for number in self.sweep.numbers]
         made = {key: [row[key] for row in rows] for key in rows[0]}
         judged = {
             "similarity error [deg]": [one.similarity_error for one in self.objectives],
@@ -189,20 +215,6 @@ class Front:
             "tension margin": [one.tension_margin for one in self.objectives],
         }
         return judged | made
-
-    def _row(self, number: int) -> dict[str, Any]:
-        (distal, proximal), rope, rod = self.sweep.candidates.parts(number)
-        columns = {name: float(values[0]) for name, values in self.sweep.candidates.columns(np.array([number])).items()}
-        row: dict[str, Any] = {}
-        for name, wheel in (("distal", distal), ("proximal", proximal)):
-            row[f"{name} radius [mm]"] = 1e3 * wheel.radius
-            if wheel.module is not None:
-                row |= {f"{name} module [mm]": 1e3 * wheel.module, f"{name} teeth": wheel.teeth}
-        row |= {"rope": rope.name, "end-effector length [mm]": 1e3 * columns["end_effector_length"]}
-        row["handle length [mm]"] = 1e3 * columns["handle_length"]
-        if rod is not None:
-            row |= {"rod": rod.name, "backbone length [mm]": 1e3 * columns["backbone_length"]}
-        return row
 
 
 def design(
@@ -254,46 +266,65 @@ def name_of(model: Instrument) -> str:
     return f"{model.name[:50]}-scaled-up"
 
 
+_TOLD = (("similarity error", " deg"), ("force resolution", " N"), ("overall length", " m"), ("tension margin", ""))
+
+
 def told_better(front: Front, objectives: Objectives) -> str:
-    """Say by how much other designs would be better, as the rest of a sentence."""
-    better = front.beating(objectives)
-    if not better.size:
-        return f"no design beats this one in everything: it is on the front. {_trades(front, objectives)}"
-    gains = [
-        ("similarity error", objectives.similarity_error, min, 0, "{:.3g} deg"),
-        ("force resolution", objectives.force_resolution, min, 1, "{:.3g} N"),
-        ("overall length", objectives.overall_length, min, 2, "{:.3g} m"),
-        ("tension margin", objectives.tension_margin, max, 3, "{:.3g}"),
-    ]
-    told = ", ".join(
-        f"{name} {form.format(ours)} (up to {form.format(best(front.objectives[i][column] for i in better))})"
-        for name, ours, best, column, form in gains
+    """Say by how much other scale models would be better, as the rest of a sentence."""
+    rivals = front.rivals(objectives)
+    if not rivals:
+        return f"no scale model beats this one in everything: it is on the front. {_trades(front, objectives)}"
+    one = rivals[0]
+    gains = ", ".join(
+        f"{name} {_shown(other)} instead of {_shown(own)}{unit}"
+        for (name, unit), other, own in zip(_TOLD, one.objectives, objectives, strict=True)
     )
-    one = front.objectives[int(better[0])]
+    count = f"{len(rivals)} scale models are" if rivals[1:] else "one scale model is"
     return (
-        f"{better.size} designs are as good or better in everything: {told}. The most similar of them has "
-        f"{one.similarity_error:.3g} deg, {one.force_resolution:.3g} N, {one.overall_length:.3g} m and "
-        f"{one.tension_margin:.3g} ({front.described(int(better[0]))})."
+        f"{count} as good or better in everything; the most similar one has {gains} ({one.made_of}). "
+        f"{_trades(front, objectives)}"
     )
+
+
+def _shown(value: float) -> str:
+    return "below 0.001" if value < 1e-3 else f"{value:.4g}"
 
 
 def _trades(front: Front, objectives: Objectives) -> str:
-    """Say what each objective could be if the others may be a little worse."""
+    """Say what each objective could be, by the front, if the others may be a little worse."""
     costs = np.array([*objectives[:3], 1 / objectives.tension_margin])
-    allowed = costs * (1 + YIELD)
     told = []
-    for column, (name, unit) in enumerate(
-        (("similarity error", " deg"), ("force resolution", " N"), ("overall length", " m"), ("tension margin", ""))
-    ):
+    for column, (name, unit) in enumerate(_TOLD):
         others = [n for n in range(4) if n != column]
-        within = (front.sweep.costs[:, others] <= allowed[others]).all(axis=1)
+        within = (front.sweep.costs[:, others] <= costs[others] * (1 + YIELD)).all(axis=1)
         best = front.sweep.costs[within, column].min(initial=costs[column])
-        if best < costs[column] * (1 - 1e-6):
-            values = [1 / value if column == 3 else value for value in (best, costs[column])]
-            told.append(f"{name} {values[0]:.3g} instead of {values[1]:.3g}{unit}")
+        told_apart = ERROR_STEP if column == 0 else costs[column] * RELATIVE_STEP
+        if best < costs[column] - told_apart:
+            value, own = (1 / one if column == 3 else one for one in (best, costs[column]))
+            told.append(f"{name} {_shown(value)} instead of {_shown(own)}{unit}")
     if not told:
         return f"Giving up {100 * YIELD:g} % of the others wins nothing."
     return f"Giving up {100 * YIELD:g} % of the others, one can have " + ", or ".join(told) + "."
+
+
+def _row(found: Candidates, number: int) -> dict[str, Any]:
+    (distal, proximal), rope, rod = found.parts(number)
+    columns = {name: float(values[0]) for name, values in found.columns(np.array([number])).items()}
+    row: dict[str, Any] = {}
+    for name, wheel in (("distal", distal), ("proximal", proximal)):
+        row[f"{name} radius [mm]"] = 1e3 * wheel.radius
+        if wheel.module is not None:
+            row |= {f"{name} module [mm]": 1e3 * wheel.module, f"{name} teeth": wheel.teeth}
+    row |= {"rope": rope.name, "end-effector length [mm]": 1e3 * columns["end_effector_length"]}
+    row["handle length [mm]"] = 1e3 * columns["handle_length"]
+    if rod is not None:
+        row |= {"rod": rod.name, "backbone length [mm]": 1e3 * columns["backbone_length"]}
+    return row
+
+
+def _described(found: Candidates, number: int) -> str:
+    row = _row(found, number)
+    return f"r {row['distal radius [mm]']:.4g} mm, l_d {row['end-effector length [mm]']:.4g} mm, {row['rope']}"
 
 
 def _ranks(values: Array) -> Array:
@@ -304,7 +335,7 @@ def _ranks(values: Array) -> Array:
 
 
 def _design(found: Sweep, number: int) -> Design:
-    judge = Judge(found.candidates, found.catalogue, found.range)
+    judge = found.judge(found.stages[-1])
     columns = judge.columns(np.array([number]), fine=True)
     one = {name: float(values[0]) for name, values in columns.items()}
     error, resolution, length, inverse = judge.costs(columns)[0].tolist()
@@ -315,9 +346,9 @@ def _design(found: Sweep, number: int) -> Design:
         rod,
         judge.load_cell(one["largest_tension"]),
         _encoder(found.catalogue, one["distal_radius"]),
-        _spool(found, one["distal_radius"]),
+        judge.spool(number),
     )
-    tests = tuple(_test(found.catalogue, force, one) for force in found.tests.hung)
+    tests = tuple(hung(found.catalogue, force, one) for force in found.tests.hung)
     prototype = _prototype(found, choice, one, tests)
     comparison = compare(found.model, prototype, largest_force=found.tests.largest)
     return Design(
@@ -341,14 +372,23 @@ def _encoder(catalogue: Catalogue, radius: float) -> Encoder | None:
     return min(fitting, key=lambda one: (one.range / 2**one.bits, one.noise), default=None)
 
 
-def _spool(found: Sweep, radius: float) -> Spool | None:
-    """Return the spool that turns most nearly as far as the real one does."""
-    fields = {parameter: field for field, parameter in found.model.parameter_fields.items()}
-    wanted = found.model.drives.spool_radius * radius / float(getattr(found.model, fields["distal_radius"]))
-    return min(found.catalogue.spools, key=lambda one: abs(math.log(one.radius / wanted)), default=None)
+def hung(catalogue: Catalogue, force: float, one: Mapping[str, float]) -> TestLoad:
+    """Return what to hang for a force (N) on the real-size instrument.
 
+    Parameters
+    ----------
+    catalogue
+        The weights there are.
+    force
+        The force.
+    one
+        Rig arm (m) and force factor of the scale model, by name.
 
-def _test(catalogue: Catalogue, force: float, one: Mapping[str, float]) -> TestLoad:
+    Raises
+    ------
+    DesignError
+        The weights do not come near enough; the message names the nearest set.
+    """
     constraints = catalogue.constraints
     lever = constraints.cable_pulley_radius / one["rig_arm"]
     wanted = force * one["force_factor"]
@@ -398,8 +438,7 @@ def _prototype(found: Sweep, choice: Choice, one: Mapping[str, float], tests: Se
             "sensors.encoder_range": choice.encoder.range,
             "sensors.encoder_noise": choice.encoder.noise,
         }
-    if choice.spool is not None:
-        changes["drives.spool_radius"] = choice.spool.radius
+    changes["drives.spool_radius"] = choice.spool.radius
     changes["sources"] = _sources(found, choice, changes)
     try:
         prototype = model.replace(**changes)

@@ -27,8 +27,8 @@ def levels(costs: Array) -> Array:
     return np.column_stack([np.round(costs[:, 0] / ERROR_STEP), relative])
 
 
-def search(lower: Array, refine: Callable[[NDArray[np.int64]], Array]) -> tuple[NDArray[np.int64], Array]:
-    """Return the numbers of the designs on the front, and their costs; of equal designs, the first.
+def search(lower: Array, refine: Callable[[NDArray[np.int64]], tuple[Array, NDArray[np.bool_]]]) -> NDArray[np.int64]:
+    """Return the numbers of the designs on the front; of equal designs, the first.
 
     Exact, though few designs are refined: one whose lower bounds are beaten by a refined one is beaten itself.
 
@@ -37,18 +37,19 @@ def search(lower: Array, refine: Callable[[NDArray[np.int64]], Array]) -> tuple[
     lower
         Lower bounds of the costs, as levels, shape (n, 4).
     refine
-        Returns the costs of some designs by number, as levels, shape (m, 4).
+        Returns the costs of some designs by number, as levels, shape (m, 4), and which of them are allowed after all.
     """
     costs = lower.copy()
     refined = np.zeros(len(costs), bool)
     pool = np.arange(len(costs))
-    while True:
+    while pool.size:
         # Refined ones first: of equal rows the first is kept, and an equal bound promises nothing better.
-        order = np.argsort(~refined[pool], kind="stable")
-        pool = pool[order]
-        front = pool[moocore.is_nondominated(costs[pool])]
+        pool = pool[np.argsort(~refined[pool], kind="stable")]
+        front: NDArray[np.int64] = pool[moocore.is_nondominated(costs[pool])]
         new = front[~refined[front]]
         if not new.size:
-            return front, costs[front]
-        costs[new] = refine(new)
+            return front
+        costs[new], allowed = refine(new)
         refined[new] = True
+        pool = pool[~np.isin(pool, new[~allowed])]
+    return pool

@@ -1,6 +1,8 @@
 """What every scale model must meet: limits, each an amount and the bound it must not pass."""
 
+import math
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +11,8 @@ from numpy.typing import NDArray
 from tenodesis.errors import DesignError
 from tenodesis.instrument import Instrument
 from tenodesis.quantity import STANDARD_GRAVITY
-from tenodesis.scaling.catalogue import Catalogue
+from tenodesis.scaling.catalogue import Catalogue, Weight
+from tenodesis.scaling.weights import finest
 from tenodesis.signals import Array
 
 Columns = Mapping[str, Array]
@@ -63,7 +66,7 @@ def limits(catalogue: Catalogue, tests: Forces) -> tuple[Limit, ...]:
     constraints = catalogue.constraints
     rho, largest = constraints.cable_pulley_radius, max(tests.hung)
     masses = sum(weight.mass * weight.count for weight in catalogue.weights)
-    step = min(weight.mass for weight in catalogue.weights)
+    step = finest_difference(catalogue)
     widest = max(cell.range for cell in catalogue.load_cells)
     found = [
         Limit(
@@ -74,7 +77,7 @@ def limits(catalogue: Catalogue, tests: Forces) -> tuple[Limit, ...]:
             lambda c: (c["unloaded_limit"], 1 - 1e-9),
         ),
         Limit(
-            "overall_length",
+            "lengths",
             "joints, end-effector and handle fit into the overall length",
             "their length",
             "m",
@@ -129,7 +132,7 @@ def limits(catalogue: Catalogue, tests: Forces) -> tuple[Limit, ...]:
             )
         )
     if constraints.print_bed is not None:
-        bed = min(constraints.print_bed[:2])
+        bed = min(constraints.print_bed)
         found.append(
             Limit(
                 "print_bed",
@@ -139,7 +142,39 @@ def limits(catalogue: Catalogue, tests: Forces) -> tuple[Limit, ...]:
                 lambda c: (2 * c["largest_wheel"], bed),
             )
         )
+    if constraints.spool_torque is not None:
+        torque = constraints.spool_torque
+        found.append(
+            Limit(
+                "spool_torque",
+                f"the drives hold the largest tension with {torque:g} N*m",
+                "torque needed",
+                "N*m",
+                lambda c: (c["largest_tension"] * c["spool_radius"], torque),
+            )
+        )
+    if constraints.similarity_error is not None:
+        error = constraints.similarity_error
+        found.append(
+            Limit(
+                "similarity_error",
+                f"the output angles differ by at most {math.degrees(error):.3g} deg",
+                "largest difference",
+                "rad",
+                lambda c: (c["largest_error"], error),
+            )
+        )
     return tuple(found)
+
+
+def finest_difference(catalogue: Catalogue) -> float:
+    """Return the least mass that one cable can have more than the other, kg."""
+    return _finest(catalogue.weights, catalogue.constraints.cable_mass)
+
+
+@cache
+def _finest(weights: tuple[Weight, ...], cable_mass: float) -> float:
+    return finest(weights, cable_mass=cable_mass)
 
 
 class Tally:
@@ -160,8 +195,9 @@ class Tally:
         for n, limit in enumerate(self._limits):
             if not met[n].any():
                 amount, bound = np.broadcast_arrays(*limit.compute(columns))
-                at = int(np.argmin(amount / bound))
-                self._nearest[n] = min(self._nearest[n], (amount[at] / bound[at], amount[at], bound[at]))
+                short = amount / np.maximum(np.abs(bound), np.finfo(float).tiny)
+                at = int(np.argmin(short))
+                self._nearest[n] = min(self._nearest[n], (float(short[at]), float(amount[at]), float(bound[at])))
         return np.asarray(met.all(axis=0))
 
     def unmeetable(self) -> Limit | None:
@@ -200,4 +236,6 @@ class Tally:
 def _told(amount: float, unit: str) -> str:
     if unit == "m":
         return f"{1e3 * amount:.4g} mm"
+    if unit == "rad":
+        return f"{math.degrees(amount):.4g} deg"
     return f"{amount:.4g}" if unit == "1" else f"{amount:.4g} {unit}"

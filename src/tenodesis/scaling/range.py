@@ -37,8 +37,8 @@ class WorkingRange(NamedTuple):
 def working_range(model: Instrument, largest_force: float) -> WorkingRange:
     """Return where an instrument is judged, up to a force (N) and over its range of output angles.
 
-    The few points are some of the many, up to the largest force held at each of their handle angles, so that an error
-    over them is never larger than over all.
+    The few points are some of the many, up to the largest force held at each of their handle angles, and that of the
+    largest tension, so that no error or tension over them is larger than over all.
     """
     reach = statics.reach(model)
     handle = np.linspace(-reach, reach, GRID[0])
@@ -50,9 +50,18 @@ def working_range(model: Instrument, largest_force: float) -> WorkingRange:
         for row in _spread(np.unique(rows), COARSE[0])
         for column in _spread(columns[rows == row], COARSE[1])
     ]
+    # In place of one of the points without a force, of which there are plenty.
+    chosen[COARSE[1] * (COARSE[0] // 2)] = _most_strained(model, handle, force)
     few = tuple(np.array(chosen).T)
     return WorkingRange(Points(handle[rows], force[columns]), Points(handle[few[0]], force[few[1]]))
 
 
 def _spread(numbers: Array, count: int) -> list[int]:
     return [int(numbers[round(at)]) for at in np.linspace(0, numbers.size - 1, count)]
+
+
+def _most_strained(model: Instrument, handle: Array, force: Array) -> tuple[int, int]:
+    tensions = statics.tensions(model, handle[:, None], force)
+    largest = np.fmax(tensions.agonist, tensions.antagonist)
+    row, column = np.unravel_index(int(np.nanargmax(largest)), largest.shape)
+    return int(row), int(column)

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import sqrt
-from typing import Any
+from math import log, sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +14,9 @@ from tenodesis.errors import DesignError
 from tenodesis.instrument import Instrument
 from tenodesis.quantity import STANDARD_GRAVITY
 from tenodesis.scaling import front
-from tenodesis.scaling.candidates import COMBINATIONS, Candidates, candidates
-from tenodesis.scaling.catalogue import Catalogue, LoadCell
-from tenodesis.scaling.limits import Forces, Tally, forces_of, limits
+from tenodesis.scaling.candidates import COMBINATIONS, Candidates, Wheel, candidates, finer
+from tenodesis.scaling.catalogue import Catalogue, LoadCell, Spool
+from tenodesis.scaling.limits import Forces, Limit, Tally, finest_difference, forces_of, limits
 from tenodesis.scaling.pins import radii
 from tenodesis.scaling.range import WorkingRange, working_range
 from tenodesis.signals import Array
@@ -37,27 +37,50 @@ Progress = Callable[[str, int, int], object]
 """Called with what is being done, how much of it is done, and how much there is."""
 
 
+class Stage(NamedTuple):
+    """Scale models judged over few points: all of them, those that may meet every limit, and bounds of their costs."""
+
+    candidates: Candidates
+    held: NDArray[np.int64]
+    lower: Array
+
+
 @dataclass(frozen=True)
 class Sweep:
-    """The scale models of an instrument that meet every limit, and which of them no other beats in everything.
+    """The scale models of an instrument that no other one beats in everything.
 
     `costs` are similarity error (deg), force resolution (N, real-size), overall length (m) and one over the tension
-    margin, of the designs on the front, in the order of the error; `numbers` are theirs among the candidates.
+    margin, of the designs on the front over the whole working range, in the order of the error; `numbers` are theirs
+    among the candidates of the last stage. The first stage takes every part and few lengths, the last one the parts
+    that the first front is made of and more lengths.
     """
 
     model: Instrument
     catalogue: Catalogue
-    candidates: Candidates
     tests: Forces
     range: WorkingRange
-    feasible: int
+    stages: tuple[Stage, ...]
     numbers: NDArray[np.int64]
     costs: Array
 
     @property
+    def candidates(self) -> Candidates:
+        """The scale models that the front's numbers count."""
+        return self.stages[-1].candidates
+
+    @property
     def examined(self) -> int:
         """How many scale models were judged."""
-        return len(self.candidates)
+        return sum(len(stage.candidates) for stage in self.stages)
+
+    @property
+    def feasible(self) -> int:
+        """How many of them meet every limit at the points they were judged at."""
+        return sum(stage.held.size for stage in self.stages)
+
+    def judge(self, stage: Stage) -> "Judge":
+        """Return what finds out about the scale models of a stage."""
+        return Judge(stage.candidates, self.catalogue, self.range)
 
 
 class Judge:
@@ -70,6 +93,10 @@ class Judge:
         self._cells = sorted(catalogue.load_cells, key=lambda cell: (cell.range, cell.resolution))
         self._largest_wheel = np.array([max(wheel.tip_radius for wheel in pair) for pair in found.pairs])
         self._breaking_load = np.array([rope.breaking_load for rope in found.ropes])
+        self._spools = [_nearest_spool(found.model, catalogue, pair[0]) for pair in found.pairs]
+        resolutions = [cell.resolution for cell in self._cells]
+        # Of the cells whose range suffices, the finest, so that more tension never makes a finer one of it.
+        self._finest = [min(range(n, len(self._cells)), key=resolutions.__getitem__) for n in range(len(self._cells))]
 
     @cached_property
     def _coarse(self) -> _core.SimilarityTarget:
@@ -87,17 +114,26 @@ class Judge:
         pretension = np.full(numbers.size, self._candidates.pretension)
         (self._fine if fine else self._coarse).judge(rows, pretension, found, threads())
         pair, rope, *_ = np.unravel_index(numbers, self._candidates.shape)
-        extra = {"largest_wheel": self._largest_wheel[pair], "breaking_load": self._breaking_load[rope]}
+        extra = {
+            "largest_wheel": self._largest_wheel[pair],
+            "spool_radius": np.array([spool.radius for spool in self._spools])[pair],
+            "breaking_load": self._breaking_load[rope],
+        }
         return columns | dict(zip(FINDINGS, found.T, strict=True)) | extra
 
+    def spool(self, number: int) -> Spool:
+        """Return the spool of a scale model: that which turns most nearly as far as the real one's."""
+        return self._spools[int(np.unravel_index(number, self._candidates.shape)[0])]
+
     def load_cell(self, largest_tension: float) -> LoadCell:
-        """Return the load cell with the least range that suits a tension (N)."""
+        """Return the finest load cell whose range suits a tension (N)."""
         return self._cells[int(self._cell(np.array([largest_tension]))[0])]
 
     def _cell(self, largest_tension: Array) -> NDArray[np.int64]:
         ranges = np.array([cell.range for cell in self._cells])
         needed = self._catalogue.constraints.load_cell_margin * largest_tension
-        return np.minimum(np.searchsorted(ranges, needed * (1 - 1e-12)), len(self._cells) - 1)
+        least = np.minimum(np.searchsorted(ranges, needed * (1 - 1e-12)), len(self._cells) - 1)
+        return np.array(self._finest)[least]
 
     def costs(self, columns: Mapping[str, Array]) -> Array:
         """Return the costs of scale models, shape (n, 4)."""
@@ -112,9 +148,9 @@ class Judge:
         )
 
     def _weight_step(self, columns: Mapping[str, Array]) -> Array:
-        lightest = min(weight.mass for weight in self._catalogue.weights)
         rho = self._catalogue.constraints.cable_pulley_radius
-        step: Array = lightest * STANDARD_GRAVITY * rho / columns["rig_arm"] / columns["force_factor"]
+        finest = finest_difference(self._catalogue)
+        step: Array = finest * STANDARD_GRAVITY * rho / columns["rig_arm"] / columns["force_factor"]
         return step
 
 
@@ -160,36 +196,77 @@ def sweep(
         No scale model meets the constraints.
     """
     tests = forces_of(model, catalogue)
-    found = candidates(model, catalogue, pins, combinations)
     span = working_range(model, tests.largest)
-    judge = Judge(found, catalogue, span)
-    tally = Tally(limits(catalogue, tests))
-    numbers, costs = [], []
-    for chunk in found.chunks(_CHUNK):
-        columns = judge.columns(chunk)
-        feasible = tally.feasible(columns)
-        numbers.append(chunk[feasible])
-        costs.append(judge.costs({name: values[feasible] for name, values in columns.items()}))
-        progress("judging", int(chunk[-1]) + 1, len(found))
-    held, lower = np.concatenate(numbers), np.concatenate(costs)
-    if not held.size:
+    found = candidates(model, catalogue, pins, combinations)
+    judged = _Judged(catalogue, span, tests, progress)
+    first, tally = judged.stage(found, "judging parts")
+    if not first.held.size:
         raise contradiction(model, catalogue, pins, tally, span)
+    numbers, costs = judged.front(first)
+    if not numbers.size:
+        raise DesignError(
+            f"no scale model of {len(found)} meets every limit over the whole working range, though {first.held.size} "
+            "do at the few points that all are judged at; allowed are wider limits."
+        )
+    closer = finer(found, catalogue, numbers, combinations)
+    if len(closer) <= numbers.size:
+        return Sweep(model, catalogue, tests, span, (first,), numbers, costs)
+    last, _ = judged.stage(closer, "judging lengths")
+    return Sweep(model, catalogue, tests, span, (first, last), *judged.front(last))
 
-    exact = lower.copy()
-    refined = 0
 
-    def refine(rows: NDArray[np.int64]) -> Array:
-        nonlocal refined
-        for part in np.array_split(rows, -(-rows.size // _REFINED_AT_ONCE)):
-            exact[part, 0] = np.degrees(_errors(judge, held[part]))
-            refined += part.size
-            progress("refining the front", refined, refined + rows.size)
-        return front.levels(exact[rows])
+class _Judged:
+    """Judges candidates and finds their front, telling how far it is."""
 
-    best, _ = front.search(front.levels(lower), refine)
-    by_level = np.column_stack([front.levels(exact[best])[:, 0], exact[best, 1:]])
-    best = best[np.lexsort(by_level.T[::-1])]
-    return Sweep(model, catalogue, found, tests, span, held.size, held[best], exact[best])
+    def __init__(self, catalogue: Catalogue, span: WorkingRange, tests: Forces, progress: Progress) -> None:
+        self._catalogue, self._span, self._progress = catalogue, span, progress
+        self._limits = limits(catalogue, tests)
+
+    def stage(self, found: Candidates, doing: str) -> tuple[Stage, Tally]:
+        """Judge all candidates over few points."""
+        judge = Judge(found, self._catalogue, self._span)
+        tally = Tally(self._limits)
+        numbers, costs = [], []
+        for chunk in found.chunks(_CHUNK):
+            columns = judge.columns(chunk)
+            feasible = tally.feasible(columns)
+            numbers.append(chunk[feasible])
+            costs.append(judge.costs({name: values[feasible] for name, values in columns.items()}))
+            self._progress(doing, int(chunk[-1]) + 1, len(found))
+        return Stage(found, np.concatenate(numbers), np.concatenate(costs)), tally
+
+    def front(self, stage: Stage) -> tuple[NDArray[np.int64], Array]:
+        """Return numbers and costs of the front over the whole working range, in the order of the error."""
+        judge = Judge(stage.candidates, self._catalogue, self._span)
+        exact = stage.lower.copy()
+        refined = 0
+
+        def refine(rows: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
+            nonlocal refined
+            allowed = np.empty(rows.size, bool)
+            for part in np.array_split(np.arange(rows.size), -(-rows.size // _REFINED_AT_ONCE)):
+                some = rows[part]
+                exact[some], allowed[part] = exact_costs(judge, self._limits, stage.held[some])
+                refined += some.size
+                self._progress("refining the front", refined, refined + rows.size)
+            return front.levels(exact[rows]), allowed
+
+        best = front.search(front.levels(stage.lower), refine)
+        by_level = np.column_stack([front.levels(exact[best])[:, 0], exact[best, 1:]])
+        best = best[np.lexsort(by_level.T[::-1])]
+        return stage.held[best], exact[best]
+
+
+def exact_costs(judge: Judge, bounds: tuple[Limit, ...], numbers: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
+    """Return costs of scale models over the whole working range, (n, 4), and whether they meet every limit there."""
+    columns = judge.columns(numbers, fine=True)
+    return judge.costs(columns), np.all([limit.met(columns) for limit in bounds], axis=0)
+
+
+def _nearest_spool(model: Instrument, catalogue: Catalogue, distal: Wheel) -> Spool:
+    small = float(getattr(model, radii(model)[0]))
+    wanted = model.drives.spool_radius * distal.radius / small
+    return min(catalogue.spools, key=lambda one: abs(log(one.radius / wanted)))
 
 
 def contradiction(
@@ -203,8 +280,6 @@ def contradiction(
     if limit is None:
         return tally.contradiction()
     for key, asked, wider, free in _widened(model, catalogue, pins):
-        if key == limit.key:
-            continue
         try:
             found = candidates(model, wider, free, _TRIED)
         except DesignError:
@@ -230,13 +305,9 @@ def _widened(
     # What is pinned is the likelier to be asked too much of.
     for key, asked in sorted(ranges.items(), key=lambda item: item[1] is None or item[1][0] != item[1][1]):
         if asked is not None:
-            wider = {key: (asked[0] / _WIDER, asked[1] * _WIDER)}
             unit, scale = ("", 1.0) if key == "factor" else (" mm", 1e3)
             low, high = (f"{scale * bound:g}" for bound in asked)
             told = f"{key} is {low}{unit}" if low == high else f"{key} is {low} to {high}{unit}"
-            constraints = catalogue.constraints.model_copy(update=wider)
-            yield key, told, catalogue.model_copy(update={"constraints": constraints}), pins
-
-
-def _errors(judge: Judge, numbers: NDArray[np.int64]) -> Array:
-    return judge.columns(numbers, fine=True)["largest_error"]
+            for wider in (None, (asked[0] / _WIDER, asked[1] * _WIDER)):
+                constraints = catalogue.constraints.model_copy(update={key: wider})
+                yield key, told, catalogue.model_copy(update={"constraints": constraints}), pins

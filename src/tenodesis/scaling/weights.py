@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.errors import DesignError
-from tenodesis.instrument import Instrument
 from tenodesis.quantity import STANDARD_GRAVITY
 
 _GRID = 1e-6
@@ -25,8 +24,6 @@ _EXACT = 1e-9
 
 _BASE = 1000
 """What sums of masses are carried at, so that the solver's tolerance of a whole number, 1e-6, stays far from one."""
-
-_NOTHING: NDArray[np.float64] = np.zeros(0)
 
 _AS_WANTED = 5e-4
 """Share of the weight below which its error is not worth a word."""
@@ -127,8 +124,7 @@ def hang(weight: float, weights: Sequence[Pieces], *, cable_mass: float) -> Hang
     """
     if not math.isfinite(weight):
         raise ValueError(f"weight is {weight!r}; allowed is a finite force in N.")
-    if not 0 <= cable_mass < math.inf:
-        raise ValueError(f"cable_mass is {cable_mass!r}; allowed is a mass of at least 0 kg.")
+    _check_cable_mass(cable_mass)
     problem = _Problem.of(weights, cable_mass)
     hung = problem.solve(abs(weight) / STANDARD_GRAVITY)
     loading, counter = (hung.heavier, hung.lighter) if weight >= 0 else (hung.lighter, hung.heavier)
@@ -136,31 +132,25 @@ def hang(weight: float, weights: Sequence[Pieces], *, cable_mass: float) -> Hang
     return Hanging(_masses(weights, loading), _masses(weights, counter), weight, used * STANDARD_GRAVITY)
 
 
-def hang_all(forces: Iterable[float], weights: Sequence[Pieces], *, cable_mass: float) -> tuple[Hanging, ...]:
-    """Return what to hang for each of several weights (N), one after another; otherwise as :func:`hang`."""
-    return tuple(hang(force, weights, cable_mass=cable_mass) for force in forces)
+def finest(weights: Sequence[Pieces], cable_mass: float) -> float:
+    """Return the least difference above zero of what hangs on two cables, kg: the step that forces can be made by.
 
-
-def cable_weight(inst: Instrument, force: float, pulley_radius: float) -> float:
-    """Return the weight on the loading cable more than on the other that makes a tip force (Fig. 13), all in N and m.
-
-    Raises
-    ------
-    ValueError
-        The radius at which the cables act is not positive.
+    Parameters and errors are those of :func:`hang`; also, a DesignError where all differences are zero.
     """
-    return force / _leverage(inst, pulley_radius)
+    _check_cable_mass(cable_mass)
+    problem = _Problem.of(weights, cable_mass)
+    found = problem.nearest_made(1, 1)
+    if found is None:
+        raise DesignError(
+            f"the weights, {problem.told_total}, make no difference between two cables with {problem.told_least} or "
+            "more on each; allowed are more weights or a smaller cable_mass."
+        )
+    return found * problem.unit
 
 
-def tip_force(inst: Instrument, weight: float, pulley_radius: float) -> float:
-    """Return the tip force that a weight makes; the inverse of :func:`cable_weight`, with the same errors."""
-    return weight * _leverage(inst, pulley_radius)
-
-
-def _leverage(inst: Instrument, pulley_radius: float) -> float:
-    if not 0 < pulley_radius < math.inf:
-        raise ValueError(f"pulley_radius is {pulley_radius!r}; allowed is a length above 0 m.")
-    return pulley_radius / inst.rig_arm
+def _check_cable_mass(cable_mass: float) -> None:
+    if not 0 <= cable_mass < math.inf:
+        raise ValueError(f"cable_mass is {cable_mass!r}; allowed is a mass of at least 0 kg.")
 
 
 class _Hung(NamedTuple):
@@ -173,6 +163,18 @@ class _Hung(NamedTuple):
     @property
     def pieces(self) -> int:
         return int((self.heavier + self.lighter).sum())
+
+
+class _Sums(NamedTuple):
+    """Sums of masses, digit by digit, and what they must be.
+
+    Unknown are the counts on either cable, the digits of what the lighter cable has beyond its least mass, those of
+    what the difference has beyond its bound, and what is carried in each sum.
+    """
+
+    matrix: NDArray[np.float64]
+    right: NDArray[np.float64]
+    places: int
 
 
 class _Problem(NamedTuple):
@@ -197,6 +199,16 @@ class _Problem(NamedTuple):
         unit = int(np.gcd.reduce(masses))
         return cls(masses // unit, counts, math.ceil(cable_mass / (unit * _GRID) - _EXACT), unit * _GRID)
 
+    @property
+    def told_total(self) -> str:
+        """All there is, for a sentence."""
+        return f"{float(self.masses @ self.counts) * self.unit:.6g} kg in all"
+
+    @property
+    def told_least(self) -> str:
+        """Least mass of a cable, for a sentence."""
+        return f"{self.least * self.unit:.6g} kg"
+
     def solve(self, mass: float) -> _Hung:
         """Return what to hang for a difference (kg, not negative)."""
         target = mass / self.unit
@@ -205,13 +217,12 @@ class _Problem(NamedTuple):
         # Most sets can make every difference, so that no search for the nearest is needed.
         found = self._fewest(_nearest((below, above), target, same))
         if found is None:
-            sides = (self._extreme(-1.0, (-math.inf, below)), self._extreme(1.0, (above, math.inf)))
+            sides = (self.nearest_made(below, -1), self.nearest_made(above, 1))
             found = self._fewest(_nearest([one for one in sides if one is not None], target, same))
         if found is None:
-            total, least = float(self.masses @ self.counts) * self.unit, self.least * self.unit
             raise DesignError(
-                f"the weights, {total:.6g} kg in all, do not keep two cables taut with {least:.6g} kg "
-                "on each; allowed are more weights or a smaller cable_mass."
+                f"the weights, {self.told_total}, do not keep two cables taut with {self.told_least} on each; allowed "
+                "are more weights or a smaller cable_mass."
             )
         return found
 
@@ -220,61 +231,63 @@ class _Problem(NamedTuple):
         made = (self._hung(one) for one in differences)
         return min((hung for hung in made if hung is not None), key=lambda hung: hung.pieces, default=None)
 
-    def _extreme(self, sign: float, limits: tuple[float, float]) -> int | None:
-        """Return the least difference within limits, or with a negative sign the largest; None if there is none."""
-        none = np.zeros(self.masses.size)
-        rows = ((self.masses, -self.masses), (self.masses, none), (none, self.masses))
-        matrix = np.array([np.concatenate(row) for row in rows], float)
-        lower = np.array([limits[0], self.least, self.least])
-        upper = np.array([limits[1], math.inf, math.inf])
-        found = self._optimum(sign * matrix[0], (matrix, lower, upper))
-        return None if found is None else found.difference
+    def nearest_made(self, bound: int, side: int) -> int | None:
+        """Return the difference from zero on nearest to a bound, not below it (side 1) or not above it (-1), if any."""
+        sums = self._sums(bound, side)
+        # Place by place from the highest, since one cost of all places would have numbers too far apart.
+        beyond = [_BASE - 1.0] * sums.places
+        for place in reversed(range(sums.places)):
+            cost = np.zeros(sums.matrix.shape[1])
+            cost[2 * self.masses.size + sums.places + place] = 1.0
+            found = self._optimum(cost, sums, beyond)
+            if found is None:
+                return None
+            beyond[place] = float(_digits(abs(found.difference - bound), sums.places)[place])
+        # What is called the heavier cable may only be the lighter, and is then not known to be taut.
+        return found.difference if found.difference >= 0 else None
 
     def _hung(self, difference: int) -> _Hung | None:
-        """Return the fewest pieces that make a difference, and of these the lightest, whose inertia disturbs least.
+        """Return the fewest pieces that make a difference, and of these the lightest, whose inertia disturbs least."""
+        sums = self._sums(difference, 1)
+        share = self.masses / (2.0 * float(self.masses @ self.counts))
+        cost = np.concatenate([np.tile(1 + share, 2), np.zeros(sums.matrix.shape[1] - 2 * self.masses.size)])
+        return self._optimum(cost, sums, [0.0] * sums.places)
+
+    def _sums(self, bound: int, side: int) -> _Sums:
+        """Return what must hold of both sums: the difference is on one side of a bound, the lighter cable is taut.
 
         Sums of masses are made digit by digit, with what is carried from one to the next among the unknowns: with whole
         masses for coefficients, the solver's tolerance of what counts as whole would let small weights slip through.
         """
-        digits = len(_digits(max(int(self.masses @ self.counts), difference, self.least)))
-        by_mass = np.array([_digits(int(mass), digits) for mass in self.masses], float).T
-        carry = np.eye(digits, digits - 1, -1) - _BASE * np.eye(digits, digits - 1)
-        none, spare, unmoved = np.zeros(by_mass.shape), np.eye(digits), np.zeros((digits, digits))
-        uncarried = np.zeros(carry.shape)
-        # Unknown beside the counts: what the lighter cable has beyond its least mass, and what is carried in each sum.
-        sums = np.block(
+        places = len(_digits(max(int(self.masses @ self.counts), bound, self.least)))
+        by_mass = np.array([_digits(int(mass), places) for mass in self.masses], float).T
+        carry = np.eye(places, places - 1, -1) - _BASE * np.eye(places, places - 1)
+        none, one, unmoved, uncarried = np.zeros(by_mass.shape), np.eye(places), np.zeros((places, places)), 0 * carry
+        matrix = np.block(
             [
-                [by_mass, -by_mass, unmoved, carry, uncarried],
-                [none, by_mass, -spare, uncarried, carry],
+                [by_mass, -by_mass, unmoved, -side * one, carry, uncarried],
+                [none, by_mass, -one, unmoved, uncarried, carry],
             ]
         )
-        wanted = np.array([*_digits(difference, digits), *_digits(self.least, digits)], float)
-        share = self.masses / (2.0 * float(self.masses @ self.counts))
-        cost = np.concatenate([np.tile(1 + share, 2), np.zeros(sums.shape[1] - 2 * self.masses.size)])
-        most = 2.0 * float(self.counts.sum()) + 2
-        lower = np.concatenate([np.zeros(digits), np.full(2 * digits - 2, -most)])
-        upper = np.concatenate([np.full(digits, _BASE - 1.0), np.full(2 * digits - 2, most)])
-        return self._optimum(cost, (sums, wanted, wanted), lower, upper)
+        return _Sums(matrix, np.array([*_digits(bound, places), *_digits(self.least, places)], float), places)
 
-    def _optimum(
-        self,
-        cost: NDArray[np.float64],
-        sums: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
-        lower: NDArray[np.float64] = _NOTHING,
-        upper: NDArray[np.float64] = _NOTHING,
-    ) -> _Hung | None:
-        """Return the pieces of least cost whose sums are right, if any; unknowns beside their counts have bounds."""
+    def _optimum(self, cost: NDArray[np.float64], sums: _Sums, beyond: Sequence[float]) -> _Hung | None:
+        """Return the pieces of least cost whose sums are right, if any; digits beyond the bound have upper limits."""
         from scipy.optimize import Bounds, LinearConstraint, milp  # noqa: PLC0415 - takes half a second
 
-        kinds = self.masses.size
-        of_a_kind = np.hstack([np.eye(kinds), np.eye(kinds), np.zeros((kinds, lower.size))])
+        kinds, carried = self.masses.size, 2 * sums.places - 2
+        of_a_kind = np.hstack([np.eye(kinds), np.eye(kinds), np.zeros((kinds, 2 * sums.places + carried))])
+        most = 2.0 * float(self.counts.sum()) + 2
+        upper = [np.tile(self.counts, 2), np.full(sums.places, _BASE - 1.0), beyond, np.full(carried, most)]
+        lower = [np.zeros(2 * kinds + 2 * sums.places), np.full(carried, -most)]
         found = milp(
             cost,
             integrality=np.ones(cost.size, np.int64),
-            bounds=Bounds(
-                np.concatenate([np.zeros(2 * kinds), lower]), np.concatenate([np.tile(self.counts, 2), upper])
-            ),
-            constraints=[LinearConstraint(*sums), LinearConstraint(of_a_kind, 0, self.counts)],
+            bounds=Bounds(np.concatenate(lower), np.concatenate(upper)),
+            constraints=[
+                LinearConstraint(sums.matrix, sums.right, sums.right),
+                LinearConstraint(of_a_kind, 0, self.counts),
+            ],
             options={"mip_rel_gap": 0.0},
         )
         if found.x is None:

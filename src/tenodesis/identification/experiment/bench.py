@@ -14,15 +14,17 @@ from tenodesis.identification.experiment.candidates import Phase
 from tenodesis.identification.experiment.information import Information, converters, information
 from tenodesis.identification.formats.instrument_run import TENDONS
 from tenodesis.identification.formats.measured import Measured
-from tenodesis.identification.models.twin import TwinProblem
-from tenodesis.identification.problem import Parameter
+from tenodesis.identification.models.twin import LONGEST_STEP, TwinProblem
+from tenodesis.identification.problem import Parameter, Trace
 from tenodesis.instrument import Instrument
 from tenodesis.protocols import Protocol
 from tenodesis.signals import Array, Run
 
 _OFF = ((0.8, 0.8), (1.2, 1.2))
 """Stiffness and pretension, over the file's, with which a protocol must run as well."""
-_PLACES = 4
+_COARSE = 0.5
+"""Largest error of the model's steps, in standard deviations of a sample, with which samples are left out."""
+_PLACES = 2
 """At how many places of their step the spools' encoders are tried."""
 
 
@@ -91,24 +93,66 @@ class Bench:
             self._run(self.inst.replace(**changes), commands)
         return runs[0]
 
-    def problem(self, run: Run) -> TwinProblem:
-        """Return the model of a run, with further runs in which spools' encoders are at other places of their step."""
-        return TwinProblem([self._measured(run, spools) for spools in self._spools(run)], self.law, self.inst)
+    def problem(self, run: Run, every: int = 1) -> TwinProblem:
+        """Return the model of a run, of which every so-manieth sample is kept."""
+        return TwinProblem([self._measured(run, run["measured_spool_angle"], every)], self.law, self.inst)
 
-    def tells(self, problem: TwinProblem) -> Information:
-        """Return what a run tells of all parameters."""
-        return self.tells_until(problem, (math.inf,))[0]
+    def tells(self, run: Run) -> Information:
+        """Return what a run tells of all parameters, from as few of its samples as will do."""
+        every = max(1, int(LONGEST_STEP / self.time_step * (1 + 1e-6)))
+        problem = self.problem(run, every)
+        while every > 1 and self._too_coarse(problem, run):
+            every //= 2
+            problem = self.problem(run, every)
+        return self.tells_until(problem, run, every=every)[0]
 
-    def tells_until(self, problem: TwinProblem, times: Sequence[float]) -> list[Information]:
-        """Return what a run tells of all parameters until some times, s."""
-        averaged = max(1, round(problem.sample_time(0) * self.inst.sensors.sampling_rate))
-        return information(problem, self.values, self.scale, self._sensors, averaged, times)
+    def tells_until(
+        self, problem: TwinProblem, run: Run, times: Sequence[float] = (math.inf,), *, every: int = 1
+    ) -> list[Information]:
+        """Return what a run tells of all parameters until some times, s, each sample standing for all since the last.
+
+        Beside the sensors' errors these count: that the spools' encoders may be at another place of their step, and
+        that the model takes longer steps than the twin.
+        """
+        base = problem.traces(self.values, 0)
+        off = []
+        if np.ptp(run["measured_spool_angle"]):
+            runs = [self._measured(run, spools, every) for spools in self._places(run)]
+            others = TwinProblem(runs, self.law, self.inst)
+            for place in range(_PLACES):
+                moved = others.traces(self.values, place)
+                off.append(([one.model - _at(one.time, moved[name]) for name, one in base.items()], 1 / _PLACES))
+        return information(
+            problem,
+            self.values,
+            self.scale,
+            self._sensors,
+            off,
+            self._coarseness(problem, run),
+            averaged=self._averaged(problem),
+            until=times,
+        )
+
+    def _averaged(self, problem: TwinProblem) -> int:
+        return max(1, round(problem.sample_time(0) / max(self.time_step, 1 / self.inst.sensors.sampling_rate)))
+
+    def _coarseness(self, problem: TwinProblem, run: Run) -> list[Array]:
+        """Return by how much the model is off the twin, by sensor, in the units of its traces."""
+        true = {"handle_angle_deg": np.degrees(run["handle_angle"]), "output_angle_deg": np.degrees(run["output_angle"])}
+        true |= {f"tension_{tendon}_N": run["tension"][:, n] for n, tendon in enumerate(TENDONS)}
+        traces = problem.traces(self.values, 0)
+        return [_at(one.time, Trace(run.time, true[name], true[name])) - one.model for name, one in traces.items()]
+
+    def _too_coarse(self, problem: TwinProblem, run: Run) -> bool:
+        sensors = [self._sensors[name.rpartition("_")[2]] for name in problem.traces(self.values, 0)]
+        pairs = zip(self._coarseness(problem, run), sensors, strict=True)
+        return not all(np.sqrt(np.mean(off**2)) < _COARSE * sensor.mean(1) for off, sensor in pairs)
 
     @cached_property
     def _still(self) -> TwinProblem:
         """The model of a bench on which nothing happens."""
         nothing = twin.Twin(self.inst, time_step=self.time_step).run(np.zeros(64))
-        return TwinProblem([self._measured(nothing, nothing["spool_angle"])], self.law, self.inst)
+        return TwinProblem([self._measured(nothing, nothing["spool_angle"], 1)], self.law, self.inst)
 
     def _run(self, inst: Instrument, commands: dict[str, Array]) -> Run:
         try:
@@ -124,7 +168,7 @@ class Bench:
             raise Unfit(f"a tendon is pulled by {pulled:.3g} N, above the limit of {self._limit:.3g} N")
         return run
 
-    def _measured(self, run: Run, spools: Array) -> Measured:
+    def _measured(self, run: Run, spools: Array, every: int) -> Measured:
         columns = {
             "handle_angle": run["commanded_handle_angle"],
             "measured_handle_angle": run["measured_handle_angle"],
@@ -135,16 +179,19 @@ class Bench:
             del columns["measured_output_angle"]
         for n, tendon in enumerate(TENDONS):
             columns |= {f"tension_{tendon}": run["measured_tension"][:, n], f"spool_{tendon}": spools[:, n]}
-        return Measured("the proposed protocol", run.time, columns)
+        # From the end, which is where blocks come to rest.
+        kept = {name: values[::-1][::every][::-1] for name, values in columns.items()}
+        return Measured("the proposed protocol", run.time[::-1][::every][::-1], kept)
 
-    def _spools(self, run: Run) -> list[Array]:
-        """Return what the spools' encoders read, first as it is, then at other places of their step if they turn."""
-        read = run["measured_spool_angle"]
-        if not np.ptp(read):
-            return [read]
+    def _places(self, run: Run) -> list[Array]:
+        """Return what the spools' encoders may read, at other places of their step."""
         true, drives = run["spool_angle"], self.inst.drives
         step = 2 * math.pi / drives.encoder_counts / drives.gear_ratio
-        return [read, *(step * (np.floor(true / step + place) - np.floor(place)) for place in self._drawn)]
+        return [step * (np.floor(true / step + place) - np.floor(place)) for place in self._drawn]
+
+
+def _at(time: Array, trace: Trace) -> Array:
+    return np.asarray(np.interp(time, trace.time, trace.model), dtype=np.float64)
 
 
 def _time_step(inst: Instrument) -> float:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tenodesis.identification.experiment.information import Information
 from tenodesis.signals import Array
@@ -52,7 +53,9 @@ class Criterion:
         return np.asarray(np.linalg.slogdet(covariance)[1] / (2 * count), dtype=np.float64)
 
 
-def choose(told: Sequence[Information], seconds: Sequence[float], duration: float, criterion: Criterion) -> list[int]:
+def choose(
+    told: Sequence[Information], seconds: Sequence[float], duration: float, criterion: Criterion, *, most: int
+) -> list[int]:
     """Return which candidates to take, some of them several times: greedy by gain a second, then by exchange.
 
     Parameters
@@ -65,13 +68,15 @@ def choose(told: Sequence[Information], seconds: Sequence[float], duration: floa
         How long all of them may last, s.
     criterion
         What is to become small.
+    most
+        How often one may be taken.
 
     Returns
     -------
     list of int
         Indices in ascending order; empty where none fits.
     """
-    pool = _Pool(told, np.asarray(seconds, dtype=np.float64), duration, criterion)
+    pool = _Pool(told, np.asarray(seconds, dtype=np.float64), duration, criterion, most)
     chosen = pool.filled([])
     for _ in range(_PASSES):
         better = pool.exchanged(chosen)
@@ -82,17 +87,18 @@ def choose(told: Sequence[Information], seconds: Sequence[float], duration: floa
 
 
 class _Pool:
-    def __init__(self, told: Sequence[Information], seconds: Array, duration: float, criterion: Criterion) -> None:
+    def __init__(
+        self, told: Sequence[Information], seconds: Array, duration: float, criterion: Criterion, most: int
+    ) -> None:
         self._curvature = np.stack([one.curvature for one in told])
         self._scores = np.stack([one.scores for one in told])
-        self._seconds, self._duration, self._criterion = seconds, duration, criterion
+        self._seconds, self._duration, self._criterion, self._most = seconds, duration, criterion, most
 
     def filled(self, chosen: list[int]) -> list[int]:
         """Return the choice with candidates added until none fits, each time the one that gains most a second."""
         chosen = list(chosen)
         while True:
-            left = self._duration - self._seconds[chosen].sum() + _FITS
-            fitting = np.flatnonzero(self._seconds <= left)
+            fitting = self._fitting(chosen)
             if not fitting.size:
                 return chosen
             gains = self._of(chosen) - self._with(chosen, fitting)
@@ -106,16 +112,21 @@ class _Pool:
         chosen = list(chosen)
         for place in range(len(chosen)):
             rest = chosen[:place] + chosen[place + 1 :]
-            left = self._duration - self._seconds[rest].sum() + _FITS
-            fitting = np.flatnonzero(self._seconds <= left)
+            fitting = self._fitting(rest)
             best = int(fitting[np.argmin(self._with(rest, fitting))])
             chosen[place] = best
         return chosen
 
-    def _of(self, chosen: Sequence[int]) -> float:
-        return self._criterion.one(Information(self._curvature[chosen].sum(axis=0), self._scores[chosen].sum(axis=0)))
+    def _fitting(self, chosen: Sequence[int]) -> NDArray[np.intp]:
+        left = self._duration - self._seconds[list(chosen)].sum() + _FITS
+        taken = np.bincount(np.array(chosen, dtype=np.intp), minlength=self._seconds.size)
+        return np.flatnonzero((self._seconds <= left) & (taken < self._most))
 
-    def _with(self, chosen: Sequence[int], added: Array) -> Array:
+    def _of(self, chosen: Sequence[int]) -> float:
+        places = list(chosen)
+        return float(self._criterion.many(self._curvature[places].sum(axis=0)[None], self._scores[places].sum(axis=0)[None])[0])
+
+    def _with(self, chosen: Sequence[int], added: NDArray[np.intp]) -> Array:
         places = list(chosen)
         return self._criterion.many(
             self._curvature[places].sum(axis=0) + self._curvature[added],

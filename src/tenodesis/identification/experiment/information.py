@@ -9,6 +9,7 @@ import numpy as np
 from scipy import linalg
 
 from tenodesis.identification.models.twin import TwinProblem
+from tenodesis.identification.problem import Trace
 from tenodesis.identification.uncertainty import Spread
 from tenodesis.instrument import Instrument
 from tenodesis.signals import Array
@@ -27,23 +28,31 @@ class Information:
     curvature: Array
     """Of half the sum of squared residuals, shape (parameters, parameters)."""
     scores: Array
-    """Covariance of its slope, which is the same where residuals are as independent and large as they are taken for."""
+    """Covariance of its slope by the sensors' errors: the same where these are independent, and as large as assumed."""
+    steps: Array
+    """What the model's steps, which are longer than the twin's, add to that."""
 
     def __add__(self, other: "Information") -> "Information":
         """Return what both tell."""
-        return Information(self.curvature + other.curvature, self.scores + other.scores)
+        return Information(self.curvature + other.curvature, self.scores + other.scores, self.steps + other.steps)
+
+    @property
+    def all_scores(self) -> Array:
+        """Covariance of the slope by all errors."""
+        return self.scores + self.steps
 
     def of(self, free: Sequence[int]) -> "Information":
         """Return what is told of some parameters where the others are known."""
         both = np.ix_(list(free), list(free))
-        return Information(self.curvature[both], self.scores[both])
+        return Information(self.curvature[both], self.scores[both], self.steps[both])
 
-    def spread(self) -> Spread:
-        """Return the covariance that estimates will have."""
+    def spread(self, *, noise_only: bool = False) -> Spread:
+        """Return the covariance that estimates will have, by all errors or the sensors' alone."""
         sizes, directions = linalg.eigh(self.curvature)
         seen = sizes > _BLIND * max(float(sizes[-1]), 1.0)
         inverse = directions[:, seen] / sizes[seen] @ directions[:, seen].T
-        return Spread(inverse @ self.scores @ inverse.T, inverse, directions[:, ~seen])
+        scores = self.scores if noise_only else self.all_scores
+        return Spread(inverse @ scores @ inverse.T, inverse, directions[:, ~seen])
 
 
 class Converter(NamedTuple):
@@ -86,14 +95,16 @@ def information(
     values: Array,
     scale: Array,
     sensors: dict[str, Converter],
+    off: Sequence[tuple[Sequence[Array], float]],
+    steps: Sequence[Array],
+    *,
     averaged: int,
-    until: Sequence[float] = (math.inf,),
+    until: Sequence[float],
 ) -> list[Information]:
     """Return what the first run of a problem tells up to some times.
 
     The noise is independent from sample to sample; the rounding of a reading lasts while a signal rests, and comes at a
-    random place of the converter's step (Widrow and Kollár 2008, ch. 5). Further runs of the problem have the same
-    readings with the spools' encoders at other places of their step: what that changes is noise as well.
+    random place of the converter's step (Widrow and Kollár 2008, ch. 5).
 
     Parameters
     ----------
@@ -105,38 +116,55 @@ def information(
         What changes of parameters are measured by, shape (parameters,).
     sensors
         By the unit of the problem's traces.
+    off
+        By how much readings may be off otherwise, by sensor in the units of the traces, each with a weight.
+    steps
+        By how much they are off for the model's longer steps; in each stretch of time this is another error.
     averaged
-        How many samples make up one of the run.
+        How many samples one of the problem's is to be taken for.
     until
         Times, s.
     """
     traces = problem.traces(values, 0)
-    jacobian = (problem.jacobian(values, 0) * scale).reshape(len(traces), -1, scale.size)
     kinds = [sensors[name.rpartition("_")[2]] for name in traces]
+    deviations = [kind.mean(averaged) for kind in kinds]
+    weights = _unit(problem, values, list(traces.values())) / deviations
+    jacobian = (problem.jacobian(values, 0) * scale).reshape(len(kinds), -1, scale.size) * weights[:, None, None]
     time = next(iter(traces.values())).time
-    others = []
-    for run in range(1, len(problem.runs)):
-        # A run may be averaged over other steps than the first.
-        pairs = zip(traces.values(), problem.traces(values, run).values(), kinds, strict=True)
-        others.append([(one.model - np.interp(time, it.time, it.model)) / of.mean(averaged) for one, it, of in pairs])
-    found = []
+    shifts = [(np.array([one / of for one, of in zip(parts, deviations, strict=True)]), weight) for parts, weight in off]
+    coarseness = np.array([one / of for one, of in zip(steps, deviations, strict=True)])
+    found: list[Information] = []
+    begin, stepped = 0, np.zeros((scale.size, scale.size))
     for end in np.searchsorted(time, until, side="right").tolist():
         part = jacobian[:, :end]
         curvature = np.einsum("cti,ctj->ij", part, part, optimize=True)
         scores = np.zeros_like(curvature)
         for kind, trace, one in zip(kinds, traces.values(), part, strict=True):
             scores += _scores(kind, one, trace.model[:end], averaged)
-        for off in others:
-            slope = np.einsum("cti,ct->i", part, np.array(off)[:, :end], optimize=True)
-            scores += np.outer(slope, slope) / len(others)
-        found.append(Information(curvature, scores))
+        for shift, weight in shifts:
+            scores += weight * _outer(part, shift[:, :end])
+        stepped = stepped + _outer(jacobian[:, begin:end], coarseness[:, begin:end])
+        found.append(Information(curvature, scores, stepped))
+        begin = end
     return found
 
 
-def _scores(sensor: Converter, jacobian: Array, reading: Array, averaged: int) -> Array:
+def _outer(jacobian: Array, off: Array) -> Array:
+    slope = np.einsum("cti,ct->i", jacobian, off, optimize=True)
+    return np.outer(slope, slope)
+
+
+def _unit(problem: TwinProblem, values: Array, traces: Sequence[Trace]) -> Array:
+    """Return what the problem divides each sensor's residuals by, in the unit of its traces."""
+    residuals = problem.residuals(values, 0).reshape(len(traces), -1)
+    off = np.array([trace.measured - trace.model for trace in traces])
+    return np.asarray(np.linalg.norm(off, axis=1) / np.linalg.norm(residuals, axis=1), dtype=np.float64)
+
+
+def _scores(sensor: Converter, jacobian: Array, reading: Array, samples: int) -> Array:
     """Return the covariance of what a sensor's errors pull the parameters with."""
-    variance = sensor.mean(averaged) ** 2
-    scores = sensor.fresh / averaged / variance * jacobian.T @ jacobian
+    variance = sensor.mean(samples) ** 2
+    scores = sensor.fresh / samples / variance * jacobian.T @ jacobian
     for harmonic, size in enumerate(sensor.lasting, 1):
         if size > _FAINT * variance:
             waves = jacobian.T @ np.exp(2j * math.pi * harmonic / sensor.resolution * reading)

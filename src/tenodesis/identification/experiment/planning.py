@@ -33,8 +33,8 @@ LONGEST = 600.0
 WANTED = ("friction", "stiffness", "pretension")
 """Groups that are wanted unless told, where the model has them."""
 OPTIMISTIC = (
-    "Predicted intervals know of the sensors' noise and rounding alone: they are the least that a bench can hope for. "
-    "What the model leaves out, loads that are not known exactly and a real instrument that is not what its file says "
+    "Predicted intervals know of little but the sensors' noise and rounding: they are the least that a bench can hope "
+    "for. What the model leaves out, loads that are not known exactly and an instrument that is not what its file says "
     "make them wider."
 )
 
@@ -58,9 +58,12 @@ class Prediction:
     name: str
     seconds: float
     std: Mapping[str, float]
-    """Standard deviation of every open parameter with all of them open, SI; infinite where nothing depends on it."""
-    std_alone: Mapping[str, float]
-    """The same with the others known."""
+    """Standard deviation of every open parameter with all of them open, SI; infinite where nothing depends on it.
+
+    By the sensors' errors and by the model's steps, which are longer than the twin's.
+    """
+    std_noise: Mapping[str, float]
+    """The same by the sensors' errors alone: how fits will scatter."""
     objective: float
     """The criterion, in natural logarithms."""
 
@@ -177,10 +180,14 @@ def plan(
         except Unfit as problem:
             left_out[name] = str(problem)
         else:
-            predictions.append(_prediction(bench, name, run, bench.tells(bench.problem(run)), free, measure))
+            told = bench.tells_until(bench.problem(run), run, _phase_ends(bench, phases))[-1]
+            predictions.append(_prediction(bench, name, run, told, free, measure))
         report.step()
-    proposed = _prediction(bench, "the proposed protocol", best.run, best.told, free, measure)
-    untold = _untold(bench, best.problem, everything, given)
+    # What is proposed is predicted from all samples, as a fit will have them.
+    problem = bench.problem(best.run)
+    grown = bench.tells_until(problem, best.run, [*(one.begins + one.seconds for one in best.blocks[:-1]), math.inf])
+    proposed = _prediction(bench, "the proposed protocol", best.run, grown[-1], free, measure)
+    untold = _untold(bench, problem, everything, given)
     found = Plan(
         inst=bench.inst,
         law=bench.law,
@@ -197,7 +204,7 @@ def plan(
         run=best.run,
         proposed=proposed,
         baselines=tuple(predictions),
-        growth=_growth(bench, best, free),
+        growth=tuple(_std(bench, one, free) for one in grown),
         untold=untold,
         left_out=left_out,
         warnings=(),
@@ -217,7 +224,6 @@ class _Whole(NamedTuple):
     protocol: Protocol
     blocks: tuple[Block, ...]
     run: Run
-    problem: TwinProblem
     told: Information
 
 
@@ -281,7 +287,7 @@ def _tried(bench: Bench, offered: Sequence[Candidate], report: _Progress) -> tup
             run = bench.run(candidate.phases)
         except Unfit as problem:
             return str(problem)
-        told = bench.tells(bench.problem(run))
+        told = bench.tells(run)
         return _Tried(candidate, float(run.time[-1]), told)
 
     _ = bench.values, bench.scale
@@ -298,6 +304,8 @@ def _tried(bench: Bench, offered: Sequence[Candidate], report: _Progress) -> tup
 
 _ORDERS = 4
 """Whole protocols that are tried."""
+_REPEATS = 2
+"""How often a candidate may be taken where there is time for others: what the model lacks comes again with it."""
 
 
 def _best(
@@ -314,11 +322,12 @@ def _best(
     """
     pool, reason = list(tried), ""
     while True:
-        shortest = min(one.seconds for one in pool)
-        chosen = choose([one.told for one in pool], [one.seconds for one in pool], duration, measure)
+        seconds = [one.seconds for one in pool]
+        most = max(_REPEATS, math.ceil(_REPEATS * duration / sum(seconds)))
+        chosen = choose([one.told for one in pool], seconds, duration, measure, most=most)
         if not chosen:
             raise IdentificationError(
-                f"duration is {duration:g} s, too short: the shortest of the candidates takes {shortest:.3g} s; "
+                f"duration is {duration:g} s, too short: the shortest of the candidates takes {min(seconds):.3g} s; "
                 f"allowed is at least that, and {DURATION:g} s is usual."
             )
         wholes = []
@@ -359,33 +368,31 @@ def _whole(bench: Bench, order: Sequence[_Tried]) -> _Whole:
     parts = tuple(
         Block(one.candidate, float(begin), one.seconds) for one, begin in zip(order, begins[:-1], strict=True)
     )
-    problem = bench.problem(run)
-    return _Whole(protocol, parts, run, problem, bench.tells(problem))
+    return _Whole(protocol, parts, run, bench.tells(run))
 
 
 def _prediction(
     bench: Bench, name: str, run: Run, told: Information, free: Sequence[int], measure: Criterion
 ) -> Prediction:
-    names = [bench.parameters[index].name for index in free]
-    scale = bench.scale[list(free)]
-    alone = [float(told.of([index]).spread().std[0]) for index in free]
     return Prediction(
         name=name,
         seconds=float(run.time[-1]),
-        std=dict(zip(names, (told.of(free).spread().std * scale).tolist(), strict=True)),
-        std_alone=dict(zip(names, (np.array(alone) * scale).tolist(), strict=True)),
+        std=_std(bench, told, free),
+        std_noise=_std(bench, told, free, noise_only=True),
         objective=measure.one(told),
     )
 
 
-def _growth(bench: Bench, whole: _Whole, free: Sequence[int]) -> tuple[Mapping[str, float], ...]:
-    """Return the standard deviation of each open parameter after every block of a protocol."""
-    names = [bench.parameters[index].name for index in free]
-    scale = bench.scale[list(free)]
-    grown = []
-    for one in bench.tells_until(whole.problem, [block.begins + block.seconds for block in whole.blocks]):
-        grown.append(dict(zip(names, (one.of(free).spread().std * scale).tolist(), strict=True)))
-    return tuple(grown)
+def _phase_ends(bench: Bench, phases: Sequence[Phase]) -> list[float]:
+    planned = Protocol(name="baseline", phases=tuple(phases)).plan(bench.inst, bench.time_step)
+    ends = np.cumsum([one.seconds for one in planned])
+    return [*ends[:-1].tolist(), math.inf]
+
+
+def _std(bench: Bench, told: Information, free: Sequence[int], *, noise_only: bool = False) -> dict[str, float]:
+    """Return the standard deviation of parameters that are open together, SI."""
+    std = told.of(free).spread(noise_only=noise_only).std * bench.scale[list(free)]
+    return dict(zip((bench.parameters[index].name for index in free), std.tolist(), strict=True))
 
 
 def _untold(bench: Bench, problem: TwinProblem, everything: Information, forces: Sequence[float]) -> dict[str, str]:

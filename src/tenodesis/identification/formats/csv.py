@@ -47,7 +47,7 @@ _CHECKED = ("handle_angle", "measured_handle_angle", "measured_output_angle", "t
 class _Place(NamedTuple):
     """Where a column stands in the file, and how many SI units one of its numbers is."""
 
-    index: int
+    at: int
     scale: float
 
 
@@ -81,7 +81,7 @@ def load(path: Path) -> InstrumentRun:
             f"of tenodesis export recording, or a map {beside.name}."
         )
     table = {
-        name: place.scale * np.array([_number(row, place.index, separator) for row in rows])
+        name: place.scale * np.array([_number(row, place.at, separator) for row in rows])
         for name, place in places.items()
     }
     time = table.pop(_TIME)
@@ -103,9 +103,9 @@ def _read(path: Path) -> tuple[str, list[str], list[list[str]]]:
     return separator, [heading.strip() for heading in headings], rows
 
 
-def _number(row: Sequence[str], index: int, separator: str) -> float:
+def _number(row: Sequence[str], at: int, separator: str) -> float:
     """Return a cell's number, NaN where there is none."""
-    text = row[index] if index < len(row) else ""
+    text = row[at] if at < len(row) else ""
     try:
         return float(text if separator == "," else text.replace(",", "."))
     except ValueError:
@@ -115,30 +115,20 @@ def _number(row: Sequence[str], index: int, separator: str) -> float:
 def _recognised(path: Path, headings: Sequence[str], notes: list[str]) -> dict[str, _Place]:
     """Return the columns that headings tell: those of an export, of its first axis, or the columns' own names."""
     places: dict[str, _Place] = {}
-    axis: str | None = None
-    for index, heading in enumerate(headings):
+    axes: dict[str, None] = {}
+    for at, heading in enumerate(headings):
         found = _HEADING.fullmatch(heading)
-        name, *rest = (found["name"] if found else heading).split(".")
-        own = _SIGNALS.get(name) or next(
-            (column for key, column in _SIGNALS.items() if key.startswith(f"{name}.")), None
-        )
-        if own is not None and rest:
-            axis = axis or rest[0]
-            if rest[0] != axis:
-                continue
-            column = _SIGNALS.get(".".join([name, *rest[1:]]))
-        else:
-            column = name if name in _UNITS else own if "." not in (own or ".") else None
-        if column is None or column in places:
-            continue
-        unit = (found["unit"] if found else None) or _UNITS[column]
-        places[column] = _Place(index, _scale(unit, column, str(path)))
-    if axis is not None:
-        axes = dict.fromkeys(
-            match[1] for match in (re.match(r"measured_tension\.(\w+)\.", one) for one in headings) if match
-        )
-        if len(axes) > 1:
-            notes.append(f"of the axes {' and '.join(axes)} the first is taken")
+        name, unit = (found["name"], found["unit"]) if found else (heading, None)
+        column = name if name in _UNITS else _SIGNALS.get(name)
+        if column is None and "." in name:
+            signal, axis, *tendon = name.split(".")
+            column = _SIGNALS.get(".".join([signal, *tendon]))
+            if column is not None:
+                axes.setdefault(axis)
+        if column is not None and column not in places:
+            places[column] = _Place(at, _scale(unit or _UNITS[column], column, str(path)))
+    if len(axes) > 1:
+        notes.append(f"of the axes {' and '.join(axes)} the first is taken")
     return places
 
 

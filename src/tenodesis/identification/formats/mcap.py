@@ -16,7 +16,7 @@ from tenodesis.identification.formats.measured import checksum
 from tenodesis.instrument import Instrument
 from tenodesis.recording import Recording, cdr, container, schemas
 from tenodesis.recording.decode import Decoded, MisfitError, decode
-from tenodesis.signals import Array
+from tenodesis.signals import SIGNALS, Array
 
 __all__ = ["TENDONS", "InstrumentRun", "load"]
 
@@ -31,6 +31,9 @@ _SIGNALS = (
 )
 
 
+_CLOCK = "/tendons/measured_js"
+
+
 class _Signals(NamedTuple):
     """What was read of the first axis: by time, as (n,) or per tendon (n, 2)."""
 
@@ -39,6 +42,14 @@ class _Signals(NamedTuple):
     signals: Mapping[str, Array]
     notes: tuple[str, ...]
     instrument: Instrument | None
+
+
+class _Series(NamedTuple):
+    """A topic's stamps (n,) in ns, the joints' names, and each array of numbers (n, count)."""
+
+    stamps: Array
+    joints: tuple[str, ...]
+    numbers: Mapping[str, Array]
 
 
 def load(path: Path) -> InstrumentRun:
@@ -113,33 +124,31 @@ def _merged(path: Path, files: Sequence[Path]) -> _Signals:
             except MisfitError as problem:
                 notes.append(f"{channel.topic} is left out: {problem}")
     axes = schemas.axes_of({name: parts[0].joints for name, parts in topics.items()}) or ("yaw",)
-    clock = next((name for name in topics if name.endswith("tendons/measured_js") and "twin" not in name), None)
-    if clock is None:
+    if _CLOCK not in topics:
         raise RecordingError(f"{path} lacks measured_tension; its topics are {', '.join(topics) or 'none of these'}.")
-    series = {name: _series(topics[name]) for name in topics}
-    stamps = series[clock][0]
+    series = {name: _series(parts) for name, parts in topics.items()}
+    stamps = series[_CLOCK].stamps
     inside = np.ones(stamps.size, dtype=np.bool_)
-    found = {}
+    found: dict[str, Array] = {}
     for topic in schemas.topics(axes):
-        if topic.name not in series or not set(topic.signals.values()) & set(_SIGNALS):
-            continue
-        own, names, numbers = series[topic.name]
-        # of two axes the first; of a force per axis the first topic
-        columns = [names.index(joint) for joint in topic.joints if joint in names][: 2 if "tendon" in clock else 1]
-        for number, signal in topic.signals.items():
-            if signal not in _SIGNALS or signal in found or number not in numbers:
+        own = series.get(topic.name)
+        for field, signal in topic.signals.items() if own is not None else ():
+            if own is None or signal not in _SIGNALS or signal in found or field not in own.numbers:
                 continue
-            values = numbers[number]
-            wanted = columns[: 2 if signal in ("measured_tension", "measured_spool_angle") else 1] if names else [0]
-            inside &= (stamps >= own[0]) & (stamps <= own[-1])
-            found[signal] = np.stack([np.interp(stamps, own, values[:, column]) for column in wanted], axis=1)
+            # the first axis's joints, or the number itself
+            joints = [joint for joint in topic.joints if joint in own.joints][: 2 if SIGNALS[signal].per_tendon else 1]
+            at = [own.joints.index(joint) for joint in joints] if topic.joints else [0]
+            values = [np.interp(stamps, own.stamps, own.numbers[field][:, column]) for column in at]
+            if values:
+                found[signal] = np.stack(values, axis=1)
+                inside &= (stamps >= own.stamps[0]) & (stamps <= own.stamps[-1])
     notes.append("topics have stamps of their own: all are interpolated to those of the load cells")
     cut = {name: values[inside] if values.shape[1] > 1 else values[inside, 0] for name, values in found.items()}
     return _Signals((stamps[inside] - stamps[:1].sum()) / cdr.SECOND, axes, cut, tuple(notes), None)
 
 
-def _series(parts: Sequence[Decoded]) -> tuple[Array, tuple[str, ...], dict[str, Array]]:
-    """Return a topic's stamps (ns), joints and numbers over all files, in order of the stamps."""
+def _series(parts: Sequence[Decoded]) -> _Series:
+    """Return a topic's messages of all files in order of their stamps."""
     stamps = np.concatenate([part.stamps for part in parts])
     order = np.argsort(stamps, kind="stable")
     numbers = {
@@ -147,7 +156,7 @@ def _series(parts: Sequence[Decoded]) -> tuple[Array, tuple[str, ...], dict[str,
         for name in parts[0].numbers
         if all(name in part.numbers for part in parts)
     }
-    return stamps[order].astype(np.float64), parts[0].joints, numbers
+    return _Series(stamps[order].astype(np.float64), parts[0].joints, numbers)
 
 
 def _columns(signals: Mapping[str, Array], path: Path, notes: list[str]) -> dict[str, Array]:

@@ -28,6 +28,8 @@ _COARSE = 0.3
 """Error that a longer step may make, in standard deviations of what a step measures."""
 _LOST = 1e3
 """Residual of a sample that the model does not reach because its tip was lost, in standard deviations."""
+_CELL = 2e-3
+"""Share of its range by which a parameter may change before what spools' places do is worked out anew."""
 _MOST_HANDLE = 0.9  # of the compliance that the joints leave over
 _ANGLES = {"measured_handle_angle": "handle_angle_deg", "measured_output_angle": "output_angle_deg"}
 
@@ -63,6 +65,8 @@ class TwinProblem:
         spooled = any("spool_agonist" in run.columns for run in runs)
         self._names = [name for name in UNKNOWNS if self._applies(name, law, given, spooled)]
         self._variables = [_ROW.index(UNKNOWNS[name].number) for name in self._names]
+
+        self._shrinking: dict[int, tuple[bytes, Array, Array]] = {}
 
     def _stride(self, run: Measured) -> int:
         """Return how many samples make the longest steps that hardly change what sensors are expected to read."""
@@ -139,7 +143,8 @@ class TwinProblem:
     def residuals(self, values: Array, run: int) -> Array:
         """Return measured minus model, in standard deviations, one sensor after the other."""
         off, one = self._off(values, run), self._runs[run]
-        return np.concatenate([np.nan_to_num(off[name] / one.deviation[name], nan=_LOST) for name in off])
+        residuals = np.concatenate([np.nan_to_num(off[name] / one.deviation[name], nan=_LOST) for name in off])
+        return self._whitened(residuals, values, run)
 
     def jacobian(self, values: Array, run: int) -> Array:
         """Return the derivatives of the residuals by every parameter, exact through stick and slip."""
@@ -150,7 +155,7 @@ class TwinProblem:
         one = self._runs[run]
         model = self._model(values, run, [self._variables[index] for index in which])[:, 1:]
         parts = [-np.nan_to_num(model[READINGS.index(name)].T / one.deviation[name], nan=0.0) for name in one.measured]
-        return np.concatenate(parts)
+        return self._whitened(np.concatenate(parts), values, run)
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus model: output_angle_deg where there is a distal encoder, tension_N of both tendons."""
@@ -199,6 +204,40 @@ class TwinProblem:
             return "Record cycles at two pretensions and both small and large handle angles, with common-mode pulls."
         return None
 
+    def _whitened(self, residuals: Array, values: Array, run: int) -> Array:
+        """Return residuals, (n,) or (n, m), with the spools' unknown places within their encoders' steps marginalised.
+
+        In the directions in which these move residuals, residuals are shrunk to the variance of all else.
+        """
+        if not self._runs[run].misplaced:
+            return residuals
+        directions, shrunk = self._misplaced(values, run)
+        return np.asarray(residuals - directions @ (shrunk * (directions.T @ residuals).T).T)
+
+    def _misplaced(self, values: Array, run: int) -> tuple[Array, Array]:
+        """Return these directions, orthonormal, (n, m), and by which share each is shrunk, near some values."""
+        width = np.array([one.upper - one.lower for one in self.parameters]) * _CELL
+        near = np.round(values / width) * width
+        key, directions, shrunk = self._shrinking.get(run, (b"", np.zeros((0, 0)), np.zeros(0)))
+        if key == near.tobytes():
+            return directions, shrunk
+        one = self._runs[run]
+
+        def expected(commands: Array) -> Array:
+            model = self._run(one._replace(commands=commands), self._numbers(near), [])[:, 0, one.kept]
+            return np.concatenate([model[READINGS.index(name)] / one.deviation[name] for name in one.measured])
+
+        still = expected(one.commands)
+        moved = np.nan_to_num(np.stack([expected(one.commands + error) - still for error in one.misplaced], axis=1))
+        directions, sizes, _ = np.linalg.svd(moved, full_matrices=False)
+        shrunk = 1 - 1 / np.sqrt(1 + one.stride * sizes**2)
+        self._shrinking[run] = (near.tobytes(), directions, shrunk)
+        return directions, shrunk
+
+    def _numbers(self, values: Array) -> list[float]:
+        given = {UNKNOWNS[name].number: float(value) for name, value in zip(self._names, values, strict=True)}
+        return [(self._nominal | given)[name] for name in _ROW]
+
     def _off(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus model by sensor; NaN from where the model's tip is lost."""
         model = self._model(values, run, [])[:, 0]
@@ -206,9 +245,8 @@ class TwinProblem:
 
     def _model(self, values: Array, run: int, variables: Sequence[int]) -> Array:
         """Return what every sensor is expected to read and its derivatives, by reading, row and kept step."""
-        given = {UNKNOWNS[name].number: float(value) for name, value in zip(self._names, values, strict=True)}
         one = self._runs[run]
-        return self._run(one, [(self._nominal | given)[name] for name in _ROW], variables)[:, :, one.kept]
+        return self._run(one, self._numbers(values), variables)[:, :, one.kept]
 
     def _run(self, run: Prepared, numbers: list[float], variables: Sequence[int]) -> Array:
         numbers[_ROW.index("time_step")] = run.time_step

@@ -1,6 +1,7 @@
 """Recordings of an instrument as a twin takes them: commands step by step, and what was measured in those steps."""
 
 from collections.abc import Mapping
+from itertools import pairwise
 from math import hypot, pi, sqrt
 from typing import NamedTuple
 
@@ -26,6 +27,13 @@ _BEGINNING = 0.05
 """Time that tells where a run begins, s."""
 _TAUT = 0.2
 """Share of the pretension above which a tendon counts as taut."""
+_RESTING = 0.3
+"""Time that a spool has to rest to have its own error of place, s."""
+_MOST_RESTS = 3
+_LONG = 4
+"""How many times longer than next to it a converter's step lasts where a signal rests."""
+_TURNING = 0.05
+"""Time that a spool takes at most to come to rest, s."""
 _LONGEST_BLUR = 0.2
 """Longest time that a sensor is smoothed over, s."""
 
@@ -35,6 +43,8 @@ class Prepared(NamedTuple):
 
     name: str
     time_step: float
+    stride: int
+    """Samples per step."""
     commands: Array
     """The core's commands by step."""
     lead: int
@@ -47,6 +57,8 @@ class Prepared(NamedTuple):
     """Mean reading in each of these, by name."""
     deviation: Mapping[str, float]
     """Standard deviation of a single reading, by name."""
+    misplaced: tuple[Array, ...]
+    """Errors that the spools' encoders leave in the commands, one standard deviation each."""
     as_read: bool
     """Whether the handle is where its encoder says less its offset, and not where it was commanded to be."""
 
@@ -98,24 +110,37 @@ def prepared(run: Measured, inst: Instrument, stride: int) -> Prepared:
             commands[:, _COMMANDS.index(name)] = bridged(columns[name])
     drives = inst.drives
     counts = 2 * pi / drives.encoder_counts / drives.gear_ratio
+    errors = []
     for tendon in TENDONS:
         if f"spool_{tendon}" in columns:
             spool = columns[f"spool_{tendon}"]
             reference = _reference(run.time, spool, columns[f"tension_{tendon}"], inst)
-            spool = smoothed(spool, run.sample_time, counts / sqrt(12))
-            commands[:, _COMMANDS.index(f"{tendon}_let_out")] = -drives.spool_radius * bridged(spool - reference)
+            let_out = _COMMANDS.index(f"{tendon}_let_out")
+            read = bridged(spool)
+            commands[:, let_out] = -drives.spool_radius * bridged(unrounded(spool, run.sample_time) - reference)
+            for rest in _rests(read, step):
+                # A spool that stops elsewhere stops earlier or later: friction is as the way there leaves it.
+                way = np.sign(read[rest.start] - read[max(0, rest.start - 1)]) or 1.0
+                errors.append((let_out, rest, -way * drives.spool_radius * counts / sqrt(12)))
     averaged = {name: mean(columns[name], inside & fresh) for name in readings}
     kept = averaged[readings[0]][1]
     lead = _leading(commands[0], step, inst)
+    misplaced = []
+    for column, rest, error in errors:
+        moved = np.zeros((len(lead) + count, len(_COMMANDS)))
+        moved[len(lead) + rest.start : len(lead) + rest.stop, column] = error
+        misplaced.append(moved)
     return Prepared(
         name=run.name,
         time_step=step,
+        stride=stride,
         commands=np.concatenate([lead, commands]),
         lead=len(lead),
         kept=kept + len(lead),
         time=run.time[0] + (kept + 0.5 - 0.5 / stride) * step,
         measured={name: values for name, (values, _) in averaged.items()},
         deviation={name: _deviation(name, inst) for name in readings},
+        misplaced=tuple(misplaced),
         as_read=as_read,
     )
 
@@ -156,6 +181,35 @@ def smoothed(values: Array, sample_time: float, deviation: float) -> Array:
     return best
 
 
+def unrounded(values: Array, sample_time: float) -> Array:
+    """Return a signal without a converter's rounding, which tells when it passes from one step to the next.
+
+    Between such times it is drawn straight; where it rests, turns, begins or ends it is in the middle of the step.
+
+    Parameters
+    ----------
+    values
+        The signal, shape (n,), evenly sampled, rounded and without noise.
+    sample_time
+        Time between samples, s.
+    """
+    changes = np.flatnonzero(np.diff(values))
+    if not changes.size:
+        return values
+    middles = np.append(values[changes], values[-1])
+    edges = np.concatenate([[-0.5], changes + 0.5, [values.size - 0.5]])
+    lengths = np.diff(edges)
+    near = np.minimum(np.append(np.inf, lengths[:-1]), np.append(lengths[1:], np.inf))
+    resting = lengths > _LONG * near
+    resting[[0, -1]] = True
+    resting[1:-1] |= middles[:-2] == middles[2:]
+    way = np.minimum(np.minimum(near, lengths) / 2, _TURNING / sample_time)
+    at = np.concatenate([edges[1:-1], (edges[:-1] + way)[resting], (edges[1:] - way)[resting]])
+    there = np.concatenate([(middles[1:] + middles[:-1]) / 2, middles[resting], middles[resting]])
+    order = np.argsort(at, kind="stable")
+    return np.asarray(np.interp(np.arange(values.size), at[order], there[order]))
+
+
 def _fresh(columns: Mapping[str, Array], readings: list[str]) -> NDArray[np.bool_]:
     """Return which rows hold a reading of their own, where sensors are held over several rows."""
     changed = np.zeros(columns[readings[0]].size, dtype=np.bool_)
@@ -181,6 +235,18 @@ def _reference(time: Array, spool: Array, tension: Array, inst: Instrument) -> f
         return first
     reached = np.flatnonzero(tension >= inst.pretension)
     return float(spool[reached[0]]) if reached.size else float(spool[np.argmax(tension)])
+
+
+def _rests(spool: Array, step: float) -> list[slice]:
+    """Return the longest stretches of time in which a spool that moves otherwise rests.
+
+    Rounding of its angle lasts as long, and no sample of it tells that.
+    """
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(spool)) + 1, [spool.size]])
+    if edges.size == 2:
+        return []
+    stretches = [slice(int(start), int(end)) for start, end in pairwise(edges) if (end - start) * step >= _RESTING]
+    return sorted(stretches, key=lambda one: one.start - one.stop)[:_MOST_RESTS]
 
 
 def _leading(first: Array, step: float, inst: Instrument) -> Array:
