@@ -40,13 +40,18 @@ def study_tolerances(  # noqa: PLR0917
         Path | None,
         typer.Option(help="Tolerance file. Default: ISO 2768-1 and what an identification leaves.", show_default=False),
     ] = None,
-    samples: Annotated[int, typer.Option(help="Base samples N; N (parameters + 2) runs.")] = SAMPLES,
+    samples: Annotated[
+        int, typer.Option(help="Base samples N, rounded up to a power of two; N (parameters + 2) runs.")
+    ] = SAMPLES,
     seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
     force: Annotated[
         str | None,
         typer.Option(help="Force on the real-size instrument. Default: the largest test force.", show_default=False),
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for page, figures, samples and numbers.")] = Path("out/tolerance"),
+    out: Annotated[
+        Path,
+        typer.Option(help="Folder for page, figures, samples and numbers; those of an earlier study are replaced."),
+    ] = Path("out/tolerance"),
     engine: Annotated[str, typer.Option(help="threads or ray.")] = "threads",
     address: Annotated[
         str | None, typer.Option(help="Of the Ray cluster: host:port of its head, or auto.", show_default=False)
@@ -111,7 +116,7 @@ def _dominating(study: tolerance.Study) -> Table:
             study.parameters[n].label + ("" if one.indices is None else f" {fixed(one.indices.total[n])}")
             for n in one.order[:_NAMED]
         ]
-        table.add_row(one.description, escape(", ".join(named)))
+        table.add_row(one.description, escape(", ".join(named)) if one.varies else "does not vary")
     return table
 
 

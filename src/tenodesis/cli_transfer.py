@@ -1,6 +1,7 @@
 """The command that carries an experiment on a scaled-up instrument to the real-size one."""
 
 import math
+import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
@@ -95,7 +96,7 @@ def _tell(carried: Carried) -> None:
 def _refuse(
     outputs: Iterable[tuple[str, Path | None]], inputs: Iterable[Path | str | None], *, overwrite: bool
 ) -> None:
-    """Refuse to write over an input, over the other output, or unasked over any file."""
+    """Refuse to write into no folder, over an input, over the other output, or unasked over any file."""
     taken = {Path(one).resolve() for one in inputs if one is not None}
     for option, path in outputs:
         if path is None:
@@ -104,12 +105,20 @@ def _refuse(
             raise CommandError(f"{option} is {path}, which is in use already; allowed is another path.")
         if path.exists() and not overwrite:
             raise CommandError(f"{path} exists already; allowed is another path, or --overwrite.")
+        if not path.parent.is_dir():
+            raise CommandError(f"{option} is {path}, but there is no folder {path.parent}; allowed is one that exists.")
+        if path.is_dir():
+            raise CommandError(f"{option} is {path}, which is a folder; allowed is a file.")
         taken.add(path.resolve())
 
 
 def _write(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
     try:
-        path.write_text(text, "utf-8")
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".transfer-") as beside:
+            new = Path(beside) / path.name
+            new.write_text(text, "utf-8")
+            new.replace(path)
     except OSError as problem:
         raise CommandError(f"{path} cannot be written: {problem.strerror or problem}.") from None
 

@@ -104,7 +104,7 @@ def test_the_best_of_the_front_is_similar_to_a_tenth_of_a_degree_over_the_whole_
     ("name", "factor", "combinations"), [("paper", (3, 4), 3000), ("standard", (2.5, 2.7), 30_000)]
 )
 def test_the_front_is_that_of_brute_force(name: str, factor: tuple[float, float], combinations: int) -> None:
-    """Costs and limits of all over the whole range, and every pair compared: the same front, of which few were refined."""
+    """Costs and limits of all over the whole range, every pair compared: the same front, of which few were refined."""
     real = tn.load("real-size").axis("yaw")
     parts = changed(scaling.load(name), factor=factor)
     front = scaling.design(real, parts, combinations=combinations)

@@ -94,6 +94,15 @@ def test_groups_tell_what_the_papers_scale_model_keeps(real: Instrument, scaled:
     assert all(group.meaning and "\n" not in group.meaning for group in groups.values())
 
 
+def test_only_the_groups_that_force_and_time_are_scaled_by_match_in_any_two_instruments(
+    scaled: Instrument, continuum: Instrument
+) -> None:
+    groups = tn.similarity.compare(continuum, scaled).groups
+    imposed = {group.name for group in groups if group.imposed}
+    assert imposed == {"Theta", "J/(kappa t^2)"}
+    assert imposed <= {group.name for group in groups if group.matches}
+
+
 def test_time_scales_so_that_both_tips_swing_alike(real: Instrument, scaled: Instrument) -> None:
     factors = tn.similarity.compare(real, scaled).factors
     assert factors["time"] == pytest.approx(tn.twin.swing(real) / tn.twin.swing(scaled), rel=1e-12)

@@ -17,7 +17,7 @@ from tenodesis import cli_tolerance, threads, tolerance, twin
 from tenodesis.errors import StudyError
 from tenodesis.instrument import Instrument
 from tenodesis.tolerance import conduct, engines, evaluation, report, sampling
-from tenodesis.tolerance.cycle import cycle
+from tenodesis.tolerance.cycle import cycles
 from tenodesis.tolerance.parameters import resolve
 
 from .conftest import EXAMPLES
@@ -82,7 +82,7 @@ def test_indices_of_a_product_are_the_shares_of_its_factors_log_variances(scaled
 
 
 def test_a_row_of_the_study_is_a_run_of_the_twin(small: tolerance.Study) -> None:
-    way = cycle(small.model, small.prototype)
+    _, way = cycles(tn.similarity.compare(small.model, small.prototype))
     row = 7
     changes = {one.key: float(small.matrix[row, n]) for n, one in enumerate(small.parameters)}
     inst = small.prototype.replace(**changes)
@@ -237,6 +237,56 @@ def test_a_sample_that_is_no_instrument_counts_as_failed(real: Instrument, scale
 def test_a_key_that_nothing_depends_on_has_no_indices(real: Instrument, scaled: Instrument) -> None:
     found = tolerance.study(real, scaled, varied('sensors.encoder_noise|uniform|"50 %"'), samples=SMALL)
     assert all(one.indices is None for one in found.responses.values())
+
+
+def test_rounding_is_no_finding(real: Instrument, scaled: Instrument, tmp_path: Path) -> None:
+    found = tolerance.study(
+        real, scaled.replace(friction=None, mismatch=None), varied('pretension|uniform|"1 %"'), samples=SMALL, force=0.1
+    )
+    loss = found.responses["loss_flexion"]
+    assert 0 <= np.ptp(loss.scheme) < 1e-6
+    assert not loss.varies and loss.indices is None and loss.order == ()
+    assert "The loss in flexion does not vary: all its samples are within 1e-06 deg." in found.statements
+    assert not any("indices" in told for told in found.statements)
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures/sobol.svg").write_text("of an earlier study")
+    report.write(found, tmp_path)
+    assert not (tmp_path / "figures/sobol.svg").exists()
+    page = (tmp_path / "tolerance.html").read_text("utf-8")
+    assert "nothing: it does not vary" in page and "Sobol indices with half widths" not in page
+    numbers = json.loads((tmp_path / "tolerance.json").read_text("utf-8"))["responses"]["loss_flexion"]
+    assert numbers["varies"] is False and numbers["sobol"] is None
+    rows = cli_tolerance._dominating(found)
+    assert list(rows.columns[1].cells) == ["does not vary"] * len(found.responses)
+
+
+def test_too_few_samples_are_said_to_be_too_few(real: Instrument, scaled: Instrument) -> None:
+    few = tolerance.study(real, scaled, samples=8, force=0.4)
+    widest = max(one.indices.total_half_width.max() for one in few.responses.values() if one.indices)
+    assert widest > 0.5
+    assert any("The 8 base samples are too few for Sobol indices" in told for told in few.statements)
+
+
+def test_two_mechanisms_are_compared_where_their_unloaded_outputs_are_equal(
+    real: Instrument, pulley: Instrument
+) -> None:
+    comparison = tn.similarity.compare(real, pulley)
+    ours, theirs = cycles(comparison)
+    np.testing.assert_allclose(
+        tn.statics.output_angle(pulley, theirs.handle), tn.statics.output_angle(real, ours.handle), atol=1e-9
+    )
+    assert np.abs(theirs.handle).max() <= pulley.handle_range * (1 + 1e-9)
+    assert np.abs(theirs.handle - ours.handle).max() > 0.1
+    # Without friction and all but unloaded, nothing is left of the difference between the mechanisms.
+    calm = [inst.replace(friction=None, mismatch=None) for inst in (real, pulley)]
+    found = tolerance.study(*calm, varied('tendon_modulus|uniform|"5 %"'), samples=8, force=1e-6)
+    assert found.responses["similarity_largest"].nominal < 1e-3
+
+
+def test_a_scale_model_that_reaches_too_little_is_refused(real: Instrument, scaled: Instrument) -> None:
+    short = scaled.replace(handle_range=0.2)
+    with pytest.raises(StudyError, match=r"scaled-up for real-size: prototype reaches .* allowed is a prototype"):
+        tolerance.study(real, short, samples=8)
 
 
 def test_samples_round_up_to_a_power_of_two(real: Instrument, scaled: Instrument) -> None:

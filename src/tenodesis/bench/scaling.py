@@ -163,12 +163,13 @@ def _groups(context: Context, comparison: Comparison) -> Table:
             number(g.model, 5),
             number(g.prototype, 5),
             fixed(g.ratio, 4),
-            "matches" if g.matches else "differs",
+            "made equal" if g.imposed else "matches" if g.matches else "differs",
         ]
         for g in comparison.groups
     ]
     return Table(
-        f"Dimensionless groups; F is {comparison.largest_force:g} N times the force factor, T_o as in the files",
+        f"Dimensionless groups; F is {comparison.largest_force:g} N times the force factor, T_o as in the files. The "
+        "factors of force and time are those that make Theta and J/(kappa t^2) equal",
         ["group", named(comparison.model), named(comparison.prototype), "ratio", ""],
         rows,
     )

@@ -13,6 +13,10 @@ SAME = 1e-9
 """Relative difference up to which two groups count as equal."""
 
 
+IMPOSED = ("Theta", "J/(kappa t^2)")
+"""Groups that are equal in any two instruments, since the factors of force and of time are taken from them."""
+
+
 class Definition(NamedTuple):
     """What a group governs, and what it is."""
 
@@ -78,6 +82,11 @@ class Group(NamedTuple):
     def ratio(self) -> float:
         """Prototype over model, NaN where the model's is zero."""
         return self.prototype / self.model if self.model else nan
+
+    @property
+    def imposed(self) -> bool:
+        """Whether the factor of force or of time makes the group equal, so that it tells nothing of similarity."""
+        return self.name in IMPOSED
 
     @property
     def matches(self) -> bool:

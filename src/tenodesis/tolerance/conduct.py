@@ -11,7 +11,7 @@ from tenodesis.errors import StudyError
 from tenodesis.instrument import Instrument
 from tenodesis.signals import Array
 from tenodesis.tolerance import engines, sampling
-from tenodesis.tolerance.cycle import cycle
+from tenodesis.tolerance.cycle import cycles
 from tenodesis.tolerance.defaults import default
 from tenodesis.tolerance.evaluation import Task, angles_of, evaluate
 from tenodesis.tolerance.files import Tolerances
@@ -42,7 +42,8 @@ def study(
     """Return what tolerances do to a scaled-up instrument's loss of angle and to its similarity, with friction.
 
     The forces on the scaled-up instrument are those on the real-size one times the force factor of the nominal pair,
-    since the laboratory hangs nominal weights. A study's numbers do not depend on engine, threads or chunks.
+    since the laboratory hangs nominal weights. Two instruments of one joint type are compared at equal handle angles,
+    of two at those of equal unloaded output of the nominal pair. A study's numbers do not depend on engine, threads or chunks.
 
     Parameters
     ----------
@@ -69,7 +70,8 @@ def study(
     Raises
     ------
     StudyError
-        A tolerance, a number or the engine is not allowed, or the nominal instruments do not hold the force.
+        A tolerance, a number or the engine is not allowed, the scaled-up instrument does not reach half of the
+        real-size one's working range, or the nominal instruments do not hold the force.
     """
     if not isinstance(samples, int | np.integer) or not LEAST_SAMPLES <= samples <= MOST_SAMPLES:
         raise StudyError(f"samples is {samples!r}; allowed is a whole number from {LEAST_SAMPLES} to {MOST_SAMPLES}.")
@@ -81,9 +83,10 @@ def study(
     parameters = resolve(given, model, prototype)
     count = 1 << (int(samples) - 1).bit_length()
 
-    factor = float(similarity.compare(model, prototype).force_factor())
+    comparison = _compared(model, prototype)
+    factor = float(comparison.force_factor())
     real_force = _force(model, prototype, factor, force)
-    task = _task(model, prototype, parameters, real_force, factor)
+    task = _task(comparison, parameters, real_force, factor)
     scheme = sampling.scheme(parameters, count, int(seed))
     whole = np.concatenate([scheme, _tornado(parameters)])
     table = _evaluated(runner, task, whole, progress)
@@ -111,15 +114,21 @@ def _force(model: Instrument, prototype: Instrument, factor: float, force: float
     return float(force)
 
 
-def _task(
-    model: Instrument, prototype: Instrument, parameters: tuple[Parameter, ...], force: float, factor: float
-) -> Task:
+def _compared(model: Instrument, prototype: Instrument) -> similarity.Comparison:
+    try:
+        return similarity.compare(model, prototype)
+    except ValueError as problem:
+        raise StudyError(f"{prototype.name} for {model.name}: {problem}") from None
+
+
+def _task(comparison: similarity.Comparison, parameters: tuple[Parameter, ...], force: float, factor: float) -> Task:
     """Return what all samples have in common, once the nominal instruments have been through it."""
-    way = cycle(model, prototype)
+    model, prototype = comparison.model, comparison.prototype
+    way, other = cycles(comparison)
     keys = tuple((one.instrument, one.key) for one in parameters)
     reference, lost = angles_of(model, way, force)
     both = any(one.instrument == "real-size" for one in parameters)
-    task = Task(model, prototype, keys, way, force, force * factor, None if both else reference)
+    task = Task(model, prototype, keys, way, other, force, force * factor, None if both else reference)
     nominal = evaluate(task, np.array([[one.nominal for one in parameters]]))[0, -1]
     for inst, status, own in ((model, lost, force), (prototype, nominal, force * factor)):
         if status != Status.OK:

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tenodesis import statics
-from tenodesis.instrument import Instrument
 from tenodesis.signals import Array
+from tenodesis.similarity import Comparison
 
 STEPS = 24
 """Steps from straight to the working range's end."""
@@ -39,13 +39,14 @@ class Cycle(NamedTuple):
         return slice(last - STEPS - 1, last)
 
 
-def cycle(model: Instrument, prototype: Instrument) -> Cycle:
-    """Return the cycle of two instruments.
+def cycles(comparison: Comparison) -> tuple[Cycle, Cycle]:
+    """Return the cycle of either instrument, by the handle angles that stand for each other.
 
     It goes to the end of the real-size instrument's working range, or less far where either handle does not reach a
     quarter beyond it.
     """
-    room = min(model.handle_range, prototype.handle_range) / (1 + BEYOND / STEPS)
+    model = comparison.model
+    room = min(model.handle_range, _range_of_prototype(comparison)) / (1 + BEYOND / STEPS)
     end = min(statics.reach(model), room)
     top = STEPS + BEYOND
     nodes = np.concatenate(
@@ -53,4 +54,18 @@ def cycle(model: Instrument, prototype: Instrument) -> Cycle:
     )
     load = np.ones(nodes.size)
     load[:LOADING] = np.arange(1, LOADING + 1) / LOADING
-    return Cycle(nodes * (end / STEPS), load, end, end / STEPS / SPEED)
+    handle = nodes * (end / STEPS)
+    mapped = np.asarray(comparison.prototype_handle_angle(handle))
+    other = float(comparison.prototype_handle_angle(end))
+    return Cycle(handle, load, end, end / STEPS / SPEED), Cycle(mapped, load, other, end / STEPS / SPEED)
+
+
+def _range_of_prototype(comparison: Comparison) -> float:
+    """Return the real-size handle angle that stands for the end of the scaled-up handle's range, rad."""
+    model, prototype = comparison.model, comparison.prototype
+    if comparison.same_mechanism:
+        return prototype.handle_range
+    bent = statics.output_angle(prototype, prototype.handle_range)
+    if bent >= statics.output_angle(model, model.handle_range):
+        return model.handle_range
+    return float(statics.handle_angle(model, bent))

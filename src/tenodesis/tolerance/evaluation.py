@@ -30,6 +30,8 @@ class Task(NamedTuple):
     keys: tuple[tuple[InstrumentName, str], ...]
     """What the columns of the samples are."""
     cycle: Cycle
+    """Of the real-size instrument."""
+    prototype_cycle: Cycle
     model_force: float
     prototype_force: float
     reference: Array | None
@@ -58,8 +60,8 @@ def evaluate(task: Task, rows: Array) -> Array:
         :class:`tenodesis.statics.Status`, or :data:`INVALID`.
     """
     prototypes = [_built(task, "prototype", row) for row in rows]
-    angles, status = _angles(prototypes, task.cycle, task.prototype_force)
-    responses = [*_losses(prototypes, task.cycle, angles)]
+    angles, status = _angles(prototypes, task.prototype_cycle, task.prototype_force)
+    responses = [*_losses(prototypes, task.prototype_cycle, angles)]
     if task.reference is not None:
         reference, of_model = task.reference, []
     else:

@@ -15,6 +15,8 @@ from tenodesis.tolerance.results import Response, Study
 _BINS = 48
 _MOST_BARS = 12
 _LOW, _HIGH = style.ANTAGONIST, style.AGONIST
+NAMES = ("distributions", "tornado", "sobol")
+"""Figures that a study may have."""
 _SHOWN = {
     "loss_flexion": ("output loss, in flexion", "output loss [deg]"),
     "similarity_rms": ("similarity error, rms", "similarity error [deg]"),
@@ -90,7 +92,9 @@ def _panels(study: Study) -> tuple[Figure, list[tuple[Axes, Response, list[int]]
     panels = [(axis, one, list(one.order[:bars])) for axis, one in zip(axes, responses, strict=True)]
     for axis, one, order in panels:
         axis.set_title(_SHOWN[one.key][0])
-        axis.set_yticks(range(bars), [study.parameters[n].label for n in order], color=style.INK)
+        if not order:
+            axis.text(0.5, 0.5, "does not vary", transform=axis.transAxes, ha="center", color=style.MUTED)
+        axis.set_yticks(range(len(order)), [study.parameters[n].label for n in order], color=style.INK)
         axis.set_ylim(bars - 0.4, -0.6)
         axis.grid(axis="y", visible=False)
     return fig, panels
@@ -104,8 +108,11 @@ def _tornado(study: Study) -> Plot:
             change = one.swings[order, side] - one.nominal
             axis.barh(range(len(order)), change, left=one.nominal, height=0.66, color=color, label=label)
             curves[f"{one.key} {label} [deg]"] = one.swings[:, side]
-        axis.axvline(one.nominal, color=style.INK, lw=1.2)
-        axis.margins(x=0.08)
+        if order:
+            axis.axvline(one.nominal, color=style.INK, lw=1.2)
+            axis.margins(x=0.08)
+        else:
+            axis.set_xticks([])
         axis.set_xlabel(_SHOWN[one.key][1])
     handles, names = panels[0][0].get_legend_handles_labels()
     fig.legend(handles, names, loc="outside upper left", ncols=2)
@@ -123,7 +130,6 @@ def _sobol(study: Study) -> Plot:
     curves = {}
     for axis, one, order in panels:
         if one.indices is None:
-            axis.text(0.5, 0.5, "does not vary", transform=axis.transAxes, ha="center", color=style.MUTED)
             continue
         found = one.indices
         kinds = (

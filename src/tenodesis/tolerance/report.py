@@ -18,7 +18,7 @@ from tenodesis.bench import style
 from tenodesis.bench.content import Plot, fixed
 from tenodesis.errors import StudyError
 from tenodesis.tolerance import figures
-from tenodesis.tolerance.results import QUANTILES, Study
+from tenodesis.tolerance.results import QUANTILES, Response, Study
 
 RESULTS_SCHEMA = 1
 """Version of the layout of tolerance.json."""
@@ -61,6 +61,9 @@ def _write(study: Study, out: Path) -> None:
         for file in sorted(files, key=lambda path: path.name == _PAGE):
             (out / file).parent.mkdir(exist_ok=True)
             (new / file).replace(out / file)
+    for name in set(figures.NAMES) - drawings.keys():
+        for kind in _DRAWINGS:
+            (out / f"figures/{name}.{kind}").unlink(missing_ok=True)
 
 
 def _draw(plot: Plot, folder: Path) -> str:
@@ -104,6 +107,7 @@ def _numbers(study: Study) -> dict[str, Any]:
         responses[key] = {
             "description": one.description,
             "unit": "deg",
+            "varies": one.varies,
             "nominal": _number(one.nominal),
             "mean": _number(one.mean),
             "std": _number(one.std),
@@ -153,18 +157,23 @@ def _rendered(study: Study, plots: list[Plot], drawings: dict[str, str]) -> str:
     cards = [
         ("output loss in flexion, 5 to 95 %", f"{_range(loss.quantile(0.05), loss.quantile(0.95))}"),
         ("similarity error (rms), 95 % stay below", f"{fixed(similarity.quantile(0.95))}°"),
-        ("dominates the loss", study.parameters[loss.order[0]].label),
-        ("dominates the similarity error", study.parameters[similarity.order[0]].label),
+        ("dominates the loss", _first(study, loss)),
+        ("dominates the similarity error", _first(study, similarity)),
     ]
     return environment.from_string(text).render(
         study=study,
         cards=cards,
         quantiles=QUANTILES,
+        ranked=next((one.order for one in study.responses.values() if one.indices), ()),
         end=fixed(math.degrees(study.end), 1),
         plots=[(plot, Markup(drawings[plot.name])) for plot in plots],
         fixed=fixed,
         about=about(),
     )
+
+
+def _first(study: Study, response: Response) -> str:
+    return study.parameters[response.order[0]].label if response.order else "nothing: it does not vary"
 
 
 def _range(low: float, high: float) -> str:

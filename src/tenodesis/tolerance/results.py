@@ -16,8 +16,12 @@ from tenodesis.tolerance.parameters import Parameter
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 LEAST_COMPLETE = 0.95
 """Share of base samples that must have all their runs for Sobol indices to be valid."""
+LEAST_SPREAD = 1e-6
+"""Spread of a response, deg, up to which it is the rounding of an equilibrium and no finding."""
 CLOSE = 0.1
 """Half width of the confidence intervals up to which indices count as converged."""
+TOO_FEW = 0.5
+"""Half width from which on the samples are too few to say what dominates."""
 
 DESCRIPTIONS: Mapping[str, str] = {
     "loss_flexion": "loss in flexion",
@@ -67,6 +71,11 @@ class Response:
     """None where they are not valid, or the response does not vary."""
 
     @property
+    def varies(self) -> bool:
+        """Whether its samples differ by more than rounding."""
+        return bool(np.ptp(self.scheme[~np.isnan(self.scheme)]) > LEAST_SPREAD)
+
+    @property
     def description(self) -> str:
         """What it is."""
         return DESCRIPTIONS[self.key]
@@ -87,7 +96,12 @@ class Response:
 
     @cached_property
     def order(self) -> tuple[int, ...]:
-        """Parameters from the one that dominates down: by total index, or by swing where there is none."""
+        """Parameters from the one that dominates down: by total index, or by swing where there is none.
+
+        Empty for a response that does not vary.
+        """
+        if not self.varies:
+            return ()
         swing = np.nan_to_num(np.abs(self.swings[:, 1] - self.swings[:, 0]))
         weight = swing if self.indices is None else self.indices.total
         return tuple(int(n) for n in np.argsort(-weight, kind="stable"))
@@ -158,11 +172,23 @@ class Study:
             told.append(
                 f"{100 * self.incomplete:.2g} % of the base samples lack a run and are left out of the indices."
             )
+        told += [
+            f"The {one.description} does not vary: all its samples are within {LEAST_SPREAD:g} deg."
+            for one in self.responses.values()
+            if not one.varies
+        ]
         there = [one.indices for one in self.responses.values() if one.indices is not None]
         if there:
             widest = max(float(one.total_half_width.max()) for one in there)
-            hint = "" if widest <= CLOSE else "; this is wide, four times the samples halve it"
-            told.append(f"The total indices are known to ±{widest:.2g} or better (95 % confidence){hint}.")
+            if widest > TOO_FEW:
+                told.append(
+                    f"The {self.samples} base samples are too few for Sobol indices: some total index is known to no "
+                    f"better than ±{widest:.2g} (95 % confidence), so that what dominates is not certain; four times "
+                    "the samples halve it."
+                )
+            else:
+                hint = "" if widest <= CLOSE else "; this is wide, four times the samples halve it"
+                told.append(f"The total indices are known to ±{widest:.2g} or better (95 % confidence){hint}.")
         return tuple(told)
 
 
@@ -184,7 +210,7 @@ def respond(key: str, scheme: Array, study: Study, rest: Array) -> Response:
     complete = complete_blocks(study.status, study.samples)
     values = scheme.reshape(study.samples, -1)[complete].ravel()
     indices = None
-    if study.indices_valid and values.size and np.ptp(values) > 0:
+    if study.indices_valid and values.size and np.ptp(values) > LEAST_SPREAD:
         indices = Indices(*sampling.estimate(study.parameters, values, study.seed))
     swings = rest[1:].reshape(2, len(study.parameters)).T
     return Response(key, scheme, float(rest[0]), swings, samples[~np.isnan(samples)], indices)

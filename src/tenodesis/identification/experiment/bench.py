@@ -28,7 +28,7 @@ _PLACES = 2
 """At how many places of their step the spools' encoders are tried."""
 
 
-class Unfit(Exception):
+class UnfitError(Exception):
     """A protocol that the bench cannot run; the message is a short reason."""
 
 
@@ -79,14 +79,14 @@ class Bench:
 
         Raises
         ------
-        Unfit
+        UnfitError
             The protocol is beyond a range, loses the tip, or pulls too hard, if not here then with tendons and
             pretension that are a fifth off.
         """
         try:
             commands = Protocol(name="candidate", phases=tuple(phases)).commands(self.inst, self.time_step)
         except ProtocolError as problem:
-            raise Unfit(str(problem).partition(": ")[2].rstrip(".")) from None
+            raise UnfitError(str(problem).partition(": ")[2].rstrip(".")) from None
         runs = [self._run(self.inst, commands)]
         for stiffness, pretension in _OFF:
             changes = {"mismatch.stiffness_ratio": stiffness, "mismatch.pretension_ratio": pretension}
@@ -127,8 +127,8 @@ class Bench:
             self.values,
             self.scale,
             self._sensors,
-            off,
-            self._coarseness(problem, run),
+            off=off,
+            steps=self._coarseness(problem, run),
             averaged=self._averaged(problem),
             until=times,
         )
@@ -138,7 +138,10 @@ class Bench:
 
     def _coarseness(self, problem: TwinProblem, run: Run) -> list[Array]:
         """Return by how much the model is off the twin, by sensor, in the units of its traces."""
-        true = {"handle_angle_deg": np.degrees(run["handle_angle"]), "output_angle_deg": np.degrees(run["output_angle"])}
+        true = {
+            "handle_angle_deg": np.degrees(run["handle_angle"]),
+            "output_angle_deg": np.degrees(run["output_angle"]),
+        }
         true |= {f"tension_{tendon}_N": run["tension"][:, n] for n, tendon in enumerate(TENDONS)}
         traces = problem.traces(self.values, 0)
         return [_at(one.time, Trace(run.time, true[name], true[name])) - one.model for name, one in traces.items()]
@@ -156,16 +159,21 @@ class Bench:
 
     def _run(self, inst: Instrument, commands: dict[str, Array]) -> Run:
         try:
-            run = twin.Twin(inst, time_step=self.time_step).run(**commands)
+            run = twin.Twin(inst, time_step=self.time_step).run(
+                commands["handle_angle"],
+                commands["force"],
+                radial_force=commands["radial_force"],
+                spool_velocity=commands["spool_velocity"],
+            )
         except NoSolutionError:
-            raise Unfit("the tip is lost") from None
+            raise UnfitError("the tip is lost") from None
         except ValueError as problem:
-            raise Unfit(str(problem).rstrip(".")) from None
+            raise UnfitError(str(problem).rstrip(".")) from None
         bent, pulled = float(np.abs(run["output_angle"]).max()), float(run["tension"].max())
         if bent >= self.inst.output_stop:
-            raise Unfit("the tip is bent to its stop")
+            raise UnfitError("the tip is bent to its stop")
         if pulled > self._limit:
-            raise Unfit(f"a tendon is pulled by {pulled:.3g} N, above the limit of {self._limit:.3g} N")
+            raise UnfitError(f"a tendon is pulled by {pulled:.3g} N, above the limit of {self._limit:.3g} N")
         return run
 
     def _measured(self, run: Run, spools: Array, every: int) -> Measured:

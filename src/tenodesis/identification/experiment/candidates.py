@@ -1,4 +1,4 @@
-"""Candidates for a protocol: blocks of phases that each begin and end straight, unloaded, the spools where they were."""
+"""Candidates for a protocol: blocks of phases that each begin and end straight and unloaded, the spools as before."""
 
 import math
 from collections.abc import Iterator, Sequence

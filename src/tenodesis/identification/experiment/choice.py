@@ -123,8 +123,8 @@ class _Pool:
         return np.flatnonzero((self._seconds <= left) & (taken < self._most))
 
     def _of(self, chosen: Sequence[int]) -> float:
-        places = list(chosen)
-        return float(self._criterion.many(self._curvature[places].sum(axis=0)[None], self._scores[places].sum(axis=0)[None])[0])
+        curvature, scores = (of[list(chosen)].sum(axis=0) for of in (self._curvature, self._scores))
+        return float(self._criterion.many(curvature[None], scores[None])[0])
 
     def _with(self, chosen: Sequence[int], added: NDArray[np.intp]) -> Array:
         places = list(chosen)

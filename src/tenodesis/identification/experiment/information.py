@@ -95,9 +95,9 @@ def information(
     values: Array,
     scale: Array,
     sensors: dict[str, Converter],
+    *,
     off: Sequence[tuple[Sequence[Array], float]],
     steps: Sequence[Array],
-    *,
     averaged: int,
     until: Sequence[float],
 ) -> list[Information]:
@@ -131,7 +131,9 @@ def information(
     weights = _unit(problem, values, list(traces.values())) / deviations
     jacobian = (problem.jacobian(values, 0) * scale).reshape(len(kinds), -1, scale.size) * weights[:, None, None]
     time = next(iter(traces.values())).time
-    shifts = [(np.array([one / of for one, of in zip(parts, deviations, strict=True)]), weight) for parts, weight in off]
+    shifts = [
+        (np.array([one / of for one, of in zip(parts, deviations, strict=True)]), weight) for parts, weight in off
+    ]
     coarseness = np.array([one / of for one, of in zip(steps, deviations, strict=True)])
     found: list[Information] = []
     begin, stepped = 0, np.zeros((scale.size, scale.size))

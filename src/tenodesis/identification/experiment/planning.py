@@ -15,7 +15,7 @@ from tenodesis.identification import identifiability
 from tenodesis.identification.differences import scales
 from tenodesis.identification.experiment import candidates as blocks
 from tenodesis.identification.experiment.baselines import baselines
-from tenodesis.identification.experiment.bench import Bench, Unfit
+from tenodesis.identification.experiment.bench import Bench, UnfitError
 from tenodesis.identification.experiment.candidates import Candidate, Phase
 from tenodesis.identification.experiment.choice import Criterion, CriterionName, choose
 from tenodesis.identification.experiment.information import Information
@@ -111,6 +111,8 @@ class Plan:
 
     def told(self, name: str) -> bool:
         """Return whether the protocol is predicted to tell a parameter, by the rule that fits are judged by."""
+        if name in self.untold:
+            return False
         one = next(one for one in self.parameters if one.name == name)
         scale = float(scales([one], np.array([one.start]))[0])
         return self.proposed.std[name] < identifiability.TOLD * scale
@@ -171,23 +173,23 @@ def plan(
         reasons = "; ".join(dict.fromkeys(left_out.values()))
         raise IdentificationError(f"{inst.name} can run none of the candidates: {reasons}.")
     everything = sum((one.told for one in tried[1:]), tried[0].told)
-    best = _best(bench, tried, duration, measure, left_out, report)
+    best = _best(bench, tried, duration=duration, measure=measure, left_out=left_out, report=report)
     names = [one.name for one in bench.parameters]
     predictions = []
     for name, phases in compared.items():
         try:
             run = bench.run(phases)
-        except Unfit as problem:
+        except UnfitError as problem:
             left_out[name] = str(problem)
         else:
             told = bench.tells_until(bench.problem(run), run, _phase_ends(bench, phases))[-1]
-            predictions.append(_prediction(bench, name, run, told, free, measure))
+            predictions.append(_prediction(bench, name, run, told, free=free, measure=measure))
         report.step()
     # What is proposed is predicted from all samples, as a fit will have them.
-    problem = bench.problem(best.run)
-    grown = bench.tells_until(problem, best.run, [*(one.begins + one.seconds for one in best.blocks[:-1]), math.inf])
-    proposed = _prediction(bench, "the proposed protocol", best.run, grown[-1], free, measure)
-    untold = _untold(bench, problem, everything, given)
+    fitted = bench.problem(best.run)
+    grown = bench.tells_until(fitted, best.run, [*(one.begins + one.seconds for one in best.blocks[:-1]), math.inf])
+    proposed = _prediction(bench, "the proposed protocol", best.run, grown[-1], free=free, measure=measure)
+    untold = _untold(bench, fitted, everything, given)
     found = Plan(
         inst=bench.inst,
         law=bench.law,
@@ -285,7 +287,7 @@ def _tried(bench: Bench, offered: Sequence[Candidate], report: _Progress) -> tup
     def one(candidate: Candidate) -> _Tried | str:
         try:
             run = bench.run(candidate.phases)
-        except Unfit as problem:
+        except UnfitError as problem:
             return str(problem)
         told = bench.tells(run)
         return _Tried(candidate, float(run.time[-1]), told)
@@ -311,6 +313,7 @@ _REPEATS = 2
 def _best(
     bench: Bench,
     tried: Sequence[_Tried],
+    *,
     duration: float,
     measure: Criterion,
     left_out: dict[str, str],
@@ -334,7 +337,7 @@ def _best(
         for order in _orders(chosen):
             try:
                 wholes.append(_whole(bench, [pool[place] for place in order]))
-            except Unfit as problem:
+            except UnfitError as problem:
                 reason = str(problem)
             report.step()
         if wholes:
@@ -372,7 +375,7 @@ def _whole(bench: Bench, order: Sequence[_Tried]) -> _Whole:
 
 
 def _prediction(
-    bench: Bench, name: str, run: Run, told: Information, free: Sequence[int], measure: Criterion
+    bench: Bench, name: str, run: Run, told: Information, *, free: Sequence[int], measure: Criterion
 ) -> Prediction:
     return Prediction(
         name=name,
@@ -414,34 +417,42 @@ def _untold(bench: Bench, problem: TwinProblem, everything: Information, forces:
             names = " and ".join([", ".join(one.names[:-1]), one.names[-1]])
             known = f"only {one.known} acts" if one.known else "they change what the sensors read in the same way"
             sentence = f"No candidate tells {names} apart: {known}."
-        reason = _reason(bench, problem, one.names, forces)
+        reason = _reason(bench, problem, one.names)
         why |= dict.fromkeys(one.names, f"{sentence} {reason}" if reason else sentence)
     for name, fine in told.identifiable.items():
         if not fine and name not in why:
-            reason = _reason(bench, problem, (name,), forces)
+            reason = _reason(bench, problem, (name,))
             sentence = f"No candidate tells {name}: it leans on several others."
             why[name] = f"{sentence} {reason}" if reason else sentence
+    if not forces and bench.inst.joint_type != "continuum":
+        # A continuum's backbone is a known force.
+        sentence = (
+            f"No candidate tells {', '.join(_SCALING)} apart: without a known force at the tip all tensions scale "
+            "together, but for the tip's swing, whose inertia is held at the file's. Put known loads on the tip, or "
+            "hold the gains at a calibration's."
+        )
+        why |= dict.fromkeys(_SCALING, sentence)
     return why
 
 
-def _reason(bench: Bench, problem: TwinProblem, names: Sequence[str], forces: Sequence[float]) -> str | None:
+def _reason(bench: Bench, problem: TwinProblem, names: Sequence[str]) -> str | None:
     """Return what is behind it that some parameters cannot be told, or what would tell them."""
-    friction = bench.inst.friction
-    if not forces and any("load_cell" in name or name in _SCALING for name in names):
-        return (
-            "Without a known force at the tip, tensions are known by the load cells alone, whose gains and biases are "
-            "open as well: put known loads on the tip, or hold the gains at a calibration's."
-        )
-    if not bench.distal_encoder and any(name.startswith(("mismatch.load_cell", "stiffness")) for name in names):
-        return "A distal encoder would, or holding the load cells' gains and biases at a calibration's."
     if "handle_length_share" in names and bench.law == "none":
         return "Without friction the tension is the same all along a tendon."
-    if "friction.sheath_coefficient" in names and not friction.sheath_bend:
+    if "friction.sheath_coefficient" in names and not bench.inst.friction.sheath_bend:
         return "The sheath of the file has no bend: give its bend, measured."
+    if not bench.distal_encoder and any(name.startswith(("mismatch.load_cell", "stiffness")) for name in names):
+        return "A distal encoder would, or holding the load cells' gains and biases at a calibration's."
     return problem.advice(names)
 
 
-_SCALING = ("stiffness_ratio", "pretension_ratio")
+_SCALING = (
+    "stiffness_ratio",
+    "pretension_ratio",
+    "mismatch.load_cell_gain.agonist",
+    "mismatch.load_cell_gain.antagonist",
+)
+"""What scales together where no force is known."""
 
 
 def _warnings(found: Plan) -> tuple[str, ...]:

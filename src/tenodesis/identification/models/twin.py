@@ -1,7 +1,7 @@
 """The instrument's own twin as a model of its recordings, with exact derivatives through stick and slip."""
 
 from collections.abc import Sequence
-from math import degrees, pi
+from math import degrees, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -24,13 +24,15 @@ LONGEST_STEP = 2e-3
 
 _LAWS = ("none", "capstan", "capstan-constant", "stribeck")
 _ROW = _core.twin_parameters()
-_COARSE = 0.3
-"""Error that a longer step may make, in standard deviations of what a step measures."""
+_BIAS = 1.0
+"""By how much a longer step may move the parameters altogether, in standard deviations."""
+_SEEN = 1e-8
 _LOST = 1e3
 """Residual of a sample that the model does not reach because its tip was lost, in standard deviations."""
 _CELL = 2e-3
 """Share of its range by which a parameter may change before what spools' places do is worked out anew."""
 _MOST_HANDLE = 0.9  # of the compliance that the joints leave over
+_MOST_DAMPING = 2.0  # times the critical damping
 _ANGLES = {"measured_handle_angle": "handle_angle_deg", "measured_output_angle": "output_angle_deg"}
 
 
@@ -69,7 +71,7 @@ class TwinProblem:
         self._shrinking: dict[int, tuple[bytes, Array, Array]] = {}
 
     def _stride(self, run: Measured) -> int:
-        """Return how many samples make the longest steps that hardly change what sensors are expected to read."""
+        """Return how many samples make the longest steps that hardly move what a fit would find."""
         longest = twin.longest_step(self._inst)
         if run.sample_time > longest * (1 + 1e-6):
             raise IdentificationError(
@@ -87,10 +89,16 @@ class TwinProblem:
             coarse = prepared(run, self._inst, stride)
             count = len(coarse.commands) - coarse.lead
             means = fine[:, : count * stride].reshape(len(READINGS), count, stride).mean(axis=2)
-            there = self._run(coarse, numbers, [])[:, 0, coarse.lead :]
-            off = [(there - means)[READINGS.index(name)] / coarse.deviation[name] for name in coarse.measured]
-            known = [one[np.isfinite(one)] for one in off]
-            if all(one.size and np.sqrt(stride * np.mean(one**2)) < _COARSE for one in known):
+            variables = [_ROW.index(one.number) for one in UNKNOWNS.values()]
+            model = self._run(coarse, numbers, variables)[:, :, coarse.lead :]
+            rows = [READINGS.index(name) for name in coarse.measured]
+            scale = sqrt(stride) / np.array([coarse.deviation[name] for name in coarse.measured])
+            off = ((model[:, 0] - means)[rows] * scale[:, None]).ravel()
+            slopes = (model[:, 1:][rows] * scale[:, None, None]).transpose(0, 2, 1).reshape(off.size, -1)
+            known = np.isfinite(off)
+            directions, sizes, _ = np.linalg.svd(slopes[known], full_matrices=False)
+            seen = directions[:, sizes > _SEEN * sizes.max(initial=0)]
+            if known.any() and np.linalg.norm(seen.T @ off[known]) < _BIAS:
                 break
             stride //= 2
         return stride
@@ -117,6 +125,9 @@ class TwinProblem:
             upper = one.upper
             if name == "handle_length_share":
                 upper = min(upper, _MOST_HANDLE * (1 - sum(_core.joint_shares(self._inst.spec))))
+            if name == "dynamics.tip_damping":
+                critical = 2 * twin.swing(self._inst) * self._nominal["tip_inertia"]
+                upper = _MOST_DAMPING * max(critical, self._nominal["tip_damping"])
             start = float(np.clip(self._nominal[one.number], one.lower, upper))
             out.append(Parameter(name, one.unit, start, one.lower, upper, one.meaning))
         return tuple(out)

@@ -27,6 +27,8 @@ _BEGINNING = 0.05
 """Time that tells where a run begins, s."""
 _TAUT = 0.2
 """Share of the pretension above which a tendon counts as taut."""
+_TURN = 0.1
+"""Share of the handle's way that counts as having turned."""
 _RESTING = 0.3
 """Time that a spool has to rest to have its own error of place, s."""
 _MOST_RESTS = 3
@@ -125,6 +127,7 @@ def prepared(run: Measured, inst: Instrument, stride: int) -> Prepared:
     averaged = {name: mean(columns[name], inside & fresh) for name in readings}
     kept = averaged[readings[0]][1]
     lead = _leading(commands[0], step, inst)
+    known = kept >= (_turned(commands[:, _COMMANDS.index("handle_angle")]) if len(lead) else 0)
     misplaced = []
     for column, rest, error in errors:
         moved = np.zeros((len(lead) + count, len(_COMMANDS)))
@@ -136,9 +139,9 @@ def prepared(run: Measured, inst: Instrument, stride: int) -> Prepared:
         stride=stride,
         commands=np.concatenate([lead, commands]),
         lead=len(lead),
-        kept=kept + len(lead),
-        time=run.time[0] + (kept + 0.5 - 0.5 / stride) * step,
-        measured={name: values for name, (values, _) in averaged.items()},
+        kept=kept[known] + len(lead),
+        time=run.time[0] + (kept[known] + 0.5 - 0.5 / stride) * step,
+        measured={name: values[known] for name, (values, _) in averaged.items()},
         deviation={name: _deviation(name, inst) for name in readings},
         misplaced=tuple(misplaced),
         as_read=as_read,
@@ -259,6 +262,25 @@ def _leading(first: Array, step: float, inst: Instrument) -> Array:
         return np.zeros((0, first.size))
     share = np.linspace(0, 1, max(2, round(_LEAD / step)))[:, None]
     return np.asarray(share**2 * (3 - 2 * share) * first)
+
+
+def _turned(handle: Array) -> int:
+    """Return from where on a handle has turned twice, so that friction depends no more on what was before.
+
+    That is the beginning where it takes more than a third of the run.
+    """
+    least, turns, way, far = _TURN * float(np.ptp(handle)), 0, 0.0, 0
+    for at, angle in enumerate(handle[: len(handle) // 3].tolist()):
+        gone = angle - handle[far]
+        if way == 0 and abs(gone) >= least:
+            way, far = np.sign(gone), at
+        elif way * gone > 0:
+            far = at
+        elif way * gone <= -least and way:
+            way, far, turns = -way, at, turns + 1
+        if turns == 2:
+            return at
+    return 0
 
 
 def _deviation(name: str, inst: Instrument) -> float:

@@ -1,0 +1,176 @@
+"""A plan as files: the protocol to record, one HTML page that needs nothing beside it, a figure and all numbers."""
+
+import io
+import json
+import math
+import re
+import tempfile
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from tenodesis.bench import style
+from tenodesis.errors import IdentificationError
+from tenodesis.identification.experiment import figures
+from tenodesis.identification.experiment.planning import OPTIMISTIC, Plan, Prediction
+from tenodesis.identification.experiment.text import to_text
+from tenodesis.identification.figures import readable
+from tenodesis.identification.results import about
+
+PROTOCOL, PAGE, FIGURE, NUMBERS = "protocol.toml", "plan.html", "plan.svg", "plan.json"
+"""What a plan is written as."""
+SCHEMA = 1
+"""Version of the layout of plan.json."""
+
+_TEMPLATE = "plan.html.j2"
+
+
+def write(plan: Plan, out: Path) -> list[Path]:
+    """Write protocol.toml, plan.html, plan.svg and plan.json into a folder, or nothing, and return their paths.
+
+    Raises
+    ------
+    IdentificationError
+        The folder cannot be written.
+    """
+    with style.applied():
+        drawn = {
+            "course": (figures.course(plan), "What the twin does in the proposed protocol, block by block."),
+            "intervals": (
+                figures.intervals(plan),
+                "Predicted 95 % intervals of the wanted parameters, all others open as well, in the same time.",
+            ),
+            "growth": (figures.growth(plan), "How the wanted parameters come to be known, block by block."),
+        }
+        svgs = {name: (_svg(figure), caption) for name, (figure, caption) in drawn.items()}
+    texts = {
+        PROTOCOL: to_text(plan.protocol, comment=_comment(plan)),
+        FIGURE: svgs["course"][0],
+        NUMBERS: json.dumps(to_json(plan), indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        PAGE: _page(plan, svgs),
+    }
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=out, prefix=".plan-") as folder:
+            for name, text in texts.items():
+                (Path(folder) / name).write_text(text, "utf-8")
+            for name in texts:
+                (Path(folder) / name).replace(out / name)
+    except OSError as problem:
+        raise IdentificationError(f"{out} cannot be written: {problem.strerror or problem}.") from problem
+    return [out / name for name in texts]
+
+
+def to_json(plan: Plan) -> dict[str, Any]:
+    """Return a plan as plain numbers, SI; what is not finite is None."""
+    return {
+        "schema": SCHEMA,
+        "about": about(),
+        "instrument": plan.inst.name,
+        "law": plan.law,
+        "distal_encoder": plan.distal_encoder,
+        "duration": plan.duration,
+        "criterion": plan.criterion,
+        "forces": list(plan.forces),
+        "wanted": list(plan.wanted),
+        "open": list(plan.open),
+        "held": list(plan.held),
+        "seconds": plan.proposed.seconds,
+        "blocks": [
+            {"name": one.candidate.name, "kind": one.candidate.kind, "begins": one.begins, "seconds": one.seconds}
+            for one in plan.blocks
+        ],
+        "parameters": {
+            one.name: {
+                "value": one.start,
+                "unit": one.unit,
+                "meaning": one.meaning,
+                "wanted": one.name in plan.wanted,
+                "std": _number(plan.proposed.std[one.name]),
+                "std_noise": _number(plan.proposed.std_noise[one.name]),
+                "interval_95": list(plan.interval_95[one.name]),
+                "told": plan.told(one.name),
+            }
+            for one in plan.parameters
+            if one.name in plan.open
+        },
+        "baselines": {one.name: _prediction(one) for one in plan.baselines},
+        "not_told_by_any": dict(plan.untold),
+        "left_out": dict(plan.left_out),
+        "warnings": [*plan.warnings, OPTIMISTIC],
+    }
+
+
+def shown(plan: Plan, name: str) -> tuple[str, str, str]:
+    """Return value, half width of the predicted interval and that of noise alone, as people read them."""
+    one = next(one for one in plan.parameters if one.name == name)
+    factor, unit = readable(one.unit)
+    value = f"{one.start * factor:.5g}{f' {unit}' if unit else ''}"
+    widths = (1.96 * std[name] * factor for std in (plan.proposed.std, plan.proposed.std_noise))
+    whole, noise = (f"± {width:.2g}" if math.isfinite(width) else "open" for width in widths)
+    return value, whole, noise
+
+
+def ratio(plan: Plan, baseline: Prediction, name: str) -> str:
+    """Return how many times as wide a parameter's interval would be by a baseline."""
+    own, other = plan.proposed.std[name], baseline.std[name]
+    if not math.isfinite(other):
+        return "not told"
+    return f"{other / own:.3g}" if math.isfinite(own) and own else ""
+
+
+def _prediction(one: Prediction) -> dict[str, Any]:
+    return {
+        "seconds": one.seconds,
+        "std": {name: _number(value) for name, value in one.std.items()},
+        "std_noise": {name: _number(value) for name, value in one.std_noise.items()},
+    }
+
+
+def _comment(plan: Plan) -> str:
+    lines = [f"Proposed for {plan.inst.name} to tell {', '.join(plan.wanted)}.", "Blocks, each from rest to rest:"]
+    return "\n".join([*lines, *(f"  {one.begins:7.2f} s  {one.candidate.name}" for one in plan.blocks)])
+
+
+def _page(plan: Plan, svgs: dict[str, tuple[str, str]]) -> str:
+    text = (resources.files(__package__) / _TEMPLATE).read_text("utf-8")
+    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    rows = [
+        {
+            "name": name.replace("_", " "),
+            "cells": shown(plan, name),
+            "ratios": [ratio(plan, one, name) for one in plan.baselines],
+            "told": plan.told(name),
+            "wanted": name in plan.wanted,
+        }
+        for name in sorted(plan.open, key=lambda name: name not in plan.wanted)
+    ]
+    return environment.from_string(text).render(
+        plan=plan,
+        rows=rows,
+        drawn=[(name, Markup(_inlined(name, svg)), caption) for name, (svg, caption) in svgs.items()],
+        reasons=list(dict.fromkeys(plan.untold.values())),
+        optimistic=OPTIMISTIC,
+        about=about(),
+    )
+
+
+def _svg(figure: Figure) -> str:
+    file = io.StringIO()
+    figure.savefig(file, format="svg", metadata={"Date": None})
+    return file.getvalue()
+
+
+def _inlined(name: str, svg: str) -> str:
+    """Return a figure to stand within HTML: no prologue, no size, and ids that no other figure uses."""
+    body = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg[svg.index("<svg") :])
+    body = re.sub(r'(xlink:href="#|url\(#)', rf"\1{name}-", body)
+    return re.sub(r"^<svg[^>]*>", lambda tag: re.sub(r' (width|height)="[^"]+"', "", tag[0]), body)
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

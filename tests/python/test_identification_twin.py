@@ -1,0 +1,421 @@
+"""Instruments found again in recordings of their twins, whose truth is known."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import tenodesis as tn
+from tenodesis.errors import IdentificationError
+from tenodesis.identification import FORMATS, Fit, fit
+from tenodesis.identification.differences import differenced, scales
+from tenodesis.identification.formats.instrument_run import TENDONS, InstrumentRun, checked
+from tenodesis.identification.models.twin import TwinProblem
+from tenodesis.identification.models.twin_runs import smoothed, unrounded
+from tenodesis.instrument import Instrument
+from tenodesis.protocols import Cycles, Pretension, Protocol
+from tenodesis.recording.session import record
+from tenodesis.signals import Array, Run
+
+STEP = 5e-4
+MISMATCH = {
+    "mismatch.stiffness_ratio": 0.85,
+    "mismatch.pretension_ratio": 1.1,
+    "mismatch.output_encoder_offset": np.radians(-1.4),
+}
+TRUTH = {
+    "stiffness_ratio": 0.85,
+    "pretension_ratio": 1.1,
+    "handle_length_share": 0.16,
+    "friction.vertex_coefficient": 0.13,
+    "friction.sheath_coefficient": 0.07,
+    "mismatch.output_encoder_offset": np.radians(-1.4),
+}
+KEYS = {name: value for name, value in TRUTH.items() if name.startswith("friction")}
+
+
+@pytest.fixture(scope="module")
+def told(scaled: Instrument) -> Instrument:
+    """What the file says."""
+    return scaled.replace(mismatch=None, **{"friction.sheath_bend": 1.0})
+
+
+@pytest.fixture(scope="module")
+def true(told: Instrument) -> Instrument:
+    """What is on the bench."""
+    return told.replace(**MISMATCH, **KEYS)
+
+
+def commands(inst: Instrument, seconds: float = 8.0) -> tuple[Array, Array]:
+    """Return handle angle and force: cycles of falling amplitude, every other pair under load."""
+    time = np.arange(1, int(seconds / STEP) + 1) * STEP
+    way = 2 / np.pi * np.arcsin(np.sin(np.pi * time)) * (1 - 0.6 * time / seconds)
+    load = 0.5 - 0.5 * np.cos(np.pi * np.clip(np.mod(time / 4, 2) * 4 - 4, -1, 1) / 2 + np.pi / 2)
+    scale = (
+        0.3 * inst.pretension * inst.distal_radius / inst.end_effector_length if hasattr(inst, "distal_radius") else 1.0
+    )
+    return 0.75 * inst.handle_range * way, np.minimum(scale, 1.0) * load
+
+
+def recorded(
+    inst: Instrument, seed: int = 0, *, seconds: float = 8.0, distal: bool = True, commanded: bool = True
+) -> InstrumentRun:
+    """Return a recording of a twin."""
+    handle, force = commands(inst, seconds)
+    return columns(tn.twin.Twin(inst, time_step=STEP, seed=seed).run(handle, force), distal=distal, commanded=commanded)
+
+
+def columns(run: Run, *, distal: bool = True, commanded: bool = True) -> InstrumentRun:
+    found = {
+        "handle_angle": run["commanded_handle_angle" if commanded else "measured_handle_angle"],
+        "measured_handle_angle": run["measured_handle_angle"],
+        "measured_output_angle": run["measured_output_angle"],
+        "force": run["force"],
+    }
+    for n, tendon in enumerate(TENDONS):
+        found |= {
+            f"tension_{tendon}": run["measured_tension"][:, n],
+            f"spool_{tendon}": run["measured_spool_angle"][:, n],
+        }
+    if not distal:
+        del found["measured_output_angle"]
+    if not commanded:
+        del found["measured_handle_angle"]
+    return checked("recording", run.time, found)
+
+
+def problem(runs: InstrumentRun | list[InstrumentRun], inst: Instrument, law: str = "capstan") -> TwinProblem:
+    built = FORMATS["mcap"].problem(runs if isinstance(runs, list) else [runs], [], law=law, instrument=inst)
+    assert isinstance(built, TwinProblem)
+    return built
+
+
+def start(one: TwinProblem, **changes: float) -> Array:
+    values = {parameter.name: parameter.start for parameter in one.parameters} | changes
+    assert len(values) == len(one.parameters)
+    return np.array(list(values.values()))
+
+
+def found_again(run: InstrumentRun, told: Instrument, names: list[str] | None = None) -> Fit:
+    return fit(problem(run, told), names or list(TRUTH), train=[0], starts=1)
+
+
+def deviations(found: Fit, truth: dict[str, float]) -> dict[str, float]:
+    return {name: (found.values[name] - truth[name]) / found.std[name] for name in found.free if name in truth}
+
+
+# derivatives
+
+
+@pytest.mark.parametrize("law", ["capstan", "capstan-constant", "stribeck", "none"])
+def test_derivatives_are_those_of_differences_for_every_mechanism(any_inst: Instrument, law: str) -> None:
+    inst = any_inst.axis(any_inst.axes[0])
+    keys: dict[str, object] = {"friction": None}
+    if law != "none":
+        keys = {f"friction.{key}": value for key, value in (("law", law), ("vertex_coefficient", 0.12))}
+        keys |= {"friction.sheath_coefficient": 0.1, "friction.sheath_bend": 1.0, "friction.viscous": 0.5}
+    if law in ("capstan-constant", "stribeck"):
+        keys["friction.constant"] = 0.3
+    if law == "stribeck":
+        keys |= {"friction.static_ratio": 1.3, "friction.stribeck_speed": 2e-3}
+    inst = inst.replace(**keys)
+    one = problem(recorded(inst, seconds=2.0), inst, law)
+    lower, upper = (np.array([getattr(p, side) for p in one.parameters]) for side in ("lower", "upper"))
+    values = np.clip(1.03 * start(one), lower, upper)
+    own = one.jacobian(values, 0)
+    other = differenced(lambda at: one.residuals(at, 0), values, lower, upper, scales(one.parameters, values))
+    size = np.maximum(np.abs(other).max(axis=0), 1e-4 * np.abs(other).max())
+    # a Stribeck law lets neighbouring solutions part where a contact breaks loose
+    share, allowed = (0.9, 0.02) if law == "stribeck" else (0.99, 1e-4)
+    assert np.quantile(np.abs(own - other) / size, share, axis=0).max() < allowed
+
+
+def test_derivatives_hold_on_the_lower_bounds_where_differences_are_one_sided(told: Instrument) -> None:
+    one = problem(recorded(told, seconds=2.0), told)
+    names = [p.name for p in one.parameters]
+    lower, upper = (np.array([getattr(p, side) for p in one.parameters]) for side in ("lower", "upper"))
+    values = start(one, **{"friction.viscous": 0.0, "dynamics.tip_damping": 0.0, "drives.backlash": 0.0})
+    other = differenced(lambda at: one.residuals(at, 0), values, lower, upper, scales(one.parameters, values))
+    own = one.jacobian(values, 0)
+    for name in ("friction.viscous", "dynamics.tip_damping"):
+        n = names.index(name)
+        assert np.quantile(np.abs(own - other)[:, n], 0.99) < 2e-3 * np.abs(other[:, n]).max()
+
+
+def test_derivatives_by_some_parameters_are_columns_of_all(told: Instrument) -> None:
+    one = problem(recorded(told, seconds=2.0), told)
+    values = start(one)
+    assert np.array_equal(one.derivatives(values, 0, [4, 1]), one.jacobian(values, 0)[:, [4, 1]])
+
+
+# what is found
+
+
+def test_six_parameters_are_found_again_within_their_intervals(told: Instrument, true: Instrument) -> None:
+    fits = [found_again(recorded(true, seed), told) for seed in range(8)]
+    off = np.array([list(deviations(one, TRUTH).values()) for one in fits])
+    assert all(all(one.identifiability.identifiable.values()) for one in fits)
+    hits = np.array(
+        [[one.interval_95[name][0] <= TRUTH[name] <= one.interval_95[name][1] for name in one.free] for one in fits]
+    )
+    # no parameter misses more often than chance leaves, and none by far
+    assert (hits.sum(axis=0) >= stats.binom.ppf(0.001, len(fits), 0.95)).all()
+    assert hits.sum() >= stats.binom.ppf(0.001, hits.size, 0.95)
+    assert np.abs(off).max() < 5
+
+
+def test_other_mechanisms_are_found_again(pulley: Instrument, continuum: Instrument) -> None:
+    for inst in (pulley, continuum):
+        told = inst.axis(inst.axes[0]).replace(
+            mismatch=None,
+            friction={"law": "capstan", "vertex_coefficient": 0.1, "sheath_coefficient": 0.1, "sheath_bend": 1.0},
+        )
+        found = found_again(recorded(told.replace(**MISMATCH, **KEYS)), told, [n for n in TRUTH if "length" not in n])
+        assert max(map(abs, deviations(found, TRUTH).values())) < 4.5
+
+
+def test_without_a_distal_encoder_the_proximal_side_tells_the_same(told: Instrument, true: Instrument) -> None:
+    names = [name for name in TRUTH if "encoder" not in name]
+    one = problem(recorded(true, distal=False), told)
+    assert "mismatch.output_encoder_offset" not in [parameter.name for parameter in one.parameters]
+    blind = fit(one, names, train=[0], starts=1)
+    assert list(blind.train_rmse) == ["tension_N"]
+    assert max(map(abs, deviations(blind, TRUTH).values())) < 4.5
+    seeing = found_again(recorded(true), told, names)
+    assert all(blind.std[name] > 0.7 * seeing.std[name] for name in names)
+
+
+def test_a_handle_known_by_its_encoder_alone_biases_hardly(told: Instrument, true: Instrument) -> None:
+    biases = np.array(
+        [
+            [found.values[name] / TRUTH[name] - 1 for name in TRUTH if name != "handle_length_share"]
+            for seed in range(3)
+            for found in [found_again(recorded(true, seed, commanded=False), told)]
+        ]
+    )
+    assert np.abs(biases.mean(axis=0)).max() < 0.01
+
+
+def test_two_runs_tell_more_than_one(told: Instrument, true: Instrument) -> None:
+    runs = [recorded(true, 1), recorded(true, 2, seconds=5.0)]
+    both = fit(problem(runs, told), list(TRUTH), train=[0, 1], starts=1)
+    alone = found_again(runs[0], told)
+    assert max(map(abs, deviations(both, TRUTH).values())) < 4.5
+    assert both.std["stiffness_ratio"] < alone.std["stiffness_ratio"]
+
+
+def test_a_held_out_run_is_predicted_to_its_sensors_noise(told: Instrument, true: Instrument) -> None:
+    built = FORMATS["mcap"].problem([recorded(true, 1)], [recorded(true, 2)], law="capstan", instrument=told)
+    found = fit(built, list(TRUTH), train=[0], test=[1], starts=1)
+    for name, rmse in found.test_rmse.items():
+        assert rmse == pytest.approx(found.train_rmse[name], rel=0.05)
+
+
+# what cannot be found
+
+
+def test_of_a_sheath_only_coefficient_times_bend_is_told(told: Instrument, true: Instrument) -> None:
+    one = problem(recorded(true), told)
+    found = fit(one, ["friction.sheath_coefficient", "friction.sheath_bend"], train=[0], starts=1)
+    assert not any(found.identifiability.identifiable.values())
+    assert "product" in str(found.identifiability.statements)
+    twice = {"friction.sheath_coefficient": 0.2, "friction.sheath_bend": 0.5}
+    assert one.residuals(start(one), 0) == pytest.approx(one.residuals(start(one, **twice), 0), abs=1e-6)
+
+
+def test_without_a_load_no_gain_is_told_from_stiffness_and_pretension(told: Instrument, true: Instrument) -> None:
+    # slowly, since what the tip's inertia takes is a load as well
+    slow = 0.75 * told.handle_range * np.sin(np.pi / 8 * np.arange(0, 8, STEP)) ** 2
+    one = problem(columns(tn.twin.Twin(true, time_step=STEP).run(slow)), told)
+    names = [*(f"mismatch.load_cell_gain.{tendon}" for tendon in TENDONS), "stiffness_ratio", "pretension_ratio"]
+    found = fit(one, names, train=[0], starts=1)
+    loaded = fit(problem(recorded(true), told), names, train=[0], starts=1)
+    for name in names:
+        assert found.std[name] > 5 * loaded.std[name]
+
+
+def test_nothing_is_seen_of_a_backlash_that_taut_tendons_hide(told: Instrument, true: Instrument) -> None:
+    one = problem(recorded(true), told)
+    found = fit(one, [*TRUTH, "drives.backlash"], train=[0], starts=1)
+    assert not found.identifiability.identifiable["drives.backlash"]
+
+
+def test_the_truth_in_the_file_is_not_peeked_at(true: Instrument) -> None:
+    run = recorded(true)
+    knowing, blind = problem(run, true), problem(run, true.replace(mismatch=None))
+    assert knowing.parameters == blind.parameters
+    assert np.array_equal(knowing.residuals(start(knowing), 0), blind.residuals(start(blind), 0))
+
+
+# the instrument that is written
+
+
+def test_the_written_instrument_does_what_was_recorded(told: Instrument, true: Instrument) -> None:
+    names = [name for name in TRUTH if name != "handle_length_share"]
+    run = recorded(true, 3)
+    one = problem(run, told)
+    written = one.instrument(fit(one, names, train=[0], starts=1).vector)
+    again = tn.twin.Twin(written, time_step=STEP, seed=4).run(*commands(told))
+    noise = {"measured_output_angle": np.hypot(told.sensors.encoder_noise, 2 * np.pi / 2**12 / np.sqrt(12))}
+    assert np.std(again["measured_output_angle"] - run["measured_output_angle"]) < 1.1 * np.sqrt(2) * min(
+        noise.values()
+    )
+    for n, tendon in enumerate(TENDONS):
+        off = again["measured_tension"][:, n] - run[f"tension_{tendon}"]
+        assert np.sqrt(np.mean(off**2)) < 1.1 * np.sqrt(2) * told.sensors.load_cell_noise
+
+
+def test_an_instrument_changes_only_where_values_do(told: Instrument) -> None:
+    one = problem(recorded(told, seconds=1.0), told)
+    same = one.instrument(start(one))
+    assert same.friction == told.friction and same.mismatch == told.mismatch and same.pretension == told.pretension
+    other = one.instrument(start(one, pretension_ratio=1.2, stiffness_ratio=0.5))
+    assert other.pretension == pytest.approx(1.2 * told.pretension)
+    assert other.tendon_stiffness == pytest.approx(0.5 * told.tendon_stiffness)
+
+
+# runs that do not begin at rest
+
+
+@pytest.fixture(scope="module")
+def tightened(true: Instrument, tmp_path_factory: pytest.TempPathFactory) -> InstrumentRun:
+    """A recording that begins with slack tendons, which the motors wind up."""
+    phases = (
+        Pretension(),
+        Cycles(output_amplitude=np.radians(50), symmetric=True, speed=np.radians(25), count=1, force=0.0),
+        Cycles(output_amplitude=np.radians(40), symmetric=True, speed=np.radians(25), count=1, force=1.0),
+    )
+    path = tmp_path_factory.mktemp("slack") / "run.mcap"
+    record(true, Protocol(name="slack", phases=phases), path, seed=3)
+    loaded = FORMATS["mcap"].load(path)
+    assert isinstance(loaded, InstrumentRun)
+    return loaded
+
+
+def test_slack_tendons_wound_up_are_followed_from_the_spools(told: Instrument, tightened: InstrumentRun) -> None:
+    found = found_again(tightened, told)
+    for name, true in TRUTH.items():
+        assert found.values[name] == pytest.approx(true, rel=0.02 if name == "handle_length_share" else 2e-3)
+    assert found.train_rmse["tension_N"] < 1.2 * 0.03
+
+
+def test_a_recording_that_begins_with_slack_tendons_and_any_zero_of_the_spools(
+    told: Instrument, tightened: InstrumentRun
+) -> None:
+    begun = tightened.time > 1.0
+    moved = {name: values[begun] + {"spool_agonist": 1.7, "spool_antagonist": -2.3}.get(name, 0)
+             for name, values in tightened.columns.items()}  # fmt: skip
+    run = dataclasses.replace(tightened, time=tightened.time[begun], columns=moved)
+    found = found_again(run, told)
+    for name in ("stiffness_ratio", "friction.vertex_coefficient", "friction.sheath_coefficient"):
+        assert found.values[name] == pytest.approx(TRUTH[name], rel=0.02)
+
+
+def test_a_recording_that_begins_anywhere_is_led_there(told: Instrument, true: Instrument) -> None:
+    whole = recorded(true)
+    late = whole.time > 2.6
+    run = dataclasses.replace(
+        whole, time=whole.time[late], columns={name: values[late] for name, values in whole.columns.items()}
+    )
+    assert abs(run["handle_angle"][0]) > 0.1
+    found = found_again(run, told)
+    for name, value in TRUTH.items():
+        if name != "handle_length_share":
+            assert found.values[name] == pytest.approx(value, rel=0.02)
+
+
+# the optimiser's ways
+
+
+def test_a_start_that_loses_the_tip_comes_back(told: Instrument, true: Instrument) -> None:
+    run = recorded(true)
+    weak = told.replace(pretension=0.35 * told.pretension, tendon_modulus=0.3 * (told.tendon_modulus or 0))
+    found = found_again(run, weak)
+    assert found.values["stiffness_ratio"] * 0.3 == pytest.approx(0.85, rel=0.01)
+
+
+def test_an_encoder_that_says_too_much_may_pass_the_handles_range(told: Instrument, true: Instrument) -> None:
+    run = recorded(true, commanded=False)
+    far = {**run.columns, "handle_angle": run["handle_angle"] + 0.25}
+    found = found_again(dataclasses.replace(run, columns=far), told, ["mismatch.handle_encoder_offset", *TRUTH])
+    assert np.abs(far["handle_angle"]).max() > told.handle_range
+    assert found.values["mismatch.handle_encoder_offset"] == pytest.approx(0.25, abs=0.01)
+    with pytest.raises(IdentificationError, match="wider handle_range"):
+        problem(dataclasses.replace(run, columns={**far, "handle_angle": run["handle_angle"] + 0.6}), told)
+
+
+def test_a_yielding_hand_is_where_its_encoder_says(told: Instrument, true: Instrument) -> None:
+    hand = {"dynamics.hand_stiffness": "20 N*m"}
+    found = found_again(recorded(true.replace(**hand)), told.replace(**hand))
+    for name, value in TRUTH.items():
+        if name != "handle_length_share":
+            assert found.values[name] == pytest.approx(value, rel=0.02)
+
+
+def test_sensors_held_over_several_rows_count_once(told: Instrument, true: Instrument) -> None:
+    slow = true.replace(**{"sensors.sampling_rate": "500 Hz"})
+    one = problem(recorded(slow), told)
+    assert one.sample_time(0) == pytest.approx(2e-3)
+    found = fit(one, list(TRUTH), train=[0], starts=1)
+    assert max(map(abs, deviations(found, TRUTH).values())) < 4.5
+
+
+def test_rows_that_were_dropped_leave_a_gap_and_no_residuals(told: Instrument) -> None:
+    run = recorded(told, seconds=2.0)
+    kept = (run.time < 0.5) | (run.time > 0.7)
+    cut = dataclasses.replace(
+        run, time=run.time[kept], columns={name: values[kept] for name, values in run.columns.items()}
+    )
+    whole, less = problem(run, told), problem(cut, told)
+    covered = [one.residuals(start(one), 0).size * one.sample_time(0) for one in (less, whole)]
+    share = covered[0] / covered[1]
+    assert share == pytest.approx(kept.mean(), abs=0.01)
+
+
+def test_bad_requests_are_told(told: Instrument) -> None:
+    run = recorded(told, seconds=1.0)
+    with pytest.raises(IdentificationError, match="law is 'bouc-wen'"):
+        problem(run, told, "bouc-wen")
+    with pytest.raises(IdentificationError, match="give --instrument"):
+        FORMATS["mcap"].problem([run], [], law="capstan", instrument=None)
+    sparse = dataclasses.replace(run, time=run.time * 40)
+    with pytest.raises(IdentificationError, match="too few for the tip"):
+        problem(sparse, told)
+
+
+# signals
+
+
+def test_rounding_is_taken_off_a_turning_spool() -> None:
+    time = np.arange(0, 4, STEP)
+    angle = 0.3 * np.clip(time - 1, 0, 1) - 0.1 * np.clip(time - 3, 0, 0.5)
+    step = 2 * np.pi / 4096
+    plain = np.round(angle / step) * step
+    better = unrounded(plain, STEP)
+    moving = (time > 1.05) & (time < 1.95)
+    assert np.abs(better - angle)[moving].max() < 0.15 * step
+    assert np.abs(better - plain).max() <= 0.51 * step
+    assert np.array_equal(unrounded(np.full(100, 3.0), STEP), np.full(100, 3.0))
+
+
+def test_smoothing_takes_noise_off_and_leaves_the_signal() -> None:
+    time = np.arange(0, 8, STEP)
+    angle = 0.4 * 2 / np.pi * np.arcsin(np.sin(np.pi * time))
+    noise = 7e-4
+    better = smoothed(angle + np.random.default_rng(0).normal(0, noise, time.size), STEP, noise)
+    assert np.sqrt(np.mean((better - angle) ** 2)) < 0.35 * noise
+
+
+@pytest.mark.parametrize("name", ["real-size"])
+def test_of_two_axes_the_first_is_identified(name: str, tmp_path: Path) -> None:
+    inst = tn.load(name)
+    phases = (Cycles(amplitude=np.radians(20), symmetric=True, speed=np.radians(40), count=1),)
+    path = tmp_path / "run.mcap"
+    record(inst.replace(**{"mismatch.stiffness_ratio": 0.9}), Protocol(name="two", phases=phases), path)
+    loaded = FORMATS["mcap"].load(path)
+    assert "of the axes yaw and pitch the first is taken" in loaded.notes
+    built = FORMATS["mcap"].problem([loaded], [], law="capstan", instrument=None)
+    found = fit(built, ["stiffness_ratio", "pretension_ratio"], train=[0], starts=1)
+    assert found.values["pretension_ratio"] == pytest.approx(1, abs=2e-3)
