@@ -99,7 +99,7 @@ void judge_over_points(const Target& target, const A& axis, double factor, doubl
       tension = std::max({tension, pulled.agonist, pulled.antagonist});
     }
   }
-  const double count = double(target.handle.size());
+  const auto count = double(target.handle.size());
   out[largest_error] = largest;
   out[rms_error] = std::sqrt(squares / count);
   out[snapped] = lost / count;

@@ -134,8 +134,10 @@ def _tell(found: Plan) -> None:
         box=box.SIMPLE_HEAD,
     )
     table.add_column("wanted", no_wrap=True)
-    for heading in ("file", "half width", "noise alone", *(one.name for one in found.baselines)):
-        table.add_column(heading, justify="right", overflow="fold")
+    for heading in ("file", "half width"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for one in found.baselines:
+        table.add_column(one.name, justify="right", overflow="fold")
     table.add_column("")
     for name in found.wanted:
         ratios = (report.ratio(found, one, name) for one in found.baselines)

@@ -183,7 +183,7 @@ def test_without_a_distal_encoder_the_proximal_side_tells_the_same(told: Instrum
     blind = fit(one, names, train=[0], starts=1)
     assert list(blind.train_rmse) == ["tension_N"]
     assert max(map(abs, deviations(blind, TRUTH).values())) < 4.5
-    seeing = found_again(recorded(true), told, names)
+    seeing = found_again(recorded(true), told)
     assert all(blind.std[name] > 0.7 * seeing.std[name] for name in names)
 
 
@@ -228,17 +228,18 @@ def test_of_a_sheath_only_coefficient_times_bend_is_told(told: Instrument, true:
 def test_without_a_load_no_gain_is_told_from_stiffness_and_pretension(told: Instrument, true: Instrument) -> None:
     # slowly, since what the tip's inertia takes is a load as well
     slow = 0.75 * told.handle_range * np.sin(np.pi / 8 * np.arange(0, 8, STEP)) ** 2
+    told = true.replace(mismatch=None)
     one = problem(columns(tn.twin.Twin(true, time_step=STEP).run(slow)), told)
     names = [*(f"mismatch.load_cell_gain.{tendon}" for tendon in TENDONS), "stiffness_ratio", "pretension_ratio"]
-    found = fit(one, names, train=[0], starts=1)
-    loaded = fit(problem(recorded(true), told), names, train=[0], starts=1)
+    found = fit(one, [*names, "mismatch.output_encoder_offset"], train=[0], starts=1)
+    loaded = fit(problem(recorded(true), told), [*names, "mismatch.output_encoder_offset"], train=[0], starts=1)
     for name in names:
-        assert found.std[name] > 5 * loaded.std[name]
+        assert found.std[name] > 10 * loaded.std[name]
 
 
 def test_nothing_is_seen_of_a_backlash_that_taut_tendons_hide(told: Instrument, true: Instrument) -> None:
-    one = problem(recorded(true), told)
-    found = fit(one, [*TRUTH, "drives.backlash"], train=[0], starts=1)
+    one = problem(recorded(true, seconds=2.0), told)
+    found = fit(one, ["stiffness_ratio", "friction.vertex_coefficient", "drives.backlash"], train=[0], starts=1)
     assert not found.identifiability.identifiable["drives.backlash"]
 
 
@@ -301,7 +302,7 @@ def test_slack_tendons_wound_up_are_followed_from_the_spools(told: Instrument, t
     assert found.train_rmse["tension_N"] < 1.2 * 0.03
 
 
-def test_a_recording_that_begins_with_slack_tendons_and_any_zero_of_the_spools(
+def test_spools_may_count_from_anywhere_and_tendons_be_slack_at_first(
     told: Instrument, tightened: InstrumentRun
 ) -> None:
     begun = tightened.time > 1.0
@@ -314,8 +315,10 @@ def test_a_recording_that_begins_with_slack_tendons_and_any_zero_of_the_spools(
 
 
 def test_a_recording_that_begins_anywhere_is_led_there(told: Instrument, true: Instrument) -> None:
-    whole = recorded(true)
-    late = whole.time > 2.6
+    time = np.arange(0, 9, STEP)
+    handle = 0.75 * told.handle_range * np.sin(2 * np.pi * time / 3)
+    whole = columns(tn.twin.Twin(true, time_step=STEP).run(handle, 0.5 - 0.5 * np.cos(0.9 * time)))
+    late = whole.time > 2.0
     run = dataclasses.replace(
         whole, time=whole.time[late], columns={name: values[late] for name, values in whole.columns.items()}
     )

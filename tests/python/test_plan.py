@@ -208,6 +208,42 @@ def test_groups_are_said_to_match_or_not(design: Any) -> None:
     assert "R/r" in groups.note
     assert {"l_d/r", "l_p/R", "F/(kr)"} <= {row[0] for row in groups.rows}
     assert not any(row[-1] == "1" for row in groups.rows)
+    matching, imposed, *_ = groups.note.split("; ")
+    assert imposed == "made equal by the factors of force and time: Θ, J/(κ t²)"
+    assert "Θ" not in matching and "κ" not in matching
+
+
+def test_what_hangs_is_off_by_so_much_give_or_take_the_tolerance_of_the_weights(design: Any) -> None:
+    factor = tn.statics.loss_of_dexterity(design.model, design.model.output_range / 2, 1.0)
+    factor /= tn.statics.loss_of_dexterity(design.prototype, design.model.output_range / 2, 1.0)
+    for row, test in zip(plan.content(design).loads.rows, design.tests, strict=True):
+        error, tolerance = row[6].replace("\u2212", "-").replace("\u00a0", "").split("±")
+        assert float(error) == pytest.approx(test.error, abs=6e-5)
+        tip = test.hanging.tolerance * 0.015 / design.prototype.rig_arm
+        assert float(tolerance) == pytest.approx(tip / factor, rel=0.5)
+        assert float(tolerance) > 0
+
+
+def test_a_motor_is_told_the_torque_at_the_largest_tension(design: Any) -> None:
+    (row,) = (row for row in plan.content(design).parts.rows if row[1] == "spools")
+    torque = design.largest_tension * design.choice.spool.radius
+    assert row[3].replace("\u00a0", " ") == f"one motor each, {torque:.3g} N·m at the largest tension"
+
+
+def test_a_margin_that_falls_short_is_written_so() -> None:
+    said = "\n".join(plan.content(made(margin=2.99996)).warnings)
+    assert "The rope breaks at 2.99996 × the largest tension; 3 × is asked for" in said
+
+
+def test_card_and_table_tell_the_same_error_where_a_tip_snaps_through() -> None:
+    found = plan.content(made(prototype=tn.load("scaled-up")))
+    rows = {name: largest for name, largest, _ in found.similarity.rows}
+    assert found.cards[2].label.endswith(", a snapped tip at its stop")
+    assert rows["without friction, a snapped tip at its stop"] == found.cards[2].value
+    assert rows["without friction, where both hold"] != found.cards[2].value
+    calm = plan.content(made(largest_force=0.5, forces=(0.25, 0.5)))
+    assert [row[0] for row in calm.similarity.rows] == ["without friction", "with friction, at rest"]
+    assert calm.cards[2].value == calm.similarity.rows[0][1]
 
 
 def test_what_a_workshop_must_not_overlook_is_a_warning() -> None:

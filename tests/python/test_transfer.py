@@ -394,9 +394,9 @@ def test_the_command_writes_both_files_and_tells_what_it_did(folder: Path, monke
         (["log.mcap", "--to", "real-size", "--instrument-out", "pulley.toml"], "pulley.toml exists already; allowed"),
         (["log.mcap", "--to", "real-size", "--out", "log.mcap", "--overwrite"], "--out is log.mcap, which is in use"),
         (["log.mcap", "--to", "real-size", "--out", "x", "--instrument-out", "x"], "--instrument-out is x, which is"),
-        (["log.mcap", "--to", "real-size", "--out", "no/x.mcap"], "--out is no/x.mcap, but there is no folder no; allow"),
-        (["log.mcap", "--to", "real-size", "--instrument-out", "no/x.toml"], "--instrument-out is no/x.toml, but there"),
-        (["log.mcap", "--to", "real-size", "--out", "into", "--overwrite"], "--out is into, which is a folder; allowed"),
+        (["log.mcap", "--to", "real-size", "--out", "no/x.mcap"], "--out is no/x.mcap, but there is no folder no; "),
+        (["log.mcap", "--to", "real-size", "--instrument-out", "no/x.toml"], "--instrument-out is no/x.toml, but"),
+        (["log.mcap", "--to", "real-size", "--out", "into", "--overwrite"], "--out is into, which is a folder;"),
     ],
 )
 def test_mistakes_end_in_one_sentence_and_leave_inputs_alone(

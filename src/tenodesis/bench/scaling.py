@@ -276,10 +276,15 @@ def _causes(context: Context, comparison: Comparison) -> Table:
     rows = []
     for name, pretension in (("scaled", None), ("as used", comparison.prototype.pretension)):
         several = None if limit is None else [limit * share for share in (0.0, 0.5, 1.0)]
-        for kind, causes in (
-            ("without", comparison.causes(pretension=pretension, largest_force=limit)),
-            ("with", comparison.causes(friction=True, pretension=pretension, forces=several)),
+        for kind, options in (
+            ("without", {"largest_force": limit}),
+            ("with", {"friction": True, "forces": several}),
         ):
+            try:
+                causes = comparison.causes(pretension=pretension, **options)  # type: ignore[arg-type]
+            except ValueError:
+                # Nothing that both hold: there is no error to explain.
+                continue
             for cause in causes.causes[:_CAUSES]:
                 if not abs(cause.at_worst) > _NO_CAUSE:
                     continue

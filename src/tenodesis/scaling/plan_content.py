@@ -9,6 +9,7 @@ from tenodesis.scaling import plan_figures, plan_similarity, plan_tables
 from tenodesis.scaling.plan_tables import Limits, Table
 from tenodesis.scaling.plan_text import degrees, more, told
 from tenodesis.scaling.plan_warnings import warnings
+from tenodesis.similarity import SimilarityError
 
 if TYPE_CHECKING:
     from tenodesis.scaling.design import Design
@@ -70,7 +71,7 @@ def content(design: "Design", limits: Limits = Limits()) -> Plan:  # noqa: B008
     return Plan(
         title=f"{design.prototype.name}: scale model of {design.model.name}",
         lead=_lead(design),
-        cards=_cards(design),
+        cards=_cards(design, error),
         parts=plan_tables.parts(design),
         lengths=plan_tables.lengths(design),
         loads=plan_tables.loads(design, limits),
@@ -96,12 +97,13 @@ def _lead(design: "Design") -> str:
     return f"{' for '.join(joints)} joint · {axis} · from catalogue {catalogue}"
 
 
-def _cards(design: "Design") -> tuple[Card, ...]:
+def _cards(design: "Design", error: SimilarityError) -> tuple[Card, ...]:
     prototype, model = design.prototype.pretension, design.model.pretension
+    counted = f", {plan_similarity.STOPPED}" if error.held_by_one else ""
     return (
         Card(told(prototype, "N", 3), f"pretension to set on either tendon ({told(model, 'N', 3)} real-size)"),
         Card(f"× {fixed(float(design.comparison.force_factor()), 3)}", "force at the tip, scaled-up over real-size"),
-        Card(degrees(design.objectives.similarity_error), "largest similarity error over the working range"),
+        Card(degrees(design.objectives.similarity_error), f"largest similarity error over the working range{counted}"),
         Card(told(design.objectives.force_resolution, "N", 2), "smallest real-size tip force that can be told"),
         Card(f"{fixed(design.objectives.tension_margin, 1)} ×", "rope's breaking load over its largest tension"),
     )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patheffects import Normal, Stroke
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import statics
@@ -94,7 +95,10 @@ def error_map(error: SimilarityError) -> str:
         np.degrees(error.handle_angle), error.force, error.error.T, cmap="RdBu_r", vmin=-bound, vmax=bound,
         shading="gouraud", rasterized=True,
     )  # fmt: skip
-    axis.plot(np.degrees(handle), force, "o", mfc="none", mec=style.INK, ms=5, mew=1, clip_on=False, label="worst")
+    # The worst point is often a corner: above the axes' lines, and told from dark errors by its rim.
+    ring: Any = {"mfc": "none", "mec": style.INK, "ms": 5, "mew": 1, "clip_on": False, "zorder": 5}
+    rim = [Stroke(linewidth=2.5, foreground="white"), Normal()]
+    axis.plot(np.degrees(handle), force, "o", **ring, path_effects=rim, label="worst")
     axis.set_facecolor("#d5dae0")
     axis.grid(visible=False)
     axis.set(xlabel="handle angle [°]", ylabel="real-size force [N]")

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 _IN_MOTION = ("motor", "inertia")
 """Kinds of groups that a held instrument does not feel."""
 
+STOPPED = "a snapped tip at its stop"
+"""How a tip that snaps through counts in what a design is judged by."""
+
 _ALIKE = 1e-4
 """Relative difference of two groups that a workshop calls none."""
 
@@ -22,16 +25,23 @@ _WORTH_A_WORD = 0.02
 
 
 def similarity(design: "Design", error: SimilarityError, drawings: int) -> Table:
-    """Return how large the similarity error is, where it is largest, and which groups cause it."""
+    """Return how large the similarity error is, where it is largest, and which groups cause it.
+
+    Where the prototype alone snaps through, the error is told with it at its stop too, as a design is judged by.
+    """
     at_rest = design.comparison.error_at_rest(pretension=design.prototype.pretension)
+    held = ", where both hold" if error.held_by_one else ""
+    rows = [
+        (f"without friction{held}", degrees(error.largest), degrees(error.rms)),
+        ("with friction, at rest", degrees(at_rest.largest), degrees(at_rest.rms)),
+    ]
+    if error.held_by_one:
+        rows.insert(1, (f"without friction, {STOPPED}", degrees(error.largest_snapped), degrees(error.rms_snapped)))
     return Table(
         f"Similarity error, up to {plain(design.comparison.largest_force, 3)}{SPACE}N real-size",
         ("", "largest", "root mean square"),
-        (
-            ("without friction", degrees(error.largest), degrees(error.rms)),
-            ("with friction, at rest", degrees(at_rest.largest), degrees(at_rest.rms)),
-        ),
-        note=f"output angle, scaled-up minus real-size, where both hold the load; {_cause(design, error)}",
+        tuple(rows),
+        note=f"output angle, scaled-up minus real-size{'' if held else ', where both hold'}; {_cause(design, error)}",
         left_out="; ".join(more(3 - drawings, "drawing")),
     )
 
@@ -57,8 +67,9 @@ def _place(handle_angle: float, force: float) -> str:
 
 
 def groups(comparison: Comparison, most: int) -> Table:
-    """Return which groups do not match, and in its note which do."""
-    there = [group for group in comparison.groups if group.model or group.prototype]
+    """Return which groups do not match, and in its note which do, and which are made to."""
+    imposed = [symbols(group.name) for group in comparison.groups if group.imposed]
+    there = [group for group in comparison.groups if (group.model or group.prototype) and not group.imposed]
     alike = [symbols(group.name) for group in there if _matches(group)]
     others = [group for group in there if not _matches(group)]
     held = [group for group in others if group.kind not in _IN_MOTION]
@@ -71,7 +82,10 @@ def groups(comparison: Comparison, most: int) -> Table:
         (symbols(group.name), group.kind, plain(group.model, 3), plain(group.prototype, 3), factor(group.ratio))
         for group in held[:most]
     )
-    notes = [f"matching: {', '.join(alike) or 'none'}"]
+    notes = [
+        f"matching: {', '.join(alike) or 'none'}",
+        f"made equal by the factors of force and time: {', '.join(imposed)}",
+    ]
     if moved:
         notes.append(f"not matching, in motion only: {', '.join(moved)}")
     return Table(

@@ -10,7 +10,7 @@ import numpy as np
 
 from tenodesis import statics
 from tenodesis.bench.content import fixed
-from tenodesis.scaling.plan_text import factor, in_unit_of, masses, more, plain, signed, told
+from tenodesis.scaling.plan_text import factor, in_unit_of, masses, more, off, plain, signed, told
 from tenodesis.similarity import Comparison
 
 if TYPE_CHECKING:
@@ -99,7 +99,9 @@ def _part_rows(design: "Design") -> Iterator[tuple[str, ...]]:
             f"{told(encoder.least_distal_radius, 'mm', 4, 'm')}",
         )
     if choice.spool is not None:
-        yield str(2 * axes), "spools", f"radius {told(choice.spool.radius, 'mm', 4, 'm')}", "one motor each"
+        torque = told(design.largest_tension * choice.spool.radius, "N*m", 3)
+        radius = told(choice.spool.radius, "mm", 4, "m")
+        yield str(2 * axes), "spools", f"radius {radius}", f"one motor each, {torque} at the largest tension"
     if design.tests:
         needed = Counter[float]()
         for test in design.tests:
@@ -154,8 +156,8 @@ def loads(design: "Design", limits: Limits) -> Table:
         ("loading cable", "counter cable", "real-size [N]", "tip [N]", "cables [N]", "off [%]", "off [N]", "lost [°]"),
         tuple(rows[: limits.loads]),
         texts=2,
-        note="off: what hangs minus what is wanted, in N on the real-size tip; lost: output angle that the load takes "
-        "with the handle straight, real-size | scaled-up",
+        note="off: what hangs minus what is wanted, in N on the real-size tip, ± the tolerances of what hangs; lost: "
+        "output angle that the load takes with the handle straight, real-size | scaled-up",
         left_out="; ".join(more(len(rows) - limits.loads, "further test load")),
     )
 
@@ -165,6 +167,9 @@ def _load(design: "Design", test: "TestLoad", pieces: int) -> tuple[str, ...]:
         -np.degrees(statics.output_angle(inst, np.zeros(1), force)[0])
         for inst, force in ((design.model, test.real_force), (design.prototype, test.force))
     )
+    lever = (
+        design.catalogue.constraints.cable_pulley_radius / design.prototype.rig_arm / design.comparison.force_factor()
+    )
     return (
         masses(test.hanging.loading, pieces),
         masses(test.hanging.counter, pieces),
@@ -172,7 +177,7 @@ def _load(design: "Design", test: "TestLoad", pieces: int) -> tuple[str, ...]:
         fixed(test.force, 3),
         fixed(test.hanging.wanted, 2),
         signed(100 * test.error / test.real_force, 2),
-        signed(test.error, 4),
+        off(test.error, test.hanging.tolerance * lever),
         " | ".join(fixed(angle, 2) for angle in lost),
     )
 

@@ -1,5 +1,6 @@
 """How a workshop plan writes numbers, masses and symbols: in plain text, for any template."""
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
@@ -43,6 +44,20 @@ def signed(value: float, decimals: int) -> str:
     text = fixed(value, decimals)
     is_zero = not text.strip("−0.")
     return text.lstrip("−") if is_zero else text if text.startswith("−") else f"+{text}"
+
+
+def off(error: float, tolerance: float) -> str:
+    """Return an error with its tolerance, both to the tolerance's first digit, four decimals at least."""
+    if not tolerance:
+        return signed(error, 4)
+    decimals = max(4, -math.floor(math.log10(tolerance)))
+    return f"{signed(error, decimals)}{SPACE}±{SPACE}{fixed(tolerance, decimals)}"
+
+
+def short_of(value: float, asked: float) -> str:
+    """Return a value that falls short with two decimals, or as many as show that it does."""
+    decimals = next((n for n in range(2, 10) if round(value, n) < asked), 10)
+    return fixed(value, decimals)
 
 
 def factor(value: float) -> str:

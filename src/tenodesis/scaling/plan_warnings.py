@@ -4,8 +4,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from tenodesis.bench.content import fixed
-from tenodesis.scaling.plan_text import degrees, plain, signed, told
+from tenodesis.scaling.plan_text import degrees, plain, short_of, signed, told
 from tenodesis.similarity import SimilarityError
 
 if TYPE_CHECKING:
@@ -42,7 +41,7 @@ def warnings(design: "Design", error: SimilarityError) -> Iterator[str]:
     ):
         # A design at its limit is off by rounding at most.
         if margin < asked * (1 - _ROUNDING):
-            yield f"{what} at {fixed(margin, 2)} × the largest tension; {plain(asked, 3)} × is asked for."
+            yield f"{what} at {short_of(margin, asked)} × the largest tension; {plain(asked, 9)} × is asked for."
     if choice.encoder is None:
         yield f"No encoder of the catalogue fits a distal radius of {told(choice.distal.radius, 'mm', 4, 'm')}."
     if error.held_by_one:

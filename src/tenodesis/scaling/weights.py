@@ -233,7 +233,7 @@ class _Problem(NamedTuple):
 
     def nearest_made(self, bound: int, side: int) -> int | None:
         """Return the difference from zero on nearest to a bound, not below it (side 1) or not above it (-1), if any."""
-        sums = self._sums(bound, side)
+        sums, difference = self._sums(bound, side), bound
         # Place by place from the highest, since one cost of all places would have numbers too far apart.
         beyond = [_BASE - 1.0] * sums.places
         for place in reversed(range(sums.places)):
@@ -242,9 +242,10 @@ class _Problem(NamedTuple):
             found = self._optimum(cost, sums, beyond)
             if found is None:
                 return None
-            beyond[place] = float(_digits(abs(found.difference - bound), sums.places)[place])
+            difference = found.difference
+            beyond[place] = float(_digits(abs(difference - bound), sums.places)[place])
         # What is called the heavier cable may only be the lighter, and is then not known to be taut.
-        return found.difference if found.difference >= 0 else None
+        return difference if difference >= 0 else None
 
     def _hung(self, difference: int) -> _Hung | None:
         """Return the fewest pieces that make a difference, and of these the lightest, whose inertia disturbs least."""
@@ -278,7 +279,7 @@ class _Problem(NamedTuple):
         kinds, carried = self.masses.size, 2 * sums.places - 2
         of_a_kind = np.hstack([np.eye(kinds), np.eye(kinds), np.zeros((kinds, 2 * sums.places + carried))])
         most = 2.0 * float(self.counts.sum()) + 2
-        upper = [np.tile(self.counts, 2), np.full(sums.places, _BASE - 1.0), beyond, np.full(carried, most)]
+        upper = [np.tile(self.counts, 2), np.full(sums.places, _BASE - 1.0), np.array(beyond), np.full(carried, most)]
         lower = [np.zeros(2 * kinds + 2 * sums.places), np.full(carried, -most)]
         found = milp(
             cost,

@@ -43,7 +43,8 @@ def study(
 
     The forces on the scaled-up instrument are those on the real-size one times the force factor of the nominal pair,
     since the laboratory hangs nominal weights. Two instruments of one joint type are compared at equal handle angles,
-    of two at those of equal unloaded output of the nominal pair. A study's numbers do not depend on engine, threads or chunks.
+    of two at those of equal unloaded output of the nominal pair. A study's numbers do not depend on engine, threads or
+    chunks.
 
     Parameters
     ----------

@@ -22,10 +22,8 @@ from tenodesis.signals import Array, Run
 
 _OFF = ((0.8, 0.8), (1.2, 1.2))
 """Stiffness and pretension, over the file's, with which a protocol must run as well."""
-_COARSE = 0.5
+_COARSE = 2.0
 """Largest error of the model's steps, in standard deviations of a sample, with which samples are left out."""
-_PLACES = 2
-"""At how many places of their step the spools' encoders are tried."""
 
 
 class UnfitError(Exception):
@@ -52,7 +50,6 @@ class Bench:
         self.time_step = _time_step(inst)
         self._sensors = converters(self.inst)
         self._limit = tension_limit(self.inst)
-        self._drawn = np.random.default_rng(0).random((_PLACES, 2))
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -93,48 +90,32 @@ class Bench:
             self._run(self.inst.replace(**changes), commands)
         return runs[0]
 
-    def problem(self, run: Run, every: int = 1) -> TwinProblem:
-        """Return the model of a run, of which every so-manieth sample is kept."""
-        return TwinProblem([self._measured(run, run["measured_spool_angle"], every)], self.law, self.inst)
+    def tells(self, run: Run, until: Sequence[float] = (math.inf,)) -> tuple[TwinProblem, list[Information]]:
+        """Return the model of a run, and what it tells of all parameters until some times (s).
 
-    def tells(self, run: Run) -> Information:
-        """Return what a run tells of all parameters, from as few of its samples as will do."""
+        Of the samples as few are taken as will do.
+        """
         every = max(1, int(LONGEST_STEP / self.time_step * (1 + 1e-6)))
-        problem = self.problem(run, every)
+        problem = self._thinned(run, every)
         while every > 1 and self._too_coarse(problem, run):
             every //= 2
-            problem = self.problem(run, every)
-        return self.tells_until(problem, run, every=every)[0]
+            problem = self._thinned(run, every)
+        return problem, information(problem, self.values, self.scale, self._sensors, averaged=every, until=until)
 
-    def tells_until(
-        self, problem: TwinProblem, run: Run, times: Sequence[float] = (math.inf,), *, every: int = 1
-    ) -> list[Information]:
-        """Return what a run tells of all parameters until some times, s, each sample standing for all since the last.
-
-        Beside the sensors' errors these count: that the spools' encoders may be at another place of their step, and
-        that the model takes longer steps than the twin.
-        """
-        base = problem.traces(self.values, 0)
-        off = []
-        if np.ptp(run["measured_spool_angle"]):
-            runs = [self._measured(run, spools, every) for spools in self._places(run)]
-            others = TwinProblem(runs, self.law, self.inst)
-            for place in range(_PLACES):
-                moved = others.traces(self.values, place)
-                off.append(([one.model - _at(one.time, moved[name]) for name, one in base.items()], 1 / _PLACES))
-        return information(
-            problem,
-            self.values,
-            self.scale,
-            self._sensors,
-            off=off,
-            steps=self._coarseness(problem, run),
-            averaged=self._averaged(problem),
-            until=times,
+    def _thinned(self, run: Run, every: int) -> TwinProblem:
+        """Return the model of every so-manieth sample, each with the noise that a mean of as many has."""
+        sensors = self.inst.sensors
+        finer = round(math.log2(every))
+        angle, force = self._sensors["deg"].mean(every), self._sensors["N"].mean(every)
+        inst = self.inst.replace(
+            **{
+                "sensors.encoder_bits": min(32, sensors.encoder_bits + finer),
+                "sensors.load_cell_bits": min(32, sensors.load_cell_bits + finer),
+                "sensors.encoder_noise": _beside(math.radians(angle), self._sensors["deg"].resolution * _DEGREE, every),
+                "sensors.load_cell_noise": _beside(force, self._sensors["N"].resolution, every),
+            }
         )
-
-    def _averaged(self, problem: TwinProblem) -> int:
-        return max(1, round(problem.sample_time(0) / max(self.time_step, 1 / self.inst.sensors.sampling_rate)))
+        return TwinProblem([self._measured(run, every)], self.law, inst)
 
     def _coarseness(self, problem: TwinProblem, run: Run) -> list[Array]:
         """Return by how much the model is off the twin, by sensor, in the units of its traces."""
@@ -155,7 +136,7 @@ class Bench:
     def _still(self) -> TwinProblem:
         """The model of a bench on which nothing happens."""
         nothing = twin.Twin(self.inst, time_step=self.time_step).run(np.zeros(64))
-        return TwinProblem([self._measured(nothing, nothing["spool_angle"], 1)], self.law, self.inst)
+        return TwinProblem([self._measured(nothing, 1)], self.law, self.inst)
 
     def _run(self, inst: Instrument, commands: dict[str, Array]) -> Run:
         try:
@@ -176,7 +157,7 @@ class Bench:
             raise UnfitError(f"a tendon is pulled by {pulled:.3g} N, above the limit of {self._limit:.3g} N")
         return run
 
-    def _measured(self, run: Run, spools: Array, every: int) -> Measured:
+    def _measured(self, run: Run, every: int) -> Measured:
         columns = {
             "handle_angle": run["commanded_handle_angle"],
             "measured_handle_angle": run["measured_handle_angle"],
@@ -186,16 +167,21 @@ class Bench:
         if not self.distal_encoder:
             del columns["measured_output_angle"]
         for n, tendon in enumerate(TENDONS):
-            columns |= {f"tension_{tendon}": run["measured_tension"][:, n], f"spool_{tendon}": spools[:, n]}
+            columns |= {
+                f"tension_{tendon}": run["measured_tension"][:, n],
+                f"spool_{tendon}": run["measured_spool_angle"][:, n],
+            }
         # From the end, which is where blocks come to rest.
         kept = {name: values[::-1][::every][::-1] for name, values in columns.items()}
         return Measured("the proposed protocol", run.time[::-1][::every][::-1], kept)
 
-    def _places(self, run: Run) -> list[Array]:
-        """Return what the spools' encoders may read, at other places of their step."""
-        true, drives = run["spool_angle"], self.inst.drives
-        step = 2 * math.pi / drives.encoder_counts / drives.gear_ratio
-        return [step * (np.floor(true / step + place) - np.floor(place)) for place in self._drawn]
+
+_DEGREE = math.radians(1)
+
+
+def _beside(deviation: float, resolution: float, finer: int) -> float:
+    """Return the noise that makes up a deviation beside rounding to steps that are so many times finer."""
+    return math.sqrt(max(deviation**2 - (resolution / finer) ** 2 / 12, 0.0))
 
 
 def _at(time: Array, trace: Trace) -> Array:

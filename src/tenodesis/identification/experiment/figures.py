@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tenodesis.bench import style
-from tenodesis.identification.experiment.planning import Plan
+from tenodesis.identification.experiment.planning import HALF, Plan
 from tenodesis.identification.figures import readable
 
 _KEPT = 4000
@@ -89,4 +89,4 @@ def growth(plan: Plan) -> Figure:
 
 def _half_width(plan: Plan, name: str, std: float) -> float:
     unit = next(one.unit for one in plan.parameters if one.name == name)
-    return 1.96 * std * readable(unit)[0]
+    return HALF * std * readable(unit)[0]

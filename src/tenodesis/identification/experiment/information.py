@@ -29,30 +29,22 @@ class Information:
     """Of half the sum of squared residuals, shape (parameters, parameters)."""
     scores: Array
     """Covariance of its slope by the sensors' errors: the same where these are independent, and as large as assumed."""
-    steps: Array
-    """What the model's steps, which are longer than the twin's, add to that."""
 
     def __add__(self, other: "Information") -> "Information":
         """Return what both tell."""
-        return Information(self.curvature + other.curvature, self.scores + other.scores, self.steps + other.steps)
-
-    @property
-    def all_scores(self) -> Array:
-        """Covariance of the slope by all errors."""
-        return self.scores + self.steps
+        return Information(self.curvature + other.curvature, self.scores + other.scores)
 
     def of(self, free: Sequence[int]) -> "Information":
         """Return what is told of some parameters where the others are known."""
         both = np.ix_(list(free), list(free))
-        return Information(self.curvature[both], self.scores[both], self.steps[both])
+        return Information(self.curvature[both], self.scores[both])
 
-    def spread(self, *, noise_only: bool = False) -> Spread:
-        """Return the covariance that estimates will have, by all errors or the sensors' alone."""
+    def spread(self) -> Spread:
+        """Return the covariance that estimates will have."""
         sizes, directions = linalg.eigh(self.curvature)
         seen = sizes > _BLIND * max(float(sizes[-1]), 1.0)
         inverse = directions[:, seen] / sizes[seen] @ directions[:, seen].T
-        scores = self.scores if noise_only else self.all_scores
-        return Spread(inverse @ scores @ inverse.T, inverse, directions[:, ~seen])
+        return Spread(inverse @ self.scores @ inverse.T, inverse, directions[:, ~seen])
 
 
 class Converter(NamedTuple):
@@ -96,8 +88,6 @@ def information(
     scale: Array,
     sensors: dict[str, Converter],
     *,
-    off: Sequence[tuple[Sequence[Array], float]],
-    steps: Sequence[Array],
     averaged: int,
     until: Sequence[float],
 ) -> list[Information]:
@@ -116,10 +106,6 @@ def information(
         What changes of parameters are measured by, shape (parameters,).
     sensors
         By the unit of the problem's traces.
-    off
-        By how much readings may be off otherwise, by sensor in the units of the traces, each with a weight.
-    steps
-        By how much they are off for the model's longer steps; in each stretch of time this is another error.
     averaged
         How many samples one of the problem's is to be taken for.
     until
@@ -131,36 +117,26 @@ def information(
     weights = _unit(problem, values, list(traces.values())) / deviations
     jacobian = (problem.jacobian(values, 0) * scale).reshape(len(kinds), -1, scale.size) * weights[:, None, None]
     time = next(iter(traces.values())).time
-    shifts = [
-        (np.array([one / of for one, of in zip(parts, deviations, strict=True)]), weight) for parts, weight in off
-    ]
-    coarseness = np.array([one / of for one, of in zip(steps, deviations, strict=True)])
-    found: list[Information] = []
-    begin, stepped = 0, np.zeros((scale.size, scale.size))
+    found = []
     for end in np.searchsorted(time, until, side="right").tolist():
         part = jacobian[:, :end]
         curvature = np.einsum("cti,ctj->ij", part, part, optimize=True)
         scores = np.zeros_like(curvature)
         for kind, trace, one in zip(kinds, traces.values(), part, strict=True):
             scores += _scores(kind, one, trace.model[:end], averaged)
-        for shift, weight in shifts:
-            scores += weight * _outer(part, shift[:, :end])
-        stepped = stepped + _outer(jacobian[:, begin:end], coarseness[:, begin:end])
-        found.append(Information(curvature, scores, stepped))
-        begin = end
+        found.append(Information(curvature, scores))
     return found
 
 
-def _outer(jacobian: Array, off: Array) -> Array:
-    slope = np.einsum("cti,ct->i", jacobian, off, optimize=True)
-    return np.outer(slope, slope)
-
-
 def _unit(problem: TwinProblem, values: Array, traces: Sequence[Trace]) -> Array:
-    """Return what the problem divides each sensor's residuals by, in the unit of its traces."""
+    """Return what the problem divides each sensor's residuals by, in the unit of its traces.
+
+    The median minds neither the samples that agree, nor those from which errors of the spools were taken.
+    """
     residuals = problem.residuals(values, 0).reshape(len(traces), -1)
     off = np.array([trace.measured - trace.model for trace in traces])
-    return np.asarray(np.linalg.norm(off, axis=1) / np.linalg.norm(residuals, axis=1), dtype=np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.nanmedian(np.abs(off / residuals), axis=1), dtype=np.float64)
 
 
 def _scores(sensor: Converter, jacobian: Array, reading: Array, samples: int) -> Array:

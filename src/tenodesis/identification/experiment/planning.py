@@ -33,14 +33,15 @@ LONGEST = 600.0
 WANTED = ("friction", "stiffness", "pretension")
 """Groups that are wanted unless told, where the model has them."""
 OPTIMISTIC = (
-    "Predicted intervals know of little but the sensors' noise and rounding: they are the least that a bench can hope "
-    "for. What the model leaves out, loads that are not known exactly and an instrument that is not what its file says "
-    "make them wider."
+    "Predicted intervals know of the sensors' noise and rounding alone: they are the least that a bench can hope for. "
+    "What the model leaves out, its longer time steps, loads that are not known exactly and an instrument that is not "
+    "what its file says make them wider."
 )
 
 _HELD = {"friction.sheath_bend": "friction.sheath_coefficient"}
 """What is held unless wanted, since it acts only in a product with another."""
-_HALF = float(stats.norm.ppf(0.975))
+HALF = float(stats.norm.ppf(0.975))
+"""Half a 95 % interval, in standard deviations."""
 
 
 class Block(NamedTuple):
@@ -58,12 +59,7 @@ class Prediction:
     name: str
     seconds: float
     std: Mapping[str, float]
-    """Standard deviation of every open parameter with all of them open, SI; infinite where nothing depends on it.
-
-    By the sensors' errors and by the model's steps, which are longer than the twin's.
-    """
-    std_noise: Mapping[str, float]
-    """The same by the sensors' errors alone: how fits will scatter."""
+    """Standard deviation of every open parameter with all of them open, SI; infinite where nothing depends on it."""
     objective: float
     """The criterion, in natural logarithms."""
 
@@ -103,15 +99,16 @@ class Plan:
         by_name = {one.name: one for one in self.parameters}
         return {
             name: (
-                max(by_name[name].lower, by_name[name].start - _HALF * std),
-                min(by_name[name].upper, by_name[name].start + _HALF * std),
+                max(by_name[name].lower, by_name[name].start - HALF * std),
+                min(by_name[name].upper, by_name[name].start + HALF * std),
             )
             for name, std in self.proposed.std.items()
         }
 
     def told(self, name: str) -> bool:
         """Return whether the protocol is predicted to tell a parameter, by the rule that fits are judged by."""
-        if name in self.untold:
+        partner = {other: held for held, other in _HELD.items()}.get(name)
+        if name in self.untold and partner not in self.held:
             return False
         one = next(one for one in self.parameters if one.name == name)
         scale = float(scales([one], np.array([one.start]))[0])
@@ -182,12 +179,11 @@ def plan(
         except UnfitError as problem:
             left_out[name] = str(problem)
         else:
-            told = bench.tells_until(bench.problem(run), run, _phase_ends(bench, phases))[-1]
+            (told,) = bench.tells(run)[1]
             predictions.append(_prediction(bench, name, run, told, free=free, measure=measure))
         report.step()
-    # What is proposed is predicted from all samples, as a fit will have them.
-    fitted = bench.problem(best.run)
-    grown = bench.tells_until(fitted, best.run, [*(one.begins + one.seconds for one in best.blocks[:-1]), math.inf])
+    ends = [*(one.begins + one.seconds for one in best.blocks[:-1]), math.inf]
+    fitted, grown = bench.tells(best.run, ends)
     proposed = _prediction(bench, "the proposed protocol", best.run, grown[-1], free=free, measure=measure)
     untold = _untold(bench, fitted, everything, given)
     found = Plan(
@@ -289,7 +285,7 @@ def _tried(bench: Bench, offered: Sequence[Candidate], report: _Progress) -> tup
             run = bench.run(candidate.phases)
         except UnfitError as problem:
             return str(problem)
-        told = bench.tells(run)
+        (told,) = bench.tells(run)[1]
         return _Tried(candidate, float(run.time[-1]), told)
 
     _ = bench.values, bench.scale
@@ -304,7 +300,7 @@ def _tried(bench: Bench, offered: Sequence[Candidate], report: _Progress) -> tup
     return tried, left_out
 
 
-_ORDERS = 4
+_ORDERS = 3
 """Whole protocols that are tried."""
 _REPEATS = 2
 """How often a candidate may be taken where there is time for others: what the model lacks comes again with it."""
@@ -371,7 +367,7 @@ def _whole(bench: Bench, order: Sequence[_Tried]) -> _Whole:
     parts = tuple(
         Block(one.candidate, float(begin), one.seconds) for one, begin in zip(order, begins[:-1], strict=True)
     )
-    return _Whole(protocol, parts, run, bench.tells(run))
+    return _Whole(protocol, parts, run, bench.tells(run)[1][0])
 
 
 def _prediction(
@@ -381,20 +377,13 @@ def _prediction(
         name=name,
         seconds=float(run.time[-1]),
         std=_std(bench, told, free),
-        std_noise=_std(bench, told, free, noise_only=True),
         objective=measure.one(told),
     )
 
 
-def _phase_ends(bench: Bench, phases: Sequence[Phase]) -> list[float]:
-    planned = Protocol(name="baseline", phases=tuple(phases)).plan(bench.inst, bench.time_step)
-    ends = np.cumsum([one.seconds for one in planned])
-    return [*ends[:-1].tolist(), math.inf]
-
-
-def _std(bench: Bench, told: Information, free: Sequence[int], *, noise_only: bool = False) -> dict[str, float]:
+def _std(bench: Bench, told: Information, free: Sequence[int]) -> dict[str, float]:
     """Return the standard deviation of parameters that are open together, SI."""
-    std = told.of(free).spread(noise_only=noise_only).std * bench.scale[list(free)]
+    std = told.of(free).spread().std * bench.scale[list(free)]
     return dict(zip((bench.parameters[index].name for index in free), std.tolist(), strict=True))
 
 

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from tenodesis.bench import style
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.experiment import figures
-from tenodesis.identification.experiment.planning import OPTIMISTIC, Plan, Prediction
+from tenodesis.identification.experiment.planning import HALF, OPTIMISTIC, Plan, Prediction
 from tenodesis.identification.experiment.text import to_text
 from tenodesis.identification.figures import readable
 from tenodesis.identification.results import about
@@ -91,7 +91,6 @@ def to_json(plan: Plan) -> dict[str, Any]:
                 "meaning": one.meaning,
                 "wanted": one.name in plan.wanted,
                 "std": _number(plan.proposed.std[one.name]),
-                "std_noise": _number(plan.proposed.std_noise[one.name]),
                 "interval_95": list(plan.interval_95[one.name]),
                 "told": plan.told(one.name),
             }
@@ -105,14 +104,13 @@ def to_json(plan: Plan) -> dict[str, Any]:
     }
 
 
-def shown(plan: Plan, name: str) -> tuple[str, str, str]:
-    """Return value, half width of the predicted interval and that of noise alone, as people read them."""
+def shown(plan: Plan, name: str) -> tuple[str, str]:
+    """Return the value and the half width of the predicted interval of a parameter, as people read them."""
     one = next(one for one in plan.parameters if one.name == name)
     factor, unit = readable(one.unit)
+    width = HALF * plan.proposed.std[name] * factor
     value = f"{one.start * factor:.5g}{f' {unit}' if unit else ''}"
-    widths = (1.96 * std[name] * factor for std in (plan.proposed.std, plan.proposed.std_noise))
-    whole, noise = (f"± {width:.2g}" if math.isfinite(width) else "open" for width in widths)
-    return value, whole, noise
+    return value, f"± {width:.2g}" if math.isfinite(width) else "open"
 
 
 def ratio(plan: Plan, baseline: Prediction, name: str) -> str:
@@ -127,7 +125,6 @@ def _prediction(one: Prediction) -> dict[str, Any]:
     return {
         "seconds": one.seconds,
         "std": {name: _number(value) for name, value in one.std.items()},
-        "std_noise": {name: _number(value) for name, value in one.std_noise.items()},
     }
 
 

@@ -26,6 +26,8 @@ _LAWS = ("none", "capstan", "capstan-constant", "stribeck")
 _ROW = _core.twin_parameters()
 _BIAS = 1.0
 """By how much a longer step may move the parameters altogether, in standard deviations."""
+_COARSE = 0.5
+"""Root mean square error above which it is not asked, in standard deviations of a step's mean reading."""
 _SEEN = 1e-8
 _LOST = 1e3
 """Residual of a sample that the model does not reach because its tip was lost, in standard deviations."""
@@ -61,17 +63,19 @@ class TwinProblem:
                 )
         kind, parameters, handle_range = self._inst.spec.__getstate__()
         self._spec = _core.Spec(kind, parameters, handle_range + 2 * LARGEST_OFFSET + 0.01)
-        stride = min(self._stride(run) for run in runs)
-        self._runs = [prepared(run, self._inst, stride) for run in runs]
-        given = {name for run in self._runs for name in run.measured}
+        for run in runs:
+            self._check_rate(run)
+        finest = [prepared(run, self._inst, 1) for run in runs]
+        given = {name for run in finest for name in run.measured}
+        as_read = any(run.as_read for run in finest)
         spooled = any("spool_agonist" in run.columns for run in runs)
-        self._names = [name for name in UNKNOWNS if self._applies(name, law, given, spooled)]
+        self._names = [name for name in UNKNOWNS if _applies(name, law, given, spooled=spooled, as_read=as_read)]
         self._variables = [_ROW.index(UNKNOWNS[name].number) for name in self._names]
-
+        stride = min(self._stride(run, fine) for run, fine in zip(runs, finest, strict=True))
+        self._runs = finest if stride == 1 else [prepared(run, self._inst, stride) for run in runs]
         self._shrinking: dict[int, tuple[bytes, Array, Array]] = {}
 
-    def _stride(self, run: Measured) -> int:
-        """Return how many samples make the longest steps that hardly move what a fit would find."""
+    def _check_rate(self, run: Measured) -> None:
         longest = twin.longest_step(self._inst)
         if run.sample_time > longest * (1 + 1e-6):
             raise IdentificationError(
@@ -79,42 +83,32 @@ class TwinProblem:
                 f"{self._inst.name}, which swings at {twin.swing(self._inst) / (2 * pi):.3g} Hz; allowed is at most "
                 f"{1e3 * longest:.3g} ms."
             )
-        stride = max(1, int(min(LONGEST_STEP, longest) / run.sample_time * (1 + 1e-6)))
+
+    def _stride(self, run: Measured, finest: Prepared) -> int:
+        """Return how many samples make the longest steps that hardly move what a fit would find."""
+        longest = min(LONGEST_STEP, twin.longest_step(self._inst))
+        stride = max(1, int(longest / run.sample_time * (1 + 1e-6)))
         if stride == 1:
             return 1
         numbers = [self._nominal[name] for name in _ROW]
-        finest = prepared(run, self._inst, 1)
         fine = self._run(finest, numbers, [])[:, 0, finest.lead :]
         while stride > 1:
             coarse = prepared(run, self._inst, stride)
             count = len(coarse.commands) - coarse.lead
             means = fine[:, : count * stride].reshape(len(READINGS), count, stride).mean(axis=2)
-            variables = [_ROW.index(one.number) for one in UNKNOWNS.values()]
-            model = self._run(coarse, numbers, variables)[:, :, coarse.lead :]
             rows = [READINGS.index(name) for name in coarse.measured]
             scale = sqrt(stride) / np.array([coarse.deviation[name] for name in coarse.measured])
-            off = ((model[:, 0] - means)[rows] * scale[:, None]).ravel()
-            slopes = (model[:, 1:][rows] * scale[:, None, None]).transpose(0, 2, 1).reshape(off.size, -1)
+            there = self._run(coarse, numbers, [])[:, 0, coarse.lead :]
+            off = ((there - means)[rows] * scale[:, None]).ravel()
             known = np.isfinite(off)
-            directions, sizes, _ = np.linalg.svd(slopes[known], full_matrices=False)
-            seen = directions[:, sizes > _SEEN * sizes.max(initial=0)]
-            if known.any() and np.linalg.norm(seen.T @ off[known]) < _BIAS:
-                break
+            if known.any() and np.sqrt(np.mean(off[known] ** 2)) < _COARSE:
+                slopes = self._run(coarse, numbers, self._variables)[rows, 1:, coarse.lead :] * scale[:, None, None]
+                slopes = slopes.transpose(0, 2, 1).reshape(off.size, -1)[known]
+                directions, sizes, _ = np.linalg.svd(slopes, full_matrices=False)
+                if np.linalg.norm(directions[:, sizes > _SEEN * sizes.max()].T @ off[known]) < _BIAS:
+                    break
             stride //= 2
         return stride
-
-    def _applies(self, name: str, law: str, given: set[str], spooled: bool) -> bool:
-        if name.startswith("friction.") and law == "none":
-            return False
-        if name == "friction.constant":
-            return law in ("capstan-constant", "stribeck")
-        if name in ("friction.static_ratio", "friction.stribeck_speed"):
-            return law == "stribeck"
-        if name == "mismatch.output_encoder_offset":
-            return "measured_output_angle" in given
-        if name == "mismatch.handle_encoder_offset":
-            return "measured_handle_angle" in given or any(run.as_read for run in self._runs)
-        return name != "drives.backlash" or spooled
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -288,6 +282,21 @@ def problem(
     if inst is None:
         raise IdentificationError(f"{runs[0].name} does not hold its instrument; give --instrument.")
     return TwinProblem(runs, law, inst.axis(inst.axes[0]) if inst.axes[1:] else inst)
+
+
+def _applies(name: str, law: str, given: set[str], *, spooled: bool, as_read: bool) -> bool:
+    """Return whether a recording of these sensors, under a law, has anything to do with a parameter."""
+    if name.startswith("friction.") and law == "none":
+        return False
+    if name == "friction.constant":
+        return law in ("capstan-constant", "stribeck")
+    if name in ("friction.static_ratio", "friction.stribeck_speed"):
+        return law == "stribeck"
+    if name == "mismatch.output_encoder_offset":
+        return "measured_output_angle" in given
+    if name == "mismatch.handle_encoder_offset":
+        return as_read or "measured_handle_angle" in given
+    return name != "drives.backlash" or spooled
 
 
 def _under(law: str, inst: Instrument) -> Instrument:

@@ -27,6 +27,8 @@ _BEGINNING = 0.05
 """Time that tells where a run begins, s."""
 _TAUT = 0.2
 """Share of the pretension above which a tendon counts as taut."""
+_NEAR = 0.5
+"""Share of the pretension by which a tension may be off what a spool's angle makes it."""
 _TURN = 0.1
 """Share of the handle's way that counts as having turned."""
 _RESTING = 0.3
@@ -226,18 +228,18 @@ def _fresh(columns: Mapping[str, Array], readings: list[str]) -> NDArray[np.bool
 def _reference(time: Array, spool: Array, tension: Array, inst: Instrument) -> float:
     """Return the spool's angle at which its tendon has the pretension.
 
-    That is zero where the first tension agrees with it, as in recordings of this package; otherwise where a taut run
-    begins, and where a slack tendon first has grown as tight as the instrument's pretension.
+    It is looked at where a taut run begins, or where a slack tendon has first grown as tight as the instrument's
+    pretension. If a spool that counts from the pretension would be about there, as in recordings of this package, the
+    angle is zero; otherwise it is the one looked at.
     """
     beginning = time <= time[0] + _BEGINNING
-    first, pulled = float(np.median(spool[beginning])), float(np.median(tension[beginning]))
-    expected = inst.pretension + inst.tendon_stiffness * inst.drives.spool_radius * first
-    if abs(pulled - max(expected, 0.0)) < 0.5 * inst.pretension:
-        return 0.0
-    if pulled > _TAUT * inst.pretension:
-        return first
-    reached = np.flatnonzero(tension >= inst.pretension)
-    return float(spool[reached[0]]) if reached.size else float(spool[np.argmax(tension)])
+    at, pulled = float(np.median(spool[beginning])), float(np.median(tension[beginning]))
+    if pulled < _TAUT * inst.pretension:
+        reached = np.flatnonzero(tension >= inst.pretension)
+        tight = int(reached[0]) if reached.size else int(np.argmax(tension))
+        at, pulled = float(spool[tight]), float(tension[tight])
+    expected = inst.pretension + inst.tendon_stiffness * inst.drives.spool_radius * at
+    return 0.0 if abs(pulled - expected) < _NEAR * inst.pretension else at
 
 
 def _rests(spool: Array, step: float) -> list[slice]:

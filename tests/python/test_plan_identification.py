@@ -1,0 +1,275 @@
+"""Experiment design: what the planned protocol tells, what none could, and the command around it."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+import tenodesis as tn
+from tenodesis import cli_plan_identification, protocols
+from tenodesis.cli_recording import CommandError
+from tenodesis.errors import IdentificationError
+from tenodesis.identification import FORMATS
+from tenodesis.identification.experiment import OPTIMISTIC, Plan, plan, report
+from tenodesis.identification.experiment import candidates as blocks
+from tenodesis.identification.experiment.bench import Bench, UnfitError
+from tenodesis.identification.experiment.information import Converter
+from tenodesis.recording.session import record
+from tenodesis.twin import Twin
+
+DURATION = 12.0
+GAINS = ("mismatch.load_cell_gain.agonist", "mismatch.load_cell_gain.antagonist")
+
+
+@pytest.fixture(scope="module")
+def scaled_up() -> Plan:
+    return plan(tn.load("scaled-up"), duration=DURATION)
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    every = blocks.candidates
+    monkeypatch.setattr(blocks, "candidates", lambda inst, forces: every(inst, forces)[::7])
+
+
+def test_predicted_intervals_are_the_scatter_of_estimates_over_seeds(scaled_up: Plan) -> None:
+    bench = Bench(scaled_up.inst, scaled_up.law, distal_encoder=True)
+    commands = scaled_up.protocol.commands(scaled_up.inst, bench.time_step)
+    free = [number for number, one in enumerate(scaled_up.parameters) if one.name in scaled_up.open]
+    inverse, estimates = None, []
+    for seed in range(1, 17):
+        run = Twin(scaled_up.inst, seed=seed, time_step=bench.time_step).run(**commands)
+        problem, _ = bench.tells(run)
+        if inverse is None:
+            inverse = np.linalg.pinv(problem.jacobian(bench.values, 0)[:, free] * bench.scale[free], rcond=1e-12)
+        # at the truth, where one step of Gauss and Newton is the estimate
+        # of samples that stand for others the noise is larger than what the problem takes them for
+        estimates.append(-inverse @ problem.residuals(bench.values, 0))
+    scatter = np.std(estimates, axis=0, ddof=1) * bench.scale[free]
+    thinned = 2.0
+    for name, found in zip(scaled_up.open, scatter.tolist(), strict=True):
+        if name in scaled_up.wanted:
+            assert 0.5 < found / thinned / scaled_up.proposed.std[name] < 1.7, name
+
+
+def test_proposed_protocol_tells_every_wanted_parameter_better_than_cycles_do(scaled_up: Plan) -> None:
+    assert [one.name for one in scaled_up.baselines] == ["plain cycles", "the paper's cycles"]
+    for baseline in scaled_up.baselines:
+        assert baseline.seconds >= 0.99 * scaled_up.proposed.seconds
+        for name in scaled_up.wanted:
+            assert scaled_up.proposed.std[name] < baseline.std[name], (baseline.name, name)
+
+
+def test_all_that_is_wanted_is_told_and_its_interval_holds_the_file(scaled_up: Plan) -> None:
+    for one in scaled_up.parameters:
+        if one.name in scaled_up.wanted:
+            low, high = scaled_up.interval_95[one.name]
+            assert scaled_up.told(one.name)
+            assert low < one.start < high
+
+
+def test_written_protocol_is_the_one_that_was_predicted_and_can_be_recorded(scaled_up: Plan, tmp_path: Path) -> None:
+    report.write(scaled_up, tmp_path)
+    protocol = protocols.load(tmp_path / report.PROTOCOL)
+    assert protocol == scaled_up.protocol
+    run = record(tn.load("scaled-up"), protocol, tmp_path / "log.mcap", seed=1)
+    assert run.time[-1] == pytest.approx(scaled_up.proposed.seconds)
+    assert run.time[-1] <= DURATION
+    measured = FORMATS["mcap"].load(tmp_path / "log.mcap")
+    problem = FORMATS["mcap"].problem([measured], [], law="capstan", instrument=None)
+    assert {one.name for one in problem.parameters} == {one.name for one in scaled_up.parameters}
+
+
+def test_report_says_that_the_intervals_are_optimistic_and_holds_all_numbers(scaled_up: Plan, tmp_path: Path) -> None:
+    report.write(scaled_up, tmp_path)
+    page = (tmp_path / report.PAGE).read_text("utf-8")
+    assert OPTIMISTIC.split(":")[0].replace("'", "&#39;") in page
+    assert "http" not in page.replace("http://www.w3.org", "").replace("http://purl.org", "").replace(
+        "http://creativecommons.org", ""
+    )
+    numbers = json.loads((tmp_path / report.NUMBERS).read_text("utf-8"))
+    assert numbers["parameters"]["stiffness_ratio"]["std"] == scaled_up.proposed.std["stiffness_ratio"]
+    assert numbers["warnings"][-1] == OPTIMISTIC
+
+
+def test_blocks_follow_one_another_within_the_duration(scaled_up: Plan) -> None:
+    ends = [one.begins + one.seconds for one in scaled_up.blocks]
+    assert [one.begins for one in scaled_up.blocks[1:]] == pytest.approx(ends[:-1])
+    assert ends[-1] == pytest.approx(scaled_up.proposed.seconds)
+    assert len(scaled_up.growth) == len(scaled_up.blocks)
+    assert scaled_up.growth[-1]["pretension_ratio"] < scaled_up.growth[0]["pretension_ratio"]
+
+
+@pytest.mark.parametrize("name", ["scaled-up", "real-size", "examples/pulley.toml", "examples/continuum.toml"])
+def test_every_candidate_comes_back_to_where_it_began(name: str) -> None:
+    inst = tn.load(name if name in {"scaled-up", "real-size"} else Path(__file__).parents[2] / name)
+    inst = inst.axis(inst.axes[0])
+    bench = Bench(inst, inst.friction.law, distal_encoder=True)
+    run = 0
+    for candidate in blocks.candidates(bench.inst, blocks.loads(bench.inst))[::3]:
+        try:
+            done = bench.run(candidate.phases)
+        except UnfitError:
+            continue
+        run += 1
+        assert abs(done["handle_angle"][-1]) < 1e-9, candidate.name
+        assert abs(done["force"][-1]) < 1e-9, candidate.name
+        assert np.abs(done["spool_angle"][-1]).max() < 1e-6, candidate.name
+    assert run > 8
+
+
+def test_sheath_coefficient_and_bend_act_only_in_their_product(scaled_up: Plan) -> None:
+    assert scaled_up.held == ("friction.sheath_bend",)
+    for name in ("friction.sheath_coefficient", "friction.sheath_bend"):
+        assert "product friction.sheath_coefficient · friction.sheath_bend" in scaled_up.untold[name]
+    assert scaled_up.told("friction.sheath_coefficient")
+
+
+@pytest.mark.usefixtures("few")
+def test_sheath_is_not_told_where_its_bend_is_wanted_as_well() -> None:
+    found = plan(tn.load("scaled-up"), ["sheath", "friction"], duration=10.0)
+    assert found.held == ()
+    assert not found.told("friction.sheath_bend")
+    assert not found.told("friction.sheath_coefficient")
+    assert found.told("friction.vertex_coefficient")
+
+
+@pytest.mark.usefixtures("few")
+def test_gains_are_not_told_without_a_known_force() -> None:
+    found = plan(tn.load("scaled-up"), ["load_cells", "stiffness"], duration=8.0, forces=[])
+    assert not found.run["force"].any()
+    for name in (*GAINS, "stiffness_ratio"):
+        assert not found.told(name)
+        assert "without a known force" in found.untold[name]
+    assert [one.name for one in found.baselines] == ["plain cycles"]
+
+
+def test_without_load_all_tensions_scale_together_unseen() -> None:
+    inst = tn.load("scaled-up").replace(mismatch=None)
+    factor = 1.3
+    other = inst.replace(
+        tendon_modulus=factor * (inst.tendon_modulus or 0.0),
+        pretension=factor * inst.pretension,
+        **{
+            "dynamics.tip_inertia": factor * (inst.dynamics.tip_inertia or 0.0),
+            "dynamics.tip_damping": factor * (inst.dynamics.tip_damping or 0.0),
+        },
+    )
+    handle = 0.4 * np.sin(np.linspace(0, 12, 4000))
+    one, two = (Twin(each).run(handle) for each in (inst, other))
+    np.testing.assert_allclose(one["output_angle"], two["output_angle"], atol=1e-9)
+    np.testing.assert_allclose(factor * one["tension"], two["tension"], rtol=1e-8)
+
+
+@pytest.mark.usefixtures("few")
+def test_share_of_compliance_is_not_told_without_friction() -> None:
+    inst = tn.load(Path(__file__).parents[2] / "examples/pulley.toml")
+    found = plan(inst, duration=6.0)
+    assert "friction" not in " ".join(found.wanted)
+    assert "Without friction" in found.untold["handle_length_share"]
+    assert not found.told("handle_length_share")
+    assert found.told("stiffness_ratio")
+
+
+@pytest.mark.usefixtures("few")
+def test_without_distal_encoder_stiffness_is_known_less_well() -> None:
+    inst = tn.load("scaled-up")
+    seen, unseen = (plan(inst, ["stiffness"], duration=6.0, distal_encoder=has) for has in (True, False))
+    assert "mismatch.output_encoder_offset" not in unseen.open
+    assert unseen.proposed.std["stiffness_ratio"] > seen.proposed.std["stiffness_ratio"]
+
+
+@pytest.mark.usefixtures("few")
+def test_the_smallest_sum_of_variances_is_another_aim_than_the_smallest_region() -> None:
+    inst = tn.load("scaled-up")
+    region, variances = (plan(inst, duration=6.0, criterion=name) for name in ("D", "A"))  # type: ignore[arg-type]
+
+    def volume(found: Plan) -> float:
+        return found.proposed.objective
+
+    assert region.criterion == "D"
+    assert volume(region) != volume(variances)
+
+
+def test_mean_of_rounded_samples_has_the_deviation_that_is_predicted() -> None:
+    draw = np.random.default_rng(0)
+    for noise in (0.0, 0.2, 0.4):
+        places = draw.random((20000, 1))
+        read = np.round(places + noise * draw.standard_normal((20000, 8)))
+        found = np.std(read.mean(axis=1) - places[:, 0])
+        assert found == pytest.approx(Converter(noise, 1.0).mean(8), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"want": ["colour"]}, r"want names 'colour'.*allowed are stiffness, .*stiffness_ratio"),
+        ({"want": []}, "want is empty"),
+        ({"duration": 0.3}, r"duration is 0\.3 s, too short: .*takes 0\.66 s"),
+        ({"duration": -1.0}, r"duration is -1 s; allowed is a time above 0 s and up to 600 s"),
+        ({"forces": [-1.0]}, r"forces names -1 N; allowed are forces above 0 N"),
+        ({"criterion": "E"}, r"criterion is 'E'; allowed are D, A"),
+        ({"want": ["mismatch.output_encoder_offset"], "distal_encoder": False}, "there is no distal encoder"),
+        ({"law": "wet"}, "law is 'wet'; allowed"),
+    ],
+)
+@pytest.mark.usefixtures("few")
+def test_request_that_is_not_valid_is_refused(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(IdentificationError, match=message):
+        plan(tn.load("scaled-up"), **arguments)
+
+
+def test_friction_is_not_wanted_of_an_instrument_without_it() -> None:
+    with pytest.raises(IdentificationError, match="want names friction, but pulley wrist has no friction"):
+        plan(tn.load(Path(__file__).parents[2] / "examples/pulley.toml"), ["friction"])
+
+
+@pytest.fixture
+def app() -> Iterator[typer.Typer]:
+    made = typer.Typer(pretty_exceptions_enable=False)
+    cli_plan_identification.register(made)
+    made.command()(lambda: None)
+    yield made
+
+
+def run(app: typer.Typer, *arguments: str) -> Any:
+    done = CliRunner().invoke(app, ["plan-identification", *arguments])
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    return done
+
+
+@pytest.mark.usefixtures("few")
+def test_command_writes_protocol_page_figure_and_numbers(app: typer.Typer, tmp_path: Path) -> None:
+    done = run(app, "real-size", "--want", "friction,stiffness", "--duration", "8 s", "--forces", "0.5 N,1 N",
+               "--axis", "pitch", "--out", str(tmp_path))  # fmt: skip
+    assert done.exit_code == 0
+    assert {file.name for file in tmp_path.iterdir()} == {"protocol.toml", "plan.html", "plan.svg", "plan.json"}
+    assert "--axis pitch" in done.output
+    assert OPTIMISTIC in done.output
+    assert json.loads((tmp_path / "plan.json").read_text("utf-8"))["forces"] == [0.5, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--duration", "30"], "--duration = '30': it has no unit"),
+        (["--forces", "1 N,2 mm"], "--forces = '2 mm'"),
+        (["--criterion", "Z"], "--criterion is Z; allowed are D, A"),
+    ],
+)
+def test_command_refuses_what_it_does_not_understand(app: typer.Typer, options: list[str], message: str) -> None:
+    with pytest.raises(CommandError, match=message):
+        run(app, "scaled-up", *options)
+
+
+def test_command_never_overwrites_the_instrument(app: typer.Typer, tmp_path: Path) -> None:
+    given = tmp_path / "protocol.toml"
+    given.write_text(tn.instrument_text.to_toml(tn.load("scaled-up")), "utf-8")
+    with pytest.raises(CommandError, match="which is an input"):
+        run(app, str(given), "--out", str(tmp_path))
