@@ -281,7 +281,7 @@ def _causes(context: Context, comparison: Comparison) -> Table:
             ("with", {"friction": True, "forces": several}),
         ):
             try:
-                causes = comparison.causes(pretension=pretension, **options)  # type: ignore[arg-type]
+                causes = comparison.causes(pretension=pretension, **options)
             except ValueError:
                 # Nothing that both hold: there is no error to explain.
                 continue

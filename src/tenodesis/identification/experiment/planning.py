@@ -172,12 +172,13 @@ def plan(
     everything = sum((one.told for one in tried[1:]), tried[0].told)
     best = _best(bench, tried, duration=duration, measure=measure, left_out=left_out, report=report)
     names = [one.name for one in bench.parameters]
-    predictions = []
+    predictions, skipped = [], []
     for name, phases in compared.items():
         try:
             run = bench.run(phases)
         except UnfitError as problem:
             left_out[name] = str(problem)
+            skipped.append(f"Not compared with {name}: {problem}.")
         else:
             (told,) = bench.tells(run)[1]
             predictions.append(_prediction(bench, name, run, told, free=free, measure=measure))
@@ -207,7 +208,7 @@ def plan(
         left_out=left_out,
         warnings=(),
     )
-    return replace(found, warnings=_warnings(found))
+    return replace(found, warnings=(*_warnings(found), *skipped))
 
 
 class _Tried(NamedTuple):
