@@ -16,6 +16,7 @@ from rich.table import Table
 from tenodesis import (
     cli_control,
     cli_identify,
+    cli_plan_identification,
     cli_recording,
     cli_scale,
     cli_tolerance,
@@ -137,6 +138,7 @@ cli_scale.register(app)
 cli_transfer.register(app)
 cli_tolerance.register(app)
 cli_identify.register(app)
+cli_plan_identification.register(app)
 cli_control.register(cli_recording.exports)
 
 

@@ -49,7 +49,7 @@ def true(told: Instrument) -> Instrument:
     return told.replace(**MISMATCH, **KEYS)
 
 
-def commands(inst: Instrument, seconds: float = 4.0) -> tuple[Array, Array]:
+def commands(inst: Instrument, seconds: float = 3.0) -> tuple[Array, Array]:
     """Return handle angle and force: cycles of falling amplitude under a load that comes and goes."""
     time = np.arange(1, int(seconds / STEP) + 1) * STEP
     way = 2 / np.pi * np.arcsin(np.sin(1.5 * np.pi * time)) * (1 - 0.6 * time / seconds)
@@ -59,7 +59,7 @@ def commands(inst: Instrument, seconds: float = 4.0) -> tuple[Array, Array]:
 
 
 def recorded(
-    inst: Instrument, seed: int = 0, *, seconds: float = 4.0, distal: bool = True, commanded: bool = True
+    inst: Instrument, seed: int = 0, *, seconds: float = 3.0, distal: bool = True, commanded: bool = True
 ) -> InstrumentRun:
     """Return a recording of a twin."""
     handle, force = commands(inst, seconds)
@@ -120,7 +120,7 @@ def test_derivatives_are_those_of_differences_for_every_mechanism(any_inst: Inst
     if law == "stribeck":
         keys |= {"friction.static_ratio": 1.3, "friction.stribeck_speed": 2e-3}
     inst = inst.replace(**keys)
-    one = problem(recorded(inst, seconds=2.0), inst, law)
+    one = problem(recorded(inst, seconds=1.0), inst, law)
     lower, upper = (np.array([getattr(p, side) for p in one.parameters]) for side in ("lower", "upper"))
     values = np.clip(1.03 * start(one), lower, upper)
     own = one.jacobian(values, 0)
@@ -132,7 +132,7 @@ def test_derivatives_are_those_of_differences_for_every_mechanism(any_inst: Inst
 
 
 def test_derivatives_hold_on_the_lower_bounds_where_differences_are_one_sided(told: Instrument) -> None:
-    one = problem(recorded(told, seconds=2.0), told)
+    one = problem(recorded(told, seconds=1.0), told)
     names = [p.name for p in one.parameters]
     lower, upper = (np.array([getattr(p, side) for p in one.parameters]) for side in ("lower", "upper"))
     values = start(one, **{"friction.viscous": 0.0, "dynamics.tip_damping": 0.0, "drives.backlash": 0.0})
@@ -198,7 +198,7 @@ def test_a_handle_known_by_its_encoder_alone_biases_hardly(told: Instrument, tru
 
 
 def test_two_runs_tell_more_than_one(told: Instrument, true: Instrument) -> None:
-    runs = [recorded(true, 1), recorded(true, 2, seconds=3.0)]
+    runs = [recorded(true, 1), recorded(true, 2, seconds=2.0)]
     both = fit(problem(runs, told), list(TRUTH), train=[0, 1], starts=1)
     alone = found_again(runs[0], told)
     assert max(map(abs, deviations(both, TRUTH).values())) < 4.5

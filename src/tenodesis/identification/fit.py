@@ -6,9 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
-from scipy import stats
-from scipy.optimize import least_squares
-from scipy.stats import qmc
+from scipy import special
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import bootstrap as resampling
@@ -244,6 +242,8 @@ class _Task:
             return None
         if not loose:
             return _End(start, self._cost(residuals(start[loose])), converged=True)
+        from scipy.optimize import least_squares  # noqa: PLC0415 - slow to load
+
         found = least_squares(
             residuals,
             start[loose],
@@ -377,6 +377,8 @@ def _starts(task: _Task, count: int, seed: int) -> list[Array]:
     own = task.start[task.free]
     if count == 1:
         return [own]
+    from scipy.stats import qmc  # noqa: PLC0415 - slow to load
+
     shares = qmc.LatinHypercube(len(task.free), rng=np.random.default_rng([seed, 0])).random(count - 1)
     wide = (task.lower > 0) & (task.upper > _DECADES * np.abs(task.lower))
     low = np.where(wide, np.log(np.where(wide, task.lower, 1)), task.lower)
@@ -417,7 +419,7 @@ def _noises(problem: Problem, run: int, one: Linearised) -> list[Whiteness]:
 
 def _intervals(problem: Problem, free: Sequence[int], at: Array, std: Array, freedom: float) -> dict[str, Interval]:
     """Return 95 % intervals by Student's t with the effective samples left over, within the bounds."""
-    half = float(stats.t.ppf(0.975, freedom)) * std
+    half = float(special.stdtrit(freedom, 0.975)) * std
     return {
         one.name: (max(one.lower, value - width), min(one.upper, value + width))
         for one, value, width in zip(
@@ -446,7 +448,7 @@ def _replicates(
         max(resampling.block_length(series) for series in one.residuals.reshape(one.channels, -1)) for one in runs
     ]
     centred = np.concatenate([one.residuals for one in runs])
-    swell = math.sqrt(1 + at.size / freedom) * float(stats.t.ppf(0.975, freedom) / stats.norm.ppf(0.975))
+    swell = math.sqrt(1 + at.size / freedom) * float(special.stdtrit(freedom, 0.975) / special.ndtri(0.975))
     out = np.empty((count, at.size))
     for replicate in range(count):
         fresh = np.concatenate(

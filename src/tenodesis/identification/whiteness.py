@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal, stats
+from scipy import special
 
 from tenodesis.signals import Array
 
@@ -44,6 +44,8 @@ def autocorrelation(series: Array, lags: int | None = None) -> Array:
     """Return the autocorrelation of a series, shape (lags + 1,), from lag 0; all lags unless told."""
     centred = series - series.mean()
     most = series.size - 1 if lags is None else min(lags, series.size - 1)
+    from scipy import signal  # noqa: PLC0415 - slow to load
+
     sums = signal.correlate(centred, centred, method="fft")[series.size - 1 : series.size + most]
     if not sums[0] > 0:
         return np.asarray(np.arange(most + 1) == 0, dtype=np.float64)
@@ -75,7 +77,7 @@ def examine(series: Array, *, run: str, channel: int, sample_time: float) -> Whi
         effective_samples=count / time,
         statistic=statistic,
         lags=lags,
-        p_value=float(stats.chi2.sf(statistic, lags)),
+        p_value=float(special.chdtrc(lags, statistic)),
         autocorrelation=correlations[: _shown(time, count) + 1],
     )
 

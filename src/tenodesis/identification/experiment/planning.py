@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, get_args
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from tenodesis import protocols
 from tenodesis.errors import IdentificationError
@@ -40,7 +40,7 @@ OPTIMISTIC = (
 
 _HELD = {"friction.sheath_bend": "friction.sheath_coefficient"}
 """What is held unless wanted, since it acts only in a product with another."""
-HALF = float(stats.norm.ppf(0.975))
+HALF = float(special.ndtri(0.975))
 """Half a 95 % interval, in standard deviations."""
 
 
