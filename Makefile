@@ -52,6 +52,7 @@ bench: build
 	$(BIN)/python benchmarks/control.py
 	$(BIN)/python benchmarks/faults.py
 	$(BIN)/python benchmarks/scaling.py
+	$(BIN)/python benchmarks/identification.py
 
 lint: build
 	$(BIN)/ruff check .

@@ -45,15 +45,23 @@ Progress differentiate(const TwinSpec& spec, const Commands& commands, std::size
     (variables[d] < row.size() ? row[variables[d]] : parameters[variables[d] - row.size()]).slope[d] = 1;
   return with_twin(spec, parameters, row, [&](const auto& twin) -> Progress {
     auto state = twin.rest(0);
+    D spool[2]{};
     for (std::size_t i = 0; i < count; ++i) {
       const Command<double> given = commands[i];
+      // What is let out is where the motors stand: their spools follow on the flank that a taut tendon keeps them on.
+      for (int t = 0; t < 2; ++t) {
+        const D wound(-given.let_out[t]);
+        const bool taut = state.tendon[t].tension[0] > D(0);
+        const D play = row[backlash] * row[spool_radius];
+        spool[t] = taut || i == 0 ? wound : clamp(spool[t], wound, wound + play);
+      }
       Command<D> command{D(given.handle_angle),
                          D(given.force),
                          D(given.radial_force),
                          D(given.weight),
                          {D(given.spool_velocity[0]), D(given.spool_velocity[1])},
                          D(given.sheath_bend),
-                         {D(given.let_out[0]), D(given.let_out[1])}};
+                         {-spool[0], -spool[1]}};
       if (as_read) command.handle_angle = command.handle_angle - row[handle_encoder_offset];
       const Status status = twin.step(command, state);
       if (status != Status::ok) return {i, status};

@@ -120,7 +120,7 @@ def test_derivatives_are_those_of_differences_for_every_mechanism(any_inst: Inst
     if law == "stribeck":
         keys |= {"friction.static_ratio": 1.3, "friction.stribeck_speed": 2e-3}
     inst = inst.replace(**keys)
-    one = problem(recorded(inst, seconds=1.0), inst, law)
+    one = problem(recorded(inst, seconds=2.0), inst, law)
     lower, upper = (np.array([getattr(p, side) for p in one.parameters]) for side in ("lower", "upper"))
     values = np.clip(1.03 * start(one), lower, upper)
     own = one.jacobian(values, 0)

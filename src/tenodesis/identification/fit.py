@@ -12,7 +12,7 @@ from tenodesis.errors import IdentificationError
 from tenodesis.identification import bootstrap as resampling
 from tenodesis.identification import identifiability, uncertainty, whiteness
 from tenodesis.identification.differences import differenced, scales
-from tenodesis.identification.problem import Problem, WithChannels
+from tenodesis.identification.problem import Problem, WithChannels, WithDerivatives
 from tenodesis.identification.results import Fit, Interval, RunErrors
 from tenodesis.identification.uncertainty import Linearised, LossName, Spread
 from tenodesis.identification.whiteness import Whiteness
@@ -201,12 +201,21 @@ class _Task:
 
     def jacobian(self, at: Array) -> Array:
         values = self.full(at)
-        own = [self.problem.jacobian(values, run) if self.exact else None for run in self.train]
-        given = [one[:, self.free] for one in own if one is not None]
+        own = [self._own(values, run) for run in self.train]
+        given = [one for one in own if one is not None]
         if len(given) == len(own):
             self.jacobians += 1
             return np.concatenate(given)
         return differenced(self.residuals, at, self.lower, self.upper, self._scale(at))
+
+    def _own(self, values: Array, run: int) -> Array | None:
+        """Return the problem's own derivatives by what is free, (n, free), or None to have them differenced."""
+        if not self.exact:
+            return None
+        if isinstance(self.problem, WithDerivatives):
+            return self.problem.derivatives(values, run, self.free)
+        whole = self.problem.jacobian(values, run)
+        return None if whole is None else whole[:, self.free]
 
     def solve(
         self, start: Array, *, aim: Array | None = None, held: Sequence[int] = (), steps: int = _MOST_STEPS
@@ -280,11 +289,11 @@ class _Task:
     def linearised(self, at: Array, run: int, scale: Array) -> Linearised:
         """Return a run at the optimum."""
         values = self.full(at)
-        own = self.problem.jacobian(values, run) if self.exact else None
+        own = self._own(values, run)
         jacobian = (
             differenced(lambda x: self.problem.residuals(self.full(x), run), at, self.lower, self.upper, scale)
             if own is None
-            else own[:, self.free]
+            else own
         )
         return Linearised(
             self.problem.residuals(values, run), self._finite(jacobian) * scale, channels(self.problem, run)

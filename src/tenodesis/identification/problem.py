@@ -90,6 +90,14 @@ class WithGroups(Protocol):
 
 
 @runtime_checkable
+class WithDerivatives(Protocol):
+    """A problem that differentiates by some parameters for less than by all."""
+
+    def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
+        """Return the columns of the jacobian of some parameters, by index, (n, how many)."""
+
+
+@runtime_checkable
 class WithAdvice(Protocol):
     """A problem that knows which recording would tell what these do not."""
 
