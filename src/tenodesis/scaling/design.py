@@ -202,7 +202,8 @@ class Front:
                 error, resolution, length, inverse = exact[row].tolist()
                 made_of = _described(stage.candidates, int(stage.held[may][row]))
                 found.append(Rival(Objectives(error, resolution, length, 1 / inverse), made_of))
-        return sorted(found)
+        # What both stages judged is one.
+        return sorted(set(found))
 
     def table(self) -> dict[str, list[Any]]:
         """Return what each design is made of and its objectives, by column, lengths in mm."""
