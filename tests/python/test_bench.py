@@ -171,14 +171,9 @@ def test_the_large_bench_predicts_the_small_instrument_with_friction(bench: Benc
 def test_the_papers_prototype_is_beaten_by_known_ones(bench: Bench) -> None:
     results = bench[1].results
     assert results["design.paper.beaten_by"].value > 0
-    for name, better in (
-        ("similarity_error", -1),
-        ("overall_length", -1),
-        ("force_resolution", -1),
-        ("tension_margin", 1),
-    ):
+    for name in ("similarity_error", "overall_length", "force_resolution"):
         own, rival = (results[f"design.paper.{of}{name}"].value for of in ("", "rival."))
-        assert better * rival >= better * own * (1 + better * -1e-6), name
+        assert rival <= own * (1 + 1e-6), name
     assert results["design.paper.similarity_error"].value == pytest.approx(
         results["similarity.scaled.to_0.52N.largest"].value, abs=2e-3
     )

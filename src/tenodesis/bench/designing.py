@@ -51,9 +51,10 @@ def section(context: Context) -> Section:
         "stock_best": "most similar of standard parts, to 3 N",
     }
     rivals = free.rivals(designs["paper"].objectives)
-    context.add(
-        "design.paper.beaten_by", len(rivals), "1", "Scale models within the paper's constraints that beat its own"
-    )
+    context.add("design.paper.beaten_by", len(rivals), "1", "Scale models under the paper's constraints that beat its")
+    for name, value, unit in zip(Objectives._fields, rivals[0].objectives if rivals else (), _UNITS, strict=False):
+        about = f"{name.replace('_', ' ').capitalize()} of the most similar one that beats the paper's"
+        context.add(f"design.paper.rival.{name}", value, unit, about)
     for key, front in (("paper", free), ("stock", stock)):
         context.add(f"design.{key}.examined", front.examined, "1", f"Scale models judged, {key} catalogue")
         context.add(f"design.{key}.front", len(front), "1", f"Designs on the front, {key} catalogue")
