@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from tenodesis.errors import DesignError
 from tenodesis.instrument import PARAMETERS, Instrument
 from tenodesis.scaling.catalogue import Catalogue, Constraints, Rod, Rope
-from tenodesis.scaling.pins import missing, radii, same
+from tenodesis.scaling.pins import missing, same
 from tenodesis.signals import Array
+from tenodesis.similarity.parameters import field_of, value_of
 
 COMBINATIONS = 1_000_000
 """How many scale models a search goes through if lengths are free to be cut that finely."""
@@ -98,9 +99,9 @@ class Candidates:
             "tendon_diameter": np.array([one.diameter for one in self.ropes])[rope],
             "tendon_length": self.overall_lengths[length],
         }
-        if "backbone_length" in _parameters(self.model):
-            scale = distal / _parameter(self.model, "distal_radius")
-            columns["backbone_length"] = scale * _parameter(self.model, "backbone_length")
+        if "backbone_length" in self.model.parameter_fields.values():
+            scale = distal / value_of(self.model, "distal_radius")
+            columns["backbone_length"] = scale * value_of(self.model, "backbone_length")
             columns["backbone_rigidity"] = np.array([one.rigidity for one in self.rods if one is not None])[rod]
         return columns
 
@@ -189,7 +190,7 @@ def _with_lengths(parts: Parts, constraints: Constraints, levels: int, among: Ca
     if among is not None:
         overall = np.unique(np.concatenate([overall, among.overall_lengths]))
         between = np.unique(np.concatenate([between, among.between]))
-    similar = distal * _ratio(model, "end_effector_length", "distal_radius")
+    similar = distal * (value_of(model, "end_effector_length") / value_of(model, "distal_radius"))
     nearest = _made(similar, constraints.end_effector_length, _END_EFFECTOR_MADE_TO)[:, None]
     handle = overall * model.handle_length / (model.tendon_length or model.overall_length)
     return Candidates(
@@ -207,7 +208,7 @@ def _given(*ranges: tuple[float, float] | None) -> list[tuple[float, float]]:
 
 def _overall(model: Instrument, allowed: tuple[float, float] | None, distal: Array, levels: int) -> Array:
     if allowed is None:
-        scale = np.unique(distal / _parameter(model, "distal_radius"))
+        scale = np.unique(distal / value_of(model, "distal_radius"))
         return np.linspace(scale[0], scale[-1], min(levels, scale.size)) * model.overall_length
     return np.unique(_made(np.linspace(*allowed, levels), allowed))
 
@@ -229,7 +230,7 @@ def _made(lengths: Array, allowed: tuple[float, float] | None, made_to: float = 
 
 def _pairs(model: Instrument, catalogue: Catalogue, pins: Mapping[str, Any]) -> tuple[tuple[Wheel, Wheel], ...]:
     wheels = _wheels(model, catalogue)
-    distal_field, proximal_field = radii(model)
+    distal_field, proximal_field = (field_of(model, f"{which}_radius") for which in ("distal", "proximal"))
     foreign = [key for key in pins if key.endswith(("_radius", "_offset")) and key not in (
         distal_field, proximal_field, "spool_radius")]  # fmt: skip
     if foreign:
@@ -239,7 +240,7 @@ def _pairs(model: Instrument, catalogue: Catalogue, pins: Mapping[str, Any]) -> 
         )
     distals = _pinned(wheels, distal_field, pins, catalogue)
     proximals = _pinned(wheels, proximal_field, pins, catalogue)
-    small, large = _parameter(model, "distal_radius"), _parameter(model, "proximal_radius")
+    small, large = value_of(model, "distal_radius"), value_of(model, "proximal_radius")
     factor = catalogue.constraints.factor
     if factor is not None:
         low, high = (bound * small * (1 + sign * 1e-9) for bound, sign in zip(factor, (-1, 1), strict=True))
@@ -274,7 +275,7 @@ def _pairs(model: Instrument, catalogue: Catalogue, pins: Mapping[str, Any]) -> 
 
 
 def _no_radius(model: Instrument, catalogue: Catalogue, distals: Sequence[Wheel], factor: tuple[float, float]) -> str:
-    small = _parameter(model, "distal_radius")
+    small = value_of(model, "distal_radius")
     low, high = factor
     asked = f"factor = {low:g}" if low == high else f"factor from {low:g} to {high:g}"
     near = min(distals, key=lambda one: max(low * small - one.radius, one.radius - high * small))
@@ -309,15 +310,3 @@ def _makeable(pair: tuple[Wheel, Wheel]) -> tuple[Any, ...]:
     one, other = pair
     undercut = sum(wheel.teeth is not None and wheel.teeth < _NO_UNDERCUT for wheel in pair)
     return undercut, one.module != other.module, -(one.module or 0.0), -(other.module or 0.0)
-
-
-def _parameters(inst: Instrument) -> Mapping[str, str]:
-    return {parameter: field for field, parameter in inst.parameter_fields.items()}
-
-
-def _parameter(inst: Instrument, name: str) -> float:
-    return float(getattr(inst, _parameters(inst)[name]))
-
-
-def _ratio(inst: Instrument, length: str, radius: str) -> float:
-    return _parameter(inst, length) / _parameter(inst, radius)

@@ -21,6 +21,7 @@ from tenodesis.scaling.transfer_friction import carry_friction
 from tenodesis.scaling.weights import Hanging, hang
 from tenodesis.signals import Array
 from tenodesis.similarity import Comparison, compare
+from tenodesis.similarity.parameters import alone, field_of, value_of
 
 Preference: TypeAlias = Literal["similarity", "resolution", "size", "margin", "balanced"]
 PREFERENCES: tuple[Preference, ...] = get_args(Preference)
@@ -258,8 +259,7 @@ def design(
         raise ValueError(f"combinations is {combinations!r}; allowed is a whole number from 1 to 10**9.")
     given = parse(pins or {})
     parts = narrowed(catalogues.load() if catalogue is None else catalogue, given)
-    single = model.axis(model.axes[0]) if model.axes[1:] else model
-    return Front(sweep(single, parts, given, combinations=combinations, progress=progress))
+    return Front(sweep(alone(model), parts, given, combinations=combinations, progress=progress))
 
 
 def name_of(model: Instrument) -> str:
@@ -410,7 +410,7 @@ def _prototype(found: Sweep, choice: Choice, one: Mapping[str, float], tests: Se
         field: one[parameter] for field, parameter in model.parameter_fields.items() if parameter in one
     }
     length = changes.pop("tendon_length")
-    factor = one["distal_radius"] / float(getattr(model, _field(model, "distal_radius")))
+    factor = one["distal_radius"] / value_of(model, "distal_radius")
     changes |= {
         "name": name_of(model),
         "description": f"Scale model of {model.name}, distal radius times {factor:.4g}"[:200],
@@ -448,10 +448,6 @@ def _prototype(found: Sweep, choice: Choice, one: Mapping[str, float], tests: Se
         raise DesignError(f"the scale model is no instrument: {problem}") from None
 
 
-def _field(inst: Instrument, parameter: str) -> str:
-    return next(field for field, name in inst.parameter_fields.items() if name == parameter)
-
-
 def _bits(counts: float) -> int:
     return min(max(math.ceil(math.log2(counts)), 4), 32)
 
@@ -459,8 +455,8 @@ def _bits(counts: float) -> int:
 def _sources(found: Sweep, choice: Choice, changes: Mapping[str, Any]) -> dict[str, str]:
     model, name = found.model, found.catalogue.name
     sources = {
-        _field(model, "distal_radius"): _made_of(choice.distal),
-        _field(model, "proximal_radius"): _made_of(choice.proximal),
+        field_of(model, "distal_radius"): _made_of(choice.distal),
+        field_of(model, "proximal_radius"): _made_of(choice.proximal),
         "tendon_diameter": choice.rope.name,
         "tendon_modulus": f"{choice.rope.name}: {choice.rope.source}",
         "breaking_load": f"{choice.rope.name}: {choice.rope.source}",

@@ -6,8 +6,9 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from tenodesis.errors import DesignError
-from tenodesis.instrument import Instrument, Length, Tension
+from tenodesis.instrument import Length, Tension
 from tenodesis.scaling.catalogue import Catalogue
+from tenodesis.similarity.parameters import RADII
 
 _T = TypeVar("_T")
 
@@ -16,14 +17,7 @@ SAME_LENGTH = 1e-6
 
 _RANGES = ("overall_length", "end_effector_length", "handle_length")
 _PARTS = {"rope": "ropes", "rod": "rods", "load_cell": "load_cells", "encoder": "encoders"}
-_RADII = (
-    "distal_gear_radius",
-    "proximal_gear_radius",
-    "distal_pulley_radius",
-    "proximal_pulley_radius",
-    "distal_tendon_offset",
-)
-PINS = ("factor", *_RANGES, *_RADII, "tendon_diameter", *_PARTS, "spool_radius", "pretension")
+PINS = ("factor", *_RANGES, *RADII, "tendon_diameter", *_PARTS, "spool_radius", "pretension")
 """What may be pinned."""
 
 
@@ -120,9 +114,3 @@ def missing(key: str, wanted: float, sizes: Sequence[float], catalogue: Catalogu
     return DesignError(
         f"{key} = {1e3 * wanted:.6g} mm is pinned, but no part of catalogue {catalogue.name} has it; nearest: {told}."
     )
-
-
-def radii(inst: Instrument) -> tuple[str, str]:
-    """Return the fields that hold the distal and the proximal radius of an instrument."""
-    fields = {parameter: field for field, parameter in inst.parameter_fields.items()}
-    return fields["distal_radius"], fields["proximal_radius"]

@@ -17,9 +17,9 @@ from tenodesis.scaling import front
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates, Wheel, candidates, finer
 from tenodesis.scaling.catalogue import Catalogue, LoadCell, Spool
 from tenodesis.scaling.limits import Forces, Limit, Tally, finest_difference, forces_of, limits
-from tenodesis.scaling.pins import radii
 from tenodesis.scaling.range import WorkingRange, working_range
 from tenodesis.signals import Array
+from tenodesis.similarity.parameters import RADII, value_of
 from tenodesis.threads import threads
 
 FINDINGS = tuple(_core.findings())
@@ -264,8 +264,7 @@ def exact_costs(judge: Judge, bounds: tuple[Limit, ...], numbers: NDArray[np.int
 
 
 def _nearest_spool(model: Instrument, catalogue: Catalogue, distal: Wheel) -> Spool:
-    small = float(getattr(model, radii(model)[0]))
-    wanted = model.drives.spool_radius * distal.radius / small
+    wanted = model.drives.spool_radius * distal.radius / value_of(model, "distal_radius")
     return min(catalogue.spools, key=lambda one: abs(log(one.radius / wanted)))
 
 
@@ -298,7 +297,7 @@ def _widened(
 ) -> Iterator[tuple[str, str, Catalogue, Mapping[str, Any]]]:
     """Yield, one range or pin at a time, its key, what it asks, and catalogue and pins without it."""
     for key in pins:
-        if key in (*radii(model), "pretension"):
+        if key in (*RADII, "pretension"):
             free = {name: value for name, value in pins.items() if name != key}
             yield key, f"{key} is pinned", catalogue, free
     ranges = {key: getattr(catalogue.constraints, key) for key in RANGES}

@@ -1,7 +1,18 @@
 """Parameters of an instrument by the core's names, whatever its joint type calls them."""
 
 from tenodesis import _core
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import JOINT_TYPES, Instrument
+
+RADII = tuple(
+    dict.fromkeys(
+        field
+        for kind in JOINT_TYPES.values()
+        for parameter in ("distal_radius", "proximal_radius")
+        for field, name in kind.parameter_fields.items()
+        if name == parameter
+    )
+)
+"""Fields that hold a distal or a proximal radius, of every joint type."""
 
 
 def field_of(inst: Instrument, parameter: str) -> str:

@@ -3,6 +3,7 @@
 from typing import Any
 
 from tenodesis.instrument import Instrument
+from tenodesis.similarity.parameters import RADII
 from tenodesis.tolerance.files import Tolerance, Tolerances
 
 _FINE = ((6e-3, 0.05), (30e-3, 0.1), (120e-3, 0.15), (400e-3, 0.2), (1.0, 0.3))
@@ -10,13 +11,6 @@ _MEDIUM = ((6e-3, 0.1), (30e-3, 0.2), (120e-3, 0.3), (400e-3, 0.5), (1.0, 0.8))
 # Up to this dimension (m), by half width (mm); beyond the last, the class from 1 to 2 m.
 _BEYOND = {"f": 0.5, "m": 1.2}
 
-_RADII = (
-    "distal_gear_radius",
-    "proximal_gear_radius",
-    "distal_pulley_radius",
-    "proximal_pulley_radius",
-    "distal_tendon_offset",
-)
 _LENGTHS = ("overall_length", "end_effector_length", "handle_length", "backbone_length")
 _STIFFNESS = "ours: a pull test of rope and terminations"
 _IDENTIFIED = "ours: several coefficients fit one bench's readings alike, see the comments of scaled-up.toml"
@@ -55,7 +49,7 @@ def default(prototype: Instrument) -> Tolerances:
     out.
     """
     found = []
-    for keys, grade in ((_RADII, "f"), (_LENGTHS, "m")):
+    for keys, grade in ((RADII, "f"), (_LENGTHS, "m")):
         for key in keys:
             if getattr(prototype, key, None):
                 found.append(_machined(key, getattr(prototype, key), grade))
