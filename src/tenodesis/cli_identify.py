@@ -20,6 +20,7 @@ from tenodesis.identification.problem import Problem, WithGroups
 from tenodesis.identification.registry import FORMATS, LAWS, law_of
 from tenodesis.identification.results import Fit, to_json
 from tenodesis.identification.uncertainty import LossName
+from tenodesis.whole import whole
 
 console = Console()
 
@@ -162,7 +163,8 @@ def _same(one: Path, other: Path) -> bool:
 def _write(path: Path, text: str) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, "utf-8")
+        with whole(path) as new:
+            new.write_text(text, "utf-8")
     except OSError as problem:
         raise CommandError(f"{path} cannot be written: {problem.strerror or problem}.") from None
 

@@ -1,7 +1,6 @@
 """The command that designs a scale model: ``tenodesis scale``."""
 
 import csv
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +21,7 @@ from tenodesis.instrument_text import to_file
 from tenodesis.scaling import Catalogue, Design, Front, Objectives, front_figure, plan
 from tenodesis.scaling.design import PREFERENCES, Preference
 from tenodesis.scaling.sweep import Progress as Report
+from tenodesis.whole import together
 
 console = Console()
 
@@ -140,15 +140,11 @@ def _chosen(front: Front, prefer: str, pick: int | None) -> tuple[int, Design]:
 def _write(out: Path, files: Sequence[str], front: Front, design: Design, free: Front | None) -> None:
     """Write everything beside its place first, and move it there when all of it is written."""
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=out, prefix=".scale-") as name:
-            new = Path(name)
+        with together(out) as new:
             (new / files[0]).write_text(to_file(design.prototype, comment=_HEADING.format(design.model.name)), "utf-8")
             plan.write(design, new)
             _write_front(front, new / "front.csv")
             _draw_front(free or front, design.objectives, new)
-            for file in files:
-                (new / file).replace(out / file)
     except OSError as problem:
         raise CommandError(f"{out} cannot be written: {problem.strerror or problem}.") from None
 

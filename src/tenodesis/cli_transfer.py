@@ -1,7 +1,6 @@
 """The command that carries an experiment on a scaled-up instrument to the real-size one."""
 
 import math
-import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
@@ -19,6 +18,7 @@ from tenodesis.recording import Recording
 from tenodesis.scaling.transfer import Carried, carry
 from tenodesis.scaling.transfer_factors import KEYS, QUANTITY
 from tenodesis.scaling.transfer_friction import carry_friction
+from tenodesis.whole import whole
 
 console = Console()
 
@@ -115,10 +115,8 @@ def _refuse(
 def _write(path: Path, text: str) -> None:
     """Write a file whole or not at all."""
     try:
-        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".transfer-") as beside:
-            new = Path(beside) / path.name
+        with whole(path) as new:
             new.write_text(text, "utf-8")
-            new.replace(path)
     except OSError as problem:
         raise CommandError(f"{path} cannot be written: {problem.strerror or problem}.") from None
 

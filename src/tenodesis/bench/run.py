@@ -4,7 +4,6 @@ import csv
 import json
 import math
 import platform
-import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -34,6 +33,7 @@ from tenodesis.bench import (
 from tenodesis.bench.content import Context, Plot, Section
 from tenodesis.instrument import Instrument
 from tenodesis.recording.session import record
+from tenodesis.whole import together
 
 RESULTS_SCHEMA = 1
 """Version of the layout of results.json."""
@@ -139,9 +139,7 @@ def _is_paper(inst: Instrument, scaled: Instrument | None) -> bool:
 
 def _write(context: Context, sections: list[Section], out: Path) -> None:
     """Write everything beside its place first, and move it there when all of it is written."""
-    out.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=out, prefix=".bench-") as name:
-        new = Path(name)
+    with together(out, last="report.html") as new:
         for folder in ("figures", "curves", "recordings"):
             (new / folder).mkdir()
         drawings: dict[str, str] = {}
@@ -152,12 +150,6 @@ def _write(context: Context, sections: list[Section], out: Path) -> None:
             record(session.inst, session.protocol, new / "recordings" / f"{file_name}.mcap", seed=session.seed)
         (new / "results.json").write_text(json.dumps(_results(context), indent=1, ensure_ascii=False) + "\n", "utf-8")
         (new / "report.html").write_text(report.render(context, sections, drawings, about()), "utf-8")
-        # File by file, since a folder may hold others' files too, and the report last: where it stands, all it was made
-        # with stands too.
-        files = sorted(path.relative_to(new) for path in new.rglob("*") if path.is_file())
-        for file in sorted(files, key=lambda path: path.name == "report.html"):
-            (out / file).parent.mkdir(exist_ok=True)
-            (new / file).replace(out / file)
 
 
 def _draw(plot: Plot, folder: Path) -> str:

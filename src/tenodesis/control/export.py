@@ -2,7 +2,6 @@
 
 import keyword
 import re
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
 from tenodesis.control.parameters import AXIS, COMMON, FAULTS
 from tenodesis.instrument import Instrument
+from tenodesis.whole import whole
 
 INTERFACE_VERSION = 1
 """TENODESIS_VERSION of the interface that headers are written for."""
@@ -219,10 +219,8 @@ def export_header(
         inst, name, observer=observer, law=law, actuation=actuation, homed=homed, own_clock=own_clock, source=source
     )
     path = Path(path)
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".tenodesis-") as folder:
-        new = Path(folder) / path.name
+    with whole(path) as new:
         new.write_text(text, "utf-8")
-        new.replace(path)
 
 
 def identifier(text: str) -> str:

@@ -4,7 +4,6 @@ import io
 import json
 import math
 import re
-import tempfile
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -22,6 +21,7 @@ from tenodesis.identification.problem import Parameter, Problem, WithInstrument
 from tenodesis.identification.results import Fit, about, by_unit, to_json
 from tenodesis.instrument import Instrument
 from tenodesis.instrument_text import to_file
+from tenodesis.whole import together
 
 PAGE, NUMBERS, INSTRUMENT = "report.html", "result.json", "instrument.toml"
 """What a fit is written as."""
@@ -79,12 +79,9 @@ def write(
         logs = ", ".join(one.name for one in found.files if one.split == "train")
         texts = {INSTRUMENT: to_file(inst, comment=f"Identified from {logs}: {fitted}."), **texts}
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=out, prefix=".identification-") as folder:
+        with together(out, last=PAGE) as new:
             for name, text in texts.items():
-                (Path(folder) / name).write_text(text, "utf-8")
-            for name in texts:
-                (Path(folder) / name).replace(out / name)
+                (new / name).write_text(text, "utf-8")
     except OSError as problem_:
         raise IdentificationError(f"{out} cannot be written: {problem_.strerror or problem_}.") from problem_
     return [out / name for name in texts]

@@ -2,7 +2,6 @@
 
 import csv
 import math
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 from tenodesis.errors import RecordingError
 from tenodesis.recording.schemas import TENDONS
 from tenodesis.signals import SIGNALS, Array, Run
+from tenodesis.whole import whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -85,9 +85,7 @@ def to_parquet(run: Run, path: str | Path) -> None:
 def _whole(path: Path) -> Iterator[Path]:
     """Give a place beside a path to write to, and move what is there to the path at the end."""
     try:
-        with tempfile.TemporaryDirectory(dir=path.parent, prefix=".tenodesis-") as folder:
-            new = Path(folder) / path.name
+        with whole(path) as new:
             yield new
-            new.replace(path)
     except OSError as problem:
         raise RecordingError(f"{path} cannot be written: {problem.strerror or problem}.") from None

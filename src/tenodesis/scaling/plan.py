@@ -2,7 +2,6 @@
 
 import json
 import re
-import tempfile
 from base64 import b64encode
 from bisect import bisect_left
 from dataclasses import asdict
@@ -21,6 +20,7 @@ from tenodesis.bench import style
 from tenodesis.errors import DesignError
 from tenodesis.scaling.plan_content import Plan, content
 from tenodesis.scaling.plan_tables import Limits
+from tenodesis.whole import together
 
 if TYPE_CHECKING:
     from tenodesis.scaling.design import Design
@@ -66,15 +66,12 @@ def write(design: "Design", folder: Path) -> tuple[Path, Path]:
     plan, size = _fitted(design)
     files = {"plan.html": _html(plan, size).encode(), "plan.pdf": _pdf(plan, size)}
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         for name in files:
             if (folder / name).is_dir():
                 raise IsADirectoryError(EISDIR, f"{name} is a folder")
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".plan-") as beside:
+        with together(folder) as new:
             for name, data in files.items():
-                (Path(beside) / name).write_bytes(data)
-            for name in files:
-                (Path(beside) / name).replace(folder / name)
+                (new / name).write_bytes(data)
     except OSError as problem:
         raise DesignError(f"{folder} cannot be written: {problem.strerror or problem}.") from problem
     return folder / "plan.html", folder / "plan.pdf"

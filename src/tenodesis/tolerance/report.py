@@ -5,7 +5,6 @@ import json
 import math
 import platform
 import re
-import tempfile
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from tenodesis.bench.content import Plot, fixed
 from tenodesis.errors import StudyError
 from tenodesis.tolerance import figures
 from tenodesis.tolerance.results import QUANTILES, Response, Study
+from tenodesis.whole import together
 
 RESULTS_SCHEMA = 1
 """Version of the layout of tolerance.json."""
@@ -45,9 +45,7 @@ def write(study: Study, out: Path) -> None:
 
 def _write(study: Study, out: Path) -> None:
     """Write everything beside its place first, and move it there when all of it is written."""
-    out.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=out, prefix=".tolerance-") as name:
-        new = Path(name)
+    with together(out, last=_PAGE) as new:
         (new / "figures").mkdir()
         plots = figures.plots(study)
         drawings = {plot.name: _draw(plot, new / "figures") for plot in plots}
@@ -56,11 +54,6 @@ def _write(study: Study, out: Path) -> None:
             json.dumps(_numbers(study), indent=1, ensure_ascii=False, allow_nan=False) + "\n", "utf-8"
         )
         (new / _PAGE).write_text(_rendered(study, plots, drawings), "utf-8")
-        # The page last: where it stands, all it was made with stands too.
-        files = sorted(path.relative_to(new) for path in new.rglob("*") if path.is_file())
-        for file in sorted(files, key=lambda path: path.name == _PAGE):
-            (out / file).parent.mkdir(exist_ok=True)
-            (new / file).replace(out / file)
     for name in set(figures.NAMES) - drawings.keys():
         for kind in _DRAWINGS:
             (out / f"figures/{name}.{kind}").unlink(missing_ok=True)

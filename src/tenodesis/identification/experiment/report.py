@@ -4,7 +4,6 @@ import io
 import json
 import math
 import re
-import tempfile
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from tenodesis.identification.experiment.planning import HALF, OPTIMISTIC, Plan,
 from tenodesis.identification.experiment.text import to_text
 from tenodesis.identification.figures import readable
 from tenodesis.identification.results import about
+from tenodesis.whole import together
 
 PROTOCOL, PAGE, FIGURE, NUMBERS = "protocol.toml", "plan.html", "plan.svg", "plan.json"
 """What a plan is written as."""
@@ -54,12 +54,9 @@ def write(plan: Plan, out: Path) -> list[Path]:
         PAGE: _page(plan, svgs),
     }
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=out, prefix=".plan-") as folder:
+        with together(out, last=PAGE) as new:
             for name, text in texts.items():
-                (Path(folder) / name).write_text(text, "utf-8")
-            for name in texts:
-                (Path(folder) / name).replace(out / name)
+                (new / name).write_text(text, "utf-8")
     except OSError as problem:
         raise IdentificationError(f"{out} cannot be written: {problem.strerror or problem}.") from problem
     return [out / name for name in texts]
