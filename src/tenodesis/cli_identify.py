@@ -1,7 +1,6 @@
 """The command that finds a model's parameters in recordings."""
 
-import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, get_args
 
@@ -9,10 +8,10 @@ import typer
 from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from tenodesis import instrument
+from tenodesis.cli_progress import PatientBar
 from tenodesis.cli_recording import CommandError
 from tenodesis.identification import report
 from tenodesis.identification.fit import STARTS, fit
@@ -23,9 +22,6 @@ from tenodesis.identification.uncertainty import LossName
 from tenodesis.whole import whole
 
 console = Console()
-
-_PATIENCE = 1.0
-"""Time after which a progress bar is shown, s."""
 
 
 def register(app: typer.Typer) -> None:
@@ -77,7 +73,7 @@ def identify(  # noqa: PLR0917
     chosen = law_of(format_name) if law is None else law
     measured = [kind.load(path) for path in (*logs, *tests)]
     problem = kind.problem(measured[: len(logs)], measured[len(logs) :], law=chosen, instrument=inst)
-    with _Bar() as bar:
+    with PatientBar(console, "starts and replicates") as bar:
         found = fit(
             problem,
             None if parameters is None else chosen_parameters(problem, parameters),
@@ -209,27 +205,3 @@ def _tell(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, ...]]
 
 def _say(sentence: str) -> None:
     console.print(sentence, markup=False, highlight=False, soft_wrap=True)
-
-
-class _Bar:
-    """A progress bar that shows itself once a fit takes long."""
-
-    def __init__(self) -> None:
-        columns = (TextColumn("starts and replicates"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-        self._bar = Progress(*columns, console=console, transient=True)
-        self._task = self._bar.add_task("", total=None)
-        self._begun = time.monotonic()
-        self._shown = False
-
-    def __enter__(self) -> Callable[[int, int], None]:
-        return self._update
-
-    def __exit__(self, *_: object) -> None:
-        if self._shown:
-            self._bar.stop()
-
-    def _update(self, done: int, whole: int) -> None:
-        if not self._shown and console.is_interactive and time.monotonic() > self._begun + _PATIENCE:
-            self._bar.start()
-            self._shown = True
-        self._bar.update(self._task, completed=done, total=whole)

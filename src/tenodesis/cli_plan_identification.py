@@ -1,7 +1,5 @@
 """The command that proposes a bench protocol for an identification."""
 
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,10 +8,10 @@ from pydantic import TypeAdapter, ValidationError
 from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from tenodesis import instrument
+from tenodesis.cli_progress import PatientBar
 from tenodesis.cli_recording import CommandError
 from tenodesis.identification.experiment import DURATION, OPTIMISTIC, Plan, plan, report
 from tenodesis.identification.experiment.choice import CriterionName
@@ -22,8 +20,6 @@ from tenodesis.protocols.quantities import Duration
 
 console = Console()
 
-_PATIENCE = 1.0
-"""Time after which a progress bar is shown, s."""
 _NONE = "none"
 
 
@@ -68,7 +64,7 @@ def plan_identification(  # noqa: PLR0917
     _refuse_input(out, Path(instrument_file))
     seconds = _quantity("--duration", duration, Duration)
     loads = None if forces is None else _forces(forces)
-    with _Bar() as bar:
+    with PatientBar(console, "protocols tried") as bar:
         found = plan(
             inst,
             None if want is None else [word.strip() for word in want.split(",") if word.strip()],
@@ -149,27 +145,3 @@ def _tell(found: Plan) -> None:
 
 def _say(sentence: str) -> None:
     console.print(sentence, markup=False, highlight=False, soft_wrap=True)
-
-
-class _Bar:
-    """A progress bar that shows itself once a plan takes long."""
-
-    def __init__(self) -> None:
-        columns = (TextColumn("protocols tried"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-        self._bar = Progress(*columns, console=console, transient=True)
-        self._task = self._bar.add_task("", total=None)
-        self._begun = time.monotonic()
-        self._shown = False
-
-    def __enter__(self) -> Callable[[int, int], None]:
-        return self._update
-
-    def __exit__(self, *_: object) -> None:
-        if self._shown:
-            self._bar.stop()
-
-    def _update(self, done: int, whole: int) -> None:
-        if not self._shown and console.is_interactive and time.monotonic() > self._begun + _PATIENCE:
-            self._bar.start()
-            self._shown = True
-        self._bar.update(self._task, completed=done, total=whole)

@@ -9,11 +9,11 @@ from pydantic import TypeAdapter, ValidationError
 from rich import box
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from tenodesis import instrument, tolerance
 from tenodesis.bench.content import fixed
+from tenodesis.cli_progress import PatientBar
 from tenodesis.cli_recording import CommandError
 from tenodesis.instrument import Force
 from tenodesis.tolerance.conduct import SAMPLES
@@ -22,8 +22,6 @@ from tenodesis.tolerance.results import QUANTILES
 
 console = Console()
 
-_PATIENCE = 1.0
-"""Time after which a progress bar is shown, s."""
 _NAMED = 3
 """How many of the dominating parameters the table names."""
 
@@ -62,7 +60,7 @@ def study_tolerances(  # noqa: PLR0917
     given = None if tolerances is None else tolerance.load(tolerances)
     newton = None if force is None else _force(force)
     begun = time.monotonic()
-    with _Bar() as bar:
+    with PatientBar(console, "samples") as bar:
         study = tolerance.study(
             model,
             prototype,
@@ -118,27 +116,3 @@ def _dominating(study: tolerance.Study) -> Table:
         ]
         table.add_row(one.description, escape(", ".join(named)) if one.varies else "does not vary")
     return table
-
-
-class _Bar:
-    """A progress bar that shows itself once a study takes long."""
-
-    def __init__(self) -> None:
-        columns = (TextColumn("samples"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-        self._bar = Progress(*columns, console=console, transient=True)
-        self._task = self._bar.add_task("", total=None)
-        self._begun = time.monotonic()
-        self._shown = False
-
-    def __enter__(self) -> "_Bar":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._shown:
-            self._bar.stop()
-
-    def __call__(self, done: int, whole: int) -> None:
-        if not self._shown and console.is_interactive and time.monotonic() > self._begun + _PATIENCE:
-            self._bar.start()
-            self._shown = True
-        self._bar.update(self._task, completed=done, total=whole)
