@@ -8,6 +8,7 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
+from tenodesis.bench import style
 from tenodesis.bench.content import Context, Section, fixed
 from tenodesis.bench.loss import shown_force
 from tenodesis.instrument import Instrument
@@ -47,7 +48,7 @@ def render(context: Context, sections: Sequence[Section], drawings: Mapping[str,
         headlines=headlines(context),
         dimensions=[_dimensions(inst) for inst in (context.inst, context.scaled) if inst is not None],
         sections=sections,
-        drawings={name: Markup(_inline(name, svg)) for name, svg in drawings.items()},
+        drawings={name: Markup(style.inlined(name, svg)) for name, svg in drawings.items()},
         care=care,
         published=[result for result in context.results.values() if result.published is not None],
         about=about,
@@ -58,18 +59,6 @@ def render(context: Context, sections: Sequence[Section], drawings: Mapping[str,
 def _marked(text: str) -> Markup:
     """Return text as HTML, its symbols with their subscripts lowered."""
     return Markup(re.sub(r"(?<![\w])([θκTlF])_([a-zθ])(?![a-z])", r"\1<sub>\2</sub>", text))
-
-
-def _inline(name: str, svg: str) -> str:
-    """Return an SVG to stand within HTML: without its prologue, and with ids that no other figure uses."""
-    body = svg[svg.index("<svg") :]
-    body = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', body)
-    body = re.sub(r'(xlink:href="#|url\(#)', rf"\1{name}-", body)
-    return re.sub(
-        r'^<svg[^>]*?width="[^"]+" height="[^"]+"',
-        lambda m: re.sub(r' (width|height)="[^"]+"', "", m[0]),
-        body,
-    )
 
 
 def _dimensions(inst: Instrument) -> tuple[str, list[tuple[str, str, str]]]:

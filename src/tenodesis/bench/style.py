@@ -1,5 +1,6 @@
 """How the figures look: one style, one palette, a size that reads on screen and printed."""
 
+import re
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from typing import Any
@@ -65,3 +66,10 @@ def applied() -> AbstractContextManager[None]:
 def legend_above(axis: Axes, columns: int) -> None:
     """Put an axis's legend above it, where no curve runs."""
     axis.legend(loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.3, ncols=columns)
+
+
+def inlined(name: str, svg: str) -> str:
+    """Return an SVG to stand within HTML: no prologue, no size of its own, and ids that no other figure uses."""
+    body = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg[svg.index("<svg") :])
+    body = re.sub(r'(xlink:href="#|url\(#)', rf"\1{name}-", body)
+    return re.sub(r"^<svg[^>]*>", lambda tag: re.sub(r' (width|height)="[^"]+"', "", tag[0]), body)

@@ -3,7 +3,6 @@
 import io
 import json
 import math
-import re
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -183,7 +182,4 @@ def _svg(name: str, figure: Any) -> str:
     """Return a figure as SVG to stand within HTML: no prologue, no size, and ids that no other figure uses."""
     file = io.StringIO()
     figure.savefig(file, format="svg", dpi=_DOTS, metadata={"Date": None})
-    svg = file.getvalue()
-    body = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg[svg.index("<svg") :])
-    body = re.sub(r'(xlink:href="#|url\(#)', rf"\1{name}-", body)
-    return re.sub(r"^<svg[^>]*>", lambda tag: re.sub(r' (width|height)="[^"]+"', "", tag[0]), body)
+    return style.inlined(name, file.getvalue())

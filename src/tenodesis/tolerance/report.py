@@ -4,7 +4,6 @@ import csv
 import json
 import math
 import platform
-import re
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -64,10 +63,7 @@ def _draw(plot: Plot, folder: Path) -> str:
     for kind in _DRAWINGS:
         metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {}
         plot.figure.savefig(folder / f"{plot.name}.{kind}", dpi=200, metadata=metadata)
-    svg = (folder / f"{plot.name}.svg").read_text("utf-8")
-    body = re.sub(r'\bid="([^"]+)"', rf'id="{plot.name}-\1"', svg[svg.index("<svg") :])
-    body = re.sub(r'(xlink:href="#|url\(#)', rf"\1{plot.name}-", body)
-    return re.sub(r"^<svg[^>]*>", lambda tag: re.sub(r' (width|height)="[^"]+"', "", tag[0]), body)
+    return style.inlined(plot.name, (folder / f"{plot.name}.svg").read_text("utf-8"))
 
 
 def _write_samples(study: Study, path: Path) -> None:

@@ -3,7 +3,6 @@
 import io
 import json
 import math
-import re
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -146,7 +145,7 @@ def _page(plan: Plan, svgs: dict[str, tuple[str, str]]) -> str:
     return environment.from_string(text).render(
         plan=plan,
         rows=rows,
-        drawn=[(name, Markup(_inlined(name, svg)), caption) for name, (svg, caption) in svgs.items()],
+        drawn=[(name, Markup(style.inlined(name, svg)), caption) for name, (svg, caption) in svgs.items()],
         reasons=list(dict.fromkeys(plan.untold.values())),
         optimistic=OPTIMISTIC,
         about=about(),
@@ -157,13 +156,6 @@ def _svg(figure: Figure) -> str:
     file = io.StringIO()
     figure.savefig(file, format="svg", metadata={"Date": None})
     return file.getvalue()
-
-
-def _inlined(name: str, svg: str) -> str:
-    """Return a figure to stand within HTML: no prologue, no size, and ids that no other figure uses."""
-    body = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg[svg.index("<svg") :])
-    body = re.sub(r'(xlink:href="#|url\(#)', rf"\1{name}-", body)
-    return re.sub(r"^<svg[^>]*>", lambda tag: re.sub(r' (width|height)="[^"]+"', "", tag[0]), body)
 
 
 def _number(value: float) -> float | None:
