@@ -129,6 +129,8 @@ class AnyController {
   virtual tenodesis_counts counts(int axis) const = 0;
   virtual Phase phase(int axis) const = 0;
   virtual bool watchdog(double since_last_step) const = 0;
+  /// Takes another law and actuation on the way; false where it cannot.
+  virtual bool choose(ControlLaw /*law*/, Actuation /*actuation*/) { return false; }
 
   AnyOutput last{};               ///< what the drives were last told
   Request asked{Request::none};   ///< with the next tick of a closed loop
@@ -210,6 +212,17 @@ class ControllerOf final : public AnyController {
 
   bool watchdog(double since_last_step) const override {
     return controller_.axis[0].watch.watchdog(S(since_last_step));
+  }
+
+  bool choose(ControlLaw law, Actuation actuation) override {
+    for (int n = 0; n < controller_.count(); ++n) {
+      auto& one = controller_.axis[n];
+      if (law == ControlLaw::robust && one.observer != ObserverKind::friction) return false;
+      one.compensator.law = law;
+      one.compensator.actuation = actuation;
+      state_.axis[n].compensator = {};
+    }
+    return true;
   }
 
  private:

@@ -183,7 +183,10 @@ NB_MODULE(_core, m) {
   bind_twin(m);
   bind_twin_gradient(m);
   bind_control(m);
+  bind_runtime(m);
+  bind_serial(m);
   bind_similarity(m);
+  bind_kinematics(m);
 }
 
 }  // namespace tenodesis::bindings

@@ -8,6 +8,9 @@ namespace tenodesis::bindings {
 void bind_twin(nanobind::module_& m);
 void bind_twin_gradient(nanobind::module_& m);
 void bind_control(nanobind::module_& m);
+void bind_kinematics(nanobind::module_& m);
+void bind_runtime(nanobind::module_& m);
+void bind_serial(nanobind::module_& m);
 void bind_similarity(nanobind::module_& m);
 void bind_tendon(nanobind::module_& m);
 

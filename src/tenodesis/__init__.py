@@ -3,7 +3,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from tenodesis import control, protocols, similarity, statics, tendon, twin
+from tenodesis import control, kinematics, protocols, similarity, statics, tendon, twin
 from tenodesis.errors import (
     DesignError,
     IdentificationError,
@@ -40,6 +40,7 @@ __all__ = [
     "TendonPulley",
     "control",
     "identification",
+    "kinematics",
     "load",
     "parse",
     "protocols",

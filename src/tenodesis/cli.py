@@ -14,7 +14,10 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from tenodesis import (
+    cli_console,
     cli_control,
+    cli_export_model,
+    cli_foxglove,
     cli_identify,
     cli_plan_identification,
     cli_recording,
@@ -32,8 +35,10 @@ from tenodesis.bench.run import steps
 from tenodesis.cli_recording import CommandError
 from tenodesis.errors import (
     DesignError,
+    DeviceError,
     IdentificationError,
     InstrumentError,
+    LiveError,
     NoSolutionError,
     ProtocolError,
     RecordingError,
@@ -139,7 +144,10 @@ cli_transfer.register(app)
 cli_tolerance.register(app)
 cli_identify.register(app)
 cli_plan_identification.register(app)
+cli_console.register(app)
+cli_foxglove.register(app)
 cli_control.register(cli_recording.exports)
+cli_export_model.register(cli_recording.exports)
 
 
 def main() -> None:
@@ -155,8 +163,10 @@ _MENDABLE = (
     BenchError,
     CommandError,
     DesignError,
+    DeviceError,
     IdentificationError,
     InstrumentError,
+    LiveError,
     NoSolutionError,
     ProtocolError,
     RecordingError,

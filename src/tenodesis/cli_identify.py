@@ -1,9 +1,11 @@
 """The command that finds a model's parameters in recordings."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Annotated, get_args
 
+import numpy as np
 import typer
 from rich import box
 from rich.console import Console
@@ -11,13 +13,17 @@ from rich.markup import escape
 from rich.table import Table
 
 from tenodesis import instrument
+from tenodesis.cli_outputs import check_outputs
 from tenodesis.cli_progress import PatientBar
 from tenodesis.cli_recording import CommandError
 from tenodesis.identification import report
-from tenodesis.identification.fit import STARTS, fit
+from tenodesis.identification.fit import LEAST_REPLICATES, STARTS, fit
+from tenodesis.identification.formats import Measured, load_all
+from tenodesis.identification.laws import LAWS
 from tenodesis.identification.problem import Problem, WithGroups
-from tenodesis.identification.registry import FORMATS, LAWS, law_of
+from tenodesis.identification.registry import FORMATS, usual
 from tenodesis.identification.results import Fit, to_json
+from tenodesis.identification.split import LEAST_SHARE, Part, split
 from tenodesis.identification.uncertainty import LossName
 from tenodesis.whole import whole
 
@@ -33,6 +39,14 @@ def identify(  # noqa: PLR0917
     logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help="Recordings to fit.")],
     format_name: Annotated[str, typer.Option("--format", help=f"{', '.join(FORMATS)}.")] = "mcap",
     test: Annotated[list[Path] | None, typer.Option(metavar="FILE", help="Recording held out; repeatable.")] = None,
+    train_until: Annotated[
+        float | None,
+        typer.Option(metavar="SHARE", help="Fit this share of each LOG's duration, hold out what follows."),
+    ] = None,
+    train_from: Annotated[
+        float | None,
+        typer.Option(metavar="SHARE", help="Fit each LOG from this share of its duration on, hold out what is before."),
+    ] = None,
     parameters: Annotated[
         str | None,
         typer.Option("--fit", metavar="NAMES", help="Parameters or groups: friction,stiffness. Default: all."),
@@ -50,12 +64,20 @@ def identify(  # noqa: PLR0917
     out: Annotated[Path, typer.Option(help="Folder for report.html, result.json and instrument.toml.")] = Path(
         "out/identification"
     ),
-    starts: Annotated[int, typer.Option(help="Starts of the search, the first from the file's values.")] = STARTS,
-    bootstrap: Annotated[int, typer.Option(help="Replicates of a block bootstrap; 0 for none.")] = 0,
+    starts: Annotated[
+        int, typer.Option(help="Starts of the search, the first from the file's or the model's values.", min=1)
+    ] = STARTS,
+    bootstrap: Annotated[
+        int, typer.Option(help=f"Replicates of a block bootstrap, at least {LEAST_REPLICATES}; 0 for none.", min=0)
+    ] = 0,
     seed: Annotated[int, typer.Option(help="Seed of starts and bootstrap.", min=0)] = 0,
     loss: Annotated[
-        str, typer.Option(help=f"{', '.join(get_args(LossName))}; the latter against outliers.")
-    ] = "linear",
+        str | None,
+        typer.Option(
+            help=f"{', '.join(get_args(LossName))}; the latter against outliers. Default: the format's.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Identify a model from recordings: parameters with intervals, errors on held-out runs, and the instrument file."""
     tests = test or []
@@ -63,30 +85,47 @@ def identify(  # noqa: PLR0917
     outputs = [("--out", out / name) for name in (report.PAGE, report.NUMBERS, report.INSTRUMENT)]
     outputs += [] if json_file is None else [("--json", json_file)]
     given = [] if instrument_file is None else [Path(instrument_file)]
-    _refuse_inputs(outputs, [*logs, *tests, *given])
-    for option, value, allowed in (("--format", format_name, tuple(FORMATS)), ("--law", law, (None, *LAWS))):
+    check_outputs(outputs, [*logs, *tests, *given])
+    for option, value, allowed in (
+        ("--format", format_name, tuple(FORMATS)),
+        ("--law", law, (None, *LAWS)),
+        ("--loss", loss, (None, *get_args(LossName))),
+    ):
         if value not in allowed:
             names = ", ".join(name for name in allowed if name)
             raise CommandError(f"{option} is {value}; allowed are {names}.")
+    if 0 < bootstrap < LEAST_REPLICATES:
+        raise CommandError(f"--bootstrap is {bootstrap}; allowed is 0 for none, or at least {LEAST_REPLICATES}.")
+    share, part = _split(train_until, train_from)
     inst = None if instrument_file is None else instrument.load(instrument_file)
-    kind = FORMATS[format_name]
-    chosen = law_of(format_name) if law is None else law
-    measured = [kind.load(path) for path in (*logs, *tests)]
-    problem = kind.problem(measured[: len(logs)], measured[len(logs) :], law=chosen, instrument=inst)
+    kind, defaults = FORMATS[format_name], usual(format_name)
+    chosen = law or defaults.law
+    measured = load_all(kind.load, [*logs, *tests])
+    _check_different(measured)
+
+    def build(train: Sequence[Measured], held_out: Sequence[Measured]) -> Problem:
+        return kind.problem(train, held_out, law=chosen, instrument=inst)
+
+    count = len(logs)
+    if share is None:
+        problem = build(measured[:count], measured[count:])
+    else:
+        problem = split(measured[:count], measured[count:], share, part, build)
     with PatientBar(console, "starts and replicates") as bar:
         found = fit(
             problem,
             None if parameters is None else chosen_parameters(problem, parameters),
-            train=range(len(logs)),
-            test=range(len(logs), len(measured)),
+            train=range(count),
+            test=range(count, len(problem.runs)),
             starts=starts,
             bootstrap=bootstrap,
             seed=seed,
-            loss=_loss(loss),
+            loss=_loss(loss) or defaults.loss,
             progress=bar,
         )
     notes = {one.name: one.notes for one in measured}
-    written = report.write(problem, found, out, runs=range(len(measured)), format=format_name, law=chosen, notes=notes)
+    runs = range(len(problem.runs))
+    written = report.write(problem, found, out, runs=runs, format=format_name, law=chosen, notes=notes)
     if json_file is not None:
         _write(json_file, report.as_text(to_json(found, format=format_name, law=chosen, notes=notes)))
     _tell(found, written if json_file is None else [*written, json_file], notes)
@@ -117,12 +156,19 @@ def chosen_parameters(problem: Problem, text: str) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def _loss(name: str) -> LossName:
-    for one in get_args(LossName):
-        if name == one:
-            chosen: LossName = one
-            return chosen
-    raise CommandError(f"--loss is {name}; allowed are {', '.join(get_args(LossName))}.")
+def _loss(name: str | None) -> LossName | None:
+    return next((one for one in get_args(LossName) if one == name), None)
+
+
+def _split(until: float | None, from_: float | None) -> tuple[float | None, Part]:
+    """Return the share at which recordings are split, None where they are not, and which part is fitted."""
+    if until is not None and from_ is not None:
+        raise CommandError("--train-until and --train-from are both given; allowed is one of them.")
+    share = until if from_ is None else from_
+    if share is not None and not LEAST_SHARE <= share <= 1 - LEAST_SHARE:
+        option = "--train-until" if from_ is None else "--train-from"
+        raise CommandError(f"{option} is {share:g}; allowed is {LEAST_SHARE:g} to {1 - LEAST_SHARE:g}.")
+    return share, "until" if from_ is None else "from"
 
 
 def _check_files(logs: Sequence[Path], tests: Sequence[Path]) -> None:
@@ -137,23 +183,12 @@ def _check_files(logs: Sequence[Path], tests: Sequence[Path]) -> None:
             seen[place] = what
 
 
-def _refuse_inputs(outputs: Iterable[tuple[str, Path]], inputs: Sequence[Path]) -> None:
-    taken: dict[Path, str] = {}
-    for option, path in outputs:
-        if any(path.resolve() == one.resolve() or _same(path, one) for one in inputs):
-            raise CommandError(f"{option} would write {path}, which is an input; allowed is another path.")
-        if path.resolve() in taken:
-            raise CommandError(
-                f"{option} would write {path}, which {taken[path.resolve()]} writes; allowed is another."
-            )
-        if path.is_dir():
-            raise CommandError(f"{option} would write {path}, which is a folder; allowed is the path of a file.")
-        taken[path.resolve()] = option
-
-
-def _same(one: Path, other: Path) -> bool:
-    """Return whether two paths are one file by different names, hard links included."""
-    return one.exists() and other.exists() and one.samefile(other)
+def _check_different(measured: Sequence[Measured]) -> None:
+    """Refuse a copy under another name: held out it would say nothing, and fitted it would count twice."""
+    for one, other in combinations(measured, 2):
+        same_columns = one.columns.keys() == other.columns.keys() and np.array_equal(one.time, other.time)
+        if same_columns and all(np.array_equal(one[name], other[name]) for name in one.columns):
+            raise CommandError(f"{one.name} and {other.name} hold the same samples; allowed is a recording once.")
 
 
 def _write(path: Path, text: str) -> None:

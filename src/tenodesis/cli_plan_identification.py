@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tenodesis import instrument
+from tenodesis.cli_outputs import check_outputs
 from tenodesis.cli_progress import PatientBar
 from tenodesis.cli_recording import CommandError
 from tenodesis.identification.experiment import DURATION, OPTIMISTIC, Plan, plan, report
@@ -61,7 +62,8 @@ def plan_identification(  # noqa: PLR0917
     inst = instrument.load(instrument_file)
     if axis is not None:
         inst = inst.axis(axis)
-    _refuse_input(out, Path(instrument_file))
+    names = (report.PROTOCOL, report.PAGE, report.FIGURE, report.NUMBERS)
+    check_outputs([("--out", out / name) for name in names], [Path(instrument_file)])
     seconds = _quantity("--duration", duration, Duration)
     loads = None if forces is None else _forces(forces)
     with PatientBar(console, "protocols tried") as bar:
@@ -107,12 +109,6 @@ def _quantity(option: str, text: str, kind: Any) -> float:
         told = invalid.errors(include_url=False)[0]["msg"].removeprefix("Value error, ")
         raise CommandError(f"{option} = {text!r}: {told}.") from None
     return number
-
-
-def _refuse_input(out: Path, given: Path) -> None:
-    for name in (report.PROTOCOL, report.PAGE, report.FIGURE, report.NUMBERS):
-        if (out / name).resolve() == given.resolve():
-            raise CommandError(f"--out would write {out / name}, which is an input; allowed is another folder.")
 
 
 def _tell(found: Plan) -> None:

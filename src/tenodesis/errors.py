@@ -27,3 +27,11 @@ class StudyError(ValueError):
 
 class IdentificationError(ValueError):
     """Measured data cannot be used, or do not tell what is asked of them; the message says why."""
+
+
+class DeviceError(Exception):
+    """A device cannot be opened, or has stopped doing what it is for; the message says what to do."""
+
+
+class LiveError(Exception):
+    """The live instrument does not do what is asked of it; the message says why."""

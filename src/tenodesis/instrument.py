@@ -22,7 +22,9 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 
 from tenodesis import _core
+from tenodesis.devices.settings import Devices
 from tenodesis.errors import InstrumentError
+from tenodesis.geometry import Geometry
 from tenodesis.hardware import Control, Drives, Dynamics, Friction, Mismatch, Sensors
 from tenodesis.quantity import Quantity, annotation
 
@@ -114,6 +116,8 @@ class Instrument(_Strict):
     sensors: Sensors = Sensors()
     mismatch: Mismatch = Mismatch()
     control: Control = Control()
+    geometry: Geometry = Geometry()
+    devices: Devices = Devices()
     overrides: Mapping[AxisName, Mapping[str, Any]] = Field(
         default={}, description="Values that differ on one axis, by axis"
     )

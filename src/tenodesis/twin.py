@@ -141,6 +141,16 @@ class Twin:
         return self._steps * self.time_step
 
     @property
+    def cores(self) -> list[_core.Twin]:
+        """The twins of the core, one per axis; whoever steps them leaves :attr:`time` behind."""
+        return self._axes
+
+    @property
+    def steps_per_tick(self) -> int:
+        """Time steps between two samples of the sensors."""
+        return self._steps_per_tick
+
+    @property
     def spool_radius(self) -> float:
         """Radius of the spools, m."""
         return self.inst.drives.spool_radius
@@ -228,7 +238,7 @@ class Twin:
             outs.append(out)
         time = np.arange(self._steps + 1, self._steps + 1 + count, dtype=np.float64) * self.time_step
         self._steps += count
-        return _run(time, self.inst.axes, rows, outs)
+        return as_run(time, self.inst.axes, rows, outs)
 
     def _controlled(
         self, controller: "Controller", rows: list[Array], request: NDArray[Any], tampering: Sequence[Tampering]
@@ -259,7 +269,7 @@ class Twin:
         self._steps += steps
         if status != Status.OK:
             raise _lost(status, f"step {steps} ({self.time:.6g} s)")
-        return _run(time, self.inst.axes, rows, list(outs), list(control))
+        return as_run(time, self.inst.axes, rows, list(outs), list(control))
 
     def step(
         self,
@@ -693,10 +703,20 @@ def _lost(status: Status, place: str) -> Exception:
     )
 
 
-def _run(
+def as_run(
     time: Array, axes: tuple[str, ...], rows: Sequence[Array], outs: Sequence[Array], controls: Sequence[Array] = ()
 ) -> Run:
-    """Return a core's rows as signals: by step, by axis if there are two, by tendon."""
+    """Return rows of the core as signals: by step, by axis if there are two, by tendon.
+
+    Parameters
+    ----------
+    time
+        Of each row, s, shape (n,).
+    axes
+        Names of the axes.
+    rows, outs, controls
+        Per axis, commands, the twin's signals and the controller's, a row each per step.
+    """
 
     def signal(names: Sequence[str], stack: Sequence[Array], name: str) -> Array:
         if name in names:

@@ -2,6 +2,7 @@
 // moves.
 
 #include "instruments.hpp"
+#include "tenodesis/kinematics.hpp"
 #include "tenodesis/parameters.hpp"
 #include "tenodesis/statics.hpp"
 #include "tenodesis/tenodesis.h"
@@ -50,6 +51,26 @@ extern "C" void derivatives(const double* in, double* out) {
   const D value = everything<D>(instruments::real_size<D>(), row) + everything<D>(instruments::continuum<D>(), row);
   out[0] = value.slope[0];
   out[1] = value.slope[1];
+}
+
+template <class A>
+auto a_motion(const A& axis, const typename A::Scalar* in) {
+  using S = A::Scalar;
+  const Chain<A> chain{2, {axis, axis}, {Direction::yaw, Direction::pitch}, in[0], in[1], in[2]};
+  const Posture<S> at{in[3], in[4], in[5], in[6], {in[7], in[8]}, in[9], {in[10], in[11]}};
+  const Bodies<S> found = bodies(chain, at);
+  return found.grip.position.x + jacobian(chain, at).linear[4].x + inverse(chain, found.tip, in[5]).posture.roll +
+         unloaded_handle(chain, 0, in[7]).value;
+}
+
+extern "C" float motions_in_float(const float* in) {
+  return a_motion(instruments::real_size<float>(), in) + a_motion(instruments::pulley<float>(), in) +
+         a_motion(instruments::continuum<float>(), in);
+}
+
+extern "C" double motions_in_double(const double* in) {
+  return a_motion(instruments::real_size<double>(), in) + a_motion(instruments::pulley<double>(), in) +
+         a_motion(instruments::continuum<double>(), in);
 }
 
 template <class S, class A, class FrictionLaw>

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -82,7 +83,7 @@ def springs(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         return Springs([*train, *test], instrument)
 
     monkeypatch.setitem(FORMATS, "tendon-sheath", Format(load, problem))
-    monkeypatch.setattr(cli_identify, "law_of", lambda _: "capstan-constant")
+    monkeypatch.setattr(cli_identify, "usual", lambda _: registry.Usual("capstan-constant", "linear"))
     yield
 
 
@@ -191,9 +192,80 @@ def test_what_cannot_be_asked_is_one_sentence(logs: list[Path], tmp_path: Path) 
         ((logs[0], "--law", "dahl"), "--law is dahl; allowed are none, coulomb, capstan"),
         ((logs[0], "--loss", "huber"), "--loss is huber; allowed are linear, soft_l1"),
         ((logs[0], "--format", "xls"), "--format is xls; allowed are davinci-tool"),
+        ((logs[0], "--bootstrap", 5), "--bootstrap is 5; allowed is 0 for none, or at least 40"),
+        ((logs[0], "--train-until", 1), r"--train-until is 1; allowed is 0\.05 to 0\.95"),
+        ((logs[0], "--train-from", -0.1), r"--train-from is -0\.1; allowed is 0\.05 to 0\.95"),
+        ((logs[0], "--train-until", 0.5, "--train-from", 0.5), "are both given; allowed is one of them"),
     ):
         with pytest.raises(CommandError, match=reason):
-            run(*arguments)
+            run(*arguments, "--out", tmp_path / "out")
+    for option in ("--starts", "--bootstrap", "--seed"):
+        given = run(logs[0], option, -1, "--out", tmp_path / "out")
+        assert given.exit_code == 2
+        assert f"Invalid value for '{option}': -1 is not in the range" in " ".join(given.output.split())
+    assert not (tmp_path / "out").exists()
+
+
+def test_outputs_that_cannot_be_written_are_refused_before_the_fit(
+    logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cli_identify, "fit", lambda *_, **__: pytest.fail("fitted before it asked"))
+    for place in (logs[1] / "numbers.json", Path("/dev/null/numbers.json")):
+        with pytest.raises(CommandError, match=r"--json would write .*, which cannot be written: Not a directory"):
+            run(logs[0], "--out", tmp_path / "out", "--json", place)
+        with pytest.raises(CommandError, match=r"--out would write .*, which cannot be written: Not a directory"):
+            run(logs[0], "--out", place)
+    assert not (tmp_path / "out").exists()
+
+
+def test_nothing_is_written_inside_an_input(logs: list[Path], tmp_path: Path) -> None:
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    with pytest.raises(CommandError, match=r"--out would write .*report\.html, which is inside the input .*bag"):
+        run(bag, "--out", bag / "deep" / "out")
+    with pytest.raises(CommandError, match=r"--json would write .*, which is inside the input"):
+        run(logs[0], "--test", bag, "--out", tmp_path / "out", "--json", bag / "numbers.json")
+    assert list(bag.iterdir()) == []
+
+
+def test_a_copy_is_the_same_recording_whatever_its_name(logs: list[Path], tmp_path: Path) -> None:
+    copy = Path(shutil.copy(logs[0], tmp_path / "other.txt"))
+    for arguments in ((logs[0], "--test", copy), (logs[0], copy)):
+        with pytest.raises(
+            CommandError, match=r"0\.txt and other\.txt hold the same samples; allowed is a recording once"
+        ):
+            run(*arguments, "--out", tmp_path / "out")
+
+
+def test_files_of_one_name_go_by_their_folders(logs: list[Path], tmp_path: Path) -> None:
+    (tmp_path / "day2").mkdir()
+    other = Path(shutil.copy(logs[1], tmp_path / "day2" / "0.txt"))
+    run(logs[0], "--test", other, "--out", tmp_path / "out")
+    found = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert found["train"] == [f"{tmp_path.name}/0.txt"]
+    assert found["test"] == ["day2/0.txt"]
+    assert set(found["notes"]) == {f"{tmp_path.name}/0.txt", "day2/0.txt"}
+
+
+@pytest.mark.parametrize(("option", "fitted"), [("--train-until", "until"), ("--train-from", "from")])
+def test_one_recording_is_fitted_in_part_and_held_out_for_the_rest(
+    logs: list[Path], tmp_path: Path, option: str, fitted: str
+) -> None:
+    stretch, tension, angle = np.loadtxt(logs[0])
+    tension[300:] += 3.0
+    np.savetxt(logs[0], [stretch, tension, angle])
+    given = run(logs[0], option, 0.75, "--test", logs[1], "--out", tmp_path / "out", "--starts", 1)
+    assert given.exit_code == 0, given.output
+    found = json.loads((tmp_path / "out" / "result.json").read_text())
+    early, late = "0.txt (until 2.993 s)", "0.txt (from 2.993 s)"
+    assert found["train"] == [early if fitted == "until" else late]
+    assert found["test"] == [late if fitted == "until" else early, "1.txt"]
+    assert {name: one["samples"] for name, one in found["files"].items()} == {early: 300, late: 100, "1.txt": 400}
+    assert found["parameters"]["pretension"]["value"] == pytest.approx(30 if fitted == "until" else 33, abs=0.1)
+    assert found["files"][found["test"][0]]["rmse_N"] == pytest.approx(3.0, rel=0.05)
+    assert found["train_rmse_N"] == pytest.approx(0.2, rel=0.2)
+    for words in (early, late):
+        assert words in (tmp_path / "out" / "report.html").read_text()
 
 
 def test_a_format_that_is_not_there_is_said_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -204,9 +276,9 @@ def test_a_format_that_is_not_there_is_said_in_one_sentence(monkeypatch: pytest.
     with pytest.raises(IdentificationError, match="format csv is not available here"):
         lazy.problem([], [], law="none", instrument=None)
     with pytest.raises(IdentificationError, match="format csv is not available here"):
-        registry.law_of("csv")
+        registry.usual("csv")
     with pytest.raises(IdentificationError, match="format is 'xls'; allowed are davinci-tool"):
-        registry.law_of("xls")
+        registry.usual("xls")
 
 
 def test_held_out_files_leave_parameters_alone(logs: list[Path], tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Recordings of instruments as MCAP, bags of ROS 2 and CSV: the same run whatever file it comes from."""
 
 import csv
+import sqlite3
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS
 from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.protocols import Cycles, Protocol
-from tenodesis.recording import Recording, schemas
+from tenodesis.recording import Recording, container, schemas
 from tenodesis.recording.session import record
 from tenodesis.signals import Array
 
@@ -86,16 +87,22 @@ def test_what_a_real_instrument_lacks_is_left_out(log: Path, tmp_path: Path) -> 
 
 
 def written(
-    path: Path, run: tn.signals.Run, *, leave: tuple[str, ...] = (), part: slice = slice(None), late: int = 0
+    path: Path,
+    run: tn.signals.Run,
+    *,
+    leave: tuple[str, ...] = (),
+    part: slice = slice(None),
+    late: int = 0,
+    short: str = "",
 ) -> Path:
-    """Write a run as another program would: topics may each be stamped a little later than the one before."""
+    """Write a run as another program would: each topic a little later than the one before, one ending early."""
     with path.open("wb") as file:
         writer = Writer(file)
         for n, topic in enumerate(t for t in schemas.topics(("yaw",)) if t.name not in leave and t.name != "/time"):
             if topic.name.startswith(("/twin", "/controller")) or topic.name == "/motors/setpoint_js":
                 continue
             definition = writer.register_msgdef(topic.type, schemas.definition(topic.type))
-            for i in range(len(run))[part]:
+            for i in range(len(run))[part][: -100 if topic.name == short else None]:
                 stamp = round(run.time[i] * 1e9) + n * late
                 header = {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": topic.frame}
                 if topic.type == schemas.JOINT_STATE:
@@ -137,7 +144,10 @@ def test_a_bag_in_parts_with_clocks_of_their_own_is_brought_together(log: Path, 
 
 
 def test_a_folder_without_recordings_and_a_file_that_is_none_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(IdentificationError, match="holds no MCAP file"):
+    with pytest.raises(IdentificationError, match=r"holds no MCAP file and no .db3 file; allowed is"):
+        read(tmp_path, "mcap")
+    (tmp_path / "bag_0.db3.zstd").write_bytes(b"")
+    with pytest.raises(IdentificationError, match=r"\(bag_0.db3.zstd is compressed: unpack it first\)"):
         read(tmp_path, "mcap")
     (tmp_path / "text.mcap").write_text("no recording")
     with pytest.raises(IdentificationError, match="no MCAP file"):
@@ -149,6 +159,197 @@ def test_a_recording_that_was_cut_off_says_so(log: Path, tmp_path: Path) -> None
     part.write_bytes(log.read_bytes()[: 2 * log.stat().st_size // 3])
     loaded = read(part)
     assert any("is read up to" in note for note in loaded.notes)
+
+
+# SQLite
+
+
+Messages = list[container.Message]
+
+
+def as_sqlite(
+    source: Path, path: Path, *, more: str = "", edit: dict[str, Callable[[Messages], Messages]] | None = None
+) -> Path:
+    """Write the messages of an MCAP file, those of some topics edited, into the tables of a bag as ROS 2 has them."""
+    contents, edits = container.scan(source.read_bytes()), edit or {}
+    bag = sqlite3.connect(path)
+    bag.execute(
+        "CREATE TABLE topics (id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, "
+        "serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL)"
+    )
+    bag.execute(
+        "CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, "
+        "data BLOB NOT NULL)"
+    )
+    bag.execute("CREATE INDEX timestamp_idx ON messages (timestamp ASC)")
+    bag.execute("INSERT INTO topics VALUES (99, '/camera', 'sensor_msgs/msg/Image', 'cdr', '')")
+    bag.execute("INSERT INTO messages (topic_id, timestamp, data) VALUES (99, 0, x'00010000')")
+    for number, channel in contents.channels.items():
+        kind = contents.schemas[channel.schema_id].name
+        bag.execute("INSERT INTO topics VALUES (?, ?, ?, 'cdr', '')", (number, channel.topic, kind))
+        bag.executemany(
+            "INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)",
+            [(number, one.stamp, one.data) for one in edits.get(channel.topic, list)(contents.messages[number])],
+        )
+    bag.commit()
+    if more:
+        bag.executescript(more)
+    bag.commit()
+    bag.close()
+    return path
+
+
+@pytest.fixture(scope="module")
+def plain(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The recording as another program would write it, all topics with the same stamps."""
+    return written(tmp_path_factory.mktemp("plain") / "run.mcap", Recording.open(log).run)
+
+
+def test_a_bag_in_sqlite_is_the_recording(plain: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "bag"
+    folder.mkdir()
+    (folder / "metadata.yaml").write_text("rosbag2_bagfile_information:\n  storage_identifier: sqlite3\n")
+    file = as_sqlite(plain, folder / "bag_0.db3")
+    file.chmod(0o444)
+    whole = read(plain)
+    for path in (folder, file):
+        loaded = read(path)
+        assert same(loaded, whole, 1e-12)
+        assert loaded.name == path.name
+        assert loaded.notes == whole.notes == ()
+    assert not list(folder.glob("*-wal"))
+
+
+def test_a_bag_in_sqlite_in_two_parts_is_brought_together(plain: Path, tmp_path: Path) -> None:
+    whole = read(plain)
+    half = len(whole) // 2
+    folder = tmp_path / "bag"
+    folder.mkdir()
+    # the tenth part comes before the second by its name
+    topics = [topic.name for topic in schemas.topics(("yaw",))]
+    as_sqlite(plain, folder / "bag_2.db3", edit=dict.fromkeys(topics, lambda all_: all_[:half]))
+    as_sqlite(plain, folder / "bag_10.db3", edit=dict.fromkeys(topics, lambda all_: all_[half:]))
+    loaded = read(folder)
+    assert same(loaded, whole, 1e-12)
+    assert loaded.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("more", "reason"),
+    [
+        ("DROP TABLE topics", "cannot be read as a bag of ROS 2: no such table: topics"),
+        ("DELETE FROM topics WHERE name = '/tendons/measured_js'", "lacks measured_tension; its topics are"),
+        ("UPDATE topics SET type = 'std_msgs/msg/String' WHERE name LIKE '/tendons%'", "lacks measured_tension"),
+        ("DELETE FROM messages", "lacks measured_tension; its topics are none of these"),
+    ],
+)
+def test_a_bag_in_sqlite_that_is_none_is_refused(plain: Path, tmp_path: Path, more: str, reason: str) -> None:
+    with pytest.raises(IdentificationError, match=reason):
+        read(as_sqlite(plain, tmp_path / "bag.db3", more=more), "mcap")
+
+
+def test_a_bag_in_sqlite_that_is_packed_or_torn_is_refused(plain: Path, tmp_path: Path) -> None:
+    packed = {"/tendons/measured_js": lambda all_: [one._replace(data=b"\x28\xb5\x2f\xfd" + one.data) for one in all_]}
+    with pytest.raises(IdentificationError, match="holds compressed messages; allowed are plain ones"):
+        read(as_sqlite(plain, tmp_path / "packed.db3", edit=packed), "mcap")
+    torn = as_sqlite(plain, tmp_path / "torn.db3")
+    data = bytearray(torn.read_bytes())
+    torn.write_bytes(data[: len(data) // 2])
+    with pytest.raises(IdentificationError, match=r"torn.db3 cannot be read as a bag of ROS 2: .* malformed"):
+        read(torn, "mcap")
+
+
+def test_a_bag_in_sqlite_with_a_bad_page_is_read_up_to_it_and_says_so(plain: Path, tmp_path: Path) -> None:
+    whole = read(plain)
+    # messages by turns of their topics, as they arrive, and not topic by topic
+    turns = (
+        "CREATE TABLE sorted AS SELECT * FROM messages ORDER BY timestamp; DELETE FROM messages; "
+        "INSERT INTO messages (topic_id, timestamp, data) SELECT topic_id, timestamp, data FROM sorted; "
+        "DROP TABLE sorted; VACUUM"
+    )
+    path = as_sqlite(plain, tmp_path / "bag.db3", more=turns)
+    data = bytearray(path.read_bytes())
+    page = len(data) // 2 // 4096 * 4096
+    data[page : page + 4096] = b"\xff" * 4096
+    path.write_bytes(data)
+    loaded = read(path, "mcap")
+    assert 0.1 * len(whole) < len(loaded) < 0.9 * len(whole)
+    assert loaded["tension_agonist"] == pytest.approx(whole["tension_agonist"][: len(loaded)], abs=1e-12)
+    assert any(note.startswith("bag.db3 is read in part only: ") for note in loaded.notes)
+
+
+def test_two_kinds_of_files_in_a_bag_are_refused(plain: Path, tmp_path: Path) -> None:
+    as_sqlite(plain, tmp_path / "run.db3")
+    (tmp_path / "run.mcap").write_bytes(plain.read_bytes())
+    with pytest.raises(IdentificationError, match=r"holds run.mcap and run.db3, .*; allowed is a bag of one kind"):
+        read(tmp_path, "mcap")
+
+
+def test_a_type_that_is_not_known_is_said(plain: Path, tmp_path: Path) -> None:
+    more = "UPDATE topics SET type = 'sensor_msgs/msg/Imu' WHERE name = '/tip/measured2_js'"
+    loaded = read(as_sqlite(plain, tmp_path / "bag.db3", more=more), "mcap")
+    assert "measured_output_angle" not in loaded.columns
+    assert "/tip/measured2_js is left out of bag.db3: its messages are sensor_msgs/msg/Imu" in loaded.notes
+
+
+# Topics with clocks of their own
+
+
+HANDLE = "/handle/setpoint_js"
+
+
+def test_messages_that_came_twice_or_out_of_order_are_left_out_and_said(plain: Path, tmp_path: Path) -> None:
+    whole = read(plain)
+    edit = {HANDLE: lambda all_: [*all_[:500], *all_[480:500], all_[501], all_[500], all_[500], *all_[502:]]}
+    loaded = read(as_sqlite(plain, tmp_path / "a.db3", edit=edit), "mcap")
+    assert f"{HANDLE}: dropped 1 row: duplicates of the row before, first at time 0.25" in loaded.notes
+    assert any(f"{HANDLE}: dropped 21 rows: out of order (the clock ran back" in note for note in loaded.notes)
+    assert len(loaded) == len(whole)
+    assert loaded["handle_angle"] == pytest.approx(whole["handle_angle"], abs=1e-3)
+    back = {HANDLE: lambda all_: [*all_[1000:], *all_[:1000]]}
+    with pytest.raises(IdentificationError, match=rf"b.db3: {HANDLE}: 1000 of \d+ rows are out of order"):
+        read(as_sqlite(plain, tmp_path / "b.db3", edit=back), "mcap")
+
+
+def test_a_gap_in_one_topic_is_not_filled_in(plain: Path, tmp_path: Path) -> None:
+    whole = read(plain)
+    loaded = read(as_sqlite(plain, tmp_path / "a.db3", edit={HANDLE: lambda all_: all_[:1000] + all_[1200:]}), "mcap")
+    assert len(loaded) == len(whole) - 200
+    assert any("1 gap of 0.1" in note for note in loaded.notes)
+    kept = np.isin(np.round(whole.time, 6), np.round(loaded.time, 6))
+    assert loaded["handle_angle"] == pytest.approx(whole["handle_angle"][kept], abs=1e-9)
+    # one message lost is no gap
+    loaded = read(as_sqlite(plain, tmp_path / "b.db3", edit={HANDLE: lambda all_: all_[:1000] + all_[1001:]}), "mcap")
+    assert len(loaded) == len(whole)
+    with pytest.raises(IdentificationError, match="at most 20 % may be missing"):
+        read(as_sqlite(plain, tmp_path / "c.db3", edit={HANDLE: lambda all_: all_[:1000] + all_[4000:]}), "mcap")
+
+
+def test_a_tendon_without_a_joint_of_its_own_is_said(plain: Path, tmp_path: Path) -> None:
+    edit = {
+        "/motors/measured_js": lambda all_: [
+            one._replace(data=one.data.replace(b"yaw_antagonist", b"yaw_anything__")) for one in all_
+        ]
+    }
+    loaded = read(as_sqlite(plain, tmp_path / "a.db3", edit=edit), "mcap")
+    assert "spool_agonist" not in loaded.columns
+    assert "/motors/measured_js is left out: its joints are yaw_agonist, yaw_anything__" in loaded.notes
+
+
+def test_stamps_are_seconds_whatever_their_interval(plain: Path, tmp_path: Path) -> None:
+    slow = {topic.name: lambda all_: all_[::1300] for topic in schemas.topics(("yaw",))}
+    with pytest.raises(
+        IdentificationError, match=r"time rises by 0\.65 a row \(median\), which is no clock of 2 Hz to 50 kHz in s$"
+    ):
+        read(as_sqlite(plain, tmp_path / "a.db3", edit=slow), "mcap")
+
+
+def test_topics_that_end_apart_are_said(log: Path, tmp_path: Path) -> None:
+    run = Recording.open(log).run
+    path = written(tmp_path / "short.mcap", run, part=slice(0, 1500), short="/handle/measured_js")
+    loaded = read(path)
+    assert len(loaded) == 1400
+    assert "topics do not end together: the first 1400 of up to 1500 rows are taken" in loaded.notes
 
 
 # CSV
@@ -186,6 +387,35 @@ def test_a_map_beside_the_file_names_columns_units_and_signs(recorded: Instrumen
     assert "columns by bench.csv.columns.toml" in loaded.notes
 
 
+def test_one_map_serves_all_files_of_a_folder_that_have_none_of_their_own(
+    recorded: InstrumentRun, tmp_path: Path
+) -> None:
+    columns = {"t": recorded.time, "theta": np.degrees(recorded["handle_angle"])}
+    columns |= {"F1": recorded["tension_agonist"], "F2": recorded["tension_antagonist"]}
+    shared = (
+        'time = { column = "t", unit = "s" }\n'
+        'handle_angle = { column = "theta", unit = "deg" }\n'
+        'tension_agonist = { column = "F1", unit = "N" }\n'
+        'tension_antagonist = { column = "F2", unit = "N" }\n'
+    )
+    (tmp_path / "columns.toml").write_text(shared)
+    runs = [read(table(tmp_path / name, columns)) for name in ("first.csv", "second.csv", "own.csv")]
+    assert all("columns by columns.toml" in run.notes for run in runs)
+    assert runs[1]["handle_angle"] == pytest.approx(recorded["handle_angle"], abs=1e-12)
+    (tmp_path / "own.csv.columns.toml").write_text(shared.replace('"F1"', '"F2"'))
+    own = read(tmp_path / "own.csv")
+    assert "columns by own.csv.columns.toml" in own.notes
+    assert np.array_equal(own["tension_agonist"], own["tension_antagonist"])
+
+
+def test_quoted_headings_and_a_byte_order_mark_are_read(recorded: InstrumentRun, tmp_path: Path) -> None:
+    path = table(tmp_path / "run.csv", headed(recorded))
+    head, rest = path.read_text().split("\n", 1)
+    quoted = ", ".join(f'"{name.strip()}"' for name in head.split(","))
+    path.write_text(f"\ufeff{quoted}\n{rest}", encoding="utf-8")
+    assert same(read(path), recorded)
+
+
 @pytest.mark.parametrize(
     ("line", "reason"),
     [
@@ -213,6 +443,27 @@ def test_a_wrong_unit_is_told_by_the_magnitude_and_said(recorded: InstrumentRun,
     assert same(loaded, recorded, 1e-9)
     assert any("handle_angle taken as deg, not rad" in note for note in loaded.notes)
     assert any("tension_agonist taken as mN, not N" in note for note in loaded.notes)
+
+
+def test_a_handle_said_to_be_in_degrees_that_is_in_radians_is_told(recorded: InstrumentRun, tmp_path: Path) -> None:
+    columns = headed(recorded)
+    columns["handle_angle [deg]"] = columns.pop("handle_angle")
+    loaded = read(table(tmp_path / "run.csv", columns))
+    assert same(loaded, recorded, 1e-9)
+    assert any("handle_angle taken as rad, not deg: its values have a spread of 0." in note for note in loaded.notes)
+
+
+def test_a_handle_may_turn_far(recorded: InstrumentRun, tmp_path: Path) -> None:
+    columns = headed(recorded, handle_angle=4.5 * recorded["handle_angle"])
+    loaded = read(table(tmp_path / "run.csv", columns))
+    assert loaded["handle_angle"] == pytest.approx(4.5 * recorded["handle_angle"], abs=1e-12)
+
+
+def test_tensions_that_may_be_in_two_units_are_refused_with_what_to_do(recorded: InstrumentRun, tmp_path: Path) -> None:
+    # 15 N in gram-force, which would be 1.5 N in mN
+    tension = {f"tension_{one}": 160 * recorded[f"tension_{one}"] for one in ("agonist", "antagonist")}
+    with pytest.raises(IdentificationError, match=r"cannot be in N and may be mN or gram-force; .* \[N\]'"):
+        read(table(tmp_path / "run.csv", headed(recorded, **tension)))
 
 
 def test_an_implausible_column_is_refused(recorded: InstrumentRun, tmp_path: Path) -> None:
@@ -244,6 +495,17 @@ def test_corrupt_rows_are_dropped_and_said(recorded: InstrumentRun, tmp_path: Pa
         assert any(word in note for note in loaded.notes)
 
 
+def test_an_encoder_that_slips_for_a_sample_is_dropped_and_said(recorded: InstrumentRun, tmp_path: Path) -> None:
+    output = recorded["measured_output_angle"].copy()
+    output[500] += np.radians(90)
+    tension = recorded["tension_agonist"].copy()
+    tension[600], tension[700] = 1e6, 200  # the greater does not hide the lesser
+    loaded = read(table(tmp_path / "run.csv", headed(recorded, measured_output_angle=output, tension_agonist=tension)))
+    assert len(loaded) == len(recorded) - 3
+    assert any("dropped 1 row: outliers of measured_output_angle" in note for note in loaded.notes)
+    assert any("dropped 2 rows: outliers of tension_agonist" in note for note in loaded.notes)
+
+
 def test_a_sensor_that_was_not_recorded_is_left_out(recorded: InstrumentRun, tmp_path: Path) -> None:
     nothing = np.full(len(recorded), np.nan)
     loaded = read(table(tmp_path / "run.csv", headed(recorded, measured_output_angle=nothing)))
@@ -269,3 +531,7 @@ def test_a_saturated_load_cell_is_said_and_a_slack_tendon_is_none(recorded: Inst
     slack[300:600] = 0
     loaded = read(table(tmp_path / "slack.csv", headed(recorded, tension_agonist=slack)))
     assert len(loaded) == len(recorded)
+    slack[1000:1040] = slack.max() + 5
+    loaded = read(table(tmp_path / "both.csv", headed(recorded, tension_agonist=slack)))
+    assert len(loaded) == len(recorded) - 40
+    assert any("saturated: tension_agonist" in note for note in loaded.notes)

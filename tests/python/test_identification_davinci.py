@@ -27,6 +27,7 @@ TRUTH = {
     "friction_exponent": 0.9,
     "pretension": 0.06,
     "sliding_friction": 0.06,
+    "load_index": 0.8,
     "static_excess": 0.3,
     "stribeck_speed": 0.15,
     "hysteresis_torque": 0.05,

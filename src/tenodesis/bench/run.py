@@ -29,6 +29,7 @@ from tenodesis.bench import (
     style,
     tension,
     transmissibility,
+    working_space,
 )
 from tenodesis.bench.content import Context, Plot, Section
 from tenodesis.instrument import Instrument
@@ -47,7 +48,7 @@ class BenchError(RuntimeError):
 
 def steps(inst: Instrument, scaled: Instrument | None) -> int:
     """Return how often a run reports progress."""
-    return 13 + checks.mujoco_cases(inst, scaled)
+    return 14 + checks.mujoco_cases(inst, scaled)
 
 
 def run(
@@ -105,6 +106,7 @@ def _run(context: Context, out: Path, progress: Callable[[str], None], recording
         ("transmissibility", transmissibility.section),
         ("loss", loss.section),
         ("compensation", compensation.section),
+        ("workspace", working_space.section),
         ("scale model", scaling.section),
         ("scale-model design", designing.section),
         ("flexion and extension", hysteresis.section),

@@ -11,6 +11,7 @@ from tenodesis.identification.fit import fit
 from tenodesis.identification.laws import LAWS
 from tenodesis.identification.problem import Problem
 from tenodesis.identification.results import Fit
+from tenodesis.identification.uncertainty import LossName
 from tenodesis.identification.whiteness import autocorrelation, correlation_samples
 
 
@@ -29,6 +30,8 @@ class LawRow:
     """Of the held-out run that it predicts worst."""
     bic: float
     """Bayesian information criterion (Schwarz 1978) of the training runs, over that of the best law."""
+    aic: float
+    """Akaike's (1974), likewise."""
     fit: Fit
 
 
@@ -40,6 +43,7 @@ def compare_laws(
     laws: Sequence[str] = tuple(LAWS),
     starts: int = 8,
     seed: int = 0,
+    loss: LossName = "linear",
 ) -> tuple[LawRow, ...]:
     """Return how each law does, by the error on the runs held out, least first.
 
@@ -54,8 +58,8 @@ def compare_laws(
         Indices of the runs to fit and of those held out.
     laws
         Names to compare.
-    starts, seed
-        Of each fit.
+    starts, seed, loss
+        Of each fit. The criteria take the loss for what it is, twice its mean for the variance of the residuals.
 
     Raises
     ------
@@ -65,23 +69,31 @@ def compare_laws(
     if not laws:
         raise IdentificationError(f"laws is empty; allowed are one or more of {', '.join(LAWS)}.")
     problems = [problem_factory(law) for law in laws]
-    fits = [fit(problem, train=train, test=test, starts=starts, seed=seed) for problem in problems]
+    fits = [fit(problem, train=train, test=test, starts=starts, seed=seed, loss=loss) for problem in problems]
     samples = min(_independent(problem, one, train) for problem, one in zip(problems, fits, strict=True))
-    criteria = [samples * math.log(2 * one.cost / one.samples) + len(one.free) * math.log(samples) for one in fits]
-    rows = [_row(law, one, criterion - min(criteria)) for law, one, criterion in zip(laws, fits, criteria, strict=True)]
+    misfit = np.array([samples * math.log(2 * one.cost / one.samples) for one in fits])
+    counts = np.array([len(one.free) for one in fits])
+    bic, aic = misfit + counts * math.log(samples), misfit + 2 * counts
+    rows = [
+        _row(law, one, schwarz, akaike)
+        for law, one, schwarz, akaike in zip(laws, fits, bic - bic.min(), aic - aic.min(), strict=True)
+    ]
     return tuple(sorted(rows, key=lambda row: row.train_rmse if math.isnan(row.test_rmse) else row.test_rmse))
 
 
 def to_markdown(rows: Sequence[LawRow]) -> str:
     """Return the comparison as a table for a page."""
     unit = rows[0].unit if rows else ""
-    head = f"| law | parameters | training RMSE ({unit}) | held-out RMSE ({unit}) | worst run | BIC over the best |"
+    head = (
+        f"| law | parameters | training RMSE ({unit}) | held-out RMSE ({unit}) | worst run | BIC over the best "
+        "| AIC over the best |"
+    )
     lines = [
         f"| {row.law} | {row.parameters} | {row.train_rmse:.3g} | {row.test_rmse:.3g} | {row.worst_test_rmse:.3g} "
-        f"| {row.bic:.1f} |"
+        f"| {row.bic:.1f} | {row.aic:.1f} |"
         for row in rows
     ]
-    return "\n".join([head, "|---|---|---|---|---|---|", *lines])
+    return "\n".join([head, "|---|---|---|---|---|---|---|", *lines])
 
 
 def _independent(problem: Problem, one: Fit, train: Sequence[int]) -> float:
@@ -91,7 +103,7 @@ def _independent(problem: Problem, one: Fit, train: Sequence[int]) -> float:
     return float(sum(r.size / correlation_samples(autocorrelation(r)) for r in residuals))
 
 
-def _row(law: str, one: Fit, over: float) -> LawRow:
+def _row(law: str, one: Fit, bic: float, aic: float) -> LawRow:
     key = next(iter(one.train_rmse))
     held = [run.rmse[key] for run in one.files if run.split == "test"]
     return LawRow(
@@ -101,6 +113,7 @@ def _row(law: str, one: Fit, over: float) -> LawRow:
         one.test_rmse.get(key, math.nan),
         key.rpartition("_")[2],
         max(held, default=math.nan),
-        over,
+        float(bic),
+        float(aic),
         one,
     )

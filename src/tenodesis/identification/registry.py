@@ -8,15 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.problem import Problem
+from tenodesis.identification.uncertainty import LossName
 from tenodesis.instrument import Instrument
 
 if TYPE_CHECKING:
     from tenodesis.identification.formats.measured import Measured
-
-LAWS = ("none", "coulomb", "capstan", "capstan-constant", "stribeck", "bouc-wen")
-"""Friction laws by name."""
-
-_USUAL_LAW = "capstan"
 
 
 class Load(Protocol):
@@ -42,18 +38,27 @@ class Format(NamedTuple):
     problem: Factory
 
 
-def law_of(name: str) -> str:
-    """Return the friction law that the model of a format takes unless told.
+class Usual(NamedTuple):
+    """What a format takes unless told."""
+
+    law: str
+    """Friction law."""
+    loss: LossName
+
+
+def usual(name: str) -> Usual:
+    """Return the friction law and the loss that a format takes unless told.
 
     Raises
     ------
     IdentificationError
         There is no such format.
     """
-    law: str = getattr(_module(name, _MODULES[_known(name)][1]), "DEFAULT_LAW", _USUAL_LAW)
-    return law
+    model = _module(name, _MODULES[_known(name)][1])
+    return Usual(getattr(model, "DEFAULT_LAW", _USUAL.law), getattr(model, "DEFAULT_LOSS", _USUAL.loss))
 
 
+_USUAL = Usual("capstan", "linear")
 _MODULES = {
     "davinci-tool": ("formats.davinci_tool", "models.tool"),
     "endoscope-pair": ("formats.endoscope_pair", "models.pair"),

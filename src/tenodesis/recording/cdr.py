@@ -117,3 +117,15 @@ def wrench(frame: str) -> Layout:
 def number() -> Layout:
     """Return the layout of a Float64."""
     return Layout().numbers("data")
+
+
+def text(content: str) -> bytes:
+    """Return the message of a String."""
+    data = content.encode() + b"\0"
+    return _HEADER + len(data).to_bytes(4, "little") + data
+
+
+def content(message: bytes) -> str:
+    """Return the text of the message of a String."""
+    start = len(_HEADER) + 4
+    return message[start : start + int.from_bytes(message[len(_HEADER) : start], "little") - 1].decode()

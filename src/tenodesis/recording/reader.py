@@ -1,9 +1,10 @@
 """Read recordings, whole or damaged."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from mcap.records import Channel
@@ -30,6 +31,13 @@ class TopicInfo(NamedTuple):
     rate: float
 
 
+class Event(NamedTuple):
+    """What happened beside the signals: when, on the run's clock in s, and what is told of it, by name."""
+
+    time: float
+    content: Mapping[str, Any]
+
+
 @dataclass(frozen=True)
 class Recording:
     """A recording that was read; use :meth:`open`.
@@ -49,6 +57,8 @@ class Recording:
         Why topics that the run could have drawn on are not in it, by name.
     damage
         Up to when the file could be read and why not further; None if it is whole.
+    events
+        What happened beside the signals, such as commands with their origin and faults; only of this package's files.
     """
 
     path: Path
@@ -57,6 +67,7 @@ class Recording:
     topics: Mapping[str, TopicInfo] = field(repr=False)
     left_out: Mapping[str, str]
     damage: str | None
+    events: tuple[Event, ...] = field(default=(), repr=False)
 
     @classmethod
     def open(cls, path: str | Path) -> Self:
@@ -81,13 +92,15 @@ class Recording:
             reasons = "; ".join(f"{topic}: {reason}" for topic, reason in left_out.items())
             raise RecordingError(f"{path} holds nothing of a recording that can be used: {reasons}.")
         damage = contents.damage
+        events: tuple[Event, ...] = ()
         if schemas.METADATA in contents.metadata:
             run, gap = _without_gap(run, contents)
+            events = _events(contents)
             damage = gap or damage
         if damage is not None:
             until = f"{run.time[-1]:.6g} s ({len(run)} rows)" if len(run) else "before its first row"
             damage = f"{path} is read up to {until} only: {damage}."
-        return cls(path, run, metadata, _infos(contents), left_out, damage)
+        return cls(path, run, metadata, _infos(contents), left_out, damage, events)
 
     @property
     def duration(self) -> float:
@@ -227,7 +240,9 @@ def _seconds(stamps: NDArray[np.int64]) -> Array:
 
 def _without_gap(run: Run, contents: Contents) -> tuple[Run, str | None]:
     """Return a run up to the first row that is missing among its rows, and whether there is one."""
-    for _, messages in _channels(contents):
+    for channel, messages in _channels(contents):
+        if channel.topic == schemas.EVENTS:
+            continue
         sequence = np.array([message.sequence for message in messages[: len(run)]], np.int64)
         missing = np.flatnonzero(sequence != np.arange(sequence.size) % 2**32)
         if missing.size:
@@ -238,6 +253,19 @@ def _without_gap(run: Run, contents: Contents) -> tuple[Run, str | None]:
 def _first(run: Run, rows: int) -> Run:
     signals = {name: values[:rows] for name, values in run.signals().items()}
     return Run(run.time[:rows], run.axes, **signals)
+
+
+def _events(contents: Contents) -> tuple[Event, ...]:
+    """Return the events up to the first that is missing."""
+    found: list[Event] = []
+    for channel, messages in _channels(contents):
+        if channel.topic == schemas.EVENTS:
+            for number, message in enumerate(messages):
+                if message.sequence != number % 2**32:
+                    break
+                content = json.loads(cdr.content(message.data))
+                found.append(Event(content.pop("time"), content))
+    return tuple(found)
 
 
 def _infos(contents: Contents) -> dict[str, TopicInfo]:

@@ -8,6 +8,7 @@ from tenodesis.signals import SIGNALS
 JOINT_STATE = "sensor_msgs/msg/JointState"
 WRENCH = "geometry_msgs/msg/WrenchStamped"
 FLOAT64 = "std_msgs/msg/Float64"
+STRING = "std_msgs/msg/String"
 
 METADATA = "tenodesis"
 """Name of the metadata record."""
@@ -17,6 +18,9 @@ TRANSFERRED = "transferred_from"
 
 TIME = "/time"
 """Topic of the time to the last bit, since stamps only count nanoseconds."""
+
+EVENTS = "/events"
+"""Topic of what happened beside the signals, each a JSON object in a String."""
 
 TENDONS = ("agonist", "antagonist")
 
@@ -37,6 +41,7 @@ _FIELDS = {
     ),
     "geometry_msgs/WrenchStamped": ("std_msgs/Header header", "geometry_msgs/Wrench wrench"),
     "std_msgs/Float64": ("float64 data",),
+    "std_msgs/String": ("string data",),
 }
 
 

@@ -1,12 +1,13 @@
 """Write runs into a recording that stays readable whatever happens while it is written."""
 
+import math
 import platform
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
 from types import TracebackType
-from typing import IO, NamedTuple, Self
+from typing import IO, Any, NamedTuple, Self
 
 import numpy as np
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
@@ -14,8 +15,8 @@ from mcap.writer import Writer
 from numpy.typing import NDArray
 
 from tenodesis.errors import RecordingError
-from tenodesis.recording import cdr, schemas
-from tenodesis.recording.schemas import Topic
+from tenodesis.recording import cdr, messages, schemas
+from tenodesis.recording.messages import Messages
 from tenodesis.signals import Array, Run
 
 _LAST_STAMP = 2**31 * cdr.SECOND - 1
@@ -24,9 +25,7 @@ _SEQUENCES = 2**32
 
 class _Channel(NamedTuple):
     id: int
-    topic: Topic
-    layout: cdr.Layout
-    signals: dict[str, str]
+    messages: Messages
 
 
 class Recorder:
@@ -51,7 +50,7 @@ class Recorder:
     Raises
     ------
     RecordingError
-        By `Recorder`, `write` and `close`, when the file cannot be written or a run does not fit.
+        By `Recorder` and all it does, when the file cannot be written or a run does not fit.
     """
 
     def __init__(
@@ -69,6 +68,9 @@ class Recorder:
         self._start = start_time
         self._chunk_length = max(round(chunk_seconds * cdr.SECOND), 1)
         self._channels: list[_Channel] = []
+        self._schemas: dict[str, int] = {}
+        self._events_channel: int | None = None
+        self._events = 0
         self._signals: set[str] | None = None
         self._rows = 0
         self._rows_safe = 0
@@ -117,6 +119,46 @@ class Recorder:
                 if self._chunk(self._stamp) != chunks[start]:
                     self._close_chunk()
                 self._write_rows(stamps[start:stop], {name: values[start:stop] for name, values in columns.items()})
+
+    def event(self, time: float, content: Mapping[str, Any]) -> None:
+        """Append what happened at a time (s) of the runs: what JSON can tell, under names.
+
+        It reaches the disk with the rows around it, or by `flush`.
+
+        Raises
+        ------
+        RecordingError
+            The file cannot be written, the time has no stamp, or JSON cannot tell the content.
+        """
+        if self._file is None:
+            raise RecordingError(f"{self.path} is closed; nothing more can be written to it.")
+        stamp = self._start + round(time * cdr.SECOND) if math.isfinite(time) else -1
+        if not 0 <= stamp <= _LAST_STAMP:
+            raise RecordingError(
+                f"{self.path}: time of an event = {time!r} s: its stamp must be between 0 and "
+                f"{_LAST_STAMP // cdr.SECOND} s."
+            )
+        try:
+            data = messages.event(time, content)
+        except (TypeError, ValueError) as problem:
+            raise RecordingError(f"{self.path}: an event cannot be told in JSON: {problem}.") from None
+        with self._reported():
+            if self._events_channel is None:
+                self._events_channel = self._channel(schemas.EVENTS, schemas.STRING, {})
+            self._writer.add_message(self._events_channel, stamp, data, stamp, self._events % _SEQUENCES)
+            self._events += 1
+
+    def flush(self) -> None:
+        """Send what was written until now on its way to the disk, so that a crash does not lose it.
+
+        Raises
+        ------
+        RecordingError
+            The file cannot be written.
+        """
+        if self._file is not None:
+            with self._reported():
+                self._close_chunk()
 
     def close(self) -> None:
         """Close the recording; a second time does nothing.
@@ -188,9 +230,7 @@ class Recorder:
             expected = schemas.shape(name, len(run), self.axes)
             if values.shape != expected:
                 raise RecordingError(f"{self.path}: {name} has shape {values.shape}; it must have {expected}.")
-        return {
-            name: values.reshape(len(run), -1) for name, values in ({"time": run.time} | signals).items() if len(run)
-        }
+        return messages.columns(run) if len(run) else {}
 
     def _stamps(self, time: Array) -> NDArray[np.int64]:
         """Return the stamps (n,), in ns, of times (n,), in s."""
@@ -213,25 +253,22 @@ class Recorder:
         if self._signals is not None:
             return
         self._signals = columns.keys() - {"time"}
-        ids: dict[str, int] = {}
-        for topic in schemas.topics(self.axes):
-            signals = {field: signal for field, signal in topic.signals.items() if signal in columns}
-            if not signals:
-                continue
-            if topic.type not in ids:
-                text = schemas.definition(topic.type).encode()
-                ids[topic.type] = self._writer.register_schema(topic.type, SchemaEncoding.ROS2, text)
+        for one in messages.of_signals(self.axes, columns.keys()):
             # A wrench has all its numbers always, so that those which mean something are named.
-            channel = self._writer.register_channel(
-                topic.name, MessageEncoding.CDR, ids[topic.type], {"signals": " ".join(signals.values())}
-            )
-            self._channels.append(_Channel(channel, topic, _layout(topic, signals), signals))
+            told = {"signals": " ".join(one.signals.values())}
+            self._channels.append(_Channel(self._channel(one.topic.name, one.topic.type, told), one))
+
+    def _channel(self, topic: str, message_type: str, metadata: dict[str, str]) -> int:
+        if message_type not in self._schemas:
+            text = schemas.definition(message_type).encode()
+            self._schemas[message_type] = self._writer.register_schema(message_type, SchemaEncoding.ROS2, text)
+        return self._writer.register_channel(topic, MessageEncoding.CDR, self._schemas[message_type], metadata)
 
     def _write_rows(self, stamps: NDArray[np.int64], columns: Mapping[str, Array]) -> None:
-        blocks = []
-        for channel in self._channels:
-            numbers = {field: columns[signal][:, channel.topic.columns] for field, signal in channel.signals.items()}
-            blocks.append((channel.id, channel.layout.size, channel.layout.encode(stamps, numbers)))
+        blocks = [
+            (channel.id, channel.messages.layout.size, channel.messages.encode(stamps, columns))
+            for channel in self._channels
+        ]
         for i, stamp in enumerate(stamps.tolist()):
             sequence = (self._rows + i) % _SEQUENCES
             for channel_id, size, block in blocks:
@@ -245,9 +282,3 @@ class Recorder:
     def _close_chunk(self) -> None:
         self._writer.flush()
         self._rows_safe, self._stamp_safe = self._rows, self._stamp
-
-
-def _layout(topic: Topic, signals: Mapping[str, str]) -> cdr.Layout:
-    if topic.type == schemas.JOINT_STATE:
-        return cdr.joint_state(topic.joints, dict.fromkeys(signals, len(topic.joints)), topic.frame)
-    return cdr.wrench(topic.frame) if topic.type == schemas.WRENCH else cdr.number()

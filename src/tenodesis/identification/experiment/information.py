@@ -3,18 +3,17 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
 
+from tenodesis.identification.models.converter import Converter, encoder, load_cell
 from tenodesis.identification.models.twin import TwinProblem
 from tenodesis.identification.problem import Trace
 from tenodesis.identification.uncertainty import Spread
 from tenodesis.instrument import Instrument
 from tenodesis.signals import Array
 
-_HARMONICS = 49
 _FAINT = 1e-4
 """Variance of a harmonic, over that of independent noise, below which it is left out."""
 _BLIND = 1e-13
@@ -47,39 +46,9 @@ class Information:
         return Spread(inverse @ self.scores @ inverse.T, inverse, directions[:, ~seen])
 
 
-class Converter(NamedTuple):
-    """A sensor with its converter, in the unit of its readings."""
-
-    noise: float
-    resolution: float
-
-    @property
-    def lasting(self) -> tuple[float, ...]:
-        """Variance of the error that noise does not dither away, where a signal rests, by harmonic."""
-        turns = [2 * math.pi * harmonic for harmonic in range(1, _HARMONICS + 1)]
-        return tuple(
-            2 * (self.resolution / turn) ** 2 * math.exp(-((turn * self.noise / self.resolution) ** 2))
-            for turn in turns
-        )
-
-    @property
-    def fresh(self) -> float:
-        """Variance of the error that is another one in every sample."""
-        return self.noise**2 + self.resolution**2 / 12 - sum(self.lasting)
-
-    def mean(self, samples: int) -> float:
-        """Return the standard deviation of a mean of so many samples."""
-        return math.sqrt(sum(self.lasting) + self.fresh / samples)
-
-
 def converters(inst: Instrument) -> dict[str, Converter]:
     """Return the sensors of an instrument by the unit in which traces have their readings."""
-    sensors = inst.sensors
-    step = math.degrees(sensors.encoder_range / 2**sensors.encoder_bits)
-    return {
-        "deg": Converter(math.degrees(sensors.encoder_noise), step),
-        "N": Converter(sensors.load_cell_noise, 2 * sensors.load_cell_range / 2**sensors.load_cell_bits),
-    }
+    return {"deg": Converter(*(math.degrees(one) for one in encoder(inst))), "N": load_cell(inst)}
 
 
 def information(

@@ -1,34 +1,39 @@
 """Recordings of an instrument as CSV: headings as ``tenodesis export recording`` writes them, or a map beside the file.
 
-The map of ``run.csv`` is ``run.csv.columns.toml``, with one table per column of :data:`COLUMNS` and one for the time::
+The map of ``run.csv`` is ``run.csv.columns.toml``, or else ``columns.toml``, for all files of the folder that have none
+of their own. It has one table per column of :data:`COLUMNS` and one for the time::
 
     time = { column = "t", unit = "ms" }
     handle_angle = { column = "theta_h", unit = "deg", factor = -1 }
     tension_agonist = { column = "F1", unit = "N" }
 """
 
-import csv
-import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from math import isfinite
+from math import inf, isfinite, radians
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import pint
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.formats.instrument_run import COLUMNS, TENDONS, InstrumentRun, checked
-from tenodesis.identification.formats.measured import Raw, Unit, checksum
-from tenodesis.quantity import in_unit
+from tenodesis.identification.formats.instrument_run import (
+    COLUMNS,
+    LEAST_EXCITATION,
+    TENDONS,
+    InstrumentRun,
+    checked,
+)
+from tenodesis.identification.formats.measured import checksum
+from tenodesis.identification.formats.raw import GRAM_FORCE, Unit, spread_of
+from tenodesis.identification.formats.table import heading, read_table, scale_of
 from tenodesis.signals import Array
 
 MAP_SUFFIX = ".columns.toml"
+SHARED_MAP = "columns.toml"
 
 _TIME = "time"
 _UNITS = {_TIME: "s"} | COLUMNS
-_HEADING = re.compile(r"\s*(?P<name>[^\[\]]*?)\s*(?:\[\s*(?P<unit>[^\]]*?)\s*\])?\s*")
 _SIGNALS = {
     "commanded_handle_angle": "handle_angle",
     **{name: name for name in ("measured_handle_angle", "measured_output_angle", "force", "radial_force")},
@@ -36,18 +41,25 @@ _SIGNALS = {
     **{f"measured_spool_angle.{tendon}": f"spool_{tendon}" for tendon in TENDONS},
 }
 """Columns by signal of an export, the axis left out."""
-_PLAUSIBLE = {
-    # Handles and tips turn by some degrees to half a turn, tendons bear some tenths of a newton to some hundred.
-    "rad": (Unit("rad", 1.0, 0.03, 2.0), Unit("deg", float(np.pi / 180), 4.0, 200.0)),
-    "N": (Unit("N", 1.0, 0.05, 1e3), Unit("mN", 1e-3, 2e3, 1e6)),
+_MOST = {"rad": 3.9, "N": 1e3}
+"""Plausible spread of a column by its SI unit: handles turn by little more than half a turn, tendons bear less."""
+_UNITS_MISTAKEN = {
+    "rad": (Unit("rad", 1.0, LEAST_EXCITATION, _MOST["rad"]), Unit("deg", radians(1), 4, 220)),
+    "N": (
+        Unit("N", 1.0, 0.05, _MOST["N"]),
+        Unit("mN", 1e-3, 200, 1e6),
+        Unit("gram-force", GRAM_FORCE, 2 / GRAM_FORCE, 60 / GRAM_FORCE),
+    ),
 }
+"""What a column may be in that cannot be in the unit that is said."""
 _CHECKED = ("handle_angle", "measured_handle_angle", "measured_output_angle", "tension_agonist", "tension_antagonist")
 
 
 class _Place(NamedTuple):
-    """Where a column stands in the file, and how many SI units one of its numbers is."""
+    """Where a column stands in the file, its unit, and how many SI units one of its numbers is."""
 
     at: int
+    unit: str
     scale: float
 
 
@@ -62,9 +74,11 @@ def load(path: Path) -> InstrumentRun:
     IdentificationError
         The file or its map cannot be read, lacks what is needed, or is not usable.
     """
-    separator, headings, rows = _read(path)
-    beside = path.with_name(path.name + MAP_SUFFIX)
+    read = read_table(path)
+    headings = read.headings
+    own, shared = path.with_name(path.name + MAP_SUFFIX), path.with_name(SHARED_MAP)
     notes: list[str] = []
+    beside = own if own.exists() else shared
     if beside.exists():
         places = _mapped(beside, headings)
         notes.append(f"columns by {beside.name}")
@@ -78,47 +92,22 @@ def load(path: Path) -> InstrumentRun:
     if lacking:
         raise IdentificationError(
             f"{path} lacks {', '.join(lacking)}: its headings are {', '.join(map(repr, headings))}; allowed are those "
-            f"of tenodesis export recording, or a map {beside.name}."
+            f"of tenodesis export recording, or a map {own.name}, or {SHARED_MAP} for all files of the folder."
         )
-    table = {
-        name: place.scale * np.array([_number(row, place.at, separator) for row in rows])
-        for name, place in places.items()
-    }
-    time = table.pop(_TIME)
+    table = {name: read.column(place.at) for name, place in places.items()}
     # a column without a number was not recorded
-    columns = {name: values for name, values in table.items() if name in needed or np.isfinite(values).any()}
-    return checked(path.name, time, _in_si(path, time, columns, notes), notes=notes, checksum=checksum(path))
-
-
-def _read(path: Path) -> tuple[str, list[str], list[list[str]]]:
-    try:
-        lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
-    except OSError as problem:
-        raise IdentificationError(f"{path} cannot be read: {problem.strerror}.") from None
-    lines = [line for line in lines if line.strip() and not line.startswith(("#", "%"))]
-    if not lines:
-        raise IdentificationError(f"{path} is empty; allowed is a line of headings and rows of numbers.")
-    separator = max(",;\t", key=lines[0].count)
-    headings, *rows = csv.reader(lines, delimiter=separator)
-    return separator, [heading.strip() for heading in headings], rows
-
-
-def _number(row: Sequence[str], at: int, separator: str) -> float:
-    """Return a cell's number, NaN where there is none."""
-    text = row[at] if at < len(row) else ""
-    try:
-        return float(text if separator == "," else text.replace(",", "."))
-    except ValueError:
-        return float("nan")
+    known = {name: values for name, values in table.items() if name in needed or np.isfinite(values).any()}
+    columns = {name: _in_si(path, name, values, places[name], notes) for name, values in known.items()}
+    time = columns.pop(_TIME)
+    return checked(path.name, time, columns, notes=notes, checksum=checksum(path))
 
 
 def _recognised(path: Path, headings: Sequence[str], notes: list[str]) -> dict[str, _Place]:
     """Return the columns that headings tell: those of an export, of its first axis, or the columns' own names."""
     places: dict[str, _Place] = {}
     axes: dict[str, None] = {}
-    for at, heading in enumerate(headings):
-        found = _HEADING.fullmatch(heading)
-        name, unit = (found["name"], found["unit"]) if found else (heading, None)
+    for at, text in enumerate(headings):
+        name, unit = heading(text)
         column = name if name in _UNITS else _SIGNALS.get(name)
         if column is None and "." in name:
             signal, axis, *tendon = name.split(".")
@@ -126,7 +115,8 @@ def _recognised(path: Path, headings: Sequence[str], notes: list[str]) -> dict[s
             if column is not None:
                 axes.setdefault(axis)
         if column is not None and column not in places:
-            places[column] = _Place(at, _scale(unit or _UNITS[column], column, str(path)))
+            unit = unit or _UNITS[column]
+            places[column] = _Place(at, unit, _scale(unit, column, str(path)))
     if len(axes) > 1:
         notes.append(f"of the axes {' and '.join(axes)} the first is taken")
     return places
@@ -158,30 +148,35 @@ def _mapped(path: Path, headings: Sequence[str]) -> dict[str, _Place]:
         factor = entry.get("factor", 1)
         if isinstance(factor, bool) or not isinstance(factor, int | float) or not isfinite(factor) or not factor:
             raise IdentificationError(f"{where}.factor is {factor!r}; allowed is a finite number other than 0.")
-        places[name] = _Place(headings.index(entry["column"]), factor * _scale(str(entry["unit"]), name, str(path)))
+        unit = str(entry["unit"])
+        places[name] = _Place(headings.index(entry["column"]), unit, factor * _scale(unit, name, str(path)))
     return places
 
 
 def _scale(unit: str, column: str, place: str) -> float:
     """Return how many SI units of a column one of these units is."""
-    try:
-        return in_unit(_UNITS[column], unit)
-    # pint raises whatever its tokenizer does
-    except (pint.PintError, ValueError, TypeError, AttributeError, KeyError, SyntaxError, AssertionError):
-        raise IdentificationError(
-            f"{place}: the unit of {column} is {unit!r}; allowed is a unit of the dimension of {_UNITS[column]}."
-        ) from None
+    return scale_of(unit, _UNITS[column], f"{place}: the unit of {column}")
 
 
-def _in_si(path: Path, time: Array, columns: dict[str, Array], notes: list[str]) -> dict[str, Array]:
-    """Return columns with those in another unit than is said, by their magnitude, brought to SI."""
-    for name in _CHECKED:
-        known = np.isfinite(columns.get(name, np.empty(0)))
-        # a tip or a tendon that hardly moves is judged as what it is said to be
-        units = _PLAUSIBLE[_UNITS[name]]
-        if known.any() and np.ptp(np.quantile(columns[name][known], [0.05, 0.95])) > units[0].most:
-            raw = Raw(path.name, time[known], {name: columns[name][known]})
-            unit = raw.unit(name, units)
-            columns[name] = columns[name] * next(one.scale for one in units if one.name == unit)
-            notes += raw.notes
-    return columns
+def _in_si(path: Path, name: str, values: Array, place: _Place, notes: list[str]) -> Array:
+    """Return a column in SI, in the unit that its magnitude shows where it cannot be in the one that is said."""
+    said = place.scale * values
+    spread = spread_of(said[np.isfinite(said)])
+    kind = _UNITS[name]
+    # a tip or a tendon that hardly moves is judged as what it is said to be; a handle that does not is of no use
+    small, large = name == "handle_angle" and spread < LEAST_EXCITATION, spread > _MOST.get(kind, inf)
+    if name not in _CHECKED or not (small or large):
+        return said
+    stated = _scale(place.unit, name, path.name)
+    number = spread / stated
+    fits = [one for one in _UNITS_MISTAKEN[kind] if one.scale != stated and one.least <= number <= one.most]
+    if len(fits) == 1:
+        notes.append(f"{name} taken as {fits[0].name}, not {place.unit}: its values have a spread of {number:.4g}")
+        return said * (fits[0].scale / stated)
+    if small:
+        return said
+    problem = "may be " + " or ".join(one.name for one in fits) if fits else "fits no unit"
+    raise IdentificationError(
+        f"{path.name}: {name} (spread of {number:.4g}) cannot be in {place.unit} and {problem}; allowed is a spread of "
+        f"up to {_MOST[kind]:g} {kind}, with the unit in the heading, such as '{name} [{kind}]'"
+    )

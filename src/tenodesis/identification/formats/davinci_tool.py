@@ -9,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tenodesis.identification.formats.measured import Measured, Raw, Source, Unit, checksum, read_rows
+from tenodesis.identification.formats.measured import Measured, Source, checksum
+from tenodesis.identification.formats.raw import Raw, Unit
+from tenodesis.identification.formats.table import read_rows
 
 COLUMNS = 10
 TORQUE_PER_COUNT = 3.9811e-5
@@ -18,8 +20,9 @@ SPINDLE_COUNTS = 8192
 """Counts of the spindle's encoder per turn."""
 JAW_COUNTS = 4000
 """Counts of the jaw's encoder per turn."""
-MOST_SPINDLE = 1500 * 2 * math.pi / SPINDLE_COUNTS
-"""Spindle angle beyond which a row is corrupt, rad."""
+MOST_COUNTS = 1500
+MOST_SPINDLE = MOST_COUNTS * 2 * math.pi / SPINDLE_COUNTS
+"""How far the spindle may be off its median before a row is corrupt, rad: where its encoder is zero is the tool's."""
 
 _TURN = 2 * math.pi
 _JUMP = math.radians(5)
@@ -56,8 +59,9 @@ SOURCE = Source(
 def load(path: Path) -> Measured:
     """Return one recording of a da Vinci tool.
 
-    Columns: spindle_angle, jaw_angle (rad), spindle_torque, jaw_torque (N*m), by the signs of the file. The first
-    seconds, in which the bench settles, are kept: a model with memory needs them.
+    Columns: spindle_angle, jaw_angle (rad), spindle_torque, jaw_torque (N*m), by the signs of the file; the last is as
+    it was measured, for no model takes it. The first seconds, in which the bench settles, are kept: a model with memory
+    needs them.
 
     Raises
     ------
@@ -79,12 +83,16 @@ def load(path: Path) -> Measured:
     raw.enough()
     raw.clock()
     for column, counts in (("spindle_angle", SPINDLE_COUNTS), ("jaw_angle", JAW_COUNTS)):
-        raw.unit(column, _angle(counts))
-    for column in ("spindle_torque", "jaw_torque"):
-        raw.unit(column, _TORQUE)
-    raw.drop(np.abs(raw.columns["spindle_angle"]) > MOST_SPINDLE, "corrupt (the spindle beyond 1500 counts)")
-    for column in raw.columns:
-        raw.outliers(column, _JUMP if column.endswith("angle") else _TORQUE_JUMP)
+        raw.unit(_angle(counts), column)
+        raw.excited(column, _LEAST_ANGLE, "rad")
+    # the jaw's torque may well be constant: it is the load
+    raw.unit(_TORQUE, "spindle_torque", "jaw_torque")
+    raw.excited("spindle_torque", _LEAST_TORQUE, "N*m")
+    spindle = raw.columns["spindle_angle"]
+    limit = f"{MOST_COUNTS} counts, {math.degrees(MOST_SPINDLE):.3g} deg"
+    raw.drop(np.abs(spindle - np.median(spindle)) > MOST_SPINDLE, f"corrupt (the spindle over {limit}, off its median)")
+    for column, jump in (("spindle_angle", _JUMP), ("jaw_angle", _JUMP), ("spindle_torque", _TORQUE_JUMP)):
+        raw.outliers(column, jump)
     raw.saturated("spindle_torque")
     raw.enough()
     raw.gaps()

@@ -1,6 +1,6 @@
 """Recordings of a flexible endoscopic manipulator's joint moved by an antagonistic sheathed pair of tendons.
 
-Baek, Nho et al., ViO-Com, IEEE RA-L 2021. A text file without column names whose name is the sheath's bend in degrees.
+Baek, Nho et al., ViO-Com, IEEE RA-L 2021. A text file without column names whose name has the sheath's bend in degrees.
 The output angle is the reference; a model of what the proximal sensors tell may use the other columns only.
 """
 
@@ -9,11 +9,11 @@ import re
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.formats.measured import Measured, Raw, Source, Unit, checksum, read_rows
-from tenodesis.signals import Array
+from tenodesis.identification.formats.measured import Measured, Source, checksum
+from tenodesis.identification.formats.raw import GRAM_FORCE, Raw, Unit, spread_of
+from tenodesis.identification.formats.table import read_rows
 
 COLUMNS = 6
 MOST_BEND = 1080.0
@@ -55,7 +55,6 @@ def load(path: Path) -> Measured:
     """
     bend = _bend(path)
     rows = read_rows(path, COLUMNS)
-    rows, notes = _held(rows)
     raw = Raw(
         path.name,
         rows[:, 0],
@@ -68,21 +67,14 @@ def load(path: Path) -> Measured:
     )
     raw.finite()
     raw.enough()
+    _to_si(raw)
+    _without_outliers(raw)
+    raw.averaged()
     raw.clock()
-    for note in notes:
-        raw.note(note)
-    raw.excited("commanded_angle", _LEAST_ANGLE, "of the file's unit")
-    unit = raw.unit("commanded_angle", _ANGLE)
-    # how far the output moves is what is asked, so that its unit is the command's
-    raw.columns["output_angle"] *= next(one.scale for one in _ANGLE if one.name == unit)
-    raw.excited("output_angle", _LEAST_ANGLE, "rad")
-    for column in ("commanded_angle", "output_angle"):
-        raw.outliers(column, _ANGLE_JUMP)
-    for column in ("agonist_tension", "antagonist_tension"):
-        raw.excited(column, _LEAST_TENSION, "N")
-        raw.unit(column, _TENSION)
-        raw.outliers(column, _TENSION_JUMP)
-        raw.saturated(column)
+    # a value that the sensor held for all rows of one time is an outlier among the means only
+    _without_outliers(raw)
+    for column in _TENSIONS:
+        raw.saturated(column, may_rest_at_zero=True)
     raw.enough()
     raw.gaps()
     raw.columns["sheath_bend"] = np.full(raw.time.size, math.radians(bend))
@@ -90,36 +82,63 @@ def load(path: Path) -> Measured:
     return raw.done(SOURCE, checksum(path))
 
 
+def _to_si(raw: Raw) -> None:
+    own = raw.unit(_ANGLE, "commanded_angle", advice="write it in deg")
+    raw.excited("commanded_angle", _LEAST_ANGLE, "rad")
+    # the output is most likely in the command's unit, and in another only where it then moves little more than that
+    commanded = spread_of(raw.columns["commanded_angle"])
+    units = [
+        one._replace(least=_LEAST_ANGLE / one.scale)
+        if one.name == own
+        else one._replace(most=_MOST_RATIO * commanded / one.scale)
+        for one in sorted(_ANGLE, key=lambda one: one.name != own)
+    ]
+    raw.unit(units, "output_angle", advice="write it in deg")
+    raw.excited("output_angle", _LEAST_ANGLE, "rad")
+    raw.unit(_TENSION, *_TENSIONS, advice="write both in N")
+    for column in _TENSIONS:
+        raw.excited(column, _LEAST_TENSION, "N")
+
+
+def _without_outliers(raw: Raw) -> None:
+    for column in raw.columns:
+        raw.outliers(column, _TENSION_JUMP if column in _TENSIONS else _ANGLE_JUMP)
+
+
 def _bend(path: Path) -> float:
-    found = re.fullmatch(r"(\d+(?:\.\d+)?)(?:\s*deg)?", path.stem)
-    bend = float(found.group(1)) if found else math.nan
-    if not 0 <= bend <= MOST_BEND:
+    """Return the one number in a file's name that can be the bend: marked as such, or else standing by itself."""
+    # what follows a dot is an extension unless it is the rest of a number
+    stem = path.name if re.match(r"\.\d", path.suffix) else path.stem
+    name = _COPY.sub("", stem)
+    marked = [before or behind for before, behind in _MARKED.findall(name)]
+    alone = [part for part in _BETWEEN.split(name) if _NUMBER.fullmatch(part)]
+    found = marked or alone or _ANYWHERE.findall(name)
+    advice = f"allowed is a number from 0 to {MOST_BEND:g}, in degrees, such as 120.txt or bend120_day2.txt"
+    if len(set(map(float, found))) > 1:
         raise IdentificationError(
-            f"{path.name}: the name {path.stem!r} is no sheath bend; allowed is a number from 0 to {MOST_BEND:g}, in "
-            "degrees, such as 120.txt"
+            f"{path.name}: which number of the name {stem!r} is the sheath's bend cannot be told; {advice}"
         )
-    return bend
+    if not found or not 0 <= float(found[0]) <= MOST_BEND:
+        raise IdentificationError(f"{path.name}: the name {stem!r} is no sheath bend; {advice}")
+    return float(found[0])
 
 
-def _held(rows: Array) -> tuple[Array, list[str]]:
-    """Return the mean of each stretch of rows that follow one another with the same time, and what that did."""
-    whole: NDArray[np.bool_] = np.asarray(np.isfinite(rows).all(axis=1))
-    first = np.flatnonzero(np.concatenate([[True], np.diff(rows[:, 0]) != 0]))
-    if first.size == len(rows):
-        return rows, []
-    count = np.add.reduceat(whole.astype(float), first)
-    total = np.add.reduceat(np.where(whole[:, None], rows, 0.0), first, axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = total / count[:, None]
-    mean[:, 0] = rows[first, 0]
-    return mean, [f"{len(rows)} rows at {first.size} times: the mean of rows of the same time is taken"]
-
+_TENSIONS = ("agonist_tension", "antagonist_tension")
+_MOST_RATIO = 1.2
+"""How many times the command's way the output may move to be taken in another unit than the command."""
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
+_ANYWHERE = re.compile(r"(?<![\d.])\d+(?:\.\d+)?(?![\d.])")
+_MARKED = re.compile(r"bend(?:ing)?[\s_=-]*(\d+(?:\.\d+)?)|(\d+(?:\.\d+)?)(?:bend|[\s_-]*(?:deg|°))", re.IGNORECASE)
+_COPY = re.compile(r"\s*\(\d+\)$")
+_BETWEEN = re.compile(r"[\s_,;]+|(?<=[^\s_,;])-")
 
 _ANGLE = (
-    Unit("deg", math.radians(1), 5, 400, whole=None),
+    Unit("deg", math.radians(1), 5, 400),
     Unit("rad", 1.0, _LEAST_ANGLE, 4.9, whole=False),
 )
 _TENSION = (
-    Unit("N", 1.0, _LEAST_TENSION, 150, whole=None),
-    Unit("gram-force", 9.80665e-3, 150.1, 1e5, whole=None),
+    Unit("N", 1.0, _LEAST_TENSION, 100),
+    # no range in which these two could be taken for N; where they could be for one another neither is
+    Unit("gram-force", GRAM_FORCE, 1.5 / GRAM_FORCE, 60 / GRAM_FORCE),
+    Unit("mN", 1e-3, 1500, 60e3),
 )

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tenodesis.identification.formats.measured import Measured, Raw
+from tenodesis.identification.formats.measured import Measured
+from tenodesis.identification.formats.raw import CLOCKS, Raw, spread_of
 from tenodesis.instrument import Instrument
 from tenodesis.signals import Array
 
@@ -24,9 +25,14 @@ COLUMNS = {
 }
 """Every column that a run may have, with its SI unit."""
 
-_LEAST_EXCITATION = float(np.radians(2))
+LEAST_EXCITATION = float(np.radians(2))
+"""Spread of the handle's angle below which nothing can be identified, rad."""
+
 _JUMP = 0.5
-"""Share of the spread that a load cell cannot leave its neighbours by in one sample."""
+"""Share of the spread that a sensor cannot leave its neighbours by in one sample."""
+_LEAST_JUMP = {"rad": float(np.radians(10)), "N": 1.0}
+"""What it can leave them by however small its spread is."""
+_STEADY = ("handle_angle", "measured_handle_angle", "measured_output_angle", *(f"tension_{one}" for one in TENDONS))
 
 
 @dataclass(frozen=True)
@@ -48,8 +54,11 @@ def checked(
     notes: Sequence[str] = (),
     checksum: str = "",
     instrument: Instrument | None = None,
+    clocks: Sequence[tuple[str, float]] = CLOCKS,
 ) -> InstrumentRun:
     """Return a run whose columns are in SI and in order, or refuse it with the reason.
+
+    The clock's unit is told among `clocks` by its magnitude.
 
     Raises
     ------
@@ -62,19 +71,15 @@ def checked(
     if "force" not in columns:
         raw.note("no force was recorded: the tip is taken to be free")
     raw.finite()
-    raw.clock()
+    raw.clock(clocks)
+    for column in _STEADY:
+        if column in raw.columns:
+            spread = spread_of(raw.columns[column])
+            raw.outliers(column, max(_JUMP * spread, _LEAST_JUMP[COLUMNS[column]]))
     for tendon in TENDONS:
-        column = f"tension_{tendon}"
-        if not _slack(raw.columns[column]):
-            raw.saturated(column)
-        raw.outliers(column, _JUMP * max(float(np.ptp(raw.columns[column])), 1.0))
+        raw.saturated(f"tension_{tendon}", may_rest_at_zero=True)
     raw.enough()
     raw.gaps()
-    raw.excited("handle_angle", _LEAST_EXCITATION, "rad")
+    raw.excited("handle_angle", LEAST_EXCITATION, "rad")
     done = raw.done(checksum=checksum)
     return InstrumentRun(done.name, done.time, done.columns, done.notes, None, done.checksum, instrument)
-
-
-def _slack(tension: Array) -> bool:
-    """Return whether the lowest tension is none at all: a slack tendon stays there, and its load cell is well."""
-    return bool(tension.size and abs(tension.min()) < 1e-3 * np.ptp(tension))

@@ -1,6 +1,6 @@
-"""Recordings of an instrument: MCAP files with ROS 2 messages, as ``tenodesis record`` and a bench write them.
+"""Recordings of an instrument: files of ROS 2 messages, as ``tenodesis record`` and a bench write them.
 
-A bag of ROS 2 is a folder of such files, whose topics may each have a clock of their own.
+A file is MCAP or SQLite; a bag of ROS 2 is a folder of such files, whose topics may each have a clock of their own.
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,10 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 from mcap_ros2.decoder import DecoderFactory
+from numpy.typing import NDArray
 
 from tenodesis.errors import IdentificationError, InstrumentError, RecordingError
+from tenodesis.identification.formats import bag
 from tenodesis.identification.formats.instrument_run import TENDONS, InstrumentRun, checked
 from tenodesis.identification.formats.measured import checksum
+from tenodesis.identification.formats.raw import CLOCKS, WIDE, Raw
 from tenodesis.instrument import Instrument
 from tenodesis.recording import Recording, cdr, container, schemas
 from tenodesis.recording.decode import Decoded, MisfitError, decode
@@ -32,6 +35,12 @@ _SIGNALS = (
 
 
 _CLOCK = "/tendons/measured_js"
+_SECONDS = CLOCKS[:1]
+"""Stamps count nanoseconds, whatever their magnitude."""
+
+
+_TOPICS = frozenset(topic.name for axes in (("",), ("yaw", "pitch")) for topic in schemas.topics(axes))
+"""Every topic that a recording may have."""
 
 
 class _Signals(NamedTuple):
@@ -45,15 +54,15 @@ class _Signals(NamedTuple):
 
 
 class _Series(NamedTuple):
-    """A topic's stamps (n,) in ns, the joints' names, and each array of numbers (n, count)."""
+    """A topic's times (n,) in s, rising, the joints' names, and each array of numbers (n, count)."""
 
-    stamps: Array
+    time: Array
     joints: tuple[str, ...]
     numbers: Mapping[str, Array]
 
 
 def load(path: Path) -> InstrumentRun:
-    """Return the first axis of a recording, or of a bag: a folder of MCAP files.
+    """Return the first axis of a recording, or of a bag: one file of MCAP or SQLite, or a folder of them.
 
     Columns: handle_angle (commanded, where the recording has it, otherwise measured), measured_handle_angle,
     measured_output_angle (rad), tension_agonist, tension_antagonist, force, radial_force (N), spool_agonist,
@@ -67,7 +76,7 @@ def load(path: Path) -> InstrumentRun:
     """
     files = _files(path)
     try:
-        read = _recorded(files[0]) if len(files) == 1 else None
+        read = _recorded(files[0]) if len(files) == 1 and not bag.is_sqlite(files[0]) else None
         read = _merged(path, files) if read is None else read
     except RecordingError as problem:
         raise IdentificationError(str(problem)) from None
@@ -76,16 +85,27 @@ def load(path: Path) -> InstrumentRun:
     if read.axes[1:]:
         notes.append(f"of the axes {' and '.join(read.axes)} the first is taken")
     digest = checksum(files[0]) if len(files) == 1 else ""
-    return checked(path.name, read.time, columns, notes=notes, checksum=digest, instrument=read.instrument)
+    name = path.resolve().name
+    return checked(name, read.time, columns, notes=notes, checksum=digest, instrument=read.instrument, clocks=_SECONDS)
 
 
 def _files(path: Path) -> list[Path]:
     if not path.is_dir():
         return [path]
-    files = sorted(path.glob("*.mcap"))
-    if not files:
-        raise IdentificationError(f"{path} holds no MCAP file; allowed is a recording, or the folder of a ROS 2 bag.")
-    return files
+    mcap, sqlite = (sorted(path.glob(f"*{suffix}")) for suffix in (".mcap", bag.SUFFIX))
+    if mcap and sqlite:
+        raise IdentificationError(
+            f"{path} holds {mcap[0].name} and {sqlite[0].name}, the same twice for all one knows; allowed is a bag of "
+            "one kind, or one of its files."
+        )
+    if not mcap and not sqlite:
+        packed = next(iter(sorted(path.glob("*.zstd"))), None)
+        found = "" if packed is None else f" ({packed.name} is compressed: unpack it first)"
+        raise IdentificationError(
+            f"{path} holds no MCAP file and no {bag.SUFFIX} file{found}; allowed is a recording, or the folder of a "
+            "ROS 2 bag."
+        )
+    return mcap or sqlite
 
 
 def _recorded(path: Path) -> _Signals | None:
@@ -96,6 +116,9 @@ def _recorded(path: Path) -> _Signals | None:
     run = recording.run
     notes = [] if recording.damage is None else [recording.damage]
     notes += [f"{topic} is left out: {reason}" for topic, reason in recording.left_out.items()]
+    longest = max((info.messages for name, info in recording.topics.items() if name in _TOPICS), default=0)
+    if recording.damage is None and longest > len(run):
+        notes.append(f"topics do not end together: the first {len(run)} of up to {longest} rows are taken")
     found = {name: run.signals()[name] for name in _SIGNALS if name in run.signals()}
     first = {name: values[:, 0] if run.axes[1:] else values for name, values in found.items()}
     return _Signals(run.time, run.axes, first, tuple(notes), _instrument(recording))
@@ -103,60 +126,110 @@ def _recorded(path: Path) -> _Signals | None:
 
 def _merged(path: Path, files: Sequence[Path]) -> _Signals:
     """Return the topics of one or several files, interpolated to the stamps of the load cells."""
-    topics: dict[str, list[Decoded]] = {}
-    notes = []
-    factory = DecoderFactory()
-    known = {topic.name for axes in (("",), ("yaw", "pitch")) for topic in schemas.topics(axes)}
-    for file in files:
-        data = file.read_bytes()
-        if not container.is_mcap(data):
-            raise RecordingError(f"{file} is no MCAP file.")
-        contents = container.scan(data)
-        if contents.damage is not None:
-            notes.append(f"{file.name} is read in part only: {contents.damage}")
-        for number, messages in contents.messages.items():
-            channel = contents.channels[number]
-            schema = contents.schemas.get(channel.schema_id)
-            if channel.topic not in known or schema is None:
-                continue
-            try:
-                topics.setdefault(channel.topic, []).append(decode(factory, schema, channel.message_encoding, messages))
-            except MisfitError as problem:
-                notes.append(f"{channel.topic} is left out: {problem}")
+    notes: list[str] = []
+    topics = _decoded(files, notes)
     axes = schemas.axes_of({name: parts[0].joints for name, parts in topics.items()}) or ("yaw",)
     if _CLOCK not in topics:
-        raise RecordingError(f"{path} lacks measured_tension; its topics are {', '.join(topics) or 'none of these'}.")
-    series = {name: _series(parts) for name, parts in topics.items()}
-    stamps = series[_CLOCK].stamps
-    inside = np.ones(stamps.size, dtype=np.bool_)
+        raise RecordingError(
+            f"{path} lacks measured_tension; its topics are {', '.join(topics) or 'none of these'}"
+            f"{''.join(f'; {note}' for note in notes)}."
+        )
+    begin = int(topics[_CLOCK][0].stamps[0])
+    series = {name: _series(path, name, parts, begin, notes) for name, parts in topics.items()}
+    time = series[_CLOCK].time
+    inside = np.ones(time.size, dtype=np.bool_)
     found: dict[str, Array] = {}
+    apart = False
     for topic in schemas.topics(axes):
         own = series.get(topic.name)
         for field, signal in topic.signals.items() if own is not None else ():
             if own is None or signal not in _SIGNALS or signal in found or field not in own.numbers:
                 continue
-            # the first axis's joints, or the number itself
-            joints = [joint for joint in topic.joints if joint in own.joints][: 2 if SIGNALS[signal].per_tendon else 1]
-            at = [own.joints.index(joint) for joint in joints] if topic.joints else [0]
-            values = [np.interp(stamps, own.stamps, own.numbers[field][:, column]) for column in at]
-            if values:
-                found[signal] = np.stack(values, axis=1)
-                inside &= (stamps >= own.stamps[0]) & (stamps <= own.stamps[-1])
-    notes.append("topics have stamps of their own: all are interpolated to those of the load cells")
+            at = _first_axis(topic.joints, own, field, 2 if SIGNALS[signal].per_tendon else 1)
+            if at is None:
+                notes.append(f"{topic.name} is left out: its joints are {', '.join(own.joints)}")
+                continue
+            found[signal] = np.stack([np.interp(time, own.time, own.numbers[field][:, one]) for one in at], axis=1)
+            inside &= _known(time, own.time)
+            apart |= not np.array_equal(time, own.time)
+    if apart:
+        notes.append("topics have stamps of their own: all are interpolated to those of the load cells")
     cut = {name: values[inside] if values.shape[1] > 1 else values[inside, 0] for name, values in found.items()}
-    return _Signals((stamps[inside] - stamps[:1].sum()) / cdr.SECOND, axes, cut, tuple(notes), None)
+    return _Signals(time[inside], axes, cut, tuple(notes), None)
 
 
-def _series(parts: Sequence[Decoded]) -> _Series:
-    """Return a topic's messages of all files in order of their stamps."""
+def _decoded(files: Sequence[Path], notes: list[str]) -> dict[str, list[Decoded]]:
+    """Return the topics of recordings in these files, by name and in order of their stamps."""
+    topics: dict[str, list[Decoded]] = {}
+    for file in files:
+        contents = _contents(file)
+        if contents.damage is not None:
+            notes.append(f"{file.name} is read in part only: {contents.damage}")
+        # numbers of schemas are the file's own
+        factory = DecoderFactory()
+        for number, messages in contents.messages.items():
+            channel = contents.channels[number]
+            schema = contents.schemas.get(channel.schema_id)
+            if channel.topic not in _TOPICS or schema is None:
+                continue
+            try:
+                found = decode(factory, schema, channel.message_encoding, messages)
+            except MisfitError as problem:
+                notes.append(f"{channel.topic} is left out of {file.name}: {problem}")
+                continue
+            parts = topics.setdefault(channel.topic, [])
+            if parts and found.joints != parts[0].joints:
+                notes.append(f"{channel.topic} is left out of {file.name}: its joints are not those of other files")
+                continue
+            parts.append(found)
+    return {name: sorted(parts, key=lambda part: int(part.stamps[0])) for name, parts in topics.items()}
+
+
+def _contents(file: Path) -> container.Contents:
+    if bag.is_sqlite(file):
+        return bag.scan(file, _TOPICS)
+    try:
+        data = file.read_bytes()
+    except OSError as problem:
+        raise RecordingError(f"{file} cannot be read: {problem.strerror}.") from None
+    if not container.is_mcap(data):
+        raise RecordingError(f"{file} is no MCAP file.")
+    return container.scan(data)
+
+
+def _series(path: Path, name: str, parts: Sequence[Decoded], begin: int, notes: list[str]) -> _Series:
+    """Return a topic's messages of all files, less those that came twice or whose clock ran back."""
+    fields = [field for field in parts[0].numbers if all(field in part.numbers for part in parts)]
+    numbers = {field: np.concatenate([part.numbers[field] for part in parts]) for field in fields}
+    columns = {f"{field} {at}": values[:, at] for field, values in numbers.items() for at in range(values.shape[1])}
     stamps = np.concatenate([part.stamps for part in parts])
-    order = np.argsort(stamps, kind="stable")
-    numbers = {
-        name: np.concatenate([part.numbers[name] for part in parts])[order]
-        for name in parts[0].numbers
-        if all(name in part.numbers for part in parts)
+    raw = Raw(f"{path.name}: {name}", (stamps - begin) / cdr.SECOND, columns)
+    raw.ordered()
+    notes += [f"{name}: {note}" for note in raw.notes]
+    kept = {
+        field: np.stack([raw.columns[f"{field} {at}"] for at in range(values.shape[1])], axis=1)
+        for field, values in numbers.items()
     }
-    return _Series(stamps[order].astype(np.float64), parts[0].joints, numbers)
+    return _Series(raw.time, parts[0].joints, kept)
+
+
+def _first_axis(joints: Sequence[str], own: _Series, field: str, count: int) -> list[int] | None:
+    """Return where the numbers of the first axis stand, or the number itself, None where they are not told."""
+    if not joints:
+        return [0]
+    at = [own.joints.index(joint) for joint in joints if joint in own.joints][:count]
+    return at if len(at) == count and own.numbers[field].shape[1] == len(own.joints) else None
+
+
+def _known(time: Array, own: Array) -> NDArray[np.bool_]:
+    """Return which times lie between two messages of a topic that are no gap."""
+    inside: NDArray[np.bool_] = (time >= own[0]) & (time <= own[-1])
+    step = np.diff(own)
+    if step.size:
+        after = np.clip(np.searchsorted(own, time, side="right") - 1, 0, step.size - 1)
+        at_message = np.isin(time, own)
+        inside &= at_message | (step[after] <= WIDE * np.median(step))
+    return inside
 
 
 def _columns(signals: Mapping[str, Array], path: Path, notes: list[str]) -> dict[str, Array]:

@@ -1,20 +1,25 @@
 """Recordings of one sheathed tendon with a load cell at each end.
 
-GIRAFFE, RAL 2024. A CSV file with column names; tensions in gram-force. The distal tension is the reference.
+GIRAFFE, RAL 2024. A CSV file with column names; tensions in gram-force, or in the unit that both headings give, such as
+``data_0 [N]``. The distal tension is the reference.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.formats.measured import Measured, Raw, Source, Unit, checksum
+from tenodesis.identification.formats.measured import Measured, Source, checksum
+from tenodesis.identification.formats.raw import CLOCKS, GRAM_FORCE, Raw, Unit, spread_of
+from tenodesis.identification.formats.table import heading, read_table, scale_of
 from tenodesis.signals import Array
+
+__all__ = ["GRAM_FORCE", "NEEDED", "SOURCE", "TENSIONS", "halves", "load"]
 
 NEEDED = {"Time": "time", "data_0": "proximal_tension", "data_2": "distal_tension"}
 """Columns of the file and what they are."""
-GRAM_FORCE = 9.80665e-3
-"""N per gram-force."""
+TENSIONS = ("proximal_tension", "distal_tension")
 SPIKE = 0.05
 """How far a sample may be off the median of itself and its neighbours before it counts as a spike in the notes, N."""
 
@@ -40,19 +45,30 @@ def load(path: Path) -> Measured:
     IdentificationError
         The file cannot be read, a column is missing, its units fit none that are known, or its samples cannot be used.
     """
-    table = _table(path)
-    raw = Raw(path.name, table["time"], {name: table[name] for name in ("proximal_tension", "distal_tension")})
+    table = read_table(path)
+    headings = [heading(one) for one in table.headings]
+    names = [one.name for one in headings]
+    missing = [name for name in NEEDED if name not in names]
+    if missing:
+        raise IdentificationError(f"{path.name} has no column {', '.join(missing)}; needed are {', '.join(NEEDED)}")
+    places = {ours: names.index(theirs) for theirs, ours in NEEDED.items()}
+    units = {ours: headings[at].unit for ours, at in places.items()}
+    raw = Raw(path.name, table.column(places["time"]), {name: table.column(places[name]) for name in TENSIONS})
     raw.finite()
     raw.enough()
-    raw.clock()
-    for column in raw.columns:
-        raw.excited(column, 0.2, "of the file's unit")
-        raw.unit(column, _TENSION)
+    stated = units["time"]
+    raw.clock(CLOCKS if stated is None else [(stated, scale_of(stated, "s", f"{path.name}: the unit of Time"))])
+    _to_si(raw, [units[name] for name in TENSIONS])
+    for column in TENSIONS:
+        raw.excited(column, _LEAST, "N")
+        raw.outliers(column, _JUMP)
+    for column in TENSIONS:
         smooth = _median_of_three(raw.columns[column])
         spikes = int((np.abs(raw.columns[column] - smooth) > SPIKE).sum())
         raw.columns[column] = smooth
         raw.note(f"{column}: median of three samples, which took {spikes} spikes of over {SPIKE:g} N out")
-        raw.saturated(column)
+    for column in TENSIONS:
+        raw.saturated(column, may_rest_at_zero=True)
     raw.enough()
     raw.gaps()
     return raw.done(SOURCE, checksum(path))
@@ -75,25 +91,25 @@ def halves(recording: Measured) -> tuple[Measured, Measured]:
     return first, second
 
 
-def _table(path: Path) -> dict[str, Array]:
-    try:
-        lines = [one for one in path.read_text(encoding="utf-8", errors="replace").splitlines() if one.strip()]
-    except OSError as error:
-        raise IdentificationError(f"{path} cannot be read: {error.strerror}") from None
-    head = [one.strip() for one in lines[0].split(",")] if lines else []
-    missing = [name for name in NEEDED if name not in head]
-    if missing:
-        raise IdentificationError(f"{path.name} has no column {', '.join(missing)}; needed are {', '.join(NEEDED)}")
-    places = {ours: head.index(theirs) for theirs, ours in NEEDED.items()}
-    rows = [line.split(",") for line in lines[1:]]
-    return {name: np.array([_number(row, at) for row in rows]) for name, at in places.items()}
-
-
-def _number(row: list[str], at: int) -> float:
-    try:
-        return float(row[at])
-    except (IndexError, ValueError):
-        return np.nan
+def _to_si(raw: Raw, stated: Sequence[str | None]) -> None:
+    """Bring both tensions to N, from the unit that the headings give or else from the one that magnitudes show."""
+    given = dict.fromkeys(one for one in stated if one is not None)
+    if not given:
+        taken = raw.unit(_TENSION, *TENSIONS, advice="give the unit in both headings, such as 'data_0 [N]'")
+        if taken == _TENSION[0].name:
+            spread = max(spread_of(raw.columns[column]) for column in TENSIONS)
+            raw.note(
+                f"tensions taken as {taken}, the format's unit, with a spread of {spread:.3g} N; if they are mN "
+                f"({spread / GRAM_FORCE / 1e3:.3g} N) give the unit in both headings, such as 'data_0 [mN]'"
+            )
+        return
+    if len(given) > 1 or None in stated:
+        said = " and ".join("no unit" if one is None else repr(one) for one in stated)
+        raise raw.refuse(f"the headings of data_0 and data_2 give {said}; allowed is one unit for both, or none")
+    (name,) = given
+    scale = scale_of(name, "N", f"{raw.name}: the unit of data_0 and data_2")
+    raw.unit([Unit(name, scale, _LEAST / scale, _MOST / scale)], *TENSIONS)
+    raw.note(f"tensions taken as {name}, from their headings")
 
 
 def _median_of_three(values: Array) -> Array:
@@ -101,7 +117,13 @@ def _median_of_three(values: Array) -> Array:
     return np.asarray(np.median(windows, axis=1), dtype=np.float64)
 
 
+_LEAST, _MOST = 0.2, 100.0
+"""Plausible spread of a tension, N."""
+_JUMP = 3.0
+"""Off the rows around, N: the fastest hand in the published file pulls by 2 N a sample."""
 _TENSION = (
-    Unit("gram-force", GRAM_FORCE, 100, 1e5, whole=None),
-    Unit("N", 1.0, 0.2, 99.9, whole=None),
+    Unit("gram-force", GRAM_FORCE, _LEAST / GRAM_FORCE, _MOST / GRAM_FORCE),
+    Unit("N", 1.0, _LEAST, _MOST),
+    # below that the format's own unit is far more likely
+    Unit("mN", 1e-3, 5e3, 1e3 * _MOST),
 )

@@ -20,11 +20,11 @@ Nothing of the output angle is used but to fit.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from tenodesis.errors import IdentificationError
+from tenodesis.identification.dual import Dual, Operand, number, unknowns
 from tenodesis.identification.formats.measured import Measured
 from tenodesis.identification.laws import law_of, pass_on
 from tenodesis.identification.problem import Parameter, Trace
@@ -65,13 +65,6 @@ class Series:
     bend: float
 
 
-class _Difference(NamedTuple):
-    """Tension difference behind friction, (n,), and its derivatives by friction's parameters and the gain."""
-
-    value: Array
-    slopes: Array | None
-
-
 class Pair:
     """A pair with its recordings.
 
@@ -91,7 +84,7 @@ class Pair:
     """
 
     def __init__(self, recordings: Sequence[Measured], *, law: str = DEFAULT_LAW, sections: int = SECTIONS) -> None:
-        unknowns = law_of(law)
+        found = law_of(law)
         if not recordings:
             raise IdentificationError("train is empty; allowed is at least one recording.")
         if sections < 1:
@@ -99,11 +92,11 @@ class Pair:
         self.law, self.sections = law, sections
         self.runs = tuple(one.name for one in recordings)
         self._series = [_series(one) for one in recordings]
-        self._magnitudes = tuple(one.name for one in unknowns.magnitudes)
-        self._shapes = tuple(one.name for one in unknowns.shapes)
+        self._magnitudes = tuple(one.name for one in found.magnitudes)
+        self._shapes = tuple(one.name for one in found.shapes)
         friction = [
-            *(part for one in unknowns.magnitudes for part in _with_bend(one)),
-            *(one._replace(unit=one.unit.format(speed="rad/s")) for one in unknowns.shapes),
+            *(part for one in found.magnitudes for part in _with_bend(one)),
+            *(one._replace(unit=one.unit.format(speed="rad/s")) for one in found.shapes),
         ]
         # without friction the tension is the same everywhere, and only the sum of the three compliances can be told
         stiffness = _STIFFNESS if law != "none" else _STIFFNESS[:1]
@@ -119,36 +112,13 @@ class Pair:
         """Return measured minus modelled output angle, (n,), in standard deviations of its sensor."""
         return (self._series[run].output - self.output_angle(values, run)) / NOISE
 
-    def jacobian(self, values: Array, run: int) -> Array | None:
-        """Return the derivatives of the residuals, (n, parameters); None for bouc-wen, which has none exact here."""
-        if self.law == "bouc-wen":
-            return None
-        given, series = self._given(values), self._series[run]
-        reach, difference, stretch, bending = self._parts(given, series)
-        gain = given["antagonist_gain"]
-        entering = given["ratio"] * series.command - given["compliance"] * difference
-        out = {
-            "ratio": reach * series.command,
-            "reach_per_bend": series.bend * entering,
-            "antagonist_gain": reach * given["compliance"] * series.antagonist,
-            "compliance": -reach * difference,
-        }
-        if stretch.slopes is not None and bending.slopes is not None:
-            soft, bent = given.get("sheath_compliance", 0.0), given.get("bending_compliance", 0.0)
-            out["sheath_compliance"], out["bending_compliance"] = -stretch.value, bending.value
-            behind = bent * bending.slopes - soft * stretch.slopes
-            names = [part for one in self._magnitudes for part in (one, _per_bend(one))]
-            out |= dict(zip((*names, *self._shapes), behind[:-1], strict=True))
-            out["antagonist_gain"] = out["antagonist_gain"] + behind[-1] / gain
-        return np.column_stack([-out[name] / NOISE for name in self._names])
+    def jacobian(self, values: Array, run: int) -> Array:
+        """Return the derivatives of the residuals, (n, parameters)."""
+        return np.ascontiguousarray(-self._model(values, run, exact=True).slopes.T / NOISE)
 
     def output_angle(self, values: Array, run: int) -> Array:
         """Return the modelled output angle, rad, (n,)."""
-        given, series = self._given(values), self._series[run]
-        reach, difference, stretch, bending = self._parts(given, series)
-        entering = given["ratio"] * series.command - given["compliance"] * difference
-        behind = given.get("bending_compliance", 0.0) * bending.value
-        return np.asarray(reach * entering - given.get("sheath_compliance", 0.0) * stretch.value + behind)
+        return self._model(values, run, exact=False).value
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus modelled output angle, deg."""
@@ -172,34 +142,26 @@ class Pair:
             return "Record reversals at several amplitudes, and at a second pretension."
         return "Record the same motion with the joint held fast, which leaves the tendons' stretch alone."
 
-    def _given(self, values: Array) -> dict[str, float]:
-        return dict(zip(self._names, values.tolist(), strict=True))
-
-    def _parts(self, given: Mapping[str, float], series: Series) -> tuple[float, Array, _Difference, _Difference]:
-        """Return the share that reaches the sheath, and the tension difference before, along and behind it."""
+    def _model(self, values: Array, run: int, *, exact: bool) -> Dual:
+        given, series = unknowns(self._names, values, exact=exact), self._series[run]
         reach = 1 + given["reach_per_bend"] * series.bend
-        difference = series.agonist - given["antagonist_gain"] * series.antagonist
+        antagonist = given["antagonist_gain"] * series.antagonist
+        entering = given["ratio"] * series.command - given["compliance"] * (series.agonist - antagonist)
         if self.law == "none":
-            return reach, difference, _Difference(difference, None), _Difference(difference, None)
+            return reach * entering
         places = (np.arange(self.sections) + 0.5) / self.sections
-        along = [self._behind(given, series, float(place)) for place in places]
-        stretch = np.mean([one.value for one in along], axis=0)
-        slopes = [one.slopes for one in along if one.slopes is not None]
-        mean = np.asarray(np.mean(slopes, axis=0)) if slopes else None
-        return reach, difference, _Difference(stretch, mean), self._behind(given, series, 1.0)
+        along = [self._behind(given, series, antagonist, float(place)) for place in places]
+        stretch = sum(along[1:], along[0]) * (1 / self.sections)
+        bent = given["bending_compliance"] * self._behind(given, series, antagonist, 1.0)
+        return reach * entering - given["sheath_compliance"] * stretch + bent
 
-    def _behind(self, given: Mapping[str, float], series: Series, share: float) -> _Difference:
+    def _behind(self, given: Mapping[str, Dual], series: Series, antagonist: Dual, share: float) -> Dual:
         """Return the tension difference a share along the way."""
-        friction = {name: share * (given[name] + given[_per_bend(name)] * series.bend) for name in self._magnitudes}
+        friction: dict[str, Operand] = {
+            name: share * (given[name] + given[_per_bend(name)] * series.bend) for name in self._magnitudes
+        }
         friction |= {name: given[name] for name in self._shapes}
-        passed = pass_on(
-            self.law, friction, series.agonist, given["antagonist_gain"] * series.antagonist, speed=series.speed
-        )
-        if passed.slopes is None:
-            return _Difference(passed.tension, None)
-        count = len(self._magnitudes)
-        by_magnitude = [share * factor * row for row in passed.slopes[:count] for factor in (1.0, series.bend)]
-        return _Difference(passed.tension, np.array([*by_magnitude, *passed.slopes[count:]]))
+        return pass_on(self.law, friction, number(series.agonist), antagonist, speed=series.speed)
 
 
 def problem(train: Sequence[Measured], test: Sequence[Measured], *, law: str, instrument: Instrument | None) -> Pair:

@@ -3,19 +3,23 @@
 The far end is held, so that its tension stays while the sheath sticks: distal = gain * (what the law passes on).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from tenodesis.errors import IdentificationError
+from tenodesis.identification.dual import Dual, unknowns
 from tenodesis.identification.formats.measured import Measured
-from tenodesis.identification.laws import Passed, law_of, pass_on
+from tenodesis.identification.laws import law_of, pass_on
 from tenodesis.identification.problem import Parameter, Trace
+from tenodesis.identification.uncertainty import LossName
 from tenodesis.instrument import Instrument
 from tenodesis.signals import Array
 
-DEFAULT_LAW = "capstan"
+DEFAULT_LAW = "capstan-power"
+DEFAULT_LOSS: LossName = "soft_l1"
+"""The far end is let go and drawn by hand at times: there the model has no part in what the distal cell shows."""
 NOISE = 0.02
 """Standard deviation of the distal load cell, N."""
 
@@ -49,15 +53,15 @@ class Sheath:
     """
 
     def __init__(self, recordings: Sequence[Measured], *, law: str = DEFAULT_LAW) -> None:
-        unknowns = law_of(law)
+        found = law_of(law)
         if not recordings:
             raise IdentificationError("train is empty; allowed is at least one recording.")
         self.law = law
         self.runs = tuple(one.name for one in recordings)
         self._series = [_series(one) for one in recordings]
         friction = [
-            *unknowns.magnitudes,
-            *(one._replace(unit=one.unit.format(speed="N/s")) for one in unknowns.shapes),
+            *found.magnitudes,
+            *(one._replace(unit=one.unit.format(speed="N/s")) for one in found.shapes),
         ]
         self.parameters = (_GAIN, *friction)
         self._names = tuple(one.name for one in self.parameters)
@@ -67,19 +71,13 @@ class Sheath:
         """Return measured minus modelled distal tension, (n,), in standard deviations of its load cell."""
         return (self._series[run].distal - self.distal_tension(values, run)) / NOISE
 
-    def jacobian(self, values: Array, run: int) -> Array | None:
-        """Return the derivatives of the residuals, (n, parameters); None for bouc-wen, which has none exact here."""
-        given = self._given(values)
-        passed = self._passed(given, self._series[run])
-        if passed.slopes is None:
-            return None
-        rows = [passed.tension, *(given["gain"] * passed.slopes[:-1])]
-        return -np.column_stack(rows) / NOISE
+    def jacobian(self, values: Array, run: int) -> Array:
+        """Return the derivatives of the residuals, (n, parameters)."""
+        return np.ascontiguousarray(-self._model(values, run, exact=True).slopes.T / NOISE)
 
     def distal_tension(self, values: Array, run: int) -> Array:
         """Return what the distal load cell would show, N, (n,)."""
-        given = self._given(values)
-        return np.asarray(given["gain"] * self._passed(given, self._series[run]).tension)
+        return self._model(values, run, exact=False).value
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus modelled distal tension, N."""
@@ -100,11 +98,10 @@ class Sheath:
             return "Pull and release far enough that the tendon slides both ways: the band's two edges tell the gain."
         return "Record reversals at several tensions, the highest several times the lowest."
 
-    def _given(self, values: Array) -> dict[str, float]:
-        return dict(zip(self._names, values.tolist(), strict=True))
-
-    def _passed(self, given: Mapping[str, float], series: Series) -> Passed:
-        return pass_on(self.law, given, series.proximal, speed=series.rate, start=float(series.proximal[0]))
+    def _model(self, values: Array, run: int, *, exact: bool) -> Dual:
+        given, series = unknowns(self._names, values, exact=exact), self._series[run]
+        start = float(series.proximal[0])
+        return given["gain"] * pass_on(self.law, given, series.proximal, speed=series.rate, start=start)
 
 
 def problem(train: Sequence[Measured], test: Sequence[Measured], *, law: str, instrument: Instrument | None) -> Sheath:

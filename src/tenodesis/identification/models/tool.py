@@ -9,19 +9,22 @@ times the spindle's radius (Euler, Eytelwein):
     u[i]    slides on   (u[i-1] + p) e^(-+h/n) - p              and T ends at zero: a tendon cannot push
     jaw   = offset +- (ratio spindle + compliance mean(u))      mean by the trapezoidal rule
 
+(capstan; other friction laws have other bounds.)
 Nothing of the jaw is used but to fit.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from tenodesis import _core
 from tenodesis.errors import IdentificationError
+from tenodesis.identification.dual import Dual, Operand, number, unknowns
 from tenodesis.identification.formats.measured import Measured
+from tenodesis.identification.laws import band, held, hysteresis
 from tenodesis.identification.problem import Parameter, Trace
 from tenodesis.instrument import Instrument
 from tenodesis.signals import Array
@@ -43,19 +46,19 @@ _LEVEL_SPAN = 0.2
 _SPEED_SPAN = 0.1
 """Time over which the spindle's speed is taken, s."""
 _LEAST = 200
+_OFFSET = math.radians(30)
+"""How far the jaw's offset may be off the one of a plane through the recordings, rad."""
+_RATIO, _COMPLIANCE = (0.1, 5.0), (0.1, 4.0)
+"""What such a plane is believed: 1 and rad/(N*m)."""
 
-_KINEMATICS = (
-    Parameter("offset", "rad", 0.0, -50.0, 50.0, "Jaw angle at spindle angle zero without torque, common to all runs"),
-    Parameter("ratio", "1", 1.0, 0.1, 5.0, "Jaw angle per spindle angle without torque"),
-    Parameter("compliance", "rad/(N*m)", 1.0, 0.0, 20.0, "Jaw angle lost per torque all along the transmission"),
-)
+
 _START = Parameter(
     "start", "1", 0.2, 0.0, 1.0, "Where in its band friction holds as a run begins: 0 lower, 1 upper bound"
 )
-_BEARING = Parameter("spindle_friction", "N*m", 0.01, 0.0, 0.1, "Load-independent friction at the spindle")
+_BEARING = Parameter("spindle_friction", "N*m", 0.01, 0.0, 0.05, "Load-independent friction at the spindle")
 _CAPSTAN = (
-    Parameter("friction_exponent", "1", 0.5, 0.0, 3.0, "Friction coefficient times wrap angle all along the tendon"),
-    Parameter("pretension", "N*m", 0.05, 0.0, 0.25, "Pretension of the tendon times the spindle's radius"),
+    Parameter("friction_exponent", "1", 0.5, 0.0, 2.0, "Friction coefficient times wrap angle all along the tendon"),
+    Parameter("pretension", "N*m", 0.05, 0.0, 0.15, "Pretension of the tendon times the spindle's radius"),
 )
 _STRIBECK = (
     Parameter("static_excess", "1", 0.1, 0.0, 3.0, "By how much friction at rest exceeds friction in motion"),
@@ -70,6 +73,12 @@ LAWS: Mapping[str, tuple[Parameter, ...]] = {
     ),
     "capstan": (_START, *_CAPSTAN),
     "capstan-constant": (_START, _BEARING, *_CAPSTAN),
+    "capstan-power": (
+        _START,
+        _BEARING,
+        *_CAPSTAN,
+        Parameter("load_index", "1", 0.9, 0.3, 1.0, "Power of the tension that friction grows with; 1 is capstan"),
+    ),
     "stribeck": (_START, _BEARING, *_CAPSTAN, *_STRIBECK),
     "bouc-wen": (
         Parameter("hysteresis_torque", "N*m", 0.05, 0.0, 0.5, "Friction torque far from a reversal"),
@@ -79,6 +88,7 @@ LAWS: Mapping[str, tuple[Parameter, ...]] = {
     ),
 }
 """Parameters of each friction law, after those that all have."""
+_SHAPES = ("load_index", "static_excess", "stribeck_speed")
 
 
 @dataclass(frozen=True)
@@ -105,13 +115,6 @@ class Signs(NamedTuple):
     """Sign of the spindle's mean torque."""
     jaw: float
     """Whether the jaw turns with the spindle's sensor (1) or against it (-1)."""
-
-
-class _Pace(NamedTuple):
-    factor: Array
-    """Friction over that in motion, (n,)."""
-    of_factor: Array | None
-    """Its derivatives, (parameters, n)."""
 
 
 class Tool:
@@ -156,10 +159,11 @@ class Tool:
         self.signs = _signs(train)
         recordings = [*train, *test]
         self.runs = tuple(one.name for one in recordings)
-        self.parameters = (*(_KINEMATICS if offset == "shared" else _KINEMATICS[1:]), *LAWS[law])
-        self._names = tuple(one.name for one in self.parameters)
         self._full = [_series(one, self.signs) for one in recordings]
         self._thin = [_thinned(one) for one in self._full]
+        self._kinematics = _kinematics(self._thin[: len(train)], self.signs)[0 if offset == "shared" else 1 :]
+        self.parameters = (*self._kinematics, *LAWS[law])
+        self._names = tuple(one.name for one in self.parameters)
 
     @property
     def groups(self) -> dict[str, tuple[str, ...]]:
@@ -177,23 +181,10 @@ class Tool:
     def jacobian(self, values: Array, run: int) -> Array:
         """Return the derivatives of the residuals, (n, parameters)."""
         series = self._thin[run]
-        given = dict(zip(self._names, values.tolist(), strict=True))
-        slopes = np.zeros((len(self.parameters), series.time.size))
-        mean = np.zeros((len(self.parameters), series.time.size))
-        torque = np.zeros(series.time.size)
-        for section, slope in self._sections(given, series, slopes):
-            torque += section
-            mean += slope
-        out = given["compliance"] * self.signs.load * mean
-        out[self._names.index("compliance")] += self.signs.load * torque
-        out[self._names.index("ratio")] += series.spindle
-        out *= self.signs.jaw
-        if self.offset == "shared":
-            out[self._names.index("offset")] += 1
-        out = out[:, series.counted]
+        slopes = self._modelled(values, series, exact=True).slopes[:, series.counted]
         if self.offset == "run":
-            out = out - out.mean(axis=1, keepdims=True)
-        return np.ascontiguousarray(-out.T / NOISE)
+            slopes = slopes - slopes.mean(axis=1, keepdims=True)
+        return np.ascontiguousarray(-slopes.T / NOISE)
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus modelled jaw angle at all samples after settling, deg."""
@@ -230,106 +221,41 @@ class Tool:
         return error - error.mean() if self.offset == "run" else error
 
     def _model(self, values: Array, series: Series) -> Array:
-        given = dict(zip(self._names, values.tolist(), strict=True))
-        torque = sum((section for section, _ in self._sections(given, series, None)), np.zeros(series.time.size))
-        turned = given["ratio"] * series.spindle + given["compliance"] * self.signs.load * torque
-        return np.asarray(self.signs.jaw * turned + given.get("offset", 0.0), dtype=np.float64)
+        return self._modelled(values, series, exact=False).value
 
-    def _sections(
-        self, given: Mapping[str, float], series: Series, slopes: Array | None
-    ) -> Iterator[tuple[Array, Array]]:
-        """Yield what each section adds to the mean torque, (n,), and its derivatives, (parameters, n), from zeros."""
-        none = np.zeros(0)
-        torque = series.torque
+    def _modelled(self, values: Array, series: Series, *, exact: bool) -> Dual:
+        given = unknowns(self._names, values, exact=exact)
+        turned = given["ratio"] * series.spindle + self.signs.load * given["compliance"] * self._mean(given, series)
+        return self.signs.jaw * turned + given.get("offset", number(0.0))
+
+    def _mean(self, given: Mapping[str, Dual], series: Series) -> Dual:
+        """Return the mean torque along the transmission, (n,)."""
+        torque = number(series.torque)
         if self.law == "none":
-            yield torque, none if slopes is None else slopes
-        elif self.law == "bouc-wen":
+            return torque
+        if self.law == "bouc-wen":
             full, width, beta, start = (given[one.name] for one in LAWS[self.law])
-            share, of_shape = _bouc_wen(width, beta, start, -self.signs.load * series.spindle)
-            if slopes is not None:
-                slopes = slopes.copy()
-                slopes[-len(LAWS[self.law]) :] = -np.vstack([share, full * of_shape])
-            yield torque - full * share, none if slopes is None else slopes
-        else:
-            pace = self._pace(given, series, slopes)
-            for contact in range(self.contacts + 1):
-                torque, slopes = self._pass(given, torque, slopes, contact, pace)
-                # the tendon reaches from the bearing to the last contact: a half of its pieces' length at either end
-                weight = (1 if 0 < contact < self.contacts else 0.5) / self.contacts
-                yield weight * torque, none if slopes is None else weight * slopes
-
-    def _pace(self, given: Mapping[str, float], series: Series, slopes: Array | None) -> _Pace:
-        """Return friction at each sample over that in motion (Stribeck)."""
-        one = np.ones(series.time.size)
-        if self.law != "stribeck":
-            return _Pace(one, None if slopes is None else np.zeros_like(slopes))
-        share = (series.speed / given["stribeck_speed"]) ** 2
-        falling = np.exp(-share)
-        factor = one + given["static_excess"] * falling
-        if slopes is None:
-            return _Pace(factor, None)
-        of_factor = np.zeros_like(slopes)
-        of_factor[self._names.index("static_excess")] = falling
-        of_factor[self._names.index("stribeck_speed")] = (
-            given["static_excess"] * falling * 2 * share / given["stribeck_speed"]
-        )
-        return _Pace(factor, of_factor)
-
-    def _pass(
-        self, given: Mapping[str, float], torque: Array, slopes: Array | None, contact: int, pace: _Pace
-    ) -> tuple[Array, Array | None]:
-        """Return the torque past a contact, and its derivatives, from those before it."""
-        lower, of_lower = self._bound(given, torque, slopes, contact, pace, sign=-1.0)
-        upper, of_upper = self._bound(given, torque, slopes, contact, pace, sign=1.0)
-        start = given["start"]
-        held = float(lower[0] + start * (upper[0] - lower[0]))
-        source = np.empty(lower.size, dtype=np.int64)
-        _core.play(lower, upper, held, source)
-        # where each sample's torque stands among: where the run started, all lower bounds, all upper bounds
-        place = np.where(source < 0, -source, np.where(source > 0, source + lower.size, 0))
-        passed = np.concatenate([[held], lower, upper])[place]
-        if of_lower is None or of_upper is None:
-            return passed, None
-        of_held = of_lower[:, :1] + start * (of_upper[:, :1] - of_lower[:, :1])
-        of_held[self._names.index("start")] += upper[0] - lower[0]
-        return passed, np.concatenate([of_held, of_lower, of_upper], axis=1)[:, place]
-
-    def _bound(
-        self,
-        given: Mapping[str, float],
-        torque: Array,
-        slopes: Array | None,
-        contact: int,
-        pace: _Pace,
-        *,
-        sign: float,
-    ) -> tuple[Array, Array | None]:
-        """Return the least (sign -1) or most (1) torque that a contact can hold, and its derivatives."""
-        bearing, share = float(contact == 0), float(contact > 0) / self.contacts
-        constant = bearing * given.get("spindle_friction", 0.0) + share * given.get("sliding_friction", 0.0)
-        exponent = share * given.get("friction_exponent", 0.0)
-        pretension = given.get("pretension", 0.0)
-        gain = np.exp(sign * exponent * pace.factor)
-        tension = torque + pretension + sign * constant * pace.factor
+            return torque - full * hysteresis(number(-self.signs.load * series.spindle), width, beta, start)
         # a law that knows no tension knows no slack
-        taut = tension > 0 if "pretension" in given else np.ones(tension.size, dtype=bool)
-        bound = np.where(taut, tension * gain, 0.0) - pretension
-        if slopes is None or pace.of_factor is None:
-            return bound, None
-        of_tension = slopes + sign * constant * pace.of_factor
-        of_exponent = sign * exponent * pace.of_factor
-        for name, row, value in (
-            ("spindle_friction", of_tension, sign * bearing * pace.factor),
-            ("sliding_friction", of_tension, sign * share * pace.factor),
-            ("pretension", of_tension, 1.0),
-            ("friction_exponent", of_exponent, sign * share * pace.factor),
-        ):
-            if name in given:
-                row[self._names.index(name)] += value
-        of_bound = np.where(taut, gain * (of_tension + tension * of_exponent), 0.0)
-        if "pretension" in given:
-            of_bound[self._names.index("pretension")] -= 1
-        return bound, of_bound
+        slack = "pretension" in given
+        pretension = given.get("pretension", number(0.0))
+        tension = torque + pretension
+        bearing: dict[str, Operand] = {"constant": given.get("spindle_friction", 0.0)}
+        # the tendon reaches from the bearing to the last contact: a half of its pieces' length at either end
+        passed = [_behind("coulomb", bearing, tension, given["start"], series.speed, slack=slack)]
+        along = self._along(given)
+        for _ in range(self.contacts):
+            passed.append(_behind(self.law, along, passed[-1], given["start"], series.speed, slack=slack))
+        pieces = [0.5 / self.contacts * (one + other) for one, other in pairwise(passed)]
+        return sum(pieces[1:], pieces[0]) - pretension
+
+    def _along(self, given: Mapping[str, Dual]) -> dict[str, Operand]:
+        """Return the friction of one contact along the tendon, by the names of its law."""
+        friction: dict[str, Operand] = {name: given[name] for name in _SHAPES if name in given}
+        for name, ours in (("exponent", "friction_exponent"), ("constant", "sliding_friction")):
+            if ours in given:
+                friction[name] = given[ours] * (1 / self.contacts)
+        return friction
 
 
 def problem(train: Sequence[Measured], test: Sequence[Measured], *, law: str, instrument: Instrument | None) -> Tool:
@@ -345,30 +271,44 @@ def problem(train: Sequence[Measured], test: Sequence[Measured], *, law: str, in
     return Tool(train, test, law=law)
 
 
-def _bouc_wen(width: float, beta: float, start: float, turned: Array) -> tuple[Array, Array]:
-    """Return friction over the full one along a turning spindle, (n,), and its derivatives by the three, (3, n).
+def _behind(
+    law: str, friction: Mapping[str, Operand], tension: Dual, start: Dual, speed: Array, *, slack: bool
+) -> Dual:
+    """Return the tension behind a contact whose run begins somewhere in its band."""
+    lower, upper = band(law, friction, tension, speed=speed, slack=slack)
+    return held(lower, upper, lower.first() + start * (upper - lower).first())
 
-    Wen 1976 with exponent 1 and beta + gamma = 1, solved exactly by step.
-    """
-    state, of_width, of_beta, of_start = start, 0.0, 0.0, 1.0
-    out = [(state, of_width, of_beta, of_start)]
-    for step in np.diff(turned).tolist():
-        sign, way = math.copysign(1.0, step), abs(step) / width
-        against = state * step <= 0
-        rate = 2 * beta - 1 if against else 1.0
-        kept = math.exp(-rate * way)
-        if abs(rate * way) < 1e-6:
-            grown, of_rate = way, -0.5 * way * way
-        else:
-            grown, of_rate = (1 - kept) / rate, (way * kept * rate - (1 - kept)) / rate**2
-        nearer = (rate * state - sign) * kept * way / width
-        of_width = kept * of_width + nearer
-        of_beta = kept * of_beta + (2 * (sign * of_rate - way * kept * state) if against else 0.0)
-        of_start *= kept
-        state = kept * state + sign * grown
-        out.append((state, of_width, of_beta, of_start))
-    found = np.array(out).T
-    return found[0], found[1:]
+
+def _kinematics(train: Sequence[Series], signs: Signs) -> tuple[Parameter, ...]:
+    """Return the parameters that act without friction, which start where a plane through the training runs has them."""
+    columns = [
+        np.column_stack([np.ones(one.jaw.size), signs.jaw * one.spindle, signs.jaw * signs.load * one.torque])[
+            one.counted
+        ]
+        for one in train
+    ]
+    jaw = np.concatenate([one.jaw[one.counted] for one in train])
+    offset, ratio, compliance = np.linalg.lstsq(np.vstack(columns), jaw)[0].tolist()
+    ratio, compliance = float(np.clip(ratio, *_RATIO)), float(np.clip(compliance, *_COMPLIANCE))
+    return (
+        Parameter(
+            "offset",
+            "rad",
+            offset,
+            offset - _OFFSET,
+            offset + _OFFSET,
+            "Jaw angle at spindle angle zero without torque, common to all runs",
+        ),
+        Parameter("ratio", "1", ratio, ratio / 2, 2 * ratio, "Jaw angle per spindle angle without torque"),
+        Parameter(
+            "compliance",
+            "rad/(N*m)",
+            compliance,
+            0.0,
+            5 * compliance,
+            "Jaw angle lost per torque all along the transmission",
+        ),
+    )
 
 
 def _signs(train: Sequence[Measured]) -> Signs:

@@ -11,6 +11,7 @@ from tenodesis._core import Status
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.formats.instrument_run import TENDONS, InstrumentRun
 from tenodesis.identification.formats.measured import Measured
+from tenodesis.identification.models.twin_misplaced import Marginalised, marginalised
 from tenodesis.identification.models.twin_runs import READINGS, Prepared, prepared
 from tenodesis.identification.models.twin_unknowns import LARGEST_OFFSET, UNKNOWNS
 from tenodesis.identification.problem import Parameter, Trace
@@ -31,8 +32,9 @@ _COARSE = 0.5
 _SEEN = 1e-8
 _LOST = 1e3
 """Residual of a sample that the model does not reach because its tip was lost, in standard deviations."""
-_CELL = 2e-3
-"""Share of its range by which a parameter may change before what spools' places do is worked out anew."""
+_CELL = 5e-3
+"""Share of its range by which a parameter may change before what errors of commands do is worked out anew."""
+_CELLS_KEPT = 4
 _MOST_HANDLE = 0.9  # of the compliance that the joints leave over
 _MOST_DAMPING = 2.0  # times the critical damping
 _ANGLES = {"measured_handle_angle": "handle_angle_deg", "measured_output_angle": "output_angle_deg"}
@@ -73,7 +75,7 @@ class TwinProblem:
         self._variables = [_ROW.index(UNKNOWNS[name].number) for name in self._names]
         stride = min(self._stride(run, fine) for run, fine in zip(runs, finest, strict=True))
         self._runs = finest if stride == 1 else [prepared(run, self._inst, stride) for run in runs]
-        self._shrinking: dict[int, tuple[bytes, Array, Array]] = {}
+        self._known: dict[int, dict[bytes, Marginalised]] = {}
 
     def _check_rate(self, run: Measured) -> None:
         longest = twin.longest_step(self._inst)
@@ -210,34 +212,28 @@ class TwinProblem:
         return None
 
     def _whitened(self, residuals: Array, values: Array, run: int) -> Array:
-        """Return residuals, (n,) or (n, m), with the spools' unknown places within their encoders' steps marginalised.
+        """Return residuals, (n,) or (n, m), with the errors of commands within what encoders leave open marginalised.
 
-        In the directions in which these move residuals, residuals are shrunk to the variance of all else.
+        What these errors do is worked out near some values.
         """
-        if not self._runs[run].misplaced:
-            return residuals
-        directions, shrunk = self._misplaced(values, run)
-        return np.asarray(residuals - directions @ (shrunk * (directions.T @ residuals).T).T)
-
-    def _misplaced(self, values: Array, run: int) -> tuple[Array, Array]:
-        """Return these directions, orthonormal, (n, m), and by which share each is shrunk, near some values."""
-        width = np.array([one.upper - one.lower for one in self.parameters]) * _CELL
-        near = np.round(values / width) * width
-        key, directions, shrunk = self._shrinking.get(run, (b"", np.zeros((0, 0)), np.zeros(0)))
-        if key == near.tobytes():
-            return directions, shrunk
         one = self._runs[run]
+        if not one.misplaced:
+            return residuals
+        width = np.array([parameter.upper - parameter.lower for parameter in self.parameters]) * _CELL
+        near = np.round(values / width) * width
+        known = self._known.setdefault(run, {})
+        if near.tobytes() not in known:
+            if len(known) >= _CELLS_KEPT:
+                del known[next(iter(known))]
+            known[near.tobytes()] = marginalised(one, lambda commands: self._expected(commands, near, run))
+        return known[near.tobytes()].whitened(residuals)
 
-        def expected(commands: Array) -> Array:
-            model = self._run(one._replace(commands=commands), self._numbers(near), [])[:, 0, one.kept]
-            return np.concatenate([model[READINGS.index(name)] / one.deviation[name] for name in one.measured])
-
-        still = expected(one.commands)
-        moved = np.nan_to_num(np.stack([expected(one.commands + error) - still for error in one.misplaced], axis=1))
-        directions, sizes, _ = np.linalg.svd(moved, full_matrices=False)
-        shrunk = 1 - 1 / np.sqrt(1 + one.stride * sizes**2)
-        self._shrinking[run] = (near.tobytes(), directions, shrunk)
-        return directions, shrunk
+    def _expected(self, commands: Array, values: Array, run: int) -> Array:
+        """Return what the sensors of a run are expected to read, in standard deviations, one after the other."""
+        one = self._runs[run]
+        model = self._run(one._replace(commands=commands), self._numbers(values), [])[:, 0, one.kept]
+        parts = [model[READINGS.index(name)] / sensor.deviation for name, sensor in one.sensors.items()]
+        return np.nan_to_num(np.concatenate(parts))
 
     def _numbers(self, values: Array) -> list[float]:
         given = {UNKNOWNS[name].number: float(value) for name, value in zip(self._names, values, strict=True)}

@@ -1,17 +1,18 @@
 """Recordings of an instrument as a twin takes them: commands step by step, and what was measured in those steps."""
 
 from collections.abc import Mapping
-from itertools import pairwise
-from math import hypot, pi, sqrt
+from math import pi
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
+from scipy.linalg import block_diag
 
 from tenodesis import _core
 from tenodesis.identification.formats.instrument_run import TENDONS
 from tenodesis.identification.formats.measured import Measured
+from tenodesis.identification.models.converter import Converter, encoder, load_cell
+from tenodesis.identification.models.twin_inputs import Error, Path, smoothed, unrounded
 from tenodesis.instrument import Instrument
 from tenodesis.signals import Array
 
@@ -31,15 +32,16 @@ _NEAR = 0.5
 """Share of the pretension by which a tension may be off what a spool's angle makes it."""
 _TURN = 0.1
 """Share of the handle's way that counts as having turned."""
-_RESTING = 0.3
-"""Time that a spool has to rest to have its own error of place, s."""
-_MOST_RESTS = 3
-_LONG = 4
-"""How many times longer than next to it a converter's step lasts where a signal rests."""
-_TURNING = 0.05
-"""Time that a spool takes at most to come to rest, s."""
-_LONGEST_BLUR = 0.2
-"""Longest time that a sensor is smoothed over, s."""
+
+class Misplaced(NamedTuple):
+    """An error of one of the commands, one standard deviation of it."""
+
+    column: int
+    """Of the core's commands."""
+    first: int
+    """Step at which it begins."""
+    shape: Array
+    """(m,), from there on."""
 
 
 class Prepared(NamedTuple):
@@ -59,12 +61,19 @@ class Prepared(NamedTuple):
     """Middle of each of these, s."""
     measured: Mapping[str, Array]
     """Mean reading in each of these, by name."""
-    deviation: Mapping[str, float]
-    """Standard deviation of a single reading, by name."""
-    misplaced: tuple[Array, ...]
-    """Errors that the spools' encoders leave in the commands, one standard deviation each."""
+    sensors: Mapping[str, Converter]
+    """What readings were taken by, by name."""
+    misplaced: tuple[Misplaced, ...]
+    """Errors that encoders leave in the commands."""
+    mixing: Array
+    """Combinations of these that are independent of one another, one standard deviation each, by column."""
     as_read: bool
     """Whether the handle is where its encoder says less its offset, and not where it was commanded to be."""
+
+    @property
+    def deviation(self) -> dict[str, float]:
+        """Standard deviation of a single reading, by name."""
+        return {name: sensor.deviation for name, sensor in self.sensors.items()}
 
 
 def prepared(run: Measured, inst: Instrument, stride: int) -> Prepared:
@@ -105,36 +114,33 @@ def prepared(run: Measured, inst: Instrument, stride: int) -> Prepared:
         return full
 
     commands = np.zeros((count, len(_COMMANDS)))
-    handle = columns["handle_angle"]
+    paths: list[tuple[int, float, Path]] = []
+    handle = Path(columns["handle_angle"], (), np.zeros((0, 0)))
     if as_read:
-        handle = smoothed(handle, run.sample_time, _deviation(READINGS[0], inst))
-    commands[:, _COMMANDS.index("handle_angle")] = bridged(handle)
+        handle = smoothed(handle.values, run.sample_time, encoder(inst))
+    paths.append((_COMMANDS.index("handle_angle"), 1.0, handle))
     for name in ("force", "radial_force"):
         if name in columns:
             commands[:, _COMMANDS.index(name)] = bridged(columns[name])
     drives = inst.drives
-    counts = 2 * pi / drives.encoder_counts / drives.gear_ratio
-    errors = []
     for tendon in TENDONS:
         if f"spool_{tendon}" in columns:
             spool = columns[f"spool_{tendon}"]
             reference = _reference(run.time, spool, columns[f"tension_{tendon}"], inst)
-            let_out = _COMMANDS.index(f"{tendon}_let_out")
-            read = bridged(spool)
-            commands[:, let_out] = -drives.spool_radius * bridged(unrounded(spool, run.sample_time) - reference)
-            for rest in _rests(read, step):
-                # A spool that stops elsewhere stops earlier or later: friction is as the way there leaves it.
-                way = np.sign(read[rest.start] - read[max(0, rest.start - 1)]) or 1.0
-                errors.append((let_out, rest, -way * drives.spool_radius * counts / sqrt(12)))
+            path = unrounded(spool, run.sample_time, 2 * pi / drives.encoder_counts / drives.gear_ratio)
+            path = path._replace(values=path.values - reference)
+            paths.append((_COMMANDS.index(f"{tendon}_let_out"), -drives.spool_radius, path))
+    for column, scale, path in paths:
+        commands[:, column] = scale * bridged(path.values)
     averaged = {name: mean(columns[name], inside & fresh) for name in readings}
     kept = averaged[readings[0]][1]
     lead = _leading(commands[0], step, inst)
     known = kept >= (_turned(commands[:, _COMMANDS.index("handle_angle")]) if len(lead) else 0)
-    misplaced = []
-    for column, rest, error in errors:
-        moved = np.zeros((len(lead) + count, len(_COMMANDS)))
-        moved[len(lead) + rest.start : len(lead) + rest.stop, column] = error
-        misplaced.append(moved)
+    misplaced = [
+        _in_steps(error, column, scale, np.minimum(place, count - 1), len(lead))
+        for column, scale, path in paths
+        for error in path.errors
+    ]
     return Prepared(
         name=run.name,
         time_step=step,
@@ -144,75 +150,19 @@ def prepared(run: Measured, inst: Instrument, stride: int) -> Prepared:
         kept=kept[known] + len(lead),
         time=run.time[0] + (kept[known] + 0.5 - 0.5 / stride) * step,
         measured={name: values[known] for name, (values, _) in averaged.items()},
-        deviation={name: _deviation(name, inst) for name in readings},
+        sensors={name: load_cell(inst) if name.startswith("tension") else encoder(inst) for name in readings},
         misplaced=tuple(misplaced),
+        mixing=block_diag(*(path.mixing for _, _, path in paths)),
         as_read=as_read,
     )
 
 
-def smoothed(values: Array, sample_time: float, deviation: float) -> Array:
-    """Return a signal without as much of its noise as can be told from it.
-
-    Second differences are penalised (Whittaker 1923) by the weight of least expected error (Stein 1981), up to a blur
-    of a fifth of a second.
-
-    Parameters
-    ----------
-    values
-        The signal, shape (n,), evenly sampled.
-    sample_time
-        Time between samples, s.
-    deviation
-        Standard deviation of its noise, in its own unit.
-    """
-    if deviation <= 0 or values.size < 8 or not np.ptp(values):
-        return values
-    squares = np.array([[1.0, -4.0, 6.0]]).T * np.ones(values.size)
-    squares[2, [0, -1]], squares[2, [1, -2]] = 1, 5
-    squares[1, [1, -1]] = -2
-    best, least = values, 2 * deviation**2 * values.size
-    longest = max(4.0, _LONGEST_BLUR / sample_time)
-    for blur in np.geomspace(4.0, longest, 12):
-        weight = (blur / (2 * pi)) ** 4
-        banded = weight * squares
-        banded[2] += 1
-        smooth = solveh_banded(banded, values, overwrite_ab=True, check_finite=False)
-        # the smoother's trace, for a long signal
-        freedom = values.size * weight**-0.25 / (2 * sqrt(2))
-        risk = float(np.sum((values - smooth) ** 2)) + 2 * deviation**2 * min(freedom, values.size)
-        if risk >= least:
-            break
-        best, least = smooth, risk
-    return best
-
-
-def unrounded(values: Array, sample_time: float) -> Array:
-    """Return a signal without a converter's rounding, which tells when it passes from one step to the next.
-
-    Between such times it is drawn straight; where it rests, turns, begins or ends it is in the middle of the step.
-
-    Parameters
-    ----------
-    values
-        The signal, shape (n,), evenly sampled, rounded and without noise.
-    sample_time
-        Time between samples, s.
-    """
-    changes = np.flatnonzero(np.diff(values))
-    if not changes.size:
-        return values
-    middles = np.append(values[changes], values[-1])
-    edges = np.concatenate([[-0.5], changes + 0.5, [values.size - 0.5]])
-    lengths = np.diff(edges)
-    near = np.minimum(np.append(np.inf, lengths[:-1]), np.append(lengths[1:], np.inf))
-    resting = lengths > _LONG * near
-    resting[[0, -1]] = True
-    resting[1:-1] |= middles[:-2] == middles[2:]
-    way = np.minimum(np.minimum(near, lengths) / 2, _TURNING / sample_time)
-    at = np.concatenate([edges[1:-1], (edges[:-1] + way)[resting], (edges[1:] - way)[resting]])
-    there = np.concatenate([(middles[1:] + middles[:-1]) / 2, middles[resting], middles[resting]])
-    order = np.argsort(at, kind="stable")
-    return np.asarray(np.interp(np.arange(values.size), at[order], there[order]))
+def _in_steps(error: Error, column: int, scale: float, place: NDArray[np.intp], lead: int) -> Misplaced:
+    """Return an error of a path, averaged over the samples of each step as its commands are."""
+    steps = place[error.first : error.first + error.shape.size]
+    steps = steps - steps[0]
+    means = np.bincount(steps, scale * error.shape) / np.maximum(np.bincount(steps), 1)
+    return Misplaced(column, int(place[error.first]) + lead, means)
 
 
 def _fresh(columns: Mapping[str, Array], readings: list[str]) -> NDArray[np.bool_]:
@@ -240,18 +190,6 @@ def _reference(time: Array, spool: Array, tension: Array, inst: Instrument) -> f
         at, pulled = float(spool[tight]), float(tension[tight])
     expected = inst.pretension + inst.tendon_stiffness * inst.drives.spool_radius * at
     return 0.0 if abs(pulled - expected) < _NEAR * inst.pretension else at
-
-
-def _rests(spool: Array, step: float) -> list[slice]:
-    """Return the longest stretches of time in which a spool that moves otherwise rests.
-
-    Rounding of its angle lasts as long, and no sample of it tells that.
-    """
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(spool)) + 1, [spool.size]])
-    if edges.size == 2:
-        return []
-    stretches = [slice(int(start), int(end)) for start, end in pairwise(edges) if (end - start) * step >= _RESTING]
-    return sorted(stretches, key=lambda one: one.start - one.stop)[:_MOST_RESTS]
 
 
 def _leading(first: Array, step: float, inst: Instrument) -> Array:
@@ -283,11 +221,3 @@ def _turned(handle: Array) -> int:
         if turns == 2:
             return at
     return 0
-
-
-def _deviation(name: str, inst: Instrument) -> float:
-    """Return the standard deviation of a reading of a sensor, with its converter's steps."""
-    sensors = inst.sensors
-    if name.startswith("tension"):
-        return hypot(sensors.load_cell_noise, 2 * sensors.load_cell_range / 2**sensors.load_cell_bits / sqrt(12))
-    return hypot(sensors.encoder_noise, sensors.encoder_range / 2**sensors.encoder_bits / sqrt(12))

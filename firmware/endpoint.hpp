@@ -1,0 +1,256 @@
+#pragma once
+// The board's side of the link: frames in, one answer each, and a controller that acts on none of them twice. Knows
+// nothing of lines, clocks and motors, so that it runs on any board, and on a PC under test.
+
+#include "phase.hpp"
+#include "tenodesis/frame.hpp"
+#include "tenodesis/tenodesis.h"
+
+namespace tenodesis::link {
+
+static_assert(sizeof(tenodesis_real) == sizeof(float), "what is sent is float");
+static_assert(sizeof(tenodesis_parameters) == parameters_size && most_axes == TENODESIS_AXES);
+static_assert(sizeof(Counted) == sizeof(tenodesis_counts) && sizeof(Measured) == sizeof(tenodesis_measurement));
+
+/// Bytes to send; none where there is nothing to say.
+struct Bytes {
+  const std::uint8_t* data{};
+  std::size_t size{};
+};
+
+class Endpoint {
+ public:
+  /// clock: of the processor, Hz.
+  constexpr Endpoint(const char* name, std::uint32_t clock, bool sensors) : clock_(clock), sensors_(sensors) {
+    for (int k = 0; k < 31 && name[k] != 0; ++k) name_[k] = name[k];
+  }
+
+  /// Takes a frame, at a time by the board's clock, ns. The answer stays until the next call of any kind.
+  Bytes take(const Decoder& frame, std::uint64_t now) {
+    const Header header = frame.header();
+    damaged_ = frame.damaged();
+    if (header.version != protocol_version) return refuse(header, Refusal::wrong_version, protocol_version);
+    if (header.type == Type::hello) return introduce(header);
+    const bool begins = header.type == Type::parameters;
+    // The last action once more: its answer was lost on the way.
+    if (header.sequence == kept_ && header.session == session_ && session_ != 0) return answer_;
+    if (!begins && (session_ == 0 || header.session != session_)) return refuse(header, Refusal::no_session, session_);
+    if (!after(header.sequence, kept_)) return {};
+    return act(header, frame, now);
+  }
+
+  /// Stops where the PC has been silent for too long; to be called between frames.
+  void watch(std::uint64_t now) {
+    const std::uint64_t silence = now - heard_;
+    const bool late = silence_ == 0 ? tenodesis_watchdog(&controller_, silence) == 1 : silence > silence_;
+    if (session_ != 0 && late) hold(silent);
+  }
+
+  bool streams() const { return streaming_; }
+  /// Between ticks of a board that streams, s.
+  float period() const { return period_; }
+
+  /// A tick of a board that streams, of what it has measured.
+  Bytes tick(const tenodesis_measurement (&measured)[most_axes], std::uint64_t now) {
+    Step step{};
+    step.time = now;
+    step.request = request_;
+    __builtin_memcpy(step.axis, measured, sizeof step.axis);
+    request_ = TENODESIS_REQUEST_NONE;
+    Streamed streamed{kept_, static_cast<std::uint32_t>(axes_), run(step), {}};
+    __builtin_memcpy(streamed.measured, measured, sizeof streamed.measured);
+    const Header header{protocol_version, Type::streamed, session_, ++ticks_};
+    return {streamed_, encode(header, &streamed, sizeof streamed, streamed_)};
+  }
+
+  /// What the motors of an axis are to be told now, rad/s.
+  float velocity(int axis, int tendon) const { return resting_ ? 0.0F : sent_[axis][tendon]; }
+
+  /// Ticks of the clock that the last frame took; for the next answer.
+  void took(std::uint32_t ticks) { busy_ = ticks; }
+
+ private:
+  Bytes act(const Header& header, const Decoder& frame, std::uint64_t now) {
+    switch (header.type) {
+      case Type::parameters:
+        return begin(header, frame, now);
+      case Type::step:
+        if (frame.size() != Step::size(axes_)) break;
+        return step(header, frame, now);
+      case Type::reset:
+        tenodesis_reset(&controller_);
+        streaming_ = false;
+        held_ = 0;
+        rest(TENODESIS_DISABLED);
+        heard_ = now;
+        return answer(header, Type::done, nullptr, 0);
+      case Type::counts:
+        return count(header, frame);
+      case Type::stop:
+        streaming_ = false;
+        hold(halted);
+        resting_ = true;
+        return answer(header, Type::done, nullptr, 0);
+      case Type::stream:
+        if (!sensors_) return refuse(header, Refusal::no_sensors, 0);
+        streaming_ = true;
+        heard_ = now;
+        return answer(header, Type::done, nullptr, 0);
+      case Type::keep:
+        if (frame.size() != sizeof(Keep)) break;
+        if (const std::uint32_t request = frame.message<Keep>().request; request != TENODESIS_REQUEST_NONE)
+          request_ = request;
+        watch(now);
+        heard_ = now;
+        kept_ = header.sequence;
+        answer_ = {};
+        return {};
+      default:
+        return refuse(header, Refusal::unknown_type, static_cast<std::uint32_t>(header.type));
+    }
+    return refuse(header, Refusal::bad_size, static_cast<std::uint32_t>(frame.size()));
+  }
+
+  Bytes introduce(const Header& header) {
+    Board board{TENODESIS_VERSION,
+                sizeof(tenodesis_real),
+                sizeof(tenodesis_parameters),
+                most_axes,
+                session_,
+                kept_,
+                clock_,
+                sensors_ ? 1U : 0U,
+                {}};
+    __builtin_memcpy(board.name, name_, sizeof name_);
+    return aside(header, Type::board, &board, sizeof board);
+  }
+
+  Bytes begin(const Header& header, const Decoder& frame, std::uint64_t now) {
+    if (frame.size() != sizeof(Parameters) || header.session == 0)
+      return refuse(header, Refusal::bad_size, static_cast<std::uint32_t>(frame.size()));
+    rest(TENODESIS_DISABLED);
+    streaming_ = false;
+    held_ = 0;
+    session_ = 0;
+    tenodesis_parameters parameters;
+    __builtin_memcpy(&parameters, frame.payload() + offsetof(Parameters, image), sizeof parameters);
+    const int found = tenodesis_init(&controller_, &parameters);
+    if (found != TENODESIS_OK) return refuse(header, Refusal::bad_parameters, static_cast<std::uint32_t>(found));
+    axes_ = static_cast<int>(parameters.axes);
+    period_ = parameters.period;
+    silence_ = std::uint64_t(frame.message<std::uint32_t>()) * 1000000U;
+    session_ = header.session;
+    heard_ = now;
+    request_ = TENODESIS_REQUEST_NONE;
+    return answer(header, Type::done, nullptr, 0);
+  }
+
+  Bytes step(const Header& header, const Decoder& frame, std::uint64_t now) {
+    watch(now);
+    heard_ = now;
+    const Output output = run(frame.message<Step>());
+    return answer(header, Type::output, &output, Output::size(axes_));
+  }
+
+  Output run(const Step& step) {
+    tenodesis_input input{};
+    input.time = step.time;
+    input.request = held_ == 0 ? step.request : without_power(step.request);
+    __builtin_memcpy(input.axis, step.axis, sizeof input.axis);
+    tenodesis_output got;
+    tenodesis_step(&controller_, &input, &got);
+    if (got.state == TENODESIS_ENABLED) resting_ = false;
+    Output output{step.time, got.state, held_, got.faults, got.first_faults, busy_, damaged_, {}};
+    output.flags |= (got.homed != 0 ? homed : 0U) | (got.homing != 0 ? homing : 0U) | (resting_ ? stopped : 0U);
+    held_ = 0;
+    state_ = got.state;
+    for (int n = 0; n < axes_; ++n) {
+      const tenodesis_axis_output& from = got.axis[n];
+      for (int i = 0; i < 2; ++i) sent_[n][i] = from.spool_velocity[i];
+      output.axis[n] = {{velocity(n, 0), velocity(n, 1)},
+                        from.output_angle,
+                        from.output_angle_std,
+                        from.tip_force,
+                        from.tip_force_std,
+                        from.friction_scale,
+                        from.friction_scale_std,
+                        from.faults,
+                        phase_of(controller_, n)};
+    }
+    return output;
+  }
+
+  // What a controller that was stopped may still be asked: nothing that moves a motor.
+  std::uint32_t without_power(std::uint32_t request) const {
+    if (request == TENODESIS_REQUEST_CLEAR && state_ == TENODESIS_FAULT) return request;
+    const bool off = request == TENODESIS_REQUEST_DISABLE || request == TENODESIS_REQUEST_CLEAR;
+    return off ? TENODESIS_REQUEST_DISABLE : TENODESIS_REQUEST_PAUSE;
+  }
+
+  // From now on at rest; the controller hears of it with its next tick. One that is not enabled has nothing to stop.
+  void hold(std::uint32_t why) {
+    if (resting_ || state_ == TENODESIS_DISABLED) return;
+    held_ = why;
+    resting_ = true;
+  }
+
+  void rest(std::uint32_t state) {
+    state_ = state;
+    resting_ = false;
+    for (auto& axis : sent_) axis[0] = axis[1] = 0;
+  }
+
+  Bytes count(const Header& header, const Decoder& frame) {
+    const auto axis = frame.message<std::uint32_t>();
+    tenodesis_counts counts;
+    if (frame.size() != sizeof axis) return refuse(header, Refusal::bad_size, static_cast<std::uint32_t>(frame.size()));
+    if (axis >= static_cast<std::uint32_t>(axes_)) return refuse(header, Refusal::no_such_axis, axis);
+    tenodesis_read_counts(&controller_, static_cast<int>(axis), &counts);
+    return answer(header, Type::counted, &counts, sizeof counts);
+  }
+
+  // An action's answer, kept in case it is lost.
+  Bytes answer(const Header& header, Type type, const void* payload, std::size_t size) {
+    kept_ = header.sequence;
+    const Header own{protocol_version, type, header.session, header.sequence};
+    answer_ = {answered_, encode(own, payload, size, answered_)};
+    return answer_;
+  }
+
+  // What is said without having acted.
+  Bytes aside(const Header& header, Type type, const void* payload, std::size_t size) {
+    const Header own{protocol_version, type, header.session, header.sequence};
+    return {aside_, encode(own, payload, size, aside_)};
+  }
+
+  Bytes refuse(const Header& header, Refusal why, std::uint32_t detail) {
+    const Refused refused{why, detail};
+    return aside(header, Type::refused, &refused, sizeof refused);
+  }
+
+  tenodesis_controller controller_{};
+  std::uint32_t clock_;
+  bool sensors_;
+  char name_[32]{};
+  std::uint16_t session_{};
+  std::uint32_t kept_{};  // sequence of the last action
+  int axes_{};
+  float period_{};
+  std::uint64_t silence_{};  // ns; 0: by the controller's own watchdog
+  std::uint64_t heard_{};    // when the last tick or keep came, ns
+  std::uint32_t state_{};
+  std::uint32_t held_{};  // why the controller is to pause with its next tick
+  bool resting_{};        // motors, until the controller is enabled again
+  float sent_[most_axes][2]{};
+  bool streaming_{};
+  std::uint32_t request_{};
+  std::uint32_t ticks_{};
+  std::uint32_t busy_{};
+  std::uint32_t damaged_{};
+  Bytes answer_{};
+  std::uint8_t answered_[encoded_size(sizeof(Output))]{};
+  std::uint8_t aside_[encoded_size(sizeof(Board))]{};
+  std::uint8_t streamed_[encoded_size(sizeof(Streamed))]{};
+};
+
+}  // namespace tenodesis::link

@@ -1,0 +1,67 @@
+// The controller behind a serial line: the PC uploads its parameters and sends what it measures, or lets the board
+// measure by itself. The protocol is in tenodesis/frame.hpp, what the board makes of it in endpoint.hpp.
+
+#include <new>
+
+#include "bench.hpp"
+#include "clock.hpp"
+#include "endpoint.hpp"
+#include "uart.hpp"
+
+namespace {
+
+using tenodesis::link::Bytes, tenodesis::link::Decoder, tenodesis::link::Endpoint;
+
+constexpr std::uint32_t divider = 16;  // of the clock: 1.56 Mbit/s, the most that the UART does
+constexpr int bytes_between_looks = 256;
+
+alignas(Endpoint) unsigned char endpoint_memory[sizeof(Endpoint)];
+alignas(Decoder) unsigned char decoder_memory[sizeof(Decoder)];
+
+// Ticks come once a period of the board's clock.
+class Streaming {
+ public:
+  void run(Endpoint& endpoint, const Uart& uart, std::uint64_t ticks) {
+    const auto period = static_cast<std::uint32_t>(endpoint.period() * float(Clock::rate));
+    if (!endpoint.streams() || ticks - last_ < period) return;
+    last_ = ticks - last_ < 2U * period ? last_ + period : ticks;
+    tenodesis_measurement measured[TENODESIS_AXES]{};
+    for (int n = 0; n < TENODESIS_AXES; ++n) bench_[n].measure(measured[n]);
+    const Bytes tick = endpoint.tick(measured, Clock::nanoseconds(ticks));
+    for (int n = 0; n < TENODESIS_AXES; ++n)
+      for (int i = 0; i < 2; ++i) bench_[n].drive(i, endpoint.velocity(n, i), endpoint.period());
+    uart.write(tick.data, tick.size);
+  }
+
+ private:
+  Bench bench_[TENODESIS_AXES]{};
+  std::uint64_t last_{};
+};
+
+}  // namespace
+
+std::uint32_t run() {
+  auto& endpoint = *new (endpoint_memory) Endpoint("mps2-an386", Clock::rate, true);
+  auto& decoder = *new (decoder_memory) Decoder;
+  const Uart uart(divider);
+  Clock clock;
+  Streaming streaming;
+  int unlooked = 0;
+  for (;;) {
+    std::uint8_t byte = 0;
+    const bool came = uart.read(byte);
+    if (came && decoder.push(byte)) {
+      const std::uint64_t before = clock.ticks();
+      const Bytes answer = endpoint.take(decoder, Clock::nanoseconds(before));
+      endpoint.took(static_cast<std::uint32_t>(clock.ticks() - before));
+      uart.write(answer.data, answer.size);
+    }
+    // Noise without an end must not keep it from stopping.
+    if (came && ++unlooked < bytes_between_looks) continue;
+    unlooked = 0;
+    const std::uint64_t now = clock.ticks();
+    endpoint.watch(Clock::nanoseconds(now));
+    streaming.run(endpoint, uart, now);
+    if (!came && !endpoint.streams()) uart.wait();
+  }
+}

@@ -1,0 +1,282 @@
+#pragma once
+// Frames between a PC and a board with the controller on it, over any line of bytes.
+//
+// On the line: a zero, bytes that are none (consistent overhead byte stuffing), a zero. Stuffed in them: header,
+// payload and the CRC-32 of both, little-endian. A receiver is back in step at the next zero, whatever came before; a
+// damaged frame is dropped and counted. The CRC has 32 bits rather than 16, since each frame moves motors and a bad
+// line damages thousands a second: of those, one in 4 billion passes for whole rather than one in 65 thousand.
+
+#include <cstddef>
+#include <cstdint>
+
+namespace tenodesis::link {
+
+/// Raised whenever a message or its meaning changes; header, hello and refusal stay as they are in all versions.
+inline constexpr std::uint8_t protocol_version = 1;
+
+enum class Type : std::uint8_t {
+  // from the PC
+  hello = 1,       ///< who is there? Answered by board; changes nothing
+  parameters = 2,  ///< starts a session: a fresh controller, disabled
+  step = 3,        ///< one tick: answered by output
+  reset = 4,       ///< the controller as when the session started
+  counts = 5,      ///< what the watch of an axis has counted
+  stop = 6,        ///< motors to zero; an enabled controller pauses with its next tick
+  stream = 7,      ///< the board measures and steps by itself from now on, and sends each tick
+  keep = 8,        ///< keeps a streaming board going, with a request or none
+  // from the board
+  board = 0x81,
+  done = 0x82,  ///< parameters, reset, stop, stream
+  output = 0x83,
+  counted = 0x85,
+  streamed = 0x87,
+  refused = 0xFF,
+};
+
+enum class Refusal : std::uint32_t {
+  wrong_version = 1,   ///< detail: the board's own
+  unknown_type = 2,    ///< detail: the type
+  bad_size = 3,        ///< detail: the size
+  no_session = 4,      ///< the board does not know this session: it was restarted, or another has begun
+  bad_parameters = 5,  ///< detail: what tenodesis_init returned
+  no_such_axis = 6,    ///< detail: the axis
+  no_sensors = 7,      ///< this board measures nothing by itself
+};
+
+struct Header {
+  std::uint8_t version{protocol_version};
+  Type type{};
+  std::uint16_t session{};   ///< chosen by the PC; 0: none
+  std::uint32_t sequence{};  ///< each action's own, one above the last; an answer has its question's
+};
+
+inline constexpr int most_axes = 2;
+
+/// Answer to hello.
+struct Board {
+  std::uint32_t interface_version{};  ///< TENODESIS_VERSION
+  std::uint32_t real_size{};          ///< bytes of a tenodesis_real
+  std::uint32_t parameters_size{};    ///< bytes of tenodesis_parameters
+  std::uint32_t axes{};               ///< at most
+  std::uint32_t session{};            ///< that goes on; 0: none
+  std::uint32_t last_sequence{};      ///< that was acted on; the next action is one above
+  std::uint32_t clock{};              ///< of the processor, Hz
+  std::uint32_t sensors{};            ///< 1: it can stream
+  char name[32]{};
+};
+
+/// Bytes of the image of a tenodesis_parameters in float.
+inline constexpr std::size_t parameters_size = 768;
+
+struct Parameters {
+  /// Without a tick or a keep for so long by the board's clock it stops, ms; 0: as long as the controller's own
+  /// watchdog.
+  std::uint32_t silence{};
+  std::uint32_t reserved{};
+  std::uint8_t image[parameters_size]{};
+};
+
+struct Measured {
+  float handle_angle{};    // rad
+  float tension[2]{};      // N
+  float spool_angle[2]{};  // rad
+};
+
+/// Cut after the axes there are.
+struct Step {
+  std::uint64_t time{};     ///< of the measurement, ns
+  std::uint32_t request{};  ///< TENODESIS_REQUEST_...
+  std::uint32_t reserved{};
+  Measured axis[most_axes]{};
+
+  static constexpr std::size_t size(int axes) { return 16 + static_cast<std::size_t>(axes) * sizeof(Measured); }
+};
+
+struct AxisAnswer {
+  float spool_velocity[2]{};  // rad/s
+  float output_angle{};       // rad
+  float output_angle_std{};
+  float tip_force{};  // N
+  float tip_force_std{};
+  float friction_scale{};
+  float friction_scale_std{};
+  std::uint32_t faults{};
+  std::uint32_t phase{};  ///< of compensation
+};
+
+/// Bits of Output::flags.
+inline constexpr std::uint32_t homed = 1, homing = 2;
+inline constexpr std::uint32_t silent = 4;  ///< too long without a tick or a keep: it has stopped since the last answer
+inline constexpr std::uint32_t halted = 8;  ///< the same by a stop
+inline constexpr std::uint32_t stopped = 16;  ///< motors at rest until the controller is enabled again
+
+/// Cut after the axes there are.
+struct Output {
+  std::uint64_t time{};   ///< of the measurement that it answers, ns
+  std::uint32_t state{};  ///< TENODESIS_DISABLED ...
+  std::uint32_t flags{};
+  std::uint32_t faults{};
+  std::uint32_t first_faults{};
+  std::uint32_t busy{};     ///< ticks of the board's clock that the frame before took, from its last byte to its answer
+  std::uint32_t damaged{};  ///< frames that the board has dropped
+  AxisAnswer axis[most_axes]{};
+
+  static constexpr std::size_t size(int axes) { return 32 + static_cast<std::size_t>(axes) * sizeof(AxisAnswer); }
+};
+
+/// A tick that a board has measured itself; its sequence counts ticks.
+struct Streamed {
+  std::uint32_t kept{};  ///< sequence of the last action of the PC's, so that it knows what has arrived
+  std::uint32_t axes{};
+  Output output{};
+  Measured measured[most_axes]{};
+};
+
+struct Keep {
+  std::uint32_t request{};
+};
+
+struct Counted {
+  std::uint32_t faults[13]{};
+  std::uint32_t bad_samples[5]{};
+  std::uint32_t late_ticks{};
+};
+
+struct Refused {
+  Refusal why{};
+  std::uint32_t detail{};
+};
+
+static_assert(sizeof(Header) == 8 && sizeof(Board) == 64 && sizeof(Parameters) == 8 + parameters_size);
+static_assert(sizeof(Step) == Step::size(most_axes) && sizeof(Output) == Output::size(most_axes));
+static_assert(sizeof(Streamed) == 8 + sizeof(Output) + most_axes * sizeof(Measured));
+static_assert(sizeof(Counted) == 76 && sizeof(Refused) == 8);
+static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "structs are sent as they lie in memory");
+
+/// Whether a sequence is after another, on a circle of 2^32.
+constexpr bool after(std::uint32_t one, std::uint32_t other) { return static_cast<std::int32_t>(one - other) > 0; }
+
+namespace detail {
+
+struct CrcTable {
+  std::uint32_t of[256]{};
+
+  constexpr CrcTable() {
+    for (std::uint32_t byte = 0; byte < 256; ++byte) {
+      std::uint32_t rest = byte;
+      for (int bit = 0; bit < 8; ++bit) rest = (rest >> 1U) ^ ((rest & 1U) != 0 ? 0xEDB88320U : 0U);
+      of[byte] = rest;
+    }
+  }
+};
+inline constexpr CrcTable crc_table{};
+
+}  // namespace detail
+
+/// CRC-32 of IEEE 802.3; goes on from that of the bytes before.
+constexpr std::uint32_t crc(const std::uint8_t* bytes, std::size_t count, std::uint32_t before = 0) {
+  std::uint32_t rest = ~before;
+  for (std::size_t k = 0; k < count; ++k) rest = (rest >> 8U) ^ detail::crc_table.of[(rest ^ bytes[k]) & 0xFFU];
+  return ~rest;
+}
+
+inline constexpr std::size_t crc_size = 4;
+inline constexpr std::size_t most_payload = sizeof(Parameters);
+inline constexpr std::size_t most_content = sizeof(Header) + most_payload + crc_size;
+
+/// Most bytes that a payload takes on the line.
+constexpr std::size_t encoded_size(std::size_t payload) {
+  const std::size_t content = sizeof(Header) + payload + crc_size;
+  return content + content / 254 + 1 + 2;
+}
+
+/// Writes a frame; returns its size, at most encoded_size(size).
+inline std::size_t encode(const Header& header, const void* payload, std::size_t size, std::uint8_t* to) {
+  std::size_t end = 0;
+  to[end++] = 0;
+  std::size_t code = end++;  // where the distance to the next zero goes
+  const auto put = [&](const std::uint8_t* bytes, std::size_t count) {
+    for (std::size_t k = 0; k < count; ++k) {
+      if (bytes[k] != 0) to[end++] = bytes[k];
+      if (bytes[k] == 0 || end - code == 255) {
+        to[code] = static_cast<std::uint8_t>(end - code);
+        code = end++;
+      }
+    }
+  };
+  const auto* head = reinterpret_cast<const std::uint8_t*>(&header);
+  const auto* body = static_cast<const std::uint8_t*>(payload);
+  const std::uint32_t check = crc(body, size, crc(head, sizeof header));
+  put(head, sizeof header);
+  put(body, size);
+  put(reinterpret_cast<const std::uint8_t*>(&check), crc_size);
+  to[code] = static_cast<std::uint8_t>(end - code);
+  to[end++] = 0;
+  return end;
+}
+
+/// Finds whole frames in what comes down the line, byte by byte.
+class Decoder {
+ public:
+  /// Takes a byte; true where it ends a frame, which then stays until the next byte.
+  bool push(std::uint8_t byte) {
+    if (byte != 0) {
+      // Beyond the longest frame only its length is of interest: none.
+      if (filled_ < sizeof buffer_) buffer_[filled_] = byte;
+      if (filled_ <= sizeof buffer_) ++filled_;
+      return false;
+    }
+    const std::size_t filled = filled_;
+    filled_ = 0;
+    if (filled == 0) return false;
+    content_ = filled <= sizeof buffer_ ? unstuff(filled) : 0;
+    const bool whole = content_ >= sizeof(Header) + crc_size && is_sound();
+    if (!whole) ++damaged_;
+    return whole;
+  }
+
+  Header header() const { return read<Header>(0); }
+  const std::uint8_t* payload() const { return buffer_ + sizeof(Header); }
+  std::size_t size() const { return content_ - sizeof(Header) - crc_size; }
+
+  /// The payload as a message, of which what was not sent is as it starts.
+  template <class Message>
+  Message message() const {
+    Message message{};
+    __builtin_memcpy(&message, payload(), size() < sizeof message ? size() : sizeof message);
+    return message;
+  }
+
+  /// Frames that were dropped, and stretches of noise between zeros.
+  std::uint32_t damaged() const { return damaged_; }
+
+ private:
+  template <class T>
+  T read(std::size_t at) const {
+    T value{};
+    __builtin_memcpy(&value, buffer_ + at, sizeof value);
+    return value;
+  }
+
+  // In place: what is read is never behind what is written. 0 where the stuffing makes no sense.
+  std::size_t unstuff(std::size_t filled) {
+    std::size_t end = 0;
+    std::size_t at = 0;
+    while (at < filled) {
+      const std::size_t code = buffer_[at++];
+      if (at + code - 1 > filled) return 0;
+      for (std::size_t k = 1; k < code; ++k) buffer_[end++] = buffer_[at++];
+      if (code < 255 && at < filled) buffer_[end++] = 0;
+    }
+    return end;
+  }
+
+  bool is_sound() const { return crc(buffer_, content_ - crc_size) == read<std::uint32_t>(content_ - crc_size); }
+
+  alignas(8) std::uint8_t buffer_[encoded_size(most_payload)]{};
+  std::size_t filled_{};
+  std::size_t content_{};
+  std::uint32_t damaged_{};
+};
+
+}  // namespace tenodesis::link

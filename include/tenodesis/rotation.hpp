@@ -1,0 +1,91 @@
+#pragma once
+// Vectors and rotations in space; rotations are unit quaternions, of which a half angle's sine and cosine are all that
+// is needed.
+
+#include "tenodesis/scalar.hpp"
+
+namespace tenodesis {
+
+template <class S>
+struct Vector {
+  S x{}, y{}, z{};
+
+  friend constexpr Vector operator+(const Vector& a, const Vector& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+  friend constexpr Vector operator-(const Vector& a, const Vector& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+  friend constexpr Vector operator*(const S& by, const Vector& a) { return {by * a.x, by * a.y, by * a.z}; }
+};
+
+template <class S>
+constexpr S dot(const Vector<S>& a, const Vector<S>& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
+template <class S>
+constexpr Vector<S> cross(const Vector<S>& a, const Vector<S>& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
+/// A unit quaternion.
+template <class S>
+struct Rotation {
+  S w{S(1)}, x{}, y{}, z{};
+
+  friend constexpr Rotation operator*(const Rotation& a, const Rotation& b) {
+    return {a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z, a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
+            a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x, a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w};
+  }
+  friend constexpr Vector<S> operator*(const Rotation& r, const Vector<S>& v) {
+    const Vector<S> axis{r.x, r.y, r.z};
+    const Vector<S> twice = S(2) * cross(axis, v);
+    return v + r.w * twice + cross(axis, twice);
+  }
+  constexpr Rotation inverse() const { return {w, -x, -y, -z}; }
+};
+
+/// Sine and cosine of half an angle, rad; a whole turn more changes the sign of both, and no rotation.
+template <class S>
+struct HalfTurn {
+  S sine{}, cosine{};
+
+  explicit HalfTurn(const S& angle) {
+    using V = ValueOf<S>;
+    const V turns = round(value_of(angle) * V(0.5 / pi));
+    const S half = (angle - S(turns * V(2 * pi))) * S(0.5);
+    const S quarter = sin_quarter(half * S(0.5));
+    sine = sin_quarter(half);
+    cosine = S(1) - S(2) * quarter * quarter;
+  }
+};
+
+template <class S>
+Rotation<S> about_x(const S& angle) {
+  const HalfTurn<S> half(angle);
+  return {half.cosine, half.sine, S(0), S(0)};
+}
+template <class S>
+Rotation<S> about_y(const S& angle) {
+  const HalfTurn<S> half(angle);
+  return {half.cosine, S(0), half.sine, S(0)};
+}
+template <class S>
+Rotation<S> about_z(const S& angle) {
+  const HalfTurn<S> half(angle);
+  return {half.cosine, S(0), S(0), half.sine};
+}
+
+template <class S>
+S norm(const Vector<S>& v) {
+  return sqrt(dot(v, v));
+}
+
+/// Angle from x to y of a point of the plane that is not the origin, within half a turn, rad.
+template <class S>
+S angle_of(const S& y, const S& x) {
+  const S away = sqrt(x * x + y * y) + abs(x);
+  // Half the angle from the nearer side of the x axis, whose sine is at most sin(pi/4).
+  const S near = S(2) * asin(y / sqrt(away * away + y * y));
+  if (!(x < S(0))) return near;
+  return (y < S(0) ? S(-pi) : S(pi)) - near;
+}
+
+}  // namespace tenodesis

@@ -1,0 +1,164 @@
+#pragma once
+// A device whose sensors and motors are served elsewhere, by a thread that may be slow: it posts what it has measured
+// and takes what the controller answers. The live loop waits for a post no longer than it is told.
+
+#include <semaphore.h>
+#include <time.h>
+
+#include <atomic>
+#include <bit>
+#include <cerrno>
+#include <cstring>
+#include <limits>
+
+#include "device.hpp"
+
+namespace tenodesis::runtime {
+
+/// A value that one thread writes and another reads whole, without either waiting for the other.
+template <class T>
+class Posted {
+  static_assert(std::is_trivially_copyable_v<T> && sizeof(T) % sizeof(std::uint64_t) == 0);
+  static constexpr std::size_t words = sizeof(T) / sizeof(std::uint64_t);
+
+ public:
+  void set(const T& value) {
+    const auto bits = std::bit_cast<std::array<std::uint64_t, words>>(value);
+    const std::uint64_t stamp = stamp_.load(std::memory_order_relaxed);
+    stamp_.store(stamp + 1, std::memory_order_relaxed);
+    std::atomic_thread_fence(std::memory_order_release);
+    for (std::size_t k = 0; k < words; ++k) value_[k].store(bits[k], std::memory_order_relaxed);
+    stamp_.store(stamp + 2, std::memory_order_release);
+  }
+
+  /// Which value it was, counted from 1; 0 of none.
+  std::uint64_t get(T& value) const {
+    while (true) {
+      const std::uint64_t stamp = stamp_.load(std::memory_order_acquire);
+      if (stamp % 2 == 1) continue;
+      std::array<std::uint64_t, words> bits;
+      for (std::size_t k = 0; k < words; ++k) bits[k] = value_[k].load(std::memory_order_relaxed);
+      std::atomic_thread_fence(std::memory_order_acquire);
+      if (stamp_.load(std::memory_order_relaxed) != stamp) continue;
+      value = std::bit_cast<T>(bits);
+      return stamp / 2;
+    }
+  }
+
+ private:
+  std::array<std::atomic<std::uint64_t>, words> value_{};
+  std::atomic<std::uint64_t> stamp_{};
+};
+
+/// Counts what has come; waits for more, but not for ever.
+class Bell {
+ public:
+  Bell() { ::sem_init(&semaphore_, 0, 0); }
+  ~Bell() { ::sem_destroy(&semaphore_); }
+  Bell(const Bell&) = delete;
+  Bell& operator=(const Bell&) = delete;
+
+  void ring() { ::sem_post(&semaphore_); }
+
+  /// False where it has not rung within so many ns.
+  bool wait(std::uint64_t timeout) {
+    timespec until{};
+    ::clock_gettime(CLOCK_MONOTONIC, &until);
+    const std::uint64_t nanoseconds = static_cast<std::uint64_t>(until.tv_nsec) + timeout;
+    until.tv_sec += static_cast<time_t>(nanoseconds / 1'000'000'000);
+    until.tv_nsec = static_cast<long>(nanoseconds % 1'000'000'000);
+    while (::sem_clockwait(&semaphore_, CLOCK_MONOTONIC, &until) != 0)
+      if (errno != EINTR) return false;
+    while (::sem_trywait(&semaphore_) == 0) {
+    }
+    return true;
+  }
+
+ private:
+  sem_t semaphore_{};
+};
+
+class MailboxDevice final : public Device {
+ public:
+  struct Sensed {
+    AnyInput input{};
+    double output_angle[most_axes]{};
+  };
+  struct Answer {
+    std::uint64_t measurement{};  ///< that it answers, counted from 1
+    Velocities speed{};
+  };
+
+  explicit MailboxDevice(int axes) : axes_(axes) {}
+
+  // For the thread that serves the hardware.
+  void post(const Sensed& sensed) {
+    sensed_.set(sensed);
+    ++posted_;
+    came_.ring();
+  }
+  /// The answer to the last post; false where there is none within so many ns.
+  bool take(Answer& answer, std::uint64_t timeout) {
+    while (true) {
+      answer_.get(answer);
+      if (answer.measurement >= posted_) return true;
+      if (!answered_.wait(timeout)) return false;
+    }
+  }
+  bool stopped() const { return stopped_.load(std::memory_order_acquire); }
+
+  int axes() const override { return axes_; }
+  bool simulated() const override { return false; }
+  bool clocked() const override { return true; }
+
+  bool read(AnyInput& input, std::uint64_t timeout) override {
+    std::uint64_t number = sensed_.get(last_);
+    if (number == read_ && came_.wait(timeout)) number = sensed_.get(last_);
+    const bool fresh = number != read_;
+    read_ = number;
+    const Request request = input.request;
+    input = last_.input;
+    input.request = request;
+    return fresh;
+  }
+
+  bool write(const Velocities& speed, const Benches& /*bench*/) override {
+    Answer answer{read_, {}};
+    std::memcpy(answer.speed, speed, sizeof(Velocities));
+    answer_.set(answer);
+    answered_.ring();
+    return true;
+  }
+
+  Signals signals(int axis) const override {
+    Signals known;
+    known.fill(std::numeric_limits<double>::quiet_NaN());
+    const auto& measured = last_.input.axis[axis];
+    known[0] = measured.handle_angle;
+    known[1] = last_.output_angle[axis];
+    for (std::size_t i = 0; i < 2; ++i) {
+      known[2 + i] = measured.tension[i];
+      known[4 + i] = measured.spool_angle[i];
+    }
+    return known;
+  }
+
+  void stop() noexcept override {
+    const Answer rest{std::numeric_limits<std::uint64_t>::max(), {}};
+    answer_.set(rest);
+    stopped_.store(true, std::memory_order_release);
+    answered_.ring();
+  }
+
+ private:
+  int axes_;
+  Posted<Sensed> sensed_;
+  Posted<Answer> answer_;
+  Bell came_, answered_;
+  std::uint64_t posted_{};  // by the serving thread
+  std::uint64_t read_{};    // by the loop
+  Sensed last_{};
+  std::atomic<bool> stopped_{};
+};
+
+}  // namespace tenodesis::runtime

@@ -1,0 +1,75 @@
+#pragma once
+// The digital twin as a device: each write is one tick of its time.
+
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "device.hpp"
+
+namespace tenodesis::runtime {
+
+class TwinDevice final : public Device {
+ public:
+  /// The twins outlive it; steps_per_tick of them make a tick.
+  TwinDevice(std::vector<bindings::AnyTwin*> twins, double time_step, int steps_per_tick)
+      : twins_(std::move(twins)), time_step_(time_step), steps_per_tick_(steps_per_tick) {}
+
+  int axes() const override { return static_cast<int>(twins_.size()); }
+  bool simulated() const override { return true; }
+  bool clocked() const override { return false; }
+
+  bool read(AnyInput& input, std::uint64_t /*timeout*/) override {
+    input.time = static_cast<std::uint64_t>(std::llround(double(steps_ + 1) * time_step_ * 1e9));
+    for (std::size_t n = 0; n < twins_.size(); ++n) {
+      const Reading<double>& reading = twins_[n]->reading();
+      input.axis[n] = {reading.handle_angle,
+                       {reading.tension[0], reading.tension[1]},
+                       {reading.spool_angle[0], reading.spool_angle[1]}};
+    }
+    return true;
+  }
+
+  // A load that a tip cannot hold is not taken: the step is made with the one before.
+  bool write(const Velocities& speed, const Benches& bench) override {
+    bool taken = true;
+    for (int k = 0; k < steps_per_tick_; ++k) {
+      ++steps_;
+      for (std::size_t n = 0; n < twins_.size(); ++n) {
+        if (step(n, speed[n], bench[n])) continue;
+        taken = false;
+        step(n, speed[n], held_[n]);
+      }
+    }
+    return taken;
+  }
+
+  Signals signals(int axis) const override {
+    const auto n = static_cast<std::size_t>(axis);
+    return twins_[n]->signals(last_[n]);
+  }
+
+  void stop() noexcept override {}
+
+ private:
+  bool step(std::size_t n, const double (&speed)[2], const Bench& bench) {
+    Command<double> command{};
+    command.handle_angle = bench.handle_angle;
+    command.force = bench.force;
+    command.radial_force = bench.radial_force;
+    for (int i = 0; i < 2; ++i) command.spool_velocity[i] = speed[i];
+    last_[n] = command;
+    if (twins_[n]->step(command) != Status::ok) return false;
+    held_[n] = bench;
+    return true;
+  }
+
+  std::vector<bindings::AnyTwin*> twins_;
+  double time_step_;
+  int steps_per_tick_;
+  std::uint64_t steps_{};
+  Benches held_{};
+  std::array<Command<double>, most_axes> last_{};
+};
+
+}  // namespace tenodesis::runtime

@@ -1,0 +1,55 @@
+"""The command that shows a live instrument to Foxglove, and to whatever speaks its WebSocket protocol."""
+
+import signal
+import threading
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+console = Console()
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to an app."""
+    app.command()(foxglove)
+
+
+def foxglove(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the runtime.")],
+    host: Annotated[
+        str, typer.Option(help="Address to listen on; by default none but this computer can connect.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port to listen on; 0 takes any that is free.")] = 8765,
+    rate: Annotated[float, typer.Option(help="Messages per second and topic, Hz.")] = 100.0,
+    all_rows: Annotated[bool, typer.Option("--all", help="Send every row instead.")] = False,
+) -> None:
+    """Show a live instrument to Foxglove: the recordings' topics over a WebSocket, to watch and nothing else."""
+    from tenodesis.live import foxglove as live  # noqa: PLC0415 - the command line is to start quickly
+    from tenodesis.live.record import Reader  # noqa: PLC0415
+
+    stop = threading.Event()
+    before = {number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        with live.Server(Reader(folder), host, port, rate=None if all_rows else rate, folder=folder) as server:
+            shared = live.warning(host)
+            if shared is not None:
+                console.print(f"warning: {shared}", markup=False, highlight=False, soft_wrap=True, style="yellow")
+            _say(f"Foxglove: ws://{_in_url(host)}:{server.port} (Ctrl-C ends it).")
+            live.serve(server, stop)
+        if not stop.is_set():
+            _say("The runtime has ended.")
+        if server.lost:
+            _say(f"{server.lost} rows were not sent, for this was too slow.")
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _in_url(host: str) -> str:
+    return f"[{host}]" if ":" in host else host
+
+
+def _say(sentence: str) -> None:
+    console.print(sentence, markup=False, highlight=False, soft_wrap=True)

@@ -1,0 +1,85 @@
+"""The instrument: what runs, and others from a file."""
+
+from html import escape
+from typing import Any
+
+from tenodesis import instrument
+from tenodesis.console.session import Now, Session, enable, put
+from tenodesis.errors import InstrumentError
+
+_SPEEDS = {"a tenth": 0.1, "a quarter": 0.25, "as the clock": 1.0, "twice": 2.0, "five times": 5.0}
+
+
+class InstrumentFile:
+    """The instrument that runs, and ways to run another; a file that is wrong is explained key by key."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        gui = session.client.gui
+        inst = session.link.inst
+        gui.add_markdown(f"**{inst.name}**, {' and '.join(inst.axes)}, on *{session.link.device}*. {inst.description}")
+        self._shipped = gui.add_dropdown("Shipped", instrument.shipped())
+        self._load = gui.add_button("Run this one")
+        self._path = gui.add_text("Path", "", hint="On the machine that runs the instrument.")
+        self._load_path = gui.add_button("Run the one of this path")
+        self._upload = gui.add_upload_button("Instrument file from here", mime_type=".toml", icon="upload")
+        self._problems = gui.add_html("")
+        self._speed = gui.add_dropdown(
+            "Simulated time", tuple(_SPEEDS), initial_value="as the clock", visible=session.link.capabilities.simulated
+        )
+        self._give = gui.add_button(
+            "Give control away", color="gray", hint="The motors pause; somebody else can take over."
+        )
+        self._shown: list[Any] = [
+            self._shipped,
+            self._load,
+            self._path,
+            self._load_path,
+            self._upload,
+            self._speed,
+            self._give,
+        ]
+        session.on(self._load, "load", lambda: self._begin(lambda: self._named(self._shipped.value)))
+        session.on(self._load_path, "load", lambda: self._begin(lambda: self._named(self._path.value.strip())))
+        session.on(self._upload, "load", lambda: self._begin(self._uploaded))
+        session.on(self._give, "operator", session.link.release)
+        session.on(self._speed, "speed", lambda: session.link.speed(_SPEEDS[self._speed.value]))
+
+    def show(self, now: Now) -> None:
+        """Let the operator change it."""
+        enable(self._shown, now.operating)
+
+    def _begin(self, load: Any) -> None:
+        self._session.work("load", load)
+
+    def _named(self, name_or_path: str) -> None:
+        self._checked(lambda: instrument.load(name_or_path), name_or_path)
+
+    def _uploaded(self) -> None:
+        file = self._upload.value
+
+        def parse() -> instrument.Instrument:
+            try:
+                return instrument.parse(file.content.decode("utf-8-sig"), file.name)
+            except UnicodeDecodeError:
+                raise InstrumentError(f"{file.name} is not UTF-8 text; allowed is a TOML file.") from None
+
+        self._checked(parse, file.content.decode("utf-8-sig", "replace"))
+
+    def _checked(self, parse: Any, source: str) -> None:
+        """Run an instrument if it is valid, and else say what is wrong with it."""
+        try:
+            parse()
+        except InstrumentError as problem:
+            put(self._problems, content=_listed(str(problem)))
+            return
+        put(self._problems, content="")
+        self._session.link.load(source)
+
+
+def _listed(problems: str) -> str:
+    items = "".join(f"<li>{escape(line)}</li>" for line in problems.splitlines() if line.strip())
+    return (
+        '<div style="border-left:4px solid #b4232f;background:#fdf0ef;padding:.3em .5em;font-size:.8rem" role="alert">'
+        f'<b>This file cannot be run:</b><ul style="margin:.2em 0;padding-left:1.2em">{items}</ul></div>'
+    )

@@ -1,0 +1,228 @@
+"""The page: its server, its browsers, and the thread that keeps them up to date."""
+
+import logging
+import queue
+import secrets
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tenodesis.console import wire
+from tenodesis.console.browser import Browser
+from tenodesis.console.door import Door, is_loopback
+from tenodesis.console.html import page
+from tenodesis.console.link import Connect, Status
+from tenodesis.console.plots import ROWS, WINDOW
+from tenodesis.console.session import Now, Session
+from tenodesis.console.view import view
+from tenodesis.errors import LiveError
+
+if TYPE_CHECKING:
+    import viser
+
+FRAMES = 45.0
+"""Frames per second that are sent to every browser."""
+_STATUS_EVERY = 0.1
+_BEAT_EVERY = 0.2
+_PATIENCE = 3.0
+"""Time after which a page that does not tick is taken to hang, s."""
+_log = logging.getLogger(__name__)
+
+
+class Page:
+    """A page that is being served; a context manager that closes it. Use :func:`serve`."""
+
+    def __init__(self, connect: Connect, *, host: str, port: int, token: str | None, recordings: Path) -> None:
+        loopback = is_loopback(host)
+        self.token = token or (None if loopback else secrets.token_urlsafe(24))
+        """What a browser must show; None where the page is this machine's alone."""
+        self._connect, self._recordings = connect, recordings
+        self._watch = connect("page")
+        self._workers = ThreadPoolExecutor(2, thread_name_prefix="console")
+        self._changes: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._browsers: dict[int, Browser] = {}
+        self._closing = threading.Event()
+        self.frames = 0
+        """Frames sent so far."""
+        try:
+            self._server = wire.start(host, port, Door(page(), loopback=loopback, token=self.token, stop=self._stop))
+        except LiveError:
+            self._watch.close()
+            raise
+        self._name = host
+        self._server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 95, 168))
+
+        @self._server.on_client_connect
+        async def _came(client: "viser.ClientHandle") -> None:
+            # Only here is it known on whose behalf the server speaks.
+            origin = f"browser {client.client_id} at {wire.newcomer()}"
+            self._changes.put(lambda: self._came(client, origin))
+
+        @self._server.on_client_disconnect
+        async def _left(client: "viser.ClientHandle") -> None:
+            self._changes.put(lambda: self._left(client.client_id))
+
+        self._ticked = time.monotonic()
+        self._threads = [
+            threading.Thread(target=run, name=f"console {run.__name__}", daemon=True) for run in (self._run, self._beat)
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def port(self) -> int:
+        """The port."""
+        return self._server.get_port()
+
+    @property
+    def url(self) -> str:
+        """Where to open the page, the token included."""
+        name = f"[{self._name}]" if ":" in self._name else self._name
+        return f"http://{name}:{self.port}/" + (f"?token={self.token}" if self.token else "")
+
+    def close(self) -> None:
+        """Stop serving; whoever operates is let go, which pauses the instrument. A second time does nothing."""
+        if self._closing.is_set():
+            return
+        self._closing.set()
+        for thread in self._threads:
+            thread.join(timeout=5)
+        for number in list(self._browsers):
+            self._left(number)
+        wire.stop(self._server)
+        self._workers.shutdown(wait=True, cancel_futures=True)
+        self._watch.close()
+
+    def __enter__(self) -> "Page":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _run(self) -> None:
+        """Go on until closed: a tick, and what is left of its time to wait."""
+        due = time.monotonic()
+        while not self._closing.is_set():
+            try:
+                self._tick()
+            except Exception:
+                _log.exception("a tick of the page failed")
+                self._closing.wait(0.2)
+            due = max(due + 1 / FRAMES, time.monotonic())
+            self._closing.wait(due - time.monotonic())
+
+    def _beat(self) -> None:
+        """Say for every browser that is there that it is; drawing much must not hold that up, standing still must."""
+        while not self._closing.wait(_BEAT_EVERY):
+            if time.monotonic() - self._ticked > _PATIENCE:
+                continue
+            for browser in list(self._browsers.values()):
+                if browser.operating:
+                    browser.session.attempt(browser.session.link.heartbeat)
+
+    def _tick(self) -> None:
+        self._ticked = time.monotonic()
+        while not self._changes.empty():
+            self._changes.get()()
+        if not self._browsers:
+            return
+        status, inst = self._status(), self._watch.inst
+        latest = self._watch.latest()
+        if not latest:
+            return
+        seen = view(inst, latest)
+        due = [browser for browser in self._browsers.values() if browser.wants_history()]
+        seconds = view(inst, self._watch.history(WINDOW, ROWS)) if due else None
+        for browser in self._browsers.values():
+            try:
+                if browser.outdated:
+                    browser.build()
+                browser.tick(Now(status, seen, status.operator == browser.session.origin))
+                if seconds is not None and browser in due:
+                    browser.draw(seconds)
+            except Exception:
+                # What goes wrong for one must not take the others' heartbeats.
+                _log.exception("%s could not be served", browser.session.origin)
+        self.frames += 1
+
+    _asked = 0.0
+    _known: Status | None = None
+
+    def _status(self) -> Status:
+        """Return the state, which a socket away is dearer than the signals."""
+        at = time.monotonic()
+        if self._known is None or at - self._asked >= _STATUS_EVERY:
+            self._asked, self._known = at, self._watch.status()
+        return self._known
+
+    def _came(self, client: "viser.ClientHandle", origin: str) -> None:
+        link = self._connect(origin)
+        browser = Browser(Session(client, link, origin, self._workers, self._recordings))
+        self._browsers[client.client_id] = browser
+        # No motor of this world moves: whoever comes first may try at once.
+        if link.capabilities.simulated and link.status().operator is None:
+            browser.session.attempt(browser.operate)
+
+    def _left(self, number: int) -> None:
+        browser = self._browsers.pop(number, None)
+        if browser is None:
+            return
+        link = browser.session.link
+        try:
+            if link.status().operator == browser.session.origin:
+                link.release()
+        except LiveError:
+            _log.warning("%s left, and could not be taken off", browser.session.origin)
+        finally:
+            link.close()
+
+    def _stop(self, origin: str) -> str | None:
+        """Stop the motors in the name of an origin; return what went wrong, or None."""
+        try:
+            try:
+                link = self._connect(origin)
+            except LiveError:
+                # Better in the page's name than not at all.
+                self._watch.stop()
+                return None
+            try:
+                link.stop()
+            finally:
+                link.close()
+        except (LiveError, OSError) as problem:
+            return f"Not stopped: {problem} Switch the motors' supply off."
+        return None
+
+
+def serve(
+    connect: Connect,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    token: str | None = None,
+    *,
+    recordings: Path = Path("recordings"),
+) -> Page:
+    """Serve the page of a live instrument.
+
+    Parameters
+    ----------
+    connect
+        Opens a link to the runtime in somebody's name: one for the page itself, one for every browser.
+    host
+        Address to listen on. On any but this machine's own, browsers need the token.
+    port
+        Port; the next free one is taken if it is not.
+    token
+        The token; by default one is made up where one is needed.
+    recordings
+        Folder of the recordings.
+
+    Raises
+    ------
+    LiveError
+        There is no such address on this machine, or the runtime cannot be reached.
+    """
+    return Page(connect, host=host, port=port, token=token, recordings=recordings)

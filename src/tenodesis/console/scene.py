@@ -1,0 +1,232 @@
+"""The instrument in space, as one browser sees it."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tenodesis import kinematics
+from tenodesis.console.colours import TensionColours
+from tenodesis.console.parts import effector, parts
+from tenodesis.console.solids import Solid, rod
+from tenodesis.console.view import View
+from tenodesis.instrument import Instrument
+from tenodesis.kinematics import Dimensions, Frame, Frames, Posture
+from tenodesis.signals import Array
+
+if TYPE_CHECKING:
+    import viser
+
+_ROOT = "/instrument"
+_HEAD_DOWN = (0.0, 1.0, 0.0, 0.0)
+"""Half a turn about x: the tip, which lies along z, is at the bottom of the picture, as in the patient."""
+_SIZE = 3.0
+"""Length that every instrument is drawn with."""
+_SHORT_STEM = 0.9
+"""Of handle and end-effector together, that the stem is drawn with at most, so that both ends are seen at once."""
+_TISSUE = (222, 184, 176)
+_GHOST = (22, 134, 88)
+_FORCE = (124, 58, 237)
+_BACKBONE = (150, 158, 170)
+_UPRIGHT = 0.8
+"""Width by height, below which a picture is a small screen's."""
+_TENDON_PIXELS = 4.0
+_SEEN = 1e-3
+"""Smallest change that is sent, a third of a pixel on a large screen: a picture that stands still costs nothing."""
+
+
+class Scene:
+    """The instrument's 3-D view; :meth:`show` moves it.
+
+    Parameters
+    ----------
+    client
+        The browser.
+    inst
+        The instrument.
+    largest_force
+        Force that the longest arrow stands for, N.
+    """
+
+    def __init__(self, client: "viser.ClientHandle", inst: Instrument, largest_force: float) -> None:
+        self._client, self._inst, self._largest_force = client, drawn(inst), largest_force
+        self.colours = TensionColours(inst)
+        self._lengths = kinematics.dimensions(self._inst)
+        lengths = self._lengths
+        self._scale = _SIZE / (lengths.stem_length + lengths.handle_length + lengths.end_effector_length)
+        self._sent: dict[str, Array] = {}
+        scene: Any = client.scene
+        with client.atomic():
+            scene.reset()
+            scene.configure_default_lights(enabled=True, cast_shadow=False)
+            # One that comes with the library, so that nothing is fetched.
+            scene.configure_environment_map(hdri="studio", environment_intensity=0.5)
+            scene.add_frame(_ROOT, show_axes=False, wxyz=_HEAD_DOWN)
+            rest = self._frames(np.zeros(len(inst.axes)), np.zeros(len(inst.axes)))
+            self._port(scene)
+            self._bodies = {name: scene.add_frame(f"{_ROOT}/{name}", show_axes=False) for name in rest.bodies}
+            for part in parts(self._inst, lengths):
+                self._add(scene, f"{_ROOT}/{part.body}/{part.name}", part.solid, part.colour, part.opacity)
+            self._ghost = scene.add_frame(f"{_ROOT}/ghost", show_axes=False)
+            for part in effector(lengths):
+                self._add(scene, f"{_ROOT}/ghost/{part.name}", part.solid, _GHOST, 0.3)
+            self._tendons = {
+                name: scene.add_line_segments(
+                    f"{_ROOT}/tendons/{name}",
+                    points=_segments(self._scale * path),
+                    colors=np.zeros((len(path) - 1, 2, 3), np.uint8),
+                    thickness=_TENDON_PIXELS,
+                    thickness_units="screen",
+                )
+                for name, path in rest.tendons.items()
+            }
+            self._backbones = {
+                axis: scene.add_line_segments(
+                    f"{_ROOT}/backbones/{axis}",
+                    points=np.zeros((1, 2, 3)),
+                    colors=_BACKBONE,
+                    thickness=0.5 * self._scale * lengths.stem_diameter,
+                )
+                for axis in inst.axes
+                if inst.joint_type == "continuum"
+            }
+            self._arrows = {
+                axis: scene.add_arrows(
+                    f"{_ROOT}/tip/force_{axis}",
+                    points=np.zeros((1, 2, 3)),
+                    colors=_FORCE,
+                    shaft_radius=0.012,
+                    head_radius=0.035,
+                    head_length=0.08,
+                    visible=False,
+                )
+                for axis in inst.axes
+            }
+            self._label = scene.add_label(f"{_ROOT}/tip/label", "", anchor="center-left", font_screen_scale=1.0)
+
+    def look(self, name: str) -> None:
+        """Turn the browser's camera to the whole instrument, its tip or its handle."""
+        lengths, scale = self._lengths, self._scale
+        reach, grip = lengths.end_effector_length, lengths.handle_length
+        port_to_hand = lengths.stem_length - lengths.insertion
+        height, away = {
+            "whole": ((port_to_hand + grip - lengths.insertion - reach) / 2, 3.3),
+            "tip": (-lengths.insertion - 0.45 * reach, 1.4),
+            "handle": (port_to_hand + 0.4 * grip, 1.9),
+        }[name]
+        camera = self._client.camera
+        middle = scale * height
+        if camera.aspect < _UPRIGHT:
+            # On a small screen the panel lies over the lower part of the picture.
+            middle, away = middle - 0.75 * away, 2 * away
+        with self._client.atomic():
+            camera.position = (0.28 * away, -away, middle + 0.3 * away)
+            camera.look_at = (0.0, 0.0, middle)
+
+    def show(self, now: View) -> None:
+        """Draw one instant."""
+        # One call for what is and for what is wanted: the ghost is the second.
+        handle, output = np.nan_to_num(now.handle), np.nan_to_num([now.output, now.wanted])
+        both = self._frames(np.stack([handle, handle]), output)
+        frames = Frames(
+            {name: Frame(frame.position[0], frame.quaternion[0]) for name, frame in both.bodies.items()},
+            {name: path[0] for name, path in both.tendons.items()},
+        )
+        asked = both.bodies["end_effector"]
+        with self._client.atomic():
+            for name, frame in frames.bodies.items():
+                self._place(name, self._bodies[name], frame)
+            self._place("ghost", self._ghost, Frame(asked.position[1], asked.quaternion[1]))
+            self._draw_tendons(frames, now)
+            self._draw_forces(now)
+
+    def tell(self, now: View) -> None:
+        """Say in figures where the tip is; text is dearer to draw than what moves."""
+        pairs = zip(self._inst.axes, np.degrees(now.output), np.degrees(now.wanted), strict=True)
+        text = "   ".join(f"{axis} {_degrees(angle)} of {_degrees(wanted)}" for axis, angle, wanted in pairs)
+        if self._label.text != text:
+            self._label.text = text
+
+    def _frames(self, handle: Array, output: Array) -> Frames:
+        """Return where everything is at handle and output angles (..., axes), rad."""
+        angles: dict[str, Any] = {axis: output[..., n] for n, axis in enumerate(self._inst.axes)}
+        angles |= {f"handle_{axis}": handle[..., n] for n, axis in enumerate(self._inst.axes)}
+        return kinematics.frames(self._inst, Posture(insertion=self._lengths.insertion, **angles))
+
+    def _port(self, scene: Any) -> None:
+        """Draw the wall of the body around the port."""
+        radius = self._lengths.stem_diameter / 2
+        wall = rod(0.45 * _SIZE / self._scale / 2, -0.1 * radius, 0.1 * radius, 64)
+        self._add(scene, f"{_ROOT}/port/wall", wall, _TISSUE, 0.35)
+        self._add(scene, f"{_ROOT}/port/ring", rod(1.5 * radius, -0.9 * radius, 0.9 * radius, 32), (96, 106, 120), 0.9)
+
+    def _add(self, scene: Any, name: str, solid: Solid, colour: tuple[int, int, int], opacity: float | None) -> None:
+        scene.add_mesh_simple(
+            name,
+            vertices=self._scale * solid.vertices,
+            faces=solid.faces,
+            color=colour,
+            opacity=opacity,
+            flat_shading=True,
+            side="double",
+        )
+
+    def _place(self, name: str, node: Any, frame: Frame) -> None:
+        place = self._scale * frame.position
+        if self._changed(f"{name} position", place):
+            node.position = place
+        if self._changed(f"{name} quaternion", frame.quaternion):
+            node.wxyz = frame.quaternion
+
+    def _draw_tendons(self, frames: Frames, now: View) -> None:
+        for number, (name, path) in enumerate(frames.tendons.items()):
+            axis, tendon = divmod(number, 2)
+            line = self._tendons[name]
+            points = self._scale * path
+            if self._changed(f"{name} points", points):
+                line.points = _segments(points)
+            # Friction takes its share at the joints; what lies between is not known to the eye.
+            tension = np.linspace(now.tension[axis, tendon], now.distal_tension[axis, tendon], len(path))
+            if self._changed(f"{name} tension", tension / self.colours.limit, coarse=10):
+                line.colors = _segments(self.colours(tension))
+        for axis, line in self._backbones.items():
+            middle = self._scale * (frames.tendons[f"{axis}_agonist"] + frames.tendons[f"{axis}_antagonist"]) / 2
+            if self._changed(f"{axis} backbone", middle):
+                line.points = _segments(middle)
+
+    def _draw_forces(self, now: View) -> None:
+        for number, (axis, arrow) in enumerate(self._arrows.items()):
+            force = float(np.nan_to_num(now.force[number]))
+            if not self._changed(f"{axis} force", np.array([force / self._largest_force])):
+                continue
+            # It pushes on the tip against positive flexion, and turns with it.
+            length = 0.15 * np.sign(force) + 0.5 * force / self._largest_force
+            direction = np.array([1.0, 0.0, 0.0]) if axis == "yaw" else np.array([0.0, 1.0, 0.0])
+            arrow.visible = bool(abs(force) > 1e-3)
+            arrow.points = np.stack([length * direction, np.zeros(3)])[np.newaxis]
+
+    def _changed(self, name: str, value: Array, *, coarse: float = 1.0) -> bool:
+        """Return whether a value differs visibly from what was sent of it, and note it if so."""
+        before = self._sent.get(name)
+        if before is not None and np.abs(np.nan_to_num(value) - before).max() < coarse * _SEEN:
+            return False
+        self._sent[name] = np.nan_to_num(value)
+        return True
+
+
+def drawn(inst: Instrument) -> Instrument:
+    """Return an instrument with its stem drawn short."""
+    lengths: Dimensions = kinematics.dimensions(inst)
+    short = _SHORT_STEM * (lengths.handle_length + lengths.end_effector_length)
+    if lengths.stem_length <= short:
+        return inst
+    shares = {"insertion": None, "least_insertion": None, "most_insertion": None, "stem_length": short}
+    return inst.replace(**{f"geometry.{key}": value for key, value in shares.items()})
+
+
+def _segments(path: Any) -> Any:
+    """Return the segments (n - 1, 2, 3) between the points of a path (n, 3)."""
+    return np.stack([path[:-1], path[1:]], 1)
+
+
+def _degrees(angle: float) -> str:
+    return f"{angle:+.1f}°" if np.isfinite(angle) else "unknown"

@@ -1,0 +1,1 @@
+"""Devices: benches behind one interface, in hardware or simulated."""

@@ -1,0 +1,231 @@
+"""What the frames on the CAN bus carry, from an instrument and its table devices.canopen."""
+
+import struct
+from dataclasses import dataclass
+from math import floor, isfinite, nan, pi
+from typing import TypeAlias
+
+from tenodesis.devices.settings import CanAngle, CanAxis, CanDrive, CanOpen, CanTension
+from tenodesis.errors import InstrumentError
+from tenodesis.instrument import Instrument
+
+COLUMNS = ("handle angle", "agonist tension", "antagonist tension", "output angle")
+"""What sensors measure, in the order of a measurement's row."""
+
+_CODES = {"i8": "b", "u8": "B", "i16": "h", "u16": "H", "i32": "i", "u32": "I", "f32": "f"}
+_MOST_PDOS = 4  # of the predefined connection set
+_PDO_BYTES = 8
+_MOST_LOAD = 0.9
+_STATUS_AND_POSITION = "<Hi"
+_CONTROL_AND_VELOCITY = struct.Struct("<Hi")
+_MEASURED_OBJECTS = ((0x6041, 0, 16), (0x6064, 0, 32))
+_Placed: TypeAlias = tuple[int, int, CanAngle | CanTension]
+"""A sensor's axis and column, and where it is."""
+_COMMANDED_OBJECTS = ((0x6040, 0, 16), (0x60FF, 0, 32))
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A sensor's place in a frame and in a measurement."""
+
+    axis: int
+    column: int
+    gain: float
+    offset: float
+    ends: tuple[int, int] | None
+    """Where an integer is saturated."""
+
+    def value(self, raw: float) -> float:
+        """Return what the sensor says in SI units; NaN where it is at the end of its range or says nothing."""
+        if not isfinite(raw) or (self.ends is not None and raw in self.ends):
+            return nan
+        return self.gain * raw + self.offset
+
+
+@dataclass(frozen=True)
+class SensorFrame:
+    """A PDO by which a node tells what its sensors say."""
+
+    node: int
+    name: str
+    cob_id: int
+    objects: tuple[tuple[int, int, int], ...]
+    """Index, sub-index and bits of what is mapped."""
+    format: struct.Struct
+    sensors: tuple[Sensor, ...]
+
+
+@dataclass(frozen=True)
+class DriveFrames:
+    """The PDOs of a drive."""
+
+    node: int
+    name: str
+    axis: int
+    tendon: int
+    measured_id: int
+    measured_objects: tuple[tuple[int, int, int], ...]
+    measured: struct.Struct
+    """Statusword, position and, where there is one, the counter."""
+    commanded_id: int
+    commanded_objects: tuple[tuple[int, int, int], ...]
+    angle_per_count: float
+    """Of the spool, rad; negative where positive turns unwind."""
+    speed_per_unit: float
+    """Of the spool, rad/s; negative where positive turns unwind."""
+
+    def command(self, controlword: int, spool_velocity: float) -> bytes:
+        """Return the frame of a command."""
+        return _CONTROL_AND_VELOCITY.pack(controlword, round(spool_velocity / self.speed_per_unit))
+
+
+@dataclass(frozen=True)
+class Layout:
+    """All frames of a bench."""
+
+    axes: tuple[str, ...]
+    drives: tuple[DriveFrames, ...]
+    sensors: tuple[SensorFrame, ...]
+    speed_limit: float
+    """Of a spool, rad/s."""
+    unit: float
+    """Motor speed that 1 of a target velocity stands for, rad/s."""
+    load: float
+    """Share of the bus that the frames take up; NaN where its bit rate is not told."""
+
+    @property
+    def nodes(self) -> dict[int, str]:
+        """Names of the nodes, by id, drives first."""
+        named = {drive.node: drive.name for drive in self.drives}
+        for frame in self.sensors:
+            named.setdefault(frame.node, frame.name)
+        return named
+
+
+def layout(inst: Instrument, settings: CanOpen) -> Layout:
+    """Return the frames by which an instrument's bench is served.
+
+    Raises
+    ------
+    InstrumentError
+        An axis is missing, a node has more to tell than its PDOs carry, or the bus is too slow.
+    """
+    axes: list[CanAxis] = []
+    for name in inst.axes:
+        axis: CanAxis | None = getattr(settings, name)
+        if axis is None:
+            raise InstrumentError(f"devices.canopen.{name} is missing; {inst.name} has that axis.")
+        axes.append(axis)
+    unit = settings.velocity_unit or 2 * pi / inst.drives.encoder_counts
+    drives = tuple(
+        _drive(inst, settings, (n, tendon), drive, unit)
+        for n, axis in enumerate(axes)
+        for tendon, drive in enumerate(axis.drives)
+    )
+    sensors = tuple(_sensor_frames(inst.axes, axes, {drive.node for drive in drives}))
+    speed = inst.drives.motor_speed
+    if speed / unit > 2**31 - 1:
+        raise InstrumentError(
+            f"devices.canopen.velocity_unit is {unit:g} rad/s, of which drives.motor_speed, {speed:g} rad/s, is more "
+            "than 32 bits hold; allowed is a larger one."
+        )
+    load = _load(inst, settings, drives, sensors)
+    if load > _MOST_LOAD:
+        raise InstrumentError(
+            f"sensors.sampling_rate is {inst.sensors.sampling_rate:g} Hz, at which {len(drives)} drives and their "
+            f"sensors take {load:.0%} of a bus of {settings.bitrate} bit/s; allowed is up to "
+            f"{inst.sensors.sampling_rate * _MOST_LOAD / load:.0f} Hz, or a faster bus."
+        )
+    return Layout(inst.axes, drives, sensors, speed / inst.drives.gear_ratio, unit, load)
+
+
+def _drive(inst: Instrument, settings: CanOpen, place: tuple[int, int], drive: CanDrive, unit: float) -> DriveFrames:
+    axis, tendon = place
+    counter = settings.counter
+    objects = _MEASURED_OBJECTS if counter is None else (*_MEASURED_OBJECTS, (counter.object, counter.sub, 16))
+    turn = (-1 if drive.reversed else 1) / inst.drives.gear_ratio
+    return DriveFrames(
+        drive.node,
+        f"the {('agonist', 'antagonist')[tendon]} drive of {inst.axes[axis]}",
+        axis,
+        tendon,
+        0x180 + drive.node,
+        objects,
+        struct.Struct(_STATUS_AND_POSITION + ("" if counter is None else "H")),
+        0x200 + drive.node,
+        _COMMANDED_OBJECTS,
+        turn * 2 * pi / inst.drives.encoder_counts,
+        turn * unit,
+    )
+
+
+def _sensor_frames(names: tuple[str, ...], axes: list[CanAxis], drives: set[int]) -> list[SensorFrame]:
+    by_node: dict[int, list[_Placed]] = {}
+    for n, axis in enumerate(axes):
+        for measured, source in axis.sources.items():
+            by_node.setdefault(source.node, []).append((n, COLUMNS.index(measured), source))
+    frames = []
+    for node, sources in by_node.items():
+        packed: list[list[_Placed]] = [[]]
+        for one in sources:
+            taken = sum(_size(source) for _, _, source in packed[-1])
+            if taken + _size(one[2]) > _PDO_BYTES:
+                packed.append([])
+            packed[-1].append(one)
+        first = 2 if node in drives else 1  # a drive's first PDO is taken
+        if first + len(packed) - 1 > _MOST_PDOS:
+            raise InstrumentError(
+                f"devices.canopen: node {node} has {len(sources)} sensors to tell of; allowed are as many as "
+                f"{_MOST_PDOS + 1 - first} PDOs of {_PDO_BYTES} bytes carry."
+            )
+        for number, held in enumerate(packed, start=first):
+            served = " and ".join(dict.fromkeys(names[n] for n, _, _ in sources))
+            frames.append(_sensor_frame(node, f"the sensor node of {served}", number, held))
+    return frames
+
+
+def _sensor_frame(node: int, name: str, number: int, held: list[_Placed]) -> SensorFrame:
+    return SensorFrame(
+        node,
+        name,
+        0x80 + 0x100 * number + node,
+        tuple((source.object, source.sub, 8 * _size(source)) for _, _, source in held),
+        struct.Struct("<" + "".join(_CODES[source.type] for _, _, source in held)),
+        tuple(
+            Sensor(axis, column, source.gain, source.offset, integer_range(source.type))
+            for axis, column, source in held
+        ),
+    )
+
+
+def integer_range(kind: str) -> tuple[int, int] | None:
+    """Return the least and the largest number of a type; None of one that is no integer."""
+    if kind == "f32":
+        return None
+    bits = int(kind[1:])
+    return (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) if kind[0] == "i" else (0, 2**bits - 1)
+
+
+def _size(source: CanAngle | CanTension) -> int:
+    return int(source.type[1:]) // 8
+
+
+def _load(
+    inst: Instrument, settings: CanOpen, drives: tuple[DriveFrames, ...], sensors: tuple[SensorFrame, ...]
+) -> float:
+    if settings.bitrate is None:
+        return nan
+    cyclic = _bits(0) + sum(_bits(drive.measured.size) + _bits(_CONTROL_AND_VELOCITY.size) for drive in drives)
+    cyclic += sum(_bits(frame.format.size) for frame in sensors)
+    nodes = {drive.node for drive in drives} | {frame.node for frame in sensors}
+    heartbeats = (1 + len(nodes)) * _bits(1) / settings.heartbeat
+    return (cyclic * inst.sensors.sampling_rate + heartbeats) / settings.bitrate
+
+
+def _bits(size: int) -> int:
+    """Return the most bits that a frame of so many bytes takes, stuffing and the gap to the next included.
+
+    Source: R. I. Davis, A. Burns, R. J. Bril and J. J. Lukkien, Controller Area Network (CAN) schedulability
+    analysis: refuted, revisited and revised, Real-Time Systems 35, 2007.
+    """
+    return 34 + 8 * size + 13 + floor((34 + 8 * size - 1) / 4)

@@ -1,0 +1,248 @@
+"""How the nodes of a CANopen bench are prepared and its drives enabled, before the first SYNC."""
+
+import struct
+import time
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+from tenodesis.devices import cia402
+from tenodesis.devices.can_layout import DriveFrames, Layout, SensorFrame
+from tenodesis.devices.settings import CanOpen
+from tenodesis.errors import DeviceError
+from tenodesis.instrument import Instrument
+
+if TYPE_CHECKING:
+    from canopen import Network
+
+MISSED_HEARTBEATS = 3
+"""Heartbeats that may be missed before their node counts as lost, both ways."""
+
+_ANSWER_TIME = 1.0  # s, of an SDO server
+_STATE_TIME = 5.0  # s, of a drive's change of state
+_HOMING_TIME = 5.0  # s; nothing moves meanwhile
+_POLL = 2e-3  # s
+_ON_EVERY_SYNC = 1
+_INVALID = 0x8000_0000
+_NO_REMOTE_REQUEST = 0x4000_0000
+_NOT_THERE = (0x0602_0000, 0x0609_0011)
+"""SDO abort codes of an object or sub-index that a node does not have."""
+_OPERATIONAL, _PRE_OPERATIONAL = 1, 128  # NMT commands
+
+
+class Setup:
+    """Prepares nodes by SDO; whatever one of them refuses raises DeviceError.
+
+    Parameters
+    ----------
+    network
+        Of the canopen library, listening.
+    """
+
+    def __init__(self, network: "Network", inst: Instrument, settings: CanOpen, plan: Layout) -> None:
+        from canopen import ObjectDictionary, RemoteNode  # noqa: PLC0415 - slow to import, and only a bench needs it
+
+        self._network = network
+        self._inst, self._settings, self._plan = inst, settings, plan
+        self._nodes: dict[int, RemoteNode] = {}
+        for number in plan.nodes:
+            node = RemoteNode(number, ObjectDictionary())
+            node.sdo.RESPONSE_TIMEOUT = _ANSWER_TIME
+            network.add_node(node)
+            self._nodes[number] = node
+        self._name = {number: f"{name} (node {number})" for number, name in plan.nodes.items()}
+
+    def prepare(self) -> None:
+        """Find all nodes, take the drives' power away and tell every node what to send, to heed and to do alone."""
+        for number in self._plan.nodes:
+            self._network.send_message(0, bytes((_PRE_OPERATIONAL, number)))
+        drives = {drive.node for drive in self._plan.drives}
+        for number in self._plan.nodes:
+            kind = self._read(number, 0x1000, 0, "I") & 0xFFFF
+            if number in drives and kind != 402:
+                raise DeviceError(
+                    f"{self._name[number]} is no CiA 402 drive, its device profile is {kind}; allowed is the node id "
+                    "of a drive."
+                )
+            self._write(number, 0x1017, 0, "H", round(self._settings.heartbeat * 1e3))
+        for drive in self._plan.drives:
+            self._prepare_drive(drive)
+        taken: set[int] = set()
+        for frame in self._plan.sensors:
+            self._map_measured(frame)
+            taken.add(frame.cob_id)
+        for drive in self._plan.drives:
+            self._silence(drive, taken)
+
+    def enable(self) -> None:
+        """Lead all drives to operation enabled, at rest; from now on they heed our heartbeat."""
+        for number in self._plan.nodes:
+            self._network.send_message(0, bytes((_OPERATIONAL, number)))
+        for drive in self._plan.drives:
+            if self._settings.zero == "here":
+                self._home_here(drive)
+            self._write(drive.node, 0x60FF, 0, "i", 0)
+            self._mode(drive, cia402.MODES[self._settings.mode])
+            self._lead(drive)
+
+    def _prepare_drive(self, drive: DriveFrames) -> None:
+        node, limit = drive.node, self._inst.drives
+        self._write(node, 0x6040, 0, "H", cia402.DISABLE_VOLTAGE)
+        lost = round(MISSED_HEARTBEATS * self._settings.heartbeat * 1e3)
+        self._must_heed(node, 0x1016, 1, "I", self._settings.master << 16 | lost)
+        self._must_heed(node, 0x6007, 0, "h", cia402.QUICK_STOP_ON_LOSS)
+        hold = self._inst.control.safe_state == "hold"
+        self._must_heed(node, 0x605A, 0, "h", cia402.STOP_AND_HOLD if hold else cia402.STOP_AND_LET_GO)
+        self._write(node, 0x605E, 0, "h", cia402.STOP_AND_LET_GO, needed=False)
+        acceleration = max(1, round(limit.motor_acceleration / self._plan.unit))
+        # Ramps of the profile, of the quick stop, and the largest ones.
+        for index in (0x6083, 0x6084, 0x6085, 0x60C5, 0x60C6):
+            self._write(node, index, 0, "I", min(acceleration, 2**32 - 1), needed=False)
+        self._write(node, 0x607F, 0, "I", max(1, round(limit.motor_speed / self._plan.unit)), needed=False)
+        self._map(node, 0x1400, 0x1600, drive.commanded_id, drive.commanded_objects)
+        self._map(node, 0x1800, 0x1A00, drive.measured_id | _NO_REMOTE_REQUEST, drive.measured_objects)
+
+    def _map_measured(self, frame: SensorFrame) -> None:
+        number = (frame.cob_id - 0x180) >> 8
+        self._map(frame.node, 0x1800 + number, 0x1A00 + number, frame.cob_id | _NO_REMOTE_REQUEST, frame.objects)
+
+    def _silence(self, drive: DriveFrames, taken: Iterable[int]) -> None:
+        """Switch the drive's other PDOs off: none may speed a motor, or fill the bus."""
+        for number in range(1, 4):
+            self._write(
+                drive.node, 0x1400 + number, 1, "I", _INVALID | (0x200 + 0x100 * number + drive.node), needed=False
+            )
+            cob_id = 0x180 + 0x100 * number + drive.node
+            if cob_id not in taken:
+                self._write(drive.node, 0x1800 + number, 1, "I", _INVALID | cob_id, needed=False)
+
+    def _map(
+        self, node: int, communication: int, mapping: int, cob_id: int, objects: tuple[tuple[int, int, int], ...]
+    ) -> None:
+        self._write(node, communication, 1, "I", cob_id | _INVALID)
+        self._write(node, communication, 2, "B", _ON_EVERY_SYNC)
+        self._write(node, mapping, 0, "B", 0)
+        for place, (index, sub, bits) in enumerate(objects, start=1):
+            self._write(node, mapping, place, "I", index << 16 | sub << 8 | bits)
+        self._write(node, mapping, 0, "B", len(objects))
+        self._write(node, communication, 1, "I", cob_id)
+
+    def _home_here(self, drive: DriveFrames) -> None:
+        self._mode(drive, cia402.HOMING_MODE)
+        today, older = cia402.HOME_HERE
+        if not self._write(drive.node, 0x6098, 0, "b", today, needed=False):
+            self._write(drive.node, 0x6098, 0, "b", older)
+        self._write(drive.node, 0x607C, 0, "i", 0, needed=False)
+        self._lead(drive)
+        self._write(drive.node, 0x6040, 0, "H", cia402.START_HOMING)
+
+        def attained() -> bool:
+            status = self._status(drive)
+            if status & cia402.HOMING_ERROR or cia402.state(status) != cia402.OPERATION_ENABLED:
+                raise DeviceError(
+                    f"{self._name[drive.node]} cannot take its present position for zero; allowed is "
+                    'devices.canopen.zero = "keep", or a drive that knows homing method 37 or 35.'
+                )
+            return bool(status & cia402.HOMING_ATTAINED)
+
+        self._wait(attained, _HOMING_TIME, lambda: f"{self._name[drive.node]} did not end its homing")
+        self._write(drive.node, 0x6040, 0, "H", cia402.SWITCH_ON)
+
+    def _mode(self, drive: DriveFrames, mode: int) -> None:
+        self._write(drive.node, 0x6060, 0, "b", mode)
+        self._wait(
+            lambda: self._read(drive.node, 0x6061, 0, "b") == mode,
+            _STATE_TIME,
+            lambda: f"{self._name[drive.node]} does not take mode {mode} (6060h); allowed is a drive that has it",
+        )
+
+    def _lead(self, drive: DriveFrames) -> None:
+        """Lead a drive, out of a fault too, but once only: a fault that returns is named."""
+        reset = False
+        reached = ""
+
+        def enabled() -> bool:
+            nonlocal reset, reached
+            reached = cia402.state(self._status(drive))
+            if reached == cia402.FAULT:
+                if reset:
+                    cause = cia402.Emergency(self._read(drive.node, 0x603F, 0, "H"))
+                    raise DeviceError(
+                        f"{self._name[drive.node]} is in fault {cause} and returns to it when reset; mend the cause, "
+                        "then open the bench again."
+                    )
+                reset = True
+                self._write(drive.node, 0x6040, 0, "H", cia402.DISABLE_VOLTAGE)
+            if reached in cia402.NEXT:
+                self._write(drive.node, 0x6040, 0, "H", cia402.NEXT[reached])
+            return reached == cia402.OPERATION_ENABLED
+
+        self._wait(
+            enabled,
+            _STATE_TIME,
+            lambda: f"{self._name[drive.node]} stays in state {reached}; look at its enable input",
+        )
+
+    def _status(self, drive: DriveFrames) -> int:
+        return self._read(drive.node, 0x6041, 0, "H")
+
+    def _wait(self, done: Callable[[], bool], limit: float, told: Callable[[], str]) -> None:
+        until = time.monotonic() + limit
+        while not done():
+            if time.monotonic() > until:
+                raise DeviceError(f"{told()}.")
+            time.sleep(_POLL)
+
+    def _must_heed(self, node: int, index: int, sub: int, code: str, value: int) -> None:
+        """Write what a drive's own watchdog rests on, and see that it stands."""
+        try:
+            self._write(node, index, sub, code, value)
+        except DeviceError as problem:
+            raise DeviceError(f"{problem} Without it the motor would not stop by itself once it has lost us.") from None
+        kept = self._read(node, index, sub, code)
+        if kept != value:
+            raise DeviceError(
+                f"{self._name[node]} keeps {kept} in object {index:04X}h, not {value}: it would not stop by itself "
+                "once it has lost us; allowed is a drive that does."
+            )
+
+    def _write(self, node: int, index: int, sub: int, code: str, value: int, *, needed: bool = True) -> bool:
+        from canopen import SdoAbortedError  # noqa: PLC0415 - slow to import
+        from canopen.sdo.exceptions import SdoError  # noqa: PLC0415 - as above
+
+        try:
+            self._nodes[node].sdo.download(index, sub, struct.pack("<" + code, value))
+        except SdoAbortedError as refused:
+            if not needed:
+                return False
+            why = "has no" if refused.code in _NOT_THERE else f"refuses {value} (SDO abort {refused.code:08X}h) in"
+            raise DeviceError(f"{self._name[node]} {why} object {index:04X}h:{sub:02X}.") from None
+        except SdoError:
+            raise self._silent(node) from None
+        return True
+
+    def _read(self, node: int, index: int, sub: int, code: str) -> int:
+        from canopen import SdoAbortedError  # noqa: PLC0415 - slow to import
+        from canopen.sdo.exceptions import SdoError  # noqa: PLC0415 - as above
+
+        try:
+            raw = self._nodes[node].sdo.upload(index, sub)
+            return int(struct.unpack("<" + code, raw)[0])
+        except SdoAbortedError as refused:
+            raise DeviceError(
+                f"{self._name[node]} does not tell object {index:04X}h:{sub:02X} (SDO abort {refused.code:08X}h)."
+            ) from None
+        except SdoError:
+            raise self._silent(node) from None
+        except struct.error:
+            raise DeviceError(
+                f"{self._name[node]} tells object {index:04X}h:{sub:02X} in {len(raw)} bytes; allowed are "
+                f"{struct.calcsize('<' + code)}."
+            ) from None
+
+    def _silent(self, node: int) -> DeviceError:
+        heard = sorted(number for number in self._network.scanner.nodes if number != self._settings.master)
+        others = f"nodes {', '.join(str(number) for number in heard)} are there" if heard else "no node is"
+        return DeviceError(
+            f"{self._name[node]} does not answer on {self._settings.interface} {self._settings.channel}, where "
+            f"{others}; look at its node id, bit rate, power and cable."
+        )

@@ -1,0 +1,108 @@
+"""CiA 402: what a drive's statusword and emergencies say, and what it is told."""
+
+from types import MappingProxyType
+from typing import NamedTuple
+
+DISABLE_VOLTAGE = 0x0000
+QUICK_STOP = 0x0002
+SHUTDOWN = 0x0006
+SWITCH_ON = 0x0007
+ENABLE = 0x000F
+START_HOMING = 0x001F
+FAULT_RESET = 0x0080
+
+OPERATION_ENABLED = "operation enabled"
+QUICK_STOP_ACTIVE = "quick stop active"
+SWITCH_ON_DISABLED = "switch on disabled"
+FAULT = "fault"
+
+HOMING_ATTAINED = 1 << 12
+HOMING_ERROR = 1 << 13
+
+HOMING_MODE = 6
+MODES = MappingProxyType({"cyclic-velocity": 9, "profile-velocity": 3})
+HOME_HERE = (37, 35)
+"""Methods that take the present position for zero: that of today's profile, and that of older drives."""
+
+QUICK_STOP_ON_LOSS = 3
+"""What a drive does once it has lost us, object 6007h."""
+STOP_AND_HOLD = 6
+"""Slow down by the quick stop ramp and stay there, object 605Ah."""
+STOP_AND_LET_GO = 2
+"""Slow down by the quick stop ramp, then without power, objects 605Ah and 605Eh."""
+
+_STATES = (
+    (0x4F, 0x00, "not ready to switch on"),
+    (0x4F, 0x40, SWITCH_ON_DISABLED),
+    (0x6F, 0x21, "ready to switch on"),
+    (0x6F, 0x23, "switched on"),
+    (0x6F, 0x27, OPERATION_ENABLED),
+    (0x6F, 0x07, QUICK_STOP_ACTIVE),
+    (0x4F, 0x0F, "fault reaction active"),
+    (0x4F, 0x08, FAULT),
+)
+
+NEXT = MappingProxyType(
+    {
+        FAULT: FAULT_RESET,
+        QUICK_STOP_ACTIVE: DISABLE_VOLTAGE,
+        SWITCH_ON_DISABLED: SHUTDOWN,
+        "ready to switch on": SWITCH_ON,
+        "switched on": ENABLE,
+    }
+)
+"""Controlword that leads from a state towards operation enabled; from the others a drive goes by itself."""
+
+_EMERGENCIES = {
+    0x2310: "continuous overcurrent",
+    0x2320: "short circuit",
+    0x3210: "overvoltage of the supply",
+    0x3220: "undervoltage of the supply",
+    0x4210: "too hot",
+    0x4310: "too hot",
+    0x5441: "a limit or stop switch",
+    0x7121: "motor blocked",
+    0x7300: "sensor",
+    0x7305: "encoder",
+    0x8110: "frames lost by the drive",
+    0x8120: "CAN error passive",
+    0x8130: "heartbeat of this computer lost",
+    0x8140: "recovered from bus off",
+    0x8210: "a PDO of wrong length",
+    0x8250: "a PDO that did not come",
+    0x8400: "speed controller",
+    0x8611: "following error",
+}
+_GROUPS = (
+    (0xF000, 0x2000, "current"),
+    (0xF000, 0x3000, "voltage"),
+    (0xF000, 0x4000, "temperature"),
+    (0xFF00, 0x5000, "hardware"),
+    (0xF000, 0x6000, "software"),
+    (0xF000, 0x7000, "an additional module"),
+    (0xFF00, 0x8100, "communication"),
+    (0xF000, 0x8000, "monitoring"),
+    (0xFF00, 0x9000, "an external cause"),
+)
+
+
+class Emergency(NamedTuple):
+    """What an emergency message or object 603Fh says."""
+
+    code: int
+
+    @property
+    def over(self) -> bool:
+        """Whether it says that there is none any more."""
+        return self.code & 0xFF00 == 0
+
+    def __str__(self) -> str:
+        known = _EMERGENCIES.get(self.code)
+        if known is None:
+            known = next((told for mask, code, told in _GROUPS if self.code & mask == code), "of the drive's own kind")
+        return f"0x{self.code:04X} ({known})"
+
+
+def state(statusword: int) -> str:
+    """Return the state that a statusword tells."""
+    return next((name for mask, bits, name in _STATES if statusword & mask == bits), f"unknown (0x{statusword:04X})")

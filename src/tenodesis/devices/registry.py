@@ -1,0 +1,83 @@
+"""Which devices there are, what each needs, and how one is made for an instrument."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from tenodesis.devices.device import Device
+from tenodesis.errors import DeviceError
+from tenodesis.instrument import Instrument
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of device."""
+
+    description: str
+    needs: str
+    make: Callable[[Instrument], Device] | None
+    """None of what the live loop serves by itself."""
+
+
+def make(name: str, inst: Instrument) -> Device:
+    """Return a device for an instrument, not open yet.
+
+    Raises
+    ------
+    DeviceError
+        There is no such device, it is none that can be made here, or the instrument file has no table for it.
+    InstrumentError
+        The table does not suit the instrument.
+    """
+    if name not in KINDS:
+        raise DeviceError(f"NAME is {name!r}; allowed are {', '.join(KINDS)}.")
+    made = KINDS[name].make
+    if made is None:
+        can = ", ".join(key for key, kind in KINDS.items() if kind.make is not None)
+        raise DeviceError(f"{name} is served by the live loop itself; allowed here are {can}.")
+    return made(inst)
+
+
+def _canopen(inst: Instrument) -> Device:
+    from tenodesis.devices.canopen import CanOpenDevice  # noqa: PLC0415 - its library is needed for it alone
+
+    if inst.devices.canopen is None:
+        raise _without_table("canopen", inst)
+    return CanOpenDevice(inst, inst.devices.canopen)
+
+
+def _nidaq(inst: Instrument) -> Device:
+    from tenodesis.devices.nidaq import NiDaqDevice  # noqa: PLC0415 - as above
+
+    if inst.devices.nidaq is None:
+        raise _without_table("nidaq", inst)
+    return NiDaqDevice(inst, inst.devices.nidaq)
+
+
+def _without_table(name: str, inst: Instrument) -> DeviceError:
+    return DeviceError(
+        f"{inst.name} has no table devices.{name}, which says how its bench is wired; add one to the instrument file."
+    )
+
+
+KINDS: Mapping[str, Kind] = MappingProxyType(
+    {
+        "twin": Kind("the digital twin, in the loop's own process", "nothing", None),
+        "canopen": Kind(
+            "a CiA 402 drive per tendon and sensors on a CAN bus",
+            "table devices.canopen; packages canopen and python-can; a CAN interface",
+            _canopen,
+        ),
+        "nidaq": Kind(
+            "analogue encoders, load cells and speed commands, clocked by hardware",
+            "table devices.nidaq; package nidaqmx and the driver NI-DAQmx",
+            _nidaq,
+        ),
+        "serial": Kind(
+            "the controller on a microcontroller with the firmware",
+            "table devices.serial; package pyserial; a serial port",
+            None,
+        ),
+    }
+)
+"""All devices, by name."""

@@ -1,0 +1,266 @@
+"""A controller on a board: a microcontroller with the firmware of ``firmware/link.cpp`` on a serial port or a socket.
+
+The board computes; everything else is as with :class:`tenodesis.control.Controller`: a twin's run or the live loop
+takes either. Each tick waits for the board's answer; what fails there is a fault with the motors at rest.
+"""
+
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import isfinite
+from types import TracebackType
+from typing import NamedTuple, Self, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tenodesis import _core
+from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName, Output, Request
+from tenodesis.control.export import INTERFACE_VERSION
+from tenodesis.control.parameters import AXIS, COMMON, FAULTS
+from tenodesis.errors import DeviceError
+from tenodesis.instrument import Instrument
+
+BAUD_RATE = 3_000_000
+"""Bits per second of a serial port, unless another is given: a tick of one axis takes 138 bytes, 87 of them back."""
+
+_SIZE = 768  # bytes of tenodesis_parameters in float
+_CONNECT_TIMEOUT = 3.0  # s
+_LONGEST_SILENCE = 4e6  # s
+
+
+class Board(NamedTuple):
+    """What a board says of itself."""
+
+    name: str
+    protocol_version: int
+    interface_version: int
+    clock: float
+    """Of the processor, Hz."""
+    has_sensors: bool
+    """Whether it can measure by itself."""
+
+
+class LinkCounts(NamedTuple):
+    """What has come over the link and what has not."""
+
+    answers: int
+    repetitions: int
+    """Questions that were asked again."""
+    damaged: int
+    """Frames from the board that came damaged."""
+    stale: int
+    """Answers that nobody waited for any more."""
+    board_damaged: int
+    """Frames to the board that came damaged."""
+
+
+class Problem(NamedTuple):
+    """What has gone wrong with a link."""
+
+    name: str
+    """As ``link_lost``, ``wrong_version`` or ``not_a_number``."""
+    text: str
+
+
+class SerialController(Controller):
+    """The controller of an instrument on a board, computed there in single precision.
+
+    Parameters
+    ----------
+    address
+        ``socket://HOST:PORT``, ``unix://PATH``, or a serial port such as ``/dev/ttyACM0``.
+    inst, observer, law, actuation, homed, enabled, period, own_clock
+        As of :class:`~tenodesis.control.Controller`; the board is sent them.
+    timeout
+        Longest wait for an answer, with all repetitions, s.
+    repetitions
+        How often a question is asked again whose answer is lost or damaged; the board acts on it once.
+    silence
+        Time without a tick, by the board's clock, after which it stops by itself, s; None: the instrument's
+        ``control.watchdog``. With a simulated plant, which may pause, a longer one.
+    baud_rate
+        Of a serial port, bit/s.
+
+    Raises
+    ------
+    ValueError
+        A choice is not allowed, or the numbers make no controller.
+    DeviceError
+        There is no such port, no board behind it, or one of another version.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        inst: Instrument,
+        observer: ObserverName = "friction",
+        law: LawName = "robust",
+        actuation: ActuationName = "differential",
+        *,
+        homed: bool = True,
+        enabled: bool = True,
+        period: float | None = None,
+        own_clock: bool = False,
+        timeout: float = 0.25,
+        repetitions: int = 2,
+        silence: float | None = None,
+        baud_rate: int = BAUD_RATE,
+    ) -> None:
+        # What is refused without a board is refused before one is asked.
+        super().__init__(
+            inst,
+            observer,
+            law,
+            actuation,
+            homed=homed,
+            enabled=enabled,
+            precision="single",
+            period=period,
+            own_clock=own_clock,
+        )
+        if not (isfinite(timeout) and 0 < timeout < 1e4):
+            raise ValueError(f"timeout is {timeout!r}; allowed is a time above 0 and below 10 000 s.")
+        if not 0 <= repetitions <= 1000:
+            raise ValueError(f"repetitions is {repetitions!r}; allowed is a number from 0 to 1000.")
+        if silence is not None and not 1e-3 <= silence <= _LONGEST_SILENCE:
+            raise ValueError(f"silence is {silence!r}; allowed is a time of 0.001 s or more, or None.")
+        self.address = address
+        with _open(address, baud_rate) as descriptor:
+            self.core = self._link = _core.SerialController(
+                descriptor,
+                _image(self),
+                timeout,
+                max(timeout, _CONNECT_TIMEOUT),
+                repetitions,
+                0 if silence is None else round(silence * 1e3),
+            )
+        if self.problem is not None:
+            problem = self.problem.text
+            self._link.close()
+            raise DeviceError(f"{address}: {problem}; allowed is a board with the firmware of this version.")
+
+    @property
+    def board(self) -> Board:
+        """What the board says of itself."""
+        return Board(*self._link.board())
+
+    @property
+    def problem(self) -> Problem | None:
+        """What has gone wrong with the link since it was last set up; a request to clear, or a reset, does that."""
+        name, text = self._link.problem()
+        return Problem(name, text) if name else None
+
+    @property
+    def link_counts(self) -> LinkCounts:
+        """What has come over the link and what has not."""
+        return LinkCounts(*self._link.link_counts())
+
+    @property
+    def computing_time(self) -> float:
+        """Time that the board took for a tick, from the frame's last byte to its answer, s; of the tick before last."""
+        return self._link.busy() / self.board.clock
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the board has stopped by itself and waits to be enabled or resumed."""
+        return self._link.stopped()
+
+    def step(
+        self,
+        time: float,
+        handle_angle: ArrayLike,
+        tensions: ArrayLike,
+        spool_angles: ArrayLike,
+        request: Request | str = Request.NONE,
+    ) -> Output:
+        """Take one tick on the board, as :meth:`tenodesis.control.Controller.step`.
+
+        A board that fails is no error: the output is a fault, with velocities 0 and estimates NaN, until the request
+        ``clear`` or a reset has set the link up anew; :attr:`problem` says what it was.
+        """
+        return super().step(time, handle_angle, tensions, spool_angles, request)
+
+    def close(self) -> None:
+        """Tell the board to stop, and let go of it; a second time does nothing."""
+        self._link.close()
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close."""
+        self.close()
+
+
+def _image(controller: Controller) -> bytes:
+    """Return a ``tenodesis_parameters`` of ``tenodesis.h`` in float, as it lies in a board's memory."""
+    parameters = controller.parameters
+    words = [
+        _SIZE,
+        INTERFACE_VERSION,
+        parameters.joint_type,
+        len(parameters.axes),
+        get_args(ObserverName).index(controller.observer),
+        get_args(LawName).index(controller.law),
+        get_args(ActuationName).index(controller.actuation),
+        ("hold", "neutral").index(controller.inst.control.safe_state),
+        int(controller.own_clock),
+        int(controller.homed_at_start),
+    ]
+    reals = [parameters.common[name] for name in COMMON]
+    for axis, limits in zip(parameters.axes, parameters.limits, strict=True):
+        reals += [axis[name] for name in AXIS]
+        for name in ("spool_jump", *FAULTS):
+            reals += limits[name]
+    image = np.array(words, "<u4").tobytes() + np.array(reals).astype("<f4").tobytes()
+    return image.ljust(_SIZE, b"\0")
+
+
+@contextmanager
+def _open(address: str, baud_rate: int) -> Iterator[int]:
+    """Give the descriptor of an open line; whoever wants to keep it makes a copy."""
+    scheme, found, rest = address.partition("://")
+    if not found:
+        with _port(address, baud_rate) as descriptor:
+            yield descriptor
+        return
+    host, _, port = rest.rpartition(":")
+    if scheme == "unix" and rest:
+        line, target = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM), rest
+    elif scheme == "socket" and host and port.isdecimal() and int(port) < 2**16:
+        line = None
+    else:
+        raise ValueError(
+            f"address is {address!r}; allowed are socket://HOST:PORT, unix://PATH and a serial port such as "
+            "/dev/ttyACM0."
+        )
+    try:
+        if line is None:
+            line = socket.create_connection((host.strip("[]"), int(port)), _CONNECT_TIMEOUT)
+            line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        else:
+            line.settimeout(_CONNECT_TIMEOUT)
+            line.connect(target)
+    except OSError as problem:
+        raise DeviceError(
+            f"{address} does not answer ({problem.strerror or problem}); allowed is where a board listens."
+        ) from None
+    with line:
+        yield line.fileno()
+
+
+@contextmanager
+def _port(path: str, baud_rate: int) -> Iterator[int]:
+    import serial  # noqa: PLC0415 - only where there is a serial port
+
+    try:
+        port = serial.Serial(path, baud_rate, timeout=0, exclusive=True)
+    except (OSError, ValueError) as problem:
+        raise DeviceError(f"{path} cannot be opened at {baud_rate} bit/s: {problem}.") from None
+    with port:
+        port.reset_input_buffer()
+        yield port.fileno()

@@ -1,0 +1,1 @@
+"""Simulated hardware, for tests of devices and for trying them without a bench."""

@@ -1,0 +1,40 @@
+"""Serve the simulated bench of an instrument file on its CAN bus until interrupted: python -m ... FILE."""
+
+import sys
+import time
+
+import can
+
+from tenodesis import instrument
+from tenodesis.devices.simulated.bench import SimulatedBench
+from tenodesis.errors import InstrumentError
+
+_LOOK = 0.01  # s
+
+
+def main(source: str) -> None:
+    """Tell what becomes of the drives, a line per change of state, with the speeds in force (rad/s)."""
+    inst = instrument.load(source)
+    settings = inst.devices.canopen
+    if settings is None or settings.interface == "virtual":
+        raise InstrumentError(f"{source}: devices.canopen must be there, with a bus that other processes reach.")
+    bus = can.Bus(interface=settings.interface, channel=settings.channel, **settings.options)
+    try:
+        with SimulatedBench(inst, settings, bus) as bench:
+            print(f"serving {inst.name} on {settings.interface} {settings.channel}", flush=True)
+            told = dict.fromkeys(bench.drives, 0)
+            while bench.running:
+                for node, drive in bench.drives.items():
+                    for line in drive.log[told[node] :]:
+                        speeds = " ".join(f"{speed:.4g}" for speed in bench.velocity.ravel())
+                        print(f"node {node}: {line} (sync {bench.syncs}, speeds {speeds})", flush=True)
+                    told[node] = len(drive.log)
+                time.sleep(_LOOK)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        bus.shutdown()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

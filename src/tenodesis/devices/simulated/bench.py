@@ -1,0 +1,270 @@
+"""A simulated bench on a CAN bus: the twin, stepped once per SYNC, behind simulated nodes."""
+
+import threading
+import time
+from collections.abc import Callable
+from math import isfinite, pi
+from types import TracebackType
+from typing import Protocol, Self
+
+import can
+import canopen
+import numpy as np
+from canopen import objectdictionary as od
+
+from tenodesis.devices.device import Measurement
+from tenodesis.devices.settings import CanAngle, CanAxis, CanOpen, CanTension
+from tenodesis.devices.simulated.cia402 import Drive, Node
+from tenodesis.instrument import Instrument
+from tenodesis.signals import Array, Run
+from tenodesis.twin import Twin
+
+_TYPES = {
+    "i8": od.INTEGER8,
+    "u8": od.UNSIGNED8,
+    "i16": od.INTEGER16,
+    "u16": od.UNSIGNED16,
+    "i32": od.INTEGER32,
+    "u32": od.UNSIGNED32,
+    "f32": od.REAL32,
+}
+_CIA_401 = 0x0004_0191
+_IDLE = 1e-3  # s
+
+
+class Plant(Protocol):
+    """What the simulated drives turn, and the simulated sensors measure."""
+
+    def step(self, spool_velocity: Array) -> Measurement:
+        """Go on by a sampling period with spool velocities (rad/s, shape (axes, 2)) and return what is measured."""
+        ...
+
+
+class TwinPlant:
+    """The twin as a plant.
+
+    Parameters
+    ----------
+    twin
+        The twin.
+    motion
+        Handle angles and tip forces at a time (s), numbers or shape (axes,); by default at rest.
+    """
+
+    def __init__(
+        self, twin: Twin, motion: Callable[[float], tuple[float | Array, float | Array]] = lambda _: (0.0, 0.0)
+    ) -> None:
+        self.twin, self._motion = twin, motion
+        self._steps = max(1, round(1 / (twin.inst.sensors.sampling_rate * twin.time_step)))
+        self.latest: Run | None = None
+        """The twin's last step, truth included."""
+
+    def step(self, spool_velocity: Array) -> Measurement:
+        """Go on by a sampling period."""
+        axes = len(self.twin.inst.axes)
+        handle, force = self._motion(self.twin.time)
+        velocity = spool_velocity if axes > 1 else spool_velocity[0]
+        for _ in range(self._steps):
+            row = self.twin.step(
+                np.broadcast_to(handle, (axes,)) if axes > 1 else np.asarray(handle),
+                np.broadcast_to(force, (axes,)) if axes > 1 else np.asarray(force),
+                spool_velocity=velocity,
+            )
+        self.latest = row
+        shaped = {name: row[f"measured_{name}"] for name in ("handle_angle", "tension", "spool_angle", "output_angle")}
+        return Measurement(
+            round(self.twin.time * 1e9),
+            shaped["handle_angle"].reshape(axes),
+            shaped["tension"].reshape(axes, 2),
+            shaped["spool_angle"].reshape(axes, 2),
+            shaped["output_angle"].reshape(axes),
+        )
+
+
+class SimulatedBench:
+    """The nodes of an instrument's table devices.canopen, served by a thread of their own.
+
+    Lock-step: with every SYNC the plant goes on by a sampling period with the speeds that were in force since the SYNC
+    before, the nodes send what is then measured, and speeds that have come since take force.
+
+    Parameters
+    ----------
+    inst
+        The instrument.
+    settings
+        Its table devices.canopen.
+    bus
+        A bus of python-can, open.
+    plant
+        What is on the bench; by default a twin of the instrument.
+    clock
+        What heartbeats are timed by, ns.
+    positions
+        Counts that the drives' encoders show at first, by node.
+    """
+
+    def __init__(
+        self,
+        inst: Instrument,
+        settings: CanOpen,
+        bus: can.BusABC,
+        *,
+        plant: Plant | None = None,
+        clock: Callable[[], int] = time.monotonic_ns,
+        positions: dict[int, int] | None = None,
+    ) -> None:
+        self.inst, self.settings, self.bus = inst, settings, bus
+        self.plant: Plant = TwinPlant(Twin(inst)) if plant is None else plant
+        self.network = _Network(bus)
+        self._axes: list[CanAxis] = [getattr(settings, name) for name in inst.axes]
+        self._unit = settings.velocity_unit or 2 * pi / inst.drives.encoder_counts
+        objects: dict[int, list[tuple[int, int, int]]] = {}
+        for axis in self._axes:
+            for source in axis.sources.values():
+                objects.setdefault(source.node, []).append((source.object, source.sub, _TYPES[source.type]))
+        counter = settings.counter
+        self.drives = {
+            drive.node: Drive(
+                drive.node,
+                self.network,
+                clock,
+                counter=None if counter is None else (counter.object, counter.sub),
+                position=(positions or {}).get(drive.node, 0),
+                objects=objects.pop(drive.node, []),
+            )
+            for axis in self._axes
+            for drive in axis.drives
+        }
+        self.nodes: dict[int, Node] = dict(self.drives)
+        self.nodes |= {number: Node(number, _CIA_401, self.network, clock, own) for number, own in objects.items()}
+        self.network.subscribe(0x80, self._sync)
+        self.network.subscribe(0, self._commanded)
+        self.syncs = 0
+        """How many were answered."""
+        self.velocity = np.zeros((len(self._axes), 2))
+        """Spool velocities in force, rad/s."""
+        self.fastest = 0.0
+        """Largest of them so far."""
+        self.fixed: dict[tuple[int, int, int], float] = {}
+        """Raw values by node, index and sub-index that stand in for what is measured."""
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name="simulated bench", daemon=True)
+        self._problem: BaseException | None = None
+        for drive in self.drives.values():
+            drive.measure(0)
+
+    @property
+    def mangle(self) -> Callable[[int, bytes], bytes | None]:
+        """What becomes of a frame that a node sends: None is none."""
+        return self.network.mangle
+
+    @mangle.setter
+    def mangle(self, mangle: Callable[[int, bytes], bytes | None]) -> None:
+        self.network.mangle = mangle
+
+    @property
+    def running(self) -> bool:
+        """Whether it serves."""
+        return self._thread.is_alive()
+
+    def cut_off(self, node: int) -> None:
+        """Pull a node's cable."""
+        self.nodes[node].cut_off = True
+        self.network.cut_off.add(node)
+
+    def __enter__(self) -> Self:
+        """Start."""
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End; what has failed in the bench is raised here."""
+        self._ending.set()
+        self._thread.join()
+        if self._problem is not None:
+            raise self._problem
+
+    def _serve(self) -> None:
+        try:
+            while not self._ending.is_set():
+                message = self.bus.recv(_IDLE)
+                if message is not None and not (message.is_error_frame or message.is_remote_frame):
+                    self.network.notify(message.arbitration_id, message.data, message.timestamp)
+                for node in self.nodes.values():
+                    node.poll()
+                self._rule()
+        except BaseException as problem:
+            self._problem = problem
+
+    def _commanded(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        for node in self.nodes.values():
+            if len(data) == 2 and data[0] == 1 and data[1] in (0, node.number):
+                node.started()
+
+    def _sync(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        measured = self.plant.step(self.velocity)
+        per_count = 2 * pi / self.inst.drives.encoder_counts / self.inst.drives.gear_ratio
+        for n, axis in enumerate(self._axes):
+            for tendon, wired in enumerate(axis.drives):
+                turned = round(measured.spool_angle[n, tendon] / per_count)
+                self.drives[wired.node].measure(-turned if wired.reversed else turned)
+            for name, source in axis.sources.items():
+                value = {
+                    "handle angle": measured.handle_angle[n],
+                    "agonist tension": measured.tension[n, 0],
+                    "antagonist tension": measured.tension[n, 1],
+                    "output angle": measured.output_angle[n],
+                }[name]
+                self._set(source, float(value))
+        for (number, index, sub), raw in self.fixed.items():
+            self.nodes[number].set(index, sub, raw)
+        for node in self.nodes.values():
+            if node.operational:
+                node.send_pdos()
+        for drive in self.drives.values():
+            if drive.operational:
+                drive.act()
+        self._rule()
+        self.syncs += 1
+
+    def _set(self, source: CanAngle | CanTension, value: float) -> None:
+        raw = (value - source.offset) / source.gain
+        self.nodes[source.node].set(source.object, source.sub, raw if isfinite(raw) or source.type == "f32" else 0)
+
+    def _rule(self) -> None:
+        """Take over the speeds in force."""
+        for n, axis in enumerate(self._axes):
+            for tendon, wired in enumerate(axis.drives):
+                told = self.drives[wired.node].velocity * self._unit / self.inst.drives.gear_ratio
+                self.velocity[n, tendon] = -told if wired.reversed else told
+        self.fastest = max(self.fastest, float(np.abs(self.velocity).max()))
+
+
+class _Network(canopen.Network):
+    """The library's network, whose frames can be tampered with, and whose nodes' cables can be pulled."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        super().__init__(bus)
+        self.mangle: Callable[[int, bytes], bytes | None] = lambda _, data: data
+        self.cut_off: set[int] = set()
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        if can_id & 0x7F in self.cut_off:
+            return
+        mangled = self.mangle(can_id, bytes(data))
+        if mangled is not None:
+            super().send_message(can_id, mangled, remote)
+
+    def send_periodic(self, can_id: int, data: bytes, period: float, remote: bool = False) -> "_NoTask":  # type: ignore[override]
+        """Send nothing: the nodes here keep their heartbeats' time themselves."""
+        return _NoTask()
+
+
+class _NoTask:
+    def stop(self) -> None:
+        pass
+
+    def update(self, data: bytes) -> None:
+        pass

@@ -1,0 +1,56 @@
+"""The whole instrument in space: forward and inverse kinematics through the port, workspace, models for other tools.
+
+The chain is that of Fig. 1: a spherical joint at the port (pan, tilt, spin), a prismatic one through it (insertion),
+and three that turn the end-effector (yaw, pitch, roll); the handle's joints are at the other end of the stem.
+
+The port is the origin, in metres. At zero angles the stem lies along z, tip up, into the patient; pan and yaw go toward
+x, tilt and pitch toward y, spin and roll turn about z. Quaternions are unit quaternions, (w, x, y, z), w not negative.
+Coordinates are a :class:`Posture`; they and goals broadcast as in NumPy.
+
+For a view, :func:`frames` gives everything at once::
+
+    view = tn.kinematics.frames(inst, tn.kinematics.Posture(yaw=0.5, handle_yaw=0.21))
+    view.bodies["stem"].position            # (3,) m; each body's Frame(position, quaternion)
+    view.bodies["stem"].quaternion          # (4,) w, x, y, z
+    view.tendons["yaw_agonist"]             # (points, 3) m, from the handle to the tendon's end
+    tn.kinematics.dimensions(inst)          # lengths and radii to draw the bodies with, m
+
+:func:`urdf` and :func:`mjcf` write the instrument for other tools, and :func:`joint_positions` tells where a posture
+has the joints of these models.
+"""
+
+from tenodesis.kinematics.dimensions import Dimensions, Limits, dimensions, limits
+from tenodesis.kinematics.mjcf import mjcf
+from tenodesis.kinematics.motion import (
+    Frame,
+    Frames,
+    Posture,
+    forward,
+    frames,
+    inverse,
+    jacobian,
+    within_limits,
+)
+from tenodesis.kinematics.parts import joint_positions
+from tenodesis.kinematics.urdf import urdf
+from tenodesis.kinematics.workspace import Workspace, workspace
+
+__all__ = [
+    "Dimensions",
+    "Frame",
+    "Frames",
+    "Limits",
+    "Posture",
+    "Workspace",
+    "dimensions",
+    "forward",
+    "frames",
+    "inverse",
+    "jacobian",
+    "joint_positions",
+    "limits",
+    "mjcf",
+    "urdf",
+    "within_limits",
+    "workspace",
+]

@@ -1,0 +1,149 @@
+"""Lengths and limits of the whole instrument, those that its file leaves out included."""
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+from tenodesis import _core
+from tenodesis.errors import InstrumentError
+from tenodesis.instrument import Instrument
+
+# What a file leaves out, as shares of what it has. The first is the paper's (Table I), the others are our choice.
+_STEM_PER_GEAR_RADIUS = 2.5
+_JAW_SHARE = 0.4
+_INSERTION_SHARES = 0.2, 0.5, 0.8  # least, at rest, most
+
+
+class Dimensions(NamedTuple):
+    """Lengths of the whole instrument, m; radii and joint lengths by axis, from the stem outward."""
+
+    axes: tuple[str, ...]
+    stem_length: float
+    """Between the joints' ends nearest to the stem."""
+    stem_diameter: float
+    joint_spacing: float
+    handle_joint_spacing: float
+    end_effector_length: float
+    """From the last distal joint's far end to where the force acts."""
+    handle_length: float
+    """From the last proximal joint's far end to where the hand acts."""
+    jaw_length: float
+    distal_radii: tuple[float, ...]
+    """Pitch radii of gears, radii of pulleys, or a continuum's tendon offset."""
+    proximal_radii: tuple[float, ...]
+    insertion: float
+    """Of the stem beyond the port, at rest."""
+
+
+class Limits(NamedTuple):
+    """Least and most of every coordinate of the tip, rad and m; an axis that is not there stays at 0."""
+
+    pan: tuple[float, float]
+    tilt: tuple[float, float]
+    spin: tuple[float, float]
+    insertion: tuple[float, float]
+    yaw: tuple[float, float]
+    pitch: tuple[float, float]
+    roll: tuple[float, float]
+
+
+def dimensions(inst: Instrument) -> Dimensions:
+    """Return the lengths of the whole instrument, m (Fig. 1, Table I).
+
+    What the file leaves out follows from the rest: the stem is what handle, end-effector and joints leave of
+    overall_length; two joints of one end are as far apart as each is long; the stem's diameter is 2.5 distal radii.
+
+    Raises
+    ------
+    InstrumentError
+        Nothing is left for the stem, or the insertion at rest does not fit it.
+    """
+    return _dimensions(inst)
+
+
+def limits(inst: Instrument) -> Limits:
+    """Return the limits of the tip's coordinates, rad and m: bending to output_range, the rest by table geometry.
+
+    Raises
+    ------
+    InstrumentError
+        As :func:`dimensions`.
+    """
+    lengths = dimensions(inst)
+    least, _, most = _insertions(inst, lengths.stem_length)
+    geometry = inst.geometry
+    bends = {axis: inst.axis(axis).output_range for axis in inst.axes}
+    pivot, yaw, pitch = geometry.pivot_range, bends.get("yaw", 0.0), bends.get("pitch", 0.0)
+    return Limits(
+        pan=(-pivot, pivot),
+        tilt=(-pivot, pivot),
+        spin=(-geometry.spin_range, geometry.spin_range),
+        insertion=(least, most),
+        yaw=(-yaw, yaw),
+        pitch=(-pitch, pitch),
+        roll=(-geometry.roll_range, geometry.roll_range),
+    )
+
+
+@lru_cache(maxsize=64)
+def chain(inst: Instrument) -> _core.Chain:
+    """Return the whole instrument as the core takes it."""
+    lengths = dimensions(inst)
+    return _core.Chain(
+        [inst.axis(axis).spec for axis in inst.axes],
+        [axis == "pitch" for axis in inst.axes],
+        lengths.stem_length,
+        lengths.joint_spacing,
+        lengths.handle_joint_spacing,
+    )
+
+
+@lru_cache(maxsize=64)
+def _dimensions(inst: Instrument) -> Dimensions:
+    axes = [inst.axis(axis) for axis in inst.axes]
+    distal, proximal = (tuple(_radius(axis, end) for axis in axes) for end in ("distal", "proximal"))
+    geometry = inst.geometry
+    spacing = 2 * distal[0] if geometry.joint_spacing is None else geometry.joint_spacing
+    handle_spacing = 2 * proximal[0] if geometry.handle_joint_spacing is None else geometry.handle_joint_spacing
+    effector, handle = axes[-1].end_effector_length, axes[-1].handle_length
+    joints = sum(sum(_core.joint_lengths(axis.spec)) for axis in axes)
+    taken = effector + handle + joints + (len(axes) - 1) * (spacing + handle_spacing)
+    stem = inst.overall_length - taken if geometry.stem_length is None else geometry.stem_length
+    if not stem > 0:
+        raise InstrumentError(
+            f"{inst.name}: overall_length is {inst.overall_length:g} m, of which handle, end-effector and joints take "
+            f"{taken:g} m, so that no stem is left; allowed is a larger overall_length, or geometry.stem_length."
+        )
+    least, insertion, most = _insertions(inst, stem)
+    if not least <= insertion <= most:
+        raise InstrumentError(
+            f"{inst.name}: geometry.insertion is {insertion:g} m; allowed is from least_insertion, {least:g} m, to "
+            f"most_insertion, {most:g} m."
+        )
+    return Dimensions(
+        axes=tuple(inst.axes),
+        stem_length=stem,
+        stem_diameter=_STEM_PER_GEAR_RADIUS * distal[0] if inst.stem_diameter is None else inst.stem_diameter,
+        joint_spacing=spacing,
+        handle_joint_spacing=handle_spacing,
+        end_effector_length=effector,
+        handle_length=handle,
+        jaw_length=_JAW_SHARE * effector if geometry.jaw_length is None else geometry.jaw_length,
+        distal_radii=distal,
+        proximal_radii=proximal,
+        insertion=insertion,
+    )
+
+
+def _insertions(inst: Instrument, stem: float) -> tuple[float, float, float]:
+    given = inst.geometry.least_insertion, inst.geometry.insertion, inst.geometry.most_insertion
+    least, rest, most = (
+        share * stem if length is None else length for share, length in zip(_INSERTION_SHARES, given, strict=True)
+    )
+    return least, rest, most
+
+
+def _radius(axis: Instrument, end: str) -> float:
+    field = next(field for field, parameter in axis.parameter_fields.items() if parameter == f"{end}_radius")
+    radius = getattr(axis, field)
+    return math.nan if radius is None else float(radius)

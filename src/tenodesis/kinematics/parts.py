@@ -1,0 +1,150 @@
+"""The instrument as a tree of rigid parts with hinges and slides, as other tools take it."""
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from tenodesis import _core, statics
+from tenodesis.instrument import Instrument
+from tenodesis.kinematics.dimensions import Dimensions, dimensions, limits
+from tenodesis.kinematics.motion import Posture, frames
+from tenodesis.query import FloatOrArray
+
+Triple = tuple[float, float, float]
+
+Z: Triple = (0.0, 0.0, 1.0)
+BEND: dict[str, Triple] = {"yaw": (0.0, 1.0, 0.0), "pitch": (-1.0, 0.0, 0.0)}
+"""Axis that a positive angle turns about, by direction."""
+TOWARD: dict[str, Triple] = {"yaw": (1.0, 0.0, 0.0), "pitch": (0.0, 1.0, 0.0)}
+"""Side of the agonist, by direction."""
+
+STEEL = 7800.0
+"""Density that parts are given, kg/m^3; they are drawn, and weigh, as if solid."""
+
+
+class Joint(NamedTuple):
+    """One hinge or slide of a part, in its own frame; limits in rad or m."""
+
+    name: str
+    kind: Literal["hinge", "slide"]
+    axis: Triple
+    least: float
+    most: float
+    same_as: str | None = None
+    """Joint that it must move with, by as much."""
+
+
+class Part(NamedTuple):
+    """A rigid part: where it sits on its parent along z when all joints are at zero, its joints, and a cylinder."""
+
+    name: str
+    parent: str | None
+    offset: float
+    joints: tuple[Joint, ...]
+    cylinder: tuple[float, float, float] | None
+    """From and to along z, and radius, m."""
+
+
+def parts(inst: Instrument) -> list[Part]:
+    """Return the parts of an instrument, parents first, named as the bodies of :func:`frames`.
+
+    Raises
+    ------
+    InstrumentError
+        The instrument's lengths leave no stem.
+    """
+    lengths, bounds = dimensions(inst), limits(inst)
+    thick = lengths.stem_diameter / 2
+    stem = Part(
+        "stem",
+        None,
+        0.0,
+        (
+            Joint("pan", "hinge", BEND["yaw"], *bounds.pan),
+            Joint("tilt", "hinge", BEND["pitch"], *bounds.tilt),
+            Joint("spin", "hinge", Z, *bounds.spin),
+            Joint("insertion", "slide", Z, *bounds.insertion),
+        ),
+        (-lengths.stem_length, 0.0, thick),
+    )
+    jaws = lengths.end_effector_length - lengths.jaw_length
+    found = [stem, *_stack(inst, lengths, distal=True)]
+    found += [
+        Part(
+            "end_effector",
+            found[-1].name,
+            0.0,
+            (Joint("roll", "hinge", Z, *bounds.roll),),
+            (0.0, max(jaws, 0.2 * lengths.end_effector_length), 0.8 * thick),
+        ),
+        Part("tip", "end_effector", lengths.end_effector_length, (), (-lengths.jaw_length, 0.0, 0.4 * thick)),
+    ]
+    handle = _stack(inst, lengths, distal=False)
+    grip = Part("grip", handle[-1].name, -lengths.handle_length, (), (0.0, lengths.handle_length, 2 * thick))
+    return [*found, *handle, grip]
+
+
+def joint_positions(inst: Instrument, posture: Posture) -> dict[str, FloatOrArray]:
+    """Return the positions of the joints of an exported model at a posture, rad and m, by name.
+
+    Raises
+    ------
+    ValueError, InstrumentError
+        As :func:`forward`.
+    NoSolutionError
+        A single handle angle is left out, and the handle cannot bend as far as its output angle asks for.
+    """
+    told = posture._asdict()
+    if posture.insertion is None:
+        told["insertion"] = dimensions(inst).insertion
+    for axis in inst.axes:
+        if told[f"handle_{axis}"] is None:
+            told[f"handle_{axis}"] = statics.handle_angle(inst.axis(axis), told[axis])
+    bodies = frames(inst, Posture(**told)).bodies
+    found: dict[str, FloatOrArray] = {}
+    for part in parts(inst):
+        for joint in part.joints:
+            if joint.name in told:
+                found[joint.name] = told[joint.name]
+                continue
+            bend = part.name.rpartition("_")[0]
+            if joint.kind == "slide":
+                apart = bodies[part.name].position - bodies[f"{bend}_carrier"].position
+                found[joint.name] = np.linalg.norm(apart, axis=-1) - abs(part.offset)
+            else:
+                found[joint.name] = np.asarray(told[bend]) / 2
+    return {name: float(value) if np.ndim(value) == 0 else np.asarray(value) for name, value in found.items()}
+
+
+def _stack(inst: Instrument, lengths: Dimensions, *, distal: bool) -> list[Part]:
+    """Return the parts of the bending joints at one end, from the stem outward; they point to -z at the handle."""
+    end, side = ("", 1.0) if distal else ("handle_", -1.0)
+    spacing = side * (lengths.joint_spacing if distal else lengths.handle_joint_spacing)
+    on, offset = "stem", 0.0 if distal else -lengths.stem_length
+    found = []
+    for place, axis in enumerate(lengths.axes):
+        alone = inst.axis(axis)
+        chords = _core.joint_lengths(alone.spec)
+        chord = side * (chords[0] if distal else chords[1])
+        radius = (lengths.distal_radii if distal else lengths.proximal_radii)[place]
+        half = (alone.output_stop if distal else alone.handle_range) / 2
+        name = f"{end}{axis}"
+        carrier = Joint(f"{name}_carrier", "hinge", BEND[axis], -half, half)
+        far = Joint(f"{name}_far", "hinge", BEND[axis], -half, half, same_as=carrier.name)
+        slides = (Joint(f"{name}_chord", "slide", Z, -abs(chord), 0.0),) if distal and _bends_along(inst) else ()
+        link = spacing if place + 1 < len(lengths.axes) else 0.0
+        found += [
+            Part(carrier.name, on, offset, (carrier,), _cylinder(0.0, chord, 0.5 * radius)),
+            Part(far.name, carrier.name, chord, (*slides, far), _cylinder(-side * radius / 2, link, 0.7 * radius)),
+        ]
+        on, offset = far.name, spacing
+    return found
+
+
+def _bends_along(inst: Instrument) -> bool:
+    """Return whether the distal joint bends along its length, so that its chord shortens."""
+    return inst.joint_type == "continuum"
+
+
+def _cylinder(start: float, end: float, radius: float) -> tuple[float, float, float] | None:
+    return None if start == end else (min(start, end), max(start, end), radius)

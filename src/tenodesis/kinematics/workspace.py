@@ -1,0 +1,109 @@
+"""Where the tip gets to in the plane of the pan, and in which directions it can point there, loaded or not."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tenodesis import statics
+from tenodesis.instrument import Instrument
+from tenodesis.kinematics.dimensions import limits
+from tenodesis.kinematics.motion import Posture, forward, inverse
+
+_Array = NDArray[np.float64]
+
+_DIRECTIONS = 361  # within the working range
+_HANDLE_ANGLES = 181
+
+
+class Workspace(NamedTuple):
+    """A cross-section of the workspace through the port, in polar coordinates about it.
+
+    The plane is that of pan and yaw, or of tilt and pitch for an instrument that only pitches; it holds all there is of
+    the workspace of an instrument with one axis, and the other's joints are straight.
+    """
+
+    distance: _Array
+    """From port to tip (n,), m."""
+    angle: _Array
+    """Of the way from port to tip, from z (m,), rad."""
+    span: _Array
+    """Over how wide an angle the end-effector can point there (m, n), rad; 0 where the tip cannot be."""
+    bend: float
+    """Largest output angle to either side, rad: output_range, or what the handle's range gives under the load."""
+
+    @property
+    def area(self) -> float:
+        """Area that the tip gets to, m^2."""
+        return float((self._cells * (self.span > 0)).sum())
+
+    @property
+    def mean_span(self) -> float:
+        """Mean of the span over the area that the tip gets to, rad; 0 where that is none."""
+        area = self.area
+        return float((self._cells * self.span).sum()) / area if area else 0.0
+
+    def area_with(self, span: float) -> float:
+        """Return the area, m^2, where the end-effector can point over at least this span, rad."""
+        return float((self._cells * (self.span >= span)).sum())
+
+    @property
+    def _cells(self) -> _Array:
+        rows, columns = np.gradient(self.angle), np.gradient(self.distance)
+        return np.outer(rows, columns * self.distance)
+
+
+def workspace(inst: Instrument, force: float = 0.0, *, points: int = 121) -> Workspace:
+    """Return the cross-section of the workspace within the limits of the joints (Fig. 1).
+
+    Parameters
+    ----------
+    inst
+        The instrument.
+    force
+        Tangential force at the tip, N, that opposes the flexion to whichever side: what it takes of the output angle
+        at the end of the handle's range is lost for the workspace.
+    points
+        Distances and angles that are looked at, each.
+
+    Raises
+    ------
+    ValueError
+        The force is negative or not finite, or there are fewer than two points.
+    InstrumentError
+        The instrument's lengths leave no stem.
+    """
+    if not (np.isfinite(force) and force >= 0):
+        raise ValueError(f"force is {force!r}; allowed is a finite force of at least 0 N.")
+    if points < 2:
+        raise ValueError(f"points is {points!r}; allowed is a whole number of at least 2.")
+    axis = "yaw" if "yaw" in inst.axes else "pitch"
+    pivot, turn = ("pan", (0.0, 1.0)) if axis == "yaw" else ("tilt", (-1.0, 0.0))
+    bounds = limits(inst)
+    bend = _largest_bend(inst.axis(axis), force)
+    least, most = bounds.insertion
+    widest = getattr(bounds, axis)[1]
+    ends = forward(inst, Posture(insertion=np.array([most, least]), **{axis: np.array([0.0, widest])})).position[:, 2]
+    distance = np.linspace(max(ends[1], 0.02 * ends[0]), ends[0], points)
+    # Bent to a side, the tip is beside the stem on that side, so that it points less far from its way than it is bent.
+    direction = np.linspace(-widest, widest, _DIRECTIONS)
+    # Seen from the port the section is the same all around, but for the limit of the pivot: one ray tells all.
+    position = np.stack(np.broadcast_arrays(0.0, 0.0, distance[:, None]), axis=-1)
+    half = direction[None, :] / 2
+    x, y = (share * np.sin(half) for share in turn)
+    quaternion = np.stack(np.broadcast_arrays(np.cos(half), x, y, 0.0), axis=-1)
+    found = inverse(inst, position, quaternion)
+    bent, pivoted, inserted = (np.asarray(getattr(found, key)) for key in (axis, pivot, "insertion"))
+    possible = (np.abs(bent) <= bend) & (inserted >= least) & (inserted <= most)
+    reach = getattr(bounds, pivot)[1]
+    angle = np.linspace(-1.0, 1.0, points) * (reach + widest)
+    within = possible[None] & (np.abs(pivoted[None] + angle[:, None, None]) <= reach)
+    return Workspace(distance, angle, within.sum(axis=2) * (direction[1] - direction[0]), bend)
+
+
+def _largest_bend(axis: Instrument, force: float) -> float:
+    """Return the largest output angle of one axis against a load, rad, within its working range."""
+    handle = np.linspace(0.0, axis.handle_range, _HANDLE_ANGLES)
+    reached = np.asarray(statics.output_angle(axis, handle, force))
+    held = reached[np.isfinite(reached)]
+    return float(np.clip(held.max(), 0.0, axis.output_range)) if held.size else 0.0

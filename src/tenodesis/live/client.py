@@ -1,0 +1,309 @@
+"""A connection to a runtime process: what it does, and what it is asked, in somebody's name."""
+
+import json
+import socket
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tenodesis.devices.device import Capabilities
+from tenodesis.errors import LiveError
+from tenodesis.instrument import Instrument
+from tenodesis.live import folder as folders
+from tenodesis.live.record import Reader, run_of, signals_of
+from tenodesis.protocols import Protocol
+from tenodesis.signals import Array
+
+_TIMEOUT = 5.0
+"""Longest wait for an answer, s."""
+_LONG_TIMEOUT = 40.0
+"""The same where a recorder is started first, s."""
+_KEPT_RATE = 50.0
+"""Ticks kept for `history`, Hz."""
+_KEPT_SECONDS = 60.0
+_GONE = "The runtime has gone: its motors are stopped by their own watchdogs. Start it again."
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How the loop keeps time; durations in s."""
+
+    ticks: int
+    late: int
+    """Ticks that began more than half a period late."""
+    missed: int
+    """Ticks that did not take place, or were not caught up with."""
+    lost: int
+    """Ticks that the recorder did not get."""
+    p50: float
+    p99: float
+    worst: float
+    """Of the compute time of a tick through the whole runtime."""
+    controller_p50: float
+    controller_worst: float
+    """Of the controller alone, in the same ticks."""
+    lateness_p99: float
+    lateness_worst: float
+    starved: int
+    """Ticks of a played motion that had not come in time."""
+    rate: float
+    """Ticks per second, Hz."""
+
+
+@dataclass(frozen=True)
+class Status:
+    """The state of a runtime."""
+
+    state: str
+    """DISABLED, ENABLED, PAUSED, FAULT; GONE where there is no runtime any more."""
+    homed: bool
+    homing: bool
+    stopped: bool
+    """Whether motors are held by a stop."""
+    faults: tuple[str, ...]
+    first_faults: tuple[str, ...]
+    law: str
+    actuation: str
+    operator: str | None
+    timing: Timing
+    realtime: tuple[str, ...]
+    """What the operating system did not grant."""
+    protocol: tuple[str, float, float, str | None] | None
+    """Name, seconds done, seconds in all, and what is wrong."""
+    recording: Path | None
+    recorder_lost: int
+    speed: float
+    problem: str | None
+
+
+class Client:
+    """A connection in the name of an origin; orders raise LiveError unless this one operates.
+
+    Parameters
+    ----------
+    folder
+        The runtime's folder.
+    origin
+        In whose name.
+
+    Raises
+    ------
+    LiveError
+        There is no runtime.
+    """
+
+    def __init__(self, folder: str | Path, origin: str) -> None:
+        self.folder, self.origin = Path(folder), origin
+        self._reader = Reader(self.folder)
+        self._lock = threading.Lock()
+        self._number = 0
+        self._socket = socket.socket(socket.AF_UNIX)
+        self._socket.settimeout(_TIMEOUT)
+        try:
+            self._socket.connect(str(self.folder / folders.SOCKET))
+        except OSError as problem:
+            raise LiveError(f"{self.folder} cannot be connected to: {problem.strerror or problem}.") from None
+        self._lines = self._socket.makefile("rb")
+        hello = self._ask("hello", origin=origin)
+        self.capabilities = Capabilities(**{**hello["capabilities"], "axes": tuple(hello["capabilities"]["axes"])})
+        self._every = max(1, round(1 / _KEPT_RATE / self.time_step))
+        self._kept: deque[Array] = deque(maxlen=round(_KEPT_SECONDS * _KEPT_RATE))
+        self._history_lock = threading.Lock()
+        self._next = 0
+        self._last_status: Status | None = None
+
+    @property
+    def inst(self) -> Instrument:
+        """The instrument."""
+        return self._reader.inst
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Its axes."""
+        return self._reader.axes
+
+    @property
+    def time_step(self) -> float:
+        """Between ticks, s."""
+        return self._reader.time_step
+
+    @property
+    def device(self) -> str:
+        """Name of the device."""
+        return self.capabilities.name
+
+    @property
+    def alive(self) -> bool:
+        """Whether the runtime still runs."""
+        return self._reader.alive
+
+    def latest(self) -> dict[str, Any]:
+        """Return the newest tick's signals by name, numbers or arrays by axis and tendon; empty before the first."""
+        row = self._reader.newest()
+        return {} if row is None else signals_of(row, self.axes)
+
+    def history(self, seconds: float, rows: int = 500) -> dict[str, Array]:
+        """Return the signals of the last seconds by name, time among them, at most so many rows."""
+        with self._history_lock:
+            self._keep()
+            table = np.array(self._kept) if self._kept else np.empty((0, self._reader.columns))
+        if len(table):
+            table = table[table[:, 0] > table[-1, 0] - seconds]
+        every = -(-len(table) // max(rows, 1)) or 1
+        run = run_of(table[::-1][::every][::-1], self.axes, simulated=True, distal=True)
+        return {"time": run.time, **run.signals()}
+
+    def status(self) -> Status:
+        """Return the state; where there is no runtime, that."""
+        try:
+            said = self._ask("status")
+        except LiveError as problem:
+            return self._gone(str(problem))
+        values = {one.name: said[one.name] for one in fields(Status)}
+        for name in ("faults", "first_faults", "realtime"):
+            values[name] = tuple(values[name])
+        values["timing"] = Timing(**said["timing"])
+        values["protocol"] = None if said["protocol"] is None else tuple(said["protocol"])
+        values["recording"] = None if said["recording"] is None else Path(said["recording"])
+        self._last_status = Status(**values)
+        return self._last_status
+
+    def acquire(self, force: bool = False) -> bool:
+        """Become the operator, from another if forced; return whether that worked."""
+        return bool(self._ask("acquire", force=force))
+
+    def release(self) -> None:
+        """Stop being the operator; the controller pauses."""
+        self._ask("release")
+
+    def heartbeat(self) -> bool:
+        """Say that the operator is still there; False from whom that is not."""
+        return bool(self._ask("heartbeat"))
+
+    def hand(self, angles: ArrayLike) -> None:
+        """Let the hand go to handle angles, rad, shape (axes,)."""
+        self._ask("hand", angles=_list(angles))
+
+    def force(self, force: ArrayLike) -> None:
+        """Load the tip tangentially, N, shape (axes,)."""
+        self._ask("force", force=_list(force))
+
+    def radial_force(self, force: ArrayLike) -> None:
+        """Load the tip along the end-effector, N, shape (axes,)."""
+        self._ask("radial_force", force=_list(force))
+
+    def request(self, what: str) -> None:
+        """Ask the controller to enable, disable, pause, resume, home or clear."""
+        self._ask("request", what=what)
+
+    def stop(self) -> None:
+        """Stop the motors at once; anyone may."""
+        self._ask("stop")
+
+    def law(self, law: str, actuation: str) -> None:
+        """Choose compensation law and actuation mode."""
+        self._ask("law", law=law, actuation=actuation)
+
+    def speed(self, factor: float) -> None:
+        """Run simulated time so many times as fast as the clock; 0: as fast as it goes."""
+        self._ask("speed", factor=factor)
+
+    def tamper(self, place: str, mode: str, value: float, seconds: float, axis: str | None = None) -> None:
+        """Spoil a signal of the twin for a time; a value that is not finite stands for NaN."""
+        given = float(value) if np.isfinite(value) else None
+        self._ask("tamper", place=place, mode=mode, value=given, seconds=seconds, axis=axis)
+
+    def play(self, protocol: Protocol, *, record: bool = True) -> None:
+        """Run a protocol, recorded unless that is not wanted."""
+        self._ask("play", protocol=protocol.to_toml(), record=record)
+
+    def cancel(self) -> None:
+        """End the protocol."""
+        self._ask("cancel")
+
+    def record(self, on: bool, called: str = "live") -> Path | None:
+        """Begin to record, and return where to; or end that."""
+        path = self._ask("record", on=on, called=called)
+        return None if path is None else Path(path)
+
+    def close(self) -> None:
+        """Let go of the runtime; if this one operates, the controller pauses."""
+        with self._lock:
+            self._socket.close()
+            self._lines.close()
+
+    def _keep(self) -> None:
+        while True:
+            rows, lost = self._reader.rows(4096)
+            first = (self._next - lost) % self._every
+            self._kept.extend(rows[first :: self._every].copy())
+            self._next = (first - len(rows)) % self._every
+            if len(rows) < 4096:
+                return
+
+    def _ask(self, op: str, **content: Any) -> Any:
+        with self._lock:
+            self._number += 1
+            order = {"id": self._number, "op": op, **content}
+            try:
+                self._socket.settimeout(_LONG_TIMEOUT if op in ("play", "record", "cancel", "stop") else _TIMEOUT)
+                self._socket.sendall(json.dumps(order).encode() + b"\n")
+                line = self._lines.readline()
+                answer = json.loads(line) if line else None
+            except (OSError, ValueError) as problem:
+                raise LiveError(f"{_GONE} ({problem})") from None
+        if answer is None:
+            raise LiveError(_GONE)
+        if "error" in answer:
+            raise LiveError(answer["error"])
+        return answer["ok"]
+
+    def _gone(self, problem: str) -> Status:
+        last = self._last_status
+        timing = Timing(0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 1 / self.time_step)
+        return Status(
+            "GONE",
+            False,
+            False,
+            True,
+            (),
+            (),
+            "off" if last is None else last.law,
+            "differential" if last is None else last.actuation,
+            None,
+            timing if last is None else last.timing,
+            (),
+            None,
+            None,
+            0 if last is None else last.recorder_lost,
+            0.0,
+            problem,
+        )
+
+
+def wait_for(folder: Path, origin: str, *, seconds: float = 20.0) -> Client:
+    """Return a connection to a runtime that is only starting.
+
+    Raises
+    ------
+    LiveError
+        It does not come to that in time.
+    """
+    end = time.monotonic() + seconds
+    while True:
+        try:
+            return Client(folder, origin)
+        except LiveError:
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.05)
+
+
+def _list(values: ArrayLike) -> list[float]:
+    return [float(one) for one in np.asarray(values, float).reshape(-1)]

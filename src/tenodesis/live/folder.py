@@ -1,0 +1,61 @@
+"""The folder of a live runtime: what is in it, and how it is told."""
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tenodesis.errors import LiveError
+from tenodesis.instrument import Instrument, load
+from tenodesis.whole import whole
+
+RING = "ring"
+"""The ticks, in shared memory."""
+SOCKET = "control.sock"
+"""Where it takes orders."""
+INSTRUMENT = "instrument.toml"
+_SESSION = "session.json"
+
+
+class About(NamedTuple):
+    """What a runtime runs."""
+
+    inst: Instrument
+    device: str
+    period: float
+    """Between ticks, s."""
+    simulated: bool
+    distal_encoder: bool
+    started: str
+    """Time and date, ISO 8601."""
+    pid: int
+
+
+def tell(folder: Path, about: About) -> None:
+    """Write what a runtime runs; the instrument file is in the folder already.
+
+    Raises
+    ------
+    OSError
+        The folder cannot be written.
+    """
+    content: dict[str, Any] = about._asdict()
+    del content["inst"]
+    with whole(folder / _SESSION) as new:
+        new.write_text(json.dumps(content, indent=2), "utf-8")
+
+
+def read(folder: Path) -> About:
+    """Return what the runtime of a folder runs.
+
+    Raises
+    ------
+    LiveError
+        It is no such folder.
+    """
+    try:
+        content = json.loads((folder / _SESSION).read_text("utf-8"))
+        return About(load(folder / INSTRUMENT), **content)
+    except (OSError, ValueError, TypeError) as problem:
+        raise LiveError(
+            f"{folder} is no folder of a live instrument ({problem}); start one with `tenodesis console`."
+        ) from None

@@ -1,0 +1,190 @@
+"""A live instrument over a Foxglove WebSocket: the topics of the recordings, to watch and nothing else."""
+
+import ipaddress
+import math
+import threading
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from mcap.well_known import MessageEncoding, SchemaEncoding
+
+from tenodesis.errors import LiveError
+from tenodesis.live import events as happenings
+from tenodesis.live.events import Tail
+from tenodesis.live.source import Source, start_time
+from tenodesis.recording import cdr, messages, schemas
+from tenodesis.recording.messages import Messages
+from tenodesis.signals import Run
+
+if TYPE_CHECKING:
+    from foxglove.channel import Channel
+
+HOST = "127.0.0.1"
+PORT = 8765
+RATE = 100.0
+"""Messages per second on a topic, Hz."""
+
+_PERIOD = 0.02
+"""Time between two looks at the ring, s."""
+_MOST = 2000
+"""Rows taken at a time."""
+
+
+class Server:
+    """A server that is listening; a context manager that stops it.
+
+    It offers none of the protocol's ways to publish, call or set anything, so that no client can move a motor.
+
+    Parameters
+    ----------
+    source
+        The instrument's rows.
+    host, port
+        Where to listen; port 0 takes any that is free.
+    rate
+        Rows per second of the instrument's time that are sent, Hz; None sends all.
+    folder
+        The runtime's folder, whose events are sent as well.
+
+    Raises
+    ------
+    LiveError
+        It cannot listen there, or the rate is no rate.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        host: str = HOST,
+        port: int = PORT,
+        *,
+        rate: float | None = RATE,
+        folder: Path | None = None,
+    ) -> None:
+        if rate is not None and not 0 < rate < math.inf:
+            raise LiveError(f"rate is {rate!r}; allowed is a positive number of Hz.")
+        if not 0 <= port < 1 << 16:
+            raise LiveError(f"port is {port}; allowed are 1 to 65535, or 0 for any that is free.")
+        foxglove = _sdk()
+        self._source = source
+        self._stride = 1 if rate is None else max(1, round(1 / (rate * source.time_step)))
+        self._tail = None if folder is None else Tail(folder / happenings.FILE, at_end=True)
+        self._context = foxglove.Context()
+        self._channels: list[tuple[Messages, Channel]] | None = None
+        self._start = 0
+        self._time = 0.0
+        self._row = 0
+        self.lost = 0
+        """Rows that were overwritten before they were read."""
+        try:
+            self._server = foxglove.start_server(
+                name=f"Tenodesis: {source.inst.name}",
+                host=host,
+                port=port,
+                capabilities=[],
+                context=self._context,
+            )
+        except RuntimeError as problem:
+            told = str(problem).rpartition("port: ")[2]
+            raise LiveError(
+                f"cannot listen on {host}, port {port}: {told}; allowed is an address of this computer and a port that "
+                "is free."
+            ) from None
+        self._events = self._channel(schemas.EVENTS, schemas.STRING, {})
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    @property
+    def port(self) -> int:
+        """Where it listens."""
+        return int(self._server.port)
+
+    def publish(self) -> bool:
+        """Send what has come; whether more may come."""
+        alive = self._source.alive
+        run, lost = self._source.read(_MOST)
+        self.lost += lost
+        if len(run):
+            self._send(run)
+        sent = self._send_events()
+        return alive or bool(len(run)) or sent
+
+    def stop(self) -> None:
+        """Let all clients go; a second time does nothing."""
+        self._server.stop()
+
+    def _send(self, run: Run) -> None:
+        if self._channels is None:
+            self._start = start_time(run)
+            self._channels = [
+                (one, self._channel(one.topic.name, one.topic.type, {"signals": " ".join(one.signals.values())}))
+                for one in messages.of_signals(run.axes, messages.columns(run).keys())
+            ]
+        first = -self._row % self._stride
+        self._row += len(run)
+        finite = np.flatnonzero(np.isfinite(run.time))
+        kept = finite[(finite >= first) & ((finite - first) % self._stride == 0)]
+        if not kept.size:
+            return
+        columns = {name: values[kept] for name, values in messages.columns(run).items()}
+        stamps = self._start + np.rint(run.time[kept] * cdr.SECOND).astype(np.int64)
+        self._time = float(run.time[kept[-1]])
+        for one, channel in self._channels:
+            if not channel.has_sinks():
+                continue
+            block, size = one.encode(stamps, columns), one.layout.size
+            for i, stamp in enumerate(stamps.tolist()):
+                channel.log(block[i * size : (i + 1) * size], log_time=stamp)
+
+    def _send_events(self) -> bool:
+        if self._tail is None:
+            return False
+        happened = self._tail.read()
+        for event in happened:
+            time = event.time if math.isfinite(event.time) else self._time
+            self._events.log(
+                messages.event(time, event.content), log_time=self._start + max(0, round(time * cdr.SECOND))
+            )
+        return bool(happened)
+
+    def _channel(self, topic: str, message_type: str, metadata: dict[str, str]) -> "Channel":
+        foxglove = _sdk()
+        definition = schemas.definition(message_type).encode()
+        schema = foxglove.Schema(name=message_type, encoding=SchemaEncoding.ROS2, data=definition)
+        channel: Channel = foxglove.Channel(
+            topic, schema=schema, message_encoding=MessageEncoding.CDR, context=self._context, metadata=metadata
+        )
+        return channel
+
+
+def serve(server: Server, stop: threading.Event) -> None:
+    """Send what comes until the runtime ends, or it is told to stop."""
+    while not stop.is_set() and server.publish():
+        stop.wait(_PERIOD)
+
+
+def warning(host: str) -> str | None:
+    """Return what to know of listening on an address, in a sentence; None on loopback."""
+    try:
+        loopback = ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        loopback = host == "localhost"
+    if loopback:
+        return None
+    return f"{host} is not this computer alone: everyone who can reach it can watch the instrument, but not move it."
+
+
+def _sdk() -> Any:
+    try:
+        import foxglove  # noqa: PLC0415 - an extra
+    except ImportError:
+        raise LiveError("foxglove-sdk is not installed, which the Foxglove WebSocket needs.") from None
+    return foxglove

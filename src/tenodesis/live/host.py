@@ -1,0 +1,209 @@
+"""A runtime process of one's own: started, started again with another instrument, ended with its starter."""
+
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from tenodesis.errors import LiveError
+from tenodesis.instrument import load, parse
+from tenodesis.instrument_text import to_toml
+from tenodesis.live.client import Client
+from tenodesis.live.loop import Choices
+from tenodesis.whole import whole
+
+_TO_START = 30.0
+_TO_END = 15.0
+_SHARED = Path("/dev/shm")
+
+
+class Host:
+    """Runs the runtime process of an instrument.
+
+    Parameters
+    ----------
+    instrument
+        Instrument file, or the name of one that is shipped.
+    choices
+        Device, law and more.
+    recordings
+        Folder of recordings.
+
+    Raises
+    ------
+    InstrumentError
+        The instrument is not valid.
+    LiveError
+        The runtime does not start; the message says why.
+    """
+
+    def __init__(self, instrument: str, choices: Choices | None = None, recordings: Path = Path("recordings")) -> None:
+        self.choices, self.recordings = choices or Choices(), recordings
+        self._lock = threading.RLock()
+        self._home = Path(tempfile.mkdtemp(prefix="tenodesis-", dir=_SHARED if _SHARED.is_dir() else None))
+        self.generation = 0
+        """How often it was started; a connection is to one of them."""
+        self._process: subprocess.Popen[bytes] | None = None
+        try:
+            self.start(instrument)
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the runtime that runs."""
+        return self._home / str(self.generation)
+
+    @property
+    def pid(self) -> int | None:
+        """Of the runtime's process."""
+        return None if self._process is None else self._process.pid
+
+    def start(self, instrument: str) -> None:
+        """Start with an instrument, in place of the one that runs; if that cannot be, it runs on.
+
+        Parameters
+        ----------
+        instrument
+            Path or shipped name, or the text of an instrument file.
+        """
+        inst = parse(instrument, "the instrument file") if "\n" in instrument else load(instrument)
+        with self._lock:
+            self._end()
+            self.generation += 1
+            file = self._home / f"{self.generation}.toml"
+            with whole(file) as new:
+                new.write_text(to_toml(inst), "utf-8")
+            self._begin(file)
+
+    def again(self) -> None:
+        """Start again, as after it was killed."""
+        self.start(str(self._home / f"{self.generation}.toml"))
+
+    def close(self) -> None:
+        """End it, motors at rest; a second time does nothing."""
+        with self._lock:
+            self._end()
+            shutil.rmtree(self._home, ignore_errors=True)
+
+    def connect(self, origin: str) -> "Link":
+        """Return a connection in the name of an origin, which outlasts a new start."""
+        return Link(self, origin)
+
+    def _begin(self, file: Path) -> None:
+        choices = self.choices
+        options = {
+            "--instrument": str(file),
+            "--device": choices.device,
+            "--law": choices.law,
+            "--actuation": choices.actuation,
+            "--speed": str(choices.speed),
+            "--seed": str(choices.seed),
+            "--recordings": str(self.recordings.absolute()),
+        } | ({} if choices.address is None else {"--address": choices.address})
+        arguments = [part for pair in options.items() for part in pair]
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "tenodesis.live.server", str(self.folder), "--attached", *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+        )
+        self._wait()
+
+    def _wait(self) -> None:
+        end = time.monotonic() + _TO_START
+        process = self._process
+        assert process is not None
+        while True:
+            try:
+                Client(self.folder, "host").close()
+            except LiveError:
+                pass
+            else:
+                # Nobody reads what it says from here on, and a full pipe would hold it up.
+                threading.Thread(target=_drain, args=(process,), daemon=True).start()
+                return
+            if process.poll() is not None:
+                said = b"" if process.stderr is None else process.stderr.read()
+                lines = said.decode("utf-8", "replace").strip().splitlines()
+                why = lines[-1].removeprefix("tenodesis: ") if lines else f"it ended with code {process.returncode}."
+                raise LiveError(why)
+            if time.monotonic() > end:
+                raise LiveError(f"the runtime has not started within {_TO_START:g} s.")
+            time.sleep(0.05)
+
+    def _end(self) -> None:
+        process, self._process = self._process, None
+        if process is None:
+            return
+        process.terminate()
+        try:
+            process.wait(_TO_END)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        for pipe in (process.stdin, process.stderr):
+            if pipe is not None:
+                pipe.close()
+
+
+class Link:
+    """A :class:`~tenodesis.live.client.Client` that goes over to the runtime that is started next."""
+
+    def __init__(self, host: Host, origin: str) -> None:
+        self._host, self._origin = host, origin
+        self._lock = threading.Lock()
+        self._generation = host.generation
+        self._client = Client(host.folder, origin)
+
+    def load(self, instrument: str) -> None:
+        """Start with another instrument, by path, shipped name or text, and operate that; for the operator.
+
+        Raises
+        ------
+        InstrumentError
+            It is not valid; what runs runs on.
+        LiveError
+            This one does not operate.
+        """
+        client = self._current()
+        if client.alive and not client.heartbeat():
+            raise LiveError(f"{self._origin} only watches; take over first.")
+        self._host.start(instrument)
+        self._current().acquire()
+
+    def restart(self) -> None:
+        """Start a runtime that has gone again."""
+        if not self._current().alive:
+            self._host.again()
+
+    def close(self) -> None:
+        """Let go of the runtime."""
+        with self._lock:
+            self._client.close()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._current(), name)
+
+    def _current(self) -> Client:
+        with self._lock:
+            if self._generation != self._host.generation:
+                self._client.close()
+                self._client = Client(self._host.folder, self._origin)
+                self._generation = self._host.generation
+            return self._client
+
+
+def _drain(process: "subprocess.Popen[bytes]") -> None:
+    if process.stderr is not None:
+        try:
+            while process.stderr.read(4096):
+                pass
+        except ValueError:
+            return

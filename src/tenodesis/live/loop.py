@@ -1,0 +1,288 @@
+"""The live loop of an instrument: its device and controller in a thread of the core, and what can be asked of it."""
+
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tenodesis import _core
+from tenodesis.control import Controller, Request
+from tenodesis.control.controller import ActuationName, LawName
+from tenodesis.devices.device import Capabilities, Device
+from tenodesis.errors import DeviceError, LiveError
+from tenodesis.instrument import Instrument
+from tenodesis.live import folder as folders
+from tenodesis.live.pump import Pump
+from tenodesis.signals import Array
+from tenodesis.tampering import PLACES
+from tenodesis.twin import Twin
+
+_RING_SECONDS = 8.0
+"""Time that a reader may fall behind by, s."""
+_ORDERS = ("request", "stop", "law", "hand", "force", "radial", "speed", "tamper", "drop")
+_MODES = ("none", "add", "set", "hold")
+_LARGEST_FORCE = 100.0
+"""At the tip, N."""
+
+PROBLEMS = (
+    None,
+    "The load was more than the tip can hold, and was not taken.",
+    "A tick came later than the bound, and the motors were stopped: see the timing, then clear or resume.",
+    "The device said nothing for longer than the bound, and the motors were stopped: look at its cables and power.",
+    "The operator went away, and the motors were paused: resume to go on.",
+)
+"""What the loop says of itself, by number."""
+
+DeviceName: TypeAlias = Literal["twin", "nidaq", "canopen", "serial"]
+Maker: TypeAlias = Callable[[Instrument], Device]
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What a loop is made with."""
+
+    device: DeviceName = "twin"
+    address: str | None = None
+    """Of a serial device."""
+    law: LawName = "robust"
+    actuation: ActuationName = "differential"
+    speed: float = 1.0
+    """Simulated over real time; 0: as fast as it goes."""
+    seed: int = 0
+    real_time: bool = True
+    """Whether to ask for real-time scheduling and locked memory."""
+    late_bound: float = 0.05
+    """Lateness past which motors that are real are stopped, s."""
+
+
+class LiveLoop:
+    """The loop of an instrument, from `start` to `finish`; orders are taken with the next tick.
+
+    Parameters
+    ----------
+    inst
+        The instrument; its controller ticks at its sampling rate.
+    folder
+        Where its ring goes; nothing of that name may be there.
+    choices
+        Device, law and more.
+    device
+        Instead of the device of that name: one that Python serves.
+
+    Raises
+    ------
+    DeviceError
+        The device cannot be opened.
+    LiveError
+        The folder cannot be written.
+    ValueError
+        A choice is none.
+    """
+
+    def __init__(
+        self, inst: Instrument, folder: Path, choices: Choices | None = None, *, device: Device | None = None
+    ) -> None:
+        self.inst, self.folder = inst, folder
+        self.choices = choices = choices or Choices()
+        if choices.device not in get_args(DeviceName):
+            raise ValueError(f"device is {choices.device!r}; allowed are {', '.join(get_args(DeviceName))}.")
+        self.law, self.actuation = choices.law, choices.actuation
+        self._lock = threading.Lock()
+        self._device = device
+        self._pump: Pump | None = None
+        if device is None and choices.device not in ("twin", "serial"):
+            self._device = _made(choices.device, inst)
+        if self._device is not None:
+            self._device.open()
+        try:
+            self._make(choices)
+        except BaseException:
+            self._close_device()
+            raise
+
+    def _make(self, choices: Choices) -> None:
+        inst = self.inst
+        twin = Twin(inst, seed=choices.seed)
+        simulated = self._device is None
+        self.controller = _controller(inst, choices, homed=simulated)
+        self.period = twin.time_step * twin.steps_per_tick
+        if self._device is None:
+            live: _core.LiveDevice = _core.TwinDevice(twin.cores, twin.time_step, twin.steps_per_tick)
+            self.capabilities = Capabilities(
+                choices.device, inst.axes, 1 / self.period, False, True, True, self.period, 0.0
+            )
+        else:
+            self.capabilities = self._device.capabilities
+            if self.capabilities.axes != inst.axes:
+                raise DeviceError(
+                    f"{self.capabilities.name} has {' and '.join(self.capabilities.axes)}; {inst.name} has "
+                    f"{' and '.join(inst.axes)}."
+                )
+            live = _core.MailboxDevice(len(inst.axes))
+            self._pump = Pump(self._device, live, self.period)
+        ranges = [one.handle_range for one in (inst.axis(name) for name in inst.axes)]
+        path = self.folder / folders.RING
+        try:
+            self.core = _core.Runtime(
+                live,
+                self.controller.core,
+                str(path),
+                round(_RING_SECONDS / self.period),
+                ranges,
+                self.period,
+                choices.speed,
+                choices.late_bound,
+                choices.real_time,
+            )
+        except (OSError, RuntimeError) as problem:
+            raise LiveError(f"{path} cannot be written: {problem}.") from None
+
+    def start(self) -> None:
+        """Begin; motors are at rest until the controller is enabled."""
+        if self._pump is not None:
+            self._pump.start()
+        self.core.start()
+
+    def finish(self) -> None:
+        """Stop the motors and end; a second time does nothing."""
+        self.core.finish()
+        self._close_device()
+
+    def _close_device(self) -> None:
+        if self._pump is not None:
+            self._pump.finish()
+        elif self._device is not None:
+            self._device.close()
+        close = getattr(getattr(self, "controller", None), "close", None)
+        if close is not None:
+            with suppress(DeviceError):
+                close()
+
+    @property
+    def problem(self) -> str | None:
+        """What is wrong with the loop or its device, in a sentence."""
+        if self._pump is not None and self._pump.problem is not None:
+            return self._pump.problem
+        link = getattr(self.controller, "problem", None)
+        return PROBLEMS[self.core.problem] if link is None else str(link.text)
+
+    def request(self, what: Request | str) -> None:
+        """Ask the controller for something, a :class:`Request` or its name."""
+        try:
+            asked = Request[what.upper()] if isinstance(what, str) else Request(what)
+        except (KeyError, ValueError):
+            names = ", ".join(one.name.lower() for one in Request)
+            raise LiveError(f"request is {what!r}; allowed are {names}.") from None
+        self._order("request", int(asked))
+
+    def stop(self) -> None:
+        """Stop the motors at once, and pause; enable, resume, home or clear sets them free."""
+        self._order("stop")
+
+    def choose(self, law: str, actuation: str) -> None:
+        """Take another compensation law and actuation mode with the next tick."""
+        for argument, value, allowed in (("law", law, LawName), ("actuation", actuation, ActuationName)):
+            if value not in get_args(allowed):
+                raise LiveError(f"{argument} is {value!r}; allowed are {', '.join(get_args(allowed))}.")
+        if self.choices.device == "serial":
+            raise LiveError("the law is chosen with the parameters of the microcontroller; start anew with --law.")
+        self._order("law", get_args(LawName).index(law), get_args(ActuationName).index(actuation))
+        self.law, self.actuation = law, actuation  # type: ignore[assignment]
+
+    def hand(self, angles: ArrayLike) -> None:
+        """Let the hand go to handle angles, rad, shape (axes,)."""
+        self._per_axis("hand", "handle_angle", angles, 10.0)
+
+    def force(self, forces: ArrayLike) -> None:
+        """Load the tip tangentially, N, shape (axes,)."""
+        self._per_axis("force", "force", forces, _LARGEST_FORCE)
+
+    def radial_force(self, forces: ArrayLike) -> None:
+        """Load the tip along the end-effector, N, shape (axes,)."""
+        self._per_axis("radial", "radial_force", forces, _LARGEST_FORCE)
+
+    def speed(self, factor: float) -> None:
+        """Let simulated time run so many times as fast as the clock; 0: as fast as it goes."""
+        if not self.capabilities.simulated:
+            raise LiveError("speed cannot be changed: the device keeps real time; allowed is that with the twin only.")
+        if not 0 <= factor <= 100:
+            raise LiveError(f"speed is {factor!r}; allowed is 0 (as fast as it goes) to 100.")
+        self._order("speed", value=float(factor))
+
+    def tamper(self, place: str, mode: str, value: float, seconds: float, axis: str | None = None) -> None:
+        """Spoil a signal between twin and controller for a time, as :class:`tenodesis.control.Tampering` does."""
+        if not self.capabilities.simulated:
+            raise LiveError("signals can be spoilt on the twin only.")
+        if place not in PLACES or mode not in _MODES:
+            raise LiveError(f"place is {place!r}, mode {mode!r}; allowed are {', '.join(PLACES)}; {', '.join(_MODES)}.")
+        if axis is not None and axis not in self.inst.axes:
+            raise LiveError(f"axis is {axis!r}; allowed are {', '.join(self.inst.axes)}.")
+        if not 0 < seconds <= 3600:
+            raise LiveError(f"seconds is {seconds!r}; allowed is more than 0, up to 3600.")
+        ticks = round(seconds / self.period)
+        for n, name in enumerate(self.inst.axes):
+            if axis in (None, name):
+                if np.isfinite(value):
+                    self._order(
+                        "tamper", PLACES.index(place), _MODES.index(mode), axis=n, value=float(value), ticks=ticks
+                    )
+                else:
+                    self._given(self.core.tamper_not_a_number, PLACES.index(place), n, ticks)
+
+    @property
+    def pending(self) -> int:
+        """Ticks of a played motion that are still to come."""
+        return self.core.pending_rows
+
+    def push(self, rows: Array) -> int:
+        """Append ticks of a played motion, shape (n, axes, 3): handle angle, force, radial force; how many fitted."""
+        with self._lock:
+            return self.core.play(np.ascontiguousarray(rows, float))
+
+    def drop(self) -> None:
+        """Forget the ticks of a played motion that are still to come."""
+        self._order("drop")
+
+    def _per_axis(self, order: str, argument: str, values: ArrayLike, most: float) -> None:
+        array = np.asarray(values, float).reshape(-1)
+        if array.shape != (len(self.inst.axes),) or not np.all(np.abs(array) <= most):
+            raise LiveError(
+                f"{argument} is {np.asarray(values).tolist()!r}; allowed are {len(self.inst.axes)} finite numbers, at "
+                f"most {most:g}."
+            )
+        for n, value in enumerate(array.tolist()):
+            self._order(order, axis=n, value=value)
+
+    def _order(self, kind: str, a: int = 0, b: int = 0, *, axis: int = 0, value: float = 0.0, ticks: int = 0) -> None:
+        self._given(self.core.order, _ORDERS.index(kind), a, b, axis, value, ticks)
+
+    def _given(self, order: Callable[..., Any], *arguments: Any) -> None:
+        # The core's queue takes orders from one thread at a time.
+        with self._lock:
+            taken = order(*arguments)
+        if not taken:
+            raise LiveError("too much is asked at once; that was not taken.")
+
+
+def _controller(inst: Instrument, choices: Choices, *, homed: bool) -> Any:
+    if choices.device == "serial":
+        from tenodesis.devices.serial import SerialController  # noqa: PLC0415 - pyserial is for this device alone
+
+        address = choices.address
+        if address is None:
+            raise DeviceError("serial has no address; give --address, such as socket://127.0.0.1:5555 or /dev/ttyACM0.")
+        return SerialController(
+            address, inst, law=choices.law, actuation=choices.actuation, homed=homed, enabled=False, silence=1.0
+        )
+    return Controller(inst, law=choices.law, actuation=choices.actuation, homed=homed, enabled=False)
+
+
+def _made(name: str, inst: Instrument) -> Device:
+    from tenodesis.devices import registry  # noqa: PLC0415 - drivers are needed for their devices alone
+
+    return registry.make(name, inst)

@@ -1,0 +1,289 @@
+"""A protocol on a live instrument: its commands ahead of time, its homing when the instrument has come to that."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from enum import Enum, auto
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from tenodesis.control import Controller, OperatingState
+from tenodesis.control.controller import fault_names
+from tenodesis.instrument import Instrument
+from tenodesis.protocols import Pretension
+from tenodesis.protocols.command import Command, between, sampled
+from tenodesis.protocols.loop import Loop
+from tenodesis.protocols.protocol import Planned, block_size
+from tenodesis.protocols.shapes import SMOOTH
+from tenodesis.signals import Array
+from tenodesis.twin import Twin
+
+_AHEAD = 0.1
+"""Time that the queue is kept ahead by, at least, s."""
+_TURNS_AHEAD = 5
+"""Turns that the queue is kept ahead by, at least, at the speed at which its rows are taken."""
+_BLOCK = 0.1
+"""Time computed at once, s."""
+_APPROACH = math.radians(20)
+"""Largest speed of the handle on the way to where the protocol begins or goes on, rad/s."""
+_UNLOADING = 0.5
+"""Time that loads take on that way, at least, s."""
+_PATIENCE = 1.0
+"""Time of the instrument within which it begins what it was asked, s."""
+_COMMANDED = ("commanded_handle_angle", "force", "radial_force")
+
+
+class Progress(NamedTuple):
+    """How far a protocol is, s; homing counts with its timeout, as in :meth:`tenodesis.protocols.Protocol.duration`."""
+
+    done: float
+    total: float
+
+
+class Queue(Protocol):
+    """The runtime's queue of commands, of which it takes one at every tick."""
+
+    @property
+    def pending(self) -> int:
+        """Rows that it has not taken yet."""
+        ...
+
+    def push(self, rows: Array) -> int:
+        """Append rows, shape (n, axes, 3): handle angle (rad), force and radial force (N); return how many fitted."""
+        ...
+
+    def drop(self) -> None:
+        """Forget the rows that it has not taken yet."""
+        ...
+
+
+class Player:
+    """A protocol that is being played; `advance` is to be called every 20 ms or so.
+
+    First the handle goes smoothly from where it is to where the protocol begins, and the loads to none. Nothing is
+    sent while the instrument is not enabled; once it is enabled again, the handle goes back to where it was, and the
+    protocol goes on. Homing that came to nothing is the operator's to repeat.
+
+    Parameters
+    ----------
+    plan
+        The protocol on the instrument.
+    queue
+        Takes the commands.
+    ask
+        Asks the controller for something: home, resume, pause.
+    latest
+        Returns the newest tick: ``time`` (s), ``operating_state``, ``faults``, ``homed``, ``homing``, and what was
+        commanded: ``commanded_handle_angle`` (rad), ``force`` and ``radial_force`` (N), NaN where nobody can.
+    inst
+        The instrument, as the controller knows it.
+    time_step
+        Time between two ticks, s, as in the plan.
+
+    Raises
+    ------
+    ProtocolError
+        A controller cannot run it: it moves the spools, or asks homing for what that does not do.
+    """
+
+    def __init__(
+        self,
+        plan: Sequence[Planned],
+        queue: Queue,
+        ask: Callable[[str], object],
+        latest: Callable[[], Mapping[str, Any]],
+        *,
+        inst: Instrument,
+        time_step: float,
+    ) -> None:
+        refuse(plan, inst)
+        self._plan, self._queue, self._ask, self._latest = tuple(plan), queue, ask, latest
+        self._axes, self._time_step = len(inst.axes), time_step
+        self._total = math.fsum(planned.seconds for planned in plan)
+        self._tick: Mapping[str, Any] = {}
+        self._script = self._play()
+        self._over = self._homing = self._interrupted = False
+        self._at = np.zeros((self._axes, 3))
+        """What was sent last."""
+        self._least = self._ahead = max(1, round(_AHEAD / time_step))
+        self._pending = self._given = 0
+        self._homed = self._done = 0.0
+        self.problem: str | None = None
+        """Why it does not go on and what to do, in a sentence; None while it does."""
+
+    @property
+    def progress(self) -> Progress:
+        """How far it is."""
+        if not self._over:
+            given = self._homed + (self._given - self._queue.pending) * self._time_step
+            self._done = max(self._done, min(given, self._total))
+        return Progress(self._done, self._total)
+
+    @property
+    def finished(self) -> bool:
+        """Whether there is nothing left to do, because all is done or it was cancelled."""
+        return self._over
+
+    def advance(self) -> None:
+        """Send what is due and look at what has come of it."""
+        if self._over:
+            return
+        self._tick = self._latest()
+        pending = self._queue.pending
+        self._ahead = max(self._least, _TURNS_AHEAD * (self._pending - pending))
+        self._pending = pending
+        try:
+            next(self._script)
+        except StopIteration:
+            self._over, self._done = True, self._total
+
+    def cancel(self) -> None:
+        """End it: the handle stays where it is, the loads too, and homing pauses."""
+        if self._over:
+            return
+        self._done, self._over, self.problem = self.progress.done, True, None
+        self._queue.drop()
+        if self._homing:
+            self._ask("pause")
+
+    # What follows are turns: a yield waits for the next.
+
+    def _play(self) -> Iterator[None]:
+        homes_first = isinstance(self._plan[0].phase, Pretension)
+        yield from self._send(self._way_to(_rows(self._plan[0].held)), self._plan[0], disabled=homes_first)
+        for planned in self._plan:
+            if isinstance(planned.phase, Pretension):
+                yield from self._home(planned)
+                continue
+            for commands in sampled(planned.segments, block_size(self._time_step, _BLOCK)):
+                rows = np.stack([commands[name].reshape(-1, self._axes) for name in Command._fields[:3]], axis=-1)
+                yield from self._send(rows, planned, played=True)
+        yield from self._emptied()
+
+    def _send(self, rows: Array, planned: Planned, *, disabled: bool = False, played: bool = False) -> Iterator[None]:
+        """Send rows as far ahead as is due, as long as the instrument is enabled, or need not be."""
+        while len(rows):
+            if not self._ready(planned, disabled=disabled):
+                self._interrupted = True
+            elif self._interrupted and not self._queue.pending:
+                self._interrupted = False
+                yield from self._send(self._way_to(self._at), planned, disabled=disabled)
+            elif not self._interrupted and self._pending < self._ahead:
+                accepted = self._queue.push(rows[: self._ahead - self._pending])
+                self._pending += accepted
+                if accepted:
+                    self._at = rows[accepted - 1]
+                    rows = rows[accepted:]
+                    self._given += accepted if played else 0
+                if len(rows) == 0:
+                    return
+            yield
+
+    def _ready(self, planned: Planned, *, disabled: bool) -> bool:
+        """Whether commands may be sent; if not, the problem says why."""
+        state, homing = self._state, bool(self._tick["homing"])
+        if state == OperatingState.FAULT:
+            self._tell(planned, f"{self._faults()}; clear it and enable the instrument to go on")
+        elif disabled or (state == OperatingState.ENABLED and not homing):
+            self.problem = None
+        elif homing:
+            self._tell(planned, "the instrument is homing; resume it after that to go on")
+        elif not self._tick["homed"]:
+            self._tell(planned, f"the instrument is {state.name} and not homed; home and resume it to go on")
+        else:
+            way = "resume" if state == OperatingState.PAUSED else "enable"
+            self._tell(planned, f"the instrument is {state.name}; {way} it to go on")
+        return self.problem is None
+
+    def _home(self, planned: Planned) -> Iterator[None]:
+        """Home and resume; homing that comes to nothing is waited for until the operator has repeated it."""
+        yield from self._emptied()
+        stage, since, self._homing = _Homing.ASKED, self._time, True
+        if self._state != OperatingState.FAULT:
+            self._ask("home")
+        while True:
+            yield
+            homing = self._state == OperatingState.ENABLED and bool(self._tick["homing"])
+            if self._state == OperatingState.FAULT:
+                stage = _Homing.FAILED
+                self._tell(planned, f"{self._faults()}; clear it and home the instrument to go on")
+            elif homing and stage in {_Homing.ASKED, _Homing.FAILED}:
+                stage, since, self.problem = _Homing.UNDER_WAY, self._time, None
+            elif homing and stage is _Homing.UNDER_WAY and self._time - since > planned.seconds:
+                stage = _Homing.OUT_OF_TIME
+                self._ask("pause")
+                self._tell(planned, f"it has not homed within {planned.seconds:g} s; home the instrument to go on")
+            elif not homing and stage is _Homing.UNDER_WAY and self._tick["homed"]:
+                break
+            elif not homing and stage is _Homing.UNDER_WAY:
+                stage = _Homing.FAILED
+                self._tell(planned, "homing was ended; home the instrument to go on")
+            elif not homing and stage is _Homing.OUT_OF_TIME:
+                stage = _Homing.FAILED
+            elif stage is _Homing.ASKED and self._time - since > _PATIENCE:
+                stage = _Homing.FAILED
+                self._tell(planned, "the instrument does not begin to home; home it to go on")
+        self._homing = False
+        self._homed += planned.seconds
+        yield from self._resume()
+
+    def _resume(self) -> Iterator[None]:
+        """Resume, and wait a while for that; what is sent next says what is wrong if it was in vain."""
+        asked = self._time
+        self._ask("resume")
+        while self._state != OperatingState.ENABLED and self._time - asked < _PATIENCE:
+            yield
+
+    def _emptied(self) -> Iterator[None]:
+        """Wait until all that was sent is done."""
+        while self._queue.pending:
+            yield
+
+    def _way_to(self, end: Array) -> Array:
+        """Return rows, shape (n, axes, 3), from what is commanded now to other commands (axes, 3)."""
+        told = np.stack([np.reshape(self._tick[name], self._axes) for name in _COMMANDED], axis=-1)
+        start = np.where(np.isfinite(told), told, end)
+        if (start == end).all():
+            return np.empty((0, self._axes, 3))
+        seconds = max(SMOOTH.peak * float(np.abs(end - start)[:, 0].max()) / _APPROACH, _UNLOADING)
+        steps = math.ceil(seconds / self._time_step)
+        return between(start, end, SMOOTH.way(np.arange(1, steps + 1) / steps))
+
+    @property
+    def _time(self) -> float:
+        return float(self._tick["time"])
+
+    @property
+    def _state(self) -> OperatingState:
+        return OperatingState(int(np.nan_to_num(self._tick["operating_state"]).max()))
+
+    def _faults(self) -> str:
+        masks = np.nan_to_num(np.ravel(self._tick["faults"])).astype(np.int64)
+        return f"fault {', '.join(fault_names(int(np.bitwise_or.reduce(masks)))) or 'of an unknown name'}"
+
+    def _tell(self, planned: Planned, why: str) -> None:
+        done, total = self.progress
+        self.problem = f"{planned.called} waits at {done:.3g} of {total:.3g} s: {why}, or cancel the protocol."
+
+
+class _Homing(Enum):
+    ASKED = auto()
+    UNDER_WAY = auto()
+    OUT_OF_TIME = auto()
+    FAILED = auto()
+
+
+def refuse(plan: Sequence[Planned], inst: Instrument) -> None:
+    """Refuse what a controller cannot run.
+
+    Raises
+    ------
+    ProtocolError
+        A phase moves the spools, or asks homing for what it does not do.
+    """
+    Loop(Twin(inst, quasi_static=True), Controller(inst)).refuse(plan)
+
+
+def _rows(command: Command) -> Array:
+    """Return a command as a row, shape (axes, 3)."""
+    return np.stack([command.handle_angle, command.force, command.radial_force], axis=-1)

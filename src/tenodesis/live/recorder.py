@@ -1,0 +1,315 @@
+"""The process that records a live instrument: ``python -m tenodesis.live.recorder FOLDER FILE``.
+
+It only reads: nothing that happens to it, its death included, reaches the loop.
+"""
+
+import argparse
+import json
+import math
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tenodesis.errors import InstrumentError, LiveError, RecordingError
+from tenodesis.instrument_text import to_toml
+from tenodesis.live import events as happenings
+from tenodesis.live.events import Happened, Tail
+from tenodesis.live.record import Reader
+from tenodesis.live.source import Source, start_time
+from tenodesis.recording import Recorder
+from tenodesis.signals import Array, Run
+from tenodesis.whole import whole
+
+LIVE = "live"
+"""Mode of a live recording, as its metadata has it."""
+
+STATUS = "recorder.json"
+"""Name of the file in the runtime's folder that says how far the recording is."""
+
+_PERIOD = 0.02
+"""Time between two looks at the ring, s."""
+_FLUSH = 0.25
+"""Time after which rows are on their way to the disk, by the wall's clock, s."""
+_SOON = 1.0
+"""Time within which rows should come, s."""
+_MOST = 2000
+"""Rows taken at a time."""
+_LONGEST_CHUNK = 10.0
+"""Recorded time in a chunk at most, s, where simulated time goes fast."""
+_LONGEST = 1e7
+"""Time that an event may tell at most, s."""
+_APART = 2e-9
+"""Time put between rows whose own does not go on, s; stamps count whole nanoseconds."""
+
+
+class Outcome(NamedTuple):
+    """What came of a recording."""
+
+    rows: int
+    seconds: float
+    """From the first row to the last."""
+    lost: int
+    """Rows that the ring had overwritten before they were read."""
+    corrected: int
+    """Rows whose time did not go on."""
+
+    @property
+    def complaint(self) -> str | None:
+        """What is wrong with it, in a sentence; None if nothing is."""
+        wrong = []
+        if self.lost:
+            wrong.append(f"{self.lost} rows are missing, for the recorder was too slow")
+        if self.corrected:
+            wrong.append(f"{self.corrected} rows came with a time that did not go on")
+        return f"{'; '.join(wrong)}." if wrong else None
+
+
+class _Status:
+    """The file that says how far a recording is."""
+
+    def __init__(self, file: Path, recording: Path) -> None:
+        self._file = file
+        self._who = {"path": str(recording.absolute()), "pid": os.getpid()}
+
+    def tell(self, outcome: Outcome | None, *, ended: bool = False, problem: str | None = None) -> None:
+        """Say how far it is, that it has ended, and why it could not go on."""
+        far = {} if outcome is None else outcome._asdict()
+        text = json.dumps({**self._who, **far, "ended": ended, "problem": problem})
+        # The recording is worth more than what is told of it.
+        with suppress(OSError), whole(self._file) as new:
+            new.write_text(text, "utf-8")
+
+
+class _Session:
+    """A recording being made."""
+
+    def __init__(self, recorder: Recorder, status: _Status, run: Run, earlier: Mapping[str, Happened]) -> None:
+        self._recorder, self._status = recorder, status
+        self._flushed = time.monotonic()
+        known = run.time[np.isfinite(run.time)]
+        self._last = float(known[0]) - _APART if known.size else 0.0
+        self._first: float | None = None
+        self.rows = self.lost = self.corrected = 0
+        for happened in earlier.values():
+            self._recorder.event(max(self._last, 0.0), {**happened.content, "since": _told(happened.time)})
+
+    @property
+    def outcome(self) -> Outcome:
+        return Outcome(
+            self.rows, self._last - self._first if self._first is not None else 0.0, self.lost, self.corrected
+        )
+
+    def add(self, run: Run, lost: int) -> None:
+        """Record rows, and say so where some before them are lost or their time does not go on."""
+        if lost:
+            self.lost += lost
+            self.tell("rows_lost", rows=lost, in_all=self.lost)
+        if not len(run):
+            return
+        times, corrected = _going_on(run.time, self._last)
+        if corrected:
+            self.corrected += corrected
+            self.tell("time_corrected", rows=corrected, in_all=self.corrected)
+            run = replace(run, time=times)
+        self._recorder.write(run)
+        self._first = float(times[0]) if self._first is None else self._first
+        self._last = float(times[-1])
+        self.rows += len(run)
+
+    def happened(self, event: Happened) -> None:
+        """Record what the runtime tells; without a time of its own it happened now."""
+        known = 0 <= event.time <= _LONGEST
+        self._recorder.event(event.time if known else max(self._last, 0.0), event.content)
+
+    def keep(self) -> None:
+        """Send what came on its way to the disk, when it is time to, and say how far it is there."""
+        now = time.monotonic()
+        if now - self._flushed >= _FLUSH:
+            self._recorder.flush()
+            self._status.tell(self.outcome)
+            self._flushed = now
+
+    def tell(self, event: str, **content: Any) -> None:
+        """Record what the recorder itself has to say."""
+        self._recorder.event(max(self._last, 0.0), {"event": event, "origin": "recorder", **content})
+
+
+def record(
+    source: Source,
+    folder: Path,
+    path: Path,
+    *,
+    device: str = "",
+    stop: threading.Event | None = None,
+    overwrite: bool = False,
+) -> Outcome:
+    """Record a live instrument until its runtime ends, or it is told to stop.
+
+    Parameters
+    ----------
+    source
+        Its rows.
+    folder
+        The runtime's folder, whose file of events is recorded as well; how far the recording is goes there.
+    path
+        The recording.
+    device
+        What it is called, for the metadata.
+    stop
+        Ends the recording when it is set.
+    overwrite
+        Whether to replace a file that exists.
+
+    Returns
+    -------
+    Outcome
+        What was recorded and what is missing.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be written, or not any longer; what was written remains readable.
+    LiveError
+        The events cannot be read.
+    """
+    stop = threading.Event() if stop is None else stop
+    tail = Tail(folder / happenings.FILE)
+    earlier = _earlier(tail)
+    run, lost = _first(source, stop)
+    began = start_time(run)
+    metadata = {
+        "instrument": to_toml(source.inst),
+        "mode": LIVE,
+        "device": device,
+        "time_step": repr(float(source.time_step)),
+        "rate": f"{1 / source.time_step:.9g} Hz",
+        "start_time": datetime.fromtimestamp(began / 1e9, UTC).isoformat(timespec="microseconds"),
+    }
+    status = _Status(folder / STATUS, path)
+    try:
+        with Recorder(
+            path,
+            axes=source.axes,
+            metadata=metadata,
+            start_time=began,
+            chunk_seconds=_LONGEST_CHUNK,
+            overwrite=overwrite,
+        ) as recorder:
+            session = _Session(recorder, status, run, earlier)
+            session.add(run, lost)
+            why = _follow(source, tail, session, stop)
+            session.tell("recording_ended", why=why, rows=session.rows, lost=session.lost)
+    except (RecordingError, LiveError) as problem:
+        status.tell(None, ended=True, problem=str(problem))
+        raise
+    status.tell(session.outcome, ended=True)
+    return session.outcome
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Record from the command line; SIGTERM and Ctrl-C close the recording."""
+    parser = argparse.ArgumentParser(prog="python -m tenodesis.live.recorder", description="Record a live instrument.")
+    parser.add_argument("folder", type=Path, help="folder of the runtime")
+    parser.add_argument("file", type=Path, help="the recording")
+    parser.add_argument("--overwrite", action="store_true", help="replace a file that exists")
+    given = parser.parse_args(arguments)
+    return supervise(lambda stop: _record(given.folder, given.file, stop, overwrite=given.overwrite))
+
+
+def supervise(work: Callable[[threading.Event], Outcome]) -> int:
+    """Do a recording that SIGTERM and Ctrl-C end, say what is wrong with it, and return the exit code."""
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    try:
+        outcome = work(stop)
+    except (InstrumentError, LiveError, RecordingError) as problem:
+        print(f"tenodesis: {problem}", file=sys.stderr)
+        return 1
+    if outcome.complaint is not None:
+        print(f"tenodesis: {outcome.complaint}", file=sys.stderr)
+    return 0
+
+
+def _record(folder: Path, path: Path, stop: threading.Event, *, overwrite: bool) -> Outcome:
+    reader = Reader(folder)
+    return record(reader, folder, path, device=reader.about.device, stop=stop, overwrite=overwrite)
+
+
+def _first(source: Source, stop: threading.Event) -> tuple[Run, int]:
+    """Return the first rows; none where none come soon, so that a file that cannot be written is told in any case."""
+    until = time.monotonic() + _SOON
+    lost = 0
+    while True:
+        run, before = source.read(_MOST)
+        lost += before
+        if len(run) or stop.is_set() or not source.alive or time.monotonic() > until:
+            return run, lost
+        stop.wait(_PERIOD)
+
+
+def _follow(source: Source, tail: Tail, session: _Session, stop: threading.Event) -> str:
+    """Record all that comes, and say why no more does."""
+    while True:
+        # What was there when it ended is still taken.
+        ending, alive = stop.is_set(), source.alive
+        run, lost = source.read(_MOST)
+        happened = _read(tail)
+        session.add(run, lost)
+        for event in happened:
+            session.happened(event)
+        session.keep()
+        if ending:
+            return "asked to"
+        if not alive and not len(run) and not happened:
+            return "the runtime has ended"
+        if len(run) < _MOST:
+            stop.wait(_PERIOD)
+
+
+def _earlier(tail: Tail) -> dict[str, Happened]:
+    """Return the last event of each kind before the recording: the law that is in force, the operator."""
+    found: dict[str, Happened] = {}
+    while happened := _read(tail):
+        found.update({str(event.content.get("event", "")): event for event in happened})
+    return found
+
+
+def _read(tail: Tail) -> list[Happened]:
+    try:
+        return tail.read()
+    except OSError as problem:
+        raise LiveError(f"the events cannot be read: {problem.filename}: {problem.strerror}.") from None
+
+
+def _going_on(times: Array, last: float) -> tuple[Array, int]:
+    """Return times (n,), s, each after the one before and after the last, and how many had to be changed for that."""
+    known = np.where(np.isfinite(times), times, -np.inf)
+    before = np.maximum.accumulate(np.concatenate([[last], known]))[:-1]
+    if (known > before).all():
+        return times, 0
+    going, corrected = times.copy(), 0
+    for row, own in enumerate(known):
+        if not own > last:
+            going[row] = last + _APART
+            corrected += 1
+        last = float(going[row])
+    return going, corrected
+
+
+def _told(seconds: float) -> float | None:
+    return seconds if math.isfinite(seconds) else None
+
+
+if __name__ == "__main__":
+    sys.exit(main())

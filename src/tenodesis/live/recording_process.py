@@ -1,0 +1,122 @@
+"""The recorder as a process of its own: started, watched, ended."""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from tenodesis.errors import LiveError
+from tenodesis.live.recorder import STATUS
+
+_TO_END = 10.0
+
+
+class RecordingProcess:
+    """At most one recorder of a runtime at a time.
+
+    Parameters
+    ----------
+    folder
+        The runtime's folder.
+    recordings
+        Where recordings go; made if absent.
+    """
+
+    def __init__(self, folder: Path, recordings: Path) -> None:
+        self._folder, self._recordings = folder, recordings
+        self._process: subprocess.Popen[bytes] | None = None
+        self.path: Path | None = None
+        """Where it is recorded to, while it is."""
+        self.problem: str | None = None
+        """Why it is recorded no more."""
+
+    def start(self, called: str) -> Path:
+        """Start one, and return where it records to.
+
+        Raises
+        ------
+        LiveError
+            There is one already, or it cannot be written.
+        """
+        if self.path is not None:
+            raise LiveError(f"{self.path} is being recorded already; stop that first.")
+        name = re.sub(r"[^\w.-]+", "-", called).strip("-.") or "live"
+        stamp = datetime.now().astimezone().strftime("%Y-%m-%d-%H%M%S")
+        try:
+            self._recordings.mkdir(parents=True, exist_ok=True)
+        except OSError as problem:
+            raise LiveError(f"{self._recordings} cannot be written: {problem.strerror}.") from None
+        path = _free(self._recordings / f"{stamp}-{name}.mcap")
+        (self._folder / STATUS).unlink(missing_ok=True)
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "tenodesis.live.recorder", str(self._folder), str(path)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+        )
+        self.problem, self.path = None, path
+        return path
+
+    @property
+    def ready(self) -> bool:
+        """Whether it records, or never will."""
+        return self.path is None or bool(self.status())
+
+    def status(self) -> dict[str, Any]:
+        """Return what the recorder tells of itself; nothing before it is ready."""
+        try:
+            content = json.loads((self._folder / STATUS).read_text("utf-8"))
+        except (OSError, ValueError):
+            return {}
+        return content if isinstance(content, dict) else {}
+
+    def look(self) -> None:
+        """See whether it still runs; if it has ended by itself, `problem` says so."""
+        if self._process is None or self._process.poll() is None:
+            return
+        said = b"" if self._process.stderr is None else self._process.stderr.read()
+        code, path = self._process.returncode, self.path
+        self._forget()
+        lines = said.decode("utf-8", "replace").strip().splitlines()
+        why = lines[-1].removeprefix("tenodesis: ") if lines else f"it ended with {_named(code)}"
+        self.problem = f"The recorder of {path} has gone: {why} What it wrote before can be read."
+
+    def stop(self) -> None:
+        """Let it close its file, and wait for that; without one, nothing."""
+        if self._process is None:
+            return
+        self._process.send_signal(signal.SIGTERM)
+        try:
+            self._process.wait(_TO_END)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+            self.problem = f"The recorder of {self.path} did not end, and was ended; its file can be read."
+        self._forget()
+
+    def _forget(self) -> None:
+        if self._process is not None and self._process.stderr is not None:
+            self._process.stderr.close()
+        self._process, self.path = None, None
+
+
+def _free(path: Path) -> Path:
+    number, found = 1, path
+    while found.exists():
+        number += 1
+        found = path.with_stem(f"{path.stem}-{number}")
+    return found
+
+
+def _named(code: int) -> str:
+    if code >= 0:
+        return f"code {code}."
+    try:
+        return f"{signal.Signals(-code).name}."
+    except ValueError:
+        return f"signal {-code}."

@@ -1,0 +1,149 @@
+"""A CAN bus with a simulated bench on it, for tests: lock-step, on a clock that stands unless it is told to go on."""
+
+import itertools
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import can
+import numpy as np
+from numpy.typing import NDArray
+
+from tenodesis.devices.canopen import CanOpenDevice
+from tenodesis.devices.settings import CanOpen
+from tenodesis.devices.simulated.bench import SimulatedBench
+from tenodesis.instrument import Instrument
+
+RATE = 500.0  # Hz
+TIMEOUT = 5.0  # s: of an answer that comes, however busy the machine
+SPEED_UNIT = 1e-4  # rad/s
+HEARTBEAT = 4e-3  # s
+AGONIST, ANTAGONIST, SENSORS = 1, 2, 10
+COUNTER = (0x2101, 0)
+
+_channels = (f"tenodesis test {n}" for n in itertools.count())
+
+
+class Clock:
+    """Stands unless it is told to go on, ns."""
+
+    def __init__(self) -> None:
+        self.now = 1_000_000_000
+
+    def __call__(self) -> int:
+        return self.now
+
+    def pass_time(self, seconds: float) -> None:
+        self.now += round(seconds * 1e9)
+
+
+class Prompt(can.BusABC):
+    """A bus that tells at once that nothing more comes, once the bench has answered all that it was sent."""
+
+    def __init__(self, bus: can.BusABC, bench: SimulatedBench) -> None:
+        self._bus, self._bench = bus, bench
+        self._before = bench.syncs
+        self.prompt = False
+        self.asked = 0
+        super().__init__(channel=bus.channel_info)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        self.asked += msg.arbitration_id == 0x80
+        self._bus.send(msg, timeout)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        end = time.monotonic() + (TIMEOUT if timeout is None else timeout)
+        while True:
+            answered = self.prompt and self._bench.syncs - self._before >= self.asked
+            left = end - time.monotonic()
+            message = self.pick(self._bus.recv(0 if answered else max(0.0, min(left, 0.01))))
+            if message is not None or answered or left <= 0:
+                return message
+
+    def pick(self, message: can.Message | None) -> can.Message | None:
+        """What becomes of a frame; of none, where none came."""
+        return message
+
+    def shutdown(self) -> None:
+        super().shutdown()
+        self._bus.shutdown()
+
+
+def bench_instrument(inst: Instrument) -> Instrument:
+    """An instrument whose bench runs at the tests' rate, one axis of it."""
+    return inst.axis(inst.axes[0]).replace(**{"sensors.sampling_rate": RATE})
+
+
+def axis(inst: Instrument, agonist: int = AGONIST, sensors: int = SENSORS, **changes: Any) -> dict[str, Any]:
+    angle = inst.sensors.encoder_range / 2**inst.sensors.encoder_bits
+    tension = 2 * inst.sensors.load_cell_range / 2**inst.sensors.load_cell_bits
+    return {
+        "agonist": {"node": agonist},
+        "antagonist": {"node": agonist + 1, "reversed": True},
+        "handle_angle": {"node": sensors, "object": 0x6401, "sub": 1, "gain": angle},
+        "agonist_tension": {"node": sensors, "object": 0x6401, "sub": 2, "gain": tension},
+        "antagonist_tension": {"node": sensors, "object": 0x6401, "sub": 3, "gain": tension},
+        "output_angle": {"node": sensors, "object": 0x6401, "sub": 4, "gain": angle},
+    } | changes
+
+
+def table(inst: Instrument, **changes: Any) -> CanOpen:
+    values = {
+        "interface": "virtual",
+        "channel": next(_channels),
+        "velocity_unit": SPEED_UNIT,
+        "heartbeat": HEARTBEAT,
+        "yaw": axis(inst),
+    }
+    return CanOpen.model_validate(values | changes)
+
+
+@contextmanager
+def simulated(
+    inst: Instrument, settings: CanOpen, clock: Callable[[], int], **options: Any
+) -> Iterator[SimulatedBench]:
+    """A simulated bench that runs."""
+    bus = can.Bus(interface=settings.interface, channel=settings.channel, **settings.options)
+    try:
+        with SimulatedBench(inst, settings, bus, clock=clock, **options) as bench:
+            yield bench
+    finally:
+        bus.shutdown()
+
+
+@contextmanager
+def served(
+    inst: Instrument, settings: CanOpen | None = None, kind: type[Prompt] = Prompt, **options: Any
+) -> Iterator[tuple[CanOpenDevice, SimulatedBench, Clock]]:
+    """A device that is open, its simulated bench, and the clock of both."""
+    settings = table(inst) if settings is None else settings
+    clock = Clock()
+    with simulated(inst, settings, clock, **options) as bench:
+        bus = kind(can.Bus(interface=settings.interface, channel=settings.channel, **settings.options), bench)
+        device = CanOpenDevice(inst, settings, bus=bus, clock=clock, paced=False)
+        try:
+            with device:
+                bus.prompt = True
+                yield device, bench, clock
+        finally:
+            bus.shutdown()
+
+
+@contextmanager
+def reopened(device: CanOpenDevice) -> Iterator[None]:
+    """A device is opened again on a bus of which answers to other than SYNC are waited for."""
+    bus = device._bus
+    assert isinstance(bus, Prompt)
+    bus.prompt = False
+    device.open()
+    bus.prompt = True
+    yield
+
+
+def tick(device: CanOpenDevice, clock: Clock, speed: float = 0.5) -> NDArray[np.float64] | None:
+    """One sampling period: read, then write a speed to all motors; the measurement's spool angles."""
+    clock.pass_time(1 / RATE)
+    measured = device.read(TIMEOUT)
+    device.write(np.full((len(device.capabilities.axes), 2), speed))
+    return None if measured is None else measured.spool_angle

@@ -1,0 +1,610 @@
+"""CiA 402 drives on a CAN bus: the loop through it, and what becomes of motors when something is wrong."""
+
+import time
+from collections.abc import Callable
+from math import isnan, nan, pi
+from typing import Any
+
+import can
+import numpy as np
+import pytest
+
+import tenodesis as tn
+from tenodesis.control import Controller, OperatingState
+from tenodesis.devices.can_layout import layout
+from tenodesis.devices.canopen import CanOpenDevice
+from tenodesis.devices.settings import CanOpen
+from tenodesis.devices.simulated.bench import SimulatedBench, TwinPlant
+from tenodesis.errors import DeviceError, InstrumentError
+from tenodesis.instrument import Instrument
+from tenodesis.signals import Array
+from tenodesis.twin import Twin
+
+from .can_bench import (
+    AGONIST,
+    ANTAGONIST,
+    COUNTER,
+    HEARTBEAT,
+    RATE,
+    SENSORS,
+    SPEED_UNIT,
+    TIMEOUT,
+    Prompt,
+    axis,
+    bench_instrument,
+    reopened,
+    served,
+    table,
+    tick,
+)
+
+TICKS = 400
+SPEED = 0.5  # rad/s
+EMERGENCY_OVERVOLTAGE = 0x3210
+
+
+@pytest.fixture(scope="module")
+def inst() -> Instrument:
+    return bench_instrument(tn.load("real-size"))
+
+
+def motion(time: float) -> tuple[float, float]:
+    """The hand bends the handle by 20 deg in 0.3 s, then the tip is loaded."""
+    return np.radians(20) * (1 - np.cos(pi * min(time, 0.3) / 0.3)) / 2, 0.5 if time > 0.4 else 0.0
+
+
+def until(condition: Callable[[], bool]) -> bool:
+    """Whether the simulated bench, a thread of its own, comes to that."""
+    end = time.monotonic() + 10
+    while not condition() and time.monotonic() < end:
+        time.sleep(1e-3)
+    return condition()
+
+
+def at_rest(bench: SimulatedBench) -> bool:
+    return until(lambda: not bench.velocity.any() and all(drive.velocity == 0 for drive in bench.drives.values()))
+
+
+def moves(bench: SimulatedBench) -> bool:
+    return until(lambda: bool(np.abs(bench.velocity).max() > 0.9 * SPEED))
+
+
+def stops(device: CanOpenDevice, bench: SimulatedBench, named: str, act: Callable[[], object]) -> None:
+    """What is done fails by that name, leaves all motors at rest, and nothing moves one afterwards."""
+    with pytest.raises(DeviceError, match=named):
+        act()
+    assert at_rest(bench)
+    with pytest.raises(DeviceError, match=named):
+        device.write(np.full((1, 2), SPEED))
+    with pytest.raises(DeviceError, match=named):
+        device.read(TIMEOUT)
+    assert at_rest(bench)
+
+
+# The loop
+
+
+def in_process(inst: Instrument, lag: int) -> tuple[Array, Array]:
+    """Output angles and commands of the twin in process, its commands late by so many ticks and rounded as frames."""
+    plant, controller = TwinPlant(Twin(inst), motion), Controller(inst)
+    waiting = [np.zeros((1, 2)) for _ in range(1 + lag)]
+    tips, commands = [], []
+    for n in range(TICKS):
+        measured = plant.step(waiting.pop(0))
+        answer = controller.step((n + 1) / RATE, measured.handle_angle[0], measured.tension[0], measured.spool_angle[0])
+        waiting.append(np.round(answer.spool_velocity / SPEED_UNIT)[np.newaxis] * SPEED_UNIT)
+        assert plant.latest is not None
+        tips.append(plant.latest["output_angle"])
+        commands.append(answer.spool_velocity)
+    assert answer.state == OperatingState.ENABLED
+    return np.array(tips), np.array(commands)
+
+
+def test_the_reference_without_lag_is_the_twin_with_its_controller(inst: Instrument) -> None:
+    twin = Twin(inst)
+    steps = round(1 / RATE / twin.time_step)
+    handle, force = np.repeat([motion(n / RATE) for n in range(TICKS)], steps, 0).T
+    # The bench has measured once before the controller first speaks.
+    before = twin.run(handle[:steps], force[:steps])["output_angle"]
+    run = twin.run(handle[steps:], force[steps:], controller=Controller(inst))["output_angle"]
+    there = np.concatenate([before, run])[steps - 1 :: steps]
+    assert np.max(np.abs(there - in_process(inst, 0)[0])) < 1e-5  # rad: commands are rounded as in frames
+
+
+def test_closed_loop_over_can_is_the_twin_with_commands_one_tick_late(inst: Instrument) -> None:
+    plant, controller = TwinPlant(Twin(inst), motion), Controller(inst)
+    tips, commands = [], []
+    with served(inst, plant=plant) as (device, _, _):
+        for n in range(TICKS):
+            measured = device.read(TIMEOUT)
+            assert measured is not None
+            answer = controller.step(
+                (n + 1) / RATE, measured.handle_angle[0], measured.tension[0], measured.spool_angle[0]
+            )
+            device.write(answer.spool_velocity[np.newaxis])
+            assert plant.latest is not None
+            tips.append(plant.latest["output_angle"])
+            commands.append(answer.spool_velocity)
+    assert np.abs(commands).max() > 0.1  # rad/s: the motors are at work
+    late, late_commands = in_process(inst, 1)
+    assert np.max(np.abs(tips - late)) < 1e-9
+    assert np.max(np.abs(np.array(commands) - late_commands)) < 1e-6
+    at_once, later = (np.abs(tips - in_process(inst, lag)[0]) for lag in (0, 2))
+    assert min(at_once.max(), later.max()) > 1e-6  # the lag is one tick, no less and no more
+    assert at_once[-1] < inst.control.dead_band  # which costs nothing that lasts
+
+
+def test_a_bench_of_two_axes_is_told_apart(inst: Instrument) -> None:
+    both = tn.load("real-size").replace(**{"sensors.sampling_rate": RATE})
+    settings = table(both, yaw=axis(both), pitch=axis(both, agonist=3, sensors=11))
+    moved = np.array([[0.1, 0.2], [0.3, 0.4]])
+    with served(both, settings) as (device, bench, _):
+        for _ in range(20):
+            measured = device.read(TIMEOUT)
+            device.write(moved)
+        assert measured is not None
+        assert np.all(np.argsort(measured.spool_angle.ravel()) == np.arange(4))
+        assert np.allclose(bench.velocity, moved, atol=SPEED_UNIT)
+
+
+def test_speed_is_cut_to_the_limit_and_what_is_not_finite_stops(inst: Instrument) -> None:
+    limit = inst.drives.motor_speed / inst.drives.gear_ratio
+    with served(inst) as (device, bench, _clock):
+        for speeds, told in (((99.0, -99.0), (limit, -limit)), ((nan, np.inf), (0.0, 0.0)), ((0.5, nan), (0.5, 0.0))):
+            device.write(np.array([speeds]))
+            device.read(TIMEOUT)
+            assert until(lambda told=told: np.allclose(bench.velocity[0], told, atol=SPEED_UNIT))  # type: ignore[misc]
+        with pytest.raises(ValueError, match=r"shape \(2,\); allowed is \(1, 2\)"):
+            device.write(np.zeros(2))
+
+
+def test_positions_go_on_where_the_encoder_wraps(inst: Instrument) -> None:
+    counts = 2 * pi / inst.drives.encoder_counts / inst.drives.gear_ratio
+    with served(inst, positions={AGONIST: 2**31 - 20, ANTAGONIST: -(2**31) + 20}) as (device, _bench, clock):
+        angles = np.array([tick(device, clock) for _ in range(100)])[:, 0]
+    assert np.all(np.abs(np.diff(angles, axis=0)) < 4 * counts)  # at 0.5 rad/s, less than one per sample
+    assert angles[-1, 0] > (2**31 + 20) * counts
+    assert angles[0, 1] == pytest.approx((2**31 - 20) * counts)
+
+
+def test_zero_here_counts_from_where_it_was_opened(inst: Instrument) -> None:
+    settings = table(inst, zero="here")
+    with served(inst, settings, positions={AGONIST: 123456, ANTAGONIST: -99}) as (device, bench, clock):
+        first = tick(device, clock)
+        assert bench.fastest == 0
+    assert first is not None and np.abs(first).max() < 3 * 2 * pi / inst.drives.encoder_counts
+
+
+def test_profile_velocity_is_a_mode_too(inst: Instrument) -> None:
+    with served(inst, table(inst, mode="profile-velocity")) as (device, bench, clock):
+        assert {drive.get(0x6061) for drive in bench.drives.values()} == {3}
+        tick(device, clock)
+        tick(device, clock)
+        assert moves(bench)
+
+
+def test_closing_leaves_the_drives_without_power(inst: Instrument) -> None:
+    with served(inst) as (device, bench, clock):
+        tick(device, clock)
+        device.close()
+        assert at_rest(bench)
+        assert {drive.state for drive in bench.drives.values()} == {"switch on disabled"}
+        assert [drive.log[-2:] for drive in bench.drives.values()] == [
+            ["quick stop active: quick stop", "switch on disabled"]
+        ] * 2
+        device.close()
+        with pytest.raises(DeviceError, match="not open"):
+            device.read(TIMEOUT)
+
+
+def test_a_closed_bench_can_be_opened_again(inst: Instrument) -> None:
+    with served(inst) as (device, bench, clock):
+        device.close()
+        with reopened(device):
+            tick(device, clock)
+            tick(device, clock)
+            assert moves(bench)
+
+
+# Heartbeats
+
+
+def test_a_drive_whose_heartbeat_is_lost_stops_all_motors(inst: Instrument) -> None:
+    with served(inst) as (device, bench, clock):
+        tick(device, clock)
+        tick(device, clock)
+        assert moves(bench)
+        bench.mangle = lambda can_id, data: None if can_id == 0x700 + ANTAGONIST else data
+        stops(
+            device,
+            bench,
+            r"heartbeat of the antagonist drive of yaw \(node 2\) is lost",
+            lambda: [tick(device, clock) for _ in range(20)],
+        )
+
+
+def test_a_drive_whose_cable_is_pulled_is_named_and_stops_alone(inst: Instrument) -> None:
+    with served(inst) as (device, bench, clock):
+        tick(device, clock)
+        tick(device, clock)
+        assert moves(bench)
+        bench.cut_off(AGONIST)
+        stops(
+            device,
+            bench,
+            r"agonist drive of yaw \(node 1\)",
+            lambda: [tick(device, clock) for _ in range(9)],
+        )
+
+
+@pytest.mark.parametrize(("safe_state", "state"), [("hold", "quick stop active"), ("neutral", "switch on disabled")])
+def test_drives_stop_by_themselves_once_this_computer_falls_silent(
+    inst: Instrument, safe_state: str, state: str
+) -> None:
+    inst = inst.replace(**{"control.safe_state": safe_state})
+    with served(inst) as (device, bench, clock):
+        tick(device, clock)
+        tick(device, clock)
+        assert moves(bench)
+        # The loop hangs: it neither reads nor writes.
+        clock.pass_time(4 * HEARTBEAT)
+        assert until(lambda: {drive.state for drive in bench.drives.values()} == {state})
+        assert at_rest(bench)
+        assert all(f"{state}: heartbeat lost" in drive.log for drive in bench.drives.values())
+        stops(device, bench, "emergency: 0x8130|not operational|in state", lambda: tick(device, clock))
+
+
+def test_reading_alone_does_not_keep_motors_going(inst: Instrument) -> None:
+    with served(inst) as (device, bench, clock):
+        tick(device, clock)
+
+        def read_only() -> None:
+            for _ in range(20):
+                clock.pass_time(1 / RATE)
+                device.read(TIMEOUT)
+
+        stops(device, bench, "0x8130", read_only)
+        assert all("quick stop active: heartbeat lost" in drive.log for drive in bench.drives.values())
+
+
+def test_a_drive_that_starts_anew_is_named(inst: Instrument) -> None:
+    with served(inst) as (device, bench, clock):
+        tick(device, clock)
+        bench.network.send_message(0x700 + AGONIST, b"\x00")
+        stops(device, bench, r"node 1\) has started anew", lambda: [tick(device, clock) for _ in range(3)])
+
+
+# Frames
+
+
+class Careless(Prompt):
+    """A bus that loses and delays frames of measurements on their way to the device."""
+
+    def __init__(self, bus: can.BusABC, bench: SimulatedBench) -> None:
+        super().__init__(bus, bench)
+        self._random = np.random.default_rng(1)
+        self._kept: list[tuple[int, can.Message]] = []
+        self.withheld = 0
+        made.append(self)
+
+    def pick(self, message: can.Message | None) -> can.Message | None:
+        if message is None:
+            late = [one for one in self._kept if one[0] < self.asked]
+            if late:
+                self._kept.remove(late[0])
+                return late[0][1]
+            return None
+        if self.prompt and 0x180 < message.arbitration_id < 0x580:
+            drawn = self._random.uniform()
+            if drawn < 0.1:
+                self.withheld += 1
+                if drawn < 0.05:
+                    self._kept.append((self.asked, message))
+                return self.recv(0.0)
+        return message
+
+
+made: list[Careless] = []
+
+
+def test_lost_frames_are_missing_and_late_ones_are_counted_and_a_tick_old_at_most(inst: Instrument) -> None:
+    count = 2 * pi / inst.drives.encoder_counts / inst.drives.gear_ratio
+    speed, missing = 2.0, 0
+    assert speed / RATE > 2 * count  # a tick later is told apart
+    # A long heartbeat: bad luck is no loss.
+    with served(inst, table(inst, heartbeat=1.0), Careless) as (device, bench, _):
+        for _ in range(60):
+            measured = device.read(TIMEOUT)
+            device.write(np.full((1, 2), speed))
+            assert measured is not None
+            assert isinstance(bench.plant, TwinPlant) and bench.plant.latest is not None
+            truth = bench.plant.latest["measured_spool_angle"]
+            lost = np.isnan(measured.spool_angle[0])
+            missing += int(lost.sum()) + int(np.isnan(measured.handle_angle[0]))
+            assert np.all(np.abs(measured.spool_angle[0] - truth)[~lost] < speed / RATE + 1.5 * count)
+        assert missing == device.counts["missing"] == made[0].withheld > 5
+        assert device.counts["late"] + device.counts["twice"] > 2
+        assert "frame of" in device.problem
+
+
+def test_a_lost_frame_is_a_fault_to_the_controller_and_stops_its_motors(inst: Instrument) -> None:
+    with served(inst) as (device, bench, clock):
+        controller = Controller(inst)
+        states = []
+        for n in range(30):
+            clock.pass_time(1 / RATE)
+            if n == 5:
+                bench.mangle = lambda can_id, data: None if can_id == 0x180 + SENSORS else data
+            if n == 7:
+                bench.mangle = lambda can_id, data: data
+            measured = device.read(TIMEOUT)
+            assert measured is not None
+            answer = controller.step(
+                (n + 1) / RATE, measured.handle_angle[0], measured.tension[0], measured.spool_angle[0]
+            )
+            states.append(answer.state)
+            device.write(answer.spool_velocity[np.newaxis])
+        assert device.counts["missing"] == 2
+        assert states[4] == OperatingState.ENABLED
+        assert np.isfinite(answer.spool_velocity).all()
+        assert at_rest(bench)
+
+
+def test_a_node_that_never_answers_again_stops_the_bench(inst: Instrument) -> None:
+    with served(inst) as (device, bench, clock):
+        tick(device, clock)
+        bench.mangle = lambda can_id, data: None if can_id == 0x180 + SENSORS else data
+        stops(
+            device,
+            bench,
+            r"node 10\) has measured nothing for 7 samples\. The sensor node of yaw \(node 10\) has not answered",
+            lambda: [tick(device, clock) for _ in range(10)],
+        )
+
+
+@pytest.mark.parametrize(("node", "size"), [(AGONIST, 5), (ANTAGONIST, 0), (SENSORS, 3), (SENSORS, 7)])
+def test_a_frame_of_wrong_length_is_named_and_its_values_are_missing(inst: Instrument, node: int, size: int) -> None:
+    with served(inst) as (device, bench, clock):
+        tick(device, clock)
+        bench.mangle = lambda can_id, data: data[:size] if can_id == 0x180 + node else data
+        measured = device.read(TIMEOUT)
+        assert measured is not None
+        assert np.isnan(measured.spool_angle[0]).tolist() == [node == AGONIST, node == ANTAGONIST]
+        assert np.isnan(measured.tension).all() == (node == SENSORS)
+        assert device.counts["short"] == 1
+        assert f"(node {node}) has {size} bytes" in device.problem
+        stops(device, bench, f"has {size} bytes", lambda: [tick(device, clock) for _ in range(9)])
+
+
+def test_a_drive_whose_counter_stands_tells_the_past(inst: Instrument) -> None:
+    settings = table(inst, counter={"object": COUNTER[0], "sub": COUNTER[1]})
+    with served(inst, settings) as (device, bench, clock):
+        for _ in range(3):
+            angles = tick(device, clock)
+            assert angles is not None and np.isfinite(angles).all()
+        bench.fixed[AGONIST, *COUNTER] = bench.drives[AGONIST].get(*COUNTER) - 1
+        measured = device.read(TIMEOUT)
+        assert measured is not None
+        assert np.isnan(measured.spool_angle[0]).tolist() == [True, False]
+        assert device.counts["past"] == 1
+        stops(device, bench, "tells the past: its counter", lambda: [tick(device, clock) for _ in range(9)])
+
+
+def test_a_counter_may_wrap(inst: Instrument) -> None:
+    settings = table(inst, counter={"object": COUNTER[0], "sub": COUNTER[1]})
+    with served(inst, settings) as (device, bench, clock):
+        for drive in bench.drives.values():
+            drive.set(*COUNTER, 2**16 - 3)
+        for _ in range(8):
+            tick(device, clock)
+        assert not device.counts
+
+
+@pytest.mark.parametrize("raw", [-(2**15), 2**15 - 1])
+def test_a_sensor_at_the_end_of_its_range_is_not_a_number(inst: Instrument, raw: int) -> None:
+    with served(inst) as (device, bench, clock):
+        bench.fixed[SENSORS, 0x6401, 3] = raw
+        clock.pass_time(1 / RATE)
+        measured = device.read(TIMEOUT)
+        assert measured is not None
+        assert np.isnan(measured.tension[0]).tolist() == [False, True]
+        assert device.counts["saturated"] == 1
+        assert "antagonist tension by node 10 is beyond its range" in device.problem
+
+
+def test_a_sensor_that_says_not_a_number_is_taken_at_its_word(inst: Instrument) -> None:
+    handle = {"node": SENSORS, "object": 0x9130, "sub": 1, "type": "f32", "gain": 1.0}
+    with served(inst, table(inst, yaw=axis(inst, handle_angle=handle))) as (device, bench, _clock):
+        bench.fixed[SENSORS, 0x9130, 1] = nan
+        measured = device.read(TIMEOUT)
+        assert measured is not None
+        assert isnan(measured.handle_angle[0]) and np.isfinite(measured.tension).all()
+        assert "handle angle by node 10" in device.problem
+
+
+def test_a_drive_that_tells_no_position_is_named(inst: Instrument) -> None:
+    with served(inst) as (device, bench, _clock):
+        bench.fixed[ANTAGONIST, 0x6064, 0] = -(2**31)
+        measured = device.read(TIMEOUT)
+        assert measured is not None
+        assert np.isnan(measured.spool_angle[0]).tolist() == [False, True]
+        assert "antagonist drive of yaw (node 2) tells no position" in device.problem
+
+
+def test_a_flooded_bus_stops_the_bench(inst: Instrument) -> None:
+    with served(inst) as (device, bench, clock):
+        tick(device, clock)
+
+        def flood() -> None:
+            for _ in range(6000):
+                bench.network.send_message(0x77, b"\x00" * 8)
+            device.read(TIMEOUT)
+
+        stops(device, bench, "is flooded", flood)
+
+
+# Drives
+
+
+def test_an_emergency_is_named_and_stops_all_motors(inst: Instrument) -> None:
+    with served(inst) as (device, bench, clock):
+        tick(device, clock)
+        tick(device, clock)
+        assert moves(bench)
+        bench.drives[AGONIST].emergency(EMERGENCY_OVERVOLTAGE)
+        stops(
+            device,
+            bench,
+            r"agonist drive of yaw \(node 1\) reports an emergency: 0x3210 \(overvoltage of the supply\)",
+            lambda: [tick(device, clock) for _ in range(3)],
+        )
+
+
+def test_a_drive_that_leaves_operation_stops_the_other_too(inst: Instrument) -> None:
+    with served(inst) as (device, bench, clock):
+        tick(device, clock)
+        bench.mangle = lambda can_id, data: None if can_id == 0x80 + ANTAGONIST else data  # its emergency is lost
+        bench.drives[ANTAGONIST].fault(0x8611)
+        stops(device, bench, r"node 2\) is in state fault", lambda: [tick(device, clock) for _ in range(3)])
+
+
+def test_a_fault_at_the_start_is_reset_once(inst: Instrument) -> None:
+    with served(inst) as (device, bench, _):
+        device.close()
+        bench.drives[AGONIST].fault(EMERGENCY_OVERVOLTAGE)
+        with reopened(device):
+            assert bench.drives[AGONIST].state == "operation enabled"
+        device.close()
+        bench.drives[AGONIST].fault(EMERGENCY_OVERVOLTAGE)
+        bench.drives[AGONIST].fault_stays = True
+        with pytest.raises(DeviceError, match=r"node 1\) is in fault 0x3210 \(overvoltage"), reopened(device):
+            pass
+        assert at_rest(bench) and bench.fastest == 0
+
+
+def refused(inst: Instrument, settings: CanOpen, named: str, **changes: Any) -> None:
+    """Opening fails by that name, with a bench that has the usual table, and moves nothing."""
+    told = settings.model_copy(update={"channel": "tenodesis refused"} | changes)
+    usual = table(inst, channel="tenodesis refused")
+    bus = can.Bus(interface="virtual", channel="tenodesis refused")
+    try:
+        with SimulatedBench(inst, usual, bus) as bench:
+            device = CanOpenDevice(inst, told)
+            with pytest.raises(DeviceError, match=named):
+                device.open()
+            with pytest.raises(DeviceError, match="not open"):
+                device.write(np.full((1, 2), SPEED))
+            assert at_rest(bench) and bench.fastest == 0
+            assert all(drive.state != "operation enabled" for drive in bench.drives.values())
+    finally:
+        bus.shutdown()
+
+
+def test_a_node_id_where_nobody_is_is_named_with_those_that_are_there(
+    inst: Instrument, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tenodesis.devices.can_setup._ANSWER_TIME", 0.2)
+    wrong = table(inst, yaw=axis(inst, antagonist={"node": 77}))
+    refused(inst, wrong, r"antagonist drive of yaw \(node 77\) does not answer on virtual .*nodes 1.* are there")
+
+
+def test_a_node_that_is_no_drive_is_refused(inst: Instrument) -> None:
+    sensors = {
+        f"{name}": {"node": AGONIST, "object": 0x6064, "sub": 0, "type": "i32", "gain": 1.0}
+        for name in ("handle_angle", "agonist_tension", "antagonist_tension", "output_angle")
+    }
+    wrong = table(inst, yaw=axis(inst, **sensors) | {"agonist": {"node": SENSORS}})
+    refused(inst, wrong, r"agonist drive of yaw \(node 10\) is no CiA 402 drive, its device profile is 401")
+
+
+def test_a_drive_that_would_not_stop_alone_is_refused(inst: Instrument, monkeypatch: pytest.MonkeyPatch) -> None:
+    from tenodesis.devices.simulated import cia402
+
+    without = tuple(one for one in cia402._DRIVE_OBJECTS if one[0] != 0x6007)
+    monkeypatch.setattr(cia402, "_DRIVE_OBJECTS", without)
+    refused(inst, table(inst), r"node 1\) has no object 6007h:00. Without it the motor would not stop by itself")
+
+
+def test_an_interface_that_is_not_there_is_one_sentence(inst: Instrument) -> None:
+    for interface in ("socketcan", "no-such-interface"):
+        device = CanOpenDevice(inst, table(inst, interface=interface, channel="can9"))
+        with pytest.raises(DeviceError, match=rf"^CAN interface {interface}, channel can9, cannot be opened: .*\.$"):
+            device.open()
+
+
+# The table
+
+
+def test_a_bus_that_is_too_slow_is_refused_with_what_it_can_do(inst: Instrument) -> None:
+    fast = inst.replace(**{"sensors.sampling_rate": 2000.0})
+    with pytest.raises(InstrumentError, match=r"take 265% of a bus of 500000 bit/s; allowed is up to \d+ Hz"):
+        layout(fast, table(fast, bitrate=500_000, heartbeat=0.01))
+    assert 0.5 < layout(fast, table(fast, bitrate=2_000_000, heartbeat=0.01)).load < 0.9
+
+
+def test_the_bus_load_is_that_of_the_frames_as_counted_by_hand(inst: Instrument) -> None:
+    # Davis et al. 2007: at most 135 bits for 8 bytes, 115 for 6, 65 for 1 and 55 for none.
+    planned = layout(inst, table(inst, bitrate=1_000_000, heartbeat=0.01))
+    cyclic = 55 + 2 * 2 * 115 + 135
+    assert planned.load == pytest.approx((cyclic * RATE + 4 * 65 / 0.01) / 1e6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"yaw": None, "pitch": None}, "neither yaw nor pitch"),
+        ({"master": AGONIST}, r"yaw.agonist.node is 1, which is master already"),
+        ({"master": SENSORS}, "a sensor's node is 10, which is master"),
+        ({"heartbeat": 0.0}, "heartbeat"),
+        ({"velocity_unit": 0.0}, "velocity_unit"),
+    ],
+)
+def test_a_table_that_makes_no_bench_is_refused(inst: Instrument, changes: dict[str, Any], named: str) -> None:
+    with pytest.raises(ValueError, match=named):
+        table(inst, **changes)
+
+
+def test_a_gain_of_zero_and_two_drives_at_one_node_are_refused(inst: Instrument) -> None:
+    silent = {"node": SENSORS, "object": 0x6401, "sub": 1, "gain": 0.0}
+    with pytest.raises(ValueError, match="by which nothing would be told"):
+        table(inst, yaw=axis(inst, handle_angle=silent))
+    with pytest.raises(ValueError, match=r"yaw.antagonist.node is 1, which is yaw.agonist already"):
+        table(inst, yaw=axis(inst, antagonist={"node": AGONIST}))
+
+
+def test_an_axis_without_its_table_is_refused(inst: Instrument) -> None:
+    both = tn.load("real-size")
+    with pytest.raises(InstrumentError, match=r"devices\.canopen\.pitch is missing"):
+        CanOpenDevice(both, table(both))
+
+
+# Another transport
+
+
+def test_the_bus_may_be_udp_multicast(inst: Instrument) -> None:
+    options = {"port": 43199, "hop_limit": 0}  # it does not leave this computer
+    settings = table(inst, interface="udp_multicast", channel="239.74.163.9", options=options)
+    _need_multicast(settings)
+    with served(inst, settings) as (device, bench, clock):
+        angles = np.array([tick(device, clock) for _ in range(50)])[:, 0]
+        assert moves(bench)
+        assert not device.capabilities.simulated
+    assert np.all(angles[-1] > 0.02)
+
+
+def _need_multicast(settings: CanOpen) -> None:
+    """Skip where no frame comes from one socket to another."""
+    try:
+        buses = [can.Bus(interface=settings.interface, channel=settings.channel, **settings.options) for _ in range(2)]
+    except (can.CanError, OSError, ImportError) as problem:
+        pytest.skip(f"no UDP multicast here: {problem}")
+    try:
+        buses[0].send(can.Message(arbitration_id=1, is_extended_id=False))
+        came = buses[1].recv(1.0)
+    except (can.CanError, OSError) as problem:
+        pytest.skip(f"no UDP multicast here: {problem}")
+    finally:
+        for bus in buses:
+            bus.shutdown()
+    if came is None:
+        pytest.skip("no UDP multicast here: frames do not come back")

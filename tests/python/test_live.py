@@ -1,0 +1,493 @@
+"""The live loop: the same as the closed loop of a run, seen whole by whoever keeps up, and safe when somebody leaves."""
+
+import json
+import os
+import signal
+import socket
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import tenodesis as tn
+from tenodesis import _core
+from tenodesis.control import Controller, OperatingState
+from tenodesis.devices.device import Capabilities, Measurement
+from tenodesis.errors import DeviceError, LiveError
+from tenodesis.instrument_text import to_toml
+from tenodesis.live import folder as folders
+from tenodesis.live.client import Client, wait_for
+from tenodesis.live.host import Host
+from tenodesis.live.lease import SECONDS, Lease
+from tenodesis.live.loop import PROBLEMS, Choices, LiveLoop
+from tenodesis.live.record import Reader
+from tenodesis.live.server import Server
+from tenodesis.twin import Twin
+
+INST = tn.load("scaled-up")
+
+
+def told(loop, folder):
+    """Write what a runtime's folder holds beside the ring."""
+    (folder / folders.INSTRUMENT).write_text(to_toml(loop.inst), "utf-8")
+    has = loop.capabilities
+    folders.tell(
+        folder,
+        folders.About(loop.inst, has.name, loop.period, has.simulated, has.distal_encoder, "2026-01-01", os.getpid()),
+    )
+    return loop
+
+
+def looped(folder, inst=INST, device=None, **choices):
+    return told(LiveLoop(inst, folder, Choices(**{"real_time": False} | choices), device=device), folder)
+
+
+def commands(n):
+    share = np.clip(np.arange(n) / n, 0, 1)
+    return np.radians(30) * share, np.where(share > 0.6, 1.0, 0.0)
+
+
+@pytest.mark.parametrize("axes", [("yaw",), ("yaw", "pitch")])
+def test_a_live_loop_does_what_a_run_with_the_controller_does_bit_for_bit(tmp_path, axes):
+    inst = INST.replace(axes=axes)
+    handle, force = commands(4000)
+    loop = looped(tmp_path, inst, seed=3)
+    reader = Reader(tmp_path)
+    rows = np.zeros((4000, len(axes), 3))
+    rows[:, :, 0], rows[:, :, 1] = handle[:, np.newaxis], force[:, np.newaxis]
+    assert loop.push(rows) == 4000
+    loop.request("enable")
+    loop.core.run_ticks(4000)
+    live, lost = reader.read(5000)
+    run = Twin(inst, seed=3).run(
+        handle if axes == ("yaw",) else rows[:, :, 0],
+        force if axes == ("yaw",) else rows[:, :, 1],
+        controller=Controller(inst),
+    )
+    assert lost == 0
+    # The loop counts nanoseconds.
+    assert np.abs(live.time - run.time).max() < 1e-12
+    for name, values in run.signals().items():
+        assert np.array_equal(live[name], values, equal_nan=True), name
+
+
+def test_a_reader_gets_every_tick_whole_or_is_told_how_many_it_missed(tmp_path):
+    loop = looped(tmp_path, speed=0)
+    slow, quick = Reader(tmp_path), Reader(tmp_path)
+    loop.start()
+    seen = 0
+    while slow.written < 40_000:
+        run, lost = quick.read(4096)
+        seen += len(run) + lost
+        # Ticks come in order, none twice.
+        assert (np.diff(run.time) > 0).all()
+        # A record that was torn would have one time and another one's handle.
+        assert np.isfinite(run.handle_angle).all()
+    loop.finish()
+    run, lost = slow.read(10**6)
+    assert lost > 0
+    assert len(run) + lost == slow.written
+    assert np.allclose(np.diff(run.time), loop.period)
+
+
+def test_the_queue_of_played_ticks_tells_how_many_fitted_and_is_left_out_on_demand(tmp_path):
+    loop = looped(tmp_path)
+    rows = np.zeros((6000, 1, 3))
+    rows[:, :, 0] = 0.3
+    assert loop.push(rows) == 4096 == loop.pending
+    loop.drop()
+    reader = Reader(tmp_path)
+    loop.core.run_ticks(10)
+    run, _ = reader.read()
+    assert loop.pending == 0
+    # A hand that nobody moves stays.
+    assert (run.commanded_handle_angle == 0).all()
+
+
+def test_a_hand_that_follows_a_slider_is_no_faster_than_a_hand_and_arrives(tmp_path):
+    loop = looped(tmp_path)
+    reader = Reader(tmp_path)
+    loop.hand([0.5])
+    loop.core.run_ticks(3000)
+    angle = reader.read(4000)[0].commanded_handle_angle
+    assert abs(angle[-1] - 0.5) < 1e-6
+    assert np.abs(np.diff(angle)).max() / loop.period <= 3 + 1e-9
+    assert angle.max() < 0.5 * 1.001
+
+
+def test_a_stop_sends_nothing_but_zero_from_its_tick_on_until_it_is_set_free(tmp_path):
+    loop = looped(tmp_path)
+    reader = Reader(tmp_path)
+    handle, force = commands(2000)
+    rows = np.stack([handle, force, 0 * force], -1)[:, np.newaxis]
+    loop.push(rows)
+    loop.request("enable")
+    loop.core.run_ticks(1500)
+    assert np.abs(reader.read(2000)[0].commanded_spool_velocity[-200:]).max() > 0
+    loop.stop()
+    loop.core.run_ticks(500)
+    stopped, _ = reader.read(2000)
+    assert not stopped.commanded_spool_velocity.any()
+    assert stopped.operating_state[-1] == OperatingState.PAUSED
+    loop.request("resume")
+    loop.core.run_ticks(1000)
+    going, _ = reader.read(2000)
+    assert going.operating_state[-1] == OperatingState.ENABLED
+    assert np.abs(going.commanded_spool_velocity).max() > 0
+
+
+def test_a_lease_that_runs_out_pauses_within_the_loop_whatever_python_does(tmp_path):
+    loop = looped(tmp_path)
+    reader = Reader(tmp_path)
+    loop.request("enable")
+    loop.core.lease(0.05)
+    loop.start()
+    time.sleep(0.5)
+    loop.finish()
+    run, _ = reader.read(5000)
+    assert run.operating_state[5] == OperatingState.ENABLED
+    assert run.operating_state[-1] == OperatingState.PAUSED
+    assert loop.problem == PROBLEMS[4]
+
+
+def test_a_load_that_the_tip_cannot_hold_is_not_taken_and_said(tmp_path):
+    loop = looped(tmp_path)
+    reader = Reader(tmp_path)
+    loop.core.run_ticks(10)
+    loop.force([90.0])
+    loop.core.run_ticks(2000)
+    run, _ = reader.read(5000)
+    assert np.isfinite(run.output_angle).all()
+    assert len(run) == 2010
+
+
+def test_a_signal_spoilt_on_purpose_is_the_fault_it_stands_for(tmp_path):
+    loop = looped(tmp_path)
+    reader = Reader(tmp_path)
+    loop.request("enable")
+    loop.core.run_ticks(200)
+    loop.tamper("tension.agonist", "set", float("nan"), 0.5)
+    loop.core.run_ticks(400)
+    run, _ = reader.read(1000)
+    assert run.operating_state[-1] == OperatingState.FAULT
+    assert Controller(INST).counts()["faults"].keys() == set(tn.control.FAULTS)
+    mask = int(run.faults[-1])
+    assert "not_a_number" in [name for n, name in enumerate(tn.control.FAULTS) if mask >> n & 1]
+    assert np.isfinite(run.commanded_spool_velocity).all()
+
+
+@pytest.mark.parametrize(
+    ("order", "says"),
+    [
+        (lambda loop: loop.hand([np.nan]), "handle_angle"),
+        (lambda loop: loop.hand([0.1, 0.2]), "handle_angle"),
+        (lambda loop: loop.force([np.inf]), "force"),
+        (lambda loop: loop.request("fly"), "request is 'fly'"),
+        (lambda loop: loop.choose("best", "agonist"), "law is 'best'"),
+        (lambda loop: loop.speed(-1), "speed is -1"),
+        (lambda loop: loop.tamper("moon", "add", 1, 1), "place is 'moon'"),
+        (lambda loop: loop.tamper("tick", "add", 1, -1), "seconds is -1"),
+    ],
+)
+def test_an_order_that_makes_no_sense_is_refused_by_name(tmp_path, order, says):
+    loop = looped(tmp_path)
+    with pytest.raises(LiveError, match=says):
+        order(loop)
+
+
+def test_more_orders_than_the_queue_holds_are_refused_and_said(tmp_path):
+    loop = looped(tmp_path)
+    with pytest.raises(LiveError, match="too much is asked at once"):
+        for _ in range(3000):
+            loop.force([0.5])
+
+
+def test_the_law_can_be_changed_on_the_way(tmp_path):
+    loop = looped(tmp_path)
+    reader = Reader(tmp_path)
+    loop.choose("off", "differential")
+    loop.request("enable")
+    handle, force = commands(1000)
+    loop.push(np.stack([handle, force, 0 * force], -1)[:, np.newaxis])
+    loop.core.run_ticks(1000)
+    off, _ = reader.read(2000)
+    assert not off.commanded_spool_velocity.any()
+    loop.choose("robust", "differential")
+    loop.core.run_ticks(4000)
+    on, _ = reader.read(5000)
+    assert np.abs(on.commanded_spool_velocity).max() > 0
+    # It gives back what the load has taken.
+    wanted = Twin(INST).run(np.full(4000, handle[-1])).output_angle[-1]
+    assert abs(on.output_angle[-1] - wanted) < abs(off.output_angle[-1] - wanted) / 3
+
+
+class Bench:
+    """A device that Python serves: the twin, told of what may go wrong with it."""
+
+    def __init__(self, inst=INST, rate=200.0):
+        self.twin = Twin(inst, seed=1)
+        self.inst, self.rate = inst, rate
+        self.commands, self.closed = [], False
+        self.mode = "well"
+        self.speed = np.zeros(2)
+        self.time = 0
+
+    @property
+    def capabilities(self):
+        return Capabilities("bench", self.inst.axes, self.rate, True, False, True, 1 / self.rate, 0.1)
+
+    def open(self):
+        pass
+
+    def read(self, timeout):
+        if self.mode == "silent":
+            time.sleep(timeout)
+            return None
+        if self.mode == "broken":
+            raise DeviceError("the cable is out; put it in.")
+        time.sleep(1 / self.rate)
+        run = self.twin.run(np.zeros(10), spool_velocity=self.speed)
+        self.time += 5_000_000 if self.mode != "past" else -5_000_000
+        tension = run.measured_tension[-1] if self.mode != "nan" else np.full(2, np.nan)
+        return Measurement(
+            max(self.time, 0),
+            run.measured_handle_angle[-1:],
+            tension[np.newaxis],
+            run.measured_spool_angle[-1:],
+            run.measured_output_angle[-1:],
+        )
+
+    def write(self, spool_velocity):
+        self.speed = np.asarray(spool_velocity)[0]
+        self.commands.append(self.speed)
+
+    def close(self):
+        self.speed = np.zeros(2)
+        self.closed = True
+
+
+def slow_rate(inst=INST):
+    """An instrument that samples no faster than any machine keeps up with."""
+    return inst.replace(**{"sensors.sampling_rate": 200.0})
+
+
+def until(holds, seconds=20.0):
+    end = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < end, "it did not come to that"
+        time.sleep(0.01)
+
+
+def set_moving(loop, bench):
+    """Home; a machine that is too busy for a tick makes a fault of its own, which is cleared."""
+    end = time.monotonic() + 30
+    while not np.any(bench.speed):
+        assert time.monotonic() < end, "it does not move"
+        for request in ("clear", "home"):
+            loop.request(request)
+            time.sleep(0.05)
+
+
+@pytest.mark.parametrize("mode", ["silent", "broken", "past", "nan"])
+def test_a_device_that_fails_moves_no_motor_and_is_named(tmp_path, mode):
+    bench = Bench(slow_rate())
+    loop = looped(tmp_path, slow_rate(), device=bench, late_bound=0.2)
+    reader = Reader(tmp_path)
+    loop.start()
+    until(lambda: reader.written > 50)
+    set_moving(loop, bench)
+    bench.mode = mode
+    until(lambda: not np.any(bench.speed))
+    begun = len(bench.commands)
+    time.sleep(0.3)
+    loop.finish()
+    assert not np.any(bench.commands[begun:])
+    assert bench.closed
+    run, _ = reader.read(10**5)
+    if mode == "broken":
+        assert loop.problem == "the cable is out; put it in."
+    elif mode == "silent":
+        assert loop.problem == PROBLEMS[3]
+    else:
+        mask = int(np.nan_to_num(run.faults[-1]))
+        names = [name for n, name in enumerate(tn.control.FAULTS) if mask >> n & 1]
+        assert {"past": "tick_late", "nan": "not_a_number"}[mode] in names
+    assert run.output_angle is None
+
+
+def test_a_lease_is_held_by_one_and_runs_out():
+    now = [0.0]
+    renewed = []
+    lease = Lease(renewed.append, lambda: now[0])
+    one, other = object(), object()
+    assert lease.acquire(one, "one", force=False) is None
+    assert lease.acquire(other, "other", force=False) == "one"
+    assert not lease.renew(other)
+    assert lease.renew(one)
+    now[0] = SECONDS + 0.1
+    assert lease.origin is None
+    assert not lease.renew(one)
+    assert lease.acquire(other, "other", force=False) is None
+    assert lease.acquire(one, "one", force=True) is None
+    assert not lease.release(other)
+    assert lease.release(one)
+    assert renewed[-1] == 0
+
+
+@pytest.fixture
+def served(tmp_path):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    loop = looped(folder)
+    server = Server(loop, tmp_path / "recordings")
+    server.start()
+    yield folder, server
+    server.finish()
+
+
+def test_one_operates_and_others_watch_until_they_take_over(served):
+    folder, _ = served
+    one, other = Client(folder, "one"), Client(folder, "other")
+    with pytest.raises(LiveError, match="one only watches; nobody operates"):
+        one.request("enable")
+    assert one.acquire()
+    assert not other.acquire()
+    one.request("enable")
+    with pytest.raises(LiveError, match="other only watches; one operates"):
+        other.hand([0.1])
+    until(lambda: one.status().state == "ENABLED")
+    assert other.acquire(force=True)
+    with pytest.raises(LiveError, match="one only watches; other operates"):
+        one.hand([0.1])
+    # Anyone may stop.
+    one.stop()
+    until(lambda: one.status().state == "PAUSED")
+    assert one.status().stopped
+    events = [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
+    assert [e["origin"] for e in events if e["event"] == "operator"] == ["one", "other"]
+    assert any(e["event"] == "stop" and e["origin"] == "one" for e in events)
+
+
+def test_an_operator_that_goes_away_leaves_a_pause(served):
+    folder, _ = served
+    one, other = Client(folder, "one"), Client(folder, "other")
+    one.acquire()
+    one.request("enable")
+    until(lambda: other.status().state == "ENABLED")
+    one.close()
+    until(lambda: other.status().state == "PAUSED")
+    assert other.status().operator is None
+
+
+def test_an_operator_that_says_nothing_is_taken_to_be_gone(served):
+    folder, _ = served
+    one, other = Client(folder, "one"), Client(folder, "other")
+    one.acquire()
+    one.request("enable")
+    until(lambda: other.status().state == "PAUSED")
+    assert other.status().problem == PROBLEMS[4]
+
+
+def test_the_last_seconds_come_thinned_and_in_order(served):
+    folder, _ = served
+    one = Client(folder, "one")
+    until(lambda: len(one.history(5)["time"]) > 20)
+    history = one.history(5, rows=10)
+    assert 1 <= len(history["time"]) <= 10
+    assert (np.diff(history["time"]) > 0).all()
+    assert history["output_angle"].shape == history["time"].shape
+
+
+@pytest.mark.parametrize(
+    "line", [b"\x00\xff\n", b"[]\n", b"{}\n", b'{"op": "fly"}\n', b'{"op": 7}\n', b"[" * 5000 + b"\n", b'{"op":"hand"}\n']
+)
+def test_a_malformed_order_is_answered_and_moves_nothing(served, line):
+    folder, server = served
+    raw = socket.socket(socket.AF_UNIX)
+    raw.connect(str(folder / folders.SOCKET))
+    raw.sendall(line)
+    answer = json.loads(raw.makefile("rb").readline())
+    assert "error" in answer
+    assert server.loop.core.running
+    raw.close()
+
+
+def test_a_client_that_floods_delays_no_tick_and_the_last_word_counts(served):
+    folder, server = served
+    one = Client(folder, "one")
+    one.acquire()
+    ticks = server.loop.core.ticks
+    for n in range(2000):
+        try:
+            one.hand([0.2 * n / 1999])
+        except LiveError as problem:
+            assert "too much" in str(problem)  # noqa: PT017
+        if n % 100 == 0:
+            one.heartbeat()
+    one.hand([0.2])
+    until(lambda: abs(one.latest()["commanded_handle_angle"] - 0.2) < 1e-4)
+    assert server.loop.core.ticks > ticks
+    lines = (folder / "events.jsonl").read_text().splitlines()
+    told_of = [json.loads(line) for line in lines if '"hand"' in line]
+    assert sum(e["times"] for e in told_of) >= 2000
+    assert len(told_of) < 1500
+
+
+def test_a_protocol_runs_at_a_request_and_is_recorded_whole(served):
+    folder, _ = served
+    one = Client(folder, "one")
+    one.acquire()
+    beats = threading.Event()
+    beating = threading.Thread(target=lambda: [one.heartbeat() for _ in iter(lambda: beats.wait(0.2), True)])
+    beating.start()
+    one.request("enable")
+    one.speed(10)
+    protocol = tn.protocols.parse('name = "turn"\n[[phases]]\nkind = "ramp"\nhandle_angle = "20 deg"\nduration = "2 s"\n')
+    one.play(protocol)
+    with pytest.raises(LiveError, match="the protocol turn runs"):
+        one.hand([0.0])
+    path = one.status().recording
+    until(lambda: one.status().protocol[1] >= one.status().protocol[2] or one.status().protocol[3])
+    assert one.status().protocol[3] is None
+    until(lambda: one.status().recording is None)
+    beats.set()
+    beating.join()
+    recording = tn.recording.read(path)
+    run = recording.run
+    assert np.allclose(np.diff(run.time), 1 / INST.sensors.sampling_rate)
+    assert abs(np.degrees(run.commanded_handle_angle).max() - 20) < 1e-6
+
+
+def test_a_runtime_that_is_killed_is_said_and_can_be_started_again(tmp_path):
+    host = Host("scaled-up", recordings=tmp_path)
+    try:
+        link = host.connect("one")
+        assert link.acquire()
+        link.request("enable")
+        os.kill(host.pid, signal.SIGKILL)
+        until(lambda: link.status().state == "GONE")
+        assert "The runtime has gone" in link.status().problem
+        until(lambda: not link.alive)
+        link.restart()
+        assert link.status().state == "DISABLED"
+        link.acquire()
+        with pytest.raises(tn.InstrumentError):
+            link.load('name = "no"\n')
+        link.load("real-size")
+        assert link.inst.name == tn.load("real-size").name
+    finally:
+        host.close()
+
+
+def test_a_runtime_ends_with_what_started_it(tmp_path):
+    host = Host("scaled-up", recordings=tmp_path)
+    client = wait_for(host.folder, "one")
+    reader = Reader(host.folder)
+    process = host._process
+    process.stdin.close()
+    process.wait(10)
+    assert not _core.RingReader(str(host.folder / folders.RING)).silence < 0
+    until(lambda: not reader.alive)
+    assert client.status().state == "GONE"
+    host.close()
