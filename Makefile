@@ -8,7 +8,7 @@ endif
 export CXX
 BIN := .venv/bin
 CORE := $(wildcard include/tenodesis/*.hpp)
-BINDINGS := $(wildcard src/bindings/*)
+BINDINGS := $(wildcard src/bindings/* src/runtime/*)
 C_INTERFACE := $(wildcard src/c/*) include/tenodesis/tenodesis.h examples/controller.c
 CPP_TESTS := $(wildcard tests/cpp/*)
 CPP_FILES := $(CORE) $(C_INTERFACE) $(filter %.cpp %.hpp,$(BINDINGS) $(CPP_TESTS) $(wildcard firmware/*))
@@ -18,6 +18,7 @@ CPP_FILES := $(CORE) $(C_INTERFACE) $(filter %.cpp %.hpp,$(BINDINGS) $(CPP_TESTS
 demo: build
 	$(BIN)/tenodesis bench
 	@echo "Open $(CURDIR)/out/report.html"
+	@echo "Move the instrument yourself, in the browser: $(BIN)/tenodesis console"
 
 build: .venv/.built
 
@@ -53,6 +54,7 @@ bench: build
 	$(BIN)/python benchmarks/faults.py
 	$(BIN)/python benchmarks/scaling.py
 	$(BIN)/python benchmarks/identification.py
+	$(BIN)/python benchmarks/live.py
 
 lint: build
 	$(BIN)/ruff check .

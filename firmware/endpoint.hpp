@@ -201,11 +201,13 @@ class Endpoint {
   }
 
   Bytes count(const Header& header, const Decoder& frame) {
-    const auto axis = frame.message<std::uint32_t>();
+    const auto asked = frame.message<std::uint32_t>();
+    const auto axis = static_cast<int>(asked);
     tenodesis_counts counts;
-    if (frame.size() != sizeof axis) return refuse(header, Refusal::bad_size, static_cast<std::uint32_t>(frame.size()));
-    if (axis >= static_cast<std::uint32_t>(axes_)) return refuse(header, Refusal::no_such_axis, axis);
-    tenodesis_read_counts(&controller_, static_cast<int>(axis), &counts);
+    if (frame.size() != sizeof asked)
+      return refuse(header, Refusal::bad_size, static_cast<std::uint32_t>(frame.size()));
+    if (axis < 0 || axis >= axes_) return refuse(header, Refusal::no_such_axis, asked);
+    tenodesis_read_counts(&controller_, axis, &counts);
     return answer(header, Type::counted, &counts, sizeof counts);
   }
 

@@ -15,6 +15,7 @@ namespace tenodesis::link {
 inline constexpr std::uint8_t protocol_version = 1;
 
 enum class Type : std::uint8_t {
+  none = 0,
   // from the PC
   hello = 1,       ///< who is there? Answered by board; changes nothing
   parameters = 2,  ///< starts a session: a fresh controller, disabled
@@ -34,6 +35,7 @@ enum class Type : std::uint8_t {
 };
 
 enum class Refusal : std::uint32_t {
+  none = 0,
   wrong_version = 1,   ///< detail: the board's own
   unknown_type = 2,    ///< detail: the type
   bad_size = 3,        ///< detail: the size
@@ -204,12 +206,15 @@ inline std::size_t encode(const Header& header, const void* payload, std::size_t
       }
     }
   };
-  const auto* head = reinterpret_cast<const std::uint8_t*>(&header);
+  std::uint8_t head[sizeof header];
+  __builtin_memcpy(head, &header, sizeof header);
   const auto* body = static_cast<const std::uint8_t*>(payload);
   const std::uint32_t check = crc(body, size, crc(head, sizeof header));
+  std::uint8_t tail[crc_size];
+  __builtin_memcpy(tail, &check, crc_size);
   put(head, sizeof header);
   put(body, size);
-  put(reinterpret_cast<const std::uint8_t*>(&check), crc_size);
+  put(tail, crc_size);
   to[code] = static_cast<std::uint8_t>(end - code);
   to[end++] = 0;
   return end;

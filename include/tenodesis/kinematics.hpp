@@ -75,10 +75,12 @@ struct Chain {
   Scalar joint_spacing{};            ///< of two distal joints, from end to end
   Scalar handle_joint_spacing{};     ///< of two proximal joints
 
+  /// Place of the axis nearest to the tip.
+  constexpr int last() const { return axes == most_axes ? most_axes - 1 : 0; }
   /// From the last distal joint's far end to where the force acts.
-  constexpr Scalar end_effector_length() const { return axis[axes - 1].distal.length; }
+  constexpr Scalar end_effector_length() const { return axis[last()].distal.length; }
   /// From the last proximal joint's far end to where the hand acts.
-  constexpr Scalar handle_length() const { return axis[axes - 1].proximal.length; }
+  constexpr Scalar handle_length() const { return axis[last()].proximal.length; }
 };
 
 /// Rotation that bends a straight joint by an angle (rad).

@@ -31,7 +31,7 @@ using Statuses = nb::ndarray<unsigned char, nb::ndim<1>, nb::c_contig, nb::devic
 using AnyChain = std::variant<Chain<GearAxis<double>>, Chain<PulleyAxis<double>>, Chain<ContinuumAxis<double>>>;
 
 // A row of coordinates: pan, tilt, spin, insertion, bends, roll, handle angles.
-constexpr std::size_t row_length = std::size_t(Posture<double>::coordinates + most_axes);
+constexpr std::size_t row_length = std::size_t(Posture<double>::coordinates) + most_axes;
 constexpr std::size_t frame_length = 7;  // x, y, z; w, x, y, z
 constexpr std::size_t tip_coordinates = std::size_t(Posture<double>::coordinates);
 
@@ -283,7 +283,7 @@ void write_paths(const Chain<A>& chain, const Posture<double>& at, double* out) 
              Way{near, chain.direction[i], at.handle[i], -1, offset(chain.axis[axis].proximal.radius), i == axis},
              place);
       }
-      std::reverse(path.begin(), path.end());
+      std::ranges::reverse(path);
       for (int i = 0; i <= axis; ++i) {
         const Frame<double> near = i == 0 ? found.stem : found.far[i - 1].moved(chain.joint_spacing);
         over(chain.axis[i].distal,

@@ -16,11 +16,13 @@ namespace {
 
 using runtime::Image, runtime::SerialController;
 
+bool is_wait(double seconds) { return seconds > 0 && seconds < 1e4; }
+
 SerialController* make_serial(int descriptor, const nb::bytes& parameters, double timeout, double connect_timeout,
                               int repetitions, std::uint32_t silence) {
   Image image{};
-  if (parameters.size() != image.size() || !(timeout > 0 && timeout < 1e4) ||
-      !(connect_timeout > 0 && connect_timeout < 1e4) || repetitions < 0 || repetitions > 1000)
+  if (parameters.size() != image.size() || !is_wait(timeout) || !is_wait(connect_timeout) || repetitions < 0 ||
+      repetitions > 1000)
     throw nb::value_error("no link is made of these numbers");
   std::memcpy(image.data(), parameters.c_str(), image.size());
   const nb::gil_scoped_release release;

@@ -2,6 +2,7 @@
 // How long things took: counted in classes a sixteenth of an octave wide, so that any number of them takes the same
 // memory and a percentile is right to 5 %.
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <bit>
@@ -44,7 +45,7 @@ class Durations {
 
   static std::size_t place(std::uint64_t value) {
     if (value < fine) return value;
-    const int octave = std::bit_width(value) - 1 - fine_bits;
+    const int octave = static_cast<int>(std::bit_width(value)) - 1 - fine_bits;
     return std::size_t(octave + 1) * fine + ((value >> octave) & (fine - 1));
   }
   static std::uint64_t upper(std::size_t place) {

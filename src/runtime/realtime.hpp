@@ -26,4 +26,10 @@ inline std::vector<std::string> ask_for_real_time(int priority) {
   return refused;
 }
 
+/// Gives real-time scheduling of this thread up, which would starve others if it never slept.
+inline void yield_real_time() {
+  const sched_param ordinary{};
+  ::pthread_setschedparam(::pthread_self(), SCHED_OTHER, &ordinary);
+}
+
 }  // namespace tenodesis::runtime

@@ -154,6 +154,7 @@ class Runtime {
     double value{};
     std::uint64_t until{};  ///< tick
   };
+  static constexpr int priority = 50;
   static constexpr std::size_t places = bindings::tamper_places.size();
 
   // ------------------------------------------------------------------ time
@@ -164,16 +165,21 @@ class Runtime {
     ::sigfillset(&all);
     if (most == 0) ::pthread_sigmask(SIG_BLOCK, &all, nullptr);
     speed_.store(settings_.speed);
-    if (settings_.real_time && (device_.clocked() || settings_.speed > 0)) {
-      const std::vector<std::string> refused = ask_for_real_time(50);
-      const std::scoped_lock lock(refused_mutex_);
-      refused_ = refused;
-    }
+    schedule();
     next_ = now();
     for (std::uint64_t taken = 0; !ending_.load(std::memory_order_relaxed) && (most == 0 || taken < most); ++taken)
       take_turn();
     halt();
     running_.store(false);
+  }
+
+  // A loop that never sleeps leaves the processor to others.
+  void schedule() {
+    if (!settings_.real_time) return;
+    if (!device_.clocked() && !(settings_.speed > 0)) return yield_real_time();
+    const std::vector<std::string> refused = ask_for_real_time(priority);
+    const std::scoped_lock lock(refused_mutex_);
+    refused_ = refused;
   }
 
   void take_turn() {
@@ -311,6 +317,7 @@ class Runtime {
         case OrderKind::speed:
           settings_.speed = order.value;
           speed_.store(order.value);
+          schedule();
           next_ = now();
           break;
         case OrderKind::tamper:

@@ -26,7 +26,7 @@ class SerialController final : public AnyController {
   }
 
   void step(const AnyInput& input, AnyOutput& output) override {
-    const std::lock_guard guard(mutex_);
+    const std::scoped_lock guard(mutex_);
     const bool clears = input.request == Request::clear;
     const bool linked = link_.problem() == LinkProblem::none || (clears && link_.resume(image_));
     if (!linked || !tick(input, output)) stop(output);
@@ -34,7 +34,7 @@ class SerialController final : public AnyController {
   }
 
   void reset() override {
-    const std::lock_guard guard(mutex_);
+    const std::scoped_lock guard(mutex_);
     if (link_.problem() != LinkProblem::none)
       link_.start(image_);
     else
@@ -49,7 +49,7 @@ class SerialController final : public AnyController {
   int axes() const override { return axes_; }
 
   tenodesis_counts counts(int axis) const override {
-    const std::lock_guard guard(mutex_);
+    const std::scoped_lock guard(mutex_);
     const auto number = static_cast<std::uint32_t>(axis);
     tenodesis_counts counts{};
     if (link_.problem() == LinkProblem::none &&
@@ -77,7 +77,7 @@ class SerialController final : public AnyController {
   bool stopped() const { return (flags_ & link::stopped) != 0; }
 
   void close() {
-    const std::lock_guard guard(mutex_);
+    const std::scoped_lock guard(mutex_);
     link_.close();
   }
 

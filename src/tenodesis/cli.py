@@ -16,6 +16,7 @@ from rich.table import Table
 from tenodesis import (
     cli_console,
     cli_control,
+    cli_devices,
     cli_export_model,
     cli_foxglove,
     cli_identify,
@@ -145,6 +146,7 @@ cli_tolerance.register(app)
 cli_identify.register(app)
 cli_plan_identification.register(app)
 cli_console.register(app)
+cli_devices.register(app)
 cli_foxglove.register(app)
 cli_control.register(cli_recording.exports)
 cli_export_model.register(cli_recording.exports)

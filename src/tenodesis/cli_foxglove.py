@@ -1,12 +1,15 @@
 """The command that shows a live instrument to Foxglove, and to whatever speaks its WebSocket protocol."""
 
 import signal
+import tempfile
 import threading
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
+
+from tenodesis.errors import LiveError
 
 console = Console()
 
@@ -17,7 +20,12 @@ def register(app: typer.Typer) -> None:
 
 
 def foxglove(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the runtime.")],
+    folder: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="FOLDER", help="Folder of the runtime. Default: that of the one that runs.", show_default=False
+        ),
+    ] = None,
     host: Annotated[
         str, typer.Option(help="Address to listen on; by default none but this computer can connect.")
     ] = "127.0.0.1",
@@ -29,6 +37,7 @@ def foxglove(
     from tenodesis.live import foxglove as live  # noqa: PLC0415 - the command line is to start quickly
     from tenodesis.live.record import Reader  # noqa: PLC0415
 
+    folder = _running() if folder is None else folder
     stop = threading.Event()
     before = {number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
@@ -45,6 +54,26 @@ def foxglove(
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _running() -> Path:
+    """Return the folder of the runtime that runs, where there is but one."""
+    from tenodesis.live import folder as folders  # noqa: PLC0415
+    from tenodesis.live.record import Reader  # noqa: PLC0415
+
+    found = []
+    for place in {Path("/dev/shm"), Path(tempfile.gettempdir())}:
+        for ring in place.glob(f"tenodesis-*/*/{folders.RING}"):
+            try:
+                if Reader(ring.parent).alive:
+                    found.append(ring.parent)
+            except LiveError:
+                continue
+    if not found:
+        raise LiveError("no live instrument runs here; start one with `tenodesis console`, or give its FOLDER.")
+    if found[1:]:
+        raise LiveError(f"several live instruments run: {', '.join(map(str, sorted(found)))}; give one as FOLDER.")
+    return found[0]
 
 
 def _in_url(host: str) -> str:

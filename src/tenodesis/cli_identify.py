@@ -17,6 +17,7 @@ from tenodesis.cli_outputs import check_outputs
 from tenodesis.cli_progress import PatientBar
 from tenodesis.cli_recording import CommandError
 from tenodesis.identification import report
+from tenodesis.identification.figures import worded
 from tenodesis.identification.fit import LEAST_REPLICATES, STARTS, fit
 from tenodesis.identification.formats import Measured, load_all
 from tenodesis.identification.laws import LAWS
@@ -201,27 +202,26 @@ def _write(path: Path, text: str) -> None:
 
 
 def _tell(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, ...]]) -> None:
-    for name, sentences in notes.items():
-        for sentence in sentences:
-            _say(f"{name}: {sentence.rstrip('.')}.")
+    for names, sentence in report.grouped(notes):
+        _say(f"{names}: {sentence}.")
     table = Table(title="parameters", title_justify="left", box=box.SIMPLE_HEAD)
     table.add_column("parameter", no_wrap=True)
-    for heading in ("value", "std", "95 % interval", *(["bootstrap"] if found.bootstrap else [])):
+    table.add_column("value", justify="right", overflow="fold")
+    table.add_column("unit", no_wrap=True)
+    for heading in ("std", "95 % interval", *(["bootstrap"] if found.bootstrap else [])):
         table.add_column(heading, justify="right", overflow="fold")
-    table.add_column("", overflow="fold")
+    table.add_column("told", overflow="fold")
     for one in found.parameters:
-        cells = report.shown(found, one)
-        told = {None: "held", True: "", False: "not told"}[found.identifiability.identifiable.get(one.name)]
-        side = found.identifiability.at_bound.get(one.name)
-        words = ", ".join(word for word in (told, f"at {side} bound" if side else "") if word)
-        table.add_row(one.name, *cells[: 4 if found.bootstrap else 3], words)
+        row = report.shown(found, one)
+        drawn = [row.bootstrap] if found.bootstrap else []
+        table.add_row(one.name, row.value, row.unit, row.std, row.interval, *drawn, row.told)
     console.print(table)
     keys = list(dict.fromkeys(key for one in found.files for key in one.rmse))
     errors = Table(title="rmse, measured minus model", title_justify="left", box=box.SIMPLE_HEAD)
     errors.add_column("run", overflow="fold")
-    errors.add_column("")
+    errors.add_column("use")
     for key in keys:
-        errors.add_column(escape(key), justify="right")
+        errors.add_column(escape(worded(key)), justify="right")
     for run in found.files:
         numbers = (f"{run.rmse[key]:.4g}" if key in run.rmse else "" for key in keys)
         errors.add_row(escape(run.name), "fitted" if run.split == "train" else "held out", *numbers)

@@ -465,6 +465,10 @@ def _sentence(kind: type[Instrument], error: Any) -> str:
 
 
 def _siblings(kind: type[Instrument], location: tuple[Any, ...]) -> list[str]:
-    table = kind.model_fields[location[0]].annotation if location[0] in kind.model_fields else None
-    parent: type[BaseModel] = table if isinstance(table, type) and issubclass(table, BaseModel) else kind
+    parent: type[BaseModel] = kind
+    for place in location[:-1]:
+        field = parent.model_fields.get(str(place))
+        annotated = [] if field is None else [field.annotation, *get_args(field.annotation)]
+        tables = (one for one in annotated if isinstance(one, type) and issubclass(one, BaseModel))
+        parent = next(tables, parent)
     return [field.alias or name for name, field in parent.model_fields.items()]

@@ -50,14 +50,13 @@ Stream operator+(Stream one, const Stream& other) {
   return one;
 }
 
-std::mt19937 random_bytes{7};  // NOLINT(cert-msc32-c,cert-msc51-cpp,bugprone-random-generator-seed)
-
 /// Bytes of which a share is 0.
 Stream noise(std::size_t count, double zeros) {
+  static std::mt19937 random{7};  // NOLINT(cert-msc32-c,cert-msc51-cpp,bugprone-random-generator-seed)
   Stream bytes(count);
   for (auto& byte : bytes) {
-    const bool zero = std::uniform_real_distribution<>(0, 1)(random_bytes) < zeros;
-    byte = zero ? 0 : static_cast<std::uint8_t>(std::uniform_int_distribution<>(1, 255)(random_bytes));
+    const bool zero = std::uniform_real_distribution<>(0, 1)(random) < zeros;
+    byte = zero ? 0 : static_cast<std::uint8_t>(std::uniform_int_distribution<>(1, 255)(random));
   }
   return bytes;
 }
@@ -86,7 +85,7 @@ void every_payload_comes_through() {
     for (const double zeros : {0.0, 0.01, 0.5, 1.0}) {
       const Frame frame{{protocol_version, Type::output, 0, static_cast<std::uint32_t>(size)}, noise(size, zeros)};
       const Stream bytes = encoded(frame);
-      bare = bare && std::count(bytes.begin(), bytes.end(), 0) == 2 && bytes.front() == 0 && bytes.back() == 0;
+      bare = bare && std::ranges::count(bytes, 0) == 2 && bytes.front() == 0 && bytes.back() == 0;
       const auto found = decoded(decoder, bytes);
       all = all && found.size() == 1 && found[0] == frame;
     }
@@ -133,7 +132,7 @@ int strangers_with_flips(const std::vector<Frame>& sent, const Stream& bytes, st
   Decoder decoder;
   int strangers = 0;
   for (const Frame& found : decoded(decoder, flipped))
-    if (std::find(sent.begin(), sent.end(), found) == sent.end()) ++strangers;
+    if (std::ranges::find(sent, found) == sent.end()) ++strangers;
   return strangers;
 }
 
@@ -301,7 +300,7 @@ void a_board_does_what_the_controller_does_and_nothing_twice() {
     if (answer.header.type != Type::output || output.time != input.time || !same(output, expected)) ++differing;
     // Once more, as if its answer had been lost; and then one that was held up on the way.
     if (!(bench.ask(question) == answer)) ++repeated;
-    if (tick > 0 && bench.ask(before).header.type != Type{}) ++late;
+    if (tick > 0 && bench.ask(before).header.type != Type::none) ++late;
     before = question;
     if (output.axis[0].spool_velocity[0] != 0) ++moving;
     plant.follow(output.axis[0].spool_velocity);
@@ -342,7 +341,7 @@ void what_is_not_allowed_is_refused_and_changes_nothing() {
   other.header.session = Bench::session;
   other.payload.push_back(0);
   CLAIM(refused(bench.ask(other)).why == Refusal::bad_size);
-  CLAIM(refused(bench.ask(bench.question(Type(99)))).why == Refusal::unknown_type);
+  CLAIM(refused(bench.ask(bench.question(Type::board))).why == Refusal::unknown_type);
   CLAIM(refused(bench.ask(bench.question(Type::stream))).why == Refusal::no_sensors);
   CLAIM(refused(bench.ask(bench.question(Type::counts, Bench::bytes_of(std::uint32_t{1})))).why ==
         Refusal::no_such_axis);

@@ -50,6 +50,8 @@ class Prompt(can.BusABC):
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         self.asked += msg.arbitration_id == 0x80
+        # An SDO is answered apart from SYNC.
+        self.prompt = self.prompt and not 0x600 < msg.arbitration_id < 0x680
         self._bus.send(msg, timeout)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
@@ -135,7 +137,6 @@ def reopened(device: CanOpenDevice) -> Iterator[None]:
     """A device is opened again on a bus of which answers to other than SYNC are waited for."""
     bus = device._bus
     assert isinstance(bus, Prompt)
-    bus.prompt = False
     device.open()
     bus.prompt = True
     yield

@@ -62,7 +62,7 @@ class LiveLoop:
             self.twin.loosen(loosened)
         controller = Controller(inst, homed=homed)
         self.time_step = self.twin.time_step
-        device = _core.TwinDevice(self.twin._axes, self.time_step, 1)
+        device = _core.TwinDevice(self.twin.cores, self.time_step, self.twin.steps_per_tick)
         path = str(folder / ring)
         ranges = [1.5] * len(inst.axes)
         self._runtime = _core.Runtime(device, controller.core, path, capacity, ranges, self.time_step, 0.0, 1.0, False)

@@ -202,7 +202,7 @@ def test_what_cannot_be_asked_is_one_sentence(logs: list[Path], tmp_path: Path) 
     for option in ("--starts", "--bootstrap", "--seed"):
         given = run(logs[0], option, -1, "--out", tmp_path / "out")
         assert given.exit_code == 2
-        assert f"Invalid value for '{option}': -1 is not in the range" in " ".join(given.output.split())
+        assert f"Invalid value for '{option}'" in " ".join(given.output.split())
     assert not (tmp_path / "out").exists()
 
 

@@ -1,11 +1,13 @@
 """Devices by name, the communication test, and the bench at a data acquisition device."""
 
 import dataclasses
-from collections.abc import Sequence
+import inspect
+from collections import Counter
+from collections.abc import Callable, Sequence
 from math import degrees, inf, isinf, nan, radians
 from types import SimpleNamespace
-from typing import Any
-from unittest.mock import MagicMock, create_autospec
+from typing import Any, ClassVar
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -240,6 +242,17 @@ def test_counts_that_no_quadrature_encoder_has_are_refused(inst: Instrument, set
         NiDaq.model_validate({"yaw": yaw | {"antagonist": yaw["agonist"]}})
 
 
+def checked(kind: Any, name: str, effect: Callable[..., Any] = lambda *_, **__: None) -> MagicMock:
+    """A method of the package nidaqmx that refuses arguments which the real one does not have."""
+    signature = inspect.signature(getattr(kind, name))
+
+    def call(*arguments: Any, **named: Any) -> Any:
+        signature.bind(None, *arguments, **named)
+        return effect(*arguments, **named)
+
+    return MagicMock(side_effect=call)
+
+
 class FakeNi:
     """The package nidaqmx with its own signatures, and no device behind them."""
 
@@ -249,64 +262,71 @@ class FakeNi:
         writers = pytest.importorskip("nidaqmx.stream_writers")
         for part in ("system", "types"):
             pytest.importorskip(f"nidaqmx.{part}")
+        from nidaqmx.task import collections
         from nidaqmx.task._timing import Timing
-        from nidaqmx.task.collections import (
-            AIChannelCollection,
-            AOChannelCollection,
-            CIChannelCollection,
-            DOChannelCollection,
-        )
 
         self.constants, self.errors, self.types = nidaqmx.constants, nidaqmx.errors, nidaqmx.types
         self.tasks: list[Any] = []
         self.written: list[Array] = []
         self.at_once: list[list[float]] = []
         self.log: list[str] = []
-        self.value = 1.5
         self.late = False
-        self.watchdog = create_autospec(nidaqmx.system.WatchdogTask, instance=True)
 
         def task() -> Any:
-            made = MagicMock(spec=["ai_channels", "ao_channels", "ci_channels", "do_channels", "timing", "in_stream",
-                                   "out_stream", "start", "stop", "close", "write"])  # fmt: skip
-            made.ai_channels = create_autospec(AIChannelCollection, instance=True)
-            made.ao_channels = create_autospec(AOChannelCollection, instance=True)
-            made.ci_channels = create_autospec(CIChannelCollection, instance=True)
-            made.do_channels = create_autospec(DOChannelCollection, instance=True)
-            made.timing = create_autospec(Timing, instance=True)
-            made.in_stream.avail_samp_per_chan = 2
             number = len(self.tasks)
-            made.start.side_effect = lambda: self.log.append(f"start {number}")
-            made.close.side_effect = lambda: self.log.append(f"close {number}")
-            made.write.side_effect = lambda data, auto_start=False: self.at_once.append(data)
+            made = SimpleNamespace(
+                timing=SimpleNamespace(cfg_samp_clk_timing=checked(Timing, "cfg_samp_clk_timing")),
+                in_stream=SimpleNamespace(avail_samp_per_chan=2),
+                out_stream=SimpleNamespace(),
+                start=checked(nidaqmx.Task, "start", lambda: self.log.append(f"start {number}")),
+                close=checked(nidaqmx.Task, "close", lambda: self.log.append(f"close {number}")),
+                write=checked(nidaqmx.Task, "write", lambda data, auto_start=False: self.at_once.append(data)),
+            )
+            for kind, collection, add in (
+                ("ai", collections.AIChannelCollection, "add_ai_voltage_chan"),
+                ("ao", collections.AOChannelCollection, "add_ao_voltage_chan"),
+                ("ci", collections.CIChannelCollection, "add_ci_ang_encoder_chan"),
+                ("do", collections.DOChannelCollection, "add_do_chan"),
+            ):
+                setattr(made, f"{kind}_channels", SimpleNamespace(**{add: checked(collection, add)}))
             self.tasks.append(made)
             return made
 
-        def fill(data: Array, number_of_samples_per_channel: int = -1, timeout: float = 10.0) -> int:
+        def fill(data: Array, number_of_samples_per_channel: int = -1, timeout: float = 10.0) -> None:
             if self.late:
                 raise nidaqmx.errors.DaqReadError("late", -200284, 0)
-            data[:] = self.value
-            return number_of_samples_per_channel
+            data[:] = 1.5
 
-        reader = create_autospec(readers.AnalogMultiChannelReader, instance=True)
-        reader.read_many_sample.side_effect = fill
-        counter = create_autospec(readers.CounterReader, instance=True)
-        counter.read_many_sample_double.side_effect = fill
-        writer = create_autospec(writers.AnalogMultiChannelWriter, instance=True)
-        writer.write_many_sample.side_effect = lambda data, timeout=10.0: self.written.append(data.copy())
+        def keep(data: Array, timeout: float = 10.0) -> None:
+            self.written.append(data.copy())
+
+        self.write = checked(writers.AnalogMultiChannelWriter, "write_many_sample", keep)
+        reader = SimpleNamespace(read_many_sample=checked(readers.AnalogMultiChannelReader, "read_many_sample", fill))
+        counter = SimpleNamespace(
+            read_many_sample_double=checked(readers.CounterReader, "read_many_sample_double", fill)
+        )
+        writer = SimpleNamespace(write_many_sample=self.write)
         self.Task = task
         self.stream_readers = SimpleNamespace(
-            AnalogMultiChannelReader=create_autospec(readers.AnalogMultiChannelReader, return_value=reader),
-            CounterReader=create_autospec(readers.CounterReader, return_value=counter),
+            AnalogMultiChannelReader=checked(readers.AnalogMultiChannelReader, "__init__", lambda _: reader),
+            CounterReader=checked(readers.CounterReader, "__init__", lambda _: counter),
         )
         self.stream_writers = SimpleNamespace(
-            AnalogMultiChannelWriter=create_autospec(writers.AnalogMultiChannelWriter, return_value=writer)
+            AnalogMultiChannelWriter=checked(writers.AnalogMultiChannelWriter, "__init__", lambda _, auto_start: writer)
         )
-        made_watchdog = create_autospec(nidaqmx.system.WatchdogTask, return_value=self.watchdog)
-        if not watchdog:
-            made_watchdog.side_effect = nidaqmx.errors.DaqError("it has none", -200077)
+        kind = nidaqmx.system.WatchdogTask
+        methods = ("cfg_watchdog_ao_expir_states", "start", "stop", "close", "reset_timer")
+        self.watchdog = SimpleNamespace(**{name: checked(kind, name) for name in methods})
+
+        def armed(device_name: str, timeout: float) -> Any:
+            if not watchdog:
+                raise nidaqmx.errors.DaqError("it has none", -200077)
+            return self.watchdog
+
         devices = SimpleNamespace(devices=SimpleNamespace(device_names=["Dev1", "Dev2"]))
-        self.system = SimpleNamespace(WatchdogTask=made_watchdog, System=SimpleNamespace(local=lambda: devices))
+        self.system = SimpleNamespace(
+            WatchdogTask=checked(kind, "__init__", armed), System=SimpleNamespace(local=lambda: devices)
+        )
 
 
 def ni_tasks(settings: NiDaq, ni: FakeNi, **changes: Any) -> NiTasks:
@@ -376,8 +396,7 @@ def test_samples_that_are_late_are_none_and_other_errors_are_told(settings: NiDa
     tasks.open()
     ni.late = True
     assert tasks.read(0.01) is None
-    writer = ni.stream_writers.AnalogMultiChannelWriter.return_value
-    writer.write_many_sample.side_effect = ni.errors.DaqWriteError("underflow\nmore", -200290, 0)
+    ni.write.side_effect = ni.errors.DaqWriteError("underflow\nmore", -200290, 0)
     with pytest.raises(DeviceError, match=r"^The device Dev2 takes no commands: underflow.*\.$"):
         tasks.write(np.zeros(2), 1)
     with pytest.raises(DeviceError, match=r"device is 'Dev9'; allowed is one that the driver knows: Dev1, Dev2"):
@@ -477,6 +496,25 @@ def test_what_fails_is_named_with_its_bound(inst: Instrument, times: Sequence[in
     assert not findings.good
     assert named in findings.verdict
     assert findings.verdict.startswith("scripted is not good enough for a controller at 2000 Hz: ")
+
+
+def test_what_a_device_misses_by_its_own_count_is_a_loss_of_the_measurement_it_was_in(inst: Instrument) -> None:
+    class Counting(Scripted):
+        counts: ClassVar[Counter[str]] = Counter()
+
+        def read(self, timeout: float) -> Measurement | None:
+            measured = super().read(timeout)
+            if measured is not None and measured.time % (100 * PERIOD_NS) == 0:
+                self.counts.update(missing=3, late=2)
+            elif measured is not None:
+                self.counts.update(saturated=1)
+            return measured
+
+    device = Counting(inst, EVEN)
+    findings = measure(device, inst, 10.0, clock=lambda: device.now)
+    assert findings.flawed == 21
+    assert findings.told == {"missing": 63, "late": 42, "saturated": 1980}
+    assert "losses is 1.099 %" in findings.verdict  # and the script's end
 
 
 def test_spools_that_turn_and_sensors_that_are_silent_are_named(inst: Instrument) -> None:

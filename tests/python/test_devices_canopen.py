@@ -38,7 +38,7 @@ from .can_bench import (
     tick,
 )
 
-TICKS = 400
+TICKS = 300
 SPEED = 0.5  # rad/s
 EMERGENCY_OVERVOLTAGE = 0x3210
 
@@ -94,7 +94,7 @@ def in_process(inst: Instrument, lag: int) -> tuple[Array, Array]:
         answer = controller.step((n + 1) / RATE, measured.handle_angle[0], measured.tension[0], measured.spool_angle[0])
         waiting.append(np.round(answer.spool_velocity / SPEED_UNIT)[np.newaxis] * SPEED_UNIT)
         assert plant.latest is not None
-        tips.append(plant.latest["output_angle"])
+        tips.append(plant.latest["output_angle"][-1])
         commands.append(answer.spool_velocity)
     assert answer.state == OperatingState.ENABLED
     return np.array(tips), np.array(commands)
@@ -123,7 +123,7 @@ def test_closed_loop_over_can_is_the_twin_with_commands_one_tick_late(inst: Inst
             )
             device.write(answer.spool_velocity[np.newaxis])
             assert plant.latest is not None
-            tips.append(plant.latest["output_angle"])
+            tips.append(plant.latest["output_angle"][-1])
             commands.append(answer.spool_velocity)
     assert np.abs(commands).max() > 0.1  # rad/s: the motors are at work
     late, late_commands = in_process(inst, 1)
@@ -318,11 +318,13 @@ def test_lost_frames_are_missing_and_late_ones_are_counted_and_a_tick_old_at_mos
             device.write(np.full((1, 2), speed))
             assert measured is not None
             assert isinstance(bench.plant, TwinPlant) and bench.plant.latest is not None
-            truth = bench.plant.latest["measured_spool_angle"]
+            truth = bench.plant.latest["measured_spool_angle"][-1]
             lost = np.isnan(measured.spool_angle[0])
             missing += int(lost.sum()) + int(np.isnan(measured.handle_angle[0]))
             assert np.all(np.abs(measured.spool_angle[0] - truth)[~lost] < speed / RATE + 1.5 * count)
-        assert missing == device.counts["missing"] == made[0].withheld > 5
+        assert 5 < missing == device.counts["missing"] <= made[0].withheld
+        # Those that stood in for the next are followed by it.
+        assert made[0].withheld - missing <= device.counts["twice"]
         assert device.counts["late"] + device.counts["twice"] > 2
         assert "frame of" in device.problem
 

@@ -214,7 +214,7 @@ def recording(name: str) -> Measured:
 @cache
 def fitted(law: str) -> Fit:
     tool = Tool([recording(n) for n in TRAIN], [recording(n) for n in (*TEST, *FAST)], law=law)
-    return fit(tool, train=range(5), test=range(5, 13), starts=1)
+    return fit(tool, train=range(5), test=range(5, 13), starts=4 if law == "capstan-constant" else 1)
 
 
 def pooled(found: Fit, names: tuple[str, ...]) -> float:
@@ -264,3 +264,15 @@ def test_every_parameter_of_the_measured_tool_is_told_by_its_recordings() -> Non
     found = fitted("capstan-constant")
     assert found.identifiability.combinations == ()
     assert all(found.identifiability.identifiable.values())
+
+
+@needs_data
+def test_most_starts_come_to_the_optimum_of_the_measured_tool() -> None:
+    found = fitted("capstan-constant")
+    assert 2 * found.same_optimum > found.starts
+
+
+@needs_data
+def test_friction_of_the_measured_tools_cables_grows_with_the_tension_itself() -> None:
+    # steel over pulleys, unlike a sheath of plastic: more freedom for the law finds capstan again
+    assert fitted("capstan-power").values["load_index"] > 0.98

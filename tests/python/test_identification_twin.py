@@ -12,8 +12,9 @@ from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, Fit, fit
 from tenodesis.identification.differences import differenced, scales
 from tenodesis.identification.formats.instrument_run import TENDONS, InstrumentRun, checked
+from tenodesis.identification.models.converter import Converter
 from tenodesis.identification.models.twin import TwinProblem
-from tenodesis.identification.models.twin_runs import smoothed, unrounded
+from tenodesis.identification.models.twin_inputs import smoothed, unrounded
 from tenodesis.instrument import Instrument
 from tenodesis.protocols import Cycles, Pretension, Protocol
 from tenodesis.recording.session import record
@@ -395,19 +396,19 @@ def test_rounding_is_taken_off_a_turning_spool() -> None:
     angle = 0.3 * np.clip(time - 1, 0, 1) - 0.1 * np.clip(time - 3, 0, 0.5)
     step = 2 * np.pi / 4096
     plain = np.round(angle / step) * step
-    better = unrounded(plain, STEP)
+    better = unrounded(plain, STEP, step).values
     moving = (time > 1.05) & (time < 1.95)
     assert np.abs(better - angle)[moving].max() < 0.15 * step
     assert np.abs(better - plain).max() <= 0.51 * step
-    assert np.array_equal(unrounded(np.full(100, 3.0), STEP), np.full(100, 3.0))
+    assert np.array_equal(unrounded(np.full(100, 3.0), STEP, step).values, np.full(100, 3.0))
 
 
 def test_smoothing_takes_noise_off_and_leaves_the_signal() -> None:
     time = np.arange(0, 8, STEP)
     angle = 0.4 * 2 / np.pi * np.arcsin(np.sin(np.pi * time))
     noise = 7e-4
-    better = smoothed(angle + np.random.default_rng(0).normal(0, noise, time.size), STEP, noise)
-    assert np.sqrt(np.mean((better - angle) ** 2)) < 0.35 * noise
+    better = smoothed(angle + np.random.default_rng(0).normal(0, noise, time.size), STEP, Converter(noise, 1e-9)).values
+    assert np.sqrt(np.mean((better - angle) ** 2)) < 0.2 * noise
 
 
 @pytest.mark.parametrize("name", ["real-size"])

@@ -1,5 +1,6 @@
-"""The live loop: the same as the closed loop of a run, seen whole by whoever keeps up, and safe when somebody leaves."""
+"""The live loop: the same as the closed loop of a run, seen whole by who keeps up, safe when somebody leaves."""
 
+import contextlib
 import json
 import os
 import signal
@@ -23,6 +24,7 @@ from tenodesis.live.lease import SECONDS, Lease
 from tenodesis.live.loop import PROBLEMS, Choices, LiveLoop
 from tenodesis.live.record import Reader
 from tenodesis.live.server import Server
+from tenodesis.recording import Recording
 from tenodesis.twin import Twin
 
 INST = tn.load("scaled-up")
@@ -346,6 +348,20 @@ def served(tmp_path):
     server.finish()
 
 
+def operating(folder):
+    """A connection that operates for as long as it is open."""
+    client = Client(folder, "one")
+    assert client.acquire()
+
+    def beat():
+        with contextlib.suppress(LiveError):
+            while client.heartbeat():
+                time.sleep(0.2)
+
+    threading.Thread(target=beat, daemon=True).start()
+    return client
+
+
 def test_one_operates_and_others_watch_until_they_take_over(served):
     folder, _ = served
     one, other = Client(folder, "one"), Client(folder, "other")
@@ -400,7 +416,8 @@ def test_the_last_seconds_come_thinned_and_in_order(served):
 
 
 @pytest.mark.parametrize(
-    "line", [b"\x00\xff\n", b"[]\n", b"{}\n", b'{"op": "fly"}\n', b'{"op": 7}\n', b"[" * 5000 + b"\n", b'{"op":"hand"}\n']
+    "line",
+    [b"\x00\xff\n", b"[]\n", b"{}\n", b'{"op": "fly"}\n', b'{"op": 7}\n', b"[" * 5000 + b"\n", b'{"op":"hand"}\n'],
 )
 def test_a_malformed_order_is_answered_and_moves_nothing(served, line):
     folder, server = served
@@ -415,16 +432,13 @@ def test_a_malformed_order_is_answered_and_moves_nothing(served, line):
 
 def test_a_client_that_floods_delays_no_tick_and_the_last_word_counts(served):
     folder, server = served
-    one = Client(folder, "one")
-    one.acquire()
+    one = operating(folder)
     ticks = server.loop.core.ticks
     for n in range(2000):
         try:
             one.hand([0.2 * n / 1999])
         except LiveError as problem:
-            assert "too much" in str(problem)  # noqa: PT017
-        if n % 100 == 0:
-            one.heartbeat()
+            assert "too much" in str(problem)
     one.hand([0.2])
     until(lambda: abs(one.latest()["commanded_handle_angle"] - 0.2) < 1e-4)
     assert server.loop.core.ticks > ticks
@@ -436,14 +450,11 @@ def test_a_client_that_floods_delays_no_tick_and_the_last_word_counts(served):
 
 def test_a_protocol_runs_at_a_request_and_is_recorded_whole(served):
     folder, _ = served
-    one = Client(folder, "one")
-    one.acquire()
-    beats = threading.Event()
-    beating = threading.Thread(target=lambda: [one.heartbeat() for _ in iter(lambda: beats.wait(0.2), True)])
-    beating.start()
+    one = operating(folder)
     one.request("enable")
-    one.speed(10)
-    protocol = tn.protocols.parse('name = "turn"\n[[phases]]\nkind = "ramp"\nhandle_angle = "20 deg"\nduration = "2 s"\n')
+    protocol = tn.protocols.parse(
+        'name = "turn"\n[[phases]]\nkind = "ramp"\nhandle_angle = "20 deg"\nduration = "1 s"\n'
+    )
     one.play(protocol)
     with pytest.raises(LiveError, match="the protocol turn runs"):
         one.hand([0.0])
@@ -451,12 +462,28 @@ def test_a_protocol_runs_at_a_request_and_is_recorded_whole(served):
     until(lambda: one.status().protocol[1] >= one.status().protocol[2] or one.status().protocol[3])
     assert one.status().protocol[3] is None
     until(lambda: one.status().recording is None)
-    beats.set()
-    beating.join()
-    recording = tn.recording.read(path)
+    recording = Recording.open(path)
     run = recording.run
+    assert {"play", "protocol_ended"} <= {event.content["event"] for event in recording.events}
     assert np.allclose(np.diff(run.time), 1 / INST.sensors.sampling_rate)
     assert abs(np.degrees(run.commanded_handle_angle).max() - 20) < 1e-6
+
+
+def test_a_recorder_that_is_killed_is_said_and_its_file_can_be_read_to_the_last_chunk(served):
+    folder, server = served
+    one = operating(folder)
+    path = one.record(True, "long")
+    until(lambda: server._recorder.status().get("rows", 0) > 1000)
+    before = server._recorder.status()["rows"]
+    os.kill(server._recorder.status()["pid"], signal.SIGKILL)
+    until(lambda: one.status().problem)
+    assert "The recorder of" in one.status().problem
+    assert "SIGKILL" in one.status().problem
+    assert one.status().recording is None
+    recording = Recording.open(path)
+    # Chunks are of a quarter of a second.
+    assert len(recording.run) >= before - 0.25 / server.loop.period
+    assert server.loop.core.running
 
 
 def test_a_runtime_that_is_killed_is_said_and_can_be_started_again(tmp_path):

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from tenodesis import kinematics
 from tenodesis.bench import style
-from tenodesis.bench.content import Context, Plot, Section, Table, fixed, named
+from tenodesis.bench.content import Context, Plot, Section, Table, fixed, named, number
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import Instrument
 from tenodesis.kinematics import Posture, Workspace
@@ -19,6 +19,7 @@ WIDE = np.radians(90.0)
 
 _POSTURES = 20
 _FORCES = 13
+_SHADES = 16
 
 
 def section(context: Context) -> Section:
@@ -66,14 +67,23 @@ def section(context: Context) -> Section:
     )
     text = (
         f"<p>{named(inst)} as the chain of Fig. 1: spherical and prismatic joint at the port, then yaw, pitch and roll "
-        f"of the end-effector; a stem of {1e3 * lengths.stem_length:.0f} mm. A load hardly changes where the tip gets "
-        "to, since pan and insertion move it; it takes from the directions in which the end-effector can work there, "
-        "for the handle runs out of range before the output angle is reached. Compensation by the motors gives them "
-        "back, as far as their stroke goes. Limits of pan and insertion are our choice where the file has none. All "
-        f"bodies stand where MuJoCo puts those of the exported model, to {off:.0e} m and as entries of rotation "
-        "matrices.</p>"
+        f"of the end-effector; a stem of {1e3 * lengths.stem_length:.0f} mm. Pan and insertion bring the tip to a "
+        "place; the bending joints tell from which directions the end-effector can work there. A load takes from "
+        f"these, for the handle's range ends before the output angle is reached: one of {force:.3g} N "
+        f"{_taken(free, loaded)}. Compensation "
+        "by the motors gives that back, as far as their stroke goes. Limits of pan and insertion are our choice where "
+        f"the file has none. All bodies stand where MuJoCo puts those of the exported model, to {number(off, 1)} m, "
+        "and as entries of rotation matrices.</p>"
     )
     return Section("workspace", title, text, plots=[_plot(inst, force, free, loaded)], tables=[table])
+
+
+def _taken(free: Workspace, loaded: Workspace) -> str:
+    """Return what a load takes, as part of a sentence."""
+    span, area = (
+        100 * (1 - after / before) for before, after in ((free.mean_span, loaded.mean_span), (free.area, loaded.area))
+    )
+    return f"takes {span:.0f} % of the mean span of directions and {area:.0f} % of the area that the tip gets to"
 
 
 def _force(inst: Instrument) -> float:
@@ -101,7 +111,7 @@ def _off_mujoco(inst: Instrument) -> float:
 
 
 def _plot(inst: Instrument, force: float, free: Workspace, loaded: Workspace) -> Plot:
-    fig, axes = style.figure(3, width=10.5, height=4.2)
+    fig, axes = style.figure(3, width=10.5, height=3.6)
     shades = Normalize(0.0, float(np.degrees(free.span.max())))
     for axis, space, told in ((axes[0], free, "no load"), (axes[1], loaded, f"{force:.3g} N against flexion")):
         _draw(axis, space, shades)
@@ -116,8 +126,8 @@ def _plot(inst: Instrument, force: float, free: Workspace, loaded: Workspace) ->
     axes[2].plot(forces, span, color=style.ACCENT, label="mean span of directions")
     axes[2].plot(forces, 2 * bend, color=style.INK, label="span of output angles")
     axes[2].axvline(force, color=style.REFERENCE, lw=1, ls=":")
-    axes[2].set(title="what a load leaves", xlabel="tip force [N]", ylabel="[deg]", ylim=(0, None))
-    axes[2].legend(loc="lower left")
+    axes[2].set(title="what a load leaves", xlabel="tip force [N]", ylabel="[deg]", ylim=(0, 2.5 * bend.max() + 1))
+    axes[2].legend(loc="upper right")
     caption = (
         "Workspace through the port in the plane of the pan: shade is the angle over which the end-effector can point "
         "at a place. Right: the same, averaged, by load."
@@ -134,14 +144,16 @@ def _plot(inst: Instrument, force: float, free: Workspace, loaded: Workspace) ->
 
 def _draw(axis: Axes, space: Workspace, shades: Normalize) -> None:
     angle, distance = np.meshgrid(space.angle, 1e3 * space.distance, indexing="ij")
-    span = np.where(space.span > 0, np.degrees(space.span), np.nan)
     x, z = distance * np.sin(angle), distance * np.cos(angle)
-    axis.pcolormesh(x, z, span, norm=shades, cmap="viridis", shading="nearest", rasterized=True)
+    span = np.degrees(space.span)
+    levels = np.linspace(0.0, shades.vmax or 1.0, _SHADES + 1)
+    levels[0] = 1e-3 * levels[-1]  # where the tip cannot be is left white
+    axis.contourf(x, z, span, levels, norm=shades, cmap="viridis")
     wide = axis.contour(x, z, np.degrees(space.span), [np.degrees(WIDE)], colors="white", linewidths=1.0)
     axis.clabel(wide, fmt=lambda level: f"{level:.0f}°", fontsize=7)
     axis.plot(0, 0, "o", color=style.ACCENT, ms=5)
     axis.annotate("port", (0, 0), (6, -3), textcoords="offset points", color=style.ACCENT)
-    axis.set_aspect("equal")
+    axis.set(aspect="equal", ylim=(-0.15 * distance.max(), 1.05 * distance.max()))
 
 
 def _by_distance(space: Workspace, told: str) -> dict[str, np.ndarray]:

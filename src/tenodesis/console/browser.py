@@ -56,6 +56,7 @@ class Browser:
             self.plots = Plots(gui, inst)
             self.scene = Scene(session.client, inst, largest_force(inst))
             self.scene.look("whole")
+            gui.main_panel.dock_right()
             gui.main_panel.set_width(_WIDTH)
         session.on(look, "look", lambda: self.scene.look(look.value))
 

@@ -3,18 +3,19 @@
 import time
 from math import degrees
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from tenodesis.console.comparison import compare
+from tenodesis.console.link import running
 from tenodesis.console.motion_file import repeated
-from tenodesis.console.plots import AGONIST, INK, WANTED
+from tenodesis.console.plots import AGONIST, INK, WANTED, known
 from tenodesis.console.session import Now, Session, enable, put
 from tenodesis.console.view import View, view
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument
 from tenodesis.recording import Recording
+from tenodesis.signals import Array
 
 _NONE = "none yet"
 _ROWS = 1500
@@ -30,7 +31,6 @@ class Files:
         from viser import uplot  # noqa: PLC0415 - takes half a second
 
         self._session, self._inst = session, inst
-        self._uplot: Any = uplot
         self._opened: tuple[Recording, Instrument, View] | None = None
         self._started: float | None = None
         self._looked = 0.0
@@ -38,15 +38,30 @@ class Files:
         self._name = gui.add_dropdown("Recording", (_NONE,))
         self._open = gui.add_button("Open", icon="folder-open")
         self._facts = gui.add_markdown(f"Recordings are in `{session.folder}`.")
-        self._plot = self._chart(gui, {"wanted": WANTED, "is": INK})
-        self._replay = gui.add_button("Replay in the view", icon="player-play", visible=False)
+        self._chart = gui.add_uplot(
+            data=(np.array([0.0, 1.0]), *(np.zeros(2) for _ in range(3))),
+            series=(
+                uplot.Series(label="s"),
+                *(
+                    uplot.Series(label=name, stroke=colour, width=1.5, points={"show": False})
+                    for name, colour in (("the other", AGONIST), ("hand asks", WANTED), ("is", INK))
+                ),
+            ),
+            title="Tip angle, deg",
+            scales={"x": uplot.Scale(time=False)},
+            axes=(uplot.Axis(label="time, s", labelSize=18, labelGap=0, size=24, gap=2), uplot.Axis(size=48)),
+            legend=uplot.Legend(show=True, live=False),
+            cursor=uplot.Cursor(show=False),
+            height=170,
+            padding=(6, 12, 0, 0),
+        )
+        self._replay = gui.add_button("Replay in the view", icon="player-play", disabled=True)
         self._at = gui.add_slider("At, s", min=0.0, max=1.0, step=0.01, initial_value=0.0, visible=False)
         self._live = gui.add_button("Back to the live instrument", color="green", visible=False)
-        self._again = gui.add_button("Move the handle like this again", icon="repeat", visible=False)
+        self._again = gui.add_button("Move the handle like this again", icon="repeat", disabled=True)
         self._other = gui.add_dropdown("Compare with", (_NONE,))
-        self._compare = gui.add_button("Compare the tip angles", icon="arrows-diff")
+        self._compare = gui.add_button("Compare the tip angles", icon="arrows-diff", disabled=True)
         self._verdict = gui.add_markdown("")
-        self._both = self._chart(gui, {"first": INK, "second": AGONIST})
         session.on(self._open, "open", lambda: session.work("open", self._read))
         session.on(self._replay, "replay", self._start)
         session.on(self._live, "replay", self._end)
@@ -56,7 +71,7 @@ class Files:
 
     def show(self, now: Now) -> None:
         """List what is there."""
-        enable((self._again,), now.operating)
+        enable((self._again,), now.operating and self._opened is not None and not running(now.status))
         if time.monotonic() - self._looked < _LOOK_EVERY:
             return
         self._looked = time.monotonic()
@@ -95,14 +110,20 @@ class Files:
         self._end()
         self._opened = (recording, inst, drawn)
         lasts = float(drawn.time[-1] - drawn.time[0]) if drawn.time.size else 0.0
+        since = drawn.time - drawn.time[:1].sum()
         with self._session.client.atomic():
             put(self._facts, content=_facts(recording, inst))
-            self._plot.data = (drawn.time - drawn.time[:1].sum(), *np.degrees([drawn.wanted[:, 0], drawn.output[:, 0]]))
-            put(self._plot, visible=lasts > 0)
-            put(self._again, visible=lasts > 0)
+            put(self._verdict, content="")
+            if lasts > 0:
+                self._draw(since, drawn.output[:, 0], drawn.wanted[:, 0], drawn.output[:, 0])
             # Another instrument would be drawn wrong.
-            put(self._replay, visible=lasts > 0 and inst.axes == self._inst.axes)
+            enable((self._replay,), lasts > 0 and inst.axes == self._inst.axes)
+            enable((self._compare,), lasts > 0)
             self._at.max = max(lasts, 0.02)
+
+    def _draw(self, time: Array, other: Array, wanted: Array, output: Array) -> None:
+        """Draw angles, rad: another recording's, what the hand asks for, and the tip's, which hides equal ones."""
+        self._chart.data = (time, *(known(np.degrees(angles), 0.0) for angles in (other, wanted, output)))
 
     def _start(self) -> None:
         self._started = time.monotonic()
@@ -145,27 +166,7 @@ class Files:
                 content=f"Over {found.time[-1]:.1f} s they differ by **{degrees(found.rms):.2f}° RMS**, "
                 f"{degrees(found.largest):.2f}° at most. First: `{names[0]}`, second: `{names[1]}`.",
             )
-            self._both.data = (found.time[rows], *np.degrees([found.first[rows], found.second[rows]]))
-            put(self._both, visible=True)
-
-    def _chart(self, gui: Any, curves: dict[str, str]) -> Any:
-        series = [self._uplot.Series(label="s")]
-        series += [
-            self._uplot.Series(label=name, stroke=colour, width=1.5, points={"show": False})
-            for name, colour in curves.items()
-        ]
-        return gui.add_uplot(
-            data=(np.array([0.0, 1.0]), *(np.full(2, np.nan) for _ in curves)),
-            series=tuple(series),
-            title="Tip angle, deg",
-            scales={"x": self._uplot.Scale(time=False)},
-            axes=(self._uplot.Axis(label="time, s", labelSize=16, size=30), self._uplot.Axis(size=48)),
-            legend=self._uplot.Legend(show=True, live=False),
-            cursor=self._uplot.Cursor(show=False),
-            height=180,
-            padding=(6, 12, 0, 0),
-            visible=False,
-        )
+            self._draw(found.time[rows], found.second[rows], found.first[rows], found.first[rows])
 
 
 def _recordings(folder: Path) -> list[str]:

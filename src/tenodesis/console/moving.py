@@ -28,7 +28,7 @@ class Moving:
         reach = round(degrees(inst.handle_range), 1)
         most = largest_force(inst)
         self._hand: list[Any] = [
-            gui.add_slider(f"Handle {axis}, deg", min=-reach, max=reach, step=0.1, initial_value=0.0)
+            gui.add_slider(f"Handle {axis}, °", min=-reach, max=reach, step=0.1, initial_value=0.0)
             for axis in inst.axes
         ]
         self._force: list[Any] = [
@@ -43,7 +43,7 @@ class Moving:
             for axis in inst.axes
         ]
         self._axis = gui.add_dropdown("Step on", inst.axes, visible=len(inst.axes) > 1)
-        self._size = gui.add_number("Step, N", initial_value=round(most / 1.5, 3), min=-most, max=most, step=0.05)
+        self._size = gui.add_number("Step, N", initial_value=_usual_force(inst, most), min=-most, max=most, step=0.05)
         self._step = gui.add_button(_ON, color="violet", hint="A step, as when the tip hits something.")
         if not self._simulated:
             gui.add_markdown("*The hand moves the handle here, and the load hangs on the tip: these only show both.*")
@@ -95,8 +95,13 @@ class Moving:
 
 
 def largest_force(inst: Instrument) -> float:
-    """Return the largest load that the page offers, N: half as much again as the instrument is tested with."""
-    return round(1.5 * max(inst.conditions.forces, default=inst.pretension / 30), 3)
+    """Return the largest load that the page offers, N: the largest that the instrument is tested with."""
+    return round(max(inst.conditions.forces, default=inst.pretension / 30), 3)
+
+
+def _usual_force(inst: Instrument, most: float) -> float:
+    forces = sorted(inst.conditions.forces)
+    return round(forces[(len(forces) - 1) // 2], 3) if forces else most / 2
 
 
 def _values(sliders: list[Any]) -> Array:

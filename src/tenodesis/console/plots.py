@@ -21,7 +21,6 @@ INK, WANTED, ESTIMATED, EDGE = "#1b2733", "#168658", "#7c3aed", "rgba(124, 58, 2
 BAND = "rgba(124, 58, 237, 0.16)"
 AGONIST, ANTAGONIST, LINE = "#b4232f", "#1f5fa8", "#6b7785"
 
-_STEPS = tuple(digit * 10.0**power for power in range(-2, 4) for digit in (1, 2, 5))
 _WIDTH = 420
 _HEIGHT = 140
 _NOTHING = np.array([-WINDOW, 0.0])
@@ -44,82 +43,77 @@ class Plots:
         self._uplot: Any = uplot
         self._inst, self._colours = inst, TensionColours(inst)
         panel = gui.add_panel()
-        reach = np.ceil(np.degrees(inst.output_stop) / 10) * 10
+        single = [inst] if len(inst.axes) == 1 else [inst.axis(name) for name in inst.axes]
+        self._stretches = [1e3 * one.pretension / one.tendon_stiffness for one in single]
         with panel.add_tab("Curves"):
             self.axis = gui.add_dropdown("Axis", inst.axes, visible=len(inst.axes) > 1)
             self._angle = self._plot(
                 gui,
                 "Tip angle, deg",
-                {"wanted": WANTED, "is": INK, "estimated": ESTIMATED, "+2 std": "", "−2 std": ""},
-                low=-reach,
-                high=reach,
-                bands=(uplot.Band(series=(4, 5), fill=BAND),),
+                {
+                    "hand asks": WANTED,
+                    "is": INK,
+                    "estimated": ESTIMATED,
+                    "+2 std": EDGE,
+                    "−2 std": EDGE,
+                    "straight": LINE,
+                },
+                (uplot.Band(series=(4, 5), fill=BAND),),
             )
             self._tension = self._plot(
                 gui,
                 "Tendon tension, N",
                 {"agonist": AGONIST, "antagonist": ANTAGONIST, "slack": LINE, "limit": LINE},
-                low=0,
-                high=1.15 * self._colours.limit,
             )
             self._stroke = self._plot(
-                gui, "Motor stroke, mm wound", {"agonist": AGONIST, "antagonist": ANTAGONIST}, low=-1, high=1
+                gui,
+                "Motor stroke, mm wound",
+                {"agonist": AGONIST, "antagonist": ANTAGONIST, "+ stretch at rest": LINE, "− stretch at rest": LINE},
             )
             self._friction = self._plot(
-                gui, "Friction over what the file tells", {"estimated": ESTIMATED, "as told": LINE}, low=0, high=2
+                gui, "Friction over what the file tells", {"estimated": ESTIMATED, "as told": LINE, "none": LINE}
             )
         panel.dock_left()
         panel.set_width(_WIDTH)
 
     def show(self, seconds: View) -> None:
         """Draw the last seconds."""
-        time = seconds.time - seconds.time[-1] if seconds.time.size else seconds.time
+        time = seconds.time
         axis = self._inst.axes.index(self.axis.value)
-        wanted, output, estimated, deviation = (
-            np.degrees(values[:, axis])
-            for values in (seconds.wanted, seconds.output, seconds.estimated, seconds.deviation)
+        output = known(np.degrees(seconds.output[:, axis]), 0.0)
+        wanted, estimated, deviation = (
+            np.degrees(values[:, axis]) for values in (seconds.wanted, seconds.estimated, seconds.deviation)
         )
         tension, stroke = seconds.tension[:, axis], 1e3 * seconds.stroke[:, axis]
+        estimated, deviation = known(estimated, output), known(deviation, 0.0)
+        # Level lines also keep the scales from following noise alone.
         level = np.ones(time.shape)
-        self._set(self._angle, time, wanted, output, estimated, estimated + 2 * deviation, estimated - 2 * deviation)
+        edges = (estimated + 2 * deviation, estimated - 2 * deviation)
+        self._set(self._angle, time, wanted, output, estimated, *edges, 0 * level)
         slack, limit = self._colours.slack * level, self._colours.limit * level
         self._set(self._tension, time, tension[:, 0], tension[:, 1], slack, limit)
-        self._fit(self._stroke, -1, stroke.ravel())
-        self._set(self._stroke, time, stroke[:, 0], stroke[:, 1])
-        scale = seconds.friction_scale[:, axis]
-        self._fit(self._friction, 0, scale, 2 * level)
-        self._set(self._friction, time, scale, level)
+        stretch = self._stretches[axis] * level
+        self._set(self._stroke, time, stroke[:, 0], stroke[:, 1], stretch, -stretch)
+        self._set(self._friction, time, known(seconds.friction_scale[:, axis], 1.0), level, 0 * level)
 
     def _set(self, plot: Any, time: Array, *curves: Array) -> None:
+        # Times go on: with others that stood still, the viewer would not draw an axis that had no room at first.
         if time.size > 1:
-            # A row without values keeps the window as wide while the first seconds pass.
-            plot.data = (np.append(-WINDOW, time), *(np.append(np.nan, curve) for curve in curves))
+            plot.data = (time, *curves)
 
-    def _fit(self, plot: Any, low: float, *curves: Array) -> None:
-        """Give a plot a range in whole steps up to what it shows, so that it neither jumps nor shows noise large."""
-        known = np.concatenate(curves)
-        most = float(np.abs(known[np.isfinite(known)]).max(initial=0.0))
-        reach = next((step for step in _STEPS if step >= most), most)
-        scales = self._scales(low * reach, reach)
-        if plot.scales != scales:
-            plot.scales = scales
-
-    def _scales(self, low: float, high: float) -> Any:
-        return {"x": self._uplot.Scale(time=False), "y": self._uplot.Scale(range=(low, high))}
-
-    def _plot(self, gui: Any, title: str, curves: dict[str, str], *, low: float, high: float, bands: Any = None) -> Any:
-        """Add an empty plot of curves by name, each of a colour; without one it only bounds a band."""
+    def _plot(self, gui: Any, title: str, curves: dict[str, str], bands: Any = None) -> Any:
+        """Add an empty plot of curves by name, each of a colour."""
         series = [self._uplot.Series(label="s")]
         for name, colour in curves.items():
-            look: dict[str, Any] = {"label": name, "width": 1.8, "points": {"show": False}, "stroke": colour or EDGE}
+            look: dict[str, Any] = {"label": name, "width": 1.8, "points": {"show": False}, "stroke": colour}
             if colour == LINE:
                 look |= {"dash": (6, 4), "width": 1.2}
             series.append(self._uplot.Series(**look))
         return gui.add_uplot(
-            data=(_NOTHING, *(np.full(2, np.nan) for _ in curves)),
+            data=(_NOTHING, *(np.zeros(2) for _ in curves)),
             series=tuple(series),
             title=title,
-            scales=self._scales(low, high),
+            scales={"x": self._uplot.Scale(time=False)},
             axes=(
                 self._uplot.Axis(label="time, s", labelSize=18, labelGap=0, size=24, gap=2),
                 self._uplot.Axis(size=48),
@@ -130,3 +124,8 @@ class Plots:
             height=_HEIGHT,
             padding=(6, 12, 0, 0),
         )
+
+
+def known(values: Array, instead: Array | float) -> Array:
+    """Return values with others instead where there are none: one gap would cost the viewer its scale."""
+    return np.where(np.isfinite(values), values, np.nan_to_num(instead))

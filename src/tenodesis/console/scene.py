@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tenodesis import kinematics
 from tenodesis.console.colours import TensionColours
@@ -29,7 +30,7 @@ _FORCE = (124, 58, 237)
 _BACKBONE = (150, 158, 170)
 _UPRIGHT = 0.8
 """Width by height, below which a picture is a small screen's."""
-_TENDON_PIXELS = 4.0
+_TENDON_PIXELS = 3.0
 _SEEN = 1e-3
 """Smallest change that is sent, a third of a pixel on a large screen: a picture that stands still costs nothing."""
 
@@ -58,8 +59,9 @@ class Scene:
         with client.atomic():
             scene.reset()
             scene.configure_default_lights(enabled=True, cast_shadow=False)
-            # One that comes with the library, so that nothing is fetched.
-            scene.configure_environment_map(hdri="studio", environment_intensity=0.5)
+            # An environment map would take a machine that draws without a graphics card half a minute.
+            scene.configure_environment_map(hdri=None)
+            scene.add_light_hemisphere("/light", sky_color=(255, 255, 255), ground_color=(150, 150, 160), intensity=2.4)
             scene.add_frame(_ROOT, show_axes=False, wxyz=_HEAD_DOWN)
             rest = self._frames(np.zeros(len(inst.axes)), np.zeros(len(inst.axes)))
             self._port(scene)
@@ -94,9 +96,9 @@ class Scene:
                     f"{_ROOT}/tip/force_{axis}",
                     points=np.zeros((1, 2, 3)),
                     colors=_FORCE,
-                    shaft_radius=0.012,
-                    head_radius=0.035,
-                    head_length=0.08,
+                    shaft_radius=0.014,
+                    head_radius=0.05,
+                    head_length=0.13,
                     visible=False,
                 )
                 for axis in inst.axes
@@ -117,7 +119,7 @@ class Scene:
         middle = scale * height
         if camera.aspect < _UPRIGHT:
             # On a small screen the panel lies over the lower part of the picture.
-            middle, away = middle - 0.75 * away, 2 * away
+            middle, away = middle - 0.95 * away, 2.3 * away
         with self._client.atomic():
             camera.position = (0.28 * away, -away, middle + 0.3 * away)
             camera.look_at = (0.0, 0.0, middle)
@@ -142,7 +144,7 @@ class Scene:
     def tell(self, now: View) -> None:
         """Say in figures where the tip is; text is dearer to draw than what moves."""
         pairs = zip(self._inst.axes, np.degrees(now.output), np.degrees(now.wanted), strict=True)
-        text = "   ".join(f"{axis} {_degrees(angle)} of {_degrees(wanted)}" for axis, angle, wanted in pairs)
+        text = "\n".join(f"{axis} {_degrees(angle)} of {_degrees(wanted)}" for axis, angle, wanted in pairs)
         if self._label.text != text:
             self._label.text = text
 
@@ -187,7 +189,7 @@ class Scene:
             # Friction takes its share at the joints; what lies between is not known to the eye.
             tension = np.linspace(now.tension[axis, tendon], now.distal_tension[axis, tendon], len(path))
             if self._changed(f"{name} tension", tension / self.colours.limit, coarse=10):
-                line.colors = _segments(self.colours(tension))
+                line.colors = _segments(_linear(self.colours(tension)))
         for axis, line in self._backbones.items():
             middle = self._scale * (frames.tendons[f"{axis}_agonist"] + frames.tendons[f"{axis}_antagonist"]) / 2
             if self._changed(f"{axis} backbone", middle):
@@ -199,10 +201,11 @@ class Scene:
             if not self._changed(f"{axis} force", np.array([force / self._largest_force])):
                 continue
             # It pushes on the tip against positive flexion, and turns with it.
-            length = 0.15 * np.sign(force) + 0.5 * force / self._largest_force
+            length = 0.2 * np.sign(force) + 0.4 * force / self._largest_force
+            gap = 0.05 * np.sign(force)
             direction = np.array([1.0, 0.0, 0.0]) if axis == "yaw" else np.array([0.0, 1.0, 0.0])
             arrow.visible = bool(abs(force) > 1e-3)
-            arrow.points = np.stack([length * direction, np.zeros(3)])[np.newaxis]
+            arrow.points = np.stack([(gap + length) * direction, gap * direction])[np.newaxis]
 
     def _changed(self, name: str, value: Array, *, coarse: float = 1.0) -> bool:
         """Return whether a value differs visibly from what was sent of it, and note it if so."""
@@ -228,5 +231,11 @@ def _segments(path: Any) -> Any:
     return np.stack([path[:-1], path[1:]], 1)
 
 
+def _linear(colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return colours as the viewer takes those of lines, which it brightens for the screen."""
+    return (255 * (colours / 255) ** 2.2).round().astype(np.uint8)
+
+
 def _degrees(angle: float) -> str:
-    return f"{angle:+.1f}°" if np.isfinite(angle) else "unknown"
+    # Nought has no sign.
+    return f"{round(angle, 1) + 0.0:+.1f}°" if np.isfinite(angle) else "unknown"

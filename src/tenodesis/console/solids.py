@@ -42,7 +42,7 @@ def gear(radius: float, thickness: float, *, shifted: bool = False) -> Solid:
     """Return a spur gear about y of a pitch radius; teeth point along z either way, or gaps if shifted."""
     step = 2 * pi / _TEETH
     phase = step / 2 if shifted else 0.0
-    depth = 0.16 * radius
+    depth = 0.11 * radius
     # Flanks that leave a little play, so that the teeth of a pair are seen one by one.
     shape = [(-0.42, -1.0), (-0.24, -1.0), (-0.12, 0.85), (0.12, 0.85), (0.24, -1.0), (0.42, -1.0)]
     around = np.array([phase + step * (n + part) for n in range(_TEETH) for part, _ in shape])

@@ -93,6 +93,12 @@ class Setup:
         hold = self._inst.control.safe_state == "hold"
         self._must_heed(node, 0x605A, 0, "h", cia402.STOP_AND_HOLD if hold else cia402.STOP_AND_LET_GO)
         self._write(node, 0x605E, 0, "h", cia402.STOP_AND_LET_GO, needed=False)
+        # The time between SYNCs, in microseconds, and in steps of 100 of them or of 1 ms.
+        period = 1 / self._inst.sensors.sampling_rate
+        exponent = -4 if period < 0.025 else -3
+        self._write(node, 0x1006, 0, "I", round(period * 1e6), needed=False)
+        self._write(node, 0x60C2, 1, "B", min(max(1, round(period * 10**-exponent)), 255), needed=False)
+        self._write(node, 0x60C2, 2, "b", exponent, needed=False)
         acceleration = max(1, round(limit.motor_acceleration / self._plan.unit))
         # Ramps of the profile, of the quick stop, and the largest ones.
         for index in (0x6083, 0x6084, 0x6085, 0x60C5, 0x60C6):

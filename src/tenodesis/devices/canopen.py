@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _SYNC = 0x80
 _OPERATIONAL = 5
 _BOOTED = 0
-_STOPPING_SYNCS = 50
+_STOPPING_TIME = 0.5  # s, beyond the time that the motors take from their full speed
 _FLOOD = 5000
 _ANSWER_TIME = 0.2  # s, of an SDO server whose answer changes nothing
 _NEVER_MEASURED = -(2**31)
@@ -433,18 +433,24 @@ class CanOpenDevice:
         import can  # noqa: PLC0415 - as above
 
         self._quick_stop()
+        limit = self._inst.drives
+        rest_at = time.monotonic() + min(limit.motor_speed / limit.motor_acceleration, _STOPPING_TIME)
+        period = min(max(self._period / 1e9, 2e-3), _STOPPING_TIME / 10)
         try:
-            for n in range(_STOPPING_SYNCS):
-                word = cia402.QUICK_STOP if n == 0 else cia402.DISABLE_VOLTAGE
+            while (now := time.monotonic()) < rest_at + _STOPPING_TIME:
+                word = cia402.QUICK_STOP if now < rest_at else cia402.DISABLE_VOLTAGE
                 for drive in self._plan.drives:
                     self._transmit(drive.commanded_id, drive.command(word, 0.0))
                 self._states.clear()
                 self._waiting = {drive.measured_id for drive in self._plan.drives}
                 self._transmit(_SYNC, b"")
-                end = time.monotonic() + max(2e-3, self._period / 1e9)
-                while self._waiting and self._take(max(0.0, end - time.monotonic())):
+                while (self._paced or self._waiting) and self._take(max(0.0, now + period - time.monotonic())):
                     pass
-                if not self._waiting and set(self._states.values()) == {cia402.SWITCH_ON_DISABLED}:
+                if (
+                    word == cia402.DISABLE_VOLTAGE
+                    and not self._waiting
+                    and set(self._states.values()) == {cia402.SWITCH_ON_DISABLED}
+                ):
                     return True
         except (can.CanError, OSError, DeviceError):
             return False

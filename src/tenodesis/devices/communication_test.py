@@ -58,6 +58,8 @@ class Findings:
     """Reads without a measurement, in time."""
     twice: int
     """Measurements of the same instant as the one before."""
+    flawed: int
+    """Measurements of which the device missed a part, or had parts that came late, twice, short or from the past."""
     backward: int
     """Measurements of an earlier instant."""
     told: Mapping[str, int] = field(default_factory=dict)
@@ -83,7 +85,7 @@ class Findings:
         whole = float(self.intervals.sum())
         rate = self.intervals.size / whole if whole > 0 else 0.0
         asked = self.measurements + self.missed
-        share = (self.missed + self.twice + self._lost) / asked if asked else 1.0
+        share = (self.missed + self.twice + self.flawed) / asked if asked else 1.0
         bounds = [
             Bound("rate", rate, LEAST_RATE / self.period, "Hz", at_least=True),
             Bound("jitter (p99 of intervals)", self._or_worst(0.99) * 1e3, MOST_JITTER * self.period * 1e3, "ms"),
@@ -97,11 +99,6 @@ class Findings:
             trip = float(np.quantile(self.round_trips, 0.99))
             bounds.append(Bound("round trip (p99)", trip * 1e3, self.period * 1e3, "ms"))
         return tuple(bounds)
-
-    @property
-    def _lost(self) -> int:
-        """Frames or samples that the device missed by its own count, beyond the reads that gave nothing."""
-        return sum(count for kind, count in self.told.items() if kind != "saturated")
 
     def _or_worst(self, share: float) -> float:
         value = self.quantile(share)
@@ -165,13 +162,14 @@ def measure(
     times: list[int] = []
     trips: list[float] = []
     blind = dict.fromkeys(_SENSORS, 0)
-    missed = 0
+    missed = flawed = 0
     least, most = np.full(rest.shape, inf), np.full(rest.shape, -inf)
     problem = ""
     with device:
         began = due = clock()
         try:
             while (now := clock()) - began < seconds:
+                before = _faults(device)
                 measured = device.read(_PATIENCE * period)
                 device.write(rest)
                 progress(now - began)
@@ -179,6 +177,7 @@ def measure(
                     missed += 1
                     continue
                 times.append(measured.time)
+                flawed += _faults(device) > before
                 trip = float(getattr(device, "round_trip", nan))
                 if isfinite(trip):
                     trips.append(trip)
@@ -203,6 +202,7 @@ def measure(
         round_trips=np.array(trips),
         measurements=len(times),
         missed=missed,
+        flawed=flawed,
         twice=int((steps == 0).sum()),
         backward=int((steps < 0).sum()),
         told=told,
@@ -212,3 +212,9 @@ def measure(
         counts_per_radian=inst.drives.encoder_counts * inst.drives.gear_ratio / (2 * pi),
         problem=problem,
     )
+
+
+def _faults(device: Device) -> int:
+    """Return how many losses a device has counted; a sensor at its end is none."""
+    counts: Mapping[str, int] = getattr(device, "counts", {})
+    return sum(count for kind, count in counts.items() if kind != "saturated")

@@ -12,7 +12,7 @@ from tenodesis.errors import IdentificationError
 from tenodesis.identification import bootstrap as resampling
 from tenodesis.identification import identifiability, uncertainty, whiteness
 from tenodesis.identification.differences import differenced, scales
-from tenodesis.identification.problem import Problem, WithChannels, WithDerivatives
+from tenodesis.identification.problem import Problem, WithChannels, WithDerivatives, WithLasting
 from tenodesis.identification.results import Fit, Interval, RunErrors
 from tenodesis.identification.uncertainty import Linearised, LossName, Spread
 from tenodesis.identification.whiteness import Whiteness
@@ -296,7 +296,10 @@ class _Task:
             else own
         )
         return Linearised(
-            self.problem.residuals(values, run), self._finite(jacobian) * scale, channels(self.problem, run)
+            self.problem.residuals(values, run),
+            self._finite(jacobian) * scale,
+            channels(self.problem, run),
+            self.problem.lasting(values, run) if isinstance(self.problem, WithLasting) else None,
         )
 
     def unanswered(self) -> IdentificationError:

@@ -103,3 +103,11 @@ class WithAdvice(Protocol):
 
     def advice(self, names: Sequence[str]) -> str | None:
         """Return one sentence on the protocol that would tell these parameters apart."""
+
+
+@runtime_checkable
+class WithLasting(Protocol):
+    """A problem whose sensors have errors that last, and that residuals at its optimum need not show."""
+
+    def lasting(self, values: Array, run: int) -> Array:
+        """Return what each of these may do to the residuals of a run, one standard deviation, (n, how many)."""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jinja2
 import numpy as np
@@ -28,6 +28,8 @@ PAGE, NUMBERS, INSTRUMENT = "report.html", "result.json", "instrument.toml"
 _TEMPLATE = "identification.html.j2"
 _DOTS = 150
 """Per inch, of the curves over time."""
+_DOTS_PER_INCH = 96
+"""On a screen, by which no figure is shown larger than it was drawn."""
 
 
 def identified(problem: Problem, found: Fit) -> Instrument | None:
@@ -97,16 +99,18 @@ def render(problem: Problem, found: Fit, *, runs: Sequence[int], numbers: Mappin
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     with style.applied():
         drawn = [
-            (name, Markup(_svg(name, figure)), caption)
+            (name, Markup(_svg(name, figure)), caption, round(_DOTS_PER_INCH * figure.get_figwidth()))
             for name, (figure, caption) in figures.all_figures(problem, found, runs).items()
         ]
     return environment.from_string(text).render(
         found=found,
         numbers=numbers,
         cards=cards(found),
-        rows=[_row(found, one) for one in found.parameters],
+        rows=[(one.name.replace("_", " "), one.meaning, shown(found, one)) for one in found.parameters],
         keys=list(dict.fromkeys(key for one in found.files for key in one.rmse)),
         worded=figures.worded,
+        unit_of=lambda key: key.rpartition("_")[2],
+        notes=grouped(numbers["notes"]),
         files=list(zip(numbers["files"], found.files, strict=True)),
         drawn=[one for one in drawn if not one[0].startswith("run-")],
         drawn_runs=[one for one in drawn if one[0].startswith("run-")],
@@ -132,10 +136,20 @@ def cards(found: Fit) -> list[tuple[str, str]]:
     ]
 
 
-def shown(found: Fit, one: Parameter) -> tuple[str, str, str, str]:
-    """Return value, standard deviation, interval and bootstrap interval of a parameter as people read them."""
+class Shown(NamedTuple):
+    """A parameter as people read it, all in its unit."""
+
+    value: str
+    unit: str
+    std: str
+    interval: str
+    bootstrap: str
+    told: str
+
+
+def shown(found: Fit, one: Parameter) -> Shown:
+    """Return a parameter as people read it."""
     factor, unit = figures.readable(one.unit)
-    end = {"": "", "deg": "°"}.get(unit, f" {unit}")
     std = found.std.get(one.name, math.nan) * factor
     digits = _digits(found.values[one.name] * factor, std)
 
@@ -145,26 +159,29 @@ def shown(found: Fit, one: Parameter) -> tuple[str, str, str, str]:
     def interval(pair: tuple[float, float] | None) -> str:
         return "" if pair is None else f"{number(pair[0])} … {number(pair[1])}"
 
-    spread = "held" if one.name not in found.free else f"{std:.2g}" if math.isfinite(std) else "open"
-    drawn = (found.bootstrap_interval_95 or {}).get(one.name)
-    value = number(found.values[one.name]) + end
-    return value, spread, interval(found.interval_95.get(one.name)), interval(drawn)
-
-
-def _row(found: Fit, one: Parameter) -> dict[str, str]:
-    value, spread, interval, drawn = shown(found, one)
-    told = found.identifiability.identifiable.get(one.name)
+    spread = "" if one.name not in found.free else f"{std:.2g}" if math.isfinite(std) else "open"
     side = found.identifiability.at_bound.get(one.name)
-    words = {None: "held", True: "told", False: "not told"}[told]
-    return {
-        "name": one.name.replace("_", " "),
-        "meaning": one.meaning,
-        "value": value,
-        "std": spread,
-        "interval": interval,
-        "bootstrap": drawn,
-        "told": f"{words}, at its {side} bound" if side else words,
-    }
+    told = {None: "held", True: "yes", False: "no"}[found.identifiability.identifiable.get(one.name)]
+    return Shown(
+        number(found.values[one.name]),
+        unit,
+        spread,
+        interval(found.interval_95.get(one.name)),
+        interval((found.bootstrap_interval_95 or {}).get(one.name)),
+        f"{told}, at its {side} bound" if side else told,
+    )
+
+
+def grouped(notes: Mapping[str, Sequence[str]]) -> list[tuple[str, str]]:
+    """Return what loaders say as recordings and sentence, once where it is the same of several but for their names."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for name, sentences in notes.items():
+        file = name.rpartition("/")[2]
+        for sentence in sentences:
+            found.setdefault(sentence.replace(file, "…").rstrip("."), []).append((name, sentence.rstrip(".")))
+    return [
+        (", ".join(name for name, _ in said), common if len(said) > 1 else said[0][1]) for common, said in found.items()
+    ]
 
 
 def _digits(value: float, std: float) -> int | None:
@@ -175,7 +192,7 @@ def _digits(value: float, std: float) -> int | None:
 
 
 def _short(value: float) -> str:
-    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+    return f"{value:#.3g}" if 1e-4 <= abs(value) < 1000 else f"{value:.3g}"
 
 
 def _svg(name: str, figure: Any) -> str:

@@ -22,6 +22,7 @@ from tenodesis.identification.problem import (
     WithDerivatives,
     WithGroups,
     WithInstrument,
+    WithLasting,
     WithTraces,
 )
 from tenodesis.instrument import Instrument
@@ -86,7 +87,9 @@ def split(
         train, test = late, early
         windows = dict(enumerate([*behind, *before]))
     problem = build(train, [*test, *tests])
-    return (_WindowedDerivatives if isinstance(problem, WithDerivatives) else Windowed)(problem, windows)
+    return (_WindowedTwin if isinstance(problem, WithDerivatives) and isinstance(problem, WithLasting) else Windowed)(
+        problem, windows
+    )
 
 
 class Windowed:
@@ -183,13 +186,18 @@ class Windowed:
         return np.asarray((time >= window.begin) & (time < window.end))
 
 
-class _WindowedDerivatives(Windowed):
-    """The same of a problem that differentiates by some parameters for less than by all."""
+class _WindowedTwin(Windowed):
+    """The same of a problem that answers for some parameters alone, and knows of errors that last."""
 
     def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
         """Return the columns of the jacobian of some parameters, by index, (n, how many)."""
         assert isinstance(self._problem, WithDerivatives)
         return self._counted(self._problem.derivatives(values, run, which), run)
+
+    def lasting(self, values: Array, run: int) -> Array:
+        """Return what errors that last may do to the residuals, one standard deviation, (n, how many)."""
+        assert isinstance(self._problem, WithLasting)
+        return self._counted(self._problem.lasting(values, run), run)
 
 
 def _ended(one: Measured, cut: float) -> Measured:

@@ -31,6 +31,8 @@ class Linearised:
     """(n, free parameters), in units of the parameters' scales."""
     channels: int = 1
     """Sensors, one after the other in the residuals."""
+    lasting: Array | None = None
+    """What errors that last may do to the residuals, one standard deviation each, (n, m)."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,8 @@ def influence(residuals: Array, loss: LossName) -> tuple[Array, Array]:
 def spread(runs: Sequence[Linearised], loss: LossName = "linear") -> Spread:
     """Return the covariance of the parameters: curvature on either side of the scores' long-run covariance.
 
-    The sandwich of Huber (1967) and White (1980) with the estimator of Andrews and Monahan (1992) between.
+    The sandwich of Huber (1967) and White (1980) with the estimator of Andrews and Monahan (1992) between, but nothing
+    is known better than if residuals were independent; errors that last come on top.
     """
     count = sum(run.residuals.size for run in runs)
     free = runs[0].jacobian.shape[1]
@@ -101,11 +104,16 @@ def spread(runs: Sequence[Linearised], loss: LossName = "linear") -> Spread:
     correction = count / max(1, count - free)
     middle = long_run([score @ directions for score in scores])
     bread = directions / sizes[seen] ** 2
-    return Spread(
-        covariance=correction * bread @ middle @ bread.T,
-        white=inverse * squares / max(1, count - free),
-        blind=blind,
-    )
+    covariance = correction * bread @ middle @ bread.T
+    white = inverse * squares / max(1, count - free)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        wider = np.sqrt(np.fmax(1, np.diag(white) / np.diag(covariance)))
+    covariance = covariance * np.outer(wider, wider)
+    for run in runs:
+        if run.lasting is not None:
+            off = bread @ (directions.T @ (run.jacobian.T @ run.lasting))
+            covariance = covariance + off @ off.T
+    return Spread(covariance=covariance, white=white, blind=blind)
 
 
 def long_run(scores: Sequence[Array]) -> Array:

@@ -1,12 +1,13 @@
 """Where the tip gets to in the plane of the pan, and in which directions it can point there, loaded or not."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis import statics
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import AxisName, Instrument
 from tenodesis.kinematics.dimensions import limits
 from tenodesis.kinematics.motion import Posture, forward, inverse
 
@@ -77,28 +78,51 @@ def workspace(inst: Instrument, force: float = 0.0, *, points: int = 121) -> Wor
         raise ValueError(f"force is {force!r}; allowed is a finite force of at least 0 N.")
     if points < 2:
         raise ValueError(f"points is {points!r}; allowed is a whole number of at least 2.")
-    axis = "yaw" if "yaw" in inst.axes else "pitch"
+    bend = _largest_bend(inst.axis(_axis(inst)), force)
+    ray, bounds = _ray(inst, points), limits(inst)
+    least, most = bounds.insertion
+    possible = (np.abs(ray.bend) <= bend) & (ray.insertion >= least) & (ray.insertion <= most)
+    reach = bounds.pan[1]
+    angle = np.linspace(-1.0, 1.0, points) * (reach + ray.direction[-1])
+    within = possible[None] & (np.abs(ray.pivot[None] + angle[:, None, None]) <= reach)
+    step = ray.direction[1] - ray.direction[0]
+    return Workspace(ray.distance, angle, within.sum(axis=2) * step, bend)
+
+
+class _Ray(NamedTuple):
+    """Postures that bring the tip onto the port's axis, by distance (n,), m, and by direction to point to (k,), rad."""
+
+    distance: _Array
+    direction: _Array
+    bend: _Array
+    pivot: _Array
+    insertion: _Array
+
+
+@lru_cache(maxsize=8)
+def _ray(inst: Instrument, points: int) -> _Ray:
+    """Return the postures on one ray; but for the limit of the pivot, the section is the same all around the port."""
+    axis = _axis(inst)
     pivot, turn = ("pan", (0.0, 1.0)) if axis == "yaw" else ("tilt", (-1.0, 0.0))
     bounds = limits(inst)
-    bend = _largest_bend(inst.axis(axis), force)
     least, most = bounds.insertion
     widest = getattr(bounds, axis)[1]
     ends = forward(inst, Posture(insertion=np.array([most, least]), **{axis: np.array([0.0, widest])})).position[:, 2]
     distance = np.linspace(max(ends[1], 0.02 * ends[0]), ends[0], points)
     # Bent to a side, the tip is beside the stem on that side, so that it points less far from its way than it is bent.
     direction = np.linspace(-widest, widest, _DIRECTIONS)
-    # Seen from the port the section is the same all around, but for the limit of the pivot: one ray tells all.
     position = np.stack(np.broadcast_arrays(0.0, 0.0, distance[:, None]), axis=-1)
     half = direction[None, :] / 2
     x, y = (share * np.sin(half) for share in turn)
     quaternion = np.stack(np.broadcast_arrays(np.cos(half), x, y, 0.0), axis=-1)
     found = inverse(inst, position, quaternion)
     bent, pivoted, inserted = (np.asarray(getattr(found, key)) for key in (axis, pivot, "insertion"))
-    possible = (np.abs(bent) <= bend) & (inserted >= least) & (inserted <= most)
-    reach = getattr(bounds, pivot)[1]
-    angle = np.linspace(-1.0, 1.0, points) * (reach + widest)
-    within = possible[None] & (np.abs(pivoted[None] + angle[:, None, None]) <= reach)
-    return Workspace(distance, angle, within.sum(axis=2) * (direction[1] - direction[0]), bend)
+    return _Ray(distance, direction, bent, pivoted, inserted)
+
+
+def _axis(inst: Instrument) -> AxisName:
+    """Return the axis whose plane the section is in."""
+    return "yaw" if "yaw" in inst.axes else "pitch"
 
 
 def _largest_bend(axis: Instrument, force: float) -> float:

@@ -30,6 +30,8 @@ _PERIOD = 0.02
 """Time between two looks at the ring, s."""
 _MOST = 2000
 """Rows taken at a time."""
+_BACKLOG = 1 << 16
+"""Messages that wait for a slow client, as many as a block's on all topics; after that it misses the oldest."""
 
 
 class Server:
@@ -85,6 +87,7 @@ class Server:
                 port=port,
                 capabilities=[],
                 context=self._context,
+                message_backlog_size=_BACKLOG,
             )
         except RuntimeError as problem:
             told = str(problem).rpartition("port: ")[2]

@@ -1,5 +1,6 @@
 """A runtime process of one's own: started, started again with another instrument, ended with its starter."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -19,6 +20,8 @@ from tenodesis.whole import whole
 _TO_START = 30.0
 _TO_END = 15.0
 _SHARED = Path("/dev/shm")
+"""Memory that is a folder: a ring on a disk would be written to it."""
+_PREFIX = "tenodesis-"
 
 
 class Host:
@@ -44,7 +47,8 @@ class Host:
     def __init__(self, instrument: str, choices: Choices | None = None, recordings: Path = Path("recordings")) -> None:
         self.choices, self.recordings = choices or Choices(), recordings
         self._lock = threading.RLock()
-        self._home = Path(tempfile.mkdtemp(prefix="tenodesis-", dir=_SHARED if _SHARED.is_dir() else None))
+        _tidy()
+        self._home = Path(tempfile.mkdtemp(prefix=f"{_PREFIX}{os.getpid()}-", dir=_place()))
         self.generation = 0
         """How often it was started; a connection is to one of them."""
         self._process: subprocess.Popen[bytes] | None = None
@@ -198,6 +202,18 @@ class Link:
                 self._client = Client(self._host.folder, self._origin)
                 self._generation = self._host.generation
             return self._client
+
+
+def _place() -> Path:
+    return _SHARED if _SHARED.is_dir() else Path(tempfile.gettempdir())
+
+
+def _tidy() -> None:
+    """Remove the folders of hosts that were killed."""
+    for folder in _place().glob(f"{_PREFIX}*-*"):
+        pid = folder.name.removeprefix(_PREFIX).partition("-")[0]
+        if pid.isdecimal() and not Path(f"/proc/{pid}").exists():
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def _drain(process: "subprocess.Popen[bytes]") -> None:

@@ -273,11 +273,22 @@ def _controller(inst: Instrument, choices: Choices, *, homed: bool) -> Any:
     if choices.device == "serial":
         from tenodesis.devices.serial import SerialController  # noqa: PLC0415 - pyserial is for this device alone
 
-        address = choices.address
+        settings = inst.devices.serial
+        address = choices.address or (None if settings is None else settings.port)
         if address is None:
-            raise DeviceError("serial has no address; give --address, such as socket://127.0.0.1:5555 or /dev/ttyACM0.")
+            raise DeviceError(
+                "serial has no address; give --address, such as socket://127.0.0.1:5555 or /dev/ttyACM0, or port in "
+                "the instrument file's table devices.serial."
+            )
         return SerialController(
-            address, inst, law=choices.law, actuation=choices.actuation, homed=homed, enabled=False, silence=1.0
+            address,
+            inst,
+            law=choices.law,
+            actuation=choices.actuation,
+            homed=homed,
+            enabled=False,
+            silence=1.0,
+            **({} if settings is None else {"timeout": settings.timeout, "baud_rate": settings.baud_rate}),
         )
     return Controller(inst, law=choices.law, actuation=choices.actuation, homed=homed, enabled=False)
 

@@ -107,7 +107,7 @@ class Player:
         """What was sent last."""
         self._least = self._ahead = max(1, round(_AHEAD / time_step))
         self._pending = self._given = 0
-        self._homed = self._done = 0.0
+        self._homed = self._under_way = self._done = 0.0
         self.problem: str | None = None
         """Why it does not go on and what to do, in a sentence; None while it does."""
 
@@ -115,7 +115,7 @@ class Player:
     def progress(self) -> Progress:
         """How far it is."""
         if not self._over:
-            given = self._homed + (self._given - self._queue.pending) * self._time_step
+            given = self._homed + self._under_way + (self._given - self._queue.pending) * self._time_step
             self._done = max(self._done, min(given, self._total))
         return Progress(self._done, self._total)
 
@@ -204,6 +204,8 @@ class Player:
         while True:
             yield
             homing = self._state == OperatingState.ENABLED and bool(self._tick["homing"])
+            if stage is _Homing.UNDER_WAY:
+                self._under_way = min(self._time - since, planned.seconds)
             if self._state == OperatingState.FAULT:
                 stage = _Homing.FAILED
                 self._tell(planned, f"{self._faults()}; clear it and home the instrument to go on")
@@ -224,6 +226,7 @@ class Player:
                 stage = _Homing.FAILED
                 self._tell(planned, "the instrument does not begin to home; home it to go on")
         self._homing = False
+        self._under_way = 0.0
         self._homed += planned.seconds
         yield from self._resume()
 

@@ -11,11 +11,11 @@ from typing import IO, Any, NamedTuple, Self
 
 import numpy as np
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
-from mcap.writer import Writer
 from numpy.typing import NDArray
 
 from tenodesis.errors import RecordingError
 from tenodesis.recording import cdr, messages, schemas
+from tenodesis.recording.chunks import ChunkedFile
 from tenodesis.recording.messages import Messages
 from tenodesis.signals import Array, Run
 
@@ -79,10 +79,8 @@ class Recorder:
         self._stamp_safe = 0
         texts = self._texts(metadata or {})
         self._file: IO[bytes] | None = self._opened(overwrite)
-        # Chunks are closed here and not by size, so that each holds whole rows.
-        self._writer = Writer(self._file, chunk_size=2**62, enable_data_crcs=True)
         with self._reported():
-            self._writer.start(profile=Profile.ROS2, library="tenodesis")
+            self._writer = ChunkedFile(self._file, Profile.ROS2, "tenodesis")
             self._writer.add_metadata(schemas.METADATA, texts)
             self._writer.flush()
 
@@ -145,7 +143,8 @@ class Recorder:
         with self._reported():
             if self._events_channel is None:
                 self._events_channel = self._channel(schemas.EVENTS, schemas.STRING, {})
-            self._writer.add_message(self._events_channel, stamp, data, stamp, self._events % _SEQUENCES)
+            number = np.array([self._events % _SEQUENCES])
+            self._writer.add_rows(np.array([stamp]), number, {self._events_channel: data})
             self._events += 1
 
     def flush(self) -> None:
@@ -261,18 +260,13 @@ class Recorder:
     def _channel(self, topic: str, message_type: str, metadata: dict[str, str]) -> int:
         if message_type not in self._schemas:
             text = schemas.definition(message_type).encode()
-            self._schemas[message_type] = self._writer.register_schema(message_type, SchemaEncoding.ROS2, text)
-        return self._writer.register_channel(topic, MessageEncoding.CDR, self._schemas[message_type], metadata)
+            self._schemas[message_type] = self._writer.add_schema(message_type, SchemaEncoding.ROS2, text)
+        return self._writer.add_channel(topic, MessageEncoding.CDR, self._schemas[message_type], metadata)
 
     def _write_rows(self, stamps: NDArray[np.int64], columns: Mapping[str, Array]) -> None:
-        blocks = [
-            (channel.id, channel.messages.layout.size, channel.messages.encode(stamps, columns))
-            for channel in self._channels
-        ]
-        for i, stamp in enumerate(stamps.tolist()):
-            sequence = (self._rows + i) % _SEQUENCES
-            for channel_id, size, block in blocks:
-                self._writer.add_message(channel_id, stamp, block[i * size : (i + 1) * size], stamp, sequence)
+        sequences = (self._rows + np.arange(stamps.size)) % _SEQUENCES
+        blocks = {channel.id: channel.messages.encode(stamps, columns) for channel in self._channels}
+        self._writer.add_rows(stamps, sequences, blocks)
         self._rows += stamps.size
         self._stamp = int(stamps[-1])
 

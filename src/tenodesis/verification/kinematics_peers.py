@@ -21,7 +21,7 @@ def mujoco_poses(xml: str, postures: Sequence[Mapping[str, float]]) -> list[Pose
     mujoco = _peer("mujoco", "MuJoCo")
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
-    found = []
+    found: list[Poses] = []
     for posture in postures:
         for joint, position in posture.items():
             data.joint(joint).qpos[0] = position
@@ -36,7 +36,7 @@ def pinocchio_poses(urdf: str, postures: Sequence[Mapping[str, float]]) -> list[
     pinocchio = _peer("pinocchio", "Pinocchio")
     model = pinocchio.buildModelFromXML(urdf)
     data = model.createData()
-    found = []
+    found: list[Poses] = []
     for posture in postures:
         _place(pinocchio, model, data, posture)
         frames = [(frame.name, data.oMf[i]) for i, frame in enumerate(model.frames) if frame.type.name == "BODY"]

@@ -2,6 +2,7 @@
 
 import sys
 import time
+from typing import Any
 
 import can
 
@@ -18,7 +19,8 @@ def main(source: str) -> None:
     settings = inst.devices.canopen
     if settings is None or settings.interface == "virtual":
         raise InstrumentError(f"{source}: devices.canopen must be there, with a bus that other processes reach.")
-    bus = can.Bus(interface=settings.interface, channel=settings.channel, **settings.options)
+    options: dict[str, Any] = dict(settings.options)
+    bus = can.Bus(interface=settings.interface, channel=settings.channel, **options)
     try:
         with SimulatedBench(inst, settings, bus) as bench:
             print(f"serving {inst.name} on {settings.interface} {settings.channel}", flush=True)
@@ -26,7 +28,7 @@ def main(source: str) -> None:
             while bench.running:
                 for node, drive in bench.drives.items():
                     for line in drive.log[told[node] :]:
-                        speeds = " ".join(f"{speed:.4g}" for speed in bench.velocity.ravel())
+                        speeds = " ".join(f"{speed + 0.0:.4g}" for speed in bench.velocity.ravel())
                         print(f"node {node}: {line} (sync {bench.syncs}, speeds {speeds})", flush=True)
                     told[node] = len(drive.log)
                 time.sleep(_LOOK)

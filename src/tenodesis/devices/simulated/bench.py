@@ -57,27 +57,27 @@ class TwinPlant:
         self.twin, self._motion = twin, motion
         self._steps = max(1, round(1 / (twin.inst.sensors.sampling_rate * twin.time_step)))
         self.latest: Run | None = None
-        """The twin's last step, truth included."""
+        """The twin's steps of the last sampling period, truth included."""
 
     def step(self, spool_velocity: Array) -> Measurement:
         """Go on by a sampling period."""
         axes = len(self.twin.inst.axes)
-        handle, force = self._motion(self.twin.time)
-        velocity = spool_velocity if axes > 1 else spool_velocity[0]
-        for _ in range(self._steps):
-            row = self.twin.step(
-                np.broadcast_to(handle, (axes,)) if axes > 1 else np.asarray(handle),
-                np.broadcast_to(force, (axes,)) if axes > 1 else np.asarray(force),
-                spool_velocity=velocity,
-            )
-        self.latest = row
-        shaped = {name: row[f"measured_{name}"] for name in ("handle_angle", "tension", "spool_angle", "output_angle")}
+        shape = (self._steps, axes) if axes > 1 else (self._steps,)
+        handle, force = (np.broadcast_to(one, shape) for one in self._motion(self.twin.time))
+        self.latest = run = self.twin.run(
+            handle, force, spool_velocity=spool_velocity if axes > 1 else spool_velocity[0]
+        )
+
+        def measured(name: str, *each: int) -> Array:
+            values: Array = run[f"measured_{name}"][-1].reshape(axes, *each)
+            return values
+
         return Measurement(
             round(self.twin.time * 1e9),
-            shaped["handle_angle"].reshape(axes),
-            shaped["tension"].reshape(axes, 2),
-            shaped["spool_angle"].reshape(axes, 2),
-            shaped["output_angle"].reshape(axes),
+            measured("handle_angle"),
+            measured("tension", 2),
+            measured("spool_angle", 2),
+            measured("output_angle"),
         )
 
 

@@ -38,18 +38,23 @@ NOISE = math.radians(0.1)
 """Standard deviation of the output angle's sensor, rad."""
 
 _KINEMATICS = (
-    Parameter("ratio", "1", 1.0, 0.0, 5.0, "Output angle per commanded angle, with the weight of the elongation"),
+    Parameter("ratio", "1", 1.0, 0.3, 3.0, "Output angle per commanded angle, with the weight of the elongation"),
     Parameter(
         "reach_per_bend", "1/rad", 0.0, -0.18, 0.18, "Growth with the bend of the share of the command that arrives"
     ),
-    Parameter("antagonist_gain", "1", 1.0, 0.5, 2.0, "Gain and moment arm of the antagonist's side over the agonist's"),
+    Parameter(
+        "antagonist_gain", "1", 1.0, 2 / 3, 1.5, "Gain and moment arm of the antagonist's side over the agonist's"
+    ),
 )
 _STIFFNESS = (
     Parameter("compliance", "rad/N", 0.05, 0.0, 1.0, "Angle lost per tension difference before the sheath"),
     Parameter("sheath_compliance", "rad/N", 0.05, 0.0, 1.0, "Angle lost per tension difference along the sheath"),
     Parameter("bending_compliance", "rad/N", 0.1, 0.0, 1.0, "Angle that the distal tension difference bends the joint"),
 )
+_PER_BEND = "_per_bend"
 _START_EXPONENT, _START_PER_BEND = 0.5, 0.1
+_MOST_EXPONENT, _MOST_PER_BEND = 1.5, 0.3
+"""With more, next to nothing passes, and a search finds no way back."""
 
 
 @dataclass(frozen=True)
@@ -94,18 +99,21 @@ class Pair:
         self._series = [_series(one) for one in recordings]
         self._magnitudes = tuple(one.name for one in found.magnitudes)
         self._shapes = tuple(one.name for one in found.shapes)
+        # at one bend only, nothing is told of how anything grows with it
+        self._bends = len({one.bend for one in self._series}) > 1
+        kinematics = tuple(one for one in _KINEMATICS if self._bends or not one.name.endswith(_PER_BEND))
         friction = [
-            *(part for one in found.magnitudes for part in _with_bend(one)),
+            *(part for one in found.magnitudes for part in _with_bend(one)[: 2 if self._bends else 1]),
             *(one._replace(unit=one.unit.format(speed="rad/s")) for one in found.shapes),
         ]
         # without friction the tension is the same everywhere, and only the sum of the three compliances can be told
         stiffness = _STIFFNESS if law != "none" else _STIFFNESS[:1]
-        self.parameters = (*_KINEMATICS, *stiffness, *friction)
+        self.parameters = (*kinematics, *stiffness, *friction)
         self._names = tuple(one.name for one in self.parameters)
         self.groups = {
             "friction": tuple(one.name for one in friction),
             "stiffness": tuple(one.name for one in stiffness),
-            "kinematics": tuple(one.name for one in _KINEMATICS),
+            "kinematics": tuple(one.name for one in kinematics),
         }
 
     def residuals(self, values: Array, run: int) -> Array:
@@ -136,7 +144,7 @@ class Pair:
 
     def advice(self, names: Sequence[str]) -> str | None:
         """Return which recording would tell these parameters apart."""
-        if any(name.endswith("_per_bend") for name in names):
+        if any(name.endswith(_PER_BEND) for name in names):
             return "Record the same motion at three or more bends of the sheath, far apart."
         if set(names) & set(self.groups["friction"]):
             return "Record reversals at several amplitudes, and at a second pretension."
@@ -144,7 +152,7 @@ class Pair:
 
     def _model(self, values: Array, run: int, *, exact: bool) -> Dual:
         given, series = unknowns(self._names, values, exact=exact), self._series[run]
-        reach = 1 + given["reach_per_bend"] * series.bend
+        reach = 1 + given.get("reach_per_bend", number(0.0)) * series.bend
         antagonist = given["antagonist_gain"] * series.antagonist
         entering = given["ratio"] * series.command - given["compliance"] * (series.agonist - antagonist)
         if self.law == "none":
@@ -158,7 +166,8 @@ class Pair:
     def _behind(self, given: Mapping[str, Dual], series: Series, antagonist: Dual, share: float) -> Dual:
         """Return the tension difference a share along the way."""
         friction: dict[str, Operand] = {
-            name: share * (given[name] + given[_per_bend(name)] * series.bend) for name in self._magnitudes
+            name: share * (given[name] + given.get(_per_bend(name), number(0.0)) * series.bend)
+            for name in self._magnitudes
         }
         friction |= {name: given[name] for name in self._shapes}
         return pass_on(self.law, friction, number(series.agonist), antagonist, speed=series.speed)
@@ -178,21 +187,25 @@ def problem(train: Sequence[Measured], test: Sequence[Measured], *, law: str, in
 
 
 def _per_bend(name: str) -> str:
-    return f"{name}_per_bend"
+    return f"{name}{_PER_BEND}"
 
 
 def _with_bend(one: Parameter) -> tuple[Parameter, Parameter]:
     """Return a magnitude of friction at no bend and its growth with the bend."""
-    start = _START_EXPONENT if one.name == "exponent" else one.start
+    capstan = one.name == "exponent"
     unit = "1/rad" if one.unit == "1" else f"{one.unit}/rad"
     return (
-        one._replace(start=start, meaning=f"{one.meaning}, all along the way, sheath straight"),
+        one._replace(
+            start=_START_EXPONENT if capstan else one.start,
+            upper=_MOST_EXPONENT if capstan else one.upper,
+            meaning=f"{one.meaning}, all along the way, sheath straight (with one bend only: at that bend)",
+        ),
         Parameter(
             _per_bend(one.name),
             unit,
-            _START_PER_BEND if one.name == "exponent" else 0.1 * one.start,
+            _START_PER_BEND if capstan else 0.1 * one.start,
             0.0,
-            one.upper / 4,
+            _MOST_PER_BEND if capstan else one.upper / 4,
             f"Growth of {one.name} with the sheath's bend",
         ),
     )

@@ -61,7 +61,7 @@ class Sheath:
         self._series = [_series(one) for one in recordings]
         friction = [
             *found.magnitudes,
-            *(one._replace(unit=one.unit.format(speed="N/s")) for one in found.shapes),
+            *(_in_unit(one, self._series[0].rate) for one in found.shapes),
         ]
         self.parameters = (_GAIN, *friction)
         self._names = tuple(one.name for one in self.parameters)
@@ -115,6 +115,14 @@ def problem(train: Sequence[Measured], test: Sequence[Measured], *, law: str, in
     if instrument is not None:
         raise IdentificationError("instrument is given; a tendon-sheath recording is of a tendon without one.")
     return Sheath([*train, *test], law=law)
+
+
+def _in_unit(one: Parameter, rate: Array) -> Parameter:
+    """Return a parameter in the sheath's unit of speed, N/s, a speed starting at the usual one of a recording."""
+    if "{speed}" not in one.unit:
+        return one
+    usual = float(np.clip(np.median(np.abs(rate)), one.lower, one.upper))
+    return one._replace(unit=one.unit.format(speed="N/s"), start=usual)
 
 
 def _series(one: Measured) -> Series:

@@ -32,9 +32,11 @@ _COARSE = 0.5
 _SEEN = 1e-8
 _LOST = 1e3
 """Residual of a sample that the model does not reach because its tip was lost, in standard deviations."""
-_CELL = 5e-3
+_CELL = 0.02
 """Share of its range by which a parameter may change before what errors of commands do is worked out anew."""
 _CELLS_KEPT = 4
+_FAINT = 1e-4
+"""Variance of a lasting error, over that of a reading, below which it is left out."""
 _MOST_HANDLE = 0.9  # of the compliance that the joints leave over
 _MOST_DAMPING = 2.0  # times the critical damping
 _ANGLES = {"measured_handle_angle": "handle_angle_deg", "measured_output_angle": "output_angle_deg"}
@@ -163,6 +165,23 @@ class TwinProblem:
         model = self._model(values, run, [self._variables[index] for index in which])[:, 1:]
         parts = [-np.nan_to_num(model[READINGS.index(name)].T / one.deviation[name], nan=0.0) for name in one.measured]
         return self._whitened(np.concatenate(parts), values, run)
+
+    def lasting(self, values: Array, run: int) -> Array:
+        """Return what rounding that noise does not dither away may do to residuals, one deviation each, (n, m)."""
+        one = self._runs[run]
+        model = self._model(values, run, [])[:, 0]
+        count, sensors = len(one.kept), list(one.sensors.items())
+        waves = []
+        for place, (name, sensor) in enumerate(sensors):
+            for harmonic, size in enumerate(sensor.lasting, 1):
+                if size > _FAINT * sensor.deviation**2:
+                    turns = 2 * pi * harmonic / sensor.resolution * model[READINGS.index(name)]
+                    for wave in (np.cos(turns), np.sin(turns)):
+                        waves.append(np.zeros(count * len(sensors)))
+                        waves[-1][place * count : (place + 1) * count] = sqrt(size) / sensor.deviation * wave
+        if not waves:
+            return np.zeros((count * len(sensors), 0))
+        return self._whitened(np.nan_to_num(np.stack(waves, axis=1)), values, run)
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus model: output_angle_deg where there is a distal encoder, tension_N of both tendons."""

@@ -141,9 +141,7 @@ def unrounded(values: Array, sample_time: float, resolution: float) -> Path:
     return Path(path, tuple(errors), np.eye(len(errors)))
 
 
-def _least_risk(
-    values: Array, bending: Array, sample_time: float, deviation: float
-) -> tuple[Array, float, float]:
+def _least_risk(values: Array, bending: Array, sample_time: float, deviation: float) -> tuple[Array, float, float]:
     """Return the smooth path of least expected error, its blur in samples, 0 where none is better, and that error."""
     best, chosen, least = values, 0.0, 2 * deviation**2 * values.size
     kinks = np.count_nonzero(bending == 0)

@@ -1,6 +1,7 @@
 """Errors of a twin's commands, and residuals that do not mind them."""
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -8,8 +9,9 @@ from scipy.sparse import csc_array, diags_array
 
 from tenodesis.identification.models.twin_runs import Misplaced, Prepared
 from tenodesis.signals import Array
+from tenodesis.threads import threads
 
-_MOST_RUNS = 40
+_MOST_RUNS = 20
 _LEAST_MEMORY = 0.2
 """Time after its end for which an error is felt at least, s: friction forgets it where the handle next turns."""
 _SHORTER = 0.8
@@ -65,7 +67,8 @@ def _moves(run: Prepared, expected: Callable[[Array], Array]) -> tuple[csc_array
     bent = np.zeros((sensors, count))
     columns: list[Array] = [np.zeros(0)] * len(errors)
     places: list[Array] = [np.zeros(0)] * len(errors)
-    for group in _groups(errors, len(run.commands), run.time_step):
+
+    def pushed(group: Sequence[int]) -> list[Array]:
         both = []
         for sign in (1, -1):
             commands = run.commands.copy()
@@ -73,9 +76,15 @@ def _moves(run: Prepared, expected: Callable[[Array], Array]) -> tuple[csc_array
                 one = errors[index]
                 commands[one.first : one.first + one.shape.size, one.column] += sign * one.shape
             both.append((expected(commands) - still).reshape(sensors, -1))
-        moved = (both[0] - both[1]) / 2
+        return both
+
+    groups = _groups(errors, len(run.commands), run.time_step)
+    with ThreadPoolExecutor(threads()) as pool:
+        found = list(pool.map(pushed, groups))
+    for group, (there, back) in zip(groups, found, strict=True):
+        moved = (there - back) / 2
         # of a normal deviate's square
-        bent += 3 * ((both[0] + both[1]) / 2) ** 2
+        bent += 3 * ((there + back) / 2) ** 2
         begins = np.searchsorted(run.kept, [errors[index].first for index in group]).tolist()
         for index, begin, end in zip(group, begins, [*begins[1:], count], strict=True):
             columns[index] = moved[:, begin:end].ravel()

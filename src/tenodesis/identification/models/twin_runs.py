@@ -33,6 +33,7 @@ _NEAR = 0.5
 _TURN = 0.1
 """Share of the handle's way that counts as having turned."""
 
+
 class Misplaced(NamedTuple):
     """An error of one of the commands, one standard deviation of it."""
 
@@ -135,7 +136,9 @@ def prepared(run: Measured, inst: Instrument, stride: int) -> Prepared:
     averaged = {name: mean(columns[name], inside & fresh) for name in readings}
     kept = averaged[readings[0]][1]
     lead = _leading(commands[0], step, inst)
-    known = kept >= (_turned(commands[:, _COMMANDS.index("handle_angle")]) if len(lead) else 0)
+    begun = _turned(commands[:, _COMMANDS.index("handle_angle")]) if len(lead) else 0
+    begun = max(begun, _slack(np.stack([averaged[f"tension_{tendon}"][0] for tendon in TENDONS]), kept, inst))
+    known = kept >= begun
     misplaced = [
         _in_steps(error, column, scale, np.minimum(place, count - 1), len(lead))
         for column, scale, path in paths
@@ -173,6 +176,15 @@ def _fresh(columns: Mapping[str, Array], readings: list[str]) -> NDArray[np.bool
         changed[1:] |= np.diff(columns[name]) != 0
     held = changed.mean() < 0.7
     return changed if held else np.ones_like(changed)
+
+
+def _slack(tensions: Array, kept: NDArray[np.intp], inst: Instrument) -> int:
+    """Return the step at which both tendons, (2, n), first hang slack; what comes before does not outlast that.
+
+    That is the beginning where none is slack in the first third of the run.
+    """
+    loose = np.flatnonzero((np.abs(tensions) < _STILL * inst.pretension).all(axis=0))
+    return int(kept[loose[0]]) if loose.size and loose[0] < kept.size // 3 else 0
 
 
 def _reference(time: Array, spool: Array, tension: Array, inst: Instrument) -> float:
