@@ -11,6 +11,7 @@ CORE := $(wildcard include/tenodesis/*.hpp)
 BINDINGS := $(wildcard src/bindings/* src/runtime/*)
 C_INTERFACE := $(wildcard src/c/*) include/tenodesis/tenodesis.h examples/controller.c
 CPP_TESTS := $(wildcard tests/cpp/*)
+TIDY := -std=c++20 -Iinclude -Iexamples -fno-math-errno
 CPP_FILES := $(CORE) $(C_INTERFACE) $(filter %.cpp %.hpp,$(BINDINGS) $(CPP_TESTS) $(wildcard firmware/*))
 
 .PHONY: demo build test test-cpp test-python firmware bench lint format docs lock clean
@@ -40,7 +41,7 @@ test-cpp: .venv/.deps
 	$(BIN)/ctest --test-dir build/cpp --output-on-failure
 
 test-python: build
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 
 # The controller on a microcontroller; says which Debian packages it needs.
 firmware: build
@@ -61,9 +62,10 @@ lint: build
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/clang-format --dry-run -Werror $(CPP_FILES)
-	$(BIN)/clang-tidy --quiet $(wildcard src/bindings/*.cpp) $(filter tests/cpp/test_%.cpp,$(CPP_TESTS)) -- -std=c++20 -Iinclude -Iexamples \
-	  -fno-math-errno $$($(BIN)/python -c 'import nanobind, sysconfig; print("-isystem", nanobind.include_dir(), "-isystem", sysconfig.get_paths()["include"])')
-	$(BIN)/clang-tidy --quiet src/c/tenodesis.cpp tests/cpp/fuzz_c_interface.cpp -- -std=c++20 -Iinclude -Iexamples -fno-math-errno
+	flags="$$($(BIN)/python -c 'import nanobind, sysconfig; print("-isystem", nanobind.include_dir(), "-isystem", sysconfig.get_paths()["include"])')"; \
+	  printf '%s\n' $(wildcard src/bindings/*.cpp) $(filter tests/cpp/test_%.cpp,$(CPP_TESTS)) | \
+	  xargs -P 2 -I {} $(BIN)/clang-tidy --quiet {} -- $(TIDY) $$flags
+	$(BIN)/clang-tidy --quiet src/c/tenodesis.cpp tests/cpp/fuzz_c_interface.cpp -- $(TIDY)
 
 format: build
 	$(BIN)/ruff check --fix --quiet .

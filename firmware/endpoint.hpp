@@ -2,7 +2,6 @@
 // The board's side of the link: frames in, one answer each, and a controller that acts on none of them twice. Knows
 // nothing of lines, clocks and motors, so that it runs on any board, and on a PC under test.
 
-#include "phase.hpp"
 #include "tenodesis/frame.hpp"
 #include "tenodesis/tenodesis.h"
 
@@ -175,7 +174,7 @@ class Endpoint {
                         from.friction_scale,
                         from.friction_scale_std,
                         from.faults,
-                        phase_of(controller_, n)};
+                        tenodesis_phase(&controller_, n)};
     }
     return output;
   }

@@ -152,7 +152,7 @@ Jacobian<typename A::Scalar> jacobian(const Chain<A>& chain, const Posture<typen
                    D::variable(at.roll, n - 1),
                    {}};
   for (int i = 0; i < most_axes; ++i) {
-    point.bend[i] = D::variable(at.bend[i], std::size_t(4 + i));
+    point.bend[i] = D::variable(at.bend[i], std::size_t(4) + std::size_t(i));
     point.handle[i] = D(at.handle[i]);
   }
   const Frame<D> tip = bodies(chain, point).tip;

@@ -255,6 +255,8 @@ int tenodesis_watchdog(const tenodesis_controller* controller, uint64_t since_la
 int tenodesis_records(const tenodesis_controller* controller);
 int tenodesis_read_record(const tenodesis_controller* controller, int number, tenodesis_record* record);
 int tenodesis_read_counts(const tenodesis_controller* controller, int axis, tenodesis_counts* counts);
+/* What the robust law is at on an axis: 0 rest, 1 track, 2 pull, 3 release; 0 without such a controller or axis. */
+uint32_t tenodesis_phase(const tenodesis_controller* controller, int axis);
 /* Version of the library, and the size of its tenodesis_real. */
 uint32_t tenodesis_version(void);
 uint32_t tenodesis_real_size(void);

@@ -74,7 +74,11 @@ Answer step(AnyController& controller, std::uint64_t time, int request, const Ro
   for (std::size_t n = 0; n < axes; ++n)
     input.axis[n] = {measured(n, 0), {measured(n, 1), measured(n, 2)}, {measured(n, 3), measured(n, 4)}};
   AnyOutput& output = controller.last;
-  controller.step(input, output);
+  {
+    // A board takes its time to answer.
+    const nb::gil_scoped_release release;
+    controller.step(input, output);
+  }
   Answer answer;
   for (std::size_t n = 0; n < axes; ++n) {
     std::get<0>(answer).push_back(control_signals(controller, n));

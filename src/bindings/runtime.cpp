@@ -18,7 +18,7 @@ using namespace nb::literals;
 namespace tenodesis::bindings {
 namespace {
 
-using runtime::MailboxDevice, runtime::Order, runtime::OrderKind, runtime::RingReader, runtime::Row, runtime::Runtime,
+using runtime::MailboxDevice, runtime::OrderKind, runtime::RingReader, runtime::Row, runtime::Runtime,
     runtime::Settings, runtime::TwinDevice;
 using Stack = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
@@ -27,7 +27,8 @@ using Output = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 constexpr double nanoseconds = 1e9;
 
 std::uint64_t in_nanoseconds(double seconds) {
-  if (!(seconds >= 0 && seconds < 1e6)) throw nb::value_error("a time is 0 s or more, and below 1e6 s");
+  if (!all_finite(seconds) || seconds < 0 || seconds >= 1e6)
+    throw nb::value_error("a time is 0 s or more, and below 1e6 s");
   return static_cast<std::uint64_t>(seconds * nanoseconds);
 }
 
@@ -36,8 +37,8 @@ Runtime* make_runtime(runtime::Device& device, AnyController& controller, const 
                       double late_bound, bool real_time) {
   if (device.axes() != controller.axes() || handle_range.size() != std::size_t(device.axes()))
     throw nb::value_error("device and controller differ in their axes");
-  if (!(period > 0 && period < 1) || !(speed >= 0 && speed <= 1000) || !(late_bound > 0) || ring_capacity < 16 ||
-      ring_capacity > (1u << 24))
+  if (!all_finite(period, speed, late_bound) || period <= 0 || period >= 1 || speed < 0 || speed > 1000 ||
+      late_bound <= 0 || ring_capacity < 16 || ring_capacity > (1u << 24))
     throw nb::value_error("a period, speed, bound or capacity is out of range");
   Settings settings;
   settings.period = period;
@@ -105,6 +106,7 @@ std::tuple<bool, std::vector<std::vector<double>>> take(MailboxDevice& box, doub
     came = box.take(answer, most);
   }
   std::vector<std::vector<double>> speed;
+  speed.reserve(static_cast<std::size_t>(box.axes()));
   for (int n = 0; n < box.axes(); ++n)
     speed.push_back({came ? answer.speed[n][0] : 0.0, came ? answer.speed[n][1] : 0.0});
   return {came, speed};
@@ -130,7 +132,7 @@ std::vector<std::string> names_of(const Names& names) {
 }  // namespace
 
 void bind_runtime(nb::module_& m) {
-  nb::class_<runtime::Device>(m, "LiveDevice", "What the live loop reads and writes.");
+  const nb::class_<runtime::Device> device(m, "LiveDevice", "What the live loop reads and writes.");
   nb::class_<TwinDevice, runtime::Device>(m, "TwinDevice", "The twins of an instrument's axes as a device.")
       .def(nb::init<std::vector<AnyTwin*>, double, int>(), "twins"_a, "time_step"_a, "steps_per_tick"_a,
            nb::keep_alive<1, 2>());

@@ -230,6 +230,16 @@ int tenodesis_read_counts(const tenodesis_controller* controller, int axis, teno
   });
 }
 
+uint32_t tenodesis_phase(const tenodesis_controller* controller, int axis) {
+  if (!good(controller)) return 0;
+  const Session* session = session_of(controller);
+  if (session == nullptr) return 0;
+  return with(*session, [&](const auto& own) -> uint32_t {
+    if (axis < 0 || axis >= own.controller.axes) return 0;
+    return static_cast<uint32_t>(own.state.axis[axis].compensator.phase);
+  });
+}
+
 uint32_t tenodesis_version(void) { return TENODESIS_VERSION; }
 uint32_t tenodesis_real_size(void) { return sizeof(tenodesis_real); }
 const char* tenodesis_fault_name(uint32_t number) { return number < fault_count ? name(Fault(number)) : "unknown"; }

@@ -55,8 +55,8 @@ class Durations {
   }
 
   std::array<std::atomic<std::uint64_t>, (64 - fine_bits + 1) * fine> counts_{};
-  std::atomic<std::uint64_t> total_{};
-  std::atomic<std::uint64_t> worst_{};
+  std::atomic<std::uint64_t> total_;
+  std::atomic<std::uint64_t> worst_;
 };
 
 }  // namespace tenodesis::runtime

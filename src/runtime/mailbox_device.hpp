@@ -46,8 +46,8 @@ class Posted {
   }
 
  private:
-  std::array<std::atomic<std::uint64_t>, words> value_{};
-  std::atomic<std::uint64_t> stamp_{};
+  std::array<std::atomic<std::uint64_t>, words> value_;
+  std::atomic<std::uint64_t> stamp_;
 };
 
 /// Counts what has come; waits for more, but not for ever.
@@ -158,7 +158,7 @@ class MailboxDevice final : public Device {
   std::uint64_t posted_{};  // by the serving thread
   std::uint64_t read_{};    // by the loop
   Sensed last_{};
-  std::atomic<bool> stopped_{};
+  std::atomic<bool> stopped_;
 };
 
 }  // namespace tenodesis::runtime

@@ -38,8 +38,8 @@ class Queue {
 
  private:
   std::array<T, size> places_{};
-  alignas(64) std::atomic<std::size_t> begin_{};
-  alignas(64) std::atomic<std::size_t> end_{};
+  std::atomic<std::size_t> begin_;
+  std::atomic<std::size_t> end_;
 };
 
 }  // namespace tenodesis::runtime

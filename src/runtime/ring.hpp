@@ -76,7 +76,8 @@ class SharedMemory {
 /// the record is written, and tells which one it is.
 struct RingLayout {
   static constexpr std::uint64_t magic = 0x31474e4952444e54;  // "TNDRING1"
-  enum Word : std::size_t { magic_word, columns_word, capacity_word, written_word, alive_word, header_words = 512 };
+  enum Word : std::size_t { magic_word, columns_word, capacity_word, written_word, alive_word };
+  static constexpr std::size_t header_words = 512;
 
   std::size_t columns{};
   std::size_t capacity{};

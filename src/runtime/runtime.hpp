@@ -437,12 +437,12 @@ class Runtime {
       *to++ = simulated ? bench.handle_angle : std::numeric_limits<double>::quiet_NaN();
       *to++ = simulated ? bench.radial_force : std::numeric_limits<double>::quiet_NaN();
       const Signals known = device_.signals(n);
-      to = std::copy(known.begin(), known.end(), to);
+      to = std::ranges::copy(known, to).out;
       auto said = bindings::control_signals(controller_, std::size_t(n));
       // What the motors were told, which is not what the controller asked while they are stopped.
       said[6] = speed[n][0];
       said[7] = speed[n][1];
-      to = std::copy(said.begin(), said.end(), to);
+      to = std::ranges::copy(said, to).out;
     }
     ring_.write(record_);
   }
@@ -461,10 +461,10 @@ class Runtime {
   std::vector<double> record_;
 
   std::thread thread_;
-  std::atomic<bool> ending_{}, running_{}, expecting_{}, forget_{};
+  std::atomic<bool> ending_, running_, expecting_, forget_;
   Queue<Order, 1024> orders_;
   Queue<Row, rows_ahead> rows_;
-  std::atomic<std::uint64_t> lease_{};
+  std::atomic<std::uint64_t> lease_;
 
   AnyInput input_{};
   Benches bench_{}, bench_before_{};
@@ -478,9 +478,9 @@ class Runtime {
   std::uint64_t next_{}, last_fresh_{}, late_now_{};
 
   Durations compute_, control_, lateness_;
-  std::atomic<std::uint64_t> ticks_{}, late_{}, missed_{}, starved_{};
-  std::atomic<Problem> problem_{};
-  std::atomic<double> speed_{};
+  std::atomic<std::uint64_t> ticks_, late_, missed_, starved_;
+  std::atomic<Problem> problem_;
+  std::atomic<double> speed_;
   mutable std::mutex refused_mutex_;
   std::vector<std::string> refused_;
 };

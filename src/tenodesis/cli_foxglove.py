@@ -13,6 +13,9 @@ from tenodesis.errors import LiveError
 
 console = Console()
 
+_PLACES = (Path("/dev/shm"), Path(tempfile.gettempdir()))
+"""Where folders of runtimes are."""
+
 
 def register(app: typer.Typer) -> None:
     """Add the command to an app."""
@@ -62,7 +65,7 @@ def _running() -> Path:
     from tenodesis.live.record import Reader  # noqa: PLC0415
 
     found = []
-    for place in {Path("/dev/shm"), Path(tempfile.gettempdir())}:
+    for place in _PLACES:
         for ring in place.glob(f"tenodesis-*/*/{folders.RING}"):
             try:
                 if Reader(ring.parent).alive:

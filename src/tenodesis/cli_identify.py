@@ -205,11 +205,11 @@ def _tell(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, ...]]
     for names, sentence in report.grouped(notes):
         _say(f"{names}: {sentence}.")
     table = Table(title="parameters", title_justify="left", box=box.SIMPLE_HEAD)
-    table.add_column("parameter", no_wrap=True)
-    table.add_column("value", justify="right", overflow="fold")
+    table.add_column("parameter", overflow="fold")
+    table.add_column("value", justify="right", no_wrap=True)
     table.add_column("unit", no_wrap=True)
     for heading in ("std", "95 % interval", *(["bootstrap"] if found.bootstrap else [])):
-        table.add_column(heading, justify="right", overflow="fold")
+        table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("told", overflow="fold")
     for one in found.parameters:
         row = report.shown(found, one)

@@ -55,6 +55,10 @@ class Friction(Table):
     sheath_bend: Bend = Field(default=0.0, description="Total bend of the sheath with the handle straight")
     sheath_bend_per_handle_angle: Coefficient = Field(default=0.0, description="Bend added per angle of the handle")
     sheath_contacts: int = Field(default=1, ge=1, le=32, strict=True, description="Contacts that make up the sheath")
+    handle_compliance_share: Annotated[float, Field(gt=0, lt=1)] | None = Field(
+        default=None,
+        description="Share of a tendon's compliance between spool and handle joint; without it, by the handle's length",
+    )
     constant: Force = Field(default=0.0, description="Load-independent friction of each joint and of the whole sheath")
     viscous: Viscosity = Field(default=0.0, description="Viscous friction of each joint and of the whole sheath")
     static_ratio: Annotated[float, Field(ge=1, le=10)] = Field(

@@ -555,6 +555,12 @@ def _inertia(inst: Instrument) -> float:
     return float(statics.flexural_stiffness(inst, 0.0)) / _DEFAULT_SWING**2 if given is None else given
 
 
+def _handle_share(inst: Instrument) -> float:
+    """Return the share of a tendon's compliance between spool and handle joint, by length unless it is given."""
+    given = inst.friction.handle_compliance_share
+    return inst.handle_length / (inst.tendon_length or inst.overall_length) if given is None else given
+
+
 def _parameters(inst: Instrument, time_step: float) -> list[float]:
     """Return the numbers of a twin, then those of its axis, in the core's order."""
     friction, dynamics, drives = inst.friction, inst.dynamics, inst.drives
@@ -572,7 +578,7 @@ def _parameters(inst: Instrument, time_step: float) -> list[float]:
         "static_ratio": friction.static_ratio,
         "stribeck_speed": friction.stribeck_speed,
         "memory": friction.memory,
-        "handle_length_share": inst.handle_length / (inst.tendon_length or inst.overall_length),
+        "handle_length_share": _handle_share(inst),
         "stiffness_ratio": mismatch.stiffness_ratio,
         "pretension_ratio": mismatch.pretension_ratio,
         "tip_inertia": inertia,
@@ -650,11 +656,21 @@ def _steps_per_sample(inst: Instrument, time_step: float, quasi_static: bool) ->
             f"time_step is {time_step:g} s; allowed is a whole part of the sampling period of "
             f"{1 / inst.sensors.sampling_rate:g} s, or more."
         )
-    share = inst.handle_length / (inst.tendon_length or inst.overall_length) + sum(_core.joint_shares(inst.spec))
-    if not share < 1:
-        raise ValueError(
-            f"handle_length and joints take {share:.3g} of the length of a tendon of {inst.name}; allowed is less than "
+    joints = sum(_core.joint_shares(inst.spec))
+    if not _handle_share(inst) + joints < 1:
+        given = inst.friction.handle_compliance_share
+        what, instead = (
+            ("handle_length and joints take", "of the length of a tendon")
+            if given is None
+            else (f"friction.handle_compliance_share is {given:g}, which with the joints makes", "of the compliance")
+        )
+        allowed = (
             "all of it: a shorter handle_length or a longer tendon_length."
+            if given is None
+            else f"all of it: a share below {1 - joints:.3g}."
+        )
+        raise ValueError(
+            f"{what} {_handle_share(inst) + joints:.3g} {instead} of {inst.name}; allowed is less than {allowed}"
         )
     return per_sample
 

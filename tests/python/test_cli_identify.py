@@ -17,7 +17,7 @@ import tenodesis as tn
 from tenodesis import cli_identify
 from tenodesis.cli_recording import CommandError
 from tenodesis.errors import IdentificationError
-from tenodesis.identification import FORMATS, Format, Parameter, Trace, registry
+from tenodesis.identification import FORMATS, Format, Parameter, Trace, registry, report
 from tenodesis.identification.formats.measured import Measured
 from tenodesis.instrument import Instrument
 from tenodesis.signals import Array
@@ -137,10 +137,10 @@ def test_a_run_is_identified_and_written_as_page_numbers_and_instrument(logs: li
     assert inst.pretension == pytest.approx(30, abs=0.1)
     page = (out / "report.html").read_text()
     assert not re.search(r"(src|href)=\"http|<script|<link|@import", page)
-    for words in ("encoder offset", "held out", "2.txt", "residual [N]", "Ljung"):
+    for words in ("encoder offset", "held out", "2.txt", "residual [N]", "Ljung", ">N/m<", "largest [N]"):
         assert words in page
     assert "tendon_stiffness" in given.output
-    assert "0.txt: dropped 1 row." in given.output
+    assert "0.txt, 1.txt, 2.txt: dropped 1 row." in given.output
 
 
 def test_only_what_fit_names_is_fitted_by_name_group_or_word(logs: list[Path], tmp_path: Path) -> None:
@@ -266,6 +266,16 @@ def test_one_recording_is_fitted_in_part_and_held_out_for_the_rest(
     assert found["train_rmse_N"] == pytest.approx(0.2, rel=0.2)
     for words in (early, late):
         assert words in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_notes_that_differ_by_the_files_name_alone_are_one() -> None:
+    notes = {
+        "a/0.txt": ("0.txt is as published.", "3 gaps"),
+        "b/1.txt": ("1.txt is as published",),
+        "2.txt": ("3 gaps",),
+    }
+    assert report.grouped(notes) == [("a/0.txt, b/1.txt", "… is as published"), ("a/0.txt, 2.txt", "3 gaps")]
+    assert report.grouped({"0.txt": ("0.txt is new.",)}) == [("0.txt", "0.txt is new")]
 
 
 def test_a_format_that_is_not_there_is_said_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -307,9 +307,10 @@ def test_bend_left_out_of_the_fit_is_predicted(measured: Pair, left_out: int) ->
 
 
 def test_two_bends_between_three_are_predicted(measured: Pair) -> None:
-    found = fit(measured, train=[0, 2, 4], test=[1, 3], starts=1)
-    print(f"fitted at 0, 120, 240 deg: {by_run(found)} deg")
+    found = fit(measured, train=[0, 2, 4], test=[1, 3], starts=6)
+    print(f"fitted at 0, 120, 240 deg: {by_run(found)} deg, {found.same_optimum} of 6 starts")
     assert max(by_run(found).values()) <= 2.3
+    assert found.same_optimum > 3
 
 
 def test_friction_is_worth_more_than_the_tension_difference_which_is_worth_more_than_kinematics(
@@ -323,14 +324,6 @@ def test_friction_is_worth_more_than_the_tension_difference_which_is_worth_more_
         left = [series.output - one @ by for one, by in zip(columns, fits, strict=True)]
         errors.append([math.degrees(float(np.sqrt(np.mean(one**2)))) for one in left])
     kinematics, tension = np.array(errors).T
-    print(
-        f"gains and offset fitted at each bend by itself: command {kinematics.round(2)}, with tension {tension.round(2)}"
-    )
+    print(f"gains and offset fitted at each bend: command {kinematics.round(2)}, with tension {tension.round(2)} deg")
     assert 5.6 < kinematics.min() < kinematics.max() < 12.2
     assert 2.9 < tension.min() < tension.max() < 3.4
-
-
-def test_most_starts_come_to_the_optimum_of_the_measured_pair(measured: Pair) -> None:
-    found = fit(measured, train=[0, 2, 4], starts=4)
-    print(f"{found.same_optimum} of 4 starts")
-    assert found.same_optimum >= 3

@@ -254,10 +254,11 @@ def test_the_truth_in_the_file_is_not_peeked_at(true: Instrument) -> None:
 
 
 def test_the_written_instrument_does_what_was_recorded(told: Instrument, true: Instrument) -> None:
-    names = [name for name in TRUTH if name != "handle_length_share"]
+    true = true.replace(**{"friction.handle_compliance_share": 0.25})
     run = recorded(true, 3)
     one = problem(run, told)
-    written = one.instrument(fit(one, names, train=[0], starts=1).vector)
+    written = one.instrument(fit(one, list(TRUTH), train=[0], starts=1).vector)
+    assert written.friction.handle_compliance_share == pytest.approx(0.25, abs=3e-3)
     again = tn.twin.Twin(written, time_step=STEP, seed=4).run(*commands(told))
     noise = {"measured_output_angle": np.hypot(told.sensors.encoder_noise, 2 * np.pi / 2**12 / np.sqrt(12))}
     assert np.std(again["measured_output_angle"] - run["measured_output_angle"]) < 1.1 * np.sqrt(2) * min(

@@ -279,3 +279,24 @@ def test_the_command_listens_on_loopback_alone_and_says_so(
     assert said.output.startswith("warning: 0.0.0.0 is not this computer alone: everyone who can reach it can watch")
     said = CliRunner().invoke(app, ["foxglove", str(tmp_path), "--port", "0", "--rate", "-3"])
     assert isinstance(said.exception, LiveError)
+
+
+def test_the_one_instrument_that_runs_is_found(
+    scaled: Instrument, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cli_foxglove, "_PLACES", (tmp_path, tmp_path / "none"))
+    with pytest.raises(LiveError, match="no live instrument runs here; start one with `tenodesis console`"):
+        cli_foxglove._running()
+    (tmp_path / "tenodesis-0" / "1").mkdir(parents=True)
+    (tmp_path / "tenodesis-0" / "1" / "ring").write_bytes(b"left over")
+    loops = []
+    for name in ("tenodesis-1", "tenodesis-2"):
+        (tmp_path / name / "1").mkdir(parents=True)
+        loops.append(LiveLoop(tmp_path / name / "1", scaled, ring="ring"))
+        loops[-1].tell_folder()
+    loops[0].ticks(1)
+    assert cli_foxglove._running() == tmp_path / "tenodesis-1" / "1"
+    for loop in loops:
+        loop.ticks(1)
+    with pytest.raises(LiveError, match=r"several live instruments run: .*tenodesis-1/1, .*tenodesis-2/1; give one"):
+        cli_foxglove._running()

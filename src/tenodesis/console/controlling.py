@@ -1,7 +1,7 @@
 """The controller's choices, homing, and faults to try."""
 
 from math import nan
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from tenodesis.console.laws import ACTUATIONS, LAWS
 from tenodesis.console.session import Now, Session, enable, put
@@ -29,7 +29,7 @@ class Controlling:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        gui = session.client.gui
+        gui: Any = session.client.gui
         status = session.link.status()
         self._law = gui.add_dropdown("Law", tuple(LAWS), initial_value=status.law)
         self._law_words = gui.add_markdown("")

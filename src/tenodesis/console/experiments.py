@@ -1,5 +1,6 @@
 """The bench's experiments at a button."""
 
+from functools import partial
 from typing import Any
 
 from tenodesis import protocols
@@ -14,7 +15,7 @@ class Experiments:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        gui = session.client.gui
+        gui: Any = session.client.gui
         self._state = gui.add_markdown("No experiment runs.")
         self._bar = gui.add_progress_bar(0.0, visible=False)
         self._cancel = gui.add_button("End it", color="gray", visible=False)
@@ -23,7 +24,7 @@ class Experiments:
             protocol = protocols.load(name)
             button = gui.add_button(name, hint=protocol.description, icon="player-play")
             gui.add_markdown(f"*{protocol.description}.*")
-            session.on(button, "play", lambda protocol=protocol: self._play(protocol))
+            session.on(button, "play", partial(self._play, protocol))
             self._buttons.append(button)
         self._upload = gui.add_upload_button("A protocol file of your own", mime_type=".toml")
         session.on(self._upload, "upload protocol", self._play_file)

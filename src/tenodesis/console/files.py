@@ -3,6 +3,7 @@
 import time
 from math import degrees
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,7 @@ class Files:
         self._opened: tuple[Recording, Instrument, View] | None = None
         self._started: float | None = None
         self._looked = 0.0
-        gui = session.client.gui
+        gui: Any = session.client.gui
         self._name = gui.add_dropdown("Recording", (_NONE,))
         self._open = gui.add_button("Open", icon="folder-open")
         self._facts = gui.add_markdown(f"Recordings are in `{session.folder}`.")

@@ -1,5 +1,6 @@
 """The top of the panel: state, faults, who operates, and the way on from here."""
 
+from functools import partial
 from typing import Any
 
 from tenodesis.console.colours import TensionColours
@@ -22,12 +23,12 @@ class Header:
 
     def __init__(self, session: Session, inst: Instrument) -> None:
         self._session = session
-        gui = session.client.gui
+        gui: Any = session.client.gui
         self._line = gui.add_html("")
         gui.add_html(f'<div style="padding:.35em .8em .2em">{TensionColours(inst).legend()}</div>')
         self._take = gui.add_button("Take control", color="blue", hint="From then on others watch.")
         self._restart = gui.add_button("Start the instrument again", color="orange", visible=False)
-        self._buttons: dict[str, Any] = {
+        self._buttons: dict[Asked, Any] = {
             what: gui.add_button(label, color=_colour(what), visible=False)
             for steps in _NEXT.values()
             for label, what in steps
@@ -35,7 +36,7 @@ class Header:
         session.on(self._take, "operator", self._acquire)
         session.on(self._restart, "restart", lambda: session.work("restart", session.link.restart))
         for what, button in self._buttons.items():
-            session.on(button, "request", lambda what=what: session.link.request(what))
+            session.on(button, "request", partial(session.link.request, what))
 
     def show(self, now: Now) -> None:
         """Show state and the next steps."""

@@ -15,7 +15,7 @@ class InstrumentFile:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        gui = session.client.gui
+        gui: Any = session.client.gui
         inst = session.link.inst
         gui.add_markdown(f"**{inst.name}**, {' and '.join(inst.axes)}, on *{session.link.device}*. {inst.description}")
         self._shipped = gui.add_dropdown("Shipped", instrument.shipped())

@@ -1,6 +1,6 @@
 """The hand and the tissue: handle angles, recorded motions, and the load at the tip."""
 
-from math import degrees, isfinite
+from math import degrees, floor, isfinite
 from typing import Any
 
 import numpy as np
@@ -22,11 +22,11 @@ class Moving:
 
     def __init__(self, session: Session, inst: Instrument) -> None:
         self._session = session
-        gui = session.client.gui
+        gui: Any = session.client.gui
         self._simulated = session.link.capabilities.simulated
         self._motions = {_MADE_UP: protocols.load("wrist")}
-        reach = round(degrees(inst.handle_range), 1)
-        most = largest_force(inst)
+        self._reach = reach = floor(10 * degrees(inst.handle_range) + 1e-6) / 10
+        self._most = most = largest_force(inst)
         self._hand: list[Any] = [
             gui.add_slider(f"Handle {axis}, °", min=-reach, max=reach, step=0.1, initial_value=0.0)
             for axis in inst.axes
@@ -76,10 +76,10 @@ class Moving:
                 _follow(slider, force)
 
     def _move(self) -> None:
-        self._session.link.hand(np.radians(_values(self._hand)))
+        self._session.link.hand(np.radians(_values(self._hand, self._reach)))
 
     def _load(self) -> None:
-        self._session.link.force(_values(self._force))
+        self._session.link.force(_values(self._force, self._most))
 
     def _load_at_once(self) -> None:
         slider = self._force[self._axis.options.index(self._axis.value)]
@@ -104,11 +104,12 @@ def _usual_force(inst: Instrument, most: float) -> float:
     return round(forces[(len(forces) - 1) // 2], 3) if forces else most / 2
 
 
-def _values(sliders: list[Any]) -> Array:
+def _values(sliders: list[Any], most: float) -> Array:
+    """Return what sliders say, within what the page offers: a browser may send anything."""
     values = np.array([float(slider.value) for slider in sliders])
     if not np.isfinite(values).all():
-        raise LiveError(f"{sliders[0].label} is {values}; allowed are finite numbers.")
-    return np.clip(values, [slider.min for slider in sliders], [slider.max for slider in sliders])
+        raise LiveError(f"a slider is at {values.tolist()}; allowed are finite numbers.")
+    return values.clip(-most, most)
 
 
 def _follow(slider: Any, value: float) -> None:

@@ -46,7 +46,9 @@ def parts(inst: Instrument, lengths: Dimensions) -> list[Part]:
         on, at = "stem", end.start
         for number, axis in enumerate(lengths.axes):
             if number:
-                found.append(Part(f"{end.prefix}{axis}_strut", on, rod(0.5 * radius, *sorted((0.0, at))), STEEL))
+                found.append(
+                    Part(f"{end.prefix}{axis}_strut", on, rod(0.5 * radius, min(0.0, at), max(0.0, at)), STEEL)
+                )
             found += _joint(end, axis, end.radii[number], on, at)
             on, at = f"{end.prefix}{axis}_far", end.side * end.spacing
     return found + effector(lengths) + _grip(lengths)
@@ -82,7 +84,9 @@ def _joint(end: _End, axis: str, radius: float, on: str, at: float) -> list[Part
     if end.kind == "tendon-pulley":
         return [placed("pulley", on, disc(radius, 0.6 * radius), GEAR, at)]
     thickness, apart = 0.35 * radius, 0.75 * radius
-    links = _pair(plate(0.6 * radius, 0.12 * radius, *sorted((0.0, end.side * 2 * radius))), 1.05 * radius)
+    links = _pair(
+        plate(0.6 * radius, 0.12 * radius, end.side * radius - radius, end.side * radius + radius), 1.05 * radius
+    )
     return [
         placed("near_gear", on, _pair(gear(radius, thickness), apart), GEAR, at),
         placed("far_gear", f"{end.prefix}{axis}_far", _pair(gear(radius, thickness, shifted=True), apart), GEAR),

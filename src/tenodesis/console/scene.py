@@ -181,13 +181,13 @@ class Scene:
 
     def _draw_tendons(self, frames: Frames, now: View) -> None:
         for number, (name, path) in enumerate(frames.tendons.items()):
-            axis, tendon = divmod(number, 2)
+            bend, tendon = divmod(number, 2)
             line = self._tendons[name]
             points = self._scale * path
             if self._changed(f"{name} points", points):
                 line.points = _segments(points)
             # Friction takes its share at the joints; what lies between is not known to the eye.
-            tension = np.linspace(now.tension[axis, tendon], now.distal_tension[axis, tendon], len(path))
+            tension = np.linspace(now.tension[bend, tendon], now.distal_tension[bend, tendon], len(path))
             if self._changed(f"{name} tension", tension / self.colours.limit, coarse=10):
                 line.colors = _segments(_linear(self.colours(tension)))
         for axis, line in self._backbones.items():

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 MOST_CLIENTS = 12
 """Browsers at a time; more would take the loop's time from those that are there."""
 
-# A browser that has gone without a word is noticed within about as long.
+# A browser that has gone without a word is noticed within the sum, and another wait.
 _PING_EVERY = 1.0
-_PING_WAIT = 2.0
+_PING_WAIT = 1.5
 _LARGEST_MESSAGE = 4 * 2**20
 
 _NEWCOMER: contextvars.ContextVar[str] = contextvars.ContextVar("newcomer", default="unknown")
@@ -104,7 +104,12 @@ def _guarded(door: Door) -> Iterator[None]:
         async def asked(connection: ServerConnection, request: Request) -> Response | None:
             return await door.answer(connection, request, process_request)
 
-        limits = {"ping_interval": _PING_EVERY, "ping_timeout": _PING_WAIT, "max_size": _LARGEST_MESSAGE}
+        limits = {
+            "ping_interval": _PING_EVERY,
+            "ping_timeout": _PING_WAIT,
+            "close_timeout": _PING_WAIT,
+            "max_size": _LARGEST_MESSAGE,
+        }
         return serve(handled, *where, process_request=asked, **(settings | limits))
 
     with _PATCHING:

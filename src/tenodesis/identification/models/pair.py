@@ -103,7 +103,7 @@ class Pair:
         self._bends = len({one.bend for one in self._series}) > 1
         kinematics = tuple(one for one in _KINEMATICS if self._bends or not one.name.endswith(_PER_BEND))
         friction = [
-            *(part for one in found.magnitudes for part in _with_bend(one)[: 2 if self._bends else 1]),
+            *(part for one in found.magnitudes for part in _with_bend(one, several=self._bends)),
             *(one._replace(unit=one.unit.format(speed="rad/s")) for one in found.shapes),
         ]
         # without friction the tension is the same everywhere, and only the sum of the three compliances can be told
@@ -190,25 +190,24 @@ def _per_bend(name: str) -> str:
     return f"{name}{_PER_BEND}"
 
 
-def _with_bend(one: Parameter) -> tuple[Parameter, Parameter]:
-    """Return a magnitude of friction at no bend and its growth with the bend."""
+def _with_bend(one: Parameter, *, several: bool) -> tuple[Parameter, ...]:
+    """Return a magnitude of friction, with several bends that at none and its growth with the bend."""
     capstan = one.name == "exponent"
-    unit = "1/rad" if one.unit == "1" else f"{one.unit}/rad"
-    return (
-        one._replace(
-            start=_START_EXPONENT if capstan else one.start,
-            upper=_MOST_EXPONENT if capstan else one.upper,
-            meaning=f"{one.meaning}, all along the way, sheath straight (with one bend only: at that bend)",
-        ),
-        Parameter(
-            _per_bend(one.name),
-            unit,
-            _START_PER_BEND if capstan else 0.1 * one.start,
-            0.0,
-            _MOST_PER_BEND if capstan else one.upper / 4,
-            f"Growth of {one.name} with the sheath's bend",
-        ),
+    where = "sheath straight" if several else "at the recordings' bend"
+    own = one._replace(
+        start=_START_EXPONENT if capstan else one.start,
+        upper=_MOST_EXPONENT if capstan and several else one.upper,
+        meaning=f"{one.meaning}, all along the way, {where}",
     )
+    growth = Parameter(
+        _per_bend(one.name),
+        "1/rad" if one.unit == "1" else f"{one.unit}/rad",
+        _START_PER_BEND if capstan else 0.1 * one.start,
+        0.0,
+        _MOST_PER_BEND if capstan else one.upper / 4,
+        f"Growth of {one.name} with the sheath's bend",
+    )
+    return (own, growth) if several else (own,)
 
 
 def _series(one: Measured) -> Series:

@@ -202,17 +202,13 @@ class TwinProblem:
         return traces
 
     def instrument(self, values: Array) -> Instrument:
-        """Return the instrument with these values in place, those that differ from its own.
-
-        A share of compliance has no key of its own, and is left out.
-        """
+        """Return the instrument with these values in place, those that differ from its own."""
         # What follows from the stiffness unless it is given was not fitted, and stays.
         inst = self._inst.replace(**{"dynamics.tip_inertia": self._nominal["tip_inertia"]})
         inst = inst.replace(**{"dynamics.tip_damping": self._nominal["tip_damping"]})
         for one, value in zip(self.parameters, values, strict=True):
-            changes = UNKNOWNS[one.name].changes(inst, float(value))
-            if changes and value != one.start:
-                inst = inst.replace(**changes)
+            if value != one.start:
+                inst = inst.replace(**UNKNOWNS[one.name].changes(inst, float(value)))
         return inst
 
     def advice(self, names: Sequence[str]) -> str | None:

@@ -34,10 +34,6 @@ def _key(key: str) -> Callable[[Instrument, float], dict[str, Any]]:
     return lambda _, value: {key: value}
 
 
-def _none(_inst: Instrument, _value: float) -> dict[str, Any]:
-    return {}
-
-
 def _of_pair(key: str, place: int) -> Callable[[Instrument, float], dict[str, Any]]:
     def changes(inst: Instrument, value: float) -> dict[str, Any]:
         pair = list(getattr(inst.mismatch, key))
@@ -64,7 +60,7 @@ UNKNOWNS = {
         0.02,
         0.8,
         "share of a tendon's compliance between spool and handle joint",
-        _none,
+        _key("friction.handle_compliance_share"),
         "stiffness",
     ),
     "pretension_ratio": Unknown(

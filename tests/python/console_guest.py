@@ -1,0 +1,92 @@
+"""A browser without a window: sends the page's server whatever it is told, whether a panel would or not."""
+
+import struct
+import threading
+import time
+from typing import Any
+
+import msgspec
+import zstandard
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": (1.0, 0.0, 0.0, 0.0),
+    "position": (3.0, 3.0, 3.0),
+    "fov": 1.3,
+    "near": 0.01,
+    "far": 1000.0,
+    "image_height": 900,
+    "image_width": 1400,
+    "look_at": (0.0, 0.0, 0.0),
+    "up_direction": (0.0, 0.0, 1.0),
+}
+
+
+class Guest:
+    """One connection; parts of the panel are known by their label."""
+
+    def __init__(self, port: int, **headers: str) -> None:
+        import viser
+
+        self.socket = connect(
+            f"ws://127.0.0.1:{port}",
+            subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
+            additional_headers=headers,
+            max_size=None,
+            compression=None,
+        )
+        self.parts: dict[str, dict[str, Any]] = {}
+        self.told: list[str] = []
+        self.reader = threading.Thread(target=self._read, daemon=True)
+        self.reader.start()
+        self.send(CAMERA)
+
+    def __enter__(self) -> "Guest":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.socket.close()
+        self.reader.join(timeout=5)
+
+    def send(self, message: dict[str, Any]) -> None:
+        self.socket.send(msgspec.msgpack.encode(message))
+
+    def set(self, label: str, value: Any) -> None:
+        """Say that a part of the panel has a value, or was pressed."""
+        wait(lambda: label in self.parts)
+        self.send({"type": "GuiUpdateMessage", "uuid": self.parts[label]["uuid"], "updates": {"value": value}})
+
+    def property(self, label: str, name: str) -> Any:
+        return self.parts.get(label, {}).get(name)
+
+    def _read(self) -> None:
+        try:
+            for raw in self.socket:
+                assert isinstance(raw, bytes)
+                _, size = struct.unpack_from("<QQ", raw)
+                content = zstandard.ZstdDecompressor().decompress(raw[16 : 16 + size])
+                for message in msgspec.msgpack.decode(content)["messages"]:
+                    self._note(message)
+        except ConnectionClosed:
+            pass
+
+    def _note(self, message: dict[str, Any]) -> None:
+        props = message.get("props", {})
+        if message["type"] == "NotificationShowMessage":
+            self.told.append(props["body"])
+        elif "label" in props:
+            self.parts[props["label"]] = {"uuid": message["uuid"], **props}
+        elif message["type"] == "GuiUpdateMessage":
+            for part in self.parts.values():
+                if part["uuid"] == message["uuid"]:
+                    part.update(message["updates"])
+
+
+def wait(happens: Any, seconds: float = 15.0) -> None:
+    """Wait until something happens."""
+    end = time.monotonic() + seconds
+    while not happens():
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.02)

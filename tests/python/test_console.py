@@ -1,0 +1,276 @@
+"""The page in a browser, as a person uses it; any error on its console and any request elsewhere fails the test."""
+
+import re
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import tenodesis as tn
+from tenodesis.console import Page, serve
+from tenodesis.console.advice import ADVICE
+from tenodesis.console.laws import ACTUATIONS, LAWS
+from tenodesis.control import FAULTS
+from tenodesis.control.controller import ActuationName, LawName
+
+from .console_stand_in import StandIn
+
+pytest.importorskip("viser", reason="the page needs viser")
+playwright = pytest.importorskip("playwright.sync_api", reason="browser tests need playwright")
+
+CHROMIUM = shutil.which("chromium") or ""
+needs_chromium = pytest.mark.skipif(not CHROMIUM, reason="browser tests need Chromium")
+
+BAD_FILE = 'name = "x"\njoint_type = "tendon-gear"\npretension = "30 mm"\nhandle_rnge = "45 deg"\n'
+SHORT_PROTOCOL = """
+name = "short"
+[[phases]]
+kind = "step-load"
+output_angle = "20 deg"
+delay = "0.2 s"
+force = "1 N"
+duration = "0.5 s"
+release = "0.3 s"
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("recordings")
+
+
+@pytest.fixture(scope="module")
+def bench(folder: Path) -> Iterator[StandIn]:
+    found = StandIn(tn.load("scaled-up"), folder)
+    yield found
+    found.close()
+
+
+@pytest.fixture(scope="module")
+def served(bench: StandIn, folder: Path) -> Iterator[Page]:
+    with serve(bench.connect, port=0, recordings=folder) as page:
+        yield page
+
+
+class Window:
+    """A browser's window; what goes wrong in it is kept."""
+
+    def __init__(self, browser: Any, url: str, width: int, height: int) -> None:
+        self.page = browser.new_page(viewport={"width": width, "height": height})
+        self.problems: list[str] = []
+        self.page.on("console", self._said)
+        self.page.on("pageerror", lambda error: self.problems.append(str(error)))
+        self.page.on("request", lambda request: self._requested(request.url, url))
+        self.page.goto(url)
+        self.page.get_by_role("button", name=re.compile("^(Enable|Resume|Take control)")).first.wait_for(timeout=60_000)
+        for notice in self.page.locator(".mantine-Notification-closeButton").all():
+            notice.click()
+
+    def _said(self, message: Any) -> None:
+        if message.type == "error":
+            self.problems.append(message.text)
+
+    def _requested(self, asked: str, own: str) -> None:
+        if not asked.startswith((own, "blob:" + own, "data:", own.replace("http", "ws"))):
+            self.problems.append(f"asked for {asked}")
+
+    def tab(self, name: str) -> None:
+        self.page.get_by_role("tab", name=name, exact=True).click()
+
+    def press(self, name: str) -> None:
+        self.page.get_by_role("button", name=name).first.click()
+
+    def field(self, label: str) -> Any:
+        return self.page.locator(f"xpath=(//label[.='{label}']/following::input[not(@type='hidden')])[1]")
+
+    def choose(self, label: str, option: str) -> None:
+        self.field(label).click()
+        self.page.get_by_role("option", name=option, exact=True).click()
+
+    def upload(self, button: str, name: str, content: str) -> None:
+        with self.page.expect_file_chooser() as chosen:
+            self.press(button)
+        chosen.value.set_files({"name": name, "mimeType": "text/plain", "buffer": content.encode()})
+
+    def sees(self, text: str, seconds: float = 20.0) -> None:
+        self.page.get_by_text(text).first.wait_for(timeout=1000 * seconds)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as running:
+        started = running.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield started
+        started.close()
+
+
+@pytest.fixture(scope="module")
+def opened(browser: Any, served: Page) -> Iterator[Window]:
+    window = Window(browser, served.url, 1100, 760)
+    yield window
+    window.page.close()
+
+
+@pytest.fixture
+def window(opened: Window) -> Iterator[Window]:
+    yield opened
+    assert opened.problems == []
+
+
+def wait(happens: Callable[[], Any], seconds: float = 20.0) -> None:
+    end = time.monotonic() + seconds
+    while not happens():
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.05)
+
+
+def loss(bench: StandIn) -> float:
+    """Return by how much the tip is off where the handle asks it to be, degrees."""
+    now = bench.connect("test").latest()
+    asked = tn.statics.output_angle(bench.inst, float(now["handle_angle"]))
+    return float(np.degrees(asked - now["output_angle"]))
+
+
+@needs_chromium
+def test_a_slider_moves_the_handle_and_the_tip_follows(window: Window, bench: StandIn) -> None:
+    window.tab("Move")
+    window.field("Handle yaw, °").fill("20")
+    wait(lambda: np.degrees(bench.connect("test").latest()["handle_angle"]) == pytest.approx(20, abs=0.01))
+    origins = {origin for origin, asked in bench.commands if asked == "hand"}
+    assert [re.fullmatch(r"browser \d+ at 127\.0\.0\.1:\d+", origin) is not None for origin in origins] == [True]
+    window.sees("You operate")
+
+
+@needs_chromium
+def test_a_load_takes_angle_and_the_law_gives_it_back(window: Window, bench: StandIn) -> None:
+    window.tab("Law")
+    window.choose("Law", "off")
+    wait(lambda: bench.controller.law == "off")
+    window.press("Enable")
+    wait(lambda: bench.connect("test").status().state == "ENABLED")
+    window.tab("Move")
+    window.press("Put the load on at once")
+    wait(lambda: loss(bench) > 5)
+    window.tab("Law")
+    window.choose("Law", "robust")
+    wait(lambda: abs(loss(bench)) < 0.7)
+    window.tab("Move")
+    window.press("Take the load off at once")
+    wait(lambda: bench.forces[0] == 0)
+
+
+@needs_chromium
+def test_a_fault_is_named_with_what_to_do_and_can_be_cleared(window: Window, bench: StandIn) -> None:
+    window.tab("Law")
+    window.page.get_by_text("Try a fault").click()
+    window.choose("Fault", "The handle's encoder jumps")
+    window.press("Let it happen on the twin")
+    window.sees("encoder_jump")
+    window.sees(ADVICE["encoder_jump"].do)
+    assert bench.connect("test").status().state == "FAULT"
+    wait(lambda: bench.tampering[0].stop < bench.twin.time)
+    window.press("Clear the fault")
+    wait(lambda: bench.connect("test").status().state != "FAULT")
+
+
+@needs_chromium
+def test_stop_stops_and_is_told(window: Window, bench: StandIn) -> None:
+    window.press("STOP")
+    window.sees("Stopped.")
+    assert any(asked == "stop" and origin.startswith("stop button") for origin, asked in bench.commands)
+
+
+@needs_chromium
+def test_a_protocol_runs_and_its_recording_is_opened_replayed_and_compared(window: Window, bench: StandIn) -> None:
+    window.tab("Tests")
+    for _ in range(2):
+        before = bench.recorded
+        window.upload("A protocol file of your own", "short.toml", SHORT_PROTOCOL)
+        wait(lambda before=before: bench.recorded > before)
+        window.sees("short runs")
+        window.sees("short is done")
+    window.tab("Files")
+    wait(lambda: window.field("Recording").input_value() != "none yet")
+    window.press("Open")
+    window.sees(f"{bench.inst.name}, yaw")
+    window.press("Replay in the view")
+    window.sees("Back to the live instrument")
+    window.press("Back to the live instrument")
+    window.press("Compare the tip angles")
+    window.sees("they differ by 0.00° RMS")
+
+
+@needs_chromium
+def test_the_experiments_of_the_package_have_a_button_each(window: Window, bench: StandIn) -> None:
+    window.tab("Tests")
+    for name in tn.protocols.shipped():
+        assert window.page.get_by_role("button", name=name, exact=True).count() == 1
+    window.page.get_by_role("button", name="step-load", exact=True).click()
+    window.sees("step-load runs")
+    window.press("End it")
+    window.sees("step-load was cancelled")
+    assert any(asked == "play step-load" for _, asked in bench.commands)
+
+
+@needs_chromium
+def test_a_wrong_instrument_file_is_explained_key_by_key_and_a_right_one_runs(window: Window, bench: StandIn) -> None:
+    window.tab("Setup")
+    window.upload("Instrument file from here", "bad.toml", BAD_FILE)
+    window.sees("This file cannot be run")
+    window.sees("handle_rnge is not a known key")
+    window.sees("pretension")
+    assert bench.inst.name == "scaled-up"
+    window.choose("Shipped", "real-size")
+    window.press("Run this one")
+    wait(lambda: bench.inst.name == "real-size")
+    window.sees("Handle pitch, °")
+    bench.begin(tn.load("scaled-up"))
+    window.page.get_by_text("Handle pitch, °").wait_for(state="detached")
+
+
+@needs_chromium
+@pytest.mark.parametrize("size", [(1400, 900), (390, 844)])
+def test_stop_and_state_are_seen_at_every_size(
+    browser: Any, served: Page, size: tuple[int, int], tmp_path: Path
+) -> None:
+    window = Window(browser, served.url, *size)
+    try:
+        window.page.screenshot(path=tmp_path / f"{size[0]}.png")
+        stop = window.page.get_by_role("button", name="STOP").bounding_box()
+        assert stop["x"] >= 0
+        assert stop["y"] >= 0
+        assert stop["x"] + stop["width"] <= size[0]
+        assert stop["y"] + stop["height"] <= size[1]
+        assert min(stop["width"], stop["height"]) >= 48
+        # Nothing lies over it, and it lies over no part of the panel.
+        middle = (stop["x"] + stop["width"] / 2, stop["y"] + stop["height"] / 2)
+        assert window.page.evaluate("([x, y]) => document.elementFromPoint(x, y).textContent", middle) == "STOP"
+        for tab in window.page.get_by_role("tab").all():
+            box = tab.bounding_box()
+            assert box is None or box["y"] > stop["y"] + stop["height"] or box["y"] + box["height"] < stop["y"]
+        assert window.page.evaluate("document.documentElement.scrollWidth") <= size[0]
+        assert window.problems == []
+    finally:
+        window.page.close()
+
+
+@needs_chromium
+def test_the_view_is_sent_while_the_loop_runs(window: Window, bench: StandIn, served: Page) -> None:
+    node = "window.__viserSceneTree.getState()"
+    assert window.page.evaluate(f"Object.keys({node}).some((name) => name.endsWith('yaw_far'))")
+    frames, ticks, since = served.frames, bench.ticks, time.perf_counter()
+    wait(lambda: bench.ticks - ticks >= 2000)
+    seconds = time.perf_counter() - since
+    sent = served.frames - frames
+    print(f"{sent / seconds:.0f} frames/s sent, the loop at {(bench.ticks - ticks) / seconds:.0f} Hz")
+    assert sent > 1
+
+
+def test_every_fault_and_every_choice_has_its_words() -> None:
+    assert tuple(ADVICE) == FAULTS
+    assert tuple(LAWS) == LawName.__args__
+    assert tuple(ACTUATIONS) == ActuationName.__args__
