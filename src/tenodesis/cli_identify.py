@@ -204,18 +204,7 @@ def _write(path: Path, text: str) -> None:
 def _tell(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, ...]]) -> None:
     for names, sentence in report.grouped(notes):
         _say(f"{names}: {sentence}.")
-    table = Table(title="parameters", title_justify="left", box=box.SIMPLE_HEAD)
-    table.add_column("parameter", overflow="fold")
-    table.add_column("value", justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    for heading in ("std", "95 % interval", *(["bootstrap"] if found.bootstrap else [])):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("told", overflow="fold")
-    for one in found.parameters:
-        row = report.shown(found, one)
-        drawn = [row.bootstrap] if found.bootstrap else []
-        table.add_row(one.name, row.value, row.unit, row.std, row.interval, *drawn, row.told)
-    console.print(table)
+    _say_parameters(found)
     keys = list(dict.fromkeys(key for one in found.files for key in one.rmse))
     errors = Table(title="rmse, measured minus model", title_justify="left", box=box.SIMPLE_HEAD)
     errors.add_column("run", overflow="fold")
@@ -236,6 +225,24 @@ def _tell(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, ...]]
         f"{found.seconds:.3g} s."
     )
     _say(f"Written: {', '.join(str(path) for path in written)}")
+
+
+def _say_parameters(found: Fit) -> None:
+    table = Table(title="parameters", title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("parameter", no_wrap=True)
+    table.add_column("value", justify="right", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    for heading in ("95 % interval", "bootstrap") if found.bootstrap else ("std", "95 % interval"):
+        table.add_column(heading, justify="right", min_width=9 if heading != "std" else None)
+    table.add_column("told", min_width=4)
+    for one in (one for one in found.parameters if one.name in found.free):
+        row = report.shown(found, one)
+        spread = (row.interval, row.bootstrap) if found.bootstrap else (row.std, row.interval)
+        table.add_row(one.name, row.value, row.unit, *spread, row.told)
+    console.print(table)
+    held = [one.name for one in found.parameters if one.name not in found.free]
+    if held:
+        _say(f"Held: {', '.join(held)}.")
 
 
 def _say(sentence: str) -> None:

@@ -213,10 +213,11 @@ def test_no_client_can_do_anything_but_watch(scaled: Instrument) -> None:
             watcher.socket.send(struct.pack("<BI", 1, 1) + b'{"position": 3}')
             watcher.socket.send(b"\xff" * 1000)
             watcher.socket.send("no json")
-            watcher.subscribe(3)
-            server.publish()
-            watcher.take("/time", 1)
-    assert [message.data for message in decoded(watcher, "/time")] == [run.time[20]]
+            with client(server) as other:
+                other.subscribe(3)
+                server.publish()
+                other.take("/time", 1)
+    assert [message.data for message in decoded(other, "/time")] == [run.time[20]]
 
 
 def test_it_serves_until_the_runtime_ends_or_it_is_stopped(scaled: Instrument) -> None:

@@ -168,7 +168,7 @@ def shown(found: Fit, one: Parameter) -> Shown:
         spread,
         interval(found.interval_95.get(one.name)),
         interval((found.bootstrap_interval_95 or {}).get(one.name)),
-        f"{told}, at its {side} bound" if side else told,
+        f"{told}, {side} bound" if side else told,
     )
 
 

@@ -248,7 +248,7 @@ class TwinProblem:
         one = self._runs[run]
         model = self._run(one._replace(commands=commands), self._numbers(values), [])[:, 0, one.kept]
         parts = [model[READINGS.index(name)] / sensor.deviation for name, sensor in one.sensors.items()]
-        return np.nan_to_num(np.concatenate(parts))
+        return np.asarray(np.nan_to_num(np.concatenate(parts)), dtype=np.float64)
 
     def _numbers(self, values: Array) -> list[float]:
         given = {UNKNOWNS[name].number: float(value) for name, value in zip(self._names, values, strict=True)}

@@ -232,7 +232,7 @@ def _of_rests(edges: Array, way: Array, resting: Array, resolution: float) -> li
 def _of_speeds(edges: Array, lengths: Array, resting: Array, resolution: float) -> list[Error]:
     """Return by how much a signal whose speed changes bends away from the straight lines between its steps."""
     errors = []
-    for step in np.flatnonzero(~resting).tolist():
+    for step in np.flatnonzero(np.logical_not(resting)).tolist():
         before, own, after = lengths[step - 1 : step + 2].tolist()
         # where the neighbour is a rest, its length says nothing of the speed
         before = own if resting[step - 1] else before

@@ -5,7 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csc_array, diags_array
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csc_array, diags_array
 
 from tenodesis.identification.models.twin_runs import Misplaced, Prepared
 from tenodesis.signals import Array
@@ -66,7 +67,7 @@ def _moves(run: Prepared, expected: Callable[[Array], Array]) -> tuple[csc_array
     sensors, count = len(run.measured), len(run.kept)
     bent = np.zeros((sensors, count))
     columns: list[Array] = [np.zeros(0)] * len(errors)
-    places: list[Array] = [np.zeros(0)] * len(errors)
+    places: list[NDArray[np.intp]] = [np.zeros(0, dtype=np.intp)] * len(errors)
 
     def pushed(group: Sequence[int]) -> list[Array]:
         both = []
@@ -89,9 +90,9 @@ def _moves(run: Prepared, expected: Callable[[Array], Array]) -> tuple[csc_array
         for index, begin, end in zip(group, begins, [*begins[1:], count], strict=True):
             columns[index] = moved[:, begin:end].ravel()
             places[index] = (np.arange(sensors)[:, None] * count + np.arange(begin, end)).ravel()
-    starts = np.concatenate([[0], np.cumsum([column.size for column in columns])])
+    owner = np.repeat(np.arange(len(errors)), [column.size for column in columns])
     shape = (sensors * count, len(errors))
-    return csc_array((np.concatenate(columns), np.concatenate(places), starts), shape=shape), bent.ravel()
+    return coo_array((np.concatenate(columns), (np.concatenate(places), owner)), shape=shape).tocsc(), bent.ravel()
 
 
 def _groups(errors: Sequence[Misplaced], steps: int, time_step: float) -> list[list[int]]:
