@@ -35,7 +35,7 @@ enum class OrderKind : unsigned char {
   radial,   ///< value: N, axis
   speed,    ///< value: simulated over real time; 0: as fast as it goes
   tamper,   ///< a: place, b: Tampering, axis, value; ticks: for how long
-  drop,     ///< what is left of a played motion
+  drop,     ///< what is left of a played motion; the hand stays where it is
 };
 
 struct Order {
@@ -266,6 +266,7 @@ class Runtime {
       ask(Request::pause);
     }
     move_hands();
+    measured_at_ = input_.time;
     for (int n = 0; n < device_.axes(); ++n) tamper_with(n);
     input_.request = next_request();
     const std::uint64_t asked = now();
@@ -341,10 +342,12 @@ class Runtime {
     ask(request);
   }
 
+  // The hand stays where it is, so that whatever moves it next knows where from.
   void drop_rows() {
     Row row;
     while (rows_.pop(row)) {
     }
+    for (std::size_t n = 0; n < most_axes; ++n) hand_[n] = {bench_[n].handle_angle, 0};
   }
 
   void ask(Request request) {
@@ -427,7 +430,7 @@ class Runtime {
     const bindings::AnyOutput& output = controller_.last;
     double* to = record_.data();
     for (const double value :
-         {double(input_.time) * 1e-9, double(input_.request), double(output.homed), double(output.homing),
+         {double(measured_at_) * 1e-9, double(input_.request), double(output.homed), double(output.homing),
           double(output.first_faults), double(stopped_), double(problem_.load(std::memory_order_relaxed)),
           double(late_now_) * 1e-9, double(controller_time) * 1e-9, double(fresh)})
       *to++ = value;
@@ -475,7 +478,7 @@ class Runtime {
   std::size_t asked_count_{};
   bool stopped_{};
   std::uint64_t tick_{};
-  std::uint64_t next_{}, last_fresh_{}, late_now_{};
+  std::uint64_t next_{}, last_fresh_{}, late_now_{}, measured_at_{};
 
   Durations compute_, control_, lateness_;
   std::atomic<std::uint64_t> ticks_, late_, missed_, starved_;

@@ -210,6 +210,168 @@ def run_controlled(twins: Sequence[Twin], controller: Controller, commands: NDAr
     Step twins and a controller in one loop over rows of commands, axis by axis; returns steps and why no more.
     """
 
+class LiveDevice:
+    """What the live loop reads and writes."""
+
+class TwinDevice(LiveDevice):
+    """The twins of an instrument's axes as a device."""
+
+    def __init__(self, twins: Sequence[Twin], time_step: float, steps_per_tick: int) -> None: ...
+
+class MailboxDevice(LiveDevice):
+    """A device that another thread serves."""
+
+    def __init__(self, axes: int) -> None: ...
+
+    def post(self, time: int, measured: NDArray[numpy.float64]) -> None:
+        """
+        Hand over a measurement: its time in ns; per axis handle angle, tensions, spool angles, output angle.
+        """
+
+    def take(self, timeout: float) -> tuple[bool, list[list[float]]]:
+        """
+        The spool velocities that answer the last post, and whether any came in time.
+        """
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the loop has ended."""
+
+class Runtime:
+    """The live loop, a thread of its own."""
+
+    def __init__(self, device: LiveDevice, controller: Controller, ring: str, ring_capacity: int, handle_range: Sequence[float], period: float, speed: float, late_bound: float, real_time: bool) -> None: ...
+
+    def start(self) -> None:
+        """Begin."""
+
+    def finish(self) -> None:
+        """End, motors at rest."""
+
+    def run_ticks(self, count: int) -> None:
+        """Take so many ticks as fast as they go, here."""
+
+    def order(self, kind: int, a: int = 0, b: int = 0, axis: int = 0, value: float = 0.0, ticks: int = 0) -> bool:
+        """Ask something of it; false where too much is asked already."""
+
+    def tamper_not_a_number(self, place: int, axis: int, ticks: int) -> bool:
+        """Make a sensor say no number."""
+
+    def play(self, rows: NDArray[numpy.float64]) -> int:
+        """
+        Queue ticks of a played motion, per axis handle angle, force, radial force; returns how many were taken.
+        """
+
+    def expect_rows(self, expected: bool) -> None:
+        """Whether ticks without a row are to be counted."""
+
+    def lease(self, seconds: float) -> None:
+        """The operator is there for so long; 0: there is none."""
+
+    def forget_timing(self) -> None:
+        """Count anew from the next tick on."""
+
+    @property
+    def pending_rows(self) -> int: ...
+
+    @property
+    def running(self) -> bool: ...
+
+    @property
+    def ticks(self) -> int: ...
+
+    @property
+    def late(self) -> int: ...
+
+    @property
+    def missed(self) -> int: ...
+
+    @property
+    def starved(self) -> int: ...
+
+    @property
+    def speed(self) -> float: ...
+
+    @property
+    def problem(self) -> int: ...
+
+    @property
+    def refused(self) -> list[str]: ...
+
+    @property
+    def compute(self) -> tuple[float, float, float, int]:
+        """Of a tick: p50, p99, worst, s, and how many."""
+
+    @property
+    def control(self) -> tuple[float, float, float, int]:
+        """Of the controller alone."""
+
+    @property
+    def lateness(self) -> tuple[float, float, float, int]:
+        """By which ticks began late."""
+
+class RingReader:
+    """Reads a loop's records from any process."""
+
+    def __init__(self, path: str) -> None: ...
+
+    def read(self, cursor: int, out: NDArray[numpy.float64]) -> tuple[int, int, int]:
+        """
+        Copy records from the cursor on; returns how many, the cursor after them, and how many were lost.
+        """
+
+    @property
+    def columns(self) -> int: ...
+
+    @property
+    def capacity(self) -> int: ...
+
+    @property
+    def written(self) -> int:
+        """Records there have been."""
+
+    @property
+    def silence(self) -> float:
+        """Time since the loop last said that it lives, s."""
+
+def tick_columns() -> list[str]:
+    """Columns of a record before its axes'."""
+
+def bench_columns() -> list[str]:
+    """Columns of an axis before its signals."""
+
+class SerialController(Controller):
+    """A controller on a board behind a line of bytes."""
+
+    def __init__(self, descriptor: int, parameters: bytes, timeout: float, connect_timeout: float, repetitions: int, silence: int) -> None: ...
+
+    def reset(self) -> None:
+        """As when it was made; sets the link up anew where it was lost."""
+
+    def close(self) -> None:
+        """Tell the board to stop, and let go of the line."""
+
+    def problem(self) -> tuple[str, str]:
+        """
+        Name of what has gone wrong with the link, empty where nothing has, and what is known of it.
+        """
+
+    def board(self) -> tuple[str, int, int, int, bool]:
+        """
+        Name, version of protocol and interface, clock in Hz, whether it has sensors.
+        """
+
+    def link_counts(self) -> tuple[int, int, int, int, int]:
+        """
+        Answers, repeated questions, damaged frames, stale answers, frames that the board dropped.
+        """
+
+    def busy(self) -> int:
+        """Ticks of the board's clock that the frame before the last took."""
+
+    def stopped(self) -> bool:
+        """Whether the board has stopped and waits to be enabled."""
+
 def tension_scale(spec: Spec) -> float:
     """Tension that stretches a tendon by the distal radius, N."""
 
@@ -225,3 +387,53 @@ class SimilarityTarget:
         """
         Write what is found of every row of parameters, by row and finding; NaN scales the pretension.
         """
+
+class Reach(enum.IntEnum):
+    """How an inverse ended."""
+
+    OK = 0
+    """solved"""
+
+    UNREACHABLE = 1
+    """no posture brings the tip there"""
+
+    SINGULAR = 2
+    """two joints turn about one axis there"""
+
+    NOT_FINITE = 3
+    """NaN or infinite input"""
+
+class Chain:
+    """
+    The whole instrument: axes from the stem outward, and lengths between them, m.
+    """
+
+    def __init__(self, specs: Sequence[Spec], pitches: Sequence[bool], stem_length: float, joint_spacing: float, handle_joint_spacing: float) -> None: ...
+
+    @property
+    def frame_names(self) -> list[str]:
+        """Names of the frames, in their order."""
+
+    @property
+    def path_length(self) -> int:
+        """Points that a tendon is drawn with."""
+
+def joint_lengths(spec: Spec) -> tuple[float, float]:
+    """Lengths of the straight joints, distal and proximal, m."""
+
+def chain_frames(chain: Chain, rows: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu')], threads: int) -> None:
+    """Write the frames of all bodies."""
+
+def chain_tip(chain: Chain, rows: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')], threads: int) -> None:
+    """Write the frame of the tip."""
+
+def chain_jacobian(chain: Chain, rows: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu')], threads: int) -> None:
+    """Write the tip's Jacobian."""
+
+def chain_inverse(chain: Chain, goals: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], told: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')], reach: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu')], threads: int) -> None:
+    """
+    Write the coordinates that bring the tip to its goals, and how each ended; told are spin and the pan and tilt to start from, NaN for none.
+    """
+
+def chain_paths(chain: Chain, rows: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:
+    """Write the points of all tendons."""

@@ -3,6 +3,7 @@
 import struct
 import threading
 import time
+from contextlib import suppress
 from typing import Any
 
 import msgspec
@@ -41,7 +42,9 @@ class Guest:
         self.told: list[str] = []
         self.reader = threading.Thread(target=self._read, daemon=True)
         self.reader.start()
-        self.send(CAMERA)
+        # Whoever is sent away at once hears of it here.
+        with suppress(ConnectionClosed):
+            self.send(CAMERA)
 
     def __enter__(self) -> "Guest":
         return self
@@ -54,9 +57,10 @@ class Guest:
         self.socket.send(msgspec.msgpack.encode(message))
 
     def set(self, label: str, value: Any) -> None:
-        """Say that a part of the panel has a value, or was pressed."""
-        wait(lambda: label in self.parts)
-        self.send({"type": "GuiUpdateMessage", "uuid": self.parts[label]["uuid"], "updates": {"value": value}})
+        """Say that a part of the panel has a value, or was pressed; its label may go on."""
+        wait(lambda: any(known.startswith(label) for known in list(self.parts)))
+        part = next(part for known, part in self.parts.items() if known.startswith(label))
+        self.send({"type": "GuiUpdateMessage", "uuid": part["uuid"], "updates": {"value": value}})
 
     def property(self, label: str, name: str) -> Any:
         return self.parts.get(label, {}).get(name)

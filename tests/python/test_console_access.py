@@ -4,6 +4,7 @@ import asyncio
 import http.client
 import math
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -188,8 +189,11 @@ def test_browsers_are_told_to_ask_nobody_else(page: Page) -> None:
 
 
 def test_the_second_browser_watches_until_it_takes_over(page: Page, bench: StandIn) -> None:
-    with Guest(page.port) as first, Guest(page.port) as second:
-        wait(lambda: operates(bench, first) and HAND in second.parts)
+    with ExitStack() as both:
+        first = both.enter_context(Guest(page.port))
+        wait(lambda: operates(bench, first))
+        second = both.enter_context(Guest(page.port))
+        wait(lambda: HAND in second.parts)
         wait(lambda: first.property(HAND, "disabled") is False and second.property(HAND, "disabled"))
         second.set(HAND, 20.0)
         wait(lambda: any("does not operate" in told for told in second.told))
@@ -298,6 +302,9 @@ def test_a_browser_that_sends_what_its_panel_would_not_moves_nothing(page: Page,
 
 def test_more_browsers_than_there_is_room_for_are_sent_away(page: Page, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tenodesis.console.wire.MOST_CLIENTS", 1)
-    with Guest(page.port) as first, Guest(page.port) as second:
+    with ExitStack() as both:
+        first = both.enter_context(Guest(page.port))
+        wait(lambda: HAND in first.parts)
+        second = both.enter_context(Guest(page.port))
         wait(lambda: second.socket.close_code == 1013)
         assert first.socket.close_code is None

@@ -418,6 +418,19 @@ def test_sensors_that_err_together_are_not_taken_for_independent_ones() -> None:
     assert spread([twice]).white_std[0] == pytest.approx(one.white_std[0] / np.sqrt(2), rel=0.01)
 
 
+def test_nothing_is_known_better_than_if_residuals_were_independent() -> None:
+    column = np.ones((2000, 1))
+    swinging = Linearised(np.tile([1.0, -1.0], 1000), column)
+    assert spread([swinging]).std[0] == pytest.approx(spread([swinging]).white_std[0])
+
+
+def test_errors_that_last_come_on_top_of_those_that_residuals_show() -> None:
+    errors, column = coloured(2000, 0, 1), np.ones((2000, 1))
+    bare = spread([Linearised(errors, column)])
+    lasting = spread([Linearised(errors, column, lasting=np.full((2000, 1), 0.3))])
+    assert lasting.std[0] == pytest.approx(np.hypot(bare.std[0], 0.3))
+
+
 def test_whiteness_tells_white_from_coloured_noise_and_how_long_it_lasts() -> None:
     white = [examine(coloured(3000, 0, n), run="a", channel=0, sample_time=STEP) for n in range(100)]
     assert np.sum([one.white for one in white]) >= 95

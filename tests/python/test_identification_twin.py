@@ -312,8 +312,8 @@ def tightened(true: Instrument, tmp_path_factory: pytest.TempPathFactory) -> Ins
     """A recording that begins with slack tendons, which the motors wind up."""
     phases = (
         Pretension(),
-        Cycles(output_amplitude=np.radians(50), symmetric=True, speed=np.radians(25), count=1, force=0.0),
-        Cycles(output_amplitude=np.radians(40), symmetric=True, speed=np.radians(25), count=1, force=1.0),
+        Cycles(output_amplitude=np.radians(50), symmetric=True, speed=np.radians(60), count=1, force=0.0),
+        Cycles(output_amplitude=np.radians(40), symmetric=True, speed=np.radians(60), count=1, force=1.0),
     )
     path = tmp_path_factory.mktemp("slack") / "run.mcap"
     record(true, Protocol(name="slack", phases=phases), path, seed=3)

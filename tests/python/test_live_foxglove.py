@@ -181,7 +181,9 @@ def test_events_are_sent_as_they_happen_and_not_those_before(scaled: Instrument,
         with client(server) as watcher:
             watcher.subscribe(3)
             with events.open("a") as file:
-                file.write('{"time": 0.004, "event": "command", "origin": "page 1"}\n{"event": "fault"}\n')
+                file.write(
+                    '{"time": 0.004, "event": "command", "origin": "page 1"}\n{"time": 1e300, "event": "fault"}\n'
+                )
             server.publish()
             watcher.take("/events", 2)
             watcher.take("/time", 1)
@@ -233,6 +235,19 @@ def test_it_serves_until_the_runtime_ends_or_it_is_stopped(scaled: Instrument) -
         serve(server, stop)
         assert source.alive
         server.stop()
+
+
+def test_rows_without_a_time_of_the_day_are_left_out(scaled: Instrument) -> None:
+    run = a_run(40, names=["force"])
+    run.time[[12, 15, 20, 30]] = np.nan, -1.0, np.inf, 1e300
+    with Server(Played(run, scaled, [10, 30]), port=0, rate=None) as server:
+        server.publish()
+        with client(server) as watcher:
+            watcher.subscribe(3)
+            server.publish()
+            watcher.take("/time", 26)
+    times = [message.data for message in decoded(watcher, "/time")]
+    assert times == np.delete(run.time, [*range(10), 12, 15, 20, 30]).tolist()
 
 
 def test_lost_rows_are_counted(scaled: Instrument) -> None:

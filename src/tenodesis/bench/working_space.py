@@ -139,7 +139,7 @@ def _plot(inst: Instrument, force: float, free: Workspace, loaded: Workspace) ->
         **_by_distance(free, "no load"),
         **_by_distance(loaded, f"{force:.3g} N"),
     }
-    return Plot("workspace", caption, fig, curves)
+    return Plot("workspace_section", caption, fig, curves)
 
 
 def _draw(axis: Axes, space: Workspace, shades: Normalize) -> None:

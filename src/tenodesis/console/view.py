@@ -27,7 +27,7 @@ class View(NamedTuple):
     output: Array
     """Output angle, rad, as handle"""
     wanted: Array
-    """Output angle that the handle angle gives without a load, rad, as handle"""
+    """Output angle that the handle angle asks for, which the controller aims at, rad, as handle"""
     estimated: Array
     deviation: Array
     """Standard deviation of the estimated angle, rad, as handle"""
@@ -61,7 +61,7 @@ def view(inst: Instrument, signals: Mapping[str, ArrayLike]) -> View:
         time=time,
         handle=handle,
         output=first(_OUTPUT, single),
-        wanted=unloaded(inst, handle),
+        wanted=asked(inst, handle),
         estimated=first(("estimated_output_angle",), single),
         deviation=first(("estimated_output_angle_std",), single),
         force=first(("force", "estimated_force"), single),
@@ -72,8 +72,8 @@ def view(inst: Instrument, signals: Mapping[str, ArrayLike]) -> View:
     )
 
 
-def unloaded(inst: Instrument, handle: Array) -> Array:
-    """Return the output angle without a load at handle angles of shape (..., axes), rad (eq. 18)."""
+def asked(inst: Instrument, handle: Array) -> Array:
+    """Return the output angle that handle angles of shape (..., axes) ask for, rad (eq. 18)."""
     wanted = np.empty(handle.shape)
     for n, name in enumerate(inst.axes):
         alone = inst.axis(name) if len(inst.axes) > 1 else inst

@@ -106,9 +106,7 @@ def spread(runs: Sequence[Linearised], loss: LossName = "linear") -> Spread:
     bread = directions / sizes[seen] ** 2
     covariance = correction * bread @ middle @ bread.T
     white = inverse * squares / max(1, count - free)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        wider = np.sqrt(np.fmax(1, np.diag(white) / np.diag(covariance)))
-    covariance = covariance * np.outer(wider, wider)
+    covariance = covariance + np.diag(np.maximum(np.diag(white) - np.diag(covariance), 0))
     for run in runs:
         if run.lasting is not None:
             off = bread @ (directions.T @ (run.jacobian.T @ run.lasting))

@@ -9,6 +9,9 @@ from typing import Any, NamedTuple
 FILE = "events.jsonl"
 """Name of the file in the runtime's folder."""
 
+LONGEST = 1e7
+"""Time that a runtime runs at most, s."""
+
 _MOST = 1 << 18
 """Bytes read at a time, and in a line at most."""
 _SHOWN = 200
@@ -20,6 +23,10 @@ class Happened(NamedTuple):
 
     time: float
     content: Mapping[str, Any]
+
+    def at(self, now: float) -> float:
+        """Return when it was, s; now (s) where it tells no time, or none that can be."""
+        return self.time if 0 <= self.time <= LONGEST else now
 
 
 class Tail:

@@ -133,8 +133,8 @@ class Server:
             ]
         first = -self._row % self._stride
         self._row += len(run)
-        finite = np.flatnonzero(np.isfinite(run.time))
-        kept = finite[(finite >= first) & ((finite - first) % self._stride == 0)]
+        rows = np.arange(first, len(run), self._stride)
+        kept = rows[(run.time[rows] >= 0) & (run.time[rows] <= happenings.LONGEST)]
         if not kept.size:
             return
         columns = {name: values[kept] for name, values in messages.columns(run).items()}
@@ -152,10 +152,8 @@ class Server:
             return False
         happened = self._tail.read()
         for event in happened:
-            time = event.time if math.isfinite(event.time) else self._time
-            self._events.log(
-                messages.event(time, event.content), log_time=self._start + max(0, round(time * cdr.SECOND))
-            )
+            time = event.at(self._time)
+            self._events.log(messages.event(time, event.content), log_time=self._start + round(time * cdr.SECOND))
         return bool(happened)
 
     def _channel(self, topic: str, message_type: str, metadata: dict[str, str]) -> "Channel":

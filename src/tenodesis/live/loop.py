@@ -245,7 +245,7 @@ class LiveLoop:
             return self.core.play(np.ascontiguousarray(rows, float))
 
     def drop(self) -> None:
-        """Forget the ticks of a played motion that are still to come."""
+        """Forget the ticks of a played motion that are still to come; the hand stays where it is."""
         self._order("drop")
 
     def _per_axis(self, order: str, argument: str, values: ArrayLike, most: float) -> None:

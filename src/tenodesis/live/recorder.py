@@ -46,8 +46,6 @@ _MOST = 2000
 """Rows taken at a time."""
 _LONGEST_CHUNK = 10.0
 """Recorded time in a chunk at most, s, where simulated time goes fast."""
-_LONGEST = 1e7
-"""Time that an event may tell at most, s."""
 _APART = 2e-9
 """Time put between rows whose own does not go on, s; stamps count whole nanoseconds."""
 
@@ -128,8 +126,7 @@ class _Session:
 
     def happened(self, event: Happened) -> None:
         """Record what the runtime tells; without a time of its own it happened now."""
-        known = 0 <= event.time <= _LONGEST
-        self._recorder.event(event.time if known else max(self._last, 0.0), event.content)
+        self._recorder.event(event.at(max(self._last, 0.0)), event.content)
 
     def keep(self) -> None:
         """Send what came on its way to the disk, when it is time to, and say how far it is there."""

@@ -8,6 +8,7 @@ import signal
 import socket
 import sys
 import threading
+import time
 from contextlib import suppress
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -32,6 +33,8 @@ from tenodesis.live.recording_process import RecordingProcess
 
 _TURN = 0.02
 """Between looks at what has happened, s."""
+_SETTLING = 0.05
+"""Between a protocol's acceptance and its first row, s."""
 _LONGEST_LINE = 1 << 20
 """Of an order, bytes."""
 _MOST_CLIENTS = 64
@@ -66,6 +69,7 @@ class Server:
         self._player: Player | None = None
         self._playing = ""
         self._records_protocol = False
+        self._begin_after = 0.0
         self._played: tuple[str, float, float, str | None] | None = None
         self._lock = threading.Lock()
         self._ending = threading.Event()
@@ -250,7 +254,10 @@ class Server:
         if order.get("record") and self._recorder.path is None:
             self._recorder.start(protocol.name)
             self._records_protocol = True
+        # A hand that still follows a slider would be elsewhere by the time the first rows are taken.
+        self.loop.drop()
         with self._lock:
+            self._begin_after = time.monotonic() + _SETTLING
             self._player, self._playing = player, protocol.name
             self._played = (protocol.name, *player.progress, None)
 
@@ -310,7 +317,9 @@ class Server:
     def _advance(self) -> None:
         with self._lock:
             player = self._player
-            if player is None or (self._records_protocol and not self._recorder.ready):
+            if player is None or time.monotonic() < self._begin_after:
+                return
+            if self._records_protocol and not self._recorder.ready:
                 return
             player.advance()
             self._played = (self._playing, *player.progress, player.problem)

@@ -15,7 +15,7 @@ from tenodesis.identification.formats.raw import CLOCKS, GRAM_FORCE, Raw, Unit, 
 from tenodesis.identification.formats.table import heading, read_table, scale_of
 from tenodesis.signals import Array
 
-__all__ = ["GRAM_FORCE", "NEEDED", "SOURCE", "TENSIONS", "halves", "load"]
+__all__ = ["GRAM_FORCE", "NEEDED", "SOURCE", "TENSIONS", "load"]
 
 NEEDED = {"Time": "time", "data_0": "proximal_tension", "data_2": "distal_tension"}
 """Columns of the file and what they are."""
@@ -72,23 +72,6 @@ def load(path: Path) -> Measured:
     raw.enough()
     raw.gaps()
     return raw.done(SOURCE, checksum(path))
-
-
-def halves(recording: Measured) -> tuple[Measured, Measured]:
-    """Return the first and the second half of a recording, by samples."""
-    middle = len(recording) // 2
-    first, second = (
-        Measured(
-            f"{recording.name} ({name} half)",
-            recording.time[part],
-            {key: values[part] for key, values in recording.columns.items()},
-            recording.notes,
-            recording.source,
-            recording.checksum,
-        )
-        for name, part in (("first", slice(None, middle)), ("second", slice(middle, None)))
-    )
-    return first, second
 
 
 def _to_si(raw: Raw, stated: Sequence[str | None]) -> None:

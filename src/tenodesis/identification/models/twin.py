@@ -35,6 +35,8 @@ _LOST = 1e3
 _CELL = 0.02
 """Share of its range by which a parameter may change before what errors of commands do is worked out anew."""
 _CELLS_KEPT = 4
+_FAR = 9.0
+"""Mean square of residuals, in variances, above which parameters are far off and errors of commands do not count."""
 _FAINT = 1e-4
 """Variance of a lasting error, over that of a reading, below which it is left out."""
 _MOST_HANDLE = 0.9  # of the compliance that the joints leave over
@@ -151,9 +153,8 @@ class TwinProblem:
 
     def residuals(self, values: Array, run: int) -> Array:
         """Return measured minus model, in standard deviations, one sensor after the other."""
-        off, one = self._off(values, run), self._runs[run]
-        residuals = np.concatenate([np.nan_to_num(off[name] / one.deviation[name], nan=_LOST) for name in off])
-        return self._whitened(residuals, values, run)
+        residuals = self._plain(self._model(values, run, [])[:, 0], run)
+        return self._whitened(residuals, residuals, values, run)
 
     def jacobian(self, values: Array, run: int) -> Array:
         """Return the derivatives of the residuals by every parameter, exact through stick and slip."""
@@ -162,9 +163,11 @@ class TwinProblem:
     def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
         """Return the derivatives of the residuals by some parameters, given their indices, shape (n, how many)."""
         one = self._runs[run]
-        model = self._model(values, run, [self._variables[index] for index in which])[:, 1:]
-        parts = [-np.nan_to_num(model[READINGS.index(name)].T / one.deviation[name], nan=0.0) for name in one.measured]
-        return self._whitened(np.concatenate(parts), values, run)
+        model = self._model(values, run, [self._variables[index] for index in which])
+        parts = [
+            -np.nan_to_num(model[READINGS.index(name), 1:].T / one.deviation[name], nan=0.0) for name in one.measured
+        ]
+        return self._whitened(np.concatenate(parts), self._plain(model[:, 0], run), values, run)
 
     def lasting(self, values: Array, run: int) -> Array:
         """Return what rounding that noise does not dither away may do to residuals, one deviation each, (n, m)."""
@@ -181,7 +184,7 @@ class TwinProblem:
                         waves[-1][place * count : (place + 1) * count] = sqrt(size) / sensor.deviation * wave
         if not waves:
             return np.zeros((count * len(sensors), 0))
-        return self._whitened(np.nan_to_num(np.stack(waves, axis=1)), values, run)
+        return self._whitened(np.nan_to_num(np.stack(waves, axis=1)), self._plain(model, run), values, run)
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus model: output_angle_deg where there is a distal encoder, tension_N of both tendons."""
@@ -226,14 +229,21 @@ class TwinProblem:
             return "Record cycles at two pretensions and both small and large handle angles, with common-mode pulls."
         return None
 
-    def _whitened(self, residuals: Array, values: Array, run: int) -> Array:
-        """Return residuals, (n,) or (n, m), with the errors of commands within what encoders leave open marginalised.
+    def _plain(self, model: Array, run: int) -> Array:
+        """Return measured minus model, given by reading and kept step, in standard deviations."""
+        one = self._runs[run]
+        parts = [(data - model[READINGS.index(name)]) / one.deviation[name] for name, data in one.measured.items()]
+        return np.asarray(np.nan_to_num(np.concatenate(parts), nan=_LOST), dtype=np.float64)
 
-        What these errors do is worked out near some values.
+    def _whitened(self, rows: Array, plain: Array, values: Array, run: int) -> Array:
+        """Return rows, (n,) or (n, m), with the errors of commands within what encoders leave open marginalised.
+
+        What these errors do is worked out near some values, but not where plain residuals tell that parameters are
+        far off.
         """
         one = self._runs[run]
-        if not one.misplaced:
-            return residuals
+        if not one.misplaced or one.stride * np.mean(plain**2) > _FAR:
+            return rows
         width = np.array([parameter.upper - parameter.lower for parameter in self.parameters]) * _CELL
         near = np.round(values / width) * width
         known = self._known.setdefault(run, {})
@@ -241,7 +251,7 @@ class TwinProblem:
             if len(known) >= _CELLS_KEPT:
                 del known[next(iter(known))]
             known[near.tobytes()] = marginalised(one, lambda commands: self._expected(commands, near, run))
-        return known[near.tobytes()].whitened(residuals)
+        return known[near.tobytes()].whitened(rows)
 
     def _expected(self, commands: Array, values: Array, run: int) -> Array:
         """Return what the sensors of a run are expected to read, in standard deviations, one after the other."""

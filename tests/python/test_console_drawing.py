@@ -1,0 +1,116 @@
+"""What the page draws and reckons, without a browser."""
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tenodesis as tn
+from tenodesis import kinematics
+from tenodesis.console.colours import SLACK, TensionColours
+from tenodesis.console.comparison import compare
+from tenodesis.console.motion_file import motion_protocol, repeated
+from tenodesis.console.parts import parts
+from tenodesis.console.scene import drawn
+from tenodesis.console.view import view
+from tenodesis.errors import ProtocolError, RecordingError
+from tenodesis.instrument import Instrument
+from tenodesis.kinematics import Posture
+
+
+def test_every_solid_is_closed_and_faces_outward(any_inst: Instrument) -> None:
+    for part in parts(any_inst, kinematics.dimensions(any_inst)):
+        corners = part.solid.faces.astype(int)
+        edges = Counter((a, b) for face in corners for a, b in zip(face, np.roll(face, -1), strict=True))
+        assert all(count == 1 and edges[b, a] == 1 for (a, b), count in edges.items()), part.name
+        a, b, c = np.moveaxis(part.solid.vertices[corners], 1, 0)
+        assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0, part.name
+
+
+def test_every_solid_lies_on_a_body_that_moves(any_inst: Instrument) -> None:
+    bodies = kinematics.frames(any_inst, Posture()).bodies
+    named = [part.name for part in parts(any_inst, kinematics.dimensions(any_inst))]
+    assert {part.body for part in parts(any_inst, kinematics.dimensions(any_inst))} <= bodies.keys()
+    assert len(named) == len(set(named))
+
+
+def test_a_stem_drawn_short_leaves_both_ends_as_they_are(any_inst: Instrument) -> None:
+    short = drawn(any_inst)
+    assert kinematics.dimensions(short).stem_length <= kinematics.dimensions(any_inst).stem_length
+    angles = dict.fromkeys(any_inst.axes, 0.4) | {f"handle_{axis}": 0.3 for axis in any_inst.axes}
+    whole, cut = (kinematics.frames(inst, Posture(**angles)).bodies for inst in (any_inst, short))
+    for end, start in (("tip", "stem"), ("grip", f"handle_{any_inst.axes[0]}_carrier")):
+        ways = [bodies[end].position - bodies[start].position for bodies in (whole, cut)]
+        assert ways[0] == pytest.approx(ways[1], abs=1e-12)
+
+
+def test_what_the_hand_asks_for_is_the_output_angle_without_load_and_stiffness(any_inst: Instrument) -> None:
+    # A backbone's stiffness takes angle as a load does, and the controller gives that back as well.
+    limp = {"backbone_rigidity": 1e-11} if any_inst.joint_type == "continuum" else {}
+    axes = len(any_inst.axes)
+    angles = np.linspace(-any_inst.handle_range, any_inst.handle_range, 7)
+    handle = np.stack([angles] * axes, -1)
+    seen = view(any_inst, {"time": np.arange(7.0), "handle_angle": handle if axes > 1 else angles})
+    for n, name in enumerate(any_inst.axes):
+        alone = any_inst.axis(name) if axes > 1 else any_inst
+        assert seen.wanted[:, n] == pytest.approx(tn.statics.output_angle(alone.replace(**limp), angles), abs=1e-7)
+    assert seen.tension.shape == (7, axes, 2)
+    assert np.isnan(seen.tension).all()
+
+
+def test_the_tip_is_shown_by_the_best_that_is_known(scaled: Instrument) -> None:
+    nothing = np.nan
+    measured = {"time": 0.0, "output_angle": nothing, "measured_output_angle": 0.2, "estimated_output_angle": 0.3}
+    assert view(scaled, measured).output == pytest.approx([0.2])
+    assert view(scaled, measured | {"output_angle": 0.1}).output == pytest.approx([0.1])
+    assert view(scaled, measured | {"measured_output_angle": nothing}).output == pytest.approx([0.3])
+
+
+def test_colours_tell_slack_from_tight_and_redden_to_the_limit(scaled: Instrument) -> None:
+    colours = TensionColours(scaled)
+    tension = np.array([0.0, np.nan, 0.5 * colours.slack, 1.0, 25.0, colours.limit, 10 * colours.limit])
+    found = colours(tension)
+    assert [tuple(one) for one in found[:3]] == [SLACK] * 3
+    assert found[3, 2] > found[3, 0]
+    assert (found[5] == found[6]).all()
+    assert found[5, 0] > 2 * found[5, 2]
+    assert f"limit {colours.limit:.3g} N" in colours.legend()
+    assert "pretension 25 N" in colours.legend()
+
+
+def test_two_recordings_differ_by_the_rms_of_their_difference() -> None:
+    time = np.linspace(0, 2 * np.pi, 4001)
+    later = np.linspace(5, 5 + 4 * np.pi, 3000)
+    found = compare((time, np.sin(time)), (later, np.sin(later - 5) + 0.1 * np.cos(later - 5)))
+    assert found.time[-1] == pytest.approx(2 * np.pi)
+    assert found.rms == pytest.approx(0.1 / np.sqrt(2), rel=1e-3)
+    assert found.largest == pytest.approx(0.1, rel=1e-3)
+    with pytest.raises(RecordingError, match="does not tell the tip angle"):
+        compare((time, np.sin(time)), (later, np.full(later.shape, np.nan)))
+    with pytest.raises(RecordingError, match="less than two rows"):
+        compare((time[:1], time[:1]), (later, later))
+
+
+def test_a_recorded_motion_is_read_by_the_names_of_its_columns(scaled: Instrument) -> None:
+    protocol = motion_protocol(b"# a wrist\nangle_deg,time_s\n0,0\n10,1\n-5,2\n", "wrist.csv")
+    angles = protocol.commands(scaled, 1e-3)["handle_angle"]
+    assert np.degrees(angles.max()) == pytest.approx(10)
+    assert np.degrees(angles[-1]) == pytest.approx(-5)
+    with pytest.raises(ProtocolError, match=r"x\.csv has the columns a, b; allowed are"):
+        motion_protocol(b"a,b\n1,2\n", "x.csv")
+    with pytest.raises(ProtocolError, match="not UTF-8"):
+        motion_protocol(b"\xff\xfe", "x.csv")
+    with pytest.raises(ProtocolError, match="at_rad is 'x'"):
+        motion_protocol(b"time,at_rad\n0,1\n1,x\n", "x.csv")
+
+
+def test_a_recording_is_repeated_by_the_hand(scaled: Instrument, tmp_path: Path) -> None:
+    handle = 0.3 * np.sin(np.linspace(0, 3, 2000)) ** 2
+    run = tn.twin.Twin(scaled).run(handle)
+    path = tmp_path / "run.mcap"
+    with tn.Recorder(path, axes=run.axes) as recorder:
+        recorder.write(run)
+    again = repeated(tn.Recording.open(path)).commands(scaled, 5e-4)["handle_angle"]
+    encoder = run["measured_handle_angle"]
+    assert np.abs(again[-encoder.size :] - encoder[-again.size :]).max() < 0.01
