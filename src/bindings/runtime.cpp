@@ -37,8 +37,8 @@ Runtime* make_runtime(runtime::Device& device, AnyController& controller, const 
                       double late_bound, bool real_time) {
   if (device.axes() != controller.axes() || handle_range.size() != std::size_t(device.axes()))
     throw nb::value_error("device and controller differ in their axes");
-  if (!all_finite(period, speed, late_bound) || period <= 0 || period >= 1 || speed < 0 || speed > 1000 ||
-      late_bound <= 0 || ring_capacity < 16 || ring_capacity > (1u << 24))
+  if (!all_finite(period, speed, late_bound) || period <= 0 || period >= 1 || speed < 0 || (speed > 0 && speed < 0.1) ||
+      speed > 100 || late_bound <= 0 || ring_capacity < 16 || ring_capacity > (1u << 24))
     throw nb::value_error("a period, speed, bound or capacity is out of range");
   Settings settings;
   settings.period = period;
@@ -161,6 +161,7 @@ void bind_runtime(nb::module_& m) {
       .def(
           "lease", [](Runtime& loop, double seconds) { loop.lease(in_nanoseconds(seconds)); }, "seconds"_a,
           "The operator is there for so long; 0: there is none.")
+      .def("stop", &Runtime::stop, "Motors to zero with the next tick, until a request sets them free.")
       .def("forget_timing", &Runtime::forget_timing, "Count anew from the next tick on.")
       .def_prop_ro("pending_rows", &Runtime::pending_rows)
       .def_prop_ro("running", &Runtime::running)

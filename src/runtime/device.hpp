@@ -38,6 +38,8 @@ class Device {
   virtual bool clocked() const = 0;
   /// The newest measurement; false where none has come within so many ns, and the input holds the one before.
   virtual bool read(AnyInput& input, std::uint64_t timeout) = 0;
+  /// Measurements that came before the last one read, and were not.
+  virtual std::uint64_t overtaken() const { return 0; }
   /// Sends speeds, rad/s at the spools; false where the bench cannot be what was asked, and is as before.
   virtual bool write(const Velocities& speed, const Benches& bench) = 0;
   /// What is known of an axis after that; NaN where it is not.

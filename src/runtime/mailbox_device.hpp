@@ -32,8 +32,9 @@ class Posted {
   }
 
   /// Which value it was, counted from 1; 0 of none.
+  /// 0 too where the writer is held up half-way: a reader of higher priority would wait for it in vain.
   std::uint64_t get(T& value) const {
-    while (true) {
+    for (int tries = 0; tries < 100; ++tries) {
       const std::uint64_t stamp = stamp_.load(std::memory_order_acquire);
       if (stamp % 2 == 1) continue;
       std::array<std::uint64_t, words> bits;
@@ -43,6 +44,7 @@ class Posted {
       value = std::bit_cast<T>(bits);
       return stamp / 2;
     }
+    return 0;
   }
 
  private:
@@ -60,13 +62,15 @@ class Bell {
 
   void ring() { ::sem_post(&semaphore_); }
 
-  /// False where it has not rung within so many ns.
-  bool wait(std::uint64_t timeout) {
-    timespec until{};
-    ::clock_gettime(CLOCK_MONOTONIC, &until);
-    const std::uint64_t nanoseconds = static_cast<std::uint64_t>(until.tv_nsec) + timeout;
-    until.tv_sec += static_cast<time_t>(nanoseconds / 1'000'000'000);
-    until.tv_nsec = static_cast<long>(nanoseconds % 1'000'000'000);
+  static std::uint64_t now() {
+    timespec time{};
+    ::clock_gettime(CLOCK_MONOTONIC, &time);
+    return static_cast<std::uint64_t>(time.tv_sec) * 1'000'000'000 + static_cast<std::uint64_t>(time.tv_nsec);
+  }
+
+  /// False where it has not rung by a time, ns of the monotonic clock. A ring that nobody waited for counts too.
+  bool wait_until(std::uint64_t time) {
+    const timespec until{time_t(time / 1'000'000'000), long(time % 1'000'000'000)};
     while (::sem_clockwait(&semaphore_, CLOCK_MONOTONIC, &until) != 0)
       if (errno != EINTR) return false;
     while (::sem_trywait(&semaphore_) == 0) {
@@ -99,10 +103,10 @@ class MailboxDevice final : public Device {
   }
   /// The answer to the last post; false where there is none within so many ns.
   bool take(Answer& answer, std::uint64_t timeout) {
+    const std::uint64_t until = Bell::now() + timeout;
     while (true) {
-      answer_.get(answer);
-      if (answer.measurement >= posted_) return true;
-      if (!answered_.wait(timeout)) return false;
+      if (answer_.get(answer) != 0 && answer.measurement >= posted_) return true;
+      if (!answered_.wait_until(until)) return false;
     }
   }
   bool stopped() const { return stopped_.load(std::memory_order_acquire); }
@@ -112,15 +116,21 @@ class MailboxDevice final : public Device {
   bool clocked() const override { return true; }
 
   bool read(AnyInput& input, std::uint64_t timeout) override {
+    const std::uint64_t until = Bell::now() + timeout;
     std::uint64_t number = sensed_.get(last_);
-    if (number == read_ && came_.wait(timeout)) number = sensed_.get(last_);
-    const bool fresh = number != read_;
-    read_ = number;
+    while ((number == read_ || number == 0) && came_.wait_until(until)) number = sensed_.get(last_);
+    const bool fresh = number != read_ && number != 0;
+    if (fresh) {
+      overtaken_ = read_ == 0 ? 0 : number - read_ - 1;
+      read_ = number;
+    }
     const Request request = input.request;
     input = last_.input;
     input.request = request;
     return fresh;
   }
+
+  std::uint64_t overtaken() const override { return overtaken_; }
 
   bool write(const Velocities& speed, const Benches& /*bench*/) override {
     Answer answer{read_, {}};
@@ -155,8 +165,8 @@ class MailboxDevice final : public Device {
   Posted<Sensed> sensed_;
   Posted<Answer> answer_;
   Bell came_, answered_;
-  std::uint64_t posted_{};  // by the serving thread
-  std::uint64_t read_{};    // by the loop
+  std::uint64_t posted_{};              // by the serving thread
+  std::uint64_t read_{}, overtaken_{};  // by the loop
   Sensed last_{};
   std::atomic<bool> stopped_;
 };

@@ -50,7 +50,7 @@ class SharedMemory {
     if (file < 0) fail(path);
     struct stat status{};
     const bool writes = size > 0;
-    const bool sized = writes ? ::ftruncate(file, static_cast<off_t>(size)) == 0 : ::fstat(file, &status) == 0;
+    const bool sized = writes ? reserve(file, size) : ::fstat(file, &status) == 0;
     size_ = writes ? size : static_cast<std::size_t>(status.st_size);
     void* mapped = MAP_FAILED;
     if (sized && size_ > 0)
@@ -62,6 +62,12 @@ class SharedMemory {
       fail(path);
     }
     data_ = mapped;
+  }
+
+  // Memory that is only promised would end the loop where it turns out not to be there.
+  static bool reserve(int file, std::size_t size) {
+    errno = ::posix_fallocate(file, 0, static_cast<off_t>(size));
+    return errno == 0;
   }
 
   [[noreturn]] static void fail(const std::string& path) {

@@ -28,7 +28,6 @@ using bindings::control_signal_count;
 
 enum class OrderKind : unsigned char {
   request,  ///< a: a Request
-  stop,     ///< motors to zero until a request sets them free
   law,      ///< a: ControlLaw, b: Actuation
   hand,     ///< value: handle angle, axis
   force,    ///< value: N, axis
@@ -126,8 +125,19 @@ class Runtime {
   std::size_t pending_rows() const { return rows_.pending(); }
   /// Whether rows are still to come: to find none is then counted.
   void expect_rows(bool expected) { expecting_.store(expected); }
-  /// The operator is there for so many ns more; 0: there is none.
-  void lease(std::uint64_t nanoseconds) { lease_.store(nanoseconds == 0 ? 0 : now() + nanoseconds); }
+  /// The operator is there for so many ns more; 0: there is none. Once there has been one, nothing sets motors free
+  /// without.
+  void lease(std::uint64_t nanoseconds) {
+    if (nanoseconds == 0) {
+      lease_.store(0);
+      absent_.store(true);
+      return;
+    }
+    operated_.store(true);
+    lease_.store(now() + nanoseconds);
+  }
+  /// Motors to zero with the next tick, until a request sets them free; by any thread, and never refused.
+  void stop() { stop_asked_.store(true); }
 
   // For whoever watches.
   const Durations& compute() const { return compute_; }
@@ -221,6 +231,8 @@ class Runtime {
           late_now_ = silent > period ? silent - period : 0;
           lateness_.note(late_now_);
           count_late(late_now_, period);
+          missed_.fetch_add(device_.overtaken(), std::memory_order_relaxed);
+          if (double(late_now_) > settings_.late_bound * 1e9) stop_for(Problem::late);
         }
         last_fresh_ = begun;
       } else {
@@ -253,24 +265,32 @@ class Runtime {
     missed_.store(0);
     starved_.store(0);
     ticks_.store(0);
-    problem_.store(Problem::none);
   }
 
   // ------------------------------------------------------------------ one tick
 
   void tick(std::uint64_t begun, bool fresh) {
+    // What stops counts after the orders that came with it.
+    const bool absent = absent_.exchange(false), stops = stop_asked_.exchange(false);
     take_orders();
-    if (const std::uint64_t until = lease_.load(std::memory_order_relaxed); until != 0 && begun > until) {
-      lease_.store(0);
-      problem_.store(Problem::operator_gone);
+    std::uint64_t until = lease_.load();
+    const bool over = until != 0 && begun > until && lease_.compare_exchange_strong(until, 0);
+    if (absent || over) {
+      tell(Problem::operator_gone);
+      ask(Request::pause);
+    }
+    if (stops) {
+      stopped_ = true;
+      drop_rows();
       ask(Request::pause);
     }
     move_hands();
     measured_at_ = input_.time;
     for (int n = 0; n < device_.axes(); ++n) tamper_with(n);
-    input_.request = next_request();
-    const std::uint64_t asked = now();
     const bool left_out = tampered(0, places - 1, input_.time);
+    // Of a tick that the controller does not get, it gets the request with the next.
+    input_.request = left_out ? Request::none : next_request();
+    const std::uint64_t asked = now();
     if (!left_out) controller_.step(input_, controller_.last);
     const std::uint64_t answered = now();
     control_.note(answered - asked);
@@ -279,7 +299,7 @@ class Runtime {
       for (int n = 0; n < device_.axes(); ++n)
         for (std::size_t i = 0; i < 2; ++i) speed[n][i] = pass(n, 5 + i, controller_.last.axis[n].spool_velocity[i]);
     if (!device_.write(speed, bench_)) {
-      problem_.store(Problem::tip_lost);
+      tell(Problem::tip_lost);
       for (std::size_t n = 0; n < most_axes; ++n) {
         bench_[n].force = bench_before_[n].force;
         bench_[n].radial_force = bench_before_[n].radial_force;
@@ -298,11 +318,6 @@ class Runtime {
         case OrderKind::request:
           obey(Request(order.a));
           break;
-        case OrderKind::stop:
-          stopped_ = true;
-          drop_rows();
-          ask(Request::pause);
-          break;
         case OrderKind::law:
           controller_.choose(ControlLaw(order.a), Actuation(order.b));
           break;
@@ -311,9 +326,11 @@ class Runtime {
           break;
         case OrderKind::force:
           bench_[n].force = order.value;
+          forgive(Problem::tip_lost);
           break;
         case OrderKind::radial:
           bench_[n].radial_force = order.value;
+          forgive(Problem::tip_lost);
           break;
         case OrderKind::speed:
           settings_.speed = order.value;
@@ -336,6 +353,7 @@ class Runtime {
   void obey(Request request) {
     if (request == Request::enable || request == Request::resume || request == Request::home ||
         request == Request::clear) {
+      if (operated_.load() && lease_.load() == 0) return;
       stopped_ = false;
       problem_.store(Problem::none);
     }
@@ -352,8 +370,12 @@ class Runtime {
 
   void ask(Request request) {
     // What stops is not kept waiting by what moves.
-    if (request == Request::pause || request == Request::disable) asked_count_ = 0;
-    if (asked_count_ < asked_.size()) asked_[asked_count_++] = request;
+    const bool disables = asked_count_ > 0 && asked_[0] == Request::disable;
+    if (request == Request::disable || (request == Request::pause && !disables)) asked_count_ = 0;
+    if (asked_count_ > 0 && asked_[asked_count_ - 1] == request) return;
+    // The newest takes the last place: of so many within eight ticks the latest is what is meant.
+    if (asked_count_ == asked_.size()) --asked_count_;
+    asked_[asked_count_++] = request;
   }
 
   Request next_request() {
@@ -369,7 +391,15 @@ class Runtime {
       stopped_ = true;
       ask(Request::pause);
     }
-    problem_.store(why);
+    tell(why);
+  }
+
+  void forgive(Problem past) { problem_.compare_exchange_strong(past, Problem::none); }
+
+  // The first cause is kept until motors are set free.
+  void tell(Problem why) {
+    Problem none = Problem::none;
+    problem_.compare_exchange_strong(none, why);
   }
 
   void move_hands() {
@@ -464,7 +494,7 @@ class Runtime {
   std::vector<double> record_;
 
   std::thread thread_;
-  std::atomic<bool> ending_, running_, expecting_, forget_;
+  std::atomic<bool> ending_, running_, expecting_, forget_, absent_, operated_, stop_asked_;
   Queue<Order, 1024> orders_;
   Queue<Row, rows_ahead> rows_;
   std::atomic<std::uint64_t> lease_;

@@ -68,7 +68,7 @@ class SerialController final : public AnyController {
   }
 
   LinkProblem problem() const { return link_.problem(); }
-  const std::string& why() const { return link_.why(); }
+  std::string why() const { return link_.why(); }
   const link::Board& board() const { return link_.board(); }
   const LinkCounts& link_counts() const { return link_.counts(); }
   /// Ticks of the board's clock that the frame before the last took.

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
+#include <mutex>
 #include <optional>
 #include <random>
 #include <string>
@@ -83,6 +85,7 @@ class SerialLink {
   }
 
   bool fail(LinkProblem problem, const std::string& why) {
+    const std::scoped_lock guard(why_mutex_);
     problem_ = problem;
     why_ = why;
     return false;
@@ -97,7 +100,11 @@ class SerialLink {
   }
 
   LinkProblem problem() const { return problem_; }
-  const std::string& why() const { return why_; }
+  /// By any thread, also while an answer is waited for.
+  std::string why() const {
+    const std::scoped_lock guard(why_mutex_);
+    return why_;
+  }
   const link::Board& board() const { return board_; }
   LinkCounts& counts() { return counts_; }
 
@@ -262,7 +269,8 @@ class SerialLink {
   link::Board board_{};
   std::uint16_t session_{};
   std::uint32_t sequence_{};
-  LinkProblem problem_{LinkProblem::none};
+  std::atomic<LinkProblem> problem_{LinkProblem::none};
+  mutable std::mutex why_mutex_;
   std::string why_;
   LinkCounts counts_{};
   std::array<std::uint8_t, link::encoded_size(link::most_payload)> sent_{};

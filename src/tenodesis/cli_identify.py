@@ -30,6 +30,8 @@ from tenodesis.whole import whole
 
 console = Console()
 
+_BEND = "sheath_bend"
+
 
 def register(app: typer.Typer) -> None:
     """Add the command to an app."""
@@ -125,6 +127,8 @@ def identify(  # noqa: PLR0917
             progress=bar,
         )
     notes = {one.name: one.notes for one in measured}
+    for one in measured[count:]:
+        notes[one.name] += _extrapolated(one, measured[:count])
     runs = range(len(problem.runs))
     written = report.write(problem, found, out, runs=runs, format=format_name, law=chosen, notes=notes)
     if json_file is not None:
@@ -187,9 +191,21 @@ def _check_files(logs: Sequence[Path], tests: Sequence[Path]) -> None:
 def _check_different(measured: Sequence[Measured]) -> None:
     """Refuse a copy under another name: held out it would say nothing, and fitted it would count twice."""
     for one, other in combinations(measured, 2):
+        same_bytes = bool(one.checksum) and one.checksum == other.checksum
         same_columns = one.columns.keys() == other.columns.keys() and np.array_equal(one.time, other.time)
-        if same_columns and all(np.array_equal(one[name], other[name]) for name in one.columns):
+        if same_bytes or (same_columns and all(np.array_equal(one[name], other[name]) for name in one.columns)):
             raise CommandError(f"{one.name} and {other.name} hold the same samples; allowed is a recording once.")
+
+
+def _extrapolated(one: Measured, trained: Sequence[Measured]) -> tuple[str, ...]:
+    """Return a note where a held-out recording was made at a bend of the sheath beyond those of the fitted ones."""
+    if _BEND not in one.columns:
+        return ()
+    bend, bends = (float(np.degrees(one[_BEND][0])), [float(np.degrees(other[_BEND][0])) for other in trained])
+    if min(bends) <= bend <= max(bends):
+        return ()
+    told = f"{min(bends):.4g}" if min(bends) == max(bends) else f"{min(bends):.4g} to {max(bends):.4g}"
+    return (f"held out at a sheath bend of {bend:.4g} deg, fitted at {told} deg: extrapolation",)
 
 
 def _write(path: Path, text: str) -> None:

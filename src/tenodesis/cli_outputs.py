@@ -8,7 +8,7 @@ from tenodesis.cli_recording import CommandError
 
 
 def check_outputs(outputs: Iterable[tuple[str, Path]], inputs: Sequence[Path]) -> None:
-    """Refuse files to write that are inputs or within one, one another, folders, or where nothing can be written.
+    """Refuse to write an input or within one, a file twice, what is no regular file, or where nothing can be written.
 
     Parameters
     ----------
@@ -36,6 +36,8 @@ def check_outputs(outputs: Iterable[tuple[str, Path]], inputs: Sequence[Path]) -
             raise CommandError(f"{option} would write {path}, which {taken[place]} writes; allowed is another.")
         if path.is_dir():
             raise CommandError(f"{option} would write {path}, which is a folder; allowed is the path of a file.")
+        if path.exists() and not path.is_file():
+            raise CommandError(f"{option} would write {path}, which is no regular file; allowed is the path of a file.")
         _check_writable(option, path)
         taken[place] = option
 

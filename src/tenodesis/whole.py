@@ -20,13 +20,16 @@ def together(folder: Path, *, last: str = "") -> Iterator[Path]:
     Raises
     ------
     OSError
-        The folder cannot be written; before the first file is moved, what was there is as it was.
+        The folder cannot be written, or holds a device or pipe of a file's name; before the first file is moved, what
+        was there is as it was.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder, prefix=".tenodesis-") as name:
         new = Path(name)
         yield new
         files = sorted(path.relative_to(new) for path in new.rglob("*") if path.is_file())
+        for file in files:
+            _check_regular(folder / file)
         for file in sorted(files, key=lambda path: path.name == last):
             (folder / file).parent.mkdir(exist_ok=True)
             (new / file).replace(folder / file)
@@ -39,9 +42,16 @@ def whole(path: Path) -> Iterator[Path]:
     Raises
     ------
     OSError
-        The folder cannot be written; a file that was there is as it was.
+        The folder cannot be written, or the path is a device or pipe; what was there is as it was.
     """
+    _check_regular(path)
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=".tenodesis-") as name:
         new = Path(name) / path.name
         yield new
         new.replace(path)
+
+
+def _check_regular(path: Path) -> None:
+    """Refuse what is there and would be replaced, but is no file: a device, a pipe or a socket."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise OSError(f"{path} is no regular file; allowed is the path of a file")

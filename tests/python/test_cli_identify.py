@@ -21,6 +21,7 @@ from tenodesis.identification import FORMATS, Format, Parameter, Trace, registry
 from tenodesis.identification.formats.measured import Measured
 from tenodesis.instrument import Instrument
 from tenodesis.signals import Array
+from tenodesis.whole import together, whole
 
 STEP = 0.01
 
@@ -184,6 +185,20 @@ def test_two_outputs_are_never_one_file_and_none_is_a_folder(logs: list[Path], t
         run(logs[0], "--out", tmp_path / "out", "--json", tmp_path)
 
 
+def test_what_is_no_regular_file_is_never_replaced(logs: list[Path], tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(CommandError, match="pipe, which is no regular file; allowed is the path of a file"):
+        run(logs[0], "--out", tmp_path / "out", "--json", pipe)
+    with pytest.raises(OSError, match="pipe is no regular file"), whole(pipe) as new:
+        new.write_text("")
+    with pytest.raises(OSError, match="pipe is no regular file"), together(tmp_path) as folder:
+        for name in ("other", "pipe"):
+            (folder / name).write_text("")
+    assert pipe.is_fifo()
+    assert not (tmp_path / "other").exists()
+
+
 def test_what_cannot_be_asked_is_one_sentence(logs: list[Path], tmp_path: Path) -> None:
     for arguments, reason in (
         ((tmp_path / "none.txt",), "LOG is .*none.txt, which does not exist"),
@@ -235,6 +250,50 @@ def test_a_copy_is_the_same_recording_whatever_its_name(logs: list[Path], tmp_pa
             CommandError, match=r"0\.txt and other\.txt hold the same samples; allowed is a recording once"
         ):
             run(*arguments, "--out", tmp_path / "out")
+
+
+def write_pair(path: Path, lag: float) -> Path:
+    """Write a joint's motion behind a lag, as the format endoscope-pair has it: s, deg, N."""
+    time = 0.025 * np.arange(500)
+    rows = np.zeros((500, 6))
+    rows[:, 0], rows[:, 1], rows[:, 3] = time, 60 * np.sin(time), 40 * np.sin(time - lag)
+    rows[:, 4], rows[:, 5] = 5 + 4 * np.sin(time + 0.3), 5 - 4 * np.sin(time + 0.2)
+    rows[:, 3] += np.random.default_rng(round(100 * lag)).normal(0, 0.1, 500)
+    np.savetxt(path, rows, delimiter=",")
+    return path
+
+
+def test_the_same_bytes_are_the_same_recording_whatever_bend_their_name_says(tmp_path: Path) -> None:
+    one = write_pair(tmp_path / "60.txt", 0.2)
+    copy = Path(shutil.copy(one, tmp_path / "120.txt"))
+    with pytest.raises(CommandError, match=r"60\.txt and 120\.txt hold the same samples"):
+        run(one, "--test", copy, "--format", "endoscope-pair", "--law", "capstan", "--out", tmp_path / "out")
+
+
+def test_one_bend_tells_no_growth_with_it_and_another_one_held_out_is_extrapolation(tmp_path: Path) -> None:
+    one, other = write_pair(tmp_path / "60.txt", 0.2), write_pair(tmp_path / "120.txt", 0.25)
+    options = ("--format", "endoscope-pair", "--law", "capstan", "--out", tmp_path / "out", "--starts", 1)
+    given = run(one, "--test", other, *options)
+    assert given.exit_code == 0, given.output
+    assert "120.txt: held out at a sheath bend of 120 deg, fitted at 60 deg: extrapolation" in given.output
+    found = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert not [name for name in found["parameters"] if name.endswith("_per_bend")]
+
+
+def test_a_fit_that_explains_little_is_called_poor_and_so_is_its_instrument(logs: list[Path], tmp_path: Path) -> None:
+    stretch, tension, angle = np.loadtxt(logs[1])
+    np.savetxt(logs[1], [stretch, tension, -angle])
+    options = ("--instrument", "real-size", "--starts", 1)
+    good = run(logs[0], *options, "--out", tmp_path / "good")
+    poor = run(logs[0], "--test", logs[1], *options, "--out", tmp_path / "poor")
+    assert "explains little" not in good.output
+    assert "The model explains little of output angle of 1.txt (rmse " in poor.output
+    assert "look for a reversed sign, swapped columns, a frozen sensor or a wrong unit." in poor.output
+    assert "The error of output angle is " in poor.output
+    assert "poor fit" not in (tmp_path / "good" / report.INSTRUMENT).read_text()
+    text = (tmp_path / "poor" / report.INSTRUMENT).read_text()
+    assert "# From a poor fit: do not rely on these values.\n# The model explains little of output angle" in text
+    assert tn.instrument.load(str(tmp_path / "poor" / report.INSTRUMENT)).pretension > 0
 
 
 def test_files_of_one_name_go_by_their_folders(logs: list[Path], tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -397,6 +398,7 @@ def write_pair(folder: Path, rows: Array, name: str = "60.txt") -> Path:
         ("Bend-90 run 2.txt", 90),
         ("2024-01-08_bend_45.csv", 45),
         ("sheath30.txt", 30),
+        ("pi2_sheath120.txt", 120),
         ("0", 0),
     ],
 )
@@ -412,7 +414,8 @@ def test_the_bend_is_the_one_number_of_the_name_that_can_be_it(tmp_path: Path, n
         ("120_2.txt", "which number of the name '120_2' is the sheath's bend cannot be told; .* such as 120.txt or"),
         ("2024-01-08_120.txt", "which number .* cannot be told"),
         ("60,5.txt", "which number .* cannot be told"),
-        ("day2run3.txt", "which number .* cannot be told"),
+        ("day2run3.txt", "the name 'day2run3' is no sheath bend"),
+        ("pi2.txt", "the name 'pi2' is no sheath bend"),
         ("straight.txt", "the name 'straight' is no sheath bend; allowed is a number from 0 to 1080, in degrees"),
         ("-60.txt", "the name '-60' is no sheath bend"),
         ("bend2000.txt", "the name 'bend2000' is no sheath bend"),
@@ -421,6 +424,17 @@ def test_the_bend_is_the_one_number_of_the_name_that_can_be_it(tmp_path: Path, n
 def test_a_name_that_does_not_tell_the_bend_is_refused_with_what_to_do(tmp_path: Path, name: str, reason: str) -> None:
     with pytest.raises(IdentificationError, match=reason):
         endoscope_pair.load(write_pair(tmp_path, pair(), name))
+
+
+def test_a_published_file_under_another_bend_is_said(tmp_path: Path) -> None:
+    published = DATA / "endoscope-pair" / "60.txt"
+    if not published.is_file():
+        pytest.skip(f"no measured pair at {published}: set TENODESIS_DATA to the folder that holds endoscope-pair/")
+    other, same = tmp_path / "120.txt", tmp_path / "60_copy.txt"
+    for path in (other, same):
+        path.write_bytes(published.read_bytes())
+    assert "bend of 120 deg, but its bytes are those published as 60.txt, of 60 deg" in said(endoscope_pair.load(other))
+    assert "but its bytes" not in said(endoscope_pair.load(same))
 
 
 def test_outliers_do_not_reach_the_mean_of_held_rows(tmp_path: Path) -> None:
@@ -639,3 +653,34 @@ def test_every_format_tells_a_saturated_sensor(tmp_path: Path, kind: str) -> Non
     clipped[:, SENSOR[kind]] = np.minimum(sensor, np.round(np.median(sensor)))
     with pytest.raises(IdentificationError, match="rows are saturated"):
         FORMATS[kind].load(put(tmp_path, clipped))
+
+
+@pytest.mark.parametrize("kind", ["endoscope-pair", "tendon-sheath"])
+def test_a_tension_of_the_wrong_sign_is_refused_and_an_offset_is_not(tmp_path: Path, kind: str) -> None:
+    make, put = FILES[kind]
+    rows = make()
+    rows[:, SENSOR[kind]] -= np.median(rows[:, SENSOR[kind]]) + 0.04
+    assert len(FORMATS[kind].load(put(tmp_path, rows))) == len(rows)
+    rows = make()
+    rows[:, SENSOR[kind]] *= -1
+    with pytest.raises(IdentificationError, match=r"tension \w+ is negative: its median is -\d.* N; reverse its sign"):
+        FORMATS[kind].load(put(tmp_path, rows))
+
+
+@pytest.mark.parametrize(("kind", "sensor"), [("endoscope-pair", OUTPUT), ("endoscope-pair", 4), ("tendon-sheath", 2)])
+def test_a_sensor_that_stays_the_same_while_others_move_is_said(tmp_path: Path, kind: str, sensor: int) -> None:
+    make, put = FILES[kind]
+    rows = make()
+    assert "frozen" not in said(FORMATS[kind].load(put(tmp_path, rows)))
+    begin = np.flatnonzero(np.abs(np.diff(rows[:, sensor])) > 0)[len(rows) // 3]
+    rows[begin : begin + round(0.25 * len(rows)), sensor] = rows[begin, sensor]
+    told = said(FORMATS[kind].load(put(tmp_path, rows)))
+    found = re.search(r"exactly the same from (\S+) s to \S+ s while \w+ moves: a frozen sensor, unless it was", told)
+    assert found, told
+    assert float(found[1]) == pytest.approx(rows[begin, 0], abs=2 * (rows[1, 0] - rows[0, 0]))
+
+
+def test_a_slack_tendon_at_zero_is_no_frozen_sensor(tmp_path: Path) -> None:
+    rows = pair()
+    rows[:, AGONIST] = np.maximum(0.0, rows[:, AGONIST] - 5)
+    assert "frozen" not in said(endoscope_pair.load(write_pair(tmp_path, rows)))

@@ -153,6 +153,67 @@ def test_a_lease_that_runs_out_pauses_within_the_loop_whatever_python_does(tmp_p
     assert loop.problem == PROBLEMS[4]
 
 
+def test_nothing_sets_motors_free_once_the_operator_has_gone(tmp_path):
+    loop = looped(tmp_path)
+    reader = Reader(tmp_path)
+    loop.core.lease(60)
+    loop.request("enable")
+    loop.core.run_ticks(10)
+    assert reader.read()[0].operating_state[-1] == OperatingState.ENABLED
+    loop.core.lease(0)
+    # Whoever comes next has not asked for what was asked before.
+    loop.core.lease(60)
+    loop.core.run_ticks(10)
+    assert reader.read()[0].operating_state[-1] == OperatingState.PAUSED
+    loop.core.lease(0)
+    for request in ("enable", "resume", "home"):
+        loop.request(request)
+    loop.core.run_ticks(10)
+    assert reader.read()[0].operating_state[-1] == OperatingState.PAUSED
+
+
+def test_a_stop_is_taken_when_no_other_order_is(tmp_path):
+    loop = looped(tmp_path)
+    reader = Reader(tmp_path)
+    loop.request("enable")
+    loop.core.run_ticks(10)
+    with contextlib.suppress(LiveError):
+        while True:
+            loop.force([0.5])
+    loop.stop()
+    loop.core.run_ticks(10)
+    assert reader.read()[0].operating_state[-1] == OperatingState.PAUSED
+
+
+def test_a_request_is_not_lost_in_a_tick_that_the_controller_does_not_get(tmp_path):
+    loop = looped(tmp_path)
+    reader = Reader(tmp_path)
+    loop.request("enable")
+    loop.core.run_ticks(10)
+    loop.tamper("tick", "hold", 0, 1.5 * loop.period)
+    loop.request("pause")
+    loop.core.run_ticks(10)
+    run, _ = reader.read()
+    assert OperatingState.PAUSED in run.operating_state
+
+
+def test_a_disable_is_not_weakened_by_a_pause_and_many_requests_end_in_the_last(tmp_path):
+    loop = looped(tmp_path)
+    reader = Reader(tmp_path)
+    loop.request("enable")
+    loop.core.run_ticks(10)
+    loop.request("disable")
+    loop.request("pause")
+    loop.core.run_ticks(10)
+    assert reader.read()[0].operating_state[-1] == OperatingState.DISABLED
+    for _ in range(6):
+        loop.request("clear")
+        loop.request("home")
+    loop.request("enable")
+    loop.core.run_ticks(20)
+    assert reader.read()[0].operating_state[-1] == OperatingState.ENABLED
+
+
 def test_a_load_that_the_tip_cannot_hold_is_not_taken_and_said(tmp_path):
     loop = looped(tmp_path)
     reader = Reader(tmp_path)
@@ -188,6 +249,7 @@ def test_a_signal_spoilt_on_purpose_is_the_fault_it_stands_for(tmp_path):
         (lambda loop: loop.request("fly"), "request is 'fly'"),
         (lambda loop: loop.choose("best", "agonist"), "law is 'best'"),
         (lambda loop: loop.speed(-1), "speed is -1"),
+        (lambda loop: loop.speed(1e-9), "speed is 1e-09"),
         (lambda loop: loop.tamper("moon", "add", 1, 1), "place is 'moon'"),
         (lambda loop: loop.tamper("tick", "add", 1, -1), "seconds is -1"),
     ],
@@ -318,6 +380,14 @@ def test_a_device_that_fails_moves_no_motor_and_is_named(tmp_path, mode):
     assert run.output_angle is None
 
 
+def test_a_device_is_closed_when_its_loop_cannot_be_made(tmp_path):
+    (tmp_path / folders.RING).write_bytes(b"taken")
+    bench = Bench(slow_rate())
+    with pytest.raises(LiveError, match="cannot be written"):
+        LiveLoop(slow_rate(), tmp_path, Choices(), device=bench)
+    assert bench.closed
+
+
 def test_a_lease_is_held_by_one_and_runs_out():
     now = [0.0]
     renewed = []
@@ -380,9 +450,12 @@ def test_one_operates_and_others_watch_until_they_take_over(served):
     one.stop()
     until(lambda: one.status().state == "PAUSED")
     assert one.status().stopped
-    events = [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
-    assert [e["origin"] for e in events if e["event"] == "operator"] == ["one", "other"]
-    assert any(e["event"] == "stop" and e["origin"] == "one" for e in events)
+
+    def events():
+        return [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
+
+    assert [e["origin"] for e in events() if e["event"] == "operator"] == ["one", "other"]
+    until(lambda: any(e["event"] == "stop" and e["origin"] == "one" for e in events()))
 
 
 def test_an_operator_that_goes_away_leaves_a_pause(served):
@@ -394,6 +467,30 @@ def test_an_operator_that_goes_away_leaves_a_pause(served):
     one.close()
     until(lambda: other.status().state == "PAUSED")
     assert other.status().operator is None
+
+
+def test_a_protocol_ends_with_its_operator_and_homes_nobodys_motors(served):
+    folder, _ = served
+    one, other = Client(folder, "one"), Client(folder, "other")
+    one.acquire()
+    one.play(tn.protocols.load("pretension"), record=False)
+    one.close()
+    until(lambda: other.status().protocol[3] is not None)
+    time.sleep(0.3)
+    status = other.status()
+    assert status.protocol[3] == "the operator has gone"
+    assert status.state in {"DISABLED", "PAUSED"}
+    assert not status.homing
+
+
+def test_whoever_takes_over_from_one_that_says_nothing_finds_a_pause(served):
+    folder, _ = served
+    one, other = Client(folder, "one"), Client(folder, "other")
+    one.acquire()
+    one.request("enable")
+    until(lambda: other.status().state == "ENABLED")
+    until(other.acquire)
+    until(lambda: other.status().state == "PAUSED")
 
 
 def test_an_operator_that_says_nothing_is_taken_to_be_gone(served):

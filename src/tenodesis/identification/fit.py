@@ -12,7 +12,7 @@ from tenodesis.errors import IdentificationError
 from tenodesis.identification import bootstrap as resampling
 from tenodesis.identification import identifiability, uncertainty, whiteness
 from tenodesis.identification.differences import differenced, scales
-from tenodesis.identification.problem import Problem, WithChannels, WithDerivatives, WithLasting
+from tenodesis.identification.problem import Problem, WithChannels, WithDerivatives, WithLasting, WithTraces
 from tenodesis.identification.results import Fit, Interval, RunErrors
 from tenodesis.identification.uncertainty import Linearised, LossName, Spread
 from tenodesis.identification.whiteness import Whiteness
@@ -30,6 +30,12 @@ _MOST_STEPS = 100
 _REFIT_STEPS = 20
 _DECADES = 100.0
 """Ratio of bounds above which starts are drawn by the logarithm."""
+_MOST_UNEXPLAINED = 0.5
+"""Share of a measured signal's spread that a model may leave of it."""
+_LEAST_MOVED = 0.1
+"""Share of the widest spread of all runs below which a signal was held, and there is nothing to explain."""
+_MOST_WORSE = 4.0
+"""How many times the fitted runs' error that of the held-out ones may be."""
 _NEAR_BOUND = 1e-2
 """Share of its range within which a parameter is tried on its bound."""
 
@@ -155,7 +161,11 @@ def fit(
         samples=task.samples,
         evaluations=task.evaluations,
         jacobians=task.jacobians,
-        warnings=tuple(_warnings(found, noises, best, same=same, starts=starts, parameters=len(indices))),
+        warnings=(
+            *_warnings(found, noises, best, same=same, starts=starts, parameters=len(indices)),
+            *unexplained(problem, values, files),
+            *_worse_held_out(files),
+        ),
         seconds=time.monotonic() - begun,
     )
 
@@ -507,6 +517,54 @@ def _criteria(residuals: Array, parameters: int) -> tuple[float, float]:
     squares = float(residuals @ residuals)
     likelihood = count * math.log(squares / count) if squares > 0 else -math.inf
     return likelihood + 2 * (parameters + 1), likelihood + math.log(count) * (parameters + 1)
+
+
+def unexplained(problem: Problem, values: Array, files: Sequence[RunErrors]) -> list[str]:
+    """Return a sentence for each signal of a run of which the model explains little.
+
+    Parameters
+    ----------
+    problem
+        The model with its recordings.
+    values
+        Of all parameters.
+    files
+        Errors of the runs at these values.
+    """
+    if not isinstance(problem, WithTraces):
+        return []
+    spreads = {
+        one.name: {
+            key: float(np.std(trace.measured))
+            for key, trace in problem.traces(values, problem.runs.index(one.name)).items()
+        }
+        for one in files
+    }
+    out = []
+    for one in files:
+        for key, spread in spreads[one.name].items():
+            widest = max(other.get(key, 0.0) for other in spreads.values())
+            rmse = one.rmse.get(key, 0.0)
+            if spread > _LEAST_MOVED * widest and rmse > _MOST_UNEXPLAINED * spread:
+                signal, _, unit = key.rpartition("_")
+                out.append(
+                    f"The model explains little of {signal.replace('_', ' ')} of {one.name} (rmse {rmse:.3g} {unit}, "
+                    f"spread {spread:.3g} {unit}): look for a reversed sign, swapped columns, a frozen sensor or a "
+                    "wrong unit."
+                )
+    return out
+
+
+def _worse_held_out(files: Sequence[RunErrors]) -> list[str]:
+    """Return a sentence for each signal whose error is far larger where it was held out."""
+    fitted, held = (_pooled([one for one in files if one.split == split]) for split in ("train", "test"))
+    return [
+        f"The error of {key.rpartition('_')[0].replace('_', ' ')} is {rmse / fitted[key]:.3g} times as large in the "
+        f"runs held out as in those fitted (rmse {rmse:.3g} and {fitted[key]:.3g} {key.rpartition('_')[2]}): the "
+        "model does not carry over to them."
+        for key, rmse in held.items()
+        if rmse > _MOST_WORSE * fitted.get(key, math.inf) > 0
+    ]
 
 
 def _warnings(

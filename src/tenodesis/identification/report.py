@@ -16,6 +16,7 @@ from tenodesis.bench import style
 from tenodesis.bench.content import fixed
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import figures
+from tenodesis.identification.fit import unexplained
 from tenodesis.identification.problem import Parameter, Problem, WithInstrument
 from tenodesis.identification.results import Fit, about, by_unit, to_json
 from tenodesis.instrument import Instrument
@@ -25,6 +26,7 @@ from tenodesis.whole import together
 PAGE, NUMBERS, INSTRUMENT = "report.html", "result.json", "instrument.toml"
 """What a fit is written as."""
 
+_POOR = "From a poor fit: do not rely on these values."
 _TEMPLATE = "identification.html.j2"
 _DOTS = 150
 """Per inch, of the curves over time."""
@@ -78,7 +80,9 @@ def write(
     if inst is not None:
         fitted = ", ".join(found.free)
         logs = ", ".join(one.name for one in found.files if one.split == "train")
-        texts = {INSTRUMENT: to_file(inst, comment=f"Identified from {logs}: {fitted}."), **texts}
+        poor = unexplained(problem, found.vector, found.files)
+        comment = "\n".join([f"Identified from {logs}: {fitted}.", *([_POOR, *poor] if poor else [])])
+        texts = {INSTRUMENT: to_file(inst, comment=comment), **texts}
     try:
         with together(out, last=PAGE) as new:
             for name, text in texts.items():

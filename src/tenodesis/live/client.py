@@ -22,11 +22,12 @@ from tenodesis.signals import Array
 
 _TIMEOUT = 5.0
 """Longest wait for an answer, s."""
-_LONG_TIMEOUT = 40.0
-"""The same where a recorder is started first, s."""
+_LONG_TIMEOUT = 15.0
+"""The same where a recorder is ended first, s."""
 _KEPT_RATE = 50.0
 """Ticks kept for `history`, Hz."""
 _KEPT_SECONDS = 60.0
+_DEAF = "The runtime runs and does not answer: try again, or end it; its loop pauses without an operator."
 _GONE = "The runtime has gone: its motors are stopped by their own watchdogs. Start it again."
 
 
@@ -103,13 +104,12 @@ class Client:
         self._reader = Reader(self.folder)
         self._lock = threading.Lock()
         self._number = 0
-        self._socket = socket.socket(socket.AF_UNIX)
-        self._socket.settimeout(_TIMEOUT)
+        self._closed = False
+        self._socket: socket.socket | None = None
         try:
-            self._socket.connect(str(self.folder / folders.SOCKET))
+            self._connect()
         except OSError as problem:
             raise LiveError(f"{self.folder} cannot be connected to: {problem.strerror or problem}.") from None
-        self._lines = self._socket.makefile("rb")
         hello = self._ask("hello", origin=origin)
         self.capabilities = Capabilities(**{**hello["capabilities"], "axes": tuple(hello["capabilities"]["axes"])})
         self._every = max(1, round(1 / _KEPT_RATE / self.time_step))
@@ -235,8 +235,8 @@ class Client:
     def close(self) -> None:
         """Let go of the runtime; if this one operates, the controller pauses."""
         with self._lock:
-            self._socket.close()
-            self._lines.close()
+            self._closed = True
+            self._drop()
 
     def _keep(self) -> None:
         while True:
@@ -249,20 +249,55 @@ class Client:
 
     def _ask(self, op: str, **content: Any) -> Any:
         with self._lock:
-            self._number += 1
-            order = {"id": self._number, "op": op, **content}
+            self._number = number = self._number + 1
             try:
-                self._socket.settimeout(_LONG_TIMEOUT if op in ("play", "record", "cancel", "stop") else _TIMEOUT)
-                self._socket.sendall(json.dumps(order).encode() + b"\n")
-                line = self._lines.readline()
-                answer = json.loads(line) if line else None
+                answer = self._answered(op, content)
             except (OSError, ValueError) as problem:
-                raise LiveError(f"{_GONE} ({problem})") from None
-        if answer is None:
-            raise LiveError(_GONE)
+                answer = None
+                why = f"{_DEAF if isinstance(problem, TimeoutError | ValueError) else _GONE} ({problem})"
+            else:
+                why = _GONE if answer is None else _DEAF
+            if answer is None or answer.get("id") != number:
+                self._drop()
+        if answer is None or answer.get("id") not in (None, number):
+            raise LiveError(why)
         if "error" in answer:
             raise LiveError(answer["error"])
         return answer["ok"]
+
+    def _answered(self, op: str, content: dict[str, Any]) -> dict[str, Any] | None:
+        if self._closed:
+            raise OSError("the connection is closed")
+        if self._socket is None:
+            self._connect()
+            if op != "hello":
+                self._exchange({"id": 0, "op": "hello", "origin": self.origin})
+        return self._exchange({"id": self._number, "op": op, **content})
+
+    def _exchange(self, order: dict[str, Any]) -> dict[str, Any] | None:
+        assert self._socket is not None
+        self._socket.settimeout(_LONG_TIMEOUT if order["op"] in ("cancel", "stop") else _TIMEOUT)
+        self._socket.sendall(json.dumps(order).encode() + b"\n")
+        line = self._lines.readline()
+        answer: dict[str, Any] | None = json.loads(line) if line else None
+        return answer
+
+    def _connect(self) -> None:
+        connected = socket.socket(socket.AF_UNIX)
+        try:
+            connected.settimeout(_TIMEOUT)
+            connected.connect(str(self.folder / folders.SOCKET))
+        except OSError:
+            connected.close()
+            raise
+        self._socket, self._lines = connected, connected.makefile("rb")
+
+    # After an answer that did not come, the next might be that one.
+    def _drop(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+            self._lines.close()
+        self._socket = None
 
     def _gone(self, problem: str) -> Status:
         last = self._last_status

@@ -74,10 +74,11 @@ class Lease:
         self._until = self._clock() + SECONDS
         self._renewed(SECONDS)
 
-    # The loop has its own clock of the lease and pauses by itself; what it was told last runs out there.
+    # The loop has its own clock of the lease; told here as well, it pauses even if another takes over at once.
     def _expire(self) -> None:
         if self._holder is not None and self._clock() > self._until:
             self._forget()
+            self._renewed(0.0)
 
     def _forget(self) -> None:
         self._holder = self._origin = None

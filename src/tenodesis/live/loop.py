@@ -24,7 +24,7 @@ from tenodesis.twin import Twin
 
 _RING_SECONDS = 8.0
 """Time that a reader may fall behind by, s."""
-_ORDERS = ("request", "stop", "law", "hand", "force", "radial", "speed", "tamper", "drop")
+_ORDERS = ("request", "law", "hand", "force", "radial", "speed", "tamper", "drop")
 _MODES = ("none", "add", "set", "hold")
 _LARGEST_FORCE = 100.0
 """At the tip, N."""
@@ -182,7 +182,7 @@ class LiveLoop:
 
     def stop(self) -> None:
         """Stop the motors at once, and pause; enable, resume, home or clear sets them free."""
-        self._order("stop")
+        self.core.stop()
 
     def choose(self, law: str, actuation: str) -> None:
         """Take another compensation law and actuation mode with the next tick."""
@@ -210,8 +210,8 @@ class LiveLoop:
         """Let simulated time run so many times as fast as the clock; 0: as fast as it goes."""
         if not self.capabilities.simulated:
             raise LiveError("speed cannot be changed: the device keeps real time; allowed is that with the twin only.")
-        if not 0 <= factor <= 100:
-            raise LiveError(f"speed is {factor!r}; allowed is 0 (as fast as it goes) to 100.")
+        if not (factor == 0 or 0.1 <= factor <= 100):
+            raise LiveError(f"speed is {factor!r}; allowed is 0.1 to 100, or 0 (as fast as it goes).")
         self._order("speed", value=float(factor))
 
     def tamper(self, place: str, mode: str, value: float, seconds: float, axis: str | None = None) -> None:

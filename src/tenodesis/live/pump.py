@@ -45,7 +45,12 @@ class Pump:
     def finish(self) -> None:
         """Stop the motors and end; a second time does nothing."""
         self._ending.set()
+        if self._thread.ident is None:
+            self._device.close()
+            return
         self._thread.join(timeout=5)
+        if self._thread.is_alive():
+            self.problem = "the device does not answer and could not be closed; switch the motors' supply off."
 
     def _serve(self) -> None:
         axes = len(self._device.capabilities.axes)
@@ -78,4 +83,4 @@ class Pump:
 
 
 def _finite(speed: Array) -> Array:
-    return np.where(np.isfinite(speed), speed, 0.0)
+    return speed if np.isfinite(speed).all() else np.zeros_like(speed)

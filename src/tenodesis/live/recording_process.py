@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,8 @@ class RecordingProcess:
         """Where it is recorded to, while it is."""
         self.problem: str | None = None
         """Why it is recorded no more."""
+        self._lock = threading.RLock()
+        self._stopping = False
 
     def start(self, called: str) -> Path:
         """Start one, and return where it records to.
@@ -42,6 +45,10 @@ class RecordingProcess:
         LiveError
             There is one already, or it cannot be written.
         """
+        with self._lock:
+            return self._start(called)
+
+    def _start(self, called: str) -> Path:
         if self.path is not None:
             raise LiveError(f"{self.path} is being recorded already; stop that first.")
         name = re.sub(r"[^\w.-]+", "-", called).strip("-.") or "live"
@@ -77,6 +84,12 @@ class RecordingProcess:
 
     def look(self) -> None:
         """See whether it still runs; if it has ended by itself, `problem` says so."""
+        if self._stopping:
+            return
+        with self._lock:
+            self._look()
+
+    def _look(self) -> None:
         if self._process is None or self._process.poll() is None:
             return
         said = b"" if self._process.stderr is None else self._process.stderr.read()
@@ -88,6 +101,14 @@ class RecordingProcess:
 
     def stop(self) -> None:
         """Let it close its file, and wait for that; without one, nothing."""
+        self._stopping = True
+        try:
+            with self._lock:
+                self._stop()
+        finally:
+            self._stopping = False
+
+    def _stop(self) -> None:
         if self._process is None:
             return
         self._process.send_signal(signal.SIGTERM)

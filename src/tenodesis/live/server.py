@@ -21,7 +21,7 @@ from tenodesis import protocols
 from tenodesis.control import OperatingState
 from tenodesis.control.controller import ActuationName, LawName, fault_names
 from tenodesis.errors import DeviceError, InstrumentError, LiveError, ProtocolError
-from tenodesis.instrument import load
+from tenodesis.instrument import Instrument, load
 from tenodesis.instrument_text import to_toml
 from tenodesis.live import folder as folders
 from tenodesis.live.journal import Journal
@@ -74,6 +74,8 @@ class Server:
         self._lock = threading.Lock()
         self._ending = threading.Event()
         self._told: tuple[int, int] = (-1, 0)
+        self._troubled: tuple[bool, str | None] = (False, None)
+        self._stops = 0
         self._operator: str | None = None
         self._connections: set[_Connection] = set()
 
@@ -124,7 +126,7 @@ class Server:
             held = "nobody operates: take over first" if holder is None else f"{holder} operates"
             raise LiveError(f"{who.origin} only watches; {held}.")
         answer = getattr(self, f"_{op}")(who, order)
-        told = {key: value for key, value in order.items() if key not in ("op", "id")}
+        told = {key: order[key] for key in _MOVING[op] if key in order}
         (self._journal.tell_often if op in _OFTEN else self._journal.tell)(op, who.origin, **told)
         return answer
 
@@ -202,10 +204,14 @@ class Server:
 
     # Whoever sees that motors must stop may stop them.
     def _stop(self, who: "_Connection", _order: dict[str, Any]) -> Any:
+        self._stops += 1
         self.loop.stop()
         with self._lock:
             self._end_protocol("stopped")
-        self._journal.tell("stop", who.origin)
+            # Over what the protocol asked for meanwhile.
+            self._stops += 1
+            self.loop.stop()
+        self._journal.tell_often("stop", who.origin)
 
     def _hand(self, _who: "_Connection", order: dict[str, Any]) -> Any:
         self._refuse_while_playing()
@@ -237,8 +243,9 @@ class Server:
             order.get("axis"),
         )
 
-    def _play(self, _who: "_Connection", order: dict[str, Any]) -> Any:
+    def _play(self, who: "_Connection", order: dict[str, Any]) -> Any:
         self._refuse_while_playing()
+        stops = self._stops
         protocol = protocols.parse(str(order.get("protocol")))
         if not self.loop.capabilities.simulated:
             raise LiveError("protocols move the handle and load the tip, which only the twin lets them do.")
@@ -251,12 +258,14 @@ class Server:
             inst=self.loop.inst,
             time_step=self.loop.period,
         )
-        if order.get("record") and self._recorder.path is None:
-            self._recorder.start(protocol.name)
-            self._records_protocol = True
         # A hand that still follows a slider would be elsewhere by the time the first rows are taken.
         self.loop.drop()
         with self._lock:
+            if self._stops != stops or not self._lease.held_by(who):
+                raise LiveError("it was stopped, or the operator went, before the protocol began.")
+            if order.get("record") and self._recorder.path is None:
+                self._recorder.start(protocol.name)
+                self._records_protocol = True
             self._begin_after = time.monotonic() + _SETTLING
             self._player, self._playing = player, protocol.name
             self._played = (protocol.name, *player.progress, None)
@@ -267,7 +276,8 @@ class Server:
 
     def _record(self, _who: "_Connection", order: dict[str, Any]) -> Any:
         if not order.get("on"):
-            self._recorder.stop()
+            # It may take seconds, in which the operator has to be heard.
+            threading.Thread(target=self._recorder.stop, name="recorder", daemon=True).start()
             return None
         return str(self._recorder.start(str(order.get("called") or "live")))
 
@@ -293,7 +303,9 @@ class Server:
             try:
                 connected, _ = self._socket.accept()
             except OSError:
-                return
+                if self._ending.wait(_TURN):
+                    return
+                continue
             if len(self._connections) >= _MOST_CLIENTS:
                 connected.close()
                 continue
@@ -303,16 +315,12 @@ class Server:
 
     def _look_after(self) -> None:
         while not self._ending.wait(_TURN):
-            try:
-                self._journal.flush()
-                self._recorder.look()
-                self._advance()
-                self._tell_changes()
-            except EXPECTED as problem:
-                self._journal.tell("problem", "runtime", text=str(problem))
-            except Exception:
-                # Whatever goes wrong beside the loop must not end the look-out for the rest.
-                _log.exception("looking after the loop failed")
+            for work in (self._advance, self._recorder.look, self._tell_changes, self._journal.flush):
+                try:
+                    work()
+                except Exception:
+                    # Whatever goes wrong beside the loop must not end the look-out for the rest.
+                    _log.exception("looking after the loop failed")
 
     def _advance(self) -> None:
         with self._lock:
@@ -321,7 +329,14 @@ class Server:
                 return
             if self._records_protocol and not self._recorder.ready:
                 return
-            player.advance()
+            if self._lease.origin is None:
+                self._end_protocol("the operator has gone")
+                return
+            try:
+                player.advance()
+            except Exception as problem:
+                self._end_protocol(str(problem))
+                raise
             self._played = (self._playing, *player.progress, player.problem)
             if player.finished:
                 self._end_protocol(None)
@@ -332,7 +347,8 @@ class Server:
         if player is None:
             return
         if why is not None:
-            player.cancel()
+            with suppress(LiveError):
+                player.cancel()
         self._played = (self._playing, *player.progress, why)
         self._journal.tell("protocol_ended", "runtime", protocol=self._playing, why=why or "done")
         if self._records_protocol:
@@ -350,6 +366,10 @@ class Server:
             self._journal.tell(
                 "state", "runtime", state=OperatingState(now[0]).name, faults=fault_names(now[1]), first_faults=first
             )
+        problem = self.loop.problem or self._recorder.problem
+        if (now_stopped := (bool(tick["stopped"]), problem)) != self._troubled:
+            self._troubled = now_stopped
+            self._journal.tell("problem", "runtime", stopped=now_stopped[0], text=problem)
         operator = self._lease.origin
         if self._operator is not None and operator is None:
             self._journal.tell("no_operator", "runtime", before=self._operator)
@@ -357,18 +377,19 @@ class Server:
 
 
 _WATCHING = ("hello", "status", "acquire", "release", "heartbeat", "stop")
-_MOVING = (
-    "hand",
-    "force",
-    "radial_force",
-    "request",
-    "law",
-    "speed",
-    "tamper",
-    "play",
-    "cancel",
-    "record",
-)
+_MOVING: dict[str, tuple[str, ...]] = {
+    "hand": ("angles",),
+    "force": ("force",),
+    "radial_force": ("force",),
+    "request": ("what",),
+    "law": ("law", "actuation"),
+    "speed": ("factor",),
+    "tamper": ("place", "mode", "value", "seconds", "axis"),
+    "play": ("protocol", "record"),
+    "cancel": (),
+    "record": ("on", "called"),
+}
+"""Orders for the operator, and what of each is written down."""
 _OFTEN = ("hand", "force", "radial_force")
 
 
@@ -485,7 +506,11 @@ def main(arguments: list[str] | None = None) -> int:
         return 1
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: server.end())
-    server.start()
+    try:
+        server.start()
+    except BaseException:
+        server.loop.finish()
+        raise
     if given.attached:
         threading.Thread(target=_end_with_input, args=(server,), name="attached", daemon=True).start()
     server.wait()
@@ -512,6 +537,14 @@ def _made(given: argparse.Namespace) -> Server:
         seed=given.seed,
     )
     loop = LiveLoop(inst, given.folder, choices)
+    try:
+        return _served(given, inst, loop)
+    except BaseException:
+        loop.finish()
+        raise
+
+
+def _served(given: argparse.Namespace, inst: Instrument, loop: LiveLoop) -> Server:
     capabilities = loop.capabilities
     started = datetime.now(UTC).isoformat(timespec="milliseconds")
     folders.tell(

@@ -75,11 +75,21 @@ def load(path: Path) -> Measured:
     _without_outliers(raw)
     for column in _TENSIONS:
         raw.saturated(column, may_rest_at_zero=True)
+    raw.tension(*_TENSIONS)
+    raw.frozen(("output_angle",), "commanded_angle")
+    raw.frozen(_TENSIONS, "commanded_angle", may_rest_at_zero=True)
     raw.enough()
     raw.gaps()
     raw.columns["sheath_bend"] = np.full(raw.time.size, math.radians(bend))
     raw.note(f"sheath bend {bend:g} deg, from the file's name")
-    return raw.done(SOURCE, checksum(path))
+    sha = checksum(path)
+    published = SOURCE.published(sha)
+    if published is not None and _bend(Path(published)) != bend:
+        raw.note(
+            f"the file's name says a sheath bend of {bend:g} deg, but its bytes are those published as {published}, "
+            f"of {_bend(Path(published)):g} deg"
+        )
+    return raw.done(SOURCE, sha)
 
 
 def _to_si(raw: Raw) -> None:
@@ -112,7 +122,7 @@ def _bend(path: Path) -> float:
     name = _COPY.sub("", stem)
     marked = [before or behind for before, behind in _MARKED.findall(name)]
     alone = [part for part in _BETWEEN.split(name) if _NUMBER.fullmatch(part)]
-    found = marked or alone or _ANYWHERE.findall(name)
+    found = marked or alone
     advice = f"allowed is a number from 0 to {MOST_BEND:g}, in degrees, such as 120.txt or bend120_day2.txt"
     if len(set(map(float, found))) > 1:
         raise IdentificationError(
@@ -127,8 +137,9 @@ _TENSIONS = ("agonist_tension", "antagonist_tension")
 _MOST_RATIO = 1.2
 """How many times the command's way the output may move to be taken in another unit than the command."""
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
-_ANYWHERE = re.compile(r"(?<![\d.])\d+(?:\.\d+)?(?![\d.])")
-_MARKED = re.compile(r"bend(?:ing)?[\s_=-]*(\d+(?:\.\d+)?)|(\d+(?:\.\d+)?)(?:bend|[\s_-]*(?:deg|°))", re.IGNORECASE)
+_MARKED = re.compile(
+    r"(?:bend(?:ing)?|sheath)[\s_=-]*(\d+(?:\.\d+)?)|(\d+(?:\.\d+)?)(?:bend|[\s_-]*(?:deg|°))", re.IGNORECASE
+)
 _COPY = re.compile(r"\s*\(\d+\)$")
 _BETWEEN = re.compile(r"[\s_,;]+|(?<=[^\s_,;])-")
 

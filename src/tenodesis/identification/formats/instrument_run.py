@@ -33,6 +33,7 @@ _JUMP = 0.5
 _LEAST_JUMP = {"rad": float(np.radians(10)), "N": 1.0}
 """What it can leave them by however small its spread is."""
 _STEADY = ("handle_angle", "measured_handle_angle", "measured_output_angle", *(f"tension_{one}" for one in TENDONS))
+_ANGLES = ("measured_handle_angle", "measured_output_angle", *(f"spool_{one}" for one in TENDONS))
 
 
 @dataclass(frozen=True)
@@ -78,8 +79,12 @@ def checked(
             raw.outliers(column, max(_JUMP * spread, _LEAST_JUMP[COLUMNS[column]]))
     for tendon in TENDONS:
         raw.saturated(f"tension_{tendon}", may_rest_at_zero=True)
+    tensions = [f"tension_{tendon}" for tendon in TENDONS]
+    raw.tension(*tensions)
     raw.enough()
     raw.gaps()
     raw.excited("handle_angle", LEAST_EXCITATION, "rad")
+    raw.frozen([one for one in _ANGLES if one in raw.columns], "handle_angle")
+    raw.frozen(tensions, "handle_angle", may_rest_at_zero=True)
     done = raw.done(checksum=checksum)
     return InstrumentRun(done.name, done.time, done.columns, done.notes, None, done.checksum, instrument)

@@ -23,6 +23,10 @@ MOST_BACKWARDS = 0.01
 MOST_SATURATED = 0.05
 MOST_MISSING = 0.2
 """Share of the duration that gaps may take."""
+LONG_FROZEN = 0.15
+"""Share of the samples over which a value that stays the same is noted."""
+LEAST_FROZEN = 100
+"""Samples over which it is not yet."""
 WIDE = 5.0
 """How many times the median interval makes a gap."""
 CLOCKS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
@@ -31,6 +35,10 @@ CLOCKS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
 GRAM_FORCE = 1e-3 * STANDARD_GRAVITY
 """N per gram-force."""
 
+_OFFSET, _OFFSET_SHARE = 0.05, 0.1
+"""What a load cell's offset may be below zero, N and of the spread."""
+_MOVES = 0.1
+"""Share of its spread by which a column moves."""
 _MIDDLE = (0.05, 0.95)
 """Quantiles that a spread is between: more corrupt values than are allowed, all on one side, do not reach it."""
 
@@ -203,6 +211,35 @@ class Raw:
                     for i, j in long:
                         bad[i:j] = True
         self.drop(bad, f"saturated: {column} stays at its extreme", MOST_SATURATED)
+
+    def tension(self, *columns: str) -> None:
+        """Refuse tensions (N) of which more than half are negative by more than an offset: a tendon cannot push."""
+        for column in columns:
+            middle = float(np.median(self.columns[column]))
+            if middle < -max(_OFFSET, _OFFSET_SHARE * spread_of(self.columns[column])):
+                raise self.refuse(f"tension {column} is negative: its median is {middle:.3g} N; reverse its sign")
+
+    def frozen(self, columns: Sequence[str], moving: str, *, may_rest_at_zero: bool = False) -> None:
+        """Note columns that stay exactly the same for long while another one moves: a sensor that hangs, most likely.
+
+        Long is a share of :data:`LONG_FROZEN` of the samples, and more than :data:`LEAST_FROZEN` of them. A slack
+        tendon rests at zero, which is no fault of its load cell.
+        """
+        least = max(LEAST_FROZEN + 1, LONG_FROZEN * self.time.size)
+        moved = spread_of(self.columns[moving])
+        for column in columns:
+            values = self.columns[column]
+            # a mean of equal values differs from them by rounding
+            same = _stretches(np.abs(np.diff(values)) <= 1e-12 * np.max(np.abs(values)))
+            begin, end = max(same, key=lambda one: one[1] - one[0], default=(0, 0))
+            if end - begin + 1 < least or spread_of(self.columns[moving][begin : end + 1]) < _MOVES * moved:
+                continue
+            if may_rest_at_zero and abs(values[begin]) <= 1e-3 * np.ptp(values):
+                continue
+            self.note(
+                f"{column} stays exactly the same from {self.time[begin]:.6g} s to {self.time[end]:.6g} s while "
+                f"{moving} moves: a frozen sensor, unless it was held"
+            )
 
     def gaps(self, factor: float = WIDE) -> None:
         """Note intervals over so many times the median one; refuse the file if they take too much of its duration."""

@@ -69,6 +69,9 @@ def load(path: Path) -> Measured:
         raw.note(f"{column}: median of three samples, which took {spikes} spikes of over {SPIKE:g} N out")
     for column in TENSIONS:
         raw.saturated(column, may_rest_at_zero=True)
+    raw.tension(*TENSIONS)
+    for column, other in (TENSIONS, TENSIONS[::-1]):
+        raw.frozen((column,), other, may_rest_at_zero=True)
     raw.enough()
     raw.gaps()
     return raw.done(SOURCE, checksum(path))

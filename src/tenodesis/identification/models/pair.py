@@ -81,6 +81,9 @@ class Pair:
         Friction law, a key of `tenodesis.identification.laws.LAWS`.
     sections
         Places along the sheath at which its stretch is taken.
+    trained
+        How many of the recordings, the first ones, are fitted; all unless told. Whether anything may grow with the
+        bend is told by theirs.
 
     Raises
     ------
@@ -88,7 +91,14 @@ class Pair:
         There is no such law, no recording, or no section.
     """
 
-    def __init__(self, recordings: Sequence[Measured], *, law: str = DEFAULT_LAW, sections: int = SECTIONS) -> None:
+    def __init__(
+        self,
+        recordings: Sequence[Measured],
+        *,
+        law: str = DEFAULT_LAW,
+        sections: int = SECTIONS,
+        trained: int | None = None,
+    ) -> None:
         found = law_of(law)
         if not recordings:
             raise IdentificationError("train is empty; allowed is at least one recording.")
@@ -100,7 +110,7 @@ class Pair:
         self._magnitudes = tuple(one.name for one in found.magnitudes)
         self._shapes = tuple(one.name for one in found.shapes)
         # at one bend only, nothing is told of how anything grows with it
-        self._bends = len({one.bend for one in self._series}) > 1
+        self._bends = len({one.bend for one in self._series[:trained]}) > 1
         kinematics = tuple(one for one in _KINEMATICS if self._bends or not one.name.endswith(_PER_BEND))
         friction = [
             *(part for one in found.magnitudes for part in _with_bend(one, several=self._bends)),
@@ -183,7 +193,7 @@ def problem(train: Sequence[Measured], test: Sequence[Measured], *, law: str, in
     """
     if instrument is not None:
         raise IdentificationError("instrument is given; an endoscope-pair recording is of a joint without one.")
-    return Pair([*train, *test], law=law)
+    return Pair([*train, *test], law=law, trained=len(train))
 
 
 def _per_bend(name: str) -> str:

@@ -32,7 +32,7 @@ _COARSE = 0.5
 _SEEN = 1e-8
 _LOST = 1e3
 """Residual of a sample that the model does not reach because its tip was lost, in standard deviations."""
-_CELL = 0.02
+_CELL = 5e-3
 """Share of its range by which a parameter may change before what errors of commands do is worked out anew."""
 _CELLS_KEPT = 4
 _FAR = 9.0
@@ -170,7 +170,10 @@ class TwinProblem:
         return self._whitened(np.concatenate(parts), self._plain(model[:, 0], run), values, run)
 
     def lasting(self, values: Array, run: int) -> Array:
-        """Return what rounding that noise does not dither away may do to residuals, one deviation each, (n, m)."""
+        """Return what lasting errors may do to residuals, one deviation each, (n, m).
+
+        That is rounding that noise does not dither away, and what errors of commands do that is not linear in them.
+        """
         one = self._runs[run]
         model = self._model(values, run, [])[:, 0]
         count, sensors = len(one.kept), list(one.sensors.items())
@@ -182,9 +185,10 @@ class TwinProblem:
                     for wave in (np.cos(turns), np.sin(turns)):
                         waves.append(np.zeros(count * len(sensors)))
                         waves[-1][place * count : (place + 1) * count] = sqrt(size) / sensor.deviation * wave
-        if not waves:
-            return np.zeros((count * len(sensors), 0))
-        return self._whitened(np.nan_to_num(np.stack(waves, axis=1)), self._plain(model, run), values, run)
+        plain = self._plain(model, run)
+        near = self._near(plain, values, run)
+        errors = np.nan_to_num(np.stack([np.zeros(plain.size), *waves], axis=1))
+        return errors if near is None else near.whitened(np.concatenate([errors, near.bent], axis=1))
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus model: output_angle_deg where there is a distal encoder, tension_N of both tendons."""
@@ -236,14 +240,18 @@ class TwinProblem:
         return np.asarray(np.nan_to_num(np.concatenate(parts), nan=_LOST), dtype=np.float64)
 
     def _whitened(self, rows: Array, plain: Array, values: Array, run: int) -> Array:
-        """Return rows, (n,) or (n, m), with the errors of commands within what encoders leave open marginalised.
+        """Return rows, (n,) or (n, m), with the errors of commands within what encoders leave open marginalised."""
+        near = self._near(plain, values, run)
+        return rows if near is None else near.whitened(rows)
 
-        What these errors do is worked out near some values, but not where plain residuals tell that parameters are
-        far off.
+    def _near(self, plain: Array, values: Array, run: int) -> Marginalised | None:
+        """Return what errors of commands do near some values.
+
+        None where there are none, or where plain residuals tell that parameters are far off.
         """
         one = self._runs[run]
         if not one.misplaced or one.stride * np.mean(plain**2) > _FAR:
-            return rows
+            return None
         width = np.array([parameter.upper - parameter.lower for parameter in self.parameters]) * _CELL
         near = np.round(values / width) * width
         known = self._known.setdefault(run, {})
@@ -251,7 +259,7 @@ class TwinProblem:
             if len(known) >= _CELLS_KEPT:
                 del known[next(iter(known))]
             known[near.tobytes()] = marginalised(one, lambda commands: self._expected(commands, near, run))
-        return known[near.tobytes()].whitened(rows)
+        return known[near.tobytes()]
 
     def _expected(self, commands: Array, values: Array, run: int) -> Array:
         """Return what the sensors of a run are expected to read, in standard deviations, one after the other."""

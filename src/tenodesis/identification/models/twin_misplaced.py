@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,8 @@ class Marginalised(NamedTuple):
     """By how much each error moves the residuals so weighted, (n, errors)."""
     shrunk: Array
     """Shares by which residuals are shrunk in the directions of these, (errors, errors)."""
+    bent: Array
+    """What errors do to residuals that is not linear in them, one deviation of each group of them, (n, groups)."""
 
     def whitened(self, residuals: Array) -> Array:
         """Return residuals, (n,) or (n, m), shrunk in these directions to the variance of all else."""
@@ -46,7 +49,7 @@ def marginalised(run: Prepared, expected: Callable[[Array], Array]) -> Marginali
         Readings in standard deviations, one sensor after the other, of commands.
     """
     moved, bent = _moves(run, expected)
-    weights = 1 / np.sqrt(1 + run.stride * bent)
+    weights = 1 / np.sqrt(1 + run.stride * np.sum(bent**2, axis=1))
     moved = csc_array(diags_array(weights) @ moved)
     mixed = run.mixing.T @ (moved.T @ moved).toarray() @ run.mixing
     sizes, directions = np.linalg.eigh(run.stride * mixed)
@@ -54,18 +57,17 @@ def marginalised(run: Prepared, expected: Callable[[Array], Array]) -> Marginali
     inner = run.mixing @ directions
     # (1 + M M')^(-1/2) = 1 - M (...) M'
     shrunk = run.stride * inner * ((1 - 1 / np.sqrt(1 + sizes)) / sizes) @ inner.T
-    return Marginalised(weights, moved, shrunk)
+    return Marginalised(weights, moved, shrunk, bent)
 
 
 def _moves(run: Prepared, expected: Callable[[Array], Array]) -> tuple[csc_array, Array]:
-    """Return by how much each error moves residuals, (n, errors), and the mean square of what is not linear in them.
+    """Return by how much each error moves residuals, (n, errors), and what is not linear in them by group, (n, groups).
 
     Errors that are far apart share a run of the model: each counts until the next one begins.
     """
     errors = run.misplaced
     still = expected(run.commands)
     sensors, count = len(run.measured), len(run.kept)
-    bent = np.zeros((sensors, count))
     columns: list[Array] = [np.zeros(0)] * len(errors)
     places: list[NDArray[np.intp]] = [np.zeros(0, dtype=np.intp)] * len(errors)
 
@@ -82,17 +84,20 @@ def _moves(run: Prepared, expected: Callable[[Array], Array]) -> tuple[csc_array
     groups = _groups(errors, len(run.commands), run.time_step)
     with ThreadPoolExecutor(threads()) as pool:
         found = list(pool.map(pushed, groups))
+    bent = []
     for group, (there, back) in zip(groups, found, strict=True):
         moved = (there - back) / 2
-        # of a normal deviate's square
-        bent += 3 * ((there + back) / 2) ** 2
+        # the mean square of a normal deviate's square is three
+        bent.append(sqrt(3) * (there + back).ravel() / 2)
         begins = np.searchsorted(run.kept, [errors[index].first for index in group]).tolist()
         for index, begin, end in zip(group, begins, [*begins[1:], count], strict=True):
             columns[index] = moved[:, begin:end].ravel()
             places[index] = (np.arange(sensors)[:, None] * count + np.arange(begin, end)).ravel()
     owner = np.repeat(np.arange(len(errors)), [column.size for column in columns])
     shape = (sensors * count, len(errors))
-    return coo_array((np.concatenate(columns), (np.concatenate(places), owner)), shape=shape).tocsc(), bent.ravel()
+    return coo_array((np.concatenate(columns), (np.concatenate(places), owner)), shape=shape).tocsc(), np.stack(
+        bent, axis=1
+    )
 
 
 def _groups(errors: Sequence[Misplaced], steps: int, time_step: float) -> list[list[int]]:
