@@ -268,6 +268,9 @@ class Runtime:
     def lease(self, seconds: float) -> None:
         """The operator is there for so long; 0: there is none."""
 
+    def stop(self) -> None:
+        """Motors to zero with the next tick, until a request sets them free."""
+
     def forget_timing(self) -> None:
         """Count anew from the next tick on."""
 

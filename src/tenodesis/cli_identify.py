@@ -1,6 +1,7 @@
 """The command that finds a model's parameters in recordings."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Annotated, get_args
@@ -18,7 +19,7 @@ from tenodesis.cli_progress import PatientBar
 from tenodesis.cli_recording import CommandError
 from tenodesis.identification import report
 from tenodesis.identification.figures import worded
-from tenodesis.identification.fit import LEAST_REPLICATES, STARTS, fit
+from tenodesis.identification.fit import LEAST_REPLICATES, STARTS, fit, unexplained, worse_held_out
 from tenodesis.identification.formats import Measured, load_all
 from tenodesis.identification.laws import LAWS
 from tenodesis.identification.problem import Problem, WithGroups
@@ -126,6 +127,9 @@ def identify(  # noqa: PLR0917
             loss=_loss(loss) or defaults.loss,
             progress=bar,
         )
+    held_out = [one for one in found.files if one.split == "test"]
+    doubts = (*unexplained(problem, found.vector, held_out), *worse_held_out(found.files))
+    found = replace(found, warnings=(*found.warnings, *doubts))
     notes = {one.name: one.notes for one in measured}
     for one in measured[count:]:
         notes[one.name] += _extrapolated(one, measured[:count])

@@ -1,5 +1,7 @@
 """The whole instrument in space: its workspace through the port, and what a load takes of it."""
 
+import html
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
@@ -29,7 +31,7 @@ def section(context: Context) -> Section:
     try:
         lengths = kinematics.dimensions(inst)
     except InstrumentError as problem:
-        return Section("workspace", title, f"<p>Left out: {problem}</p>")
+        return Section("workspace", title, f"<p>Left out: {html.escape(str(problem))}</p>")
     force = _force(inst)
     free, loaded = kinematics.workspace(inst), kinematics.workspace(inst, force)
     for name, space, told in (("unloaded", free, "without a load"), ("loaded", loaded, f"against {force:.3g} N")):

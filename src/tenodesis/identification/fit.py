@@ -163,8 +163,7 @@ def fit(
         jacobians=task.jacobians,
         warnings=(
             *_warnings(found, noises, best, same=same, starts=starts, parameters=len(indices)),
-            *unexplained(problem, values, files),
-            *_worse_held_out(files),
+            *unexplained(problem, values, [one for one in files if one.split == "train"]),
         ),
         seconds=time.monotonic() - begun,
     )
@@ -280,12 +279,18 @@ class _Task:
     def on_bounds(self, found: _End) -> tuple[Array, float]:
         """Return the optimum and its cost, with parameters on a bound they lean on, of which the search stops short.
 
-        A parameter leans on a bound where the cost is no higher on it.
+        A parameter leans on a bound where the cost is no higher on it. One that changes nothing leans on none, and is
+        where it started.
         """
         at, cost = found.at, found.cost
+        idle = ~self._finite(self.jacobian(at)).any(axis=0)
+        if idle.any():
+            kept = np.where(idle, self.start[self.free], at)
+            same = self._cost(self.residuals(kept))
+            at, cost = (kept, same) if same <= cost else (at, cost)
         reach = _NEAR_BOUND * (self.upper - self.lower)
         for bound in (self.lower, self.upper):
-            for index in np.flatnonzero((np.abs(at - bound) < reach) & (at != bound)):
+            for index in np.flatnonzero((np.abs(at - bound) < reach) & (at != bound) & ~idle):
                 there = at.copy()
                 there[index] = bound[index]
                 if self._cost(self.residuals(there)) <= cost * (1 + 1e-9):
@@ -555,7 +560,7 @@ def unexplained(problem: Problem, values: Array, files: Sequence[RunErrors]) -> 
     return out
 
 
-def _worse_held_out(files: Sequence[RunErrors]) -> list[str]:
+def worse_held_out(files: Sequence[RunErrors]) -> list[str]:
     """Return a sentence for each signal whose error is far larger where it was held out."""
     fitted, held = (_pooled([one for one in files if one.split == split]) for split in ("train", "test"))
     return [

@@ -14,6 +14,7 @@ from tenodesis import _core
 from tenodesis.control import Controller, Request
 from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.devices.device import Capabilities, Device
+from tenodesis.devices.settings import Serial
 from tenodesis.errors import DeviceError, LiveError
 from tenodesis.instrument import Instrument
 from tenodesis.live import folder as folders
@@ -273,22 +274,17 @@ def _controller(inst: Instrument, choices: Choices, *, homed: bool) -> Any:
     if choices.device == "serial":
         from tenodesis.devices.serial import SerialController  # noqa: PLC0415 - pyserial is for this device alone
 
-        settings = inst.devices.serial
-        address = choices.address or (None if settings is None else settings.port)
-        if address is None:
-            raise DeviceError(
-                "serial has no address; give --address, such as socket://127.0.0.1:5555 or /dev/ttyACM0, or port in "
-                "the instrument file's table devices.serial."
-            )
+        settings = inst.devices.serial or Serial()
         return SerialController(
-            address,
+            choices.address or settings.port,
             inst,
             law=choices.law,
             actuation=choices.actuation,
             homed=homed,
             enabled=False,
             silence=1.0,
-            **({} if settings is None else {"timeout": settings.timeout, "baud_rate": settings.baud_rate}),
+            timeout=settings.timeout,
+            baud_rate=settings.baud_rate,
         )
     return Controller(inst, law=choices.law, actuation=choices.actuation, homed=homed, enabled=False)
 

@@ -99,7 +99,8 @@ class Reader:
         for _ in range(8):
             written = self._ring.written
             if written and self._ring.read(written - 1, row)[0]:
-                return row[0]
+                newest: Array = row[0]
+                return newest
         return None
 
 

@@ -33,7 +33,7 @@ _JUMP = 0.5
 _LEAST_JUMP = {"rad": float(np.radians(10)), "N": 1.0}
 """What it can leave them by however small its spread is."""
 _STEADY = ("handle_angle", "measured_handle_angle", "measured_output_angle", *(f"tension_{one}" for one in TENDONS))
-_ANGLES = ("measured_handle_angle", "measured_output_angle", *(f"spool_{one}" for one in TENDONS))
+_ANGLES = ("measured_handle_angle", "measured_output_angle")
 
 
 @dataclass(frozen=True)
