@@ -11,11 +11,10 @@ from tenodesis.control import Controller, Request
 from tenodesis.instrument import Instrument
 from tenodesis.instrument_text import to_toml
 from tenodesis.live import folder as folders
+from tenodesis.live.loop import ORDERS
 from tenodesis.live.record import run_of, signals_of
 from tenodesis.signals import Run, concatenate
 from tenodesis.twin import Twin
-
-_DROP = 8
 
 
 def part(run: Run, start: int, stop: int) -> Run:
@@ -98,19 +97,19 @@ class LiveLoop:
 
     def ask(self, request: str) -> None:
         self.asked.append(request)
-        self._runtime.order(0, int(Request[request.upper()]))
+        self._runtime.order(ORDERS.index("request"), int(Request[request.upper()]))
 
     def load(self, force: float) -> None:
-        self._runtime.order(4, value=force)
+        self._runtime.order(ORDERS.index("force"), value=force)
 
     def hand(self, angle: float) -> None:
-        self._runtime.order(3, value=angle)
+        self._runtime.order(ORDERS.index("hand"), value=angle)
 
     def tamper(self, place: int, mode: int, value: float, ticks: int) -> None:
-        self._runtime.order(7, place, mode, 0, value, ticks)
+        self._runtime.order(ORDERS.index("tamper"), place, mode, 0, value, ticks)
 
     def stop(self) -> None:
-        self._runtime.order(1)
+        self._runtime.stop()
 
     @property
     def pending(self) -> int:
@@ -120,4 +119,4 @@ class LiveLoop:
         return int(self._runtime.play(np.ascontiguousarray(rows)))
 
     def drop(self) -> None:
-        self._runtime.order(_DROP)
+        self._runtime.order(ORDERS.index("drop"))

@@ -25,7 +25,8 @@ from tenodesis.twin import Twin
 
 _RING_SECONDS = 8.0
 """Time that a reader may fall behind by, s."""
-_ORDERS = ("request", "law", "hand", "force", "radial", "speed", "tamper", "drop")
+ORDERS = ("request", "law", "hand", "force", "radial", "speed", "tamper", "drop")
+"""Orders of the core's loop, by number."""
 _MODES = ("none", "add", "set", "hold")
 _LARGEST_FORCE = 100.0
 """At the tip, N."""
@@ -260,7 +261,7 @@ class LiveLoop:
             self._order(order, axis=n, value=value)
 
     def _order(self, kind: str, a: int = 0, b: int = 0, *, axis: int = 0, value: float = 0.0, ticks: int = 0) -> None:
-        self._given(self.core.order, _ORDERS.index(kind), a, b, axis, value, ticks)
+        self._given(self.core.order, ORDERS.index(kind), a, b, axis, value, ticks)
 
     def _given(self, order: Callable[..., Any], *arguments: Any) -> None:
         # The core's queue takes orders from one thread at a time.
