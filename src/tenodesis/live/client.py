@@ -51,8 +51,6 @@ class Timing:
     """Of the controller alone, in the same ticks."""
     lateness_p99: float
     lateness_worst: float
-    starved: int
-    """Ticks of a played motion that had not come in time."""
     rate: float
     """Ticks per second, Hz."""
 
@@ -301,7 +299,7 @@ class Client:
 
     def _gone(self, problem: str) -> Status:
         last = self._last_status
-        timing = Timing(0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 1 / self.time_step)
+        timing = Timing(0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1 / self.time_step)
         return Status(
             "GONE",
             False,

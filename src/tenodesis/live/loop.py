@@ -173,6 +173,11 @@ class LiveLoop:
         link = getattr(self.controller, "problem", None)
         return PROBLEMS[self.core.problem] if link is None else str(link.text)
 
+    @property
+    def unanswered(self) -> int:
+        """Measurements of a device to which no answer came in time, so that its motors were told to stop."""
+        return 0 if self._pump is None else self._pump.unanswered
+
     def request(self, what: Request | str) -> None:
         """Ask the controller for something, a :class:`Request` or its name."""
         try:

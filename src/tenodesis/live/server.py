@@ -167,7 +167,7 @@ class Server:
             "timing": {
                 "ticks": core.ticks,
                 "late": core.late,
-                "missed": core.missed,
+                "missed": core.missed + loop.unanswered,
                 "lost": int(said.get("lost", 0)),
                 "p50": compute[0],
                 "p99": compute[1],
@@ -176,7 +176,6 @@ class Server:
                 "controller_worst": control[2],
                 "lateness_p99": lateness[1],
                 "lateness_worst": lateness[2],
-                "starved": core.starved,
                 "rate": 1 / loop.period,
             },
             "realtime": core.refused,
