@@ -41,7 +41,7 @@ test-cpp: .venv/.deps
 	$(BIN)/ctest --test-dir build/cpp --output-on-failure
 
 test-python: build
-	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
 
 # The controller on a microcontroller; says which Debian packages it needs.
 firmware: build

@@ -523,7 +523,8 @@ def test_a_malformed_order_is_answered_and_moves_nothing(served, line):
     raw.sendall(line)
     answer = json.loads(raw.makefile("rb").readline())
     assert "error" in answer
-    assert server.loop.core.running
+    ticks = server.loop.core.ticks
+    until(lambda: server.loop.core.ticks > ticks)
     raw.close()
 
 
@@ -580,7 +581,8 @@ def test_a_recorder_that_is_killed_is_said_and_its_file_can_be_read_to_the_last_
     recording = Recording.open(path)
     # Chunks are of a quarter of a second.
     assert len(recording.run) >= before - 0.25 / server.loop.period
-    assert server.loop.core.running
+    ticks = server.loop.core.ticks
+    until(lambda: server.loop.core.ticks > ticks)
 
 
 def test_a_runtime_that_is_killed_is_said_and_can_be_started_again(tmp_path):
