@@ -1,7 +1,8 @@
 """A controller on a board: a microcontroller with the firmware of ``firmware/link.cpp`` on a serial port or a socket.
 
 The board computes; everything else is as with :class:`tenodesis.control.Controller`: a twin's run or the live loop
-takes either. Each tick waits for the board's answer; what fails there is a fault with the motors at rest.
+takes either. Each tick waits for the board's answer; a board that fails is no error but a fault, with velocities 0 and
+estimates NaN, until the request ``clear`` or a reset has set the link up anew.
 """
 
 import socket
@@ -12,10 +13,9 @@ from types import TracebackType
 from typing import NamedTuple, Self, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from tenodesis import _core
-from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName, Output, Request
+from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
 from tenodesis.control.export import INTERFACE_VERSION
 from tenodesis.control.parameters import AXIS, COMMON, FAULTS
 from tenodesis.errors import DeviceError
@@ -165,21 +165,6 @@ class SerialController(Controller):
     def stopped(self) -> bool:
         """Whether the board has stopped by itself and waits to be enabled or resumed."""
         return self._link.stopped()
-
-    def step(
-        self,
-        time: float,
-        handle_angle: ArrayLike,
-        tensions: ArrayLike,
-        spool_angles: ArrayLike,
-        request: Request | str = Request.NONE,
-    ) -> Output:
-        """Take one tick on the board, as :meth:`tenodesis.control.Controller.step`.
-
-        A board that fails is no error: the output is a fault, with velocities 0 and estimates NaN, until the request
-        ``clear`` or a reset has set the link up anew; :attr:`problem` says what it was.
-        """
-        return super().step(time, handle_angle, tensions, spool_angles, request)
 
     def close(self) -> None:
         """Tell the board to stop, and let go of it; a second time does nothing."""

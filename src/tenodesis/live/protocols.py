@@ -7,16 +7,15 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from tenodesis.control import Controller, OperatingState
+from tenodesis.control import OperatingState
 from tenodesis.control.controller import fault_names
 from tenodesis.instrument import Instrument
 from tenodesis.protocols import Pretension
 from tenodesis.protocols.command import Command, between, sampled
-from tenodesis.protocols.loop import Loop
+from tenodesis.protocols.loop import refuse
 from tenodesis.protocols.protocol import Planned, block_size
 from tenodesis.protocols.shapes import SMOOTH
 from tenodesis.signals import Array
-from tenodesis.twin import Twin
 
 _AHEAD = 0.1
 """Time that the queue is kept ahead by, at least, s."""
@@ -96,7 +95,7 @@ class Player:
         inst: Instrument,
         time_step: float,
     ) -> None:
-        refuse(plan, inst)
+        refuse(plan, inst.axes, inst)
         self._plan, self._queue, self._ask, self._latest = tuple(plan), queue, ask, latest
         self._axes, self._time_step = len(inst.axes), time_step
         self._total = math.fsum(planned.seconds for planned in plan)
@@ -274,17 +273,6 @@ class _Homing(Enum):
     UNDER_WAY = auto()
     OUT_OF_TIME = auto()
     FAILED = auto()
-
-
-def refuse(plan: Sequence[Planned], inst: Instrument) -> None:
-    """Refuse what a controller cannot run.
-
-    Raises
-    ------
-    ProtocolError
-        A phase moves the spools, or asks homing for what it does not do.
-    """
-    Loop(Twin(inst, quasi_static=True), Controller(inst)).refuse(plan)
 
 
 def _rows(command: Command) -> Array:

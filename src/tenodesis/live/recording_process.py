@@ -36,6 +36,7 @@ class RecordingProcess:
         """Why it is recorded no more."""
         self._lock = threading.RLock()
         self._stopping = False
+        self._begun = False
 
     def start(self, called: str) -> Path:
         """Start one, and return where it records to.
@@ -66,13 +67,14 @@ class RecordingProcess:
             stderr=subprocess.PIPE,
             start_new_session=True,
         )
-        self.problem, self.path = None, path
+        self.problem, self.path, self._begun = None, path, False
         return path
 
     @property
     def ready(self) -> bool:
         """Whether it records, or never will."""
-        return self.path is None or bool(self.status())
+        self._begun = self._begun or bool(self.status())
+        return self.path is None or self._begun
 
     def status(self) -> dict[str, Any]:
         """Return what the recorder tells of itself; nothing before it is ready."""

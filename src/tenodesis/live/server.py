@@ -28,7 +28,7 @@ from tenodesis.live.journal import Journal
 from tenodesis.live.lease import Lease
 from tenodesis.live.loop import Choices, DeviceName, LiveLoop
 from tenodesis.live.protocols import Player
-from tenodesis.live.record import Reader, signals_of
+from tenodesis.live.record import TICK, Reader, signals_of
 from tenodesis.live.recording_process import RecordingProcess
 
 _TURN = 0.02
@@ -291,7 +291,8 @@ class Server:
         return {} if row is None else signals_of(row, self.loop.inst.axes)
 
     def _time(self) -> float:
-        return float(self._tick().get("time", 0.0))
+        row = self._reader.newest()
+        return 0.0 if row is None else float(row[TICK.index("time")])
 
     def _protocol(self) -> tuple[str, float, float, str | None] | None:
         with self._lock:

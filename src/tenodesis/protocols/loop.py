@@ -51,14 +51,7 @@ class Loop:
         ProtocolError
             There is one.
         """
-        for planned in plan:
-            try:
-                if isinstance(planned.phase, Pretension):
-                    self._refuse_pretension(planned.phase, planned.held)
-                else:
-                    _refuse_driven(planned)
-            except ProtocolError as problem:
-                raise ProtocolError(f"{planned.called}: {problem}.") from None
+        refuse(plan, self.twin.inst.axes, self.controller.inst)
 
     def run(self, *, handle_angle: Array, force: Array, radial_force: Array, spool_velocity: Array) -> Run:
         """Go on by as many time steps as there are commands; what the controller was told to ask comes with the first.
@@ -106,18 +99,46 @@ class Loop:
             self.controller.ask(Request.RESUME)
             yield self.run(**commands)
 
-    def _refuse_pretension(self, phase: Pretension, held: Command) -> None:
-        if phase.axis is not None and len(self.twin.inst.axes) > 1:
-            raise ProtocolError(f"axis is {phase.axis}; allowed with a controller is none, since it homes all axes")
-        if held.force.any() or held.radial_force.any():
-            raise ProtocolError("the tip is loaded; allowed with a controller is homing without load")
-        for axis in self.twin.inst.axes:
-            given = _pretension(self.controller.inst, axis)
-            if phase.tension is not None and abs(phase.tension - given) > phase.tolerance:
-                raise ProtocolError(
-                    f"tension is {phase.tension:g} N; allowed with a controller is the pretension of {given:g} N that "
-                    f"{self.controller.inst.name} has, to which it homes"
-                )
+
+def refuse(plan: Sequence[Planned], axes: tuple[str, ...], told: Instrument) -> None:
+    """Refuse phases that a controller cannot run: that move the spools, or ask homing for what it does not do.
+
+    Parameters
+    ----------
+    plan
+        The phases.
+    axes
+        Of the instrument that runs them.
+    told
+        The instrument as the controller has it.
+
+    Raises
+    ------
+    ProtocolError
+        There is one.
+    """
+    for planned in plan:
+        try:
+            if isinstance(planned.phase, Pretension):
+                _refuse_pretension(planned.phase, planned.held, axes, told)
+            else:
+                _refuse_driven(planned)
+        except ProtocolError as problem:
+            raise ProtocolError(f"{planned.called}: {problem}.") from None
+
+
+def _refuse_pretension(phase: Pretension, held: Command, axes: tuple[str, ...], told: Instrument) -> None:
+    if phase.axis is not None and len(axes) > 1:
+        raise ProtocolError(f"axis is {phase.axis}; allowed with a controller is none, since it homes all axes")
+    if held.force.any() or held.radial_force.any():
+        raise ProtocolError("the tip is loaded; allowed with a controller is homing without load")
+    for axis in axes:
+        given = _pretension(told, axis)
+        if phase.tension is not None and abs(phase.tension - given) > phase.tolerance:
+            raise ProtocolError(
+                f"tension is {phase.tension:g} N; allowed with a controller is the pretension of {given:g} N that "
+                f"{told.name} has, to which it homes"
+            )
 
 
 def _refuse_driven(planned: Planned) -> None:
