@@ -157,7 +157,6 @@ void bind_runtime(nb::module_& m) {
       .def("tamper_not_a_number", &tamper_not_a_number, "place"_a, "axis"_a, "ticks"_a, "Make a sensor say no number.")
       .def("play", &play, "rows"_a, nb::sig("def play(self, rows: NDArray[numpy.float64]) -> int"),
            "Queue ticks of a played motion, per axis handle angle, force, radial force; returns how many were taken.")
-      .def("expect_rows", &Runtime::expect_rows, "expected"_a, "Whether ticks without a row are to be counted.")
       .def(
           "lease", [](Runtime& loop, double seconds) { loop.lease(in_nanoseconds(seconds)); }, "seconds"_a,
           "The operator is there for so long; 0: there is none.")
@@ -168,7 +167,6 @@ void bind_runtime(nb::module_& m) {
       .def_prop_ro("ticks", &Runtime::ticks)
       .def_prop_ro("late", &Runtime::late)
       .def_prop_ro("missed", &Runtime::missed)
-      .def_prop_ro("starved", &Runtime::starved)
       .def_prop_ro("speed", &Runtime::speed)
       .def_prop_ro("problem", [](const Runtime& loop) { return static_cast<int>(loop.problem()); })
       .def_prop_ro("refused", &Runtime::refused)

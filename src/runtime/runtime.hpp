@@ -123,8 +123,6 @@ class Runtime {
   bool order(const Order& order) { return orders_.push(order); }
   bool play(const Row& row) { return rows_.push(row); }
   std::size_t pending_rows() const { return rows_.pending(); }
-  /// Whether rows are still to come: to find none is then counted.
-  void expect_rows(bool expected) { expecting_.store(expected); }
   /// The operator is there for so many ns more; 0: there is none. Once there has been one, nothing sets motors free
   /// without.
   void lease(std::uint64_t nanoseconds) {
@@ -146,7 +144,6 @@ class Runtime {
   std::uint64_t ticks() const { return ticks_.load(); }
   std::uint64_t late() const { return late_.load(); }
   std::uint64_t missed() const { return missed_.load(); }
-  std::uint64_t starved() const { return starved_.load(); }
   Problem problem() const { return problem_.load(); }
   double speed() const { return speed_.load(); }
   void forget_timing() { forget_.store(true); }
@@ -263,7 +260,6 @@ class Runtime {
     lateness_.clear();
     late_.store(0);
     missed_.store(0);
-    starved_.store(0);
     ticks_.store(0);
   }
 
@@ -411,7 +407,6 @@ class Runtime {
       }
       return;
     }
-    if (expecting_.load(std::memory_order_relaxed)) starved_.fetch_add(1, std::memory_order_relaxed);
     // A critically damped follower, no faster than a hand.
     const double rate = 1 / settings_.hand_smoothing;
     for (std::size_t n = 0; n < most_axes; ++n) {
@@ -494,7 +489,7 @@ class Runtime {
   std::vector<double> record_;
 
   std::thread thread_;
-  std::atomic<bool> ending_, running_, expecting_, forget_, absent_, operated_, stop_asked_;
+  std::atomic<bool> ending_, running_, forget_, absent_, operated_, stop_asked_;
   Queue<Order, 1024> orders_;
   Queue<Row, rows_ahead> rows_;
   std::atomic<std::uint64_t> lease_;
@@ -511,7 +506,7 @@ class Runtime {
   std::uint64_t next_{}, last_fresh_{}, late_now_{}, measured_at_{};
 
   Durations compute_, control_, lateness_;
-  std::atomic<std::uint64_t> ticks_, late_, missed_, starved_;
+  std::atomic<std::uint64_t> ticks_, late_, missed_;
   std::atomic<Problem> problem_;
   std::atomic<double> speed_;
   mutable std::mutex refused_mutex_;

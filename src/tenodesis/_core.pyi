@@ -262,9 +262,6 @@ class Runtime:
         Queue ticks of a played motion, per axis handle angle, force, radial force; returns how many were taken.
         """
 
-    def expect_rows(self, expected: bool) -> None:
-        """Whether ticks without a row are to be counted."""
-
     def lease(self, seconds: float) -> None:
         """The operator is there for so long; 0: there is none."""
 
@@ -288,9 +285,6 @@ class Runtime:
 
     @property
     def missed(self) -> int: ...
-
-    @property
-    def starved(self) -> int: ...
 
     @property
     def speed(self) -> float: ...
