@@ -26,7 +26,7 @@ build: .venv/.built
 .venv/.deps: requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=...")'
 	$(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet --require-hashes -r requirements.lock
+	$(BIN)/pip install --quiet --no-compile --require-hashes -r requirements.lock
 	@touch $@
 
 .venv/.built: .venv/.deps $(CORE) $(BINDINGS) include/tenodesis/tenodesis.h CMakeLists.txt pyproject.toml

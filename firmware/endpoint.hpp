@@ -9,6 +9,7 @@ namespace tenodesis::link {
 
 static_assert(sizeof(tenodesis_real) == sizeof(float), "what is sent is float");
 static_assert(sizeof(tenodesis_parameters) == parameters_size && most_axes == TENODESIS_AXES);
+static_assert(TENODESIS_LAW_ROBUST < 0x10000 && TENODESIS_ACTUATION_DIFFERENTIAL < 0x10000);
 static_assert(sizeof(Counted) == sizeof(tenodesis_counts) && sizeof(Measured) == sizeof(tenodesis_measurement));
 
 /// Bytes to send; none where there is nothing to say.
@@ -51,15 +52,14 @@ class Endpoint {
 
   /// A tick of a board that streams, of what it has measured.
   Bytes tick(const tenodesis_measurement (&measured)[most_axes], std::uint64_t now) {
-    Step step{};
-    step.time = now;
-    step.request = request_;
+    Step step{now, request_, choice_, {}};
     __builtin_memcpy(step.axis, measured, sizeof step.axis);
     request_ = TENODESIS_REQUEST_NONE;
-    Streamed streamed{kept_, static_cast<std::uint32_t>(axes_), run(step), {}};
-    __builtin_memcpy(streamed.measured, measured, sizeof streamed.measured);
+    const Output output = run(step);
+    Streamed streamed{kept_, number_, output.tick, {}};
+    for (int n = 0; n < axes_; ++n) streamed.axis[n] = {step.axis[n], output.axis[n]};
     const Header header{protocol_version, Type::streamed, session_, ++ticks_};
-    return {streamed_, encode(header, &streamed, sizeof streamed, streamed_)};
+    return {streamed_, encode(header, &streamed, Streamed::size(axes_), streamed_)};
   }
 
   /// What the motors of an axis are to be told now, rad/s.
@@ -93,14 +93,15 @@ class Endpoint {
       case Type::stream:
         if (!sensors_) return refuse(header, Refusal::no_sensors, 0);
         streaming_ = true;
+        number_ = 0;
+        ticks_ = 0;
         heard_ = now;
         return answer(header, Type::done, nullptr, 0);
       case Type::keep:
         if (frame.size() != sizeof(Keep)) break;
-        if (const std::uint32_t request = frame.message<Keep>().request; request != TENODESIS_REQUEST_NONE)
-          request_ = request;
         watch(now);
         heard_ = now;
+        keep(frame.message<Keep>());
         kept_ = header.sequence;
         answer_ = {};
         return {};
@@ -135,6 +136,8 @@ class Endpoint {
     __builtin_memcpy(&parameters, frame.payload() + offsetof(Parameters, image), sizeof parameters);
     const int found = tenodesis_init(&controller_, &parameters);
     if (found != TENODESIS_OK) return refuse(header, Refusal::bad_parameters, static_cast<std::uint32_t>(found));
+    choice_ = {static_cast<std::uint16_t>(parameters.law), static_cast<std::uint16_t>(parameters.actuation)};
+    chosen_ = choice_;
     axes_ = static_cast<int>(parameters.axes);
     period_ = parameters.period;
     silence_ = std::uint64_t(frame.message<std::uint32_t>()) * 1000000U;
@@ -142,6 +145,13 @@ class Endpoint {
     heard_ = now;
     request_ = TENODESIS_REQUEST_NONE;
     return answer(header, Type::done, nullptr, 0);
+  }
+
+  void keep(const Keep& wanted) {
+    if (wanted.number != number_) request_ = wanted.request;
+    number_ = wanted.number;
+    choice_ = wanted.choice;
+    if (wanted.rest != 0) hold(halted);
   }
 
   Bytes step(const Header& header, const Decoder& frame, std::uint64_t now) {
@@ -156,11 +166,13 @@ class Endpoint {
     input.time = step.time;
     input.request = held_ == 0 ? step.request : without_power(step.request);
     __builtin_memcpy(input.axis, step.axis, sizeof input.axis);
+    if (step.choice != chosen_) tenodesis_choose(&controller_, step.choice.law, step.choice.actuation);
+    chosen_ = step.choice;
     tenodesis_output got;
     tenodesis_step(&controller_, &input, &got);
     if (got.state == TENODESIS_ENABLED) resting_ = false;
-    Output output{step.time, got.state, held_, got.faults, got.first_faults, busy_, damaged_, {}};
-    output.flags |= (got.homed != 0 ? homed : 0U) | (got.homing != 0 ? homing : 0U) | (resting_ ? stopped : 0U);
+    Output output{{step.time, got.state, held_, got.faults, got.first_faults, busy_, damaged_}, {}};
+    output.tick.flags |= (got.homed != 0 ? homed : 0U) | (got.homing != 0 ? homing : 0U) | (resting_ ? stopped : 0U);
     held_ = 0;
     state_ = got.state;
     for (int n = 0; n < axes_; ++n) {
@@ -244,7 +256,10 @@ class Endpoint {
   bool resting_{};        // motors, until the controller is enabled again
   float sent_[most_axes][2]{};
   bool streaming_{};
-  std::uint32_t request_{};
+  std::uint32_t request_{};  // to be made with the next tick of a board that streams,
+  std::uint32_t number_{};   // and the PC's number of it
+  Choice choice_{};          // of the PC
+  Choice chosen_{};          // that the controller has been told
   std::uint32_t ticks_{};
   std::uint32_t busy_{};
   std::uint32_t damaged_{};

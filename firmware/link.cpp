@@ -21,7 +21,8 @@ alignas(Decoder) unsigned char decoder_memory[sizeof(Decoder)];
 // Ticks come once a period of the board's clock.
 class Streaming {
  public:
-  void run(Endpoint& endpoint, const Uart& uart, std::uint64_t ticks) {
+  void run(Endpoint& endpoint, const Uart& uart, Clock& clock) {
+    const std::uint64_t ticks = clock.ticks();
     const auto period = static_cast<std::uint32_t>(endpoint.period() * float(Clock::rate));
     if (!endpoint.streams() || ticks - last_ < period) return;
     last_ = ticks - last_ < 2U * period ? last_ + period : ticks;
@@ -30,6 +31,7 @@ class Streaming {
     const Bytes tick = endpoint.tick(measured, Clock::nanoseconds(ticks));
     for (int n = 0; n < TENODESIS_AXES; ++n)
       for (int i = 0; i < 2; ++i) bench_[n].drive(i, endpoint.velocity(n, i), endpoint.period());
+    endpoint.took(static_cast<std::uint32_t>(clock.ticks() - ticks));
     uart.write(tick.data, tick.size);
   }
 
@@ -53,15 +55,14 @@ std::uint32_t run() {
     if (came && decoder.push(byte)) {
       const std::uint64_t before = clock.ticks();
       const Bytes answer = endpoint.take(decoder, Clock::nanoseconds(before));
-      endpoint.took(static_cast<std::uint32_t>(clock.ticks() - before));
+      if (!endpoint.streams()) endpoint.took(static_cast<std::uint32_t>(clock.ticks() - before));
       uart.write(answer.data, answer.size);
     }
     // Noise without an end must not keep it from stopping.
     if (came && ++unlooked < bytes_between_looks) continue;
     unlooked = 0;
-    const std::uint64_t now = clock.ticks();
-    endpoint.watch(Clock::nanoseconds(now));
-    streaming.run(endpoint, uart, now);
+    endpoint.watch(Clock::nanoseconds(clock.ticks()));
+    streaming.run(endpoint, uart, clock);
     if (!came && !endpoint.streams()) uart.wait();
   }
 }

@@ -135,6 +135,18 @@ struct Controller {
   /// How many axes there are; a bound that the compiler can see.
   int count() const { return smaller(axes, most_axes); }
 
+  /// Takes another law and actuation between ticks; false, and nothing changed, where the observer does not do for it.
+  bool choose(ControlLaw law, Actuation actuation, State& state) {
+    for (int n = 0; n < count(); ++n)
+      if (law == ControlLaw::robust && axis[n].observer != ObserverKind::friction) return false;
+    for (int n = 0; n < count(); ++n) {
+      axis[n].compensator.law = law;
+      axis[n].compensator.actuation = actuation;
+      state.axis[n].compensator = {};
+    }
+    return true;
+  }
+
   State start() const {
     State state{};
     state.homed = homed;

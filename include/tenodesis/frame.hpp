@@ -12,7 +12,7 @@
 namespace tenodesis::link {
 
 /// Raised whenever a message or its meaning changes; header, hello and refusal stay as they are in all versions.
-inline constexpr std::uint8_t protocol_version = 1;
+inline constexpr std::uint8_t protocol_version = 2;
 
 enum class Type : std::uint8_t {
   none = 0,
@@ -24,7 +24,7 @@ enum class Type : std::uint8_t {
   counts = 5,      ///< what the watch of an axis has counted
   stop = 6,        ///< motors to zero; an enabled controller pauses with its next tick
   stream = 7,      ///< the board measures and steps by itself from now on, and sends each tick
-  keep = 8,        ///< keeps a streaming board going, with a request or none
+  keep = 8,        ///< keeps a streaming board going; not answered
   // from the board
   board = 0x81,
   done = 0x82,  ///< parameters, reset, stop, stream
@@ -84,11 +84,18 @@ struct Measured {
   float spool_angle[2]{};  // rad
 };
 
+/// TENODESIS_LAW_... and TENODESIS_ACTUATION_...; one that the controller cannot take leaves it as it is.
+struct Choice {
+  std::uint16_t law{}, actuation{};
+
+  friend constexpr bool operator==(const Choice&, const Choice&) = default;
+};
+
 /// Cut after the axes there are.
 struct Step {
   std::uint64_t time{};     ///< of the measurement, ns
   std::uint32_t request{};  ///< TENODESIS_REQUEST_...
-  std::uint32_t reserved{};
+  Choice choice{};
   Measured axis[most_axes]{};
 
   static constexpr std::size_t size(int axes) { return 16 + static_cast<std::size_t>(axes) * sizeof(Measured); }
@@ -106,14 +113,13 @@ struct AxisAnswer {
   std::uint32_t phase{};  ///< of compensation
 };
 
-/// Bits of Output::flags.
+/// Bits of TickAnswer::flags.
 inline constexpr std::uint32_t homed = 1, homing = 2;
 inline constexpr std::uint32_t silent = 4;  ///< too long without a tick or a keep: it has stopped since the last answer
 inline constexpr std::uint32_t halted = 8;  ///< the same by a stop
 inline constexpr std::uint32_t stopped = 16;  ///< motors at rest until the controller is enabled again
 
-/// Cut after the axes there are.
-struct Output {
+struct TickAnswer {
   std::uint64_t time{};   ///< of the measurement that it answers, ns
   std::uint32_t state{};  ///< TENODESIS_DISABLED ...
   std::uint32_t flags{};
@@ -121,21 +127,37 @@ struct Output {
   std::uint32_t first_faults{};
   std::uint32_t busy{};     ///< ticks of the board's clock that the frame before took, from its last byte to its answer
   std::uint32_t damaged{};  ///< frames that the board has dropped
+};
+
+/// Cut after the axes there are.
+struct Output {
+  TickAnswer tick{};
   AxisAnswer axis[most_axes]{};
 
   static constexpr std::size_t size(int axes) { return 32 + static_cast<std::size_t>(axes) * sizeof(AxisAnswer); }
 };
 
-/// A tick that a board has measured itself; its sequence counts ticks.
+/// A tick that a board has measured itself; its sequence counts ticks. Cut after the axes there are.
 struct Streamed {
-  std::uint32_t kept{};  ///< sequence of the last action of the PC's, so that it knows what has arrived
-  std::uint32_t axes{};
-  Output output{};
-  Measured measured[most_axes]{};
+  struct Axis {
+    Measured measured{};
+    AxisAnswer answer{};
+  };
+
+  std::uint32_t kept{};    ///< sequence of the last action of the PC's
+  std::uint32_t number{};  ///< of the last request that arrived
+  TickAnswer tick{};
+  Axis axis[most_axes]{};
+
+  static constexpr std::size_t size(int axes) { return 40 + static_cast<std::size_t>(axes) * sizeof(Axis); }
 };
 
+/// What the PC wants of a board that streams, said anew with every tick: one that is lost is no harm.
 struct Keep {
-  std::uint32_t request{};
+  std::uint32_t request{};  ///< TENODESIS_REQUEST_...; made once, however often it is said
+  std::uint32_t number{};   ///< of the request; another than the last is another request
+  Choice choice{};
+  std::uint32_t rest{};  ///< 1: motors at zero until the controller is enabled again
 };
 
 struct Counted {
@@ -151,7 +173,7 @@ struct Refused {
 
 static_assert(sizeof(Header) == 8 && sizeof(Board) == 64 && sizeof(Parameters) == 8 + parameters_size);
 static_assert(sizeof(Step) == Step::size(most_axes) && sizeof(Output) == Output::size(most_axes));
-static_assert(sizeof(Streamed) == 8 + sizeof(Output) + most_axes * sizeof(Measured));
+static_assert(sizeof(Streamed) == Streamed::size(most_axes) && sizeof(Keep) == 16);
 static_assert(sizeof(Counted) == 76 && sizeof(Refused) == 8);
 static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "structs are sent as they lie in memory");
 

@@ -248,6 +248,10 @@ int tenodesis_init(tenodesis_controller* controller, const tenodesis_parameters*
 int tenodesis_step(tenodesis_controller* controller, const tenodesis_input* input, tenodesis_output* output);
 /* As after init, with the same parameters. */
 int tenodesis_reset(tenodesis_controller* controller);
+/* Takes another law (TENODESIS_LAW_...) and actuation (TENODESIS_ACTUATION_...) from the next tick on. Where there is
+ * none of that number, or the observer does not do for it, nothing changes: TENODESIS_BAD_PARAMETER. A reset keeps it.
+ */
+int tenodesis_choose(tenodesis_controller* controller, uint32_t law, uint32_t actuation);
 /* Whether motors must stop because no tick came for so long, ns: for a timer of its own. 1: stop, as ever without a
  * controller. */
 int tenodesis_watchdog(const tenodesis_controller* controller, uint64_t since_last_step);

@@ -214,16 +214,7 @@ class ControllerOf final : public AnyController {
     return controller_.axis[0].watch.watchdog(S(since_last_step));
   }
 
-  bool choose(ControlLaw law, Actuation actuation) override {
-    for (int n = 0; n < controller_.count(); ++n) {
-      auto& one = controller_.axis[n];
-      if (law == ControlLaw::robust && one.observer != ObserverKind::friction) return false;
-      one.compensator.law = law;
-      one.compensator.actuation = actuation;
-      state_.axis[n].compensator = {};
-    }
-    return true;
-  }
+  bool choose(ControlLaw law, Actuation actuation) override { return controller_.choose(law, actuation, state_); }
 
  private:
   Controller<A, most_axes> controller_{};

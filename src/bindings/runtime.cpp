@@ -66,14 +66,15 @@ bool tamper_not_a_number(Runtime& loop, int place, int axis, std::uint64_t ticks
 
 std::size_t play(Runtime& loop, const Stack& rows) {
   if (rows.shape(1) > most_axes || rows.shape(2) != 3) throw nb::value_error("shapes do not fit");
+  // All of them first: of a motion that cannot be played nothing is.
+  for (std::size_t k = 0; k < rows.shape(0); ++k)
+    for (std::size_t n = 0; n < rows.shape(1); ++n)
+      if (!all_finite(rows(k, n, 0), rows(k, n, 1), rows(k, n, 2))) throw nb::value_error("a command is not finite");
   std::size_t taken = 0;
   for (; taken < rows.shape(0); ++taken) {
     Row row;
-    for (std::size_t n = 0; n < rows.shape(1); ++n) {
+    for (std::size_t n = 0; n < rows.shape(1); ++n)
       row.bench[n] = {rows(taken, n, 0), rows(taken, n, 1), rows(taken, n, 2)};
-      if (!all_finite(row.bench[n].handle_angle, row.bench[n].force, row.bench[n].radial_force))
-        throw nb::value_error("a command is not finite");
-    }
     if (!loop.play(row)) break;
   }
   return taken;

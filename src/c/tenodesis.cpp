@@ -193,6 +193,16 @@ int tenodesis_reset(tenodesis_controller* controller) {
   return TENODESIS_OK;
 }
 
+int tenodesis_choose(tenodesis_controller* controller, uint32_t law, uint32_t actuation) {
+  if (!good(controller)) return TENODESIS_BAD_POINTER;
+  Session* session = session_of(controller);
+  if (session == nullptr) return TENODESIS_NOT_STARTED;
+  if (law > TENODESIS_LAW_ROBUST || actuation > TENODESIS_ACTUATION_DIFFERENTIAL) return TENODESIS_BAD_PARAMETER;
+  const bool taken = with(
+      *session, [&](auto& own) { return own.controller.choose(ControlLaw(law), Actuation(actuation), own.state); });
+  return taken ? TENODESIS_OK : TENODESIS_BAD_PARAMETER;
+}
+
 int tenodesis_watchdog(const tenodesis_controller* controller, uint64_t since_last_step) {
   const Session* session = good(controller) ? session_of(controller) : nullptr;
   if (session == nullptr) return 1;

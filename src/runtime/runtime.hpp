@@ -162,6 +162,7 @@ class Runtime {
     std::uint64_t until{};  ///< tick
   };
   static constexpr int priority = 50;
+  static constexpr std::uint64_t longest_start = 1'000'000'000;  // of a device's first measurement, ns
   static constexpr std::size_t places = bindings::tamper_places.size();
 
   // ------------------------------------------------------------------ time
@@ -173,7 +174,7 @@ class Runtime {
     if (most == 0) ::pthread_sigmask(SIG_BLOCK, &all, nullptr);
     speed_.store(settings_.speed);
     schedule();
-    next_ = now();
+    next_ = begun_ = now();
     for (std::uint64_t taken = 0; !ending_.load(std::memory_order_relaxed) && (most == 0 || taken < most); ++taken)
       take_turn();
     halt();
@@ -199,7 +200,10 @@ class Runtime {
     if (!device_.clocked()) fresh = device_.read(input_, 0);
     ring_.beat(begun);
     // Before a device has said anything there is nothing to answer.
-    if (device_.clocked() && !fresh && last_fresh_ == 0) return;
+    if (device_.clocked() && !fresh && last_fresh_ == 0) {
+      if (begun - begun_ > longest_start) tell(Problem::no_measurement);
+      return;
+    }
     judge_time(fresh, due, begun);
     tick(begun, fresh);
     compute_.note(now() - begun);
@@ -272,7 +276,7 @@ class Runtime {
     std::uint64_t until = lease_.load();
     const bool over = until != 0 && begun > until && lease_.compare_exchange_strong(until, 0);
     if (absent || over) {
-      tell(Problem::operator_gone);
+      if (controller_.last.state != OperatingState::disabled) tell(Problem::operator_gone);
       ask(Request::pause);
     }
     if (stops) {
@@ -503,7 +507,7 @@ class Runtime {
   std::size_t asked_count_{};
   bool stopped_{};
   std::uint64_t tick_{};
-  std::uint64_t next_{}, last_fresh_{}, late_now_{}, measured_at_{};
+  std::uint64_t begun_{}, next_{}, last_fresh_{}, late_now_{}, measured_at_{};
 
   Durations compute_, control_, lateness_;
   std::atomic<std::uint64_t> ticks_, late_, missed_;

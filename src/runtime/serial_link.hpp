@@ -78,6 +78,56 @@ class SerialLink {
     return ask(question, payload, size, answer, answer_size, settings_.timeout);
   }
 
+  /// Says something that is not answered, and returns its number. What the line cannot take at once is lost.
+  std::uint32_t tell(link::Type what, const void* payload, std::size_t size) {
+    send({link::protocol_version, what, session_, ++sequence_}, payload, size, SerialLine::Clock::now());
+    return sequence_;
+  }
+
+  /// Has the board send its ticks, of so many bytes, from now on.
+  bool listen(std::size_t tick_size) {
+    tick_size_ = tick_size;
+    early_count_ = 0;
+    heard();
+    return ask(link::Type::stream, nullptr, 0, link::Type::done, 0);
+  }
+
+  /// The next tick that the board sends by itself, and its number, one above `last` if none was lost; false where none
+  /// has come until then, or the link has failed.
+  bool hear(link::Streamed& streamed, std::uint32_t& number, std::uint32_t last, SerialLine::Moment until) {
+    for (int k = 0; k < early_count_; ++k) {
+      if (!link::after(early_[k].number, last)) continue;
+      number = early_[k].number;
+      streamed = early_[k].tick;
+      return true;
+    }
+    early_count_ = 0;
+    for (;;) {
+      switch (line_.receive(decoder_, until)) {
+        case Found::nothing:
+          return wait_on();
+        case Found::closed:
+          return fail(LinkProblem::link_closed, "the line's other end has gone");
+        case Found::damaged:
+          ++counts_.damaged;
+          if (++damaged_in_a_row_ > most_damaged)
+            return fail(LinkProblem::damaged_frames,
+                        std::to_string(damaged_in_a_row_) + " frames came damaged and no tick whole");
+          break;
+        case Found::frame:
+          if (is_tick() && link::after(decoder_.header().sequence, last)) {
+            heard();
+            ++counts_.answers;
+            number = decoder_.header().sequence;
+            streamed = message<link::Streamed>();
+            return true;
+          }
+          if (!is_bearable()) return false;
+      }
+      if (SerialLine::Clock::now() >= until) return wait_on();
+    }
+  }
+
   /// Of the last answer.
   template <class Message>
   Message message() const {
@@ -122,6 +172,46 @@ class SerialLink {
     std::uint16_t chosen = any(random);
     while (chosen == session) chosen = any(random);
     return chosen;
+  }
+
+  void heard() {
+    heard_at_ = SerialLine::Clock::now();
+    damaged_in_a_row_ = 0;
+  }
+
+  bool is_tick() const {
+    const link::Header got = decoder_.header();
+    return got.version == link::protocol_version && got.type == link::Type::streamed && got.session == session_ &&
+           decoder_.size() == tick_size_;
+  }
+
+  // Without a tick: patient, but not for ever.
+  bool wait_on() {
+    const double silent = std::chrono::duration<double>(SerialLine::Clock::now() - heard_at_).count();
+    if (silent <= settings_.timeout) return false;
+    return fail(LinkProblem::link_lost, "the board has sent no tick for " + std::to_string(silent) + " s");
+  }
+
+  // A frame that is no new tick: the past, an answer to what was not asked, or a board that has another session.
+  bool is_bearable() {
+    const link::Header got = decoder_.header();
+    if (got.version != link::protocol_version) return another_version(std::to_string(got.version));
+    if (got.type == link::Type::refused && got.session == session_) return refuse(message<link::Refused>());
+    if (got.session != session_)
+      return fail(LinkProblem::board_restarted,
+                  "the board answers another session: it was restarted, or another program has begun one");
+    if (got.type == link::Type::streamed && decoder_.size() != tick_size_)
+      return fail(LinkProblem::bad_answer, "the board sent a tick of " + std::to_string(decoder_.size()) + " bytes");
+    ++counts_.stale;
+    return true;
+  }
+
+  // A tick that comes while an answer is waited for is kept for whoever hears next.
+  bool keep_early() {
+    if (!is_tick()) return false;
+    if (early_count_ < static_cast<int>(early_.size()))
+      early_[early_count_++] = {decoder_.header().sequence, message<link::Streamed>()};
+    return true;
   }
 
   bool send(const link::Header& header, const void* payload, std::size_t size, Moment until) {
@@ -198,6 +288,8 @@ class SerialLink {
       if (found == Found::damaged) {
         ++counts_.damaged;
         if (++course.damaged > most_damaged || !last) return found;
+      } else if (found == Found::frame && keep_early()) {
+        continue;
       } else if (found != Found::frame || answers(header)) {
         return found;
       } else {
@@ -238,6 +330,8 @@ class SerialLink {
         return fail(LinkProblem::board_restarted,
                     "the board does not know this session: it was restarted, or another "
                     "program has begun one");
+      case link::Refusal::no_sensors:
+        return fail(LinkProblem::refused, "the board measures nothing by itself");
       case link::Refusal::bad_parameters:
         return fail(LinkProblem::refused, "the board makes no controller of the parameters (code " + detail + ")");
       default:
@@ -273,6 +367,15 @@ class SerialLink {
   mutable std::mutex why_mutex_;
   std::string why_;
   LinkCounts counts_{};
+  struct Early {
+    std::uint32_t number{};
+    link::Streamed tick{};
+  };
+  std::array<Early, 64> early_{};  // ticks that came while an answer was waited for
+  int early_count_{};
+  std::size_t tick_size_{};
+  SerialLine::Moment heard_at_{};
+  int damaged_in_a_row_{};
   std::array<std::uint8_t, link::encoded_size(link::most_payload)> sent_{};
 };
 

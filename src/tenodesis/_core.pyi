@@ -337,10 +337,8 @@ def tick_columns() -> list[str]:
 def bench_columns() -> list[str]:
     """Columns of an axis before its signals."""
 
-class SerialController(Controller):
+class BoardController(Controller):
     """A controller on a board behind a line of bytes."""
-
-    def __init__(self, descriptor: int, parameters: bytes, timeout: float, connect_timeout: float, repetitions: int, silence: int) -> None: ...
 
     def reset(self) -> None:
         """As when it was made; sets the link up anew where it was lost."""
@@ -364,10 +362,36 @@ class SerialController(Controller):
         """
 
     def busy(self) -> int:
-        """Ticks of the board's clock that the frame before the last took."""
+        """Ticks of the board's clock that the tick before the last took."""
 
     def stopped(self) -> bool:
         """Whether the board has stopped and waits to be enabled."""
+
+class SerialController(BoardController):
+    """One that is sent a measurement per tick."""
+
+    def __init__(self, descriptor: int, parameters: bytes, timeout: float, connect_timeout: float, repetitions: int, silence: int) -> None: ...
+
+class StreamedController(BoardController):
+    """One that measures by itself and sends its ticks."""
+
+    def __init__(self, descriptor: int, parameters: bytes, timeout: float, connect_timeout: float, repetitions: int, silence: int) -> None: ...
+
+class StreamedDevice(LiveDevice):
+    """Sensors and motors of such a board."""
+
+    def __init__(self, board: StreamedController) -> None: ...
+
+    def read(self, timeout: float) -> tuple[int, list[list[float]]] | None:
+        """
+        Its next tick, without a loop: time in ns; per axis handle angle, tensions, spool angles.
+        """
+
+    def rest(self) -> None:
+        """Tell the board that motors are to rest, and that somebody listens."""
+
+    def overtaken(self) -> int:
+        """Ticks that were lost before the last."""
 
 def tension_scale(spec: Spec) -> float:
     """Tension that stretches a tendon by the distal radius, N."""

@@ -1,6 +1,5 @@
 """The command that opens the live instrument in the browser."""
 
-import signal
 import threading
 from pathlib import Path
 from typing import Annotated, get_args
@@ -44,6 +43,7 @@ def live_console(  # noqa: PLR0917
     """Open the live instrument in the browser: move its handle, push on its tip, switch the compensation on and off."""
     # The page and its server are large; no other command waits for them.
     from tenodesis.console.page import serve  # noqa: PLC0415
+    from tenodesis.live.ending import on_signal  # noqa: PLC0415
     from tenodesis.live.foxglove import Server as Foxglove  # noqa: PLC0415
     from tenodesis.live.host import Host  # noqa: PLC0415
     from tenodesis.live.loop import Choices, DeviceName  # noqa: PLC0415
@@ -60,9 +60,8 @@ def live_console(  # noqa: PLR0917
         raise CommandError(f"--port is {port}; allowed are 1 to 65535.")
     instrument.load(instrument_file)
     ending = threading.Event()
-    before = {number: signal.signal(number, lambda *_: ending.set()) for number in (signal.SIGINT, signal.SIGTERM)}
     choices = Choices(device=device, address=address, law=law, actuation=actuation, seed=seed)  # type: ignore[arg-type]
-    try:
+    with on_signal(ending.set):
         with console.status("Starting the runtime"):
             live = Host(instrument_file, choices, recordings)
         try:
@@ -82,9 +81,6 @@ def live_console(  # noqa: PLR0917
                 page.close()
         finally:
             live.close()
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _relay(server: object, ending: threading.Event) -> None:

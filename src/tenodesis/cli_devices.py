@@ -38,16 +38,19 @@ def list_devices(context: typer.Context) -> None:
 
 
 def test_device(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="The device: canopen or nidaq.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="The device: canopen, nidaq or serial.")],
     instrument_file: Annotated[
         str, typer.Option("--instrument", help="Instrument file with its table devices, or the name of a shipped one.")
     ] = "real-size",
     seconds: Annotated[float, typer.Option(help="How long to measure, s.")] = 10.0,
+    address: Annotated[
+        str | None, typer.Option(help="Of a serial device: /dev/ttyACM0, or socket://127.0.0.1:5555.")
+    ] = None,
 ) -> None:
     """Measure a device's rate, jitter and losses, with the motors at rest; exit code 1 if the controller needs more."""
     console = Console()
     inst = instrument.load(instrument_file)
-    device = registry.make(name, inst)
+    device = registry.make(name, inst, address)
     bar = Progress(
         TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn(), console=console, transient=True
     )

@@ -1,6 +1,5 @@
 """The command that shows a live instrument to Foxglove, and to whatever speaks its WebSocket protocol."""
 
-import signal
 import tempfile
 import threading
 from pathlib import Path
@@ -38,12 +37,12 @@ def foxglove(
 ) -> None:
     """Show a live instrument to Foxglove: the recordings' topics over a WebSocket, to watch and nothing else."""
     from tenodesis.live import foxglove as live  # noqa: PLC0415 - the command line is to start quickly
+    from tenodesis.live.ending import on_signal  # noqa: PLC0415
     from tenodesis.live.record import Reader  # noqa: PLC0415
 
     folder = _running() if folder is None else folder
     stop = threading.Event()
-    before = {number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
+    with on_signal(stop.set):
         with live.Server(Reader(folder), host, port, rate=None if all_rows else rate, folder=folder) as server:
             shared = live.warning(host)
             if shared is not None:
@@ -54,9 +53,6 @@ def foxglove(
             _say("The runtime has ended.")
         if server.lost:
             _say(f"{server.lost} rows were not sent, for this was too slow.")
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _running() -> Path:

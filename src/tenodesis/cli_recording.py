@@ -21,6 +21,7 @@ from tenodesis.control import Controller
 from tenodesis.control.controller import ActuationName, LawName, ObserverName
 from tenodesis.instrument import Instrument
 from tenodesis.instrument_text import to_toml
+from tenodesis.live import account
 from tenodesis.protocols.quantities import Duration
 from tenodesis.quantity import in_unit
 from tenodesis.recording import Recorder, Recording, choices, tables
@@ -132,12 +133,15 @@ def record(  # noqa: PLR0917
 def info(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings.")],
 ) -> None:
-    """Print what recordings hold: what made them, their topics, and their signals' ranges."""
+    """Print what recordings hold: what made them, their topics, their signals' ranges, and what happened besides."""
     for file in files:
         recording = Recording.open(file)
         if files[1:]:
             console.rule(escape(str(file)))
         console.print(describe(recording))
+        events = account.describe(recording)
+        if events is not None:
+            console.print(events)
 
 
 def replay(

@@ -229,7 +229,7 @@ class Fuzz {
     tenodesis_controller* const at = chance(0.05) ? nullptr : &controller;
     const auto maybe = [&](auto& what) { return chance(0.05) ? nullptr : &what; };
     int code = TENODESIS_OK;
-    switch (below(9)) {
+    switch (below(10)) {
       case 0: {
         const tenodesis_parameters parameters = any_parameters();
         code = tenodesis_init(at, maybe(parameters));
@@ -255,6 +255,9 @@ class Fuzz {
         break;
       }
       case 5:
+        code = tenodesis_choose(at, std::uint32_t(chance(0.8) ? below(5) : random_()), std::uint32_t(below(3)));
+        break;
+      case 6:
         if (std::strlen(tenodesis_fault_name(std::uint32_t(random_()))) == 0) fail("a fault without a name");
         break;
       default: {

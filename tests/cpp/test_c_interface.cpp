@@ -182,6 +182,7 @@ void what_comes_before_init_is_refused() {
     CLAIM(tenodesis_read_counts(&controller, 0, &counts) == TENODESIS_NOT_STARTED);
     CLAIM(tenodesis_records(&controller) == 0);
     CLAIM(tenodesis_phase(&controller, 0) == 0);
+    CLAIM(tenodesis_choose(&controller, TENODESIS_LAW_OFF, 0) == TENODESIS_NOT_STARTED);
     CLAIM(tenodesis_watchdog(&controller, 0) == 1);
   }
 }

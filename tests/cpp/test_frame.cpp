@@ -171,6 +171,7 @@ void sequences_go_round() {
 class Bench {
  public:
   static constexpr std::uint16_t session = 77;
+  static constexpr Choice uploaded{TENODESIS_LAW_ROBUST, TENODESIS_ACTUATION_DIFFERENTIAL};
 
   explicit Bench(bool sensors = false) : endpoint_(std::make_unique<Endpoint>("test", 25000000U, sensors)) {}
 
@@ -207,10 +208,8 @@ class Bench {
     return bytes;
   }
 
-  Frame tick(const tenodesis_input& input) {
-    Step step{};
-    step.time = input.time;
-    step.request = input.request;
+  Frame tick(const tenodesis_input& input, Choice choice = uploaded) {
+    Step step{input.time, input.request, choice, {}};
     std::memcpy(step.axis, input.axis, sizeof step.axis);
     Stream payload = bytes_of(step);
     payload.resize(Step::size(1));
@@ -273,9 +272,10 @@ class Plant {
 
 bool same(const Output& one, const tenodesis_output& other) {
   const auto& axis = other.axis[0];
-  return std::memcmp(&one.axis[0], &axis, offsetof(tenodesis_axis_output, reserved)) == 0 && one.state == other.state &&
-         one.faults == other.faults && one.first_faults == other.first_faults &&
-         (one.flags & (homed | homing)) == (other.homed != 0 ? homed : 0U) + (other.homing != 0 ? homing : 0U);
+  return std::memcmp(&one.axis[0], &axis, offsetof(tenodesis_axis_output, reserved)) == 0 &&
+         one.tick.state == other.state && one.tick.faults == other.faults &&
+         one.tick.first_faults == other.first_faults &&
+         (one.tick.flags & (homed | homing)) == (other.homed != 0 ? homed : 0U) + (other.homing != 0 ? homing : 0U);
 }
 
 void a_board_does_what_the_controller_does_and_nothing_twice() {
@@ -297,7 +297,7 @@ void a_board_does_what_the_controller_does_and_nothing_twice() {
     const Frame question = bench.tick(input);
     const Frame answer = bench.ask(question);
     const auto output = message<Output>(answer);
-    if (answer.header.type != Type::output || output.time != input.time || !same(output, expected)) ++differing;
+    if (answer.header.type != Type::output || output.tick.time != input.time || !same(output, expected)) ++differing;
     // Once more, as if its answer had been lost; and then one that was held up on the way.
     if (!(bench.ask(question) == answer)) ++repeated;
     if (tick > 0 && bench.ask(before).header.type != Type::none) ++late;
@@ -345,8 +345,8 @@ void what_is_not_allowed_is_refused_and_changes_nothing() {
   CLAIM(refused(bench.ask(bench.question(Type::stream))).why == Refusal::no_sensors);
   CLAIM(refused(bench.ask(bench.question(Type::counts, Bench::bytes_of(std::uint32_t{1})))).why ==
         Refusal::no_such_axis);
-  CLAIM(message<Output>(first).state == TENODESIS_ENABLED);
-  CLAIM(message<Output>(bench.ask(bench.tick(second))).state == TENODESIS_ENABLED);
+  CLAIM(message<Output>(first).tick.state == TENODESIS_ENABLED);
+  CLAIM(message<Output>(bench.ask(bench.tick(second))).tick.state == TENODESIS_ENABLED);
 }
 
 bool at_rest(const Bench& bench, const Output& output) {
@@ -367,7 +367,7 @@ class Running {
     bench.now += 500000;
     tenodesis_input input = plant.reading();
     if (request != TENODESIS_REQUEST_NONE) input.request = request;
-    output = message<Output>(bench.ask(bench.tick(input)));
+    output = message<Output>(bench.ask(bench.tick(input, choice)));
     plant.follow(output.axis[0].spool_velocity);
     return output;
   }
@@ -383,6 +383,7 @@ class Running {
 
   Bench bench;
   Plant plant;
+  Choice choice{Bench::uploaded};
   Output output;
 };
 
@@ -391,7 +392,7 @@ void a_silent_pc_stops_the_board_until_it_is_asked_to_go_on() {
     const std::uint64_t limit = silence == 0 ? 25000000 : 100000000;  // ns; the scaled-up instrument's watchdog
     Running running(silence);
     Bench& bench = running.bench;
-    CLAIM(running.output.state == TENODESIS_ENABLED && running.moves());
+    CLAIM(running.output.tick.state == TENODESIS_ENABLED && running.moves());
     bench.now += limit - 1000;
     bench.endpoint().watch(bench.now);
     CLAIM(running.moves());
@@ -399,18 +400,20 @@ void a_silent_pc_stops_the_board_until_it_is_asked_to_go_on() {
     bench.endpoint().watch(bench.now);
     CLAIM(running.velocity(0) == 0 && running.velocity(1) == 0);
     // Nothing that it is asked now moves a motor.
-    CLAIM(running.go_on(TENODESIS_REQUEST_RESUME).state == TENODESIS_PAUSED && running.rests());
-    CLAIM((running.output.flags & silent) != 0 && (running.output.flags & stopped) != 0);
+    CLAIM(running.go_on(TENODESIS_REQUEST_RESUME).tick.state == TENODESIS_PAUSED && running.rests());
+    CLAIM((running.output.tick.flags & silent) != 0 && (running.output.tick.flags & stopped) != 0);
     for (int n = 0; n < 10; ++n)
-      CLAIM(running.go_on().state == TENODESIS_PAUSED && running.rests() && (running.output.flags & silent) == 0);
-    CLAIM(running.go_on(TENODESIS_REQUEST_RESUME).state == TENODESIS_ENABLED && (running.output.flags & stopped) == 0);
+      CLAIM(running.go_on().tick.state == TENODESIS_PAUSED && running.rests() &&
+            (running.output.tick.flags & silent) == 0);
+    CLAIM(running.go_on(TENODESIS_REQUEST_RESUME).tick.state == TENODESIS_ENABLED &&
+          (running.output.tick.flags & stopped) == 0);
   }
 }
 
 void a_late_tick_stops_the_board_even_if_nobody_looked() {
   Running running;
   running.bench.now += 30000000;
-  CLAIM(running.go_on().state == TENODESIS_PAUSED && running.rests() && (running.output.flags & silent) != 0);
+  CLAIM(running.go_on().tick.state == TENODESIS_PAUSED && running.rests() && (running.output.tick.flags & silent) != 0);
 }
 
 void a_stop_stops_and_a_clear_after_it_disables() {
@@ -418,50 +421,130 @@ void a_stop_stops_and_a_clear_after_it_disables() {
   CLAIM(running.moves());
   CLAIM(running.bench.ask(running.bench.question(Type::stop)).header.type == Type::done);
   CLAIM(running.velocity(0) == 0 && running.velocity(1) == 0);
-  CLAIM(running.go_on(TENODESIS_REQUEST_CLEAR).state == TENODESIS_DISABLED && running.rests());
-  CLAIM((running.output.flags & halted) != 0);
+  CLAIM(running.go_on(TENODESIS_REQUEST_CLEAR).tick.state == TENODESIS_DISABLED && running.rests());
+  CLAIM((running.output.tick.flags & halted) != 0);
   CLAIM(running.bench.ask(running.bench.question(Type::reset)).header.type == Type::done);
-  CLAIM(running.go_on(TENODESIS_REQUEST_ENABLE).state == TENODESIS_ENABLED);
+  CLAIM(running.go_on(TENODESIS_REQUEST_ENABLE).tick.state == TENODESIS_ENABLED);
 }
 
-void a_board_with_sensors_goes_on_by_itself_until_the_pc_is_silent() {
-  Bench bench(true);
-  Plant plant;
-  bench.start();
-  CLAIM(bench.ask(bench.question(Type::stream)).header.type == Type::done && bench.endpoint().streams());
-  const auto streamed = [&] {
+/// A board with sensors of its own at work, and the PC that keeps it going.
+class Streaming {
+ public:
+  Streaming() {
+    bench.start();
+    CLAIM(bench.ask(bench.question(Type::stream)).header.type == Type::done && bench.endpoint().streams());
+  }
+
+  Streamed tick() {
+    bench.now += 500000;
+    bench.endpoint().watch(bench.now);
     const tenodesis_input input = plant.reading();
     const tenodesis_measurement measured[TENODESIS_AXES]{input.axis[0], {}};
     const Frame frame = bench.received(bench.endpoint().tick(measured, input.time));
+    CLAIM(frame.payload.size() == Streamed::size(1) && frame.header.sequence == ++ticks);
     const auto got = message<Streamed>(frame);
-    CLAIM(got.measured[0].tension[0] == input.axis[0].tension[0] && got.output.time == input.time);
-    plant.follow(got.output.axis[0].spool_velocity);
-    return frame;
-  };
-  const auto keep = [&](std::uint32_t request) {
-    const Frame frame = bench.question(Type::keep, Bench::bytes_of(Keep{request}));
-    bench.ask(frame);
-    bench.ask(frame);  // twice on the way
-    return frame.header.sequence;
-  };
-  const std::uint32_t asked = keep(TENODESIS_REQUEST_ENABLE);
-  Frame frame = streamed();
-  auto got = message<Streamed>(frame);
-  CLAIM(frame.header.sequence == 1 && got.kept == asked && got.output.state == TENODESIS_ENABLED);
-  for (int tick = 0; tick < 200; ++tick) {
-    bench.now += 500000;
-    keep(TENODESIS_REQUEST_NONE);
-    bench.endpoint().watch(bench.now);
-    frame = streamed();
+    CLAIM(got.axis[0].measured.tension[0] == input.axis[0].tension[0] && got.tick.time == input.time);
+    plant.follow(got.axis[0].answer.spool_velocity);
+    return got;
   }
-  got = message<Streamed>(frame);
-  CLAIM(frame.header.sequence == 201 && got.output.state == TENODESIS_ENABLED);
-  CLAIM(got.output.axis[0].spool_velocity[0] != 0);
-  bench.now += 26000000;
-  bench.endpoint().watch(bench.now);
-  got = message<Streamed>(streamed());
-  CLAIM(got.output.state == TENODESIS_PAUSED && (got.output.flags & silent) != 0);
-  CLAIM(got.output.axis[0].spool_velocity[0] == 0 && bench.endpoint().velocity(0, 0) == 0);
+
+  Frame keep() {
+    Frame frame = bench.question(Type::keep, Bench::bytes_of(wanted));
+    bench.ask(frame);
+    return frame;
+  }
+
+  /// Ticks, each answered.
+  Streamed go_on(int count) {
+    Streamed got;
+    for (int n = 0; n < count; ++n) {
+      keep();
+      got = tick();
+    }
+    return got;
+  }
+
+  Streamed ask(std::uint32_t request) {
+    wanted.request = request;
+    ++wanted.number;
+    return go_on(1);
+  }
+
+  bool rests() const { return bench.endpoint().velocity(0, 0) == 0 && bench.endpoint().velocity(0, 1) == 0; }
+
+  Bench bench{true};
+  Plant plant;
+  Keep wanted{0, 0, {TENODESIS_LAW_ROBUST, TENODESIS_ACTUATION_DIFFERENTIAL}, 0};
+  std::uint32_t ticks{};
+};
+
+void a_board_with_sensors_goes_on_by_itself_until_the_pc_is_silent() {
+  Streaming streaming;
+  Streamed got = streaming.ask(TENODESIS_REQUEST_ENABLE);
+  CLAIM(got.kept == streaming.bench.sequence && got.number == 1 && got.tick.state == TENODESIS_ENABLED);
+  got = streaming.go_on(200);
+  CLAIM(got.tick.state == TENODESIS_ENABLED && got.axis[0].answer.spool_velocity[0] != 0);
+  streaming.bench.now += 26000000;
+  got = streaming.tick();
+  CLAIM(got.tick.state == TENODESIS_PAUSED && (got.tick.flags & silent) != 0);
+  CLAIM(got.axis[0].answer.spool_velocity[0] == 0 && streaming.rests());
+}
+
+void a_request_that_is_said_with_every_tick_is_made_once() {
+  Streaming streaming;
+  streaming.ask(TENODESIS_REQUEST_ENABLE);
+  const Frame before = streaming.keep();
+  CLAIM(streaming.ask(TENODESIS_REQUEST_PAUSE).tick.state == TENODESIS_PAUSED);
+  // What comes twice or late is not heard, and the same number is the same request.
+  streaming.bench.ask(before);
+  CLAIM(streaming.go_on(10).tick.state == TENODESIS_PAUSED);
+  streaming.wanted.request = TENODESIS_REQUEST_RESUME;
+  CLAIM(streaming.go_on(10).tick.state == TENODESIS_PAUSED);
+  CLAIM(streaming.ask(TENODESIS_REQUEST_RESUME).tick.state == TENODESIS_ENABLED);
+}
+
+void a_pc_that_wants_rest_gets_it_at_once_and_until_it_enables_again() {
+  Streaming streaming;
+  streaming.ask(TENODESIS_REQUEST_ENABLE);
+  CLAIM(streaming.go_on(200).axis[0].answer.spool_velocity[0] != 0);
+  streaming.wanted.rest = 1;
+  streaming.keep();
+  CLAIM(streaming.rests());
+  streaming.wanted.rest = 0;
+  const Streamed got = streaming.go_on(20);
+  CLAIM(got.tick.state == TENODESIS_PAUSED && (got.tick.flags & stopped) != 0 && streaming.rests());
+  CLAIM(streaming.ask(TENODESIS_REQUEST_RESUME).tick.state == TENODESIS_ENABLED);
+}
+
+void the_law_is_that_of_the_last_tick_and_one_that_there_is_not_changes_nothing() {
+  Streaming streaming;
+  streaming.ask(TENODESIS_REQUEST_ENABLE);
+  CLAIM(streaming.go_on(200).axis[0].answer.spool_velocity[0] != 0);
+  streaming.wanted.choice.law = 77;
+  CLAIM(streaming.go_on(1).axis[0].answer.spool_velocity[0] != 0);
+  streaming.wanted.choice.law = TENODESIS_LAW_OFF;
+  const Streamed got = streaming.go_on(200);
+  CLAIM(got.tick.state == TENODESIS_ENABLED && streaming.rests());
+}
+
+void a_law_chosen_on_the_way_is_that_of_the_controller() {
+  Running running;
+  auto own = std::make_unique<tenodesis_controller>();
+  tenodesis_init(own.get(), &scaled_up);
+  Plant plant;
+  int differing = 0;
+  for (int tick = 0; tick < 600; ++tick) {
+    const tenodesis_input input = plant.reading();
+    tenodesis_output expected;
+    if (tick == 300)
+      CLAIM(tenodesis_choose(own.get(), TENODESIS_LAW_EXACT, TENODESIS_ACTUATION_AGONIST) == TENODESIS_OK);
+    tenodesis_step(own.get(), &input, &expected);
+    plant.follow(expected.axis[0].spool_velocity);
+    if (tick < 300) continue;
+    running.choice = {TENODESIS_LAW_EXACT, TENODESIS_ACTUATION_AGONIST};
+    if (!same(running.go_on(), expected)) ++differing;
+  }
+  CLAIM(differing == 0);
 }
 
 void noise_never_moves_a_board() {
@@ -471,7 +554,7 @@ void noise_never_moves_a_board() {
     if (decoder.push(byte)) running.bench.endpoint().take(decoder, running.bench.now);
   CLAIM(decoder.damaged() > 10000);
   CLAIM(running.moves());
-  CLAIM(running.go_on().state == TENODESIS_ENABLED);
+  CLAIM(running.go_on().tick.state == TENODESIS_ENABLED);
 }
 
 int main() {
@@ -488,6 +571,10 @@ int main() {
   a_late_tick_stops_the_board_even_if_nobody_looked();
   a_stop_stops_and_a_clear_after_it_disables();
   a_board_with_sensors_goes_on_by_itself_until_the_pc_is_silent();
+  a_request_that_is_said_with_every_tick_is_made_once();
+  a_pc_that_wants_rest_gets_it_at_once_and_until_it_enables_again();
+  the_law_is_that_of_the_last_tick_and_one_that_there_is_not_changes_nothing();
+  a_law_chosen_on_the_way_is_that_of_the_controller();
   noise_never_moves_a_board();
   return claims::report();
 }

@@ -39,6 +39,8 @@ class Guest:
             compression=None,
         )
         self.parts: dict[str, dict[str, Any]] = {}
+        self.texts: dict[str, str] = {}
+        """Markdown and HTML of the panel, by identifier."""
         self.told: list[str] = []
         self.reader = threading.Thread(target=self._read, daemon=True)
         self.reader.start()
@@ -65,6 +67,18 @@ class Guest:
     def property(self, label: str, name: str) -> Any:
         return self.parts.get(label, {}).get(name)
 
+    def upload(self, label: str, name: str, content: bytes, size: int | None = None, parts: int = 1) -> None:
+        """Send the first part of a file to a part of the panel, said to be of a size."""
+        wait(lambda: label in self.parts)
+        common = {"source_component_uuid": self.parts[label]["uuid"], "transfer_uuid": f"{name} {time.monotonic()}"}
+        told = {"filename": name, "mime_type": "", "size_bytes": len(content) if size is None else size}
+        self.send({"type": "FileTransferStartUpload", **common, **told, "part_count": parts})
+        self.send({"type": "FileTransferPart", **common, "part_index": 0, "content": content})
+
+    def sees(self, text: str) -> bool:
+        """Return whether the panel says something."""
+        return any(text in shown for shown in list(self.texts.values()))
+
     def _read(self) -> None:
         try:
             for raw in self.socket:
@@ -80,8 +94,13 @@ class Guest:
         props = message.get("props", {})
         if message["type"] == "NotificationShowMessage":
             self.told.append(props["body"])
+        elif "_markdown" in props or "content" in props:
+            self.texts[message["uuid"]] = props.get("_markdown", props.get("content"))
         elif "label" in props:
             self.parts[props["label"]] = {"uuid": message["uuid"], **props}
+        elif message["type"] == "GuiUpdateMessage" and message["uuid"] in self.texts:
+            updates = message["updates"]
+            self.texts[message["uuid"]] = updates.get("_markdown", updates.get("content", self.texts[message["uuid"]]))
         elif message["type"] == "GuiUpdateMessage":
             for part in self.parts.values():
                 if part["uuid"] == message["uuid"]:

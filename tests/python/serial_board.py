@@ -21,7 +21,7 @@ import pytest
 
 from .conftest import ROOT
 
-VERSION = 1
+VERSION = 2
 HELLO, PARAMETERS, STEP, RESET, COUNTS, STOP, STREAM, KEEP = range(1, 9)
 BOARD, DONE, OUTPUT, STREAMED, REFUSED = 0x81, 0x82, 0x83, 0x87, 0xFF
 
@@ -181,6 +181,36 @@ def output(
         sequence or step.sequence,
         struct.pack("<Q6I", told, state, 1, 0, 0, 0, 0) + axis,
     )
+
+
+def keep(number: int, request: int, session: int, sequence: int) -> Frame:
+    """Return what keeps a board that streams going, by the robust law."""
+    return Frame(KEEP, session, sequence, struct.pack("<2I2HI", request, number, 4, 1, 0))
+
+
+class Streamed(NamedTuple):
+    """A tick of one axis that a board has measured itself."""
+
+    time: int
+    """ns"""
+    kept: int = 0
+    number: int = 0
+    state: int = 0
+    flags: int = 0
+    tension: tuple[float, float] = (25.0, 25.0)
+    velocity: tuple[float, float] = (0.0, 0.0)
+
+    def frame(self, session: int, sequence: int) -> Frame:
+        measured = struct.pack("<5f", 0.0, *self.tension, 0.0, 0.0)
+        answer = struct.pack("<8f2I", *self.velocity, 0.1, 0.01, 0, 0, 1, 0, 0, 0)
+        tick = struct.pack("<Q6I", self.time, self.state, self.flags, 0, 0, 0, 0)
+        return Frame(STREAMED, session, sequence, struct.pack("<2I", self.kept, self.number) + tick + measured + answer)
+
+    @classmethod
+    def of(cls, frame: Frame) -> "Streamed":
+        kept, number, time, state, flags = struct.unpack("<2IQ2I", frame.payload[:24])
+        measured, answer = struct.unpack("<5f", frame.payload[40:60]), struct.unpack("<2f", frame.payload[60:68])
+        return cls(time, kept, number, state, flags, measured[1:3], answer)
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -202,6 +203,12 @@ def test_missed_targets_are_named_with_what_bounds_them(bench: Bench) -> None:
 def test_what_cannot_be_compensated_is_left_out_with_a_sentence(tmp_path: Path) -> None:
     run(tn.load("scaled-up").replace(pretension="0 N"), None, tmp_path, recordings=False, seeds=1)
     assert (tmp_path / "report.html").read_text("utf-8").count("scaled-up cannot be compensated") == 3
+
+
+def test_the_table_of_results_in_the_docs_is_current(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    generate = import_module("generate")
+    assert generate.results(bench[1]) == (ROOT / "docs/results.md").read_text("utf-8"), "run make docs"
 
 
 def test_progress_reaches_its_announced_end(bench: Bench) -> None:

@@ -1,5 +1,7 @@
 """Claims about the commands for recordings: they chain, and every mistake ends in one sentence."""
 
+import json
+import math
 import signal
 import subprocess
 import sys
@@ -8,15 +10,20 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
 
+import numpy as np
 import pandas as pd
 import pytest
 from mcap_ros2.writer import Writer as StockWriter
 from rich.console import Console
 
+import tenodesis as tn
 from tenodesis import cli, cli_recording
-from tenodesis.recording import Recording
+from tenodesis.live import recorder as live
+from tenodesis.recording import Recorder, Recording
+from tenodesis.signals import Run
 
 from .conftest import EXAMPLES, ROOT
+from .live_loop import Played
 
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
 """Takes the words of a command line; returns exit code, output and errors."""
@@ -254,6 +261,74 @@ def test_an_export_without_pandas_says_what_to_install(tenodesis: Command, monke
     code, _, err = tenodesis("export", "recording", "run.mcap", "--to", "run.parquet")
     assert code == 1
     assert 'pip install "tenodesis[tables]"' in err
+
+
+def told_of(out: str) -> dict[str, str]:
+    """What is said by what it is about, of the lines that have both."""
+    return {line[: line.index("  ")]: line[line.index("  ") :].strip() for line in out.splitlines() if "  " in line}
+
+
+def test_info_tells_the_events_faults_and_gaps_of_a_live_recording(tenodesis: Command, tmp_path: Path) -> None:
+    twin = tn.twin.Twin(tn.load("scaled-up"), seed=3)
+    tension = tn.control.Tampering("tension.agonist", "set", math.nan, start=0.05, stop=0.06)
+    controller = tn.control.Controller(twin.inst)
+    run = twin.run(np.zeros(400), controller=controller, tampering=[tension])
+    assert run.faults is not None
+    first = run.time[np.flatnonzero(run.faults)[0]]
+    happened = [
+        {"time": 0.01, "event": "hand", "origin": "browser 1", "angles": [0.1], "times": 12},
+        {"time": 0.02, "event": "hand", "origin": "browser 1", "angles": [0.2], "times": 30},
+        {"time": 0.03, "event": "stop", "origin": "[red]stop button[/red]", "times": 1},
+        {"time": 0.04, "event": "state", "origin": "runtime", "state": "FAULT", "faults": ["unseen"]},
+        {"time": 0.06, "event": "ticks_missed", "origin": "runtime", "ticks": 3, "in_all": 5},
+        {"time": 0.07, "event": "ticks_missed", "origin": "runtime", "ticks": 2, "in_all": 7},
+        {"time": "never", "event": 7, "times": "many"},
+    ]
+    (tmp_path / "events.jsonl").write_text(json.dumps({"time": -2, "event": "law", "origin": "browser 1"}) + "\n")
+
+    class Talking(Played):
+        def read(self, most: int = 2000) -> tuple[Run, int]:
+            if len(self._blocks) == 2:
+                with (tmp_path / "events.jsonl").open("a") as file:
+                    file.writelines(f"{json.dumps(event)}\n" for event in happened)
+            return super().read(most)
+
+    live.record(Talking(run, twin.inst, [50, (10, 90), (7, 200)]), tmp_path, tmp_path / "run.mcap")
+    code, out, _ = tenodesis("info", "run.mcap")
+    assert code == 0
+    told = told_of(out)
+    assert told["in force"] == "law by browser 1"
+    assert told["state"].startswith("FAULT at the end (ENABLED ")
+    assert told["faults"] == f"unseen from 0.04 s, not_a_number from {first:.6g} s"
+    assert told["lost rows"] == f"17: 10 after {run.time[49]:.6g} s, 7 after {run.time[149]:.6g} s"
+    assert told["given up"] == "5: 3 until 0.06 s, 2 until 0.07 s"
+    assert (told["lost events"], told["corrected"]) == ("none", "none")
+    assert told["ended"] == f"the runtime has ended, at {run.time[356]:.6g} s"
+    rows = [line.split("  ") for line in out.splitlines()]
+    table = [[cell.strip() for cell in row if cell.strip()] for row in rows]
+    assert ["hand", "browser 1", "42", "0.01 s", "0.02 s"] in table
+    assert ["stop", "[red]stop button[/red]", "1", "0.03 s", "0.03 s"] in table
+    assert ["ticks_missed", "runtime", "2", "0.06 s", "0.07 s"] in table
+    assert any(row[:3] == ["7", "not told", "1"] for row in table)
+
+
+def test_info_of_a_recording_broken_off_says_so_and_of_one_that_is_not_live_nothing(
+    tenodesis: Command, tmp_path: Path
+) -> None:
+    tenodesis("record", "short.toml", "--out", "run.mcap")
+    assert "in force" not in tenodesis("info", "run.mcap")[1]
+    metadata = {"mode": "live"}
+    with Recorder(tmp_path / "live.mcap", axes=("yaw",), metadata=metadata) as recorder:
+        recorder.write(Run(np.arange(10) * 1e-3, ("yaw",), force=np.ones(10)))
+        for n in range(7):
+            recorder.event(n * 1e-3, {"event": "rows_lost", "origin": "recorder", "rows": 1 + n})
+    told = told_of(tenodesis("info", "live.mcap")[1])
+    assert told["lost rows"].startswith(
+        "28: 1 after 0 s, 2 after 0.001 s, 3 after 0.002 s, 4 after 0.003 s, 2 times more"
+    )
+    assert told["lost rows"].endswith("2 times more, 7 after 0.006 s")
+    assert told["ended"] == "not told: the recording was broken off"
+    assert told["faults"] == "none"
 
 
 def test_ctrl_c_leaves_a_readable_recording_and_says_so(tmp_path: Path) -> None:

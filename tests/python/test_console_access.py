@@ -1,6 +1,8 @@
 """Who may see the page, who may move a motor with it, and what those who should not are up against."""
 
 import asyncio
+import gzip
+import html
 import http.client
 import math
 from collections.abc import Iterator
@@ -12,12 +14,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+import tenodesis as tn
 from tenodesis.console import Page, serve
 from tenodesis.console.door import Door
+from tenodesis.console.link import running
 from tenodesis.console.lockout import Lockout
 from tenodesis.console.page import FRAMES
+from tenodesis.console.session import plain
+from tenodesis.console.wire import LoopEvent
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
+from tenodesis.instrument_text import to_toml
 
 pytest.importorskip("viser", reason="the page needs viser")
 
@@ -25,7 +32,7 @@ from websockets.datastructures import Headers
 from websockets.exceptions import InvalidStatus
 from websockets.http11 import Request
 
-from .console_guest import Guest, wait
+from .console_guest import CAMERA, Guest, wait
 from .console_stand_in import StandIn
 
 HAND = "Handle yaw, °"
@@ -179,6 +186,50 @@ def test_the_page_cannot_be_put_on_the_internet_by_a_browser(page: Page, bench: 
         assert page._server._share_tunnel is None
 
 
+@pytest.mark.parametrize("path", ["/index.html", "//", "/./", "/?/../index.html", "/..%2f..%2fsetup.py", "//[", "/%00"])
+def test_no_address_gives_a_page_without_the_stop_button(page: Page, path: str) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=10)
+    connection.request("GET", path, headers={"Accept-Encoding": "identity"})
+    answer = connection.getresponse()
+    body = answer.read()
+    if answer.status == 200:
+        body = gzip.decompress(body)
+        assert b"tenodesis-stop" in body
+    else:
+        assert answer.status in {400, 404}
+        assert b"<html" not in body.lower()
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        [("Host", "127.0.0.1"), ("Host", "elsewhere.example")],
+        [("Host", "127.0.0.1"), ("Origin", "http://[")],
+        [("Host", "127.0.0.1"), ("Origin", "null")],
+        [("Host", "127.0.0.1.elsewhere.example")],
+        [("Host", "127.0.0.1@elsewhere.example")],
+        [("Host", "")],
+        [],
+    ],
+)
+def test_forged_headers_do_not_get_in(page: Page, bench: StandIn, headers: list[tuple[str, str]]) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=10)
+    connection.putrequest("GET", "/stop", skip_host=True)
+    for name, value in [*headers, ("X-Tenodesis", "stop")]:
+        connection.putheader(name, value)
+    connection.endheaders()
+    assert connection.getresponse().status in {400, 403}
+    assert bench.commands == []
+
+
+def test_a_pass_of_any_bytes_is_only_wrong(guarded: Page) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", guarded.port, timeout=10)
+    connection.putrequest("GET", "/")
+    connection.putheader("Cookie", f"tenodesis-{guarded.port}=".encode() + b"\xff\xfe")
+    connection.endheaders()
+    assert connection.getresponse().status == 401
+
+
 def test_browsers_are_told_to_ask_nobody_else(page: Page) -> None:
     policy = str(get(page).getheader("Content-Security-Policy"))
     assert "default-src 'self'" in policy
@@ -285,6 +336,36 @@ def test_a_flood_comes_down_to_the_latest_value_per_tick(page: Page, bench: Stan
     print(f"5001 slider events: {commands} commands at {FRAMES:g} ticks a second")
 
 
+def test_a_page_that_hangs_says_so_to_those_who_ask() -> None:
+    async def ask(alive: bool) -> bytes:
+        door = Door("the page", loopback=True, token=None, stop=lambda _: None, alive=lambda: alive)
+        request = Request("/alive", Headers({"Host": "localhost"}))
+        answer = await door.answer(SimpleNamespace(remote_address=None), request, lambda *_: None)  # type: ignore[arg-type]
+        assert answer is not None
+        assert answer.status_code == 200
+        return bytes(answer.body)
+
+    assert asyncio.run(ask(True)) == b"alive"
+    assert asyncio.run(ask(False)) == b"hangs"
+
+
+def test_a_file_that_is_too_large_or_never_ends_is_not_kept(page: Page, bench: StandIn) -> None:
+    with Guest(page.port) as guest:
+        wait(lambda: operates(bench, guest))
+        guest.upload("Motion from a CSV file", "large.csv", b"", size=5_000_000_000)
+        wait(lambda: "large.csv has 5000 MB; allowed are files of up to 8 MB." in guest.told)
+        (browser,) = page._browsers.values()
+        kept: Any = browser.session.client.gui
+        guest.upload("Motion from a CSV file", "longer.csv", bytes(1000), size=10, parts=3)
+        guest.upload("Motion from a CSV file", "first.csv", b"time_s,angle_deg\n0,0\n1,5\n")
+        wait(lambda: "first.csv" in guest.told)
+        for number in range(20):
+            guest.upload("Motion from a CSV file", f"{number}.csv", b"", size=1000, parts=2)
+        guest.set(HAND, 2.0)
+        wait(lambda: bench.hands[0] > 0)
+        assert len(kept._current_file_upload_states) <= 1
+
+
 @pytest.mark.parametrize("value", [math.nan, math.inf, 1e300, "text", None, [1, 2]])
 def test_a_browser_that_sends_what_its_panel_would_not_moves_nothing(page: Page, bench: StandIn, value: Any) -> None:
     with Guest(page.port) as guest:
@@ -308,3 +389,202 @@ def test_more_browsers_than_there_is_room_for_are_sent_away(page: Page, monkeypa
         second = both.enter_context(Guest(page.port))
         wait(lambda: second.socket.close_code == 1013)
         assert first.socket.close_code is None
+
+
+# ---------------------------------------------------------------------- what others wrote
+
+
+EVIL = "<iframe srcdoc='<script>parent.fetch(1)</script>'></iframe>"
+
+
+def test_names_in_files_are_shown_and_not_obeyed(bench: StandIn, page: Page, tmp_path: Path) -> None:
+    evil = bench.inst.replace(name=EVIL[:60], description=f"![x](/etc/hostname) {EVIL}")
+    bench.begin(evil)
+    (tmp_path / "<img src=x>.mcap").write_bytes(b"nothing")
+    with Guest(page.port) as guest:
+        wait(lambda: operates(bench, guest))
+        guest.upload("A protocol file of your own", "p.toml", PROTOCOL.replace("NAME", "<img src=x>**[a](b)").encode())
+        wait(lambda: guest.sees("runs&") or guest.sees("** runs: "))
+        guest.set("Recording", "<img src=x>.mcap")
+        guest.set("Open", True)
+        wait(lambda: guest.sees("could not be opened"))
+        wait(lambda: any("is no MCAP file" in told for told in guest.told))
+        for text in guest.texts.values():
+            assert "<iframe" not in text
+            assert "<img" not in text
+            assert "![" not in text
+
+
+PROTOCOL = """
+name = "NAME"
+[[phases]]
+kind = "step-load"
+output_angle = "20 deg"
+delay = "0.2 s"
+force = "1 N"
+duration = "0.5 s"
+release = "0.3 s"
+"""
+
+
+def test_markdown_of_others_is_text() -> None:
+    assert html.unescape(plain("<b> *x* [a](b) `c` _d_")) == "<b> *x* [a](b) `c` _d_"
+    assert set("<>*[]()`_!\\") & set(plain("<b> *x* ![a](b) `c` _d_ \\<")) == set()
+    assert plain("one\n\n# two") == "one &#35; two"
+
+
+# ---------------------------------------------------------------------- coming, going and watching
+
+
+def test_a_browser_that_comes_while_there_is_no_runtime_can_start_one(bench: StandIn, tmp_path: Path) -> None:
+    gone = True
+
+    def connect(origin: str) -> Any:
+        if gone and origin != "page":
+            raise LiveError("The runtime has gone.")
+        link = bench.connect(origin)
+        if origin == "page":
+            link.restart = restart  # type: ignore[method-assign]
+        return link
+
+    def restart() -> None:
+        nonlocal gone
+        gone = False
+
+    with serve(connect, port=0, recordings=tmp_path) as page, Guest(page.port) as guest:
+        wait(lambda: "Start the instrument again" in guest.parts)
+        wait(lambda: guest.sees("The runtime has gone."))
+        assert HAND not in guest.parts
+        guest.set("Start the instrument again", True)
+        wait(lambda: operates(bench, guest))
+        wait(lambda: HAND in guest.parts)
+
+
+def test_sliders_begin_where_the_handle_and_the_load_are(scaled: Instrument, tmp_path: Path) -> None:
+    bench = StandIn(scaled, tmp_path)
+    bench.hands, bench.forces = np.array([np.radians(12.0)]), np.array([0.5])
+    try:
+        with serve(bench.connect, port=0, recordings=tmp_path) as page, Guest(page.port) as guest:
+            wait(lambda: guest.property(HAND, "value") == pytest.approx(12.0))
+            wait(lambda: guest.property("Load yaw, N", "value") == pytest.approx(0.5))
+            wait(lambda: "Take the load off at once" in [part["label"] for part in guest.parts.values()])
+    finally:
+        bench.close()
+
+
+def test_looking_again_is_not_put_off_by_panels_that_leave_an_upright_picture(page: Page, bench: StandIn) -> None:
+    with Guest(page.port) as guest:
+        wait(lambda: operates(bench, guest))
+        (browser,) = page._browsers.values()
+        camera = browser.session.client.camera
+        first = np.array(camera.look_at)
+        guest.send({**CAMERA, "image_width": 512, "image_height": 800})
+        wait(lambda: camera.image_width == 512)
+        guest.set("Look at", "whole")
+        wait(lambda: np.any(np.array(camera.look_at) != 0))
+        assert np.array(camera.look_at) == pytest.approx(first)
+
+
+def test_other_threads_do_not_touch_an_event_of_the_loop() -> None:
+    async def told() -> list[bool]:
+        event = asyncio.Event()
+        event.__class__ = LoopEvent
+        await asyncio.to_thread(event.set)
+        seen = [event.is_set()]
+        event.set()
+        return [*seen, event.is_set()]
+
+    assert asyncio.run(told()) == [False, True]
+
+
+def test_all_browsers_have_such_an_event(page: Page, bench: StandIn) -> None:
+    with Guest(page.port) as guest:
+        wait(lambda: operates(bench, guest))
+        (browser,) = page._browsers.values()
+        interface: Any = browser.session.client.gui._websock_interface
+        assert isinstance(interface.get_message_buffer().message_event, LoopEvent)
+
+
+def test_who_watches_does_not_open_instrument_files(page: Page, bench: StandIn) -> None:
+    with Guest(page.port) as first, Guest(page.port) as second:
+        wait(lambda: operates(bench, first) or operates(bench, second))
+        watcher = second if operates(bench, first) else first
+        watcher.set("Path", "/etc/passwd")
+        watcher.set("Run the one of this path", True)
+        wait(lambda: "You only watch; take control first." in watcher.told)
+        assert not any("passwd" in told for told in watcher.told)
+
+
+@pytest.mark.parametrize("path", ["/dev/zero", "/tmp", "no such file", "a\0b"])
+def test_what_is_no_instrument_file_is_refused_by_its_name(page: Page, bench: StandIn, path: str) -> None:
+    with Guest(page.port) as guest:
+        wait(lambda: operates(bench, guest))
+        guest.set("Path", path)
+        guest.set("Run the one of this path", True)
+        known = path.partition("\0")[0]
+        wait(lambda: guest.sees(known) or any(known in told for told in guest.told))
+        assert asked_by(bench, "load") == []
+
+
+@pytest.mark.parametrize(
+    ("protocol", "runs"),
+    [
+        (None, False),
+        (("x", 1.0, 2.0, None), True),
+        (("x", 2.0, 2.0, None), False),
+        (("x", 1.0, 2.0, "phases[0] waits at 1 of 2 s: the instrument is PAUSED; resume it to go on."), True),
+        (("x", 1.0, 2.0, "stopped"), False),
+        (("x", 1.0, 2.0, "cancelled"), False),
+        (("x", 1.0, 2.0, "the operator has gone"), False),
+        (("x", 1.0, 2.0, "index 3 is out of bounds"), False),
+    ],
+)
+def test_a_protocol_runs_until_it_is_done_or_something_ends_it(protocol: Any, runs: bool) -> None:
+    assert running(SimpleNamespace(protocol=protocol)) is runs
+
+
+# ---------------------------------------------------------------------- recordings
+
+
+@pytest.fixture
+def recordings(scaled: Instrument, tmp_path: Path) -> Path:
+    """A folder of recordings: whole, cut, without a row, and of two axes."""
+    run = tn.twin.Twin(scaled, time_step=5e-4).run(np.linspace(0, 0.3, 1200))
+    metadata = {"instrument": to_toml(scaled)}
+    with tn.Recorder(tmp_path / "whole.mcap", axes=("yaw",), metadata=metadata) as recorder:
+        recorder.write(run)
+    whole = (tmp_path / "whole.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) * 2 // 3])
+    with tn.Recorder(tmp_path / "empty.mcap", axes=("yaw",), metadata=metadata):
+        pass
+    two = tn.load("real-size")
+    both = tn.twin.Twin(two, time_step=5e-4).run(np.zeros((400, 2)))
+    with tn.Recorder(tmp_path / "two.mcap", axes=two.axes, metadata={"instrument": to_toml(two)}) as recorder:
+        recorder.write(both)
+    with tn.Recorder(tmp_path / "foreign.mcap", axes=two.axes) as recorder:
+        recorder.write(both)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("whole.mcap", "rows, scaled-up, yaw."),
+        ("cut.mcap", "only&#58;"),
+        ("empty.mcap", "0.0 s, 0 rows, scaled-up, yaw."),
+        ("two.mcap", "To replay it, run an instrument with yaw and pitch first"),
+        ("foreign.mcap", "foreign.mcap has yaw and pitch and does not say of which instrument"),
+        ("../secret.mcap", "is not among the recordings"),
+    ],
+)
+def test_a_recording_says_what_it_is_or_why_it_cannot_be_opened(
+    recordings: Path, page: Page, bench: StandIn, name: str, says: str
+) -> None:
+    (recordings.parent / "secret.mcap").write_bytes((recordings / "whole.mcap").read_bytes())
+    with Guest(page.port) as guest:
+        wait(lambda: operates(bench, guest))
+        wait(lambda: "whole.mcap" in (guest.property("Recording", "options") or ()))
+        guest.set("Recording", name)
+        guest.set("Open", True)
+        wait(lambda: guest.sees(says) or any(says in told for told in guest.told))
+        assert guest.property("Replay in the view", "disabled") is (name not in {"whole.mcap", "cut.mcap"})

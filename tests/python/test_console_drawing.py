@@ -2,6 +2,8 @@
 
 from collections import Counter
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from tenodesis import kinematics
 from tenodesis.console.colours import SLACK, TensionColours
 from tenodesis.console.comparison import compare
 from tenodesis.console.motion_file import motion_protocol, repeated
+from tenodesis.console.moving import next_to_try
 from tenodesis.console.parts import parts
 from tenodesis.console.scene import drawn
 from tenodesis.console.view import view
@@ -77,6 +80,31 @@ def test_colours_tell_slack_from_tight_and_redden_to_the_limit(scaled: Instrumen
     assert found[5, 0] > 2 * found[5, 2]
     assert f"limit {colours.limit:.3g} N" in colours.legend()
     assert "pretension 25 N" in colours.legend()
+
+
+@pytest.mark.parametrize(
+    ("handle", "force", "state", "law", "says"),
+    [
+        (0.0, 0.0, "DISABLED", "robust", "Move the handle"),
+        (0.3, 0.0, "DISABLED", "robust", "Put the load on"),
+        (0.3, 1.0, "DISABLED", "robust", "Press *Enable*"),
+        (-0.3, -1.0, "PAUSED", "robust", "Press *Resume*"),
+        (0.3, 1.0, "ENABLED", "robust", "choose *off*"),
+        (0.3, 1.0, "ENABLED", "off", "choose *robust*"),
+    ],
+)
+def test_a_newcomer_is_led_from_the_handle_to_the_law(
+    handle: float, force: float, state: str, law: str, says: str
+) -> None:
+    seen = SimpleNamespace(handle=np.array([0.0, handle]), force=np.array([force, 0.0]))
+    now: Any = SimpleNamespace(view=seen, status=SimpleNamespace(state=state, law=law))
+    assert says in next_to_try(now)
+
+
+def test_nothing_is_proposed_while_a_fault_has_to_be_cleared() -> None:
+    seen = SimpleNamespace(handle=np.array([0.3]), force=np.array([1.0]))
+    now: Any = SimpleNamespace(view=seen, status=SimpleNamespace(state="FAULT", law="robust"))
+    assert next_to_try(now) == ""
 
 
 def test_two_recordings_differ_by_the_rms_of_their_difference() -> None:

@@ -11,7 +11,6 @@ from .conftest import ROOT
 
 GENERATED = (
     "docs/traceability.md",
-    "docs/results.md",
     "docs/picture.svg",
     "src/tenodesis/_core.pyi",
     "src/tenodesis/instruments/instrument.schema.json",

@@ -2,6 +2,7 @@
 
 import itertools
 import re
+from importlib import resources
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -278,6 +279,36 @@ def test_bad_coordinates_are_named(change, told):
         km.forward(REAL, km.Posture(**change))
 
 
+def test_what_is_no_posture_or_no_instrument_is_named():
+    tip = ([0.0, 0.0, 0.2], [1.0, 0.0, 0.0, 0.0])
+    for ask in (lambda: km.forward(REAL, (0, 0)), lambda: km.within_limits(REAL, {"pan": 0})):
+        with pytest.raises(TypeError, match=r"posture is .*; allowed is a Posture\."):
+            ask()
+    with pytest.raises(TypeError, match=r"near is .*; allowed is a Posture\."):
+        km.inverse(REAL, *tip, near=(0.0, 0.0))
+    for ask in (km.dimensions, km.limits, km.workspace, km.urdf, km.mjcf, lambda inst: km.inverse(inst, *tip)):
+        with pytest.raises(TypeError, match=r"inst is 'real-size'; allowed is an instrument"):
+            ask("real-size")
+    with pytest.raises(ValueError, match=r"pan is 'far'; allowed is a number"):
+        km.within_limits(REAL, km.Posture(pan="far"))
+    assert km.within_limits(REAL, km.Posture(pan=np.nan)) is False
+
+
+@pytest.mark.parametrize(("argument", "value"), [("force", "much"), ("force", np.inf), ("points", 2.5), ("points", 1)])
+def test_a_workspace_of_no_load_or_no_points_is_refused(argument, value):
+    with pytest.raises(ValueError, match=rf"{argument} is .*; allowed is"):
+        km.workspace(REAL, **{argument: value})
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.4])
+def test_one_axis_finds_a_posture_where_it_is_straight_too(bend):
+    inst = tn.load("scaled-up")
+    tip = km.forward(inst, km.Posture(pan=0.2, tilt=-0.1, yaw=bend, roll=0.7))
+    again = km.forward(inst, km.inverse(inst, *tip, 0.3))
+    np.testing.assert_allclose(again.position, tip.position, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(matrix(again.quaternion), matrix(tip.quaternion), rtol=0, atol=1e-13)
+
+
 def test_an_axis_that_is_not_there_cannot_bend():
     with pytest.raises(ValueError, match=r"pitch is 0.1 rad; scaled-up has no such axis"):
         km.forward(tn.load("scaled-up"), km.Posture(pitch=0.1))
@@ -289,6 +320,11 @@ def test_goals_that_cannot_be_reached_are_named_alone_and_nan_in_arrays():
         km.inverse(REAL, [0.0, 0.0, 0.03], upright)
     both = km.inverse(REAL, [[0.0, 0.0, 0.03], [0.0, 0.0, 0.2]], upright)
     assert np.isnan(both.pan).tolist() == [True, False]
+    with pytest.raises(tn.NoSolutionError, match=r"no posture brings the tip there; .* or another orientation"):
+        km.inverse(REAL, [0.0, 0.0, 0.2], [0.0, 1.0, 0.0, 0.0])  # it would have to look back at the port
+    for far in (1e7, -1e200):
+        with pytest.raises(ValueError, match=r"position is .* m; allowed is up to 1e\+06 m"):
+            km.inverse(REAL, [[0.0, 0.0, 0.2], [0.0, far, 0.0]], upright)
     with pytest.raises(ValueError, match="quaternion has length 2"):
         km.inverse(REAL, [0.0, 0.0, 0.2], [2.0, 0.0, 0.0, 0.0])
     with pytest.raises(ValueError, match=r"position has shape \(2,\)"):
@@ -347,6 +383,23 @@ def test_the_urdf_is_a_tree_and_its_mimics_name_their_joints(inst):
 def test_what_a_format_does_not_carry_is_told_in_it():
     assert re.search(r"does not carry.*tendons.*rolling contact.*friction", km.urdf(REAL), re.DOTALL)
     assert re.search(r"does not carry.*rolling contact.*friction", km.mjcf(REAL), re.DOTALL)
+    for name, inst in INSTRUMENTS.items():
+        drawn = ElementTree.fromstring(km.mjcf(inst)).findall("tendon/spatial")
+        assert bool(drawn) != ("the way of the tendons" in km.mjcf(inst)), name
+        assert ("the arc of a backbone" in km.mjcf(inst)) == ("the arc of a backbone" in km.urdf(inst))
+
+
+@pytest.mark.parametrize(
+    "name", sorted(path.stem for path in resources.files("tenodesis").joinpath("instruments").glob("*.toml"))
+)
+@pytest.mark.parametrize("axes", [None, ("yaw",), ("pitch",), ("pitch", "yaw")])
+def test_every_instrument_that_is_shipped_makes_models_that_load(name, axes):
+    mujoco, pinocchio = pytest.importorskip("mujoco"), pytest.importorskip("pinocchio")
+    inst = tn.load(name) if axes is None else tn.load(name).replace(axes=axes)
+    joints = set(km.joint_positions(inst, km.Posture()))
+    model = mujoco.MjModel.from_xml_string(km.mjcf(inst))
+    assert {model.joint(n).name for n in range(model.njnt)} == joints
+    assert set(pinocchio.buildModelFromXML(km.urdf(inst)).names) - {"universe"} == joints
 
 
 @pytest.mark.parametrize("name", ["real-size", "scaled-up", "pulley"])

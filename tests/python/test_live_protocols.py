@@ -8,7 +8,7 @@ import pytest
 
 import tenodesis as tn
 from tenodesis.control import OperatingState
-from tenodesis.errors import ProtocolError
+from tenodesis.errors import LiveError, ProtocolError
 from tenodesis.instrument import Instrument
 from tenodesis.live.protocols import Player
 from tenodesis.protocols import Cycles, Pretension, Protocol, Ramp, StepLoad
@@ -447,3 +447,72 @@ def test_what_no_controller_can_run_is_refused_before_it_begins(
     with pytest.raises(ProtocolError, match=said):
         player(loop, Protocol(name="refused", phases=phases))
     assert loop.pending == 0
+
+
+PAUSED = Protocol(name="paused", phases=(Ramp(handle_angle=0.0, duration=0.3), Pretension(timeout=30.0)))
+
+
+def test_a_protocol_does_not_home_over_the_operators_pause(loop: LiveLoop) -> None:
+    """A pause when the last commands before homing are on their way already."""
+    playing = player(loop, PAUSED)
+    while loop.pending + sum(map(len, loop.runs)) < TURN + 600:
+        playing.advance()
+        loop.ticks(TURN)
+    assert playing.problem is None
+    playing.held = True
+    loop.ask("pause")
+    loop.ticks(400)
+    turns(playing, loop)
+    assert playing.problem is not None
+    assert "the operator has paused it, and it is PAUSED; home it to go on" in playing.problem
+    assert loop.asked == ["enable", "pause"]
+    assert concatenate(loop.runs)["operating_state"][-400:].max() == OperatingState.PAUSED
+    playing.held = False
+    loop.ask("home")
+    loop.ticks(TURN)
+    for _ in range(2000):
+        playing.advance()
+        if playing.finished:
+            break
+        loop.ticks(TURN)
+    assert playing.finished
+    assert loop.asked == ["enable", "pause", "home", "resume"]
+
+
+def test_a_protocol_does_not_resume_over_the_operators_pause_after_homing(loop: LiveLoop) -> None:
+    playing = player(loop, HOMING)
+    while not loop.latest()["homing"]:
+        playing.advance()
+        loop.ticks(TURN)
+    while loop.latest()["homing"]:
+        loop.ticks(TURN)
+        if loop.latest()["homing"]:
+            playing.advance()
+    playing.held = True
+    loop.ask("pause")
+    loop.ticks(TURN)
+    turns(playing, loop)
+    assert playing.problem is not None
+    assert "the instrument is PAUSED; resume it to go on" in playing.problem
+    assert "resume" not in loop.asked
+
+
+def test_what_cannot_forget_its_commands_still_pauses_homing_when_it_is_cancelled(
+    tmp_path: Path, scaled: Instrument, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loop = LiveLoop(tmp_path, scaled, homed=False, loosened=2e-3)
+    loop.ticks(TURN)
+    playing = player(loop, HOMING)
+    while not loop.latest()["homing"]:
+        playing.advance()
+        loop.ticks(TURN)
+
+    def full() -> None:
+        raise LiveError("too much is asked at once; that was not taken.")
+
+    monkeypatch.setattr(loop, "drop", full)
+    with pytest.raises(LiveError):
+        playing.cancel()
+    loop.ticks(TURN)
+    assert loop.asked[-1] == "pause"
+    assert not loop.latest()["homing"]

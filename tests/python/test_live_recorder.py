@@ -283,6 +283,27 @@ def test_it_stops_when_it_is_told_to_before_anything_has_come(scaled: Instrument
     assert (outcome.rows, len(recording.run), recording.damage) == (0, 0, None)
 
 
+@pytest.mark.parametrize(("there", "recorded"), [(9000, 9000), (math.inf, None)])
+def test_what_was_there_when_it_was_told_to_stop_is_recorded_and_what_has_no_end_does_not_keep_it(
+    scaled: Instrument, tmp_path: Path, there: float, recorded: int | None
+) -> None:
+    stop = threading.Event()
+
+    class Behind:
+        inst, axes, time_step, row, alive = scaled, ("yaw",), STEP, 0, True
+
+        def read(self, most: int = 2000) -> tuple[Run, int]:
+            stop.set()
+            rows = np.arange(self.row, min(self.row + most, there)) + 1
+            self.row += rows.size
+            return Run(rows * STEP, self.axes, force=rows * 1.0), 0
+
+    outcome = live.record(Behind(), tmp_path, tmp_path / "run.mcap", stop=stop)
+    # A ring holds eight seconds, or up to twice that.
+    assert outcome.rows == recorded or (recorded is None and 16 / STEP <= outcome.rows <= 20 / STEP)
+    assert outcome.lost == 0
+
+
 def test_memory_does_not_grow_with_the_rows(scaled: Instrument, tmp_path: Path) -> None:
     """Ten times the rows take no more memory than the index that a file of so many chunks ends with."""
 

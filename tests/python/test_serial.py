@@ -26,7 +26,7 @@ from tenodesis.twin import TIME_STEP, Twin
 
 from . import serial_board as sb
 from .conftest import EXAMPLES
-from .serial_board import Frame
+from .serial_board import Frame, Streamed
 
 Array = NDArray[np.float64]
 PATIENT: dict[str, Any] = {"timeout": 20.0, "silence": 600.0}
@@ -149,7 +149,7 @@ def test_malformed_frames_move_nothing_and_are_counted(board: str, scaled: Instr
         malformed = noise + b"".join(flipped) + step[: len(step) // 2]
         assert sb.answer_to(line, Frame(sb.HELLO, 0, 2), malformed).payload == before
         for frame, why in (
-            (Frame(sb.STEP, 7, 2**31 - 1, bytes(36), version=2), 1),
+            (Frame(sb.STEP, 7, 2**31 - 1, bytes(36), version=3), 1),
             (Frame(sb.STEP, 0, 2**31 - 1, bytes(36)), 4),
             (Frame(sb.PARAMETERS, 7, 2**30, bytes(768)), 3),
         ):
@@ -251,28 +251,22 @@ def test_a_board_with_sensors_measures_steps_and_sends_by_itself(tmp_path: Path,
             parameters = Frame(sb.PARAMETERS, 9, 100, struct.pack("<2I", 0, 0) + image)
             assert sb.answer_to(line, parameters).type == sb.DONE
             assert sb.answer_to(line, Frame(sb.STREAM, 9, 101)).type == sb.DONE
-            line.sendall(Frame(sb.KEEP, 9, 102, struct.pack("<I", Request.ENABLE)).encoded())
-            ticks = list(sb.frames_from(line, until=lambda frame: _state(frame) == OperatingState.PAUSED))
+            line.sendall(sb.keep(1, Request.ENABLE, 9, 102).encoded())
+            ticks = list(sb.frames_from(line, until=lambda frame: Streamed.of(frame).state == OperatingState.PAUSED))
     assert {frame.type for frame in ticks} == {sb.STREAMED}
     assert [frame.sequence for frame in ticks] == list(range(1, len(ticks) + 1))
-    states = [_state(frame) for frame in ticks]
-    assert sorted(set(states)) == [OperatingState.DISABLED, OperatingState.ENABLED, OperatingState.PAUSED]
-    last = ticks[-1].payload
-    kept, axes, flags = struct.unpack("<I", last[:4])[0], last[4], struct.unpack("<I", last[20:24])[0]
-    assert (kept, axes, flags & 0b10100) == (102, 1, 0b10100)
-    assert struct.unpack("<2f", last[40:48]) == (0.0, 0.0)
-    tension = struct.unpack("<2f", last[124:132])
-    assert tension == pytest.approx((scaled.pretension, scaled.pretension), abs=1.0)
-
-
-def _state(streamed: Frame) -> int:
-    return int(struct.unpack("<I", streamed.payload[16:20])[0])
+    states = {Streamed.of(frame).state for frame in ticks}
+    assert sorted(states) == [OperatingState.DISABLED, OperatingState.ENABLED, OperatingState.PAUSED]
+    last = Streamed.of(ticks[-1])
+    assert (last.kept, last.number, last.flags & 0b10100) == (102, 1, 0b10100)
+    assert last.velocity == (0.0, 0.0)
+    assert last.tension == pytest.approx((scaled.pretension, scaled.pretension), abs=1.0)
 
 
 # ---- boards that are none, or lie
 
 LIES: dict[str, tuple[str, Callable[[Frame], list[bytes]]]] = {
-    "another version": ("wrong_version", lambda f: [sb.output(f)._replace(version=2).encoded()]),
+    "another version": ("wrong_version", lambda f: [sb.output(f)._replace(version=3).encoded()]),
     "refuses the version": (
         "wrong_version",
         lambda f: [Frame(sb.REFUSED, f.session, f.sequence, struct.pack("<2I", 1, 9)).encoded()],

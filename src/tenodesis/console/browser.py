@@ -34,7 +34,7 @@ class Browser:
         session, inst = self.session, self.session.link.inst
         gui: Any = session.client.gui
         gui.reset()
-        session.replaying = False
+        session.begin()
         self._inst = inst
         with session.client.atomic():
             self._header = Header(session, inst)
@@ -53,8 +53,8 @@ class Browser:
             with tabs.add_tab("Help"):
                 gui.add_markdown(ABOUT)
             self._parts: tuple[Part, ...] = (self._header, moving, controlling, experiments, self._files, setup)
-            self.plots = Plots(gui, inst)
-            self.scene = Scene(session.client, inst, largest_force(inst))
+            self.plots = Plots(gui, inst, measured=session.link.capabilities.distal_encoder)
+            self.scene = Scene(session.client, inst, largest_force(inst), small=session.small)
             self.scene.look("whole")
             gui.main_panel.dock_right()
             gui.main_panel.set_width(_WIDTH)
@@ -74,7 +74,8 @@ class Browser:
         session = self.session
         for action in session.inbox.take():
             action()
-        if self.operating and not now.operating:
+        # Whoever starts another instrument operates that a moment later.
+        if self.operating and not now.operating and not session.works("load"):
             other = now.status.operator
             session.tell("You watch now." if other is None else f"{other} has taken over; you watch now.", "Control")
         self.operating = now.operating
@@ -83,7 +84,7 @@ class Browser:
         at = time.monotonic()
         if at - self._told >= _PANEL_EVERY:
             self._told = at
-            self.scene.tell(seen)
+            self.scene.tell(seen, recorded=session.replaying)
             with session.client.atomic():
                 for part in self._parts:
                     part.show(now)

@@ -45,15 +45,12 @@ class Controlling:
         session.on(self._actuation, "law", self._choose)
         session.on(self._home, "request", lambda: session.link.request("home"))
         session.on(self._spoil, "tamper", lambda: session.link.tamper(*_FAULTS[self._fault.value]))
-        self._wanted: tuple[str, str] | None = None
 
     def show(self, now: Now) -> None:
         """Show what is chosen."""
         status = now.status
         enable((self._law, self._actuation, self._home, self._fault, self._spoil), now.operating)
-        if self._wanted == (status.law, status.actuation):
-            self._wanted = None
-        if self._wanted is None:
+        if not self._session.keeps(self._law, self._actuation):
             put(self._law, value=status.law)
             put(self._actuation, value=status.actuation)
         put(self._law_words, content=_small(LAWS.get(status.law, "")))
@@ -61,12 +58,7 @@ class Controlling:
         put(self._timing, content=timing_line(status))
 
     def _choose(self) -> None:
-        self._wanted = (self._law.value, self._actuation.value)
-        try:
-            self._session.link.law(*self._wanted)
-        except Exception:
-            self._wanted = None
-            raise
+        self._session.link.law(self._law.value, self._actuation.value)
 
 
 def _small(words: str) -> str:

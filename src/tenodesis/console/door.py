@@ -8,6 +8,7 @@ import ipaddress
 import secrets
 from collections.abc import Callable, Mapping
 from html import escape
+from math import ceil
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
@@ -46,6 +47,8 @@ class Door:
         What must be shown once by whoever wants in; None for nothing.
     stop
         Stops the motors in the name of an origin; returns what went wrong, or None.
+    alive
+        Returns whether the page goes on.
     lockout
         Slows guesses down.
     """
@@ -57,46 +60,57 @@ class Door:
         loopback: bool,
         token: str | None,
         stop: Callable[[str], str | None],
+        alive: Callable[[], bool] = lambda: True,
         lockout: Lockout | None = None,
     ) -> None:
         self._page = gzip.compress(page.encode())
-        self._loopback, self._token, self._stop = loopback, token, stop
+        self._loopback, self._token, self._stop, self._alive = loopback, token, stop, alive
         self._lockout = Lockout() if lockout is None else lockout
         self._pass = secrets.token_urlsafe(32)
 
     async def answer(self, connection: ServerConnection, request: Request, inner: Inner) -> Response | None:
         """Return the answer to a request; None lets a WebSocket begin."""
         headers = request.headers
-        address = _address(connection)
-        host = headers.get("Host", "")
+        try:
+            host, origin = headers.get("Host", ""), headers.get("Origin")
+            target, site = urlsplit(request.path), None if origin is None else urlsplit(origin).netloc
+        except (LookupError, ValueError):
+            return _text(http.HTTPStatus.BAD_REQUEST, "This request cannot be understood.")
         if self._loopback and not is_loopback(_name(host)):
             return _text(http.HTTPStatus.FORBIDDEN, "This page answers to localhost and 127.0.0.1 only.")
-        origin = headers.get("Origin")
-        if origin is not None and urlsplit(origin).netloc != host:
+        if site not in (None, host):
             return _text(http.HTTPStatus.FORBIDDEN, "This page answers to itself only, not to another site.")
-        target = urlsplit(request.path)
         if self._token is not None and not self._knows_pass(headers, host):
-            return self._let_in(address, host, parse_qs(target.query).get("token", [""])[0])
-        if target.path == "/stop":
+            return self._let_in(_address(connection), host, parse_qs(target.query).get("token", [""])[0])
+        if "websocket" in headers.get_all("Upgrade"):
+            return inner(connection, request)
+        return await self._page_of(target.path, headers, _address(connection))
+
+    async def _page_of(self, path: str, headers: Headers, address: str) -> Response:
+        """Answer somebody who may come in."""
+        if path == "/stop":
             return await self._stopped(headers, address)
-        if headers.get("Upgrade", "").lower() != "websocket" and target.path == "/":
-            return _html(http.HTTPStatus.OK, self._page, {"Content-Encoding": "gzip"})
-        return inner(connection, request)
+        if path == "/alive":
+            return _text(http.HTTPStatus.OK, "alive" if self._alive() else "hangs")
+        # Of the library's own pages one is the viewer, without the stop button.
+        if path != "/":
+            return _text(http.HTTPStatus.NOT_FOUND, "There is nothing here; the page is at /.")
+        return _html(http.HTTPStatus.OK, self._page, {"Content-Encoding": "gzip"})
 
     def _knows_pass(self, headers: Headers, host: str) -> bool:
         shown = _cookies(headers).get(_cookie(host), "")
-        return hmac.compare_digest(shown.encode(), self._pass.encode())
+        return hmac.compare_digest(_bytes(shown), _bytes(self._pass))
 
     def _let_in(self, address: str, host: str, guess: str) -> Response:
         """Answer somebody who is not known yet: with a pass for the right token, or with the question for it."""
         seconds = self._lockout.remaining(address)
         if seconds > 0:
-            answer = _text(http.HTTPStatus.TOO_MANY_REQUESTS, f"Too many wrong tokens. Wait {seconds:.0f} s.")
-            answer.headers["Retry-After"] = f"{seconds:.0f}"
+            answer = _text(http.HTTPStatus.TOO_MANY_REQUESTS, f"Too many wrong tokens. Wait {ceil(seconds)} s.")
+            answer.headers["Retry-After"] = f"{ceil(seconds)}"
             return answer
         if not guess:
             return _html(http.HTTPStatus.UNAUTHORIZED, _question("").encode())
-        if not hmac.compare_digest(guess.encode(), str(self._token).encode()):
+        if not hmac.compare_digest(_bytes(guess), _bytes(str(self._token))):
             self._lockout.wrong(address)
             return _html(http.HTTPStatus.UNAUTHORIZED, _question("That is not the token.").encode())
         self._lockout.right(address)
@@ -126,6 +140,11 @@ def is_loopback(host: str) -> bool:
 def _address(connection: ServerConnection) -> str:
     remote: Any = connection.remote_address
     return str(remote[0]) if remote else "unknown"
+
+
+def _bytes(text: str) -> bytes:
+    # Whatever bytes a header holds come as text.
+    return text.encode("utf-8", "surrogateescape")
 
 
 def _name(host: str) -> str:

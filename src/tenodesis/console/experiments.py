@@ -5,9 +5,11 @@ from typing import Any
 
 from tenodesis import protocols
 from tenodesis.console.link import running
-from tenodesis.console.session import Now, Session, enable, put
+from tenodesis.console.session import Now, Session, enable, plain, put
 from tenodesis.errors import ProtocolError
 from tenodesis.protocols import Protocol
+
+_NOTHING = "No experiment runs."
 
 
 class Experiments:
@@ -15,39 +17,38 @@ class Experiments:
 
     def __init__(self, session: Session) -> None:
         self._session = session
+        self._simulated = session.link.capabilities.simulated
         gui: Any = session.client.gui
-        self._state = gui.add_markdown("No experiment runs.")
+        self._state = gui.add_markdown(_NOTHING)
         self._bar = gui.add_progress_bar(0.0, visible=False)
         self._cancel = gui.add_button("End it", color="gray", visible=False)
+        if not self._simulated:
+            gui.add_markdown("*Experiments move the handle and load the tip, which only the twin lets them do.*")
         self._buttons: list[Any] = []
         for name in protocols.shipped():
             protocol = protocols.load(name)
             button = gui.add_button(name, hint=protocol.description, icon="player-play")
             gui.add_markdown(f"*{protocol.description}.*")
-            session.on(button, "play", partial(self._play, protocol))
+            session.on(button, "play", partial(self._begin, partial(self._play, protocol)))
             self._buttons.append(button)
-        self._upload = gui.add_upload_button("A protocol file of your own", mime_type=".toml")
-        session.on(self._upload, "upload protocol", self._play_file)
+        self._upload = gui.add_upload_button("A protocol file of your own", mime_type=".toml", icon="upload")
+        session.on(self._upload, "upload protocol", partial(self._begin, self._play_file))
         session.on(self._cancel, "cancel", session.link.cancel)
 
     def show(self, now: Now) -> None:
         """Show how far the protocol has come."""
         played, going = now.status.protocol, running(now.status)
-        enable((*self._buttons, self._upload), now.operating and not going)
+        enable((*self._buttons, self._upload), now.operating and self._simulated and not going)
         enable((self._cancel,), now.operating)
-        put(self._bar, visible=played is not None)
+        put(self._bar, visible=going)
         put(self._cancel, visible=going)
-        if played is None:
-            put(self._state, content="No experiment runs.")
-            return
-        name, done, total, problem = played
-        put(self._bar, value=min(100.0, round(100 * done / total, 1)) if total > 0 else 0.0)
-        if problem is not None:
-            put(self._state, content=f"{problem}" if going else f"**{name}** was {problem} after {done:.1f} s.")
-        elif going:
-            put(self._state, content=f"**{name}** runs: {done:.1f} s of {total:.1f} s")
-        else:
-            put(self._state, content=f"**{name}** is done; its recording is under *Files*.")
+        put(self._state, content=_told(played, going))
+        if played is not None and played[2] > 0:
+            put(self._bar, value=min(100.0, round(100 * played[1] / played[2], 1)))
+
+    def _begin(self, play: Any) -> None:
+        # A long protocol is planned for seconds, which the page's ticks cannot wait.
+        self._session.work("play", play)
 
     def _play(self, protocol: Protocol) -> None:
         protocol.plan(self._session.link.inst, 1e-3)
@@ -60,3 +61,15 @@ class Experiments:
         except UnicodeDecodeError:
             raise ProtocolError(f"{file.name} is not UTF-8 text; allowed is a TOML file.") from None
         self._play(protocols.parse(text, file.name))
+
+
+def _told(played: tuple[str, float, float, str | None] | None, going: bool) -> str:
+    """Return in Markdown how a protocol fares."""
+    if played is None:
+        return _NOTHING
+    name, done, total, problem = plain(played[0]), *played[1:]
+    if going:
+        return f"**{name}** runs: {done:.1f} s of {total:.1f} s" if problem is None else plain(problem)
+    if problem is not None:
+        return f"**{name}** ended after {done:.1f} s of {total:.1f} s: {plain(problem.rstrip('.'))}."
+    return f"**{name}** is done; its recording is under *Files*."

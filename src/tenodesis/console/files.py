@@ -1,17 +1,18 @@
 """Recordings: listed, opened, replayed and compared."""
 
 import time
-from math import degrees
+from collections.abc import Mapping
+from math import ceil, degrees
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from tenodesis.console.comparison import compare
 from tenodesis.console.link import running
 from tenodesis.console.motion_file import repeated
-from tenodesis.console.plots import AGONIST, INK, WANTED, known
-from tenodesis.console.session import Now, Session, enable, put
+from tenodesis.console.plots import AGONIST, INK, WANTED, add_chart, known, series
+from tenodesis.console.session import Now, Session, enable, plain, put
 from tenodesis.console.view import View, view
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument
@@ -23,71 +24,72 @@ _ROWS = 1500
 """Rows that a recording is drawn and replayed with."""
 _LISTED = 200
 _LOOK_EVERY = 1.0
+_OPENED = {"hand asks": WANTED, "is": INK}
+_COMPARED = {"second": AGONIST, "first": INK}
+"""Curves by name, with their colours; the last is in front."""
+
+
+class _Opened(NamedTuple):
+    """A recording that was read."""
+
+    recording: Recording
+    inst: Instrument
+    drawn: View
 
 
 class Files:
     """The recordings of a folder, and one of them opened."""
 
     def __init__(self, session: Session, inst: Instrument) -> None:
-        from viser import uplot  # noqa: PLC0415 - takes half a second
-
         self._session, self._inst = session, inst
-        self._opened: tuple[Recording, Instrument, View] | None = None
+        self._opened: _Opened | None = None
         self._started: float | None = None
         self._looked = 0.0
+        self._newest = (_NONE, _NONE)
         gui: Any = session.client.gui
         self._name = gui.add_dropdown("Recording", (_NONE,))
         self._open = gui.add_button("Open", icon="folder-open")
-        self._facts = gui.add_markdown(f"Recordings are in `{session.folder}`.")
-        self._chart = gui.add_uplot(
-            data=(np.array([0.0, 1.0]), *(np.zeros(2) for _ in range(3))),
-            series=(
-                uplot.Series(label="s"),
-                *(
-                    uplot.Series(label=name, stroke=colour, width=1.5, points={"show": False})
-                    for name, colour in (("the other", AGONIST), ("hand asks", WANTED), ("is", INK))
-                ),
-            ),
-            title="Tip angle, deg",
-            scales={"x": uplot.Scale(time=False)},
-            axes=(uplot.Axis(label="time, s", labelSize=18, labelGap=0, size=24, gap=2), uplot.Axis(size=48)),
-            legend=uplot.Legend(show=True, live=False),
-            cursor=uplot.Cursor(show=False),
-            height=170,
-            padding=(6, 12, 0, 0),
-        )
+        self._facts = gui.add_markdown(f"Recordings are in {plain(session.folder.absolute())}.")
+        self._axis = gui.add_dropdown("Axis of the curves", inst.axes, visible=len(inst.axes) > 1)
+        self._chart = add_chart(gui, "Tip angle, deg", _OPENED, height=170)
+        self._chart.visible = False
         self._replay = gui.add_button("Replay in the view", icon="player-play", disabled=True)
         self._at = gui.add_slider("At, s", min=0.0, max=1.0, step=0.01, initial_value=0.0, visible=False)
         self._live = gui.add_button("Back to the live instrument", color="green", visible=False)
         self._again = gui.add_button("Move the handle like this again", icon="repeat", disabled=True)
         self._other = gui.add_dropdown("Compare with", (_NONE,))
-        self._compare = gui.add_button("Compare the tip angles", icon="arrows-diff", disabled=True)
+        self._compare = gui.add_button("Compare the tip angles", icon="arrows-diff")
         self._verdict = gui.add_markdown("")
         session.on(self._open, "open", lambda: session.work("open", self._read))
         session.on(self._replay, "replay", self._start)
         session.on(self._live, "replay", self._end)
         session.on(self._at, "replay at", self._seek)
         session.on(self._again, "play", self._repeat)
+        session.on(self._axis, "axis", self._draw_opened)
         session.on(self._compare, "compare", lambda: session.work("compare", self._put_beside))
 
     def show(self, now: Now) -> None:
         """List what is there."""
-        enable((self._again,), now.operating and self._opened is not None and not running(now.status))
+        free = now.operating and self._session.link.capabilities.simulated and not running(now.status)
+        enable((self._again,), free and self._opened is not None)
         if time.monotonic() - self._looked < _LOOK_EVERY:
             return
         self._looked = time.monotonic()
         names = tuple(_recordings(self._session.folder)) or (_NONE,)
         if self._name.options != names:
-            for dropdown in (self._name, self._other):
+            # Until somebody chooses, the newest beside the one before it.
+            newest = (names[0], names[min(1, len(names) - 1)])
+            for dropdown, before, now_newest in zip((self._name, self._other), self._newest, newest, strict=True):
                 chosen = dropdown.value
                 dropdown.options = names
-                dropdown.value = chosen if chosen in names else names[0]
+                dropdown.value = chosen if chosen in names and chosen != before else now_newest
+            self._newest = newest
 
     def replayed(self) -> View | None:
         """Return the instant of the recording that the view is to show; None if it is to show what is live."""
         if self._opened is None or self._started is None:
             return None
-        _, _, drawn = self._opened
+        drawn = self._opened.drawn
         since = drawn.time - drawn.time[0]
         at = time.monotonic() - self._started
         if at > since[-1]:
@@ -101,30 +103,51 @@ class Files:
         if name not in _recordings(self._session.folder):
             raise RecordingError(f"{name} is not among the recordings of {self._session.folder}.")
         recording = Recording.open(self._session.folder / name)
-        return recording, recording.instrument() if "instrument" in recording.metadata else self._inst
+        inst = recording.instrument() if "instrument" in recording.metadata else self._inst
+        if recording.run.axes != inst.axes:
+            raise RecordingError(
+                f"{name} has {' and '.join(recording.run.axes)} and does not say of which instrument; allowed is that "
+                f"with {' and '.join(inst.axes)}, as {inst.name} has."
+            )
+        return recording, inst
 
     def _read(self) -> None:
-        if self._name.value == _NONE:
+        name = self._name.value
+        if name == _NONE:
             return
-        recording, inst = self._recording(self._name.value)
-        drawn = _thinned(recording, inst)
+        put(self._facts, content=f"Opening {plain(name)}.")
+        try:
+            recording, inst = self._recording(name)
+            drawn = _thinned(recording, inst)
+        except Exception:
+            put(self._facts, content=f"{plain(name)} could not be opened.")
+            raise
         self._end()
-        self._opened = (recording, inst, drawn)
+        self._opened = _Opened(recording, inst, drawn)
         lasts = float(drawn.time[-1] - drawn.time[0]) if drawn.time.size else 0.0
-        since = drawn.time - drawn.time[:1].sum()
         with self._session.client.atomic():
-            put(self._facts, content=_facts(recording, inst))
+            put(self._facts, content=_facts(recording, inst, self._inst))
             put(self._verdict, content="")
-            if lasts > 0:
-                self._draw(since, drawn.output[:, 0], drawn.wanted[:, 0], drawn.output[:, 0])
+            put(self._axis, options=inst.axes, visible=len(inst.axes) > 1)
+            self._draw_opened()
             # Another instrument would be drawn wrong.
             enable((self._replay,), lasts > 0 and inst.axes == self._inst.axes)
-            enable((self._compare,), lasts > 0)
-            self._at.max = max(lasts, 0.02)
+            self._at.max = ceil(100 * max(lasts, 0.02)) / 100
 
-    def _draw(self, time: Array, other: Array, wanted: Array, output: Array) -> None:
-        """Draw angles, rad: another recording's, what the hand asks for, and the tip's, which hides equal ones."""
-        self._chart.data = (time, *(known(np.degrees(angles), 0.0) for angles in (other, wanted, output)))
+    def _draw_opened(self) -> None:
+        """Draw the recording that is open."""
+        if self._opened is None or self._opened.drawn.time.size < 2:
+            return
+        _, inst, drawn = self._opened
+        axis = inst.axes.index(self._axis.value)
+        self._draw(_OPENED, drawn.time - drawn.time[0], drawn.wanted[:, axis], drawn.output[:, axis])
+
+    def _draw(self, curves: Mapping[str, str], time: Array, *angles: Array) -> None:
+        """Draw angles, rad, as curves by name, each of a colour."""
+        with self._session.client.atomic():
+            self._chart.visible = True
+            self._chart.series = series(curves)
+            self._chart.data = (time, *(known(np.degrees(one), 0.0) for one in angles))
 
     def _start(self) -> None:
         self._started = time.monotonic()
@@ -148,26 +171,29 @@ class Files:
 
     def _repeat(self) -> None:
         if self._opened is not None:
-            self._session.link.play(repeated(self._opened[0]))
+            self._session.link.play(repeated(self._opened.recording))
 
     def _put_beside(self) -> None:
         names = (self._name.value, self._other.value)
         if _NONE in names:
             return
-        both = []
-        for name in names:
-            recording, inst = self._recording(name)
-            seen = view(inst, recording.to_numpy())
-            both.append((seen.time, seen.output[:, 0]))
-        found = compare(both[0], both[1])
+        found = compare(self._tip_angle(names[0], self._axis.value), self._tip_angle(names[1], self._axis.value))
         rows = np.linspace(0, found.time.size - 1, min(_ROWS, found.time.size)).astype(int)
         with self._session.client.atomic():
             put(
                 self._verdict,
                 content=f"Over {found.time[-1]:.1f} s they differ by **{degrees(found.rms):.2f}° RMS**, "
-                f"{degrees(found.largest):.2f}° at most. First: `{names[0]}`, second: `{names[1]}`.",
+                f"{degrees(found.largest):.2f}° at most. First: {plain(names[0])}, second: {plain(names[1])}.",
             )
-            self._draw(found.time[rows], found.second[rows], found.first[rows], found.first[rows])
+            self._draw(_COMPARED, found.time[rows], found.second[rows], found.first[rows])
+
+    def _tip_angle(self, name: str, axis: str) -> tuple[Array, Array]:
+        """Return times (s) and tip angles (rad) of a recording's axis."""
+        recording, inst = self._recording(name)
+        if axis not in inst.axes:
+            raise RecordingError(f"{name} has {' and '.join(inst.axes)} alone; allowed are recordings with {axis}.")
+        seen = view(inst, recording.to_numpy())
+        return seen.time, seen.output[:, inst.axes.index(axis)]
 
 
 def _recordings(folder: Path) -> list[str]:
@@ -188,11 +214,14 @@ def _thinned(recording: Recording, inst: Instrument) -> View:
     return view(inst, {name: values[rows] for name, values in signals.items()})
 
 
-def _facts(recording: Recording, inst: Instrument) -> str:
-    rows = len(recording.run)
-    lines = [
-        f"**{recording.path.name}**: {recording.duration:.1f} s, {rows} rows, {inst.name}, {' and '.join(inst.axes)}.",
-    ]
+def _facts(recording: Recording, inst: Instrument, live: Instrument) -> str:
+    """Return in Markdown what is known of a recording."""
+    rows, axes = len(recording.run), " and ".join(inst.axes)
+    lines = [f"**{plain(recording.path.name)}**: {recording.duration:.1f} s, {rows} rows, {plain(inst.name)}, {axes}."]
+    if inst.axes != live.axes:
+        lines.append(f"To replay it, run an instrument with {axes} first, under *Setup*.")
+    elif inst.name != live.name:
+        lines.append(f"The view replays its angles on {plain(live.name)}, which runs.")
     if recording.damage is not None:
-        lines.append(recording.damage)
+        lines.append(plain(recording.damage))
     return "\n\n".join(lines)

@@ -41,18 +41,25 @@ class Header:
     def show(self, now: Now) -> None:
         """Show state and the next steps."""
         status = now.status
-        put(self._line, content=status_line(status, self._session.origin))
+        starting = self._session.works("load", "restart")
+        put(self._line, content=status_line(status, self._session.origin, self._notes(starting=starting)))
         other = status.operator is not None and not now.operating
         put(
             self._take,
             visible=not now.operating and status.state != "GONE",
             label="Take control from whoever operates" if other else "Take control",
         )
-        put(self._restart, visible=status.state == "GONE")
+        put(self._restart, visible=status.state == "GONE" and not starting)
         offered = {what for _, what in _NEXT.get(status.state, ())}
         for what, button in self._buttons.items():
             put(button, visible=now.operating and what in offered)
         enable(self._buttons.values(), now.operating)
+
+    def _notes(self, *, starting: bool) -> list[str]:
+        notes = ["An instrument is being started."] if starting else []
+        if self._session.replaying:
+            notes.append("The view replays a recording; all else on this page is live.")
+        return notes
 
     def _acquire(self) -> None:
         other = self._session.link.status().operator

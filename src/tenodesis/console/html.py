@@ -3,6 +3,8 @@
 from importlib import resources
 from pathlib import Path
 
+from tenodesis.console.wire import LARGEST_UPLOAD
+
 _BODY_ENDS = "</body>"
 
 
@@ -15,5 +17,6 @@ def page() -> str:
 
     viewer = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_text("utf-8")
     overlay = (resources.files("tenodesis.console") / "overlay.html").read_text("utf-8")
+    overlay = overlay.replace("LARGEST_UPLOAD", str(LARGEST_UPLOAD))
     before, ends, after = viewer.rpartition(_BODY_ENDS)
     return before + overlay + ends + after

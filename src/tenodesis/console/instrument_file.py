@@ -1,12 +1,17 @@
 """The instrument: what runs, and others from a file."""
 
+import stat
+from functools import partial
 from html import escape
+from pathlib import Path
 from typing import Any
 
 from tenodesis import instrument
-from tenodesis.console.session import Now, Session, enable, put
-from tenodesis.errors import InstrumentError
+from tenodesis.console.session import Now, Session, enable, plain, put
+from tenodesis.errors import InstrumentError, LiveError
 
+_LARGEST = 1_000_000
+"""Of an instrument file, bytes: nothing longer is read, such as a device that never ends."""
 _SPEEDS = {"a tenth": 0.1, "a quarter": 0.25, "as the clock": 1.0, "twice": 2.0, "five times": 5.0}
 
 
@@ -17,7 +22,10 @@ class InstrumentFile:
         self._session = session
         gui: Any = session.client.gui
         inst = session.link.inst
-        gui.add_markdown(f"**{inst.name}**, {' and '.join(inst.axes)}, on *{session.link.device}*. {inst.description}")
+        gui.add_markdown(
+            f"**{plain(inst.name)}**, {' and '.join(inst.axes)}, on *{plain(session.link.device)}*. "
+            f"{plain(inst.description)}"
+        )
         self._shipped = gui.add_dropdown("Shipped", instrument.shipped())
         self._load = gui.add_button("Run this one")
         self._path = gui.add_text("Path", "", hint="On the machine that runs the instrument.")
@@ -39,21 +47,32 @@ class InstrumentFile:
             self._speed,
             self._give,
         ]
-        session.on(self._load, "load", lambda: self._begin(lambda: self._named(self._shipped.value)))
-        session.on(self._load_path, "load", lambda: self._begin(lambda: self._named(self._path.value.strip())))
-        session.on(self._upload, "load", lambda: self._begin(self._uploaded))
+        session.on(self._load, "load", partial(self._begin, lambda: self._named(self._shipped.value)))
+        session.on(self._load_path, "load", partial(self._begin, self._of_path))
+        session.on(self._upload, "load", partial(self._begin, self._uploaded))
         session.on(self._give, "operator", session.link.release)
         session.on(self._speed, "speed", lambda: session.link.speed(_SPEEDS[self._speed.value]))
 
     def show(self, now: Now) -> None:
         """Let the operator change it."""
         enable(self._shown, now.operating)
+        speeds = [name for name, factor in _SPEEDS.items() if factor == now.status.speed]
+        if speeds and not self._session.keeps(self._speed):
+            put(self._speed, value=speeds[0])
 
     def _begin(self, load: Any) -> None:
+        # What a file says of others' files is for whoever may open them.
+        if not self._session.link.heartbeat():
+            raise LiveError("You only watch; take control first.")
         self._session.work("load", load)
 
     def _named(self, name_or_path: str) -> None:
         self._checked(lambda: instrument.load(name_or_path), name_or_path)
+
+    def _of_path(self) -> None:
+        given = self._path.value.strip()
+        _refuse_endless(given)
+        self._named(given)
 
     def _uploaded(self) -> None:
         file = self._upload.value
@@ -69,12 +88,23 @@ class InstrumentFile:
     def _checked(self, parse: Any, source: str) -> None:
         """Run an instrument if it is valid, and else say what is wrong with it."""
         try:
-            parse()
+            inst = parse()
         except InstrumentError as problem:
             put(self._problems, content=_listed(str(problem)))
             return
         put(self._problems, content="")
+        self._session.tell("It takes a moment.", f"Starting {inst.name}", good=True)
         self._session.link.load(source)
+
+
+def _refuse_endless(path: str) -> None:
+    """Refuse what is there and is no file of an instrument's length; of all else, reading says what is wrong."""
+    try:
+        found = Path(path).stat()
+    except (OSError, ValueError):
+        return
+    if not stat.S_ISREG(found.st_mode) or found.st_size > _LARGEST:
+        raise InstrumentError(f"{path} cannot be an instrument file; allowed is a file of up to {_LARGEST / 1e6:g} MB.")
 
 
 def _listed(problems: str) -> str:

@@ -245,12 +245,16 @@ class Link(Protocol):
         ...
 
 
-_ENDED = ("stopped", "cancelled")
+_WAITS = " waits at "
+"""In the problem of a protocol that goes on once that is mended; any other problem has ended it."""
 
 
 def running(status: Status) -> bool:
     """Return whether a protocol runs, be it that it waits for something."""
-    return status.protocol is not None and status.protocol[1] < status.protocol[2] and status.protocol[3] not in _ENDED
+    if status.protocol is None:
+        return False
+    _, done, total, problem = status.protocol
+    return done < total and (problem is None or _WAITS in problem)
 
 
 Connect: TypeAlias = Callable[[str], Link]

@@ -1,6 +1,7 @@
 """The hand and the tissue: handle angles, recorded motions, and the load at the tip."""
 
-from math import degrees, floor, isfinite
+import time
+from math import degrees, floor, isfinite, log10
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,17 @@ from tenodesis.signals import Array
 
 _ON, _OFF = "Put the load on at once", "Take the load off at once"
 _MADE_UP = "wrist, made up"
+_MOVED = 0.02
+"""Handle angle beyond which somebody has moved it, rad."""
+_WITH_MOTORS = {
+    "DISABLED": "**3.** Press *Enable*: the motors bring the jaws back into the shadow.",
+    "PAUSED": "**3.** Press *Resume*: the motors bring the jaws back into the shadow.",
+    "ENABLED": "**4.** The motors hold the tip. Under *Law* choose *off*, and see what the load takes.",
+    "DISABLED off": "**3.** Press *Enable*, and under *Law* choose *robust*: the motors bring the jaws back.",
+    "PAUSED off": "**3.** Press *Resume*, and under *Law* choose *robust*: the motors bring the jaws back.",
+    "ENABLED off": "**4.** What the load takes is lost. Under *Law* choose *robust*: the motors bring the jaws back.",
+}
+"""What to try once the tip is loaded, by the state and whether the compensation is off."""
 
 
 class Moving:
@@ -25,25 +37,26 @@ class Moving:
         gui: Any = session.client.gui
         self._simulated = session.link.capabilities.simulated
         self._motions = {_MADE_UP: protocols.load("wrist")}
-        self._reach = reach = floor(10 * degrees(inst.handle_range) + 1e-6) / 10
-        self._most = most = largest_force(inst)
-        self._hand: list[Any] = [
-            gui.add_slider(f"Handle {axis}, °", min=-reach, max=reach, step=0.1, initial_value=0.0)
-            for axis in inst.axes
-        ]
+        self._next = gui.add_markdown("", visible=False)
+        most = largest_force(inst)
+        fine = 10.0 ** floor(log10(most / 50))
+        self._hand: list[Any] = []
+        for axis in inst.axes:
+            reach = floor(10 * degrees(inst.axis(axis).handle_range) + 1e-6) / 10
+            self._hand.append(gui.add_slider(f"Handle {axis}, °", min=-reach, max=reach, step=0.1, initial_value=0.0))
         self._force: list[Any] = [
             gui.add_slider(
                 f"Load {axis}, N",
                 min=-most,
                 max=most,
-                step=round(most / 100, 6),
+                step=fine,
                 initial_value=0.0,
                 hint="Tangential force at the tip; positive against positive flexion.",
             )
             for axis in inst.axes
         ]
         self._axis = gui.add_dropdown("Step on", inst.axes, visible=len(inst.axes) > 1)
-        self._size = gui.add_number("Step, N", initial_value=_usual_force(inst, most), min=-most, max=most, step=0.05)
+        self._size = gui.add_number("Step, N", initial_value=_usual_force(inst, most), min=-most, max=most, step=fine)
         self._step = gui.add_button(_ON, color="violet", hint="A step, as when the tip hits something.")
         if not self._simulated:
             gui.add_markdown("*The hand moves the handle here, and the load hangs on the tip: these only show both.*")
@@ -60,38 +73,61 @@ class Moving:
         for slider in self._force:
             session.on(slider, "force", self._load)
         session.on(self._step, "force", self._load_at_once)
-        session.on(self._play, "play", lambda: session.link.play(self._motions[self._motion.value]))
-        session.on(self._upload, "upload motion", self._add_motion)
+        # Long motions are read and planned for seconds, which the page's ticks cannot wait.
+        session.on(self._play, "play", lambda: session.work("play", self._repeat))
+        session.on(self._upload, "upload motion", lambda: session.work("motion", self._add_motion))
+        self._given = time.monotonic()
+        """When the sliders were given into the browser's hand last."""
 
     def show(self, now: Now) -> None:
         """Let the operator move what no protocol moves; all others see where it is."""
         free = now.operating and self._simulated and not running(now.status)
         enable((*self._hand, *self._force, self._axis, self._size, self._step, self._play), free)
-        loaded = self._force[self._axis.options.index(self._axis.value)].value
-        put(self._step, label=_OFF if loaded else _ON)
+        put(self._step, label=_OFF if self._stepped.value else _ON)
+        hint = next_to_try(now) if free else ""
+        put(self._next, content=hint, visible=bool(hint))
         if not free:
-            for slider, angle in zip(self._hand, np.degrees(now.view.handle), strict=True):
-                _follow(slider, angle)
-            for slider, force in zip(self._force, now.view.force, strict=True):
-                _follow(slider, force)
+            self._given = time.monotonic()
+        # Until they are moved: else one of two would drag the other along from where it was at first.
+        if self._session.chosen(*self._hand) < self._given:
+            _follow(self._hand, np.degrees(now.view.handle))
+        if self._session.chosen(*self._force, self._step) < self._given:
+            _follow(self._force, now.view.force)
+
+    @property
+    def _stepped(self) -> Any:
+        """The slider of the load that is put on at once."""
+        return self._force[self._axis.options.index(self._axis.value)]
 
     def _move(self) -> None:
-        self._session.link.hand(np.radians(_values(self._hand, self._reach)))
+        self._session.link.hand(np.radians(_values(self._hand)))
 
     def _load(self) -> None:
-        self._session.link.force(_values(self._force, self._most))
+        self._session.link.force(_values(self._force))
 
     def _load_at_once(self) -> None:
-        slider = self._force[self._axis.options.index(self._axis.value)]
-        slider.value = 0.0 if slider.value else self._size.value
+        self._stepped.value = 0.0 if self._stepped.value else self._size.value
         self._load()
+
+    def _repeat(self) -> None:
+        self._session.link.play(self._motions[self._motion.value])
 
     def _add_motion(self) -> None:
         file = self._upload.value
         self._motions[file.name] = motion_protocol(file.content, file.name)
-        self._motion.options = tuple(self._motions)
-        self._motion.value = file.name
+        with self._session.client.atomic():
+            self._motion.options = tuple(self._motions)
+            self._motion.value = file.name
         self._session.tell(file.name, "Motion read", good=True)
+
+
+def next_to_try(now: Now) -> str:
+    """Return in Markdown what someone who has never seen such an instrument may try next."""
+    if not np.abs(now.view.handle).max() > _MOVED:
+        return "**1.** Move the handle: the jaws follow. The green shadow is where they should be."
+    if not np.abs(now.view.force).max() > 0:
+        return "**2.** Put the load on: tissue pushes the tip, and the jaws leave the shadow."
+    return _WITH_MOTORS.get(now.status.state if now.status.law != "off" else f"{now.status.state} off", "")
 
 
 def largest_force(inst: Instrument) -> float:
@@ -104,16 +140,18 @@ def _usual_force(inst: Instrument, most: float) -> float:
     return round(forces[(len(forces) - 1) // 2], 3) if forces else most / 2
 
 
-def _values(sliders: list[Any], most: float) -> Array:
+def _values(sliders: list[Any]) -> Array:
     """Return what sliders say, within what the page offers: a browser may send anything."""
     values = np.array([float(slider.value) for slider in sliders])
     if not np.isfinite(values).all():
         raise LiveError(f"a slider is at {values.tolist()}; allowed are finite numbers.")
-    return values.clip(-most, most)
+    return values.clip([slider.min for slider in sliders], [slider.max for slider in sliders])
 
 
-def _follow(slider: Any, value: float) -> None:
-    if isfinite(value):
-        shown = round(float(np.clip(value, slider.min, slider.max)), 1)
-        if abs(slider.value - shown) > 0.05:
-            slider.value = shown
+def _follow(sliders: list[Any], values: Array) -> None:
+    """Let sliders show values, to their steps; what is not known is left."""
+    for slider, value in zip(sliders, values, strict=True):
+        if isfinite(value):
+            shown = round(float(np.clip(value, slider.min, slider.max)) / slider.step) * slider.step
+            if abs(slider.value - shown) > slider.step / 2:
+                slider.value = round(shown, 9)

@@ -1,14 +1,17 @@
 """The page: its server, its browsers, and the thread that keeps them up to date."""
 
+import ipaddress
 import logging
 import queue
 import secrets
+import socket
 import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tenodesis.console import wire
 from tenodesis.console.browser import Browser
@@ -27,6 +30,7 @@ FRAMES = 45.0
 """Frames per second that are sent to every browser."""
 _STATUS_EVERY = 0.1
 _BEAT_EVERY = 0.2
+_TAKE_IN_EVERY = 0.5
 _PATIENCE = 3.0
 """Time after which a page that does not tick is taken to hang, s."""
 _log = logging.getLogger(__name__)
@@ -44,11 +48,16 @@ class Page:
         self._workers = ThreadPoolExecutor(2, thread_name_prefix="console")
         self._changes: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._browsers: dict[int, Browser] = {}
+        self._absent: dict[int, tuple[viser.ClientHandle, str]] = {}
+        """Browsers that came while there was no runtime."""
+        self._tried = 0.0
         self._closing = threading.Event()
+        self._ticked = time.monotonic()
         self.frames = 0
         """Frames sent so far."""
         try:
-            self._server = wire.start(host, port, Door(page(), loopback=loopback, token=self.token, stop=self._stop))
+            door = Door(page(), loopback=loopback, token=self.token, stop=self._stop, alive=self._alive)
+            self._server = wire.start(host, port, door)
         except LiveError:
             self._watch.close()
             raise
@@ -65,7 +74,6 @@ class Page:
         async def _left(client: "viser.ClientHandle") -> None:
             self._changes.put(lambda: self._left(client.client_id))
 
-        self._ticked = time.monotonic()
         self._threads = [
             threading.Thread(target=run, name=f"console {run.__name__}", daemon=True) for run in (self._run, self._beat)
         ]
@@ -80,7 +88,8 @@ class Page:
     @property
     def url(self) -> str:
         """Where to open the page, the token included."""
-        name = f"[{self._name}]" if ":" in self._name else self._name
+        name = socket.gethostname() if _everywhere(self._name) else self._name
+        name = f"[{name}]" if ":" in name else name
         return f"http://{name}:{self.port}/" + (f"?token={self.token}" if self.token else "")
 
     def close(self) -> None:
@@ -117,25 +126,34 @@ class Page:
     def _beat(self) -> None:
         """Say for every browser that is there that it is; drawing much must not hold that up, standing still must."""
         while not self._closing.wait(_BEAT_EVERY):
-            if time.monotonic() - self._ticked > _PATIENCE:
+            if not self._alive():
                 continue
             for browser in list(self._browsers.values()):
                 if browser.operating:
                     browser.session.attempt(browser.session.link.heartbeat)
 
+    def _alive(self) -> bool:
+        return time.monotonic() - self._ticked <= _PATIENCE
+
     def _tick(self) -> None:
         self._ticked = time.monotonic()
         while not self._changes.empty():
             self._changes.get()()
-        if not self._browsers:
+        if not self._browsers and not self._absent:
             return
-        status, inst = self._status(), self._watch.inst
-        latest = self._watch.latest()
+        due = [browser for browser in self._browsers.values() if browser.wants_history()]
+        try:
+            status, inst, latest = self._status(), self._watch.inst, self._watch.latest()
+            history = self._watch.history(WINDOW, ROWS) if due else None
+        except LiveError:
+            # While another runtime begins there is none.
+            return
+        if self._absent and status.state != "GONE":
+            self._take_in()
         if not latest:
             return
         seen = view(inst, latest)
-        due = [browser for browser in self._browsers.values() if browser.wants_history()]
-        seconds = view(inst, self._watch.history(WINDOW, ROWS)) if due else None
+        seconds = None if history is None else view(inst, history)
         for browser in self._browsers.values():
             try:
                 if browser.outdated:
@@ -143,6 +161,9 @@ class Page:
                 browser.tick(Now(status, seen, status.operator == browser.session.origin))
                 if seconds is not None and browser in due:
                     browser.draw(seconds)
+            except LiveError:
+                # Another runtime begins just now.
+                continue
             except Exception:
                 # What goes wrong for one must not take the others' heartbeats.
                 _log.exception("%s could not be served", browser.session.origin)
@@ -159,14 +180,45 @@ class Page:
         return self._known
 
     def _came(self, client: "viser.ClientHandle", origin: str) -> None:
-        link = self._connect(origin)
+        wire.wake_safely(client)
+        try:
+            link = self._connect(origin)
+        except LiveError as problem:
+            if client.client_id not in self._absent:
+                self._absent[client.client_id] = (client, origin)
+                self._offer_restart(client, str(problem))
+            return
+        self._absent.pop(client.client_id, None)
         browser = Browser(Session(client, link, origin, self._workers, self._recordings))
         self._browsers[client.client_id] = browser
+        wire.limit_uploads(client, browser.session.tell)
         # No motor of this world moves: whoever comes first may try at once.
         if link.capabilities.simulated and link.status().operator is None:
             browser.session.attempt(browser.operate)
 
+    def _offer_restart(self, client: "viser.ClientHandle", problem: str) -> None:
+        """Show a browser that came while there is no runtime what is wrong, and the way on."""
+        gui: Any = client.gui
+        told = f"There is no instrument to show; its motors are stopped by their own watchdogs. {problem}"
+        gui.add_html(f'<div style="padding:.5em .8em;font-size:.8rem" role="alert">{escape(told)}</div>')
+        button = gui.add_button("Start the instrument again", color="orange")
+        button.on_click(lambda _: self._workers.submit(self._restart, client))
+
+    def _restart(self, client: "viser.ClientHandle") -> None:
+        try:
+            self._watch.restart()
+        except (LiveError, OSError) as problem:
+            client.add_notification(title="That did not work", body=str(problem), color="red")
+
+    def _take_in(self) -> None:
+        """Let those in who came while there was no runtime, if there is one now."""
+        if time.monotonic() - self._tried >= _TAKE_IN_EVERY:
+            self._tried = time.monotonic()
+            for client, origin in list(self._absent.values()):
+                self._came(client, origin)
+
     def _left(self, number: int) -> None:
+        self._absent.pop(number, None)
         browser = self._browsers.pop(number, None)
         if browser is None:
             return
@@ -195,6 +247,14 @@ class Page:
         except (LiveError, OSError) as problem:
             return f"Not stopped: {problem} Switch the motors' supply off."
         return None
+
+
+def _everywhere(host: str) -> bool:
+    """Return whether a host means every address of this machine, which is none to open."""
+    try:
+        return ipaddress.ip_address(host).is_unspecified
+    except ValueError:
+        return host == ""
 
 
 def serve(

@@ -1,5 +1,6 @@
 """The last seconds as curves, as one browser sees them."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +23,7 @@ BAND = "rgba(124, 58, 237, 0.16)"
 AGONIST, ANTAGONIST, LINE = "#b4232f", "#1f5fa8", "#6b7785"
 
 _WIDTH = 420
-_HEIGHT = 140
+_HEIGHT = 128
 _NOTHING = np.array([-WINDOW, 0.0])
 
 
@@ -35,43 +36,50 @@ class Plots:
         Where they go.
     inst
         The instrument.
+    measured
+        Whether anything but the estimate tells the tip angle.
     """
 
-    def __init__(self, gui: "viser.GuiApi", inst: Instrument) -> None:
+    def __init__(self, gui: "viser.GuiApi", inst: Instrument, *, measured: bool) -> None:
         from viser import uplot  # noqa: PLC0415 - takes half a second
 
-        self._uplot: Any = uplot
         self._inst, self._colours = inst, TensionColours(inst)
         panel = gui.add_panel()
         single = [inst] if len(inst.axes) == 1 else [inst.axis(name) for name in inst.axes]
         self._stretches = [1e3 * one.pretension / one.tendon_stiffness for one in single]
         with panel.add_tab("Curves"):
             self.axis = gui.add_dropdown("Axis", inst.axes, visible=len(inst.axes) > 1)
-            self._angle = self._plot(
+            self._angle = add_chart(
                 gui,
                 "Tip angle, deg",
                 {
                     "hand asks": WANTED,
-                    "is": INK,
+                    "is" if measured else "is, as estimated": INK,
                     "estimated": ESTIMATED,
                     "+2 std": EDGE,
                     "−2 std": EDGE,
                     "straight": LINE,
                 },
-                (uplot.Band(series=(4, 5), fill=BAND),),
+                height=_HEIGHT,
+                bands=(uplot.Band(series=(4, 5), fill=BAND),),
             )
-            self._tension = self._plot(
+            self._tension = add_chart(
                 gui,
                 "Tendon tension, N",
                 {"agonist": AGONIST, "antagonist": ANTAGONIST, "slack": LINE, "limit": LINE},
+                height=_HEIGHT,
             )
-            self._stroke = self._plot(
+            self._stroke = add_chart(
                 gui,
                 "Motor stroke, mm wound",
                 {"agonist": AGONIST, "antagonist": ANTAGONIST, "+ stretch at rest": LINE, "− stretch at rest": LINE},
+                height=_HEIGHT,
             )
-            self._friction = self._plot(
-                gui, "Friction over what the file tells", {"estimated": ESTIMATED, "as told": LINE, "none": LINE}
+            self._friction = add_chart(
+                gui,
+                "Friction, times what the file tells",
+                {"estimated": ESTIMATED, "as told": LINE, "none": LINE},
+                height=_HEIGHT,
             )
         panel.dock_left()
         panel.set_width(_WIDTH)
@@ -101,29 +109,37 @@ class Plots:
         if time.size > 1:
             plot.data = (time, *curves)
 
-    def _plot(self, gui: Any, title: str, curves: dict[str, str], bands: Any = None) -> Any:
-        """Add an empty plot of curves by name, each of a colour."""
-        series = [self._uplot.Series(label="s")]
-        for name, colour in curves.items():
-            look: dict[str, Any] = {"label": name, "width": 1.8, "points": {"show": False}, "stroke": colour}
-            if colour == LINE:
-                look |= {"dash": (6, 4), "width": 1.2}
-            series.append(self._uplot.Series(**look))
-        return gui.add_uplot(
-            data=(_NOTHING, *(np.zeros(2) for _ in curves)),
-            series=tuple(series),
-            title=title,
-            scales={"x": self._uplot.Scale(time=False)},
-            axes=(
-                self._uplot.Axis(label="time, s", labelSize=18, labelGap=0, size=24, gap=2),
-                self._uplot.Axis(size=48),
-            ),
-            legend=self._uplot.Legend(show=True, live=False),
-            cursor=self._uplot.Cursor(show=False),
-            bands=bands,
-            height=_HEIGHT,
-            padding=(6, 12, 0, 0),
-        )
+
+def add_chart(gui: Any, title: str, curves: Mapping[str, str], *, height: int, bands: Any = None) -> Any:
+    """Add an empty chart of curves by name, each of a colour."""
+    from viser import uplot  # noqa: PLC0415 - takes half a second
+
+    return gui.add_uplot(
+        data=(_NOTHING, *(np.zeros(2) for _ in curves)),
+        series=series(curves),
+        title=title,
+        scales={"x": uplot.Scale(time=False)},
+        axes=(uplot.Axis(label="time, s", labelSize=18, labelGap=0, size=24, gap=2), uplot.Axis(size=56)),
+        legend=uplot.Legend(show=True, live=False),
+        cursor=uplot.Cursor(show=False),
+        bands=bands,
+        height=height,
+        padding=(6, 12, 0, 0),
+    )
+
+
+def series(curves: Mapping[str, str]) -> tuple[Any, ...]:
+    """Return how curves by name, each of a colour, are drawn over time; level lines are dashed."""
+    from viser import uplot  # noqa: PLC0415 - takes half a second
+
+    one: Any = uplot.Series
+    drawn = [one(label="s")]
+    for name, colour in curves.items():
+        look: dict[str, Any] = {"label": name, "width": 1.8, "points": {"show": False}, "stroke": colour}
+        if colour == LINE:
+            look |= {"dash": (6, 4), "width": 1.2}
+        drawn.append(one(**look))
+    return tuple(drawn)
 
 
 def known(values: Array, instead: Array | float) -> Array:

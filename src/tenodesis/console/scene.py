@@ -28,8 +28,6 @@ _TISSUE = (222, 184, 176)
 _GHOST = (22, 134, 88)
 _FORCE = (124, 58, 237)
 _BACKBONE = (150, 158, 170)
-_UPRIGHT = 0.8
-"""Width by height, below which a picture is a small screen's."""
 _TENDON_PIXELS = 3.0
 _SEEN = 1e-3
 """Smallest change that is sent, a third of a pixel on a large screen: a picture that stands still costs nothing."""
@@ -46,9 +44,14 @@ class Scene:
         The instrument.
     largest_force
         Force that the longest arrow stands for, N.
+    small
+        Whether the screen is a phone's.
     """
 
-    def __init__(self, client: "viser.ClientHandle", inst: Instrument, largest_force: float) -> None:
+    def __init__(
+        self, client: "viser.ClientHandle", inst: Instrument, largest_force: float, *, small: bool = False
+    ) -> None:
+        self._small = small
         self._client, self._inst, self._largest_force = client, drawn(inst), largest_force
         self.colours = TensionColours(inst)
         self._lengths = kinematics.dimensions(self._inst)
@@ -103,7 +106,7 @@ class Scene:
                 )
                 for axis in inst.axes
             }
-            self._label = scene.add_label(f"{_ROOT}/tip/label", "", anchor="center-left", font_screen_scale=1.0)
+            self._label = scene.add_label(f"{_ROOT}/tip/label", "", anchor="top-left", font_screen_scale=1.0)
 
     def look(self, name: str) -> None:
         """Turn the browser's camera to the whole instrument, its tip or its handle."""
@@ -117,9 +120,9 @@ class Scene:
         }[name]
         camera = self._client.camera
         middle = scale * height
-        if camera.aspect < _UPRIGHT:
-            # On a small screen the panel lies over the lower part of the picture.
-            middle, away = middle - 0.95 * away, 2.3 * away
+        if self._small:
+            # There the panel lies over the lower part of the picture.
+            middle, away = middle - 1.03 * away, 2.3 * away
         with self._client.atomic():
             camera.position = (0.28 * away, -away, middle + 0.3 * away)
             camera.look_at = (0.0, 0.0, middle)
@@ -141,10 +144,15 @@ class Scene:
             self._draw_tendons(frames, now)
             self._draw_forces(now)
 
-    def tell(self, now: View) -> None:
-        """Say in figures where the tip is; text is dearer to draw than what moves."""
+    def tell(self, now: View, *, recorded: bool) -> None:
+        """Say in figures where the tip is, live or as recorded; text is dearer to draw than what moves."""
         pairs = zip(self._inst.axes, np.degrees(now.output), np.degrees(now.wanted), strict=True)
-        text = "\n".join(f"{axis} {_degrees(angle)} of {_degrees(wanted)}" for axis, angle, wanted in pairs)
+        told = [(axis, _degrees(angle), _degrees(wanted)) for axis, angle, wanted in pairs]
+        if len(told) == 1:
+            lines = [f"{axis} {angle}\nhand asks {wanted}" for axis, angle, wanted in told]
+        else:
+            lines = ["is, hand asks", *(f"{axis} {angle}, {wanted}" for axis, angle, wanted in told)]
+        text = "\n".join(["recorded:", *lines] if recorded else lines)
         if self._label.text != text:
             self._label.text = text
 

@@ -1,5 +1,6 @@
 """The state of the instrument at a glance, as HTML."""
 
+from collections.abc import Iterable
 from html import escape
 
 from tenodesis.console.advice import ADVICE
@@ -15,8 +16,8 @@ _WORDS = {
 }
 
 
-def status_line(status: Status, origin: str) -> str:
-    """Return state, faults with advice, operator and timing, for the browser of an origin."""
+def status_line(status: Status, origin: str, notes: Iterable[str] = ()) -> str:
+    """Return state, faults with advice, notes, and who operates, for the browser of an origin."""
     colour = _COLOURS.get(status.state, "#5b6675")
     words = "Homing: the motors look for the pretension." if status.homing else _WORDS.get(status.state, "")
     if status.stopped and status.state != "GONE":
@@ -29,8 +30,10 @@ def status_line(status: Status, origin: str) -> str:
         f"{escape(status.state)}</span> {words}",
         *(_fault(name, name in status.first_faults) for name in status.faults),
     ]
-    lines += [_warning(sentence) for sentence in (status.problem, *_recorder(status)) if sentence]
-    return "".join([*lines, f"<div>{_operator(status, origin)}</div>", "</div>"])
+    lines += [_warning(sentence) for sentence in (status.problem, *_recorder(status), *notes) if sentence]
+    if status.state != "GONE":
+        lines.append(f"<div>{_operator(status, origin)}</div>")
+    return "".join([*lines, "</div>"])
 
 
 def timing_line(status: Status) -> str:

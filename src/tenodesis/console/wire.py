@@ -1,5 +1,6 @@
 """The server of the page with a door in front of it."""
 
+import asyncio
 import contextlib
 import contextvars
 import io
@@ -17,7 +18,7 @@ from tenodesis.console.door import Door, Inner
 from tenodesis.errors import LiveError
 
 if TYPE_CHECKING:
-    from viser import ViserServer
+    from viser import ClientHandle, ViserServer
 
 MOST_CLIENTS = 12
 """Browsers at a time; more would take the loop's time from those that are there."""
@@ -25,6 +26,8 @@ MOST_CLIENTS = 12
 # A browser that has gone without a word is noticed within the sum, and another wait.
 _PING_EVERY = 1.0
 _PING_WAIT = 1.5
+LARGEST_UPLOAD = 8_000_000
+"""Of a file from a browser, bytes; the page itself refuses larger ones before they are sent."""
 _LARGEST_MESSAGE = 4 * 2**20
 
 _NEWCOMER: contextvars.ContextVar[str] = contextvars.ContextVar("newcomer", default="unknown")
@@ -55,6 +58,54 @@ def start(host: str, port: int, door: Door) -> "ViserServer":
     # It can put the page on the internet at the wish of any browser, past the door.
     server.request_share_url = _share_nothing  # type: ignore[method-assign]
     return server
+
+
+class LoopEvent(asyncio.Event):
+    """An event that other threads leave alone: set by one of them just when it is waited for, it would never come."""
+
+    def set(self) -> None:
+        """Set it, if this is the loop's own thread."""
+        try:
+            asyncio.get_running_loop()
+        except RuntimeError:
+            return
+        super().set()
+
+
+def wake_safely(client: "ClientHandle") -> None:
+    """Let what is sent to a browser be noticed by the server's own thread.
+
+    The library sets its event from whichever thread sends, and from its own right after: the first is one too many.
+    """
+    buffer: Any = client.gui._websock_interface.get_message_buffer()
+    buffer.message_event.__class__ = LoopEvent
+
+
+def limit_uploads(client: "ClientHandle", tell: Callable[[str], None]) -> None:
+    """Let a browser send one file at a time, of a bounded length; the library keeps all that comes in memory."""
+    from viser._messages import FileTransferPart, FileTransferStartUpload  # noqa: PLC0415 - takes half a second
+
+    gui: Any = client.gui
+    coming: dict[str, Any] = gui._current_file_upload_states
+
+    # These run after the library's own.
+    def begins(_: int, message: FileTransferStartUpload) -> None:
+        for number in [number for number in coming if number != message.transfer_uuid]:
+            del coming[number]
+        if message.size_bytes > LARGEST_UPLOAD:
+            coming.pop(message.transfer_uuid, None)
+            tell(
+                f"{message.filename} has {message.size_bytes / 1e6:.0f} MB; allowed are files of up to "
+                f"{LARGEST_UPLOAD / 1e6:g} MB."
+            )
+
+    def goes_on(_: int, message: FileTransferPart) -> None:
+        state = coming.get(message.transfer_uuid)
+        if state is not None and state["transferred_bytes"] > state["total_bytes"]:
+            del coming[message.transfer_uuid]
+
+    gui._websock_interface.register_handler(FileTransferStartUpload, begins)
+    gui._websock_interface.register_handler(FileTransferPart, goes_on)
 
 
 def stop(server: "ViserServer") -> None:

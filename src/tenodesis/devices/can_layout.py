@@ -16,6 +16,7 @@ _CODES = {"i8": "b", "u8": "B", "i16": "h", "u16": "H", "i32": "i", "u32": "I", 
 _MOST_PDOS = 4  # of the predefined connection set
 _PDO_BYTES = 8
 _MOST_LOAD = 0.9
+_LEAST_UNITS, _MOST_UNITS = 10, 2**31 - 1  # of target velocity, in the motor's speed
 _STATUS_AND_POSITION = "<Hi"
 _CONTROL_AND_VELOCITY = struct.Struct("<Hi")
 _MEASURED_OBJECTS = ((0x6041, 0, 16), (0x6064, 0, 32))
@@ -37,9 +38,10 @@ class Sensor:
 
     def value(self, raw: float) -> float:
         """Return what the sensor says in SI units; NaN where it is at the end of its range or says nothing."""
-        if not isfinite(raw) or (self.ends is not None and raw in self.ends):
+        if self.ends is not None and raw in self.ends:
             return nan
-        return self.gain * raw + self.offset
+        value = self.gain * raw + self.offset
+        return value if isfinite(value) else nan
 
 
 @dataclass(frozen=True)
@@ -73,10 +75,13 @@ class DriveFrames:
     """Of the spool, rad; negative where positive turns unwind."""
     speed_per_unit: float
     """Of the spool, rad/s; negative where positive turns unwind."""
+    most_units: int
+    """Largest target velocity that is within the motor's speed."""
 
     def command(self, controlword: int, spool_velocity: float) -> bytes:
         """Return the frame of a command."""
-        return _CONTROL_AND_VELOCITY.pack(controlword, round(spool_velocity / self.speed_per_unit))
+        units = round(spool_velocity / self.speed_per_unit)
+        return _CONTROL_AND_VELOCITY.pack(controlword, min(max(units, -self.most_units), self.most_units))
 
 
 @dataclass(frozen=True)
@@ -108,7 +113,8 @@ def layout(inst: Instrument, settings: CanOpen) -> Layout:
     Raises
     ------
     InstrumentError
-        An axis is missing, a node has more to tell than its PDOs carry, or the bus is too slow.
+        An axis is missing, two sensors are one, a node has more to tell than its PDOs carry, the heartbeat is faster
+        than the samples, the unit of velocity is too coarse or too fine, or the bus is too slow.
     """
     axes: list[CanAxis] = []
     for name in inst.axes:
@@ -124,10 +130,16 @@ def layout(inst: Instrument, settings: CanOpen) -> Layout:
     )
     sensors = tuple(_sensor_frames(inst.axes, axes, {drive.node for drive in drives}))
     speed = inst.drives.motor_speed
-    if speed / unit > 2**31 - 1:
+    if not _LEAST_UNITS <= speed / unit <= _MOST_UNITS:
         raise InstrumentError(
-            f"devices.canopen.velocity_unit is {unit:g} rad/s, of which drives.motor_speed, {speed:g} rad/s, is more "
-            "than 32 bits hold; allowed is a larger one."
+            f"devices.canopen.velocity_unit is {unit:g} rad/s, of which drives.motor_speed, {speed:g} rad/s, makes "
+            f"{speed / unit:.3g}; allowed is one of which it makes {_LEAST_UNITS} to {_MOST_UNITS}."
+        )
+    period = 1 / inst.sensors.sampling_rate
+    if period > settings.heartbeat * (1 + 1e-9):
+        raise InstrumentError(
+            f"devices.canopen.heartbeat is {settings.heartbeat:g} s; it is sent with the commands, so that allowed is "
+            f"a sampling period, {period:g} s, or more."
         )
     load = _load(inst, settings, drives, sensors)
     if load > _MOST_LOAD:
@@ -156,13 +168,21 @@ def _drive(inst: Instrument, settings: CanOpen, place: tuple[int, int], drive: C
         _COMMANDED_OBJECTS,
         turn * 2 * pi / inst.drives.encoder_counts,
         turn * unit,
+        floor(inst.drives.motor_speed / unit * (1 + 1e-12)),
     )
 
 
 def _sensor_frames(names: tuple[str, ...], axes: list[CanAxis], drives: set[int]) -> list[SensorFrame]:
     by_node: dict[int, list[_Placed]] = {}
+    taken_by: dict[tuple[int, int, int], str] = {}
     for n, axis in enumerate(axes):
         for measured, source in axis.sources.items():
+            place, name = (source.node, source.object, source.sub), f"the {measured} of {names[n]}"
+            if taken_by.setdefault(place, name) != name:
+                raise InstrumentError(
+                    f"devices.canopen: {name} is read from node {place[0]}, object {place[1]:04X}h:{place[2]:02X}, as "
+                    f"{taken_by[place]} is; allowed is an object of its own for each."
+                )
             by_node.setdefault(source.node, []).append((n, COLUMNS.index(measured), source))
     frames = []
     for node, sources in by_node.items():

@@ -3,6 +3,7 @@
 import struct
 import time
 from collections.abc import Callable, Iterable
+from math import inf
 from typing import TYPE_CHECKING
 
 from tenodesis.devices import cia402
@@ -20,6 +21,8 @@ MISSED_HEARTBEATS = 3
 _ANSWER_TIME = 1.0  # s, of an SDO server
 _STATE_TIME = 5.0  # s, of a drive's change of state
 _HOMING_TIME = 5.0  # s; nothing moves meanwhile
+_RESET_TIME = 1.0  # s, of a drive that leaves its fault
+_AT_ZERO = 0.01  # turns, by which a position may be beside zero once it was taken for it
 _POLL = 2e-3  # s
 _ON_EVERY_SYNC = 1
 _INVALID = 0x8000_0000
@@ -55,14 +58,16 @@ class Setup:
         """Find all nodes, take the drives' power away and tell every node what to send, to heed and to do alone."""
         for number in self._plan.nodes:
             self._network.send_message(0, bytes((_PRE_OPERATIONAL, number)))
-        drives = {drive.node for drive in self._plan.drives}
-        for number in self._plan.nodes:
-            kind = self._read(number, 0x1000, 0, "I") & 0xFFFF
-            if number in drives and kind != 402:
+        # Before anything else is asked of anyone: none may turn on by what somebody told it before.
+        for drive in self._plan.drives:
+            kind = self._read(drive.node, 0x1000, 0, "I") & 0xFFFF
+            if kind != 402:
                 raise DeviceError(
-                    f"{self._name[number]} is no CiA 402 drive, its device profile is {kind}; allowed is the node id "
-                    "of a drive."
+                    f"{self._name[drive.node]} is no CiA 402 drive, its device profile is {kind}; allowed is the node "
+                    "id of a drive."
                 )
+            self._write(drive.node, 0x6040, 0, "H", cia402.DISABLE_VOLTAGE)
+        for number in self._plan.nodes:
             self._write(number, 0x1017, 0, "H", round(self._settings.heartbeat * 1e3))
         for drive in self._plan.drives:
             self._prepare_drive(drive)
@@ -70,8 +75,8 @@ class Setup:
         for frame in self._plan.sensors:
             self._map_measured(frame)
             taken.add(frame.cob_id)
-        for drive in self._plan.drives:
-            self._silence(drive, taken)
+        for number in self._plan.nodes:
+            self._silence(number, taken)
 
     def enable(self) -> None:
         """Lead all drives to operation enabled, at rest; from now on they heed our heartbeat."""
@@ -81,12 +86,14 @@ class Setup:
             if self._settings.zero == "here":
                 self._home_here(drive)
             self._write(drive.node, 0x60FF, 0, "i", 0)
-            self._mode(drive, cia402.MODES[self._settings.mode])
+            mode = cia402.MODES[self._settings.mode]
+            self._mode(drive, mode)
             self._lead(drive)
+            # Some drives show the mode that was asked for, and take it or not once they are enabled.
+            self._mode_is(drive, mode)
 
     def _prepare_drive(self, drive: DriveFrames) -> None:
         node, limit = drive.node, self._inst.drives
-        self._write(node, 0x6040, 0, "H", cia402.DISABLE_VOLTAGE)
         lost = round(MISSED_HEARTBEATS * self._settings.heartbeat * 1e3)
         self._must_heed(node, 0x1016, 1, "I", self._settings.master << 16 | lost)
         self._must_heed(node, 0x6007, 0, "h", cia402.QUICK_STOP_ON_LOSS)
@@ -104,6 +111,8 @@ class Setup:
         for index in (0x6083, 0x6084, 0x6085, 0x60C5, 0x60C6):
             self._write(node, index, 0, "I", min(acceleration, 2**32 - 1), needed=False)
         self._write(node, 0x607F, 0, "I", max(1, round(limit.motor_speed / self._plan.unit)), needed=False)
+        # Commands that do not come any more, though our heartbeat does, are to be an emergency.
+        self._write(node, 0x1400, 5, "H", lost, needed=False)
         self._map(node, 0x1400, 0x1600, drive.commanded_id, drive.commanded_objects)
         self._map(node, 0x1800, 0x1A00, drive.measured_id | _NO_REMOTE_REQUEST, drive.measured_objects)
 
@@ -111,15 +120,13 @@ class Setup:
         number = (frame.cob_id - 0x180) >> 8
         self._map(frame.node, 0x1800 + number, 0x1A00 + number, frame.cob_id | _NO_REMOTE_REQUEST, frame.objects)
 
-    def _silence(self, drive: DriveFrames, taken: Iterable[int]) -> None:
-        """Switch the drive's other PDOs off: none may speed a motor, or fill the bus."""
+    def _silence(self, node: int, taken: Iterable[int]) -> None:
+        """Switch a node's other PDOs off: none may speed a motor, or fill the bus."""
         for number in range(1, 4):
-            self._write(
-                drive.node, 0x1400 + number, 1, "I", _INVALID | (0x200 + 0x100 * number + drive.node), needed=False
-            )
-            cob_id = 0x180 + 0x100 * number + drive.node
-            if cob_id not in taken:
-                self._write(drive.node, 0x1800 + number, 1, "I", _INVALID | cob_id, needed=False)
+            commanded, measured = (first + 0x100 * number + node for first in (0x200, 0x180))
+            self._write(node, 0x1400 + number, 1, "I", _INVALID | commanded, needed=False)
+            if measured not in taken:
+                self._write(node, 0x1800 + number, 1, "I", _INVALID | measured, needed=False)
 
     def _map(
         self, node: int, communication: int, mapping: int, cob_id: int, objects: tuple[tuple[int, int, int], ...]
@@ -152,9 +159,18 @@ class Setup:
 
         self._wait(attained, _HOMING_TIME, lambda: f"{self._name[drive.node]} did not end its homing")
         self._write(drive.node, 0x6040, 0, "H", cia402.SWITCH_ON)
+        position = self._read(drive.node, 0x6064, 0, "i")
+        if abs(position) > max(2.0, _AT_ZERO * self._inst.drives.encoder_counts):
+            raise DeviceError(
+                f"{self._name[drive.node]} says that it took its present position for zero, and is at {position} "
+                'counts; allowed is devices.canopen.zero = "keep", or a drive that does what it says.'
+            )
 
     def _mode(self, drive: DriveFrames, mode: int) -> None:
         self._write(drive.node, 0x6060, 0, "b", mode)
+        self._mode_is(drive, mode)
+
+    def _mode_is(self, drive: DriveFrames, mode: int) -> None:
         self._wait(
             lambda: self._read(drive.node, 0x6061, 0, "b") == mode,
             _STATE_TIME,
@@ -163,20 +179,22 @@ class Setup:
 
     def _lead(self, drive: DriveFrames) -> None:
         """Lead a drive, out of a fault too, but once only: a fault that returns is named."""
-        reset = False
+        reset_until = inf
         reached = ""
 
         def enabled() -> bool:
-            nonlocal reset, reached
-            reached = cia402.state(self._status(drive))
+            nonlocal reset_until, reached
+            before, reached = reached, cia402.state(self._status(drive))
             if reached == cia402.FAULT:
-                if reset:
+                if reset_until < inf:
+                    if before == cia402.FAULT and time.monotonic() < reset_until:
+                        return False
                     cause = cia402.Emergency(self._read(drive.node, 0x603F, 0, "H"))
                     raise DeviceError(
                         f"{self._name[drive.node]} is in fault {cause} and returns to it when reset; mend the cause, "
                         "then open the bench again."
                     )
-                reset = True
+                reset_until = time.monotonic() + _RESET_TIME
                 self._write(drive.node, 0x6040, 0, "H", cia402.DISABLE_VOLTAGE)
             if reached in cia402.NEXT:
                 self._write(drive.node, 0x6040, 0, "H", cia402.NEXT[reached])

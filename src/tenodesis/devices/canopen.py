@@ -4,17 +4,17 @@ import logging
 import struct
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from math import isfinite, nan
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
 from tenodesis.devices import cia402
 from tenodesis.devices.can_layout import COLUMNS, DriveFrames, SensorFrame, layout
 from tenodesis.devices.can_setup import MISSED_HEARTBEATS, Setup
-from tenodesis.devices.device import Capabilities, Measurement
+from tenodesis.devices.device import Bench, Capabilities, Measurement
 from tenodesis.devices.settings import CanOpen
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
@@ -22,20 +22,25 @@ from tenodesis.signals import Array
 
 if TYPE_CHECKING:
     import can
+    from canopen.network import PeriodicMessageTask
 
 _SYNC = 0x80
 _OPERATIONAL = 5
 _BOOTED = 0
 _STOPPING_TIME = 0.5  # s, beyond the time that the motors take from their full speed
 _FLOOD = 5000
-_ANSWER_TIME = 0.2  # s, of an SDO server whose answer changes nothing
+_ANSWER_TIME = 0.2  # s, of an SDO server to what stops a motor, or changes nothing
+_BUS_OFF = 0x40  # class of an error frame, as SocketCAN has it
+_LISTENED = 1.5
+"""Heartbeats for which another program is listened for."""
 _NEVER_MEASURED = -(2**31)
 """Position that some drives give for none; an encoder passes it only where it wraps."""
 _NEARBY = 2**16  # counts
 _HALF_COUNTER = 2**15
+_WITHOUT_POWER = struct.pack("<H", cia402.DISABLE_VOLTAGE)
 
 
-class CanOpenDevice:
+class CanOpenDevice(Bench):
     """A bench on a CAN bus: its drives measure and act on SYNC, which `read` sends.
 
     Parameters
@@ -68,33 +73,10 @@ class CanOpenDevice:
         paced: bool = True,
     ) -> None:
         self._inst, self._settings, self._clock, self._paced = inst, settings, clock, paced
-        self._plan = layout(inst, settings)
+        self._plan = plan = layout(inst, settings)
         self._period = round(1e9 / inst.sensors.sampling_rate)
         self._loss = round(MISSED_HEARTBEATS * settings.heartbeat * 1e9)
-        self._given, self._bus = bus, bus
-        self._opened = False
-        self._failed: DeviceError | None = None
-        self._frames: dict[int, DriveFrames | SensorFrame] = {drive.measured_id: drive for drive in self._plan.drives}
-        self._frames |= {frame.cob_id: frame for frame in self._plan.sensors}
-        self._values = np.full((len(inst.axes), len(COLUMNS)), nan)
-        self._spools = np.full((len(inst.axes), 2), nan)
-        self._turned: dict[int, int] = {}
-        self._position: dict[int, int] = {}
-        self._counted: dict[int, int] = {}
-        self._waiting: set[int] = set()
-        self._missed: dict[int, int] = {}
-        self._heard: dict[int, int] = {}
-        self._due = 0
-        self._beaten = 0
-        self._states: dict[int, str] = {}
-        self._stopping = False
-        self.counts: Counter[str] = Counter()
-        """Frames by what was wrong with them: missing, late, twice, short, past; and sensors saturated."""
-        self.problem = ""
-        """What was wrong last, in one sentence."""
-        self.round_trip = nan
-        """Time from the last SYNC to the last of its answers, s."""
-        self.capabilities = Capabilities(
+        capabilities = Capabilities(
             name="canopen",
             axes=inst.axes,
             rate=inst.sensors.sampling_rate,
@@ -105,56 +87,102 @@ class CanOpenDevice:
             latency=self._period / 1e9,
             stops_alone=self._loss / 1e9,
         )
+        super().__init__(capabilities, plan.speed_limit)
+        self._given, self._bus = bus, bus
+        self._beat: PeriodicMessageTask | None = None
+        self._frames: dict[int, DriveFrames | SensorFrame] = {drive.measured_id: drive for drive in plan.drives}
+        self._frames |= {frame.cob_id: frame for frame in plan.sensors}
+        self._values = np.full((len(inst.axes), len(COLUMNS)), nan)
+        self._spools = np.full((len(inst.axes), 2), nan)
+        self._turned: dict[int, int] = {}
+        self._position: dict[int, int] = {}
+        self._counted: dict[int, int] = {}
+        self._waiting: set[int] = set()
+        self._missed: Counter[int] = Counter()
+        self._twice: set[int] = set()
+        self._doubled: Counter[int] = Counter()
+        self._heard: dict[int, int] = {}
+        self._due = 0
+        self._beaten = 0
+        self._read_at = 0.0
+        self._states: dict[int, str] = {}
+        self._stopping = False
+        self.round_trip = nan
+        """Time from the last SYNC to the last of its answers, s."""
 
     def open(self) -> None:
-        """Prepare all nodes and enable the drives, at rest."""
+        """Prepare all nodes and enable the drives, at rest; they keep at rest until the first `write`."""
+        self._begin()
+        # What the library logs of an answer that does not come, an error tells in a sentence.
+        logging.getLogger("canopen").setLevel(logging.CRITICAL)
+        self._stopping = False
+        self._bus = bus = self._given or self._connect()
+        ours = False
+        try:
+            self._look_for_another()
+            ours = True
+            self._prepare(bus)
+            self._start()
+        except BaseException:
+            if ours:
+                self._give_up()
+            self._release()
+            raise
+        self._opened = True
+
+    def _look_for_another(self) -> None:
+        """Refuse a bench that another program serves: its motors are not ours to stop, nor to move."""
+        end = time.monotonic() + _LISTENED * self._settings.heartbeat
+        try:
+            while (left := end - time.monotonic()) > 0:
+                message = self._receive(left)
+                if message is not None and message.arbitration_id == 0x700 + self._settings.master:
+                    raise DeviceError(
+                        f"{self._place} is served by another program already: it carries heartbeats of node "
+                        f"{self._settings.master}, which is master; end that program first, or choose another master."
+                    )
+        except _bus_errors() as problem:
+            raise DeviceError(f"{self._place} does not carry frames: {_told(problem)}") from None
+
+    def _prepare(self, bus: "can.BusABC") -> None:
         import can  # noqa: PLC0415 - slow to import, and only a bench needs it
         import canopen  # noqa: PLC0415 - as above
 
-        if self._opened:
-            raise DeviceError("The canopen bench is open already; close it first.")
-        # What the library logs of an answer that does not come, an error tells in a sentence.
-        logging.getLogger("canopen").setLevel(logging.CRITICAL)
-        self._bus = bus = self._given or self._connect()
-        self._failed = None
-        self._stopping = False
         network = canopen.Network(bus)
         network.NOTIFIER_CYCLE = 0.01
-        beat = None
         try:
             network.connect()
             setup = Setup(network, self._inst, self._settings, self._plan)
             setup.prepare()
-            beat = network.send_periodic(
+            # Until the first command, which may be long in coming, the drives are at rest and held by this.
+            self._beat = network.send_periodic(
                 0x700 + self._settings.master, bytes((_OPERATIONAL,)), self._settings.heartbeat
             )
             setup.enable()
-            self._opened = True
         except (can.CanError, OSError) as problem:
             raise DeviceError(f"{self._place} does not carry frames: {_told(problem)}") from None
         finally:
-            if beat is not None:
-                beat.stop()
             if network.notifier is not None:
                 network.notifier.stop(1.0)
-            if not self._opened:
-                if beat is not None:
-                    self._quick_stop()
-                self._release()
-        self._start()
 
     def _start(self) -> None:
         self._turned.clear()
         self._position.clear()
         self._counted.clear()
-        self.counts.clear()
-        self.problem = ""
+        self._missed.clear()
+        self._doubled.clear()
         now = self._clock()
         self._heard = dict.fromkeys(self._plan.nodes, now)
-        self._missed = dict.fromkeys(self._frames, 0)
         self._due = now
         self._beaten = now - self._loss
-        self.write(np.zeros((len(self._plan.axes), 2)))
+        self._read_at = time.monotonic()
+        self._command(np.zeros((len(self._plan.axes), 2)))
+
+    def _give_up(self) -> None:
+        """Leave what could not be opened: motors stopped and without power, as far as they hear."""
+        self._end_beat()
+        self._quick_stop()
+        self._write_all((drive.node for drive in self._plan.drives), 0x6040, 0, _WITHOUT_POWER)
 
     def read(self, timeout: float) -> Measurement | None:
         """Send SYNC and return what drives and sensors measured at it; None where no node has answered."""
@@ -162,15 +190,17 @@ class CanOpenDevice:
         began = time.monotonic()
         # What has come without being asked: heartbeats, emergencies, and answers that are too late.
         self._waiting = set()
-        self._take_all(0.0)
+        self._take_all(began)
         if self._paced:
             if self._due - self._clock() > timeout * 1e9:
-                self._take_all(timeout)
+                self._take_all(began + timeout)
                 self._watch()
                 return None
             while (left := self._due - self._clock()) > 0:
-                self._take_all(left / 1e9)
+                self._take_all(time.monotonic() + left / 1e9)
         self._watch()
+        self._heed_silence()
+        self._count_doubled()
         self._values.fill(nan)
         self._spools.fill(nan)
         self._waiting = set(self._frames)
@@ -179,8 +209,7 @@ class CanOpenDevice:
         self._send(_SYNC, b"")
         sent = time.monotonic()
         end = min(began + timeout, sent + self._period / 1e9) if self._paced else began + timeout
-        while self._waiting and self._take(max(0.0, end - time.monotonic())):
-            pass
+        self._take_all(end, answers=True)
         self.round_trip = nan if self._waiting else time.monotonic() - sent
         answered = len(self._waiting) < len(self._frames)
         self._count_missing()
@@ -197,40 +226,41 @@ class CanOpenDevice:
     def write(self, spool_velocity: Array) -> None:
         """Send speeds, which act at the next SYNC; and our heartbeat, which thus stops with the commands."""
         self._refuse()
-        speeds = np.asarray(spool_velocity, float)
-        if speeds.shape != (len(self._plan.axes), 2):
-            raise ValueError(f"spool_velocity has shape {speeds.shape}; allowed is {(len(self._plan.axes), 2)}.")
-        limit = self._plan.speed_limit
-        for drive in self._plan.drives:
-            speed = float(speeds[drive.axis, drive.tendon])
-            speed = min(max(speed, -limit), limit) if isfinite(speed) else 0.0
-            self._send(drive.commanded_id, drive.command(cia402.ENABLE, speed))
+        speeds = self._speeds(spool_velocity)
+        self._heed_silence()
+        self._command(speeds)
         now = self._clock()
         if now - self._beaten >= self._settings.heartbeat * 1e9:
             self._send(0x700 + self._settings.master, bytes((_OPERATIONAL,)))
             self._beaten = now
+        self._end_beat()
 
     def close(self) -> None:
-        """Stop the motors, take their power away and let go of the bus."""
+        """Stop the motors, take their power away and let go of the bus.
+
+        Raises
+        ------
+        DeviceError
+            A drive does not say that it has no power; one that failed before has said why.
+        """
         if not self._opened:
             return
         self._opened = False
         try:
-            if self._stop():
-                self._release_drives()
+            powered = self._stop()
+            if powered:
+                names = " and ".join(self._named(node) for node in sorted(powered))
+                self.problem = f"{names} did not say to have stopped: switch the motors off by hand."
+                self.problem = self.problem[0].upper() + self.problem[1:]
+            # Those that have no power need not miss our heartbeat.
+            self._write_all(
+                (drive.node for drive in self._plan.drives if drive.node not in powered), 0x1016, 1, bytes(4)
+            )
         finally:
+            self._end_beat()
             self._release()
-
-    def __enter__(self) -> Self:
-        """Open."""
-        self.open()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close."""
-        self.close()
+        if powered and self._failed is None:
+            raise DeviceError(self.problem)
 
     @property
     def _place(self) -> str:
@@ -247,31 +277,27 @@ class CanOpenDevice:
         except (can.CanError, OSError, ImportError, ValueError, TypeError) as problem:
             raise DeviceError(f"{self._place} cannot be opened: {_told(problem)}") from None
 
-    def _release_drives(self) -> None:
-        """Let the drives, which have no power, not miss our heartbeat."""
-        import can  # noqa: PLC0415 - slow to import; by now it is
-
-        assert self._bus is not None
-        answers = {0x580 + drive.node for drive in self._plan.drives}
+    def _write_all(self, nodes: Iterable[int], index: int, sub: int, value: bytes) -> set[int]:
+        """Write an object of nodes by SDO, which needs no SYNC, and return the nodes that have confirmed it."""
+        request = struct.pack("<BHB", 0x23 | 4 - len(value) << 2, index, sub) + value.ljust(4, b"\0")
+        asked = set(nodes)
+        waiting = set(asked)
         try:
-            for drive in self._plan.drives:
-                self._transmit(0x600 + drive.node, struct.pack("<BHBI", 0x23, 0x1016, 1, 0))
+            for node in asked:
+                self._transmit(0x600 + node, request)
             end = time.monotonic() + _ANSWER_TIME
-            while answers and (message := self._bus.recv(max(0.0, end - time.monotonic()))) is not None:
-                answers.discard(message.arbitration_id)
-        except (can.CanError, OSError) as problem:
+            while waiting and (left := end - time.monotonic()) > 0:
+                message = self._receive(left)
+                if message is not None and bytes(message.data[:4]) == b"\x60" + request[1:4]:
+                    waiting.discard(message.arbitration_id - 0x580)
+        except _bus_errors() as problem:
             self.problem = f"{self._place} does not carry frames: {_told(problem)}"
+        return asked - waiting
 
     def _release(self) -> None:
         if self._given is None and self._bus is not None:
             self._bus.shutdown()
             self._bus = None
-
-    def _refuse(self) -> None:
-        if self._failed is not None:
-            raise DeviceError(str(self._failed))
-        if not self._opened:
-            raise DeviceError("The canopen bench is not open; open it first.")
 
     def _transmit(self, can_id: int, data: bytes) -> None:
         import can  # noqa: PLC0415 - slow to import; by now it is
@@ -279,34 +305,48 @@ class CanOpenDevice:
         assert self._bus is not None
         self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
 
-    def _send(self, can_id: int, data: bytes) -> None:
-        import can  # noqa: PLC0415 - as above
+    def _receive(self, wait: float) -> "can.Message | None":
+        assert self._bus is not None
+        return self._bus.recv(wait)
 
+    def _send(self, can_id: int, data: bytes) -> None:
         try:
             self._transmit(can_id, data)
-        except (can.CanError, OSError) as problem:
+        except _bus_errors() as problem:
             self._fail(f"{self._place} does not carry frames: {_told(problem)}")
 
-    def _take_all(self, wait: float) -> None:
-        """Take what has come, and what comes within a time."""
-        end = time.monotonic() + wait
-        for _ in range(_FLOOD):
-            if not self._take(max(0.0, end - time.monotonic())):
+    def _command(self, speeds: Array) -> None:
+        for drive in self._plan.drives:
+            self._send(drive.commanded_id, drive.command(cia402.ENABLE, float(speeds[drive.axis, drive.tendon])))
+
+    def _end_beat(self) -> None:
+        """From now on our heartbeat goes with the commands alone."""
+        if self._beat is not None:
+            self._beat.stop()
+            self._beat = None
+
+    def _take_all(self, end: float, *, answers: bool = False) -> None:
+        """Take what has come, and what comes until a time (by the monotonic clock) or until all have answered."""
+        now = time.monotonic()
+        # Heartbeats pile up while nobody reads.
+        beats = 2 * len(self._heard) * (now - self._read_at) / self._settings.heartbeat
+        self._read_at = now
+        for _ in range(_FLOOD + round(beats)):
+            if (answers and not self._waiting) or not self._take(max(0.0, end - time.monotonic())):
                 return
         self._fail(f"{self._place} is flooded: {_FLOOD} frames between two SYNCs; look for who sends them.")
 
     def _take(self, wait: float) -> bool:
         """Take one frame, if one comes within a time."""
-        import can  # noqa: PLC0415 - as above
-
-        assert self._bus is not None
         try:
-            message = self._bus.recv(wait)
-        except (can.CanError, OSError, ValueError) as problem:
+            message = self._receive(wait)
+        except _bus_errors() as problem:
             self._fail(f"{self._place} gives no frames: {_told(problem)}")
         if message is None:
             return False
         if message.is_error_frame:
+            if self._settings.interface == "socketcan" and message.arbitration_id & _BUS_OFF:
+                self._fail(f"{self._place} is off the bus after too many errors; look at termination and bit rate.")
             self._tell("bus", f"{self._place} reports errors; look at termination and bit rate.")
         elif not message.is_remote_frame and not message.is_extended_id:
             self._sort(message.arbitration_id, bytes(message.data))
@@ -320,9 +360,15 @@ class CanOpenDevice:
         node = can_id & 0x7F
         if node not in self._heard or self._stopping:
             return
-        if can_id == 0x700 + node and data:
+        least = {0x700 + node: 1, 0x80 + node: 2}.get(can_id)
+        if least is None:
+            return
+        if len(data) < least:
+            kind = "A heartbeat" if least == 1 else "An emergency"
+            self._tell("short", f"{kind} of {self._named(node)} has {len(data)} bytes; allowed are {least} or more.")
+        elif least == 1:
             self._heartbeat(node, data[0] & 0x7F)
-        elif can_id == 0x80 + node and len(data) >= 2:
+        else:
             emergency = cia402.Emergency(int.from_bytes(data[:2], "little"))
             if not emergency.over:
                 self._fail(f"{self._named(node)} reports an emergency: {emergency}.")
@@ -332,6 +378,8 @@ class CanOpenDevice:
         form = frame.measured if isinstance(frame, DriveFrames) else frame.format
         if can_id not in self._waiting:
             late = self._missed[can_id] > 0
+            if not late:
+                self._twice.add(can_id)
             self._tell("late" if late else "twice", f"A frame of {name} came {'too late' if late else 'twice'}.")
             return
         if len(data) != form.size:
@@ -390,74 +438,107 @@ class CanOpenDevice:
                     "power and cable."
                 )
 
+    def _heed_silence(self) -> None:
+        """Fail where the drives have not heard from us for so long that they have stopped, or are about to."""
+        silent = self._clock() - self._beaten
+        if self._beat is None and silent > self._loss:
+            self._fail(
+                f"This computer was silent for {silent / 1e6:.0f} ms, {MISSED_HEARTBEATS} heartbeats or more; look for "
+                "what holds it up."
+            )
+
+    def _count_doubled(self) -> None:
+        """Fail where every answer of a node comes twice: one that is late now and then does not."""
+        for can_id, frame in self._frames.items():
+            self._doubled[can_id] = self._doubled[can_id] + 1 if can_id in self._twice else 0
+            if self._doubled[can_id] * self._period > self._loss:
+                self._fail(
+                    f"{self._named(frame.node)} has answered {self._doubled[can_id]} samples twice; look for a second "
+                    "node of that id."
+                )
+        self._twice.clear()
+
     def _count_missing(self) -> None:
         for can_id, frame in self._frames.items():
             if can_id not in self._waiting:
                 self._missed[can_id] = 0
                 continue
             self._missed[can_id] += 1
-            self._tell("missing", f"{self._named(frame.node)} has not answered a SYNC.", unless=True)
+            # What is known already of a frame that came tells more.
+            told = self.problem
+            self._tell("missing", f"{self._named(frame.node)} has not answered a SYNC.")
+            self.problem = told or self.problem
             if self._missed[can_id] * self._period > self._loss:
                 self._fail(
                     f"{self._named(frame.node)} has measured nothing for {self._missed[can_id]} samples. {self.problem}"
                 )
 
-    def _tell(self, kind: str, sentence: str, *, unless: bool = False) -> None:
-        """Count what was wrong and keep it; unless: a more telling sentence is kept already."""
-        self.counts[kind] += 1
-        if not (unless and self.problem):
-            self.problem = sentence[0].upper() + sentence[1:]
-
     def _named(self, node: int) -> str:
         return f"{self._plan.nodes[node]} (node {node})"
 
-    def _fail(self, sentence: str) -> None:
+    def _fail(self, sentence: str) -> NoReturn:
         """Stop all motors and raise; no heartbeat of ours follows, so that a drive that missed it stops by itself."""
         self._failed = DeviceError(f"{sentence[0].upper()}{sentence[1:]} All motors are told to stop.")
+        self._end_beat()
         self._quick_stop()
         raise self._failed
 
     def _quick_stop(self) -> None:
-        import can  # noqa: PLC0415 - as above
-
+        """Tell every motor to stop, whichever of them can be told."""
         self._stopping = True
-        try:
-            for drive in self._plan.drives:
-                self._transmit(drive.commanded_id, drive.command(cia402.QUICK_STOP, 0.0))
-            self._transmit(_SYNC, b"")
-        except (can.CanError, OSError) as problem:
-            self.problem = f"{self._place} did not carry the stop: {_told(problem)}"
+        frames = [(drive.commanded_id, drive.command(cia402.QUICK_STOP, 0.0)) for drive in self._plan.drives]
+        for can_id, data in (*frames, (_SYNC, b"")):
+            try:
+                self._transmit(can_id, data)
+            except _bus_errors() as problem:
+                self.problem = f"{self._place} did not carry the stop: {_told(problem)}"
 
-    def _stop(self) -> bool:
-        """Quick-stop all drives, then take their power away; whether all say so."""
-        import can  # noqa: PLC0415 - as above
-
+    def _stop(self) -> set[int]:
+        """Quick-stop all drives, then take their power away; return those that have not said so."""
         self._quick_stop()
+        powered = {drive.node for drive in self._plan.drives}
         limit = self._inst.drives
         rest_at = time.monotonic() + min(limit.motor_speed / limit.motor_acceleration, _STOPPING_TIME)
-        period = min(max(self._period / 1e9, 2e-3), _STOPPING_TIME / 10)
-        try:
-            while (now := time.monotonic()) < rest_at + _STOPPING_TIME:
-                word = cia402.QUICK_STOP if now < rest_at else cia402.DISABLE_VOLTAGE
-                for drive in self._plan.drives:
-                    self._transmit(drive.commanded_id, drive.command(word, 0.0))
-                self._states.clear()
-                self._waiting = {drive.measured_id for drive in self._plan.drives}
-                self._transmit(_SYNC, b"")
-                while (self._paced or self._waiting) and self._take(max(0.0, now + period - time.monotonic())):
-                    pass
-                if (
-                    word == cia402.DISABLE_VOLTAGE
-                    and not self._waiting
-                    and set(self._states.values()) == {cia402.SWITCH_ON_DISABLED}
-                ):
-                    return True
-        except (can.CanError, OSError, DeviceError):
-            return False
-        return False
+        period = min(max(self._period / 1e9, 2e-3), self._settings.heartbeat)
+        while powered and (now := time.monotonic()) < rest_at + _STOPPING_TIME:
+            with suppress(*_bus_errors()):
+                self._ask_to_rest(cia402.QUICK_STOP if now < rest_at else cia402.DISABLE_VOLTAGE)
+            self._hear_states(now + period)
+            if now >= rest_at:
+                powered -= {node for node, state in self._states.items() if state == cia402.SWITCH_ON_DISABLED}
+        # One that lost our heartbeat heeds no PDO any more, but an SDO.
+        return powered - self._write_all(powered, 0x6040, 0, _WITHOUT_POWER)
+
+    def _ask_to_rest(self, word: int) -> None:
+        for drive in self._plan.drives:
+            self._transmit(drive.commanded_id, drive.command(word, 0.0))
+        # After a failure, silence is one more way to stop them.
+        if self._failed is None and self._beat is None:
+            self._transmit(0x700 + self._settings.master, bytes((_OPERATIONAL,)))
+        self._states.clear()
+        self._waiting = {drive.measured_id for drive in self._plan.drives}
+        self._transmit(_SYNC, b"")
+
+    def _hear_states(self, end: float) -> None:
+        """Take the drives' answers until a time, however many frames there are, and none where the bus is broken."""
+        while (self._paced or self._waiting) and (left := end - time.monotonic()) > 0:
+            try:
+                message = self._receive(left)
+            except _bus_errors():
+                time.sleep(left)
+                return
+            if message is not None and message.arbitration_id in self._waiting:
+                self._sort(message.arbitration_id, bytes(message.data))
 
 
 def _told(problem: BaseException) -> str:
     """Return a problem of a library as the end of a sentence."""
     text = " ".join(str(problem).split()).rstrip(".")
     return f"{text or type(problem).__name__}."
+
+
+def _bus_errors() -> tuple[type[Exception], ...]:
+    """Return what a bus raises that does not carry frames, or carries no sound ones."""
+    import can  # noqa: PLC0415 - slow to import; by now it is
+
+    return can.CanError, OSError, ValueError

@@ -74,6 +74,7 @@ _EMERGENCIES = {
     0x8611: "following error",
 }
 _GROUPS = (
+    (0xF000, 0x1000, "of no particular kind"),
     (0xF000, 0x2000, "current"),
     (0xF000, 0x3000, "voltage"),
     (0xF000, 0x4000, "temperature"),

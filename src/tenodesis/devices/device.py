@@ -1,9 +1,14 @@
 """What every device does: sensors are read, motors are told a speed."""
 
+from abc import ABC, abstractmethod
+from collections import Counter
 from dataclasses import dataclass
 from types import TracebackType
 from typing import NamedTuple, Protocol, Self
 
+import numpy as np
+
+from tenodesis.errors import DeviceError
 from tenodesis.signals import Array
 
 
@@ -83,3 +88,80 @@ class Device(Protocol):
     ) -> None:
         """Close."""
         ...
+
+
+class Opened(ABC):
+    """A device as a context: opened when it is entered, closed when it is left."""
+
+    @abstractmethod
+    def open(self) -> None:
+        """Take hold of the hardware."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of the hardware."""
+
+    def __enter__(self) -> Self:
+        """Open."""
+        self.open()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close; what fails then does not hide why it was left."""
+        try:
+            self.close()
+        except DeviceError as worse:
+            if problem is None:
+                raise
+            problem.add_note(str(worse))
+
+
+class Bench(Opened):
+    """What benches with motors have in common: speeds that may be told, and no word to motors after a failure.
+
+    Parameters
+    ----------
+    capabilities
+        What it has.
+    speed_limit
+        Largest speed of a spool, rad/s.
+    """
+
+    def __init__(self, capabilities: Capabilities, speed_limit: float) -> None:
+        self.capabilities = capabilities
+        self._speed_limit = speed_limit
+        self._opened = False
+        self._failed: DeviceError | None = None
+        self.counts: Counter[str] = Counter()
+        """Measurements by what was wrong with them."""
+        self.problem = ""
+        """What was wrong last, in one sentence."""
+
+    def _begin(self) -> None:
+        """Forget what was wrong before it is opened."""
+        if self._opened:
+            raise DeviceError(f"The {self.capabilities.name} bench is open already; close it first.")
+        self._failed = None
+        self.counts.clear()
+        self.problem = ""
+
+    def _refuse(self) -> None:
+        if self._failed is not None:
+            raise DeviceError(str(self._failed))
+        if not self._opened:
+            raise DeviceError(f"The {self.capabilities.name} bench is not open; open it first.")
+
+    def _speeds(self, spool_velocity: Array) -> Array:
+        """Return the speeds that motors may be told: cut to the limit, and 0 where they are not finite."""
+        speeds = np.asarray(spool_velocity, float)
+        allowed = (len(self.capabilities.axes), 2)
+        if speeds.shape != allowed:
+            raise ValueError(f"spool_velocity has shape {speeds.shape}; allowed is {allowed}.")
+        return np.where(np.isfinite(speeds), np.clip(speeds, -self._speed_limit, self._speed_limit), 0.0)
+
+    def _tell(self, kind: str, sentence: str, count: int = 1) -> None:
+        """Count what was wrong and keep it."""
+        self.counts[kind] += count
+        self.problem = sentence[0].upper() + sentence[1:]

@@ -1,16 +1,14 @@
 """A bench at a data acquisition device: analogue encoders, load cells and speed commands, clocked by hardware."""
 
 import time
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
-from math import nan
-from types import TracebackType
-from typing import Self
+from math import nan, pi
+from typing import NoReturn
 
 import numpy as np
 
-from tenodesis.devices.device import Capabilities, Measurement
+from tenodesis.devices.device import Bench, Capabilities, Measurement
 from tenodesis.devices.nidaq_tasks import NiTasks, Tasks
 from tenodesis.devices.settings import NiAxis, NiDaq
 from tenodesis.errors import DeviceError, InstrumentError
@@ -20,9 +18,11 @@ from tenodesis.signals import Array
 _SATURATED = 0.999
 """Of the inputs' range, beyond which a voltage says nothing: an open wire is there."""
 _EDGES_PER_PERIOD = 4
+_COUNTS = 2**32
+"""After which a counter begins anew."""
 
 
-class NiDaqDevice:
+class NiDaqDevice(Bench):
     """A bench at a data acquisition device.
 
     Parameters
@@ -70,8 +70,8 @@ class NiDaqDevice:
         self._limit = _SATURATED * settings.input_limit
         self._turns = np.array([-1.0 if drive.reversed else 1.0 for drive in drives]) / inst.drives.gear_ratio
         self._standstill = np.array([drive.standstill for drive in drives])
-        self._volts_per_speed = inst.drives.gear_ratio / np.array([drive.gain for drive in drives])
-        self._speed_limit = inst.drives.motor_speed / inst.drives.gear_ratio
+        with np.errstate(over="ignore"):
+            self._volts_per_speed = inst.drives.gear_ratio / np.array([drive.gain for drive in drives])
         self._period = 1e9 / rate
         self._tasks: Tasks = tasks or NiTasks(
             settings,
@@ -80,43 +80,43 @@ class NiDaqDevice:
             rate=rate,
             encoder_counts=inst.drives.encoder_counts,
         )
-        self._opened = False
-        self._failed: DeviceError | None = None
-        self._started = 0
+        super().__init__(
+            Capabilities(
+                name="nidaq",
+                axes=inst.axes,
+                rate=rate,
+                clocked=True,
+                simulated=False,
+                distal_encoder=all(axis.output_angle is not None for axis in axes),
+                latency=(1 + settings.ahead) / rate,
+                stops_alone=self._tasks.stops_alone,
+            ),
+            inst.drives.motor_speed / inst.drives.gear_ratio,
+        )
+        self._turn = _COUNTS * 2 * pi / inst.drives.encoder_counts
+        self._counted, self._wraps = np.zeros((2, len(drives)))
+        self._started: int | None = None
         self._newest = -1
         self._appended = 0
-        self.counts: Counter[str] = Counter()
-        """Samples by what was wrong with them: missing, past, saturated."""
-        self.problem = ""
-        """What was wrong last, in one sentence."""
-        self.capabilities = Capabilities(
-            name="nidaq",
-            axes=inst.axes,
-            rate=rate,
-            clocked=True,
-            simulated=False,
-            distal_encoder=all(axis.output_angle is not None for axis in axes),
-            latency=(1 + settings.ahead) / rate,
-            stops_alone=self._tasks.stops_alone,
-        )
 
     def open(self) -> None:
-        """Put the outputs to standstill and start the clock."""
-        if self._opened:
-            raise DeviceError("The nidaq bench is open already; close it first.")
-        self._failed = None
+        """Put the outputs to standstill; the first `read` starts the clock."""
+        self._begin()
         try:
             self._tasks.open()
-        except BaseException:
-            self._tasks.close()
+        except BaseException as problem:
+            try:
+                self._tasks.close()
+            except DeviceError as worse:
+                raise DeviceError(f"{problem} {worse}") from None
             raise
         self._opened = True
         self.capabilities = replace(self.capabilities, stops_alone=self._tasks.stops_alone)
-        self._started = self._clock()
+        self.problem = self._tasks.unwatched
+        self._started = None
         self._newest = -1
         self._appended = self._settings.ahead
-        self.counts.clear()
-        self.problem = ""
+        self._counted, self._wraps = np.zeros((2, len(self._turns)))
 
     def read(self, timeout: float) -> Measurement | None:
         """Return the newest sample, once there is one that was not read."""
@@ -134,12 +134,16 @@ class NiDaqDevice:
         if step > 1:
             self._tell("missing", f"{step - 1} samples came faster than they were read.", step - 1)
         self._newest = samples.number
+        if self._started is None:
+            self._started = self._clock() - round(samples.number * self._period)
         there = np.abs(samples.volts) < self._limit
         if not there.all():
             place = self._axes_inputs()[int(np.argmin(there))]
             self._tell("saturated", f"Input {place} is at the end of its range; look for an open wire.")
-        values = np.where(there, self._gains * samples.volts + self._offsets, nan)
-        turned = (samples.turned * self._turns).reshape(-1, 2)
+        with np.errstate(over="ignore"):
+            values = self._gains * samples.volts + self._offsets
+        values[~(there & np.isfinite(values))] = nan
+        turned = (self._unwrapped(samples.turned) * self._turns).reshape(-1, 2)
         rows = np.full((len(self._axes), 4), nan)
         first = 0
         for row, axis in zip(rows, self._axes, strict=True):
@@ -152,12 +156,11 @@ class NiDaqDevice:
     def write(self, spool_velocity: Array) -> None:
         """Append a speed to those that wait in the device, as many times as samples have passed."""
         self._refuse()
-        speeds = np.asarray(spool_velocity, float)
-        if speeds.shape != (len(self._axes), 2):
-            raise ValueError(f"spool_velocity has shape {speeds.shape}; allowed is {(len(self._axes), 2)}.")
-        told = np.where(np.isfinite(speeds), np.clip(speeds, -self._speed_limit, self._speed_limit), 0.0).ravel()
+        speeds = self._speeds(spool_velocity).ravel()
         limit = self._settings.output_limit
-        volts = np.clip(self._standstill + told * self._volts_per_speed, -limit, limit)
+        with np.errstate(invalid="ignore"):
+            volts = np.clip(self._standstill + speeds * self._volts_per_speed, -limit, limit)
+        volts = np.where(np.isfinite(volts), volts, self._standstill)
         count = max(0, self._newest + 1 + self._settings.ahead - self._appended)
         self._appended += count
         try:
@@ -171,27 +174,17 @@ class NiDaqDevice:
             self._opened = False
             self._tasks.close()
 
-    def __enter__(self) -> Self:
-        """Open."""
-        self.open()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close."""
-        self.close()
+    def _unwrapped(self, turned: Array) -> Array:
+        """Return how far the motors have turned, beyond what a counter holds, rad."""
+        moved = turned - self._counted
+        self._wraps -= np.nan_to_num(np.round(moved / self._turn))
+        self._counted = turned
+        return turned + self._wraps * self._turn
 
     def _axes_inputs(self) -> list[str]:
         return [one.channel for axis in self._axes for one in axis.inputs]
 
-    def _refuse(self) -> None:
-        if self._failed is not None:
-            raise DeviceError(str(self._failed))
-        if not self._opened:
-            raise DeviceError("The nidaq bench is not open; open it first.")
-
-    def _fail(self, problem: DeviceError) -> None:
+    def _fail(self, problem: DeviceError) -> NoReturn:
         """Put the outputs to standstill and raise."""
         self._failed = problem
         try:
@@ -199,7 +192,3 @@ class NiDaqDevice:
         except DeviceError as worse:
             self._failed = DeviceError(f"{problem} {worse}")
         raise self._failed
-
-    def _tell(self, kind: str, sentence: str, count: int = 1) -> None:
-        self.counts[kind] += count
-        self.problem = sentence

@@ -2,7 +2,7 @@
 
 import contextlib
 import importlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from math import inf
 from typing import Any, NamedTuple, Protocol
 
@@ -37,12 +37,20 @@ class Tasks(Protocol):
         """Time without a command after which the outputs go to standstill by themselves, s; infinite if never."""
         ...
 
+    @property
+    def unwatched(self) -> str:
+        """Why the outputs do not go to standstill by themselves, in a sentence; empty where they do."""
+        ...
+
     def open(self) -> None:
-        """Put the outputs to standstill and start the clock."""
+        """Put the outputs to standstill and prepare the clock."""
         ...
 
     def read(self, timeout: float) -> Samples | None:
-        """Return the newest samples, once there are some that were not read; None if there are none within a time."""
+        """Return the newest samples, once there are some that were not read; None if there are none within a time.
+
+        The first time starts the clock: what is clocked must be answered from then on.
+        """
         ...
 
     def write(self, volts: Array, count: int) -> None:
@@ -88,15 +96,18 @@ class NiTasks:
         self._ni = ni
         self._standstill = np.array([drive.standstill for drive in drives])
         self._tasks: list[Any] = []
+        self._outputs: Any = None
         self._opened = False
+        self._runs = False
         self._number = 0
         self._level = False
         self._watchdog: Any = None
         self._alive: Any = None
         self.stops_alone = inf
+        self.unwatched = ""
 
     def open(self) -> None:
-        """Put the outputs to standstill and start the clock."""
+        """Put the outputs to standstill and prepare the clock."""
         self._ni = ni = self._ni or _driver()
         with self._told("cannot be opened"):
             names = list(ni.system.System.local().devices.device_names)
@@ -105,11 +116,12 @@ class NiTasks:
                     f"devices.nidaq.device is {self._settings.device!r}; allowed is one that the driver knows: "
                     f"{', '.join(names) or 'it knows none'}."
                 )
-            self._opened = True
+            self._opened, self._runs = True, False
+            self._number = 0
             self._rest()
-            self._start(ni)
+            self._prepare(ni)
 
-    def _start(self, ni: Any) -> None:
+    def _prepare(self, ni: Any) -> None:
         settings, clock = self._settings, f"/{self._settings.device}/ai/SampleClock"
         timing = {"sample_mode": ni.constants.AcquisitionType.CONTINUOUS, "samps_per_chan": _BUFFER}
         analogue = self._task(ni)
@@ -132,7 +144,7 @@ class NiTasks:
             )
             counter.timing.cfg_samp_clk_timing(self._rate, source=clock, **timing)
             self._counters.append(ni.stream_readers.CounterReader(counter.in_stream))
-        outputs = self._output_task(ni)
+        self._outputs = outputs = self._output_task(ni)
         outputs.timing.cfg_samp_clk_timing(self._rate, source=clock, **timing)
         outputs.out_stream.output_buf_size = _BUFFER
         outputs.out_stream.regen_mode = ni.constants.RegenerationMode.DONT_ALLOW_REGENERATION
@@ -144,14 +156,21 @@ class NiTasks:
             self._alive = self._task(ni)
             self._alive.do_channels.add_do_chan(self._channel(settings.alive))
         self._watch(ni)
-        # What is clocked by the analogue inputs waits for them.
-        for task in self._tasks[1:]:
+
+    def _run(self) -> None:
+        """Start the clock; from now on the outputs run dry unless they are written."""
+        analogue, *clocked = self._tasks
+        # What is clocked by the analogue inputs waits for them; starting it may take longer than the watchdog waits.
+        for task in (*clocked, self._outputs):
             task.start()
+        if self._watchdog is not None:
+            self._watchdog.start()
         analogue.start()
-        self._number = 0
+        self._runs = True
 
     def _watch(self, ni: Any) -> None:
-        """Arm the device's own watchdog, if it has one."""
+        """Prepare the device's own watchdog, if it has one."""
+        self.stops_alone, self.unwatched = inf, ""
         if self._settings.watchdog is None:
             return
         expired = ni.constants.WatchdogAOExpirState.VOLTAGE
@@ -161,17 +180,22 @@ class NiTasks:
         try:
             self._watchdog = ni.system.WatchdogTask(self._settings.device, timeout=self._settings.watchdog)
             self._watchdog.cfg_watchdog_ao_expir_states(states)
-            self._watchdog.start()
+            self._watchdog.control(ni.constants.TaskMode.TASK_VERIFY)
             self.stops_alone = self._settings.watchdog
-        except ni.errors.DaqError:
-            # Few devices have one; that this one has not, capabilities say.
+        except ni.errors.DaqError as problem:
+            self.unwatched = (
+                f"The device {self._settings.device} has no watchdog that it could arm, and holds its last speeds when "
+                f"this computer hangs: {_first_line(problem)}."
+            )
             if self._watchdog is not None:
                 self._watchdog.close()
-            self._watchdog, self.stops_alone = None, inf
+                self._watchdog = None
 
     def read(self, timeout: float) -> Samples | None:
         """Return the newest samples."""
         with self._told("gives no samples"):
+            if not self._runs:
+                self._run()
             count = max(1, int(self._stream.avail_samp_per_chan))
             volts = np.empty((len(self._inputs), count))
             try:
@@ -202,16 +226,31 @@ class NiTasks:
         if not self._opened:
             return
         self._opened = False
-        with self._told("cannot be put to standstill; switch the motors off by hand"):
+        problems: list[str] = []
+
+        def done(act: Callable[[], Any]) -> bool:
             try:
-                while self._tasks:
-                    self._tasks.pop().close()
-            finally:
-                self._rest()
-                if self._watchdog is not None:
-                    self._watchdog.stop()
-                    self._watchdog.close()
-                    self._watchdog = None
+                act()
+            except self._ni.errors.Error as problem:
+                problems.append(_first_line(problem))
+                return False
+            return True
+
+        # Outputs come first: between the end of their task and standstill they hold the last speed.
+        if self._outputs is not None:
+            done(self._outputs.close)
+        rests = done(self._rest)
+        while self._tasks:
+            done(self._tasks.pop().close)
+        # What failed to close may have kept the outputs.
+        rests = rests or done(self._rest)
+        if self._watchdog is not None and rests:
+            done(self._watchdog.stop)
+            done(self._watchdog.close)
+        self._outputs = self._alive = self._watchdog = None
+        if problems:
+            what = "cannot be let go" if rests else "cannot be put to standstill; switch the motors off by hand"
+            raise DeviceError(f"The device {self._settings.device} {what}: {problems[0]}.")
 
     def _rest(self) -> None:
         """Put the outputs to standstill at once, without the clock."""
@@ -219,7 +258,6 @@ class NiTasks:
         try:
             outputs.write(self._standstill.tolist(), auto_start=True)
         finally:
-            self._tasks.remove(outputs)
             outputs.close()
 
     def _append(self, volts: Array, count: int) -> None:
@@ -231,7 +269,7 @@ class NiTasks:
         return task
 
     def _output_task(self, ni: Any) -> Any:
-        task = self._task(ni)
+        task = ni.Task()
         for drive in self._drives:
             task.ao_channels.add_ao_voltage_chan(
                 self._channel(drive.speed), min_val=-self._settings.output_limit, max_val=self._settings.output_limit
@@ -246,8 +284,11 @@ class NiTasks:
         try:
             yield
         except self._ni.errors.Error as problem:
-            text = str(problem).split("\n")[0].rstrip(".")
-            raise DeviceError(f"The device {self._settings.device} {what}: {text}.") from None
+            raise DeviceError(f"The device {self._settings.device} {what}: {_first_line(problem)}.") from None
+
+
+def _first_line(problem: Exception) -> str:
+    return str(problem).split("\n")[0].rstrip(".")
 
 
 def _driver() -> Any:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from tenodesis.devices.device import Device
+from tenodesis.devices.settings import Serial
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
 
@@ -16,11 +17,20 @@ class Kind:
     description: str
     needs: str
     make: Callable[[Instrument], Device] | None
-    """None of what the live loop serves by itself."""
+    """None of the twin, which is a part of the live loop."""
 
 
-def make(name: str, inst: Instrument) -> Device:
+def make(name: str, inst: Instrument, address: str | None = None) -> Device:
     """Return a device for an instrument, not open yet.
+
+    Parameters
+    ----------
+    name
+        The device.
+    inst
+        The instrument, whose file says how its bench is wired.
+    address
+        Of a serial device, instead of the file's port.
 
     Raises
     ------
@@ -35,6 +45,11 @@ def make(name: str, inst: Instrument) -> Device:
     if made is None:
         can = ", ".join(key for key, kind in KINDS.items() if kind.make is not None)
         raise DeviceError(f"{name} is served by the live loop itself; allowed here are {can}.")
+    if address is not None:
+        if name != "serial":
+            raise DeviceError(f"--address is {address!r}, which {name} has none of; allowed is one with serial only.")
+        given = (inst.devices.serial or Serial()).model_copy(update={"port": address})
+        inst = inst.model_copy(update={"devices": inst.devices.model_copy(update={"serial": given})})
     return made(inst)
 
 
@@ -52,6 +67,12 @@ def _nidaq(inst: Instrument) -> Device:
     if inst.devices.nidaq is None:
         raise _without_table("nidaq", inst)
     return NiDaqDevice(inst, inst.devices.nidaq)
+
+
+def _serial(inst: Instrument) -> Device:
+    from tenodesis.devices.serial_device import SerialDevice  # noqa: PLC0415 - as above
+
+    return SerialDevice(inst, inst.devices.serial or Serial())
 
 
 def _without_table(name: str, inst: Instrument) -> DeviceError:
@@ -74,9 +95,9 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
             _nidaq,
         ),
         "serial": Kind(
-            "the controller on a microcontroller with the firmware",
+            "the controller on a microcontroller with the firmware, whose sensors are its own or the twin's",
             "table devices.serial; package pyserial; a serial port",
-            None,
+            _serial,
         ),
     }
 )

@@ -2,7 +2,8 @@
 
 The board computes; everything else is as with :class:`tenodesis.control.Controller`: a twin's run or the live loop
 takes either. Each tick waits for the board's answer; a board that fails is no error but a fault, with velocities 0 and
-estimates NaN, until the request ``clear`` or a reset has set the link up anew.
+estimates NaN, until the request ``clear`` or a reset has set the link up anew. A board with sensors and motors of its
+own ticks by itself, and the live loop follows it (:class:`StreamedController`).
 """
 
 import socket
@@ -63,7 +64,7 @@ class Problem(NamedTuple):
     text: str
 
 
-class SerialController(Controller):
+class BoardController(Controller):
     """The controller of an instrument on a board, computed there in single precision.
 
     Parameters
@@ -89,6 +90,9 @@ class SerialController(Controller):
     DeviceError
         There is no such port, no board behind it, or one of another version.
     """
+
+    _core_type: type[_core.SerialController] | type[_core.StreamedController]
+    _needs = "a board with the firmware of this version"
 
     def __init__(
         self,
@@ -127,7 +131,7 @@ class SerialController(Controller):
             raise ValueError(f"silence is {silence!r}; allowed is a time of 0.001 s or more, or None.")
         self.address = address
         with _open(address, baud_rate) as descriptor:
-            self.core = self._link = _core.SerialController(
+            self.core = self._link = self._core_type(
                 descriptor,
                 _image(self),
                 timeout,
@@ -138,7 +142,7 @@ class SerialController(Controller):
         if self.problem is not None:
             problem = self.problem.text
             self._link.close()
-            raise DeviceError(f"{address}: {problem}; allowed is a board with the firmware of this version.")
+            raise DeviceError(f"{address}: {problem}; allowed is {self._needs}.")
 
     @property
     def board(self) -> Board:
@@ -158,7 +162,7 @@ class SerialController(Controller):
 
     @property
     def computing_time(self) -> float:
-        """Time that the board took for a tick, from the frame's last byte to its answer, s; of the tick before last."""
+        """Time that the board took for a tick, from the frame's last byte or its own measurement on, s."""
         return self._link.busy() / self.board.clock
 
     @property
@@ -179,6 +183,33 @@ class SerialController(Controller):
     ) -> None:
         """Close."""
         self.close()
+
+
+class SerialController(BoardController):
+    """A controller on a board that is sent a measurement per tick and answers it; options as of its base."""
+
+    _core_type = _core.SerialController
+
+
+class StreamedController(BoardController):
+    """A controller on a board with sensors and motors of its own, which ticks by itself; options as of its base.
+
+    A step asks nothing of the board: it gives what the tick that was heard last has answered. What it is asked goes to
+    the board with what it is told next.
+
+    Raises
+    ------
+    DeviceError
+        The board measures nothing by itself.
+    """
+
+    _core_type = _core.StreamedController
+    _needs = "a board with the firmware of this version and sensors of its own"
+
+    def device(self) -> _core.StreamedDevice:
+        """Return its sensors and motors, as the live loop takes them."""
+        assert isinstance(self._link, _core.StreamedController)
+        return _core.StreamedDevice(self._link)
 
 
 def _image(controller: Controller) -> bytes:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Literal, Self, TypeAlias
+from typing import Annotated, Generic, Literal, Self, TypeAlias, TypeVar
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -29,8 +29,21 @@ Channel = Annotated[str, Field(min_length=1, max_length=100)]
 NodeId = Annotated[int, Field(ge=1, le=127, strict=True)]
 ObjectIndex = Annotated[int, Field(ge=0x1000, le=0xFFFF, strict=True)]
 SubIndex = Annotated[int, Field(ge=0, le=255, strict=True)]
+Drive = TypeVar("Drive", bound=Table)
 CanType: TypeAlias = Literal["i8", "u8", "i16", "u16", "i32", "u32", "f32"]
 CanMode: TypeAlias = Literal["cyclic-velocity", "profile-velocity"]
+
+
+class Axis(Table, Generic[Drive]):
+    """The drives of one bending axis."""
+
+    agonist: Drive = Field(description="Drive of the agonist tendon")
+    antagonist: Drive = Field(description="Drive of the antagonist tendon")
+
+    @property
+    def drives(self) -> tuple[Drive, Drive]:
+        """Agonist and antagonist."""
+        return self.agonist, self.antagonist
 
 
 class CanSource(Table):
@@ -63,20 +76,13 @@ class CanDrive(Table):
     reversed: bool = Field(default=False, strict=True, description="Whether positive turns unwind")
 
 
-class CanAxis(Table):
+class CanAxis(Axis[CanDrive]):
     """What serves one bending axis on the CAN bus."""
 
-    agonist: CanDrive = Field(description="Drive of the agonist tendon")
-    antagonist: CanDrive = Field(description="Drive of the antagonist tendon")
     handle_angle: CanAngle = Field(description="Encoder of the handle")
     agonist_tension: CanTension = Field(description="Load cell of the agonist tendon")
     antagonist_tension: CanTension = Field(description="Load cell of the antagonist tendon")
     output_angle: CanAngle | None = Field(default=None, description="Distal encoder, as a bench may have")
-
-    @property
-    def drives(self) -> tuple[CanDrive, CanDrive]:
-        """Agonist and antagonist."""
-        return self.agonist, self.antagonist
 
     @property
     def sources(self) -> dict[str, CanAngle | CanTension]:
@@ -171,20 +177,13 @@ class NiDrive(Table):
     reversed: bool = Field(default=False, strict=True, description="Whether the encoder counts down as it winds")
 
 
-class NiAxis(Table):
+class NiAxis(Axis[NiDrive]):
     """What serves one bending axis."""
 
-    agonist: NiDrive = Field(description="Drive of the agonist tendon")
-    antagonist: NiDrive = Field(description="Drive of the antagonist tendon")
     handle_angle: NiAngle = Field(description="Encoder of the handle")
     agonist_tension: NiTension = Field(description="Load cell of the agonist tendon")
     antagonist_tension: NiTension = Field(description="Load cell of the antagonist tendon")
     output_angle: NiAngle | None = Field(default=None, description="Distal encoder, as a bench may have")
-
-    @property
-    def drives(self) -> tuple[NiDrive, NiDrive]:
-        """Agonist and antagonist."""
-        return self.agonist, self.antagonist
 
     @property
     def inputs(self) -> tuple[NiAngle | NiTension, ...]:
@@ -245,6 +244,10 @@ class Serial(Table):
     )
     timeout: Annotated[Time, Field(gt=0, le=10)] = Field(
         default=0.25, description="Longest wait for an answer, with all repetitions"
+    )
+    sensors: Literal["twin", "board"] = Field(
+        default="twin",
+        description="What the controller measures and moves: the twin, or sensors and motors of the board itself",
     )
 
 

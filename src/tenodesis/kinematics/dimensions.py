@@ -55,9 +55,13 @@ def dimensions(inst: Instrument) -> Dimensions:
 
     Raises
     ------
+    TypeError
+        It is no instrument.
     InstrumentError
         Nothing is left for the stem, or the insertion at rest does not fit it.
     """
+    if not isinstance(inst, Instrument):
+        raise TypeError(f"inst is {inst!r}; allowed is an instrument, as tenodesis.load gives it.")
     return _dimensions(inst)
 
 

@@ -31,6 +31,8 @@ What this format does not carry of the instrument:
 - masses and inertias: parts are drawn, and weigh, as solid steel, and joints have the inertia and damping that suit
   the time step, so that the model settles where the instrument does but not as fast;{more}
 - limits of the tip by tendons and loads: joint ranges are mechanical stops."""
+_BY_WHAT_THEY_DRAW = """
+- the way of the tendons: they are tied to the joints by what these draw, and are not to be seen;"""
 _CONTINUUM = """
 - the arc of a backbone: it is its chord between two hinges, shortened by a polynomial (within 1e-4 of its length up to
   a quarter turn), without the backbone's own stiffness in other directions;"""
@@ -48,7 +50,8 @@ def mjcf(inst: Instrument) -> str:
     """
     lengths, tree = dimensions(inst), parts(inst)
     root = Element("mujoco", model=inst.name)
-    more = _CONTINUUM if inst.joint_type == "continuum" else ""
+    more = "" if inst.joint_type == "tendon-gear" else _BY_WHAT_THEY_DRAW
+    more += _CONTINUUM if inst.joint_type == "continuum" else ""
     root.append(Comment(f"\n{NOTE.format(more=more)}\n"))
     SubElement(root, "compiler", angle="radian", autolimits="true")
     SubElement(root, "option", timestep=f"{_TIME_STEP}", integrator="implicitfast", gravity="0 0 0")

@@ -16,6 +16,8 @@ from tenodesis.threads import threads
 
 _Array = NDArray[np.float64]
 
+_FARTHEST = 1e6  # m; beyond it there is no instrument, and farther still no number
+
 COORDINATES = ("pan", "tilt", "spin", "insertion", "yaw", "pitch", "roll")
 """The coordinates that decide where the tip is, in the order of the Jacobian's columns."""
 
@@ -153,13 +155,19 @@ def inverse(
     Raises
     ------
     ValueError
-        An argument is not finite, or has no such shape, or the quaternion's length is not one.
+        An argument is not finite, or has no such shape, a position is beyond 1000 km, or the quaternion's length is not
+        one.
     NoSolutionError
         A single goal is not reached, or is where two joints turn about one axis.
     InstrumentError
         The instrument's lengths leave no stem.
     """
     places, turns = _finite("position", position, 3), _finite("quaternion", quaternion, 4)
+    if places.size and not np.abs(places).max() <= _FARTHEST:
+        worst = places.flat[int(np.abs(places).argmax())]
+        raise ValueError(f"position is {worst:g} m; allowed is up to {_FARTHEST:g} m to either side.")
+    if near is not None:
+        near = _posture("near", near)
     told = [_finite("spin", spin)]
     told += [np.full((), np.nan)] * 2 if near is None else [_finite("pan", near.pan), _finite("tilt", near.tilt)]
     try:
@@ -192,29 +200,43 @@ def within_limits(inst: Instrument, posture: Posture) -> FloatOrArray:
 
     Raises
     ------
+    ValueError
+        A coordinate is no number.
     InstrumentError
         The instrument's lengths leave no stem.
     """
+    posture = _posture("posture", posture)
     inside: Any = True
     for name, (least, most) in limits(inst)._asdict().items():
         value = getattr(posture, name)
-        value = dimensions(inst).insertion if value is None else np.asarray(value, float)
+        value = dimensions(inst).insertion if value is None else _numbers(name, value)
         slack = 1e-9 * (1 + abs(most))
         inside = inside & (value >= least - slack) & (value <= most + slack)
     return inside if np.ndim(inside) else bool(inside)
 
 
-def _finite(key: str, value: ArrayLike, length: int | None = None) -> _Array:
-    """Return an argument as finite float64, with its last dimension checked."""
+def _posture(key: str, value: Posture) -> Posture:
+    if not isinstance(value, Posture):
+        raise TypeError(f"{key} is {value!r}; allowed is a Posture.")
+    return value
+
+
+def _numbers(key: str, value: ArrayLike) -> _Array:
+    """Return an argument as float64, which may be NaN."""
     try:
         array = np.asarray(value)
     except ValueError:
         array = np.array(None)
     if array.dtype.kind not in "buif" or np.ma.isMaskedArray(value):
         raise ValueError(f"{key} is {value!r}; allowed is a number or an array of numbers.")
+    return array.astype(np.float64, copy=False)
+
+
+def _finite(key: str, value: ArrayLike, length: int | None = None) -> _Array:
+    """Return an argument as finite float64, with its last dimension checked."""
+    array = _numbers(key, value)
     if length is not None and (array.ndim == 0 or array.shape[-1] != length):
         raise ValueError(f"{key} has shape {array.shape}; allowed is (..., {length}).")
-    array = array.astype(np.float64, copy=False)
     if not np.isfinite(array).all():
         first = array.flat[int(np.argmax(~np.isfinite(array)))]
         raise ValueError(f"{key} is {first}; allowed is a finite number.")
@@ -223,11 +245,10 @@ def _finite(key: str, value: ArrayLike, length: int | None = None) -> _Array:
 
 def _rows(inst: Instrument, posture: Posture) -> tuple[_Array, tuple[int, ...]]:
     """Return a posture as rows of the core's coordinates, and the shape that it broadcasts to."""
-    if not isinstance(inst, Instrument):
-        raise TypeError(f"inst is {inst!r}; allowed is an instrument, as tenodesis.load gives it.")
-    values: dict[str, Any] = posture._asdict()
+    rest = dimensions(inst).insertion
+    values: dict[str, Any] = _posture("posture", posture)._asdict()
     if values["insertion"] is None:
-        values["insertion"] = dimensions(inst).insertion
+        values["insertion"] = rest
     given = {key: _finite(key, value) for key, value in values.items() if value is not None}
     for axis in ("yaw", "pitch"):
         for key in (axis, f"handle_{axis}"):

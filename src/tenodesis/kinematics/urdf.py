@@ -34,10 +34,11 @@ def urdf(inst: Instrument) -> str:
     InstrumentError
         The instrument's lengths leave no stem.
     """
+    tree = parts(inst)
     root = Element("robot", name=inst.name.replace(" ", "_"))
     root.append(Comment(f"\n{NOTE.format(more=_CONTINUUM if inst.joint_type == 'continuum' else '')}\n"))
     SubElement(root, "link", name="port")
-    for part in parts(inst):
+    for part in tree:
         parent = part.parent or "port"
         # A link has one joint, so that those of one part stand on links of their own.
         for place, joint in enumerate(part.joints):

@@ -1,6 +1,8 @@
 """Where the tip gets to in the plane of the pan, and in which directions it can point there, loaded or not."""
 
 from functools import lru_cache
+from math import isfinite
+from numbers import Integral, Real
 from typing import NamedTuple
 
 import numpy as np
@@ -74,12 +76,13 @@ def workspace(inst: Instrument, force: float = 0.0, *, points: int = 121) -> Wor
     InstrumentError
         The instrument's lengths leave no stem.
     """
-    if not (np.isfinite(force) and force >= 0):
+    bounds = limits(inst)
+    if not (isinstance(force, Real) and isfinite(force) and force >= 0):
         raise ValueError(f"force is {force!r}; allowed is a finite force of at least 0 N.")
-    if points < 2:
+    if not (isinstance(points, Integral) and points >= 2):
         raise ValueError(f"points is {points!r}; allowed is a whole number of at least 2.")
     bend = _largest_bend(inst.axis(_axis(inst)), force)
-    ray, bounds = _ray(inst, points), limits(inst)
+    ray = _ray(inst, int(points))
     least, most = bounds.insertion
     possible = (np.abs(ray.bend) <= bend) & (ray.insertion >= least) & (ray.insertion <= most)
     reach = bounds.pan[1]

@@ -5,6 +5,7 @@ import socket
 import threading
 import time
 from collections import deque
+from contextlib import closing
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,10 @@ _KEPT_RATE = 50.0
 """Ticks kept for `history`, Hz."""
 _KEPT_SECONDS = 60.0
 _DEAF = "The runtime runs and does not answer: try again, or end it; its loop pauses without an operator."
+_AT_ONCE = 0.05
+"""Longest wait of a stop for another order's answer, s."""
+_AGAIN = ("status", "acquire", "heartbeat", "release", "stop")
+"""Orders that may be given twice: a runtime closes connections that have said nothing for long where it has many."""
 _GONE = "The runtime has gone: its motors are stopped by their own watchdogs. Start it again."
 
 
@@ -201,8 +206,15 @@ class Client:
         self._ask("request", what=what)
 
     def stop(self) -> None:
-        """Stop the motors at once; anyone may."""
-        self._ask("stop")
+        """Stop the motors at once; anyone may. It waits for no other order's answer."""
+        if not self._lock.acquire(timeout=_AT_ONCE):
+            with closing(Client(self.folder, self.origin)) as another:
+                another.stop()
+            return
+        try:
+            self._asked("stop", {})
+        finally:
+            self._lock.release()
 
     def law(self, law: str, actuation: str) -> None:
         """Choose compensation law and actuation mode."""
@@ -247,16 +259,20 @@ class Client:
 
     def _ask(self, op: str, **content: Any) -> Any:
         with self._lock:
-            self._number = number = self._number + 1
-            try:
-                answer = self._answered(op, content)
-            except (OSError, ValueError) as problem:
-                answer = None
-                why = f"{_DEAF if isinstance(problem, TimeoutError | ValueError) else _GONE} ({problem})"
-            else:
-                why = _GONE if answer is None else _DEAF
-            if answer is None or answer.get("id") != number:
-                self._drop()
+            return self._asked(op, content)
+
+    # With the lock held.
+    def _asked(self, op: str, content: dict[str, Any]) -> Any:
+        self._number = number = self._number + 1
+        try:
+            answer = self._answered(op, content)
+        except (OSError, ValueError) as problem:
+            answer = None
+            why = f"{_DEAF} ({problem})" if isinstance(problem, TimeoutError | ValueError) else _GONE
+        else:
+            why = _GONE if answer is None else _DEAF
+        if answer is None or answer.get("id") != number:
+            self._drop()
         if answer is None or answer.get("id") not in (None, number):
             raise LiveError(why)
         if "error" in answer:
@@ -266,11 +282,20 @@ class Client:
     def _answered(self, op: str, content: dict[str, Any]) -> dict[str, Any] | None:
         if self._closed:
             raise OSError("the connection is closed")
-        if self._socket is None:
+        fresh = self._socket is None
+        if fresh:
             self._connect()
             if op != "hello":
                 self._exchange({"id": 0, "op": "hello", "origin": self.origin})
-        return self._exchange({"id": self._number, "op": op, **content})
+        order = {"id": self._number, "op": op, **content}
+        try:
+            answer = self._exchange(order)
+        except (BrokenPipeError, ConnectionResetError):
+            answer = None
+        if answer is None and not fresh and op in _AGAIN:
+            self._drop()
+            return self._answered(op, content)
+        return answer
 
     def _exchange(self, order: dict[str, Any]) -> dict[str, Any] | None:
         assert self._socket is not None
@@ -284,7 +309,7 @@ class Client:
         connected = socket.socket(socket.AF_UNIX)
         try:
             connected.settimeout(_TIMEOUT)
-            connected.connect(str(self.folder / folders.SOCKET))
+            _reach(connected, self.folder / folders.SOCKET)
         except OSError:
             connected.close()
             raise
@@ -336,6 +361,20 @@ def wait_for(folder: Path, origin: str, *, seconds: float = 20.0) -> Client:
             if time.monotonic() > end:
                 raise
             time.sleep(0.05)
+
+
+def _reach(connected: socket.socket, path: Path) -> None:
+    end = time.monotonic() + _TIMEOUT
+    while True:
+        try:
+            connected.connect(str(path))
+        except BlockingIOError:
+            # So many others come at once that there is no place to wait in.
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.005)
+        else:
+            return
 
 
 def _list(values: ArrayLike) -> list[float]:

@@ -1,10 +1,11 @@
-"""What happens beside the signals, as the live runtime tells it: a file that only grows, one JSON object a line."""
+"""What happens beside the signals, as the live runtime tells it: a file of events, one JSON object a line."""
 
 import json
 import math
+import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 FILE = "events.jsonl"
 """Name of the file in the runtime's folder."""
@@ -12,8 +13,15 @@ FILE = "events.jsonl"
 LONGEST = 1e7
 """Time that a runtime runs at most, s."""
 
-_MOST = 1 << 18
-"""Bytes read at a time, and in a line at most."""
+LONGEST_LINE = 1 << 18
+"""Bytes of a line, at most; what is longer is no event."""
+
+NUMBER = "number"
+"""Name under which a line has its number, counted from 1."""
+
+LEFT_OUT = "events_left_out"
+"""First event of a file that began anew: `until` which number events are left out, but for those that are `kept`."""
+
 _SHOWN = 200
 """Characters kept of a line that is no event."""
 
@@ -30,7 +38,9 @@ class Happened(NamedTuple):
 
 
 class Tail:
-    """The events of a file, each once.
+    """The events of a file, each once, also where the file begins anew meanwhile.
+
+    Events that were left out before they were read are told as the event ``events_lost``, with how many they were.
 
     Parameters
     ----------
@@ -42,7 +52,9 @@ class Tail:
 
     def __init__(self, path: Path, *, at_end: bool = False) -> None:
         self._path = path
+        self._file: BinaryIO | None = None
         self._position = 0
+        self._number = 0
         self._skipping = False
         if at_end:
             while self.read():
@@ -56,30 +68,70 @@ class Tail:
         OSError
             The file is there and cannot be read.
         """
+        while True:
+            # Looked at first: what was written before the file began anew is then all in the one that is open.
+            anew = self._begun_anew()
+            lines = self._lines()
+            if not lines:
+                if not anew:
+                    return []
+                self.close()
+                continue
+            events = []
+            for line in lines:
+                # Of a line that is too long only the beginning is told.
+                if not self._skipping and line.strip() and (event := self._event(line)) is not None:
+                    events.append(event)
+                self._skipping = not line.endswith(b"\n")
+            if events:
+                return events
+
+    def close(self) -> None:
+        """Let go of the file; what is read next comes from the beginning of the one that is there then."""
+        if self._file is not None:
+            self._file.close()
+        self._file, self._position, self._skipping = None, 0, False
+
+    def _begun_anew(self) -> bool:
+        if self._file is None:
+            return False
         try:
-            with self._path.open("rb") as file:
-                file.seek(self._position)
-                data = file.read(_MOST)
+            there = self._path.stat()
         except FileNotFoundError:
-            return []
+            return False
+        return not os.path.samestat(there, os.fstat(self._file.fileno()))
+
+    def _lines(self) -> list[bytes]:
+        if self._file is None:
+            try:
+                self._file = self._path.open("rb", buffering=0)
+            except FileNotFoundError:
+                return []
+        self._file.seek(self._position)
+        data = self._file.read(LONGEST_LINE)
         end = data.rfind(b"\n") + 1
-        if not end and len(data) == _MOST:
-            end = _MOST
+        if not end and len(data) == LONGEST_LINE:
+            end = LONGEST_LINE
         self._position += end
-        lines = data[:end].splitlines(keepends=True)
-        events = []
-        for line in lines:
-            # Of a line that is too long only the beginning is told.
-            if not self._skipping and line.strip():
-                events.append(_event(line))
-            self._skipping = not line.endswith(b"\n")
-        return events
+        return data[:end].splitlines(keepends=True)
 
-
-def _event(line: bytes) -> Happened:
-    try:
-        content = json.loads(line)
-        time = content.pop("time", math.nan)
-        return Happened(float(time) if isinstance(time, int | float) else math.nan, content)
-    except (ValueError, AttributeError, TypeError, RecursionError, OverflowError):
-        return Happened(math.nan, {"event": "unreadable", "line": line[:_SHOWN].decode("utf-8", "replace").rstrip()})
+    def _event(self, line: bytes) -> Happened | None:
+        """Return what a line tells; None where that was told before."""
+        try:
+            content = json.loads(line)
+            time = content.pop("time", math.nan)
+            time = float(time) if isinstance(time, int | float) else math.nan
+            if content.get("event") == LEFT_OUT:
+                lost = content["until"] - self._number - sum(number > self._number for number in content["kept"])
+                told = {"event": "events_lost", "origin": content["origin"], "events": lost}
+                return Happened(time, told) if lost > 0 else None
+            number = content.pop(NUMBER, None)
+            if isinstance(number, int):
+                if number <= self._number:
+                    return None
+                self._number = number
+            return Happened(time, content)
+        except (ValueError, AttributeError, TypeError, KeyError, RecursionError, OverflowError):
+            return Happened(
+                math.nan, {"event": "unreadable", "line": line[:_SHOWN].decode("utf-8", "replace").rstrip()}
+            )

@@ -123,6 +123,8 @@ class Server:
     def stop(self) -> None:
         """Let all clients go; a second time does nothing."""
         self._server.stop()
+        if self._tail is not None:
+            self._tail.close()
 
     def _send(self, run: Run) -> None:
         if self._channels is None:

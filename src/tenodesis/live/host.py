@@ -7,6 +7,7 @@ import sys
 import tempfile
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -118,7 +119,12 @@ class Host:
             stderr=subprocess.PIPE,
             start_new_session=True,
         )
-        self._wait()
+        try:
+            self._wait()
+        except BaseException:
+            # One that starts later would hold its device, and nobody would know of it.
+            self._end()
+            raise
 
     def _wait(self) -> None:
         end = time.monotonic() + _TO_START
@@ -209,11 +215,22 @@ def _place() -> Path:
 
 
 def _tidy() -> None:
-    """Remove the folders of hosts that were killed."""
+    """Remove the folders of hosts that were killed, once the runtimes and recorders that they left have ended too."""
     for folder in _place().glob(f"{_PREFIX}*-*"):
         pid = folder.name.removeprefix(_PREFIX).partition("-")[0]
-        if pid.isdecimal() and not Path(f"/proc/{pid}").exists():
+        if pid.isdecimal() and not Path(f"/proc/{pid}").exists() and not _used(folder):
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def _used(folder: Path) -> bool:
+    """Return whether a process was told to work in a folder: a runtime that is still closing, its recorder."""
+    within = os.fsencode(folder) + b"/"
+    for arguments in Path("/proc").glob("[0-9]*/cmdline"):
+        # One that ends meanwhile uses nothing.
+        with suppress(OSError):
+            if any(one.startswith(within) for one in arguments.read_bytes().split(b"\0")):
+                return True
+    return False
 
 
 def _drain(process: "subprocess.Popen[bytes]") -> None:

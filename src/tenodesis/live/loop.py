@@ -14,6 +14,7 @@ from tenodesis import _core
 from tenodesis.control import Controller, Request
 from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.devices.device import Capabilities, Device
+from tenodesis.devices.serial import SerialController, StreamedController
 from tenodesis.devices.settings import Serial
 from tenodesis.errors import DeviceError, LiveError
 from tenodesis.instrument import Instrument
@@ -110,23 +111,9 @@ class LiveLoop:
     def _make(self, choices: Choices) -> None:
         inst = self.inst
         twin = Twin(inst, seed=choices.seed)
-        simulated = self._device is None
-        self.controller = _controller(inst, choices, homed=simulated)
         self.period = twin.time_step * twin.steps_per_tick
-        if self._device is None:
-            live: _core.LiveDevice = _core.TwinDevice(twin.cores, twin.time_step, twin.steps_per_tick)
-            self.capabilities = Capabilities(
-                choices.device, inst.axes, 1 / self.period, False, True, True, self.period, 0.0
-            )
-        else:
-            self.capabilities = self._device.capabilities
-            if self.capabilities.axes != inst.axes:
-                raise DeviceError(
-                    f"{self.capabilities.name} has {' and '.join(self.capabilities.axes)}; {inst.name} has "
-                    f"{' and '.join(inst.axes)}."
-                )
-            live = _core.MailboxDevice(len(inst.axes))
-            self._pump = Pump(self._device, live, self.period)
+        self.controller = _controller(inst, choices, served=self._device is not None)
+        live, self.capabilities = self._bench(twin)
         ranges = [one.handle_range for one in (inst.axis(name) for name in inst.axes)]
         path = self.folder / folders.RING
         try:
@@ -143,6 +130,27 @@ class LiveLoop:
             )
         except (OSError, RuntimeError) as problem:
             raise LiveError(f"{path} cannot be written: {problem}.") from None
+
+    def _bench(self, twin: Twin) -> tuple[_core.LiveDevice, Capabilities]:
+        """Return what the core's loop reads and writes, and what that has."""
+        axes, rate = self.inst.axes, 1 / self.period
+        if self._device is not None:
+            has = self._device.capabilities
+            if has.axes != axes:
+                raise DeviceError(
+                    f"{has.name} has {' and '.join(has.axes)}; {self.inst.name} has {' and '.join(axes)}."
+                )
+            box = _core.MailboxDevice(len(axes))
+            self._pump = Pump(self._device, box, self.period)
+            return box, has
+        if isinstance(self.controller, StreamedController):
+            stops_alone = self.inst.control.watchdog
+            return self.controller.device(), Capabilities(
+                "serial", axes, rate, True, False, False, self.period, stops_alone
+            )
+        return _core.TwinDevice(twin.cores, twin.time_step, twin.steps_per_tick), Capabilities(
+            self.choices.device, axes, rate, False, True, True, self.period, 0.0
+        )
 
     def start(self) -> None:
         """Begin; motors are at rest until the controller is enabled."""
@@ -196,8 +204,6 @@ class LiveLoop:
         for argument, value, allowed in (("law", law, LawName), ("actuation", actuation, ActuationName)):
             if value not in get_args(allowed):
                 raise LiveError(f"{argument} is {value!r}; allowed are {', '.join(get_args(allowed))}.")
-        if self.choices.device == "serial":
-            raise LiveError("the law is chosen with the parameters of the microcontroller; start anew with --law.")
         self._order("law", get_args(LawName).index(law), get_args(ActuationName).index(actuation))
         self.law, self.actuation = law, actuation  # type: ignore[assignment]
 
@@ -276,23 +282,25 @@ class LiveLoop:
             raise LiveError("too much is asked at once; that was not taken.")
 
 
-def _controller(inst: Instrument, choices: Choices, *, homed: bool) -> Any:
-    if choices.device == "serial":
-        from tenodesis.devices.serial import SerialController  # noqa: PLC0415 - pyserial is for this device alone
-
-        settings = inst.devices.serial or Serial()
-        return SerialController(
-            choices.address or settings.port,
-            inst,
-            law=choices.law,
-            actuation=choices.actuation,
-            homed=homed,
-            enabled=False,
-            silence=1.0,
-            timeout=settings.timeout,
-            baud_rate=settings.baud_rate,
-        )
-    return Controller(inst, law=choices.law, actuation=choices.actuation, homed=homed, enabled=False)
+def _controller(inst: Instrument, choices: Choices, *, served: bool) -> Controller:
+    """Return the controller, disabled; spool angles count from pretension where they are the twin's."""
+    if choices.device != "serial" or served:
+        return Controller(inst, law=choices.law, actuation=choices.actuation, homed=not served, enabled=False)
+    settings = inst.devices.serial or Serial()
+    streams = settings.sensors == "board"
+    kind = StreamedController if streams else SerialController
+    return kind(
+        choices.address or settings.port,
+        inst,
+        law=choices.law,
+        actuation=choices.actuation,
+        homed=not streams,
+        enabled=False,
+        # Simulated time may pause, which is no reason for a board without motors to stop.
+        silence=None if streams else 10.0,
+        timeout=settings.timeout,
+        baud_rate=settings.baud_rate,
+    )
 
 
 def _made(name: str, inst: Instrument) -> Device:

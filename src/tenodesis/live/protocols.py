@@ -107,6 +107,8 @@ class Player:
         self._least = self._ahead = max(1, round(_AHEAD / time_step))
         self._pending = self._given = 0
         self._homed = self._under_way = self._done = 0.0
+        self.held = False
+        """Whether the operator's last word was to pause or disable: then it is the operator who homes or resumes."""
         self.problem: str | None = None
         """Why it does not go on and what to do, in a sentence; None while it does."""
 
@@ -141,9 +143,11 @@ class Player:
         if self._over:
             return
         self._done, self._over, self.problem = self.progress.done, True, None
-        self._queue.drop()
-        if self._homing:
-            self._ask("pause")
+        try:
+            self._queue.drop()
+        finally:
+            if self._homing:
+                self._ask("pause")
 
     # What follows are turns: a yield waits for the next.
 
@@ -198,7 +202,10 @@ class Player:
         """Home and resume; homing that comes to nothing is waited for until the operator has repeated it."""
         yield from self._emptied()
         stage, since, self._homing = _Homing.ASKED, self._time, True
-        if self._state != OperatingState.FAULT:
+        if self.held:
+            stage = _Homing.FAILED
+            self._tell(planned, f"the operator has paused it, and it is {self._state.name}; home it to go on")
+        elif self._state != OperatingState.FAULT:
             self._ask("home")
         while True:
             yield
@@ -231,6 +238,8 @@ class Player:
 
     def _resume(self) -> Iterator[None]:
         """Resume, and wait a while for that; what is sent next says what is wrong if it was in vain."""
+        if self.held:
+            return
         asked = self._time
         self._ask("resume")
         while self._state != OperatingState.ENABLED and self._time - asked < _PATIENCE:

@@ -7,12 +7,11 @@ import argparse
 import json
 import math
 import os
-import signal
 import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -23,6 +22,7 @@ import numpy as np
 from tenodesis.errors import InstrumentError, LiveError, RecordingError
 from tenodesis.instrument_text import to_toml
 from tenodesis.live import events as happenings
+from tenodesis.live.ending import on_signal
 from tenodesis.live.events import Happened, Tail
 from tenodesis.live.record import Reader
 from tenodesis.live.source import Source, start_time
@@ -44,6 +44,8 @@ _SOON = 1.0
 """Time within which rows should come, s."""
 _MOST = 2000
 """Rows taken at a time."""
+_HELD = 16.0
+"""Time that a ring holds at most, s."""
 _LONGEST_CHUNK = 10.0
 """Recorded time in a chunk at most, s, where simulated time goes fast."""
 _APART = 2e-9
@@ -180,7 +182,13 @@ def record(
         The events cannot be read.
     """
     stop = threading.Event() if stop is None else stop
-    tail = Tail(folder / happenings.FILE)
+    with closing(Tail(folder / happenings.FILE)) as tail:
+        return _record_all(source, tail, folder, path, device=device, stop=stop, overwrite=overwrite)
+
+
+def _record_all(
+    source: Source, tail: Tail, folder: Path, path: Path, *, device: str, stop: threading.Event, overwrite: bool
+) -> Outcome:
     earlier = _earlier(tail)
     run, lost = _first(source, stop)
     began = start_time(run)
@@ -226,10 +234,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def supervise(work: Callable[[threading.Event], Outcome]) -> int:
     """Do a recording that SIGTERM and Ctrl-C end, say what is wrong with it, and return the exit code."""
     stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
     try:
-        outcome = work(stop)
+        with on_signal(stop.set):
+            outcome = work(stop)
     except (InstrumentError, LiveError, RecordingError) as problem:
         print(f"tenodesis: {problem}", file=sys.stderr)
         return 1
@@ -257,8 +264,9 @@ def _first(source: Source, stop: threading.Event) -> tuple[Run, int]:
 
 def _follow(source: Source, tail: Tail, session: _Session, stop: threading.Event) -> str:
     """Record all that comes, and say why no more does."""
+    # Where simulated time has no end, what comes after it was told to stop must not keep it.
+    turns = 2 + round(_HELD / source.time_step / _MOST)
     while True:
-        # What was there when it ended is still taken.
         ending, alive = stop.is_set(), source.alive
         run, lost = source.read(_MOST)
         happened = _read(tail)
@@ -266,7 +274,10 @@ def _follow(source: Source, tail: Tail, session: _Session, stop: threading.Event
         for event in happened:
             session.happened(event)
         session.keep()
-        if ending:
+        more = len(run) == _MOST or bool(happened)
+        # What was there when it was told to stop is still taken.
+        turns -= ending
+        if ending and (not more or turns == 0):
             return "asked to"
         if not alive and not len(run) and not happened:
             return "the runtime has ended"

@@ -14,6 +14,9 @@ from tenodesis.errors import LiveError
 from tenodesis.live.recorder import STATUS
 
 _TO_END = 10.0
+_PATIENCE = 0.5
+"""Longest wait for the recorder before, s: an operator has to be heard more often than every second."""
+_LONGEST_NAME = 80
 
 
 class RecordingProcess:
@@ -44,15 +47,19 @@ class RecordingProcess:
         Raises
         ------
         LiveError
-            There is one already, or it cannot be written.
+            There is one already, the one before has not closed its file yet, or it cannot be written.
         """
-        with self._lock:
+        if not self._lock.acquire(timeout=_PATIENCE):
+            raise LiveError(f"{self.path} is still being closed; record a little later.")
+        try:
             return self._start(called)
+        finally:
+            self._lock.release()
 
     def _start(self, called: str) -> Path:
         if self.path is not None:
             raise LiveError(f"{self.path} is being recorded already; stop that first.")
-        name = re.sub(r"[^\w.-]+", "-", called).strip("-.") or "live"
+        name = re.sub(r"[^\w.-]+", "-", called[:_LONGEST_NAME]).strip("-.") or "live"
         stamp = datetime.now().astimezone().strftime("%Y-%m-%d-%H%M%S")
         try:
             self._recordings.mkdir(parents=True, exist_ok=True)
@@ -69,6 +76,11 @@ class RecordingProcess:
         )
         self.problem, self.path, self._begun = None, path, False
         return path
+
+    @property
+    def recording(self) -> bool:
+        """Whether one records, other than to close its file."""
+        return self.path is not None and not self._stopping
 
     @property
     def ready(self) -> bool:
@@ -94,12 +106,13 @@ class RecordingProcess:
     def _look(self) -> None:
         if self._process is None or self._process.poll() is None:
             return
-        said = b"" if self._process.stderr is None else self._process.stderr.read()
-        code, path = self._process.returncode, self.path
+        self._tell_end(self._process)
         self._forget()
-        lines = said.decode("utf-8", "replace").strip().splitlines()
-        why = lines[-1].removeprefix("tenodesis: ") if lines else f"it ended with {_named(code)}"
-        self.problem = f"The recorder of {path} has gone: {why} What it wrote before can be read."
+
+    def stop_soon(self) -> None:
+        """Let it close its file, which may take seconds, and do not wait."""
+        self._stopping = True
+        threading.Thread(target=self.stop, name="recorder", daemon=True).start()
 
     def stop(self) -> None:
         """Let it close its file, and wait for that; without one, nothing."""
@@ -120,7 +133,23 @@ class RecordingProcess:
             self._process.kill()
             self._process.wait()
             self.problem = f"The recorder of {self.path} did not end, and was ended; its file can be read."
+        else:
+            self._tell_end(self._process, asked=True)
         self._forget()
+
+    def _tell_end(self, process: "subprocess.Popen[bytes]", *, asked: bool = False) -> None:
+        """Say what is wrong with how it ended, if anything is."""
+        said = b"" if process.stderr is None else process.stderr.read()
+        lines = said.decode("utf-8", "replace").strip().splitlines()
+        why = lines[-1].removeprefix("tenodesis: ") if lines else ""
+        if self.path is not None and not self.path.exists():
+            self.problem = f"The recorder of {self.path} has gone, and there is no such file: "
+            self.problem += why or f"it ended with {_named(process.returncode)}"
+        elif process.returncode or not asked:
+            why = why or f"it ended with {_named(process.returncode)}"
+            self.problem = f"The recorder of {self.path} has gone: {why} What it wrote before can be read."
+        elif why:
+            self.problem = f"{self.path}: {why}"
 
     def _forget(self) -> None:
         if self._process is not None and self._process.stderr is not None:

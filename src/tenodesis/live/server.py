@@ -4,16 +4,16 @@ import argparse
 import json
 import logging
 import os
-import signal
 import socket
 import sys
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeGuard, get_args
 
 import numpy as np
 
@@ -24,12 +24,15 @@ from tenodesis.errors import DeviceError, InstrumentError, LiveError, ProtocolEr
 from tenodesis.instrument import Instrument, load
 from tenodesis.instrument_text import to_toml
 from tenodesis.live import folder as folders
+from tenodesis.live.ending import on_signal
 from tenodesis.live.journal import Journal
 from tenodesis.live.lease import Lease
 from tenodesis.live.loop import Choices, DeviceName, LiveLoop
 from tenodesis.live.protocols import Player
 from tenodesis.live.record import TICK, Reader, signals_of
 from tenodesis.live.recording_process import RecordingProcess
+from tenodesis.signals import Array
+from tenodesis.whole import whole
 
 _TURN = 0.02
 """Between looks at what has happened, s."""
@@ -38,6 +41,9 @@ _SETTLING = 0.05
 _LONGEST_LINE = 1 << 20
 """Of an order, bytes."""
 _MOST_CLIENTS = 64
+_LARGEST = sys.float_info.max
+_MISSED_EVERY = 0.25
+"""Between two events about ticks that were missed, s."""
 _log = logging.getLogger(__name__)
 
 EXPECTED = (DeviceError, InstrumentError, LiveError, ProtocolError, ValueError)
@@ -63,48 +69,55 @@ class Server:
     def __init__(self, loop: LiveLoop, recordings: Path) -> None:
         self.loop, self.folder = loop, loop.folder
         self._reader = Reader(self.folder)
-        self._journal = Journal(self.folder, self._time)
+        try:
+            self._journal = Journal(self.folder, self._time)
+        except OSError as problem:
+            raise LiveError(f"{self.folder} cannot be written: {problem.strerror or problem}.") from None
         self._recorder = RecordingProcess(self.folder, recordings)
         self._lease = Lease(loop.core.lease)
         self._player: Player | None = None
+        self._plays: _Connection | None = None
         self._playing = ""
         self._records_protocol = False
         self._begin_after = 0.0
         self._played: tuple[str, float, float, str | None] | None = None
         self._lock = threading.Lock()
+        self._asking = threading.Lock()
         self._ending = threading.Event()
         self._told: tuple[int, int] = (-1, 0)
         self._troubled: tuple[bool, str | None] = (False, None)
         self._stops = 0
+        self._missed = (0, 0.0)
         self._operator: str | None = None
         self._connections: set[_Connection] = set()
+        self._looking = threading.Thread(target=self._look_after, name="look after", daemon=True)
 
     def start(self) -> None:
         """Begin to tick and to listen."""
         self._socket = _listening(self.folder / folders.SOCKET)
         self.loop.start()
         self._journal.tell("started", "runtime", law=self.loop.law, actuation=self.loop.actuation)
-        for work in (self._accept, self._look_after):
-            threading.Thread(target=work, name=work.__name__, daemon=True).start()
-
-    def wait(self) -> None:
-        """Return when it is to end."""
-        self._ending.wait()
+        threading.Thread(target=self._accept, name="accept", daemon=True).start()
+        self._looking.start()
 
     def finish(self) -> None:
         """Stop the motors, close the recording, and end."""
         self._ending.set()
         self.loop.finish()
-        self._recorder.stop()
+        with self._lock:
+            self._records_protocol = False
+            self._end_protocol("the runtime has ended")
+        # The last that the recorder reads; whoever is held up has nothing to add.
+        self._looking.join(1.0)
         self._journal.tell("ended", "runtime")
+        self._recorder.stop()
         self._journal.close()
+        with suppress(OSError):
+            # Closed alone, it would still be waited at.
+            self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
         for connection in tuple(self._connections):
             connection.close()
-
-    def end(self) -> None:
-        """Let `wait` return."""
-        self._ending.set()
 
     # ------------------------------------------------------------------ orders
 
@@ -117,9 +130,9 @@ class Server:
             It is not allowed, or makes no sense; other errors of the package too.
         """
         op = order.get("op")
-        if op in _WATCHING:
+        if isinstance(op, str) and op in _WATCHING:
             return getattr(self, f"_{op}")(who, order)
-        if op not in _MOVING:
+        if not isinstance(op, str) or op not in _MOVING:
             raise LiveError(f"op is {op!r}; allowed are {', '.join((*_WATCHING, *_MOVING))}.")
         if not self._lease.held_by(who):
             holder = self._lease.origin
@@ -183,13 +196,13 @@ class Server:
             "recording": None if recorder.path is None else str(recorder.path),
             "recorder_lost": int(said.get("lost", 0)),
             "speed": core.speed,
-            "problem": loop.problem or recorder.problem,
+            "problem": self._problem(),
         }
 
     def _acquire(self, who: "_Connection", order: dict[str, Any]) -> Any:
         before = self._lease.origin
         operates = self._lease.held_by(who)
-        in_the_way = self._lease.acquire(who, who.origin, force=bool(order.get("force")))
+        in_the_way = self._lease.acquire(who, who.origin, force=_flag(order, "force"))
         if in_the_way is None and not operates:
             self._journal.tell("operator", who.origin, before=before)
         return in_the_way is None
@@ -203,13 +216,13 @@ class Server:
 
     # Whoever sees that motors must stop may stop them.
     def _stop(self, who: "_Connection", _order: dict[str, Any]) -> Any:
-        self._stops += 1
         self.loop.stop()
-        with self._lock:
-            self._end_protocol("stopped")
-            # Over what the protocol asked for meanwhile.
+        with self._asking:
+            # From here on no protocol asks for anything; what it asked for before is stopped.
             self._stops += 1
             self.loop.stop()
+        with self._lock:
+            self._end_protocol("stopped")
         self._journal.tell_often("stop", who.origin)
 
     def _hand(self, _who: "_Connection", order: dict[str, Any]) -> Any:
@@ -225,7 +238,12 @@ class Server:
         self.loop.radial_force(_numbers(order, "force"))
 
     def _request(self, _who: "_Connection", order: dict[str, Any]) -> Any:
-        self.loop.request(str(order.get("what")))
+        what = str(order.get("what"))
+        with self._asking:
+            player = self._player
+            if player is not None:
+                player.held = what in _HOLDING or (player.held and what not in _FREEING)
+            self.loop.request(what)
 
     def _law(self, _who: "_Connection", order: dict[str, Any]) -> Any:
         self.loop.choose(str(order.get("law")), str(order.get("actuation")))
@@ -245,38 +263,52 @@ class Server:
     def _play(self, who: "_Connection", order: dict[str, Any]) -> Any:
         self._refuse_while_playing()
         stops = self._stops
+        records = _flag(order, "record")
         protocol = protocols.parse(str(order.get("protocol")))
         if not self.loop.capabilities.simulated:
             raise LiveError("protocols move the handle and load the tip, which only the twin lets them do.")
         plan = protocol.plan(self.loop.inst, self.loop.period)
         player = Player(
             plan,
-            _Rows(self.loop),
-            self.loop.request,
+            _Rows(self.loop, lambda rows: self._push_for_protocol(rows, stops)),
+            lambda what: self._ask_for_protocol(what, stops),
             self._tick,
             inst=self.loop.inst,
             time_step=self.loop.period,
         )
-        # A hand that still follows a slider would be elsewhere by the time the first rows are taken.
-        self.loop.drop()
         with self._lock:
             if self._stops != stops or not self._lease.held_by(who):
                 raise LiveError("it was stopped, or the operator went, before the protocol began.")
-            if order.get("record") and self._recorder.path is None:
+            self._refuse_while_playing()
+            # A hand that still follows a slider would be elsewhere by the time the first rows are taken.
+            self.loop.drop()
+            if records and not self._recorder.recording:
                 self._recorder.start(protocol.name)
                 self._records_protocol = True
             self._begin_after = time.monotonic() + _SETTLING
-            self._player, self._playing = player, protocol.name
+            self._player, self._plays, self._playing = player, who, protocol.name
             self._played = (protocol.name, *player.progress, None)
+
+    # Whatever a protocol asks for comes before a stop or not at all.
+    def _ask_for_protocol(self, what: str, stops: int) -> None:
+        with self._asking:
+            player = self._player
+            if what in _HOLDING or (self._stops == stops and player is not None and not player.held):
+                self.loop.request(what)
+
+    def _push_for_protocol(self, rows: Array, stops: int) -> int:
+        with self._asking:
+            return self.loop.push(rows) if self._stops == stops else 0
 
     def _cancel(self, _who: "_Connection", _order: dict[str, Any]) -> Any:
         with self._lock:
             self._end_protocol("cancelled")
 
     def _record(self, _who: "_Connection", order: dict[str, Any]) -> Any:
-        if not order.get("on"):
-            # It may take seconds, in which the operator has to be heard.
-            threading.Thread(target=self._recorder.stop, name="recorder", daemon=True).start()
+        if not _flag(order, "on"):
+            with self._lock:
+                self._records_protocol = False
+            self._recorder.stop_soon()
             return None
         return str(self._recorder.start(str(order.get("called") or "live")))
 
@@ -294,6 +326,9 @@ class Server:
         row = self._reader.newest()
         return 0.0 if row is None else float(row[TICK.index("time")])
 
+    def _problem(self) -> str | None:
+        return self.loop.problem or self._recorder.problem or self._journal.problem
+
     def _protocol(self) -> tuple[str, float, float, str | None] | None:
         with self._lock:
             return self._played
@@ -306,12 +341,24 @@ class Server:
                 if self._ending.wait(_TURN):
                     return
                 continue
-            if len(self._connections) >= _MOST_CLIENTS:
-                connected.close()
-                continue
             connection = _Connection(connected, self)
+            self._make_room()
             self._connections.add(connection)
-            threading.Thread(target=connection.serve, name="connection", daemon=True).start()
+            try:
+                threading.Thread(target=connection.serve, name="connection", daemon=True).start()
+            except RuntimeError:
+                # There are no more threads; whoever comes next may find some.
+                self._connections.discard(connection)
+                connected.close()
+
+    # Whoever comes may have come to stop, and gets in: for those that have said least, the operator never among them.
+    def _make_room(self) -> None:
+        while len(self._connections) >= _MOST_CLIENTS:
+            others = [one for one in tuple(self._connections) if not self._lease.held_by(one)]
+            out = min(others, key=lambda one: (one.spoken, one.heard))
+            self._connections.discard(out)
+            out.close()
+            self._journal.tell_often("sent_away", out.origin)
 
     def _look_after(self) -> None:
         while not self._ending.wait(_TURN):
@@ -329,7 +376,7 @@ class Server:
                 return
             if self._records_protocol and not self._recorder.ready:
                 return
-            if self._lease.origin is None:
+            if not self._lease.held_by(self._plays):
                 self._end_protocol("the operator has gone")
                 return
             try:
@@ -347,13 +394,16 @@ class Server:
         if player is None:
             return
         if why is not None:
-            with suppress(LiveError):
+            try:
                 player.cancel()
+            except LiveError:
+                # What cannot be cancelled is stopped, which is never refused.
+                self.loop.stop()
         self._played = (self._playing, *player.progress, why)
         self._journal.tell("protocol_ended", "runtime", protocol=self._playing, why=why or "done")
         if self._records_protocol:
             self._records_protocol = False
-            threading.Thread(target=self._recorder.stop, name="recorder", daemon=True).start()
+            self._recorder.stop_soon()
 
     def _tell_changes(self) -> None:
         tick = self._tick()
@@ -366,7 +416,7 @@ class Server:
             self._journal.tell(
                 "state", "runtime", state=OperatingState(now[0]).name, faults=fault_names(now[1]), first_faults=first
             )
-        problem = self.loop.problem or self._recorder.problem
+        problem = self._problem()
         if (now_stopped := (bool(tick["stopped"]), problem)) != self._troubled:
             self._troubled = now_stopped
             self._journal.tell("problem", "runtime", stopped=now_stopped[0], text=problem)
@@ -374,6 +424,15 @@ class Server:
         if self._operator is not None and operator is None:
             self._journal.tell("no_operator", "runtime", before=self._operator)
         self._operator = operator
+        self._tell_missed()
+
+    def _tell_missed(self) -> None:
+        missed, (known, told) = self.loop.core.missed + self.loop.unanswered, self._missed
+        if missed < known:
+            self._missed = (missed, told)
+        elif missed > known and time.monotonic() - told >= _MISSED_EVERY:
+            self._missed = (missed, time.monotonic())
+            self._journal.tell("ticks_missed", "runtime", ticks=missed - known, in_all=missed)
 
 
 _WATCHING = ("hello", "status", "acquire", "release", "heartbeat", "stop")
@@ -391,20 +450,23 @@ _MOVING: dict[str, tuple[str, ...]] = {
 }
 """Orders for the operator, and what of each is written down."""
 _OFTEN = ("hand", "force", "radial_force")
+_HOLDING = ("pause", "disable")
+"""Requests after which a protocol neither homes nor resumes by itself, until one of those that follow."""
+_FREEING = ("enable", "resume", "home")
 
 
 class _Rows:
     """The loop's queue of played ticks, as a player has it."""
 
-    def __init__(self, loop: LiveLoop) -> None:
-        self._loop = loop
+    def __init__(self, loop: LiveLoop, push: Callable[[Array], int]) -> None:
+        self._loop, self._push = loop, push
 
     @property
     def pending(self) -> int:
         return self._loop.pending
 
-    def push(self, rows: Any) -> int:
-        return self._loop.push(rows)
+    def push(self, rows: Array) -> int:
+        return self._push(rows)
 
     def drop(self) -> None:
         self._loop.drop()
@@ -416,11 +478,14 @@ class _Connection:
     def __init__(self, connected: socket.socket, server: Server) -> None:
         self._socket, self._server = connected, server
         self.origin = "unnamed"
+        self.spoken, self.heard = False, time.monotonic()
+        """Whether it has ever said anything, and when it did last, or came."""
 
     def serve(self) -> None:
         try:
             with self._socket, self._socket.makefile("rb") as lines:
                 while line := lines.readline(_LONGEST_LINE + 1):
+                    self.spoken, self.heard = True, time.monotonic()
                     if len(line) > _LONGEST_LINE:
                         self._send({"error": f"an order is longer than {_LONGEST_LINE} bytes."})
                         return
@@ -462,7 +527,7 @@ def _listening(path: Path) -> socket.socket:
     except OSError as problem:
         raise LiveError(f"{path} cannot be listened on: {problem.strerror or problem}.") from None
     path.chmod(0o600)
-    made.listen(16)
+    made.listen(2 * _MOST_CLIENTS)
     return made
 
 
@@ -473,16 +538,27 @@ def _mask(tick: dict[str, Any], name: str, *, largest: bool = False) -> int:
 
 def _numbers(order: dict[str, Any], key: str) -> list[float]:
     values = order.get(key)
-    if not isinstance(values, list) or not all(isinstance(one, int | float) for one in values):
-        raise LiveError(f"{key} is {values!r}; allowed is a list of numbers.")
+    if not isinstance(values, list) or not all(_is_number(one) for one in values):
+        raise LiveError(f"{key} is {values!r}; allowed is a list of finite numbers.")
     return [float(one) for one in values]
 
 
 def _number(order: dict[str, Any], key: str) -> float:
     value = order.get(key)
-    if not isinstance(value, int | float):
-        raise LiveError(f"{key} is {value!r}; allowed is a number.")
+    if not _is_number(value):
+        raise LiveError(f"{key} is {value!r}; allowed is a finite number.")
     return float(value)
+
+
+def _is_number(value: object) -> TypeGuard[float]:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _LARGEST
+
+
+def _flag(order: dict[str, Any], key: str) -> bool:
+    value = order.get(key, False)
+    if not isinstance(value, bool):
+        raise LiveError(f"{key} is {value!r}; allowed are true and false.")
+    return value
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -499,35 +575,48 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--recordings", type=Path, default=Path("recordings"))
     parser.add_argument("--attached", action="store_true", help="end when standard input does: with what started it")
     given = parser.parse_args(arguments)
-    try:
-        server = _made(given)
-    except (*EXPECTED, OSError) as problem:
-        print(f"tenodesis: {problem}", file=sys.stderr)
-        return 1
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: server.end())
+    told = threading.Event()
+    with on_signal(told.set):
+        try:
+            server = _started(given)
+        except (*EXPECTED, OSError) as problem:
+            print(f"tenodesis: {problem}", file=sys.stderr)
+            return 1
+        if given.attached:
+            threading.Thread(target=_end_with_input, args=(told,), name="attached", daemon=True).start()
+        told.wait()
+        server.finish()
+    return 0
+
+
+# Not through sys.stdin, which the interpreter cannot close at its end while a thread waits in it.
+def _end_with_input(told: threading.Event) -> None:
+    with suppress(OSError, ValueError):
+        while os.read(sys.stdin.fileno(), 4096):
+            pass
+    told.set()
+
+
+def _started(given: argparse.Namespace) -> Server:
+    server = _made(given)
     try:
         server.start()
     except BaseException:
         server.loop.finish()
         raise
-    if given.attached:
-        threading.Thread(target=_end_with_input, args=(server,), name="attached", daemon=True).start()
-    server.wait()
-    server.finish()
-    return 0
-
-
-def _end_with_input(server: Server) -> None:
-    with suppress(OSError, ValueError):
-        sys.stdin.buffer.read()
-    server.end()
+    return server
 
 
 def _made(given: argparse.Namespace) -> Server:
     inst = load(given.instrument)
     given.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-    (given.folder / folders.INSTRUMENT).write_text(to_toml(inst), "utf-8")
+    others = given.folder.stat().st_mode & 0o077
+    if others:
+        raise LiveError(
+            f"{given.folder} is open to others (mode {others:03o}); allowed is a folder of its owner alone."
+        )
+    with whole(given.folder / folders.INSTRUMENT) as new:
+        new.write_text(to_toml(inst), "utf-8")
     choices = Choices(
         device=given.device,
         address=given.address,

@@ -30,15 +30,14 @@ def read(file: Path, time_column: str, value_column: str) -> Recording:
         The file cannot be read or is not such a file.
     """
     try:
-        text = file.read_text("utf-8-sig")
-    except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
-        raise ProtocolError(
-            f"file is {str(file)!r}: there is no such file; allowed is the path of a CSV file"
-        ) from None
+        # A device would be read without end.
+        text = file.read_text("utf-8-sig") if file.is_file() else None
     except UnicodeDecodeError:
         raise ProtocolError(f"file is {str(file)!r}: it is not UTF-8 text; allowed is a CSV file") from None
     except OSError as problem:
         raise ProtocolError(f"file is {str(file)!r}: it cannot be read: {problem.strerror}") from None
+    if text is None:
+        raise ProtocolError(f"file is {str(file)!r}: there is no such file; allowed is the path of a CSV file")
     return parse(text, str(file), time_column, value_column)
 
 

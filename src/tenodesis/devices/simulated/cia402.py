@@ -1,6 +1,7 @@
 """Nodes on a CAN bus as CiA 301 and CiA 402 have them: a drive, and a module with sensors."""
 
 import struct
+import time
 from collections.abc import Callable, Iterable
 
 import canopen
@@ -25,7 +26,7 @@ _DRIVE_OBJECTS: tuple[tuple[int, str, int, str], ...] = (
 _MODES = (3, 6, 9)
 _HOME_HERE = (35, 37)
 _VALUE_OUT_OF_RANGE = 0x0609_0030
-_HEARTBEAT_LOST, _PDO_LENGTH = 0x8130, 0x8210
+_HEARTBEAT_LOST, _PDO_LENGTH, _PDO_TIMEOUT = 0x8130, 0x8210, 0x8250
 _COMMUNICATION = 0x10  # bit of the error register
 _PRE_OPERATIONAL = "PRE-OPERATIONAL"
 
@@ -94,7 +95,7 @@ class Node:
         for n in range(4):
             for base, first in ((0x1400, 0x200), (0x1800, 0x180)):
                 cob_id = 0x8000_0000 | (first + 0x100 * n + self.number)
-                communication = [(1, od.UNSIGNED32, cob_id), (2, od.UNSIGNED8, 1)]
+                communication = [(1, od.UNSIGNED32, cob_id), (2, od.UNSIGNED8, 1), (5, od.UNSIGNED16, 0)]
                 _add_record(made, base + n, f"PDO {base + n:04X}", communication)
                 mapping = [(sub, od.UNSIGNED32, 0) for sub in range(1, 9)]
                 _add_record(made, base + 0x200 + n, f"PDO {base + 0x200 + n:04X}", mapping, writable_count=True)
@@ -198,8 +199,21 @@ class Drive(Node):
         self._heard: int | None = None
         self._listens_to = 0
         self._control = 0
+        self._commanded: int | None = None
+        self._leaves_fault_at: float | None = None
         self.fault_stays = False
         """Whether a fault cannot be reset."""
+        self.reset_time = 0.0
+        """What it takes to leave a fault, s."""
+        self.resumes = False
+        """Whether it may be enabled again from a quick stop, as CiA 402 allows but does not recommend."""
+        self.stays_operational = False
+        """Whether it goes on taking PDOs once it has lost the master, as object 1029h may tell it."""
+        self.shows_mode = True
+        """Whether it takes the modes that it is told."""
+        self.homing_methods: tuple[int, ...] = _HOME_HERE
+        self.homes = True
+        """Whether homing that it says to have attained has set its zero."""
         self.log: list[str] = []
         """States it has been in, and why it left operation enabled."""
         self._show()
@@ -229,6 +243,7 @@ class Drive(Node):
         for pdo in self.local.rpdo.values():
             if not (pdo.enabled and pdo.data):
                 continue
+            self._commanded = self._clock()
             if len(pdo.data) != pdo.length // 8:
                 self.emergency(_PDO_LENGTH)
             else:
@@ -250,10 +265,12 @@ class Drive(Node):
         self.local.emcy.send(code, 1)
 
     def poll(self) -> None:
-        """Send the heartbeat, and see whether the master's has been lost."""
+        """Send the heartbeat, and see whether the master's or its commands have been lost."""
         super().poll()
-        time = self.get(0x1016, 1)
-        master, milliseconds = time >> 16 & 0x7F, time & 0xFFFF
+        if self._leaves_fault_at is not None and time.monotonic() > self._leaves_fault_at:
+            self._leave_fault()
+        told = self.get(0x1016, 1)
+        master, milliseconds = told >> 16 & 0x7F, told & 0xFFFF
         if master != self._listens_to:
             self._listens_to = master
             self._heard = None
@@ -262,6 +279,16 @@ class Drive(Node):
         if milliseconds and self._heard is not None and self._clock() - self._heard > milliseconds * 1_000_000:
             self._heard = None
             self._lose_master()
+        if self._commanded is not None:
+            self._miss_commands(self._commanded)
+
+    def _miss_commands(self, since: int) -> None:
+        deadline = self.get(0x1400, 5)
+        if self.state != ENABLED or not self.operational:
+            self._commanded = None
+        elif deadline and self._clock() - since > deadline * 1_000_000:
+            self._commanded = None
+            self.emergency(_PDO_TIMEOUT)
 
     def _hear(self, can_id: int, data: bytearray, timestamp: float) -> None:
         if not self.cut_off and can_id == 0x700 + self._listens_to:
@@ -277,7 +304,8 @@ class Drive(Node):
                 self._become(DISABLED, "heartbeat lost")
             elif option == 1:
                 self.fault(_HEARTBEAT_LOST)
-        self.local.nmt.state = _PRE_OPERATIONAL
+        if not self.stays_operational:
+            self.local.nmt.state = _PRE_OPERATIONAL
 
     def _quick_stop(self, why: str) -> None:
         self.target = 0
@@ -293,18 +321,27 @@ class Drive(Node):
             (mode,) = struct.unpack("<b", data)
             if mode not in _MODES:
                 raise canopen.SdoAbortedError(_VALUE_OUT_OF_RANGE)
-            self.set(0x6061, 0, mode)
-        elif index == 0x6098 and int.from_bytes(data, "little", signed=True) not in _HOME_HERE:
+            if self.shows_mode:
+                self.set(0x6061, 0, mode)
+        elif index == 0x6098 and int.from_bytes(data, "little", signed=True) not in self.homing_methods:
             raise canopen.SdoAbortedError(_VALUE_OUT_OF_RANGE)
 
     def _obey(self, word: int) -> None:
         rising = word & ~self._control
         self._control = word
-        if self.state == FAULT:
-            if rising & 0x80 and not self.fault_stays:
-                self.set(0x603F, 0, 0)
-                self._become(DISABLED)
-        elif not word & 0x02:
+        if self.state != FAULT:
+            self._go(word)
+        elif rising & 0x80:
+            self._reset()
+        if self.state == ENABLED and self.get(0x6061) == 6 and rising & 0x10:
+            if self.homes:
+                self._offset = self._start + self._turned - self.get(0x607C)
+                self.measure(self._turned)
+            self.set(0x6041, 0, self.get(0x6041) | 1 << 12)
+
+    def _go(self, word: int) -> None:
+        """Take the state that a controlword leads to."""
+        if not word & 0x02:
             self._become(DISABLED)
         elif not word & 0x04:
             if self.state == ENABLED:
@@ -312,7 +349,8 @@ class Drive(Node):
             elif self.state != QUICK_STOP:
                 self._become(DISABLED)
         elif self.state == QUICK_STOP:
-            pass
+            if self.resumes and word & 0x0F == 0x0F:
+                self._become(ENABLED)
         elif not word & 0x01:
             self._become(READY)
         elif not word & 0x08:
@@ -320,10 +358,17 @@ class Drive(Node):
                 self._become(SWITCHED_ON)
         elif self.state in (SWITCHED_ON, ENABLED):
             self._become(ENABLED)
-        if self.state == ENABLED and self.get(0x6061) == 6 and rising & 0x10:
-            self._offset = self._start + self._turned - self.get(0x607C)
-            self.measure(self._turned)
-            self.set(0x6041, 0, self.get(0x6041) | 1 << 12)
+
+    def _reset(self) -> None:
+        if self.reset_time:
+            self._leaves_fault_at = time.monotonic() + self.reset_time
+        elif not self.fault_stays:
+            self._leave_fault()
+
+    def _leave_fault(self) -> None:
+        self._leaves_fault_at = None
+        self.set(0x603F, 0, 0)
+        self._become(DISABLED)
 
     def _become(self, state: str, why: str = "") -> None:
         if state != self.state:

@@ -1,0 +1,129 @@
+"""What a recording tells beside its signals: who asked for what, which faults there were, and what is missing."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import Group
+from rich.table import Column, Table
+from rich.text import Text
+
+from tenodesis.control import FAULTS
+from tenodesis.errors import InstrumentError, RecordingError
+from tenodesis.live.recorder import LIVE
+from tenodesis.recording import Recording
+from tenodesis.recording.choices import CONTROLLER
+from tenodesis.recording.outcome import outcome
+from tenodesis.recording.reader import Event
+from tenodesis.signals import Run
+
+_SHOWN = 5
+"""Times of a kind that are listed."""
+
+
+def describe(recording: Recording) -> Group | None:
+    """Return the events of a recording, for a rich console; None of one that is not live and has none."""
+    if not recording.events and recording.metadata.get("mode") != LIVE:
+        return None
+    before = [event for event in recording.events if "since" in event.content]
+    events = [event for event in recording.events if "since" not in event.content]
+    facts = {
+        "in force": ", ".join(f"{_kind(event)} by {_origin(event)}" for event in before) or "nothing told",
+        **_controlled(recording),
+        "faults": _faults(recording.run, recording.events),
+        "lost rows": _missing(events, "rows_lost", "rows", "after"),
+        "given up": _missing(events, "ticks_missed", "ticks", "until"),
+        "lost events": _missing(recording.events, "events_lost", "events", "until"),
+        "unwritten": _missing(recording.events, "events_missing", "events", "until"),
+        "corrected": _missing(events, "time_corrected", "rows", "after"),
+        "ended": _end(events),
+    }
+    table = Table.grid(padding=(0, 2))
+    for name, fact in facts.items():
+        table.add_row(name, Text(fact))
+    return Group(table, _by_kind(events)) if events else Group(table)
+
+
+def _controlled(recording: Recording) -> dict[str, str]:
+    """Return what came of the run, where the recording does not tell it of a controller's choices."""
+    if CONTROLLER in recording.metadata:
+        return {}
+    try:
+        facts = outcome(recording.run, recording.instrument())
+    except (InstrumentError, RecordingError):
+        return {}
+    return {about: fact for about, fact in facts.items() if about != "faults"}
+
+
+def _faults(run: Run, events: Sequence[Event]) -> str:
+    """Say which faults the rows have and how often each came, and which are told of alone: their rows are missing."""
+    came: dict[str, list[float]] = {}
+    if run.faults is not None and len(run):
+        masks = np.bitwise_or.reduce(np.nan_to_num(run.faults).astype(np.int64).reshape(len(run), -1), axis=1)
+        for bit, name in enumerate(FAULTS):
+            there = masks >> bit & 1
+            came[name] = run.time[np.flatnonzero(np.diff(there, prepend=0) == 1)].tolist()
+    told: dict[str, list[float]] = {}
+    for event in events:
+        names = event.content.get("faults")
+        for name in names if isinstance(names, list | tuple) else ():
+            told.setdefault(str(name), []).append(event.time)
+    found = {name: (times[0], len(times)) for name, times in came.items() if times}
+    found |= {name: (times[0], 1) for name, times in told.items() if name not in found}
+    return (
+        ", ".join(
+            f"{name} from {first:.6g} s" + (f" ({count} times)" if count > 1 else "")
+            for name, (first, count) in sorted(found.items(), key=lambda item: item[1])
+        )
+        or "none"
+    )
+
+
+def _missing(events: Sequence[Event], kind: str, what: str, place: str) -> str:
+    """Say how many of a kind events tell, and when: after or until each."""
+    told = [(_count(event, what), event.time) for event in events if _kind(event) == kind]
+    if not told:
+        return "none"
+    parts = [f"{count} {place} {time:.6g} s" for count, time in told]
+    if parts[_SHOWN:]:
+        parts = [*parts[: _SHOWN - 1], f"{len(parts) - _SHOWN} times more", parts[-1]]
+    return f"{sum(count for count, _ in told)}: {', '.join(parts)}"
+
+
+def _end(events: Sequence[Event]) -> str:
+    for event in reversed(events):
+        if _kind(event) == "recording_ended":
+            return f"{event.content.get('why', '')}, at {event.time:.6g} s"
+    return "not told: the recording was broken off"
+
+
+def _by_kind(events: Sequence[Event]) -> Table:
+    """Return how many events there were of each kind and origin, those that were drawn together one by one."""
+    rows: dict[tuple[str, str], tuple[int, float, float]] = {}
+    for event in events:
+        key = _kind(event), _origin(event)
+        number, first, last = rows.get(key, (0, event.time, event.time))
+        rows[key] = number + _count(event, "times", 1), min(first, event.time), max(last, event.time)
+    numbers = ("Number", "First", "Last")
+    table = Table("Event", "Origin", *(Column(name, justify="right") for name in numbers), box=box.SIMPLE_HEAD)
+    for (kind, origin), (number, first, last) in rows.items():
+        table.add_row(Text(kind), Text(origin), f"{number}", f"{first:.6g} s", f"{last:.6g} s")
+    return table
+
+
+def _kind(event: Event) -> str:
+    return _text(event.content.get("event"))
+
+
+def _origin(event: Event) -> str:
+    return _text(event.content.get("origin"))
+
+
+def _text(told: Any) -> str:
+    return "not told" if told is None else str(told)
+
+
+def _count(event: Event, what: str, otherwise: int = 0) -> int:
+    told = event.content.get(what)
+    return told if isinstance(told, int) and told >= 0 else otherwise
