@@ -95,10 +95,12 @@ def qemu(folder: Path, *, by_instructions: bool = True) -> Iterator[tuple[str, s
     path = folder / "line"
     command = ["qemu-system-arm", "-M", "mps2-an386", "-display", "none", "-kernel", str(firmware())]
     command += ["-icount", "shift=6"] if by_instructions else []
-    process = subprocess.Popen([*command, "-serial", f"unix:{path},server=on,wait=on"], stderr=subprocess.DEVNULL)
+    said = folder / "qemu.log"
+    with said.open("wb") as log:
+        process = subprocess.Popen([*command, "-serial", f"unix:{path},server=on,wait=on"], stderr=log)
     try:
         while not path.exists():
-            assert process.poll() is None
+            assert process.poll() is None, said.read_text()
             time.sleep(0.01)
         yield f"unix://{path}", process
     finally:

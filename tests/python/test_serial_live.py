@@ -184,7 +184,8 @@ def test_a_board_that_hangs_rests_and_goes_on_once_it_is_cleared(tmp_path: Path,
         os.kill(board.pid, signal.SIGCONT)
         time.sleep(0.2)
         loop.request("clear")
-        until(lambda: loop.controller.problem is None)  # type: ignore[attr-defined]
+        until(lambda: bool(np.any(np.diff(new_rows(reader).time) > 0)))
+        assert loop.controller.problem is None  # type: ignore[attr-defined]
         comes_to(loop, reader, "home", ENABLED)
 
 
