@@ -5,6 +5,7 @@ import json
 import re
 from importlib import import_module
 from pathlib import Path
+from shutil import copytree
 
 import numpy as np
 import pytest
@@ -244,9 +245,9 @@ def test_a_changed_instrument_is_not_set_beside_the_papers_numbers(tmp_path: Pat
 
 
 def test_a_failed_run_leaves_the_old_report_whole(
-    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    bench: Bench, pulley: Instrument, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run(tn.load("real-size"), tn.load("scaled-up"), tmp_path, seeds=0)
+    copytree(bench[0], tmp_path, dirs_exist_ok=True)
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
 
     def fail(*_: object) -> str:
@@ -254,7 +255,7 @@ def test_a_failed_run_leaves_the_old_report_whole(
 
     monkeypatch.setattr(report, "render", fail)
     with pytest.raises(BenchError, match="cannot be written: No space left on device"):
-        run(tn.load("scaled-up"), None, tmp_path, seeds=0)
+        run(pulley, None, tmp_path, seeds=0)
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
     assert not list(tmp_path.glob(".bench-*"))
 
@@ -286,6 +287,13 @@ UNUSUAL = {
 }
 
 
+@pytest.fixture
+def only_vectors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw what the report shows, and not again as PNG: of that, other tests tell."""
+    monkeypatch.setattr(import_module("tenodesis.bench.run"), "_DRAWINGS", ("svg",))
+
+
+@pytest.mark.usefixtures("only_vectors")
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("change", UNUSUAL.values(), ids=UNUSUAL.keys())
 def test_unusual_instruments_get_a_report_too(change: tuple[str, str], tmp_path: Path) -> None:
@@ -300,6 +308,7 @@ def test_unusual_instruments_get_a_report_too(change: tuple[str, str], tmp_path:
     assert context.results["verification.mujoco.instrument.disputed"].value <= 1  # on the fold itself
 
 
+@pytest.mark.usefixtures("only_vectors")
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
     ("name", "changes"),

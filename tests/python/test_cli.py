@@ -6,6 +6,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
+
+from tenodesis import cli
+from tenodesis.bench.content import Context
+from tenodesis.instrument import Instrument, load
 
 from .conftest import EXAMPLES
 
@@ -23,10 +28,17 @@ def test_bench_writes_the_report_and_says_where(tmp_path: Path) -> None:
     assert (tmp_path / "out/report.html").stat().st_size > 100_000
 
 
-def test_bench_takes_any_instrument_file(tmp_path: Path) -> None:
-    done = tenodesis("bench", EXAMPLES / "pulley.toml", "--out", "elsewhere", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "elsewhere/results.json").exists()
+def test_bench_takes_any_instrument_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[Instrument, Instrument | None, Path]] = []
+
+    def told(inst: Instrument, scaled: Instrument | None, out: Path, _: object) -> Context:
+        asked.append((inst, scaled, out))
+        return Context(inst, scaled, False)
+
+    monkeypatch.setattr(cli, "bench_run", told)
+    done = CliRunner().invoke(cli.app, ["bench", str(EXAMPLES / "pulley.toml"), "--out", str(tmp_path / "elsewhere")])
+    assert done.exit_code == 0, done.output
+    assert asked == [(load(EXAMPLES / "pulley.toml"), None, tmp_path / "elsewhere")]
 
 
 def test_schema_prints_json(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import platform
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -88,8 +89,13 @@ def run(
         The folder cannot be written.
     """
     context = Context(_within_reach(inst), scaled, _is_paper(inst, scaled))
-    with style.applied():
-        return _run(context, out, progress, recordings, seeds)
+    try:
+        # A folder that cannot be written is said before a minute of work, not after it.
+        out.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=out, prefix=".tenodesis-"), style.applied():
+            return _run(context, out, progress, recordings, seeds)
+    except OSError as problem:
+        raise BenchError(f"{out} cannot be written: {problem.strerror or problem}.") from problem
 
 
 def _within_reach(inst: Instrument) -> Instrument:
@@ -121,10 +127,7 @@ def _run(context: Context, out: Path, progress: Callable[[str], None], recording
     progress("writing")
     if not recordings:
         context.recordings.clear()
-    try:
-        _write(context, sections, out)
-    except OSError as problem:
-        raise BenchError(f"{out} cannot be written: {problem.strerror or problem}.") from problem
+    _write(context, sections, out)
     return context
 
 
@@ -159,6 +162,8 @@ def _draw(plot: Plot, folder: Path) -> str:
     for kind in _DRAWINGS:
         metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {}
         plot.figure.savefig(folder / f"{plot.name}.{kind}", dpi=200, metadata=metadata)
+        # Where things are on the page has been found for all kinds, and takes as long as drawing them.
+        plot.figure.set_layout_engine("none")
     return (folder / f"{plot.name}.svg").read_text("utf-8")
 
 
