@@ -95,7 +95,7 @@ class SerialLink {
   /// The next tick that the board sends by itself, and its number, one above `last` if none was lost; false where none
   /// has come until then, or the link has failed.
   bool hear(link::Streamed& streamed, std::uint32_t& number, std::uint32_t last, SerialLine::Moment until) {
-    for (int k = 0; k < early_count_; ++k) {
+    for (std::size_t k = 0; k < early_count_; ++k) {
       if (!link::after(early_[k].number, last)) continue;
       number = early_[k].number;
       streamed = early_[k].tick;
@@ -209,7 +209,7 @@ class SerialLink {
   // A tick that comes while an answer is waited for is kept for whoever hears next.
   bool keep_early() {
     if (!is_tick()) return false;
-    if (early_count_ < static_cast<int>(early_.size()))
+    if (early_count_ < early_.size())
       early_[early_count_++] = {decoder_.header().sequence, message<link::Streamed>()};
     return true;
   }
@@ -372,9 +372,9 @@ class SerialLink {
     link::Streamed tick{};
   };
   std::array<Early, 64> early_{};  // ticks that came while an answer was waited for
-  int early_count_{};
+  std::size_t early_count_{};
   std::size_t tick_size_{};
-  SerialLine::Moment heard_at_{};
+  SerialLine::Moment heard_at_;
   int damaged_in_a_row_{};
   std::array<std::uint8_t, link::encoded_size(link::most_payload)> sent_{};
 };

@@ -15,6 +15,7 @@ import pytest
 import tenodesis as tn
 from tenodesis.control import Controller, OperatingState
 from tenodesis.devices import cia402
+from tenodesis.devices.can_aim import LEAD, Aim
 from tenodesis.devices.can_layout import Sensor, layout
 from tenodesis.devices.canopen import CanOpenDevice
 from tenodesis.devices.settings import CanOpen
@@ -89,12 +90,12 @@ def stops(device: CanOpenDevice, bench: SimulatedBench, named: str, act: Callabl
 # The loop
 
 
-def in_process(inst: Instrument, lag: int) -> tuple[Array, Array]:
+def in_process(inst: Instrument, lag: int, ticks: int = TICKS) -> tuple[Array, Array]:
     """Output angles and commands of the twin in process, its commands late by so many ticks and rounded as frames."""
     plant, controller = TwinPlant(Twin(inst), motion), Controller(inst)
     waiting = [np.zeros((1, 2)) for _ in range(1 + lag)]
     tips, commands = [], []
-    for n in range(TICKS):
+    for n in range(ticks):
         measured = plant.step(waiting.pop(0))
         answer = controller.step((n + 1) / RATE, measured.handle_angle[0], measured.tension[0], measured.spool_angle[0])
         waiting.append(np.round(answer.spool_velocity / SPEED_UNIT)[np.newaxis] * SPEED_UNIT)
@@ -186,6 +187,72 @@ def test_profile_velocity_is_a_mode_too(inst: Instrument) -> None:
         tick(device, clock)
         tick(device, clock)
         assert moves(bench)
+
+
+# Positions
+
+
+def by_position(inst: Instrument, **changes: Any) -> CanOpen:
+    return table(inst, mode="cyclic-position", **changes)
+
+
+def test_the_loop_by_positions_ends_where_that_by_speeds_does(inst: Instrument) -> None:
+    plant, controller = TwinPlant(Twin(inst), motion), Controller(inst)
+    tips = []
+    start = {AGONIST: 2**31 - 40, ANTAGONIST: -(2**31) + 40}  # where encoders begin anew
+    with served(inst, by_position(inst, zero="here"), plant=plant, positions=start) as (device, bench, _):
+        assert {drive.get(0x6061) for drive in bench.drives.values()} == {8}
+        for n in range(1000):
+            measured = device.read(TIMEOUT)
+            assert measured is not None
+            answer = controller.step(
+                (n + 1) / RATE, measured.handle_angle[0], measured.tension[0], measured.spool_angle[0]
+            )
+            device.write(answer.spool_velocity[np.newaxis])
+            assert plant.latest is not None
+            tips.append(plant.latest["output_angle"][-1])
+        assert answer.state == OperatingState.ENABLED
+    off = np.abs(tips - in_process(inst, 1, 1000)[0])
+    before_the_load = round(0.4 * RATE)
+    assert off[:before_the_load].max() < np.radians(0.1)
+    assert off[-1] < inst.control.dead_band
+
+
+@pytest.mark.parametrize("position", [0, 123_456, 2**31 - 2, -(2**31) + 2])
+def test_drives_that_are_told_positions_stay_where_they_are_until_they_are_told_more(
+    inst: Instrument, position: int
+) -> None:
+    start = {AGONIST: position, ANTAGONIST: -position}
+    with served(inst, by_position(inst), positions=start) as (device, bench, clock):
+        for _ in range(5):
+            tick(device, clock, 0.0)
+        assert bench.fastest == 0
+        tick(device, clock)
+        tick(device, clock)
+        assert moves(bench)
+        for _ in range(100):
+            tick(device, clock, nan)
+        assert np.abs(bench.velocity).max() < 0.02 * SPEED
+
+
+def test_a_motor_that_is_held_up_is_not_to_catch_up_at_a_bound(inst: Instrument) -> None:
+    drive = layout(inst, by_position(inst)).drives[0]
+    aim = Aim(drive, 1000, 1 / RATE)
+    full = drive.most_units * drive.speed_per_unit
+    for _ in range(1000):
+        aim.go_on(full, 1000)
+    ahead = (aim.target - 1000) * abs(drive.angle_per_count)
+    assert ahead == pytest.approx(abs(full) * LEAD, rel=1e-3)
+    assert aim.go_on(-full, 1000) < aim.go_on(full, 1000)
+
+
+def test_a_stop_finds_drives_that_are_told_positions(inst: Instrument) -> None:
+    with served(inst, by_position(inst)) as (device, bench, clock):
+        tick(device, clock)
+        tick(device, clock)
+        assert moves(bench)
+        bench.drives[ANTAGONIST].fault(EMERGENCY_OVERVOLTAGE)
+        stops(device, bench, "emergency", lambda: [tick(device, clock) for _ in range(5)])
 
 
 def test_closing_leaves_the_drives_without_power(inst: Instrument) -> None:
@@ -923,9 +990,9 @@ def test_no_unit_rounds_a_speed_beyond_the_limit(inst: Instrument) -> None:
     unit = inst.drives.motor_speed / 10.7
     planned = layout(inst, table(inst, velocity_unit=unit))
     for drive, sign in zip(planned.drives, (1, -1), strict=True):
-        _, told = struct.unpack("<Hi", drive.command(cia402.ENABLE, planned.speed_limit))
+        told = drive.velocity(planned.speed_limit)
         assert told == sign * 10  # 10.7 would be rounded to 11
-        assert struct.unpack("<Hi", drive.command(cia402.ENABLE, -planned.speed_limit))[1] == -told
+        assert drive.velocity(-planned.speed_limit) == -told
 
 
 def test_what_is_more_than_any_number_is_not_a_number() -> None:

@@ -18,11 +18,11 @@ _PDO_BYTES = 8
 _MOST_LOAD = 0.9
 _LEAST_UNITS, _MOST_UNITS = 10, 2**31 - 1  # of target velocity, in the motor's speed
 _STATUS_AND_POSITION = "<Hi"
-_CONTROL_AND_VELOCITY = struct.Struct("<Hi")
+_CONTROL_AND_TARGET = struct.Struct("<Hi")
 _MEASURED_OBJECTS = ((0x6041, 0, 16), (0x6064, 0, 32))
 _Placed: TypeAlias = tuple[int, int, CanAngle | CanTension]
 """A sensor's axis and column, and where it is."""
-_COMMANDED_OBJECTS = ((0x6040, 0, 16), (0x60FF, 0, 32))
+_TARGET_VELOCITY, _TARGET_POSITION = 0x60FF, 0x607A
 
 
 @dataclass(frozen=True)
@@ -78,10 +78,19 @@ class DriveFrames:
     most_units: int
     """Largest target velocity that is within the motor's speed."""
 
-    def command(self, controlword: int, spool_velocity: float) -> bytes:
-        """Return the frame of a command."""
+    @property
+    def aims(self) -> bool:
+        """Whether its target is a position rather than a velocity."""
+        return self.commanded_objects[1][0] == _TARGET_POSITION
+
+    def velocity(self, spool_velocity: float) -> int:
+        """Return the target velocity of a speed."""
         units = round(spool_velocity / self.speed_per_unit)
-        return _CONTROL_AND_VELOCITY.pack(controlword, min(max(units, -self.most_units), self.most_units))
+        return min(max(units, -self.most_units), self.most_units)
+
+    def command(self, controlword: int, target: int) -> bytes:
+        """Return the frame of a command."""
+        return _CONTROL_AND_TARGET.pack(controlword, target)
 
 
 @dataclass(frozen=True)
@@ -165,7 +174,7 @@ def _drive(inst: Instrument, settings: CanOpen, place: tuple[int, int], drive: C
         objects,
         struct.Struct(_STATUS_AND_POSITION + ("" if counter is None else "H")),
         0x200 + drive.node,
-        _COMMANDED_OBJECTS,
+        ((0x6040, 0, 16), (_TARGET_POSITION if settings.mode == "cyclic-position" else _TARGET_VELOCITY, 0, 32)),
         turn * 2 * pi / inst.drives.encoder_counts,
         turn * unit,
         floor(inst.drives.motor_speed / unit * (1 + 1e-12)),
@@ -235,7 +244,7 @@ def _load(
 ) -> float:
     if settings.bitrate is None:
         return nan
-    cyclic = _bits(0) + sum(_bits(drive.measured.size) + _bits(_CONTROL_AND_VELOCITY.size) for drive in drives)
+    cyclic = _bits(0) + sum(_bits(drive.measured.size) + _bits(_CONTROL_AND_TARGET.size) for drive in drives)
     cyclic += sum(_bits(frame.format.size) for frame in sensors)
     nodes = {drive.node for drive in drives} | {frame.node for frame in sensors}
     heartbeats = (1 + len(nodes)) * _bits(1) / settings.heartbeat

@@ -78,19 +78,29 @@ class Setup:
         for number in self._plan.nodes:
             self._silence(number, taken)
 
-    def enable(self) -> None:
-        """Lead all drives to operation enabled, at rest; from now on they heed our heartbeat."""
+    def enable(self) -> dict[int, int]:
+        """Lead all drives to operation enabled, at rest; from now on they heed our heartbeat.
+
+        Returns
+        -------
+        dict
+            Counts that each is at, by node.
+        """
+        positions = {}
         for number in self._plan.nodes:
             self._network.send_message(0, bytes((_OPERATIONAL, number)))
         for drive in self._plan.drives:
             if self._settings.zero == "here":
                 self._home_here(drive)
-            self._write(drive.node, 0x60FF, 0, "i", 0)
+            positions[drive.node] = self._read(drive.node, 0x6064, 0, "i")
+            index = drive.commanded_objects[1][0]
+            self._write(drive.node, index, 0, "i", positions[drive.node] if drive.aims else 0)
             mode = cia402.MODES[self._settings.mode]
             self._mode(drive, mode)
             self._lead(drive)
             # Some drives show the mode that was asked for, and take it or not once they are enabled.
             self._mode_is(drive, mode)
+        return positions
 
     def _prepare_drive(self, drive: DriveFrames) -> None:
         node, limit = drive.node, self._inst.drives

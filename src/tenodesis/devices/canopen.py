@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from tenodesis.devices import cia402
+from tenodesis.devices.can_aim import Aim
 from tenodesis.devices.can_layout import COLUMNS, DriveFrames, SensorFrame, layout
 from tenodesis.devices.can_setup import MISSED_HEARTBEATS, Setup
 from tenodesis.devices.device import Bench, Capabilities, Measurement
@@ -97,6 +98,7 @@ class CanOpenDevice(Bench):
         self._turned: dict[int, int] = {}
         self._position: dict[int, int] = {}
         self._counted: dict[int, int] = {}
+        self._aims: dict[int, Aim] = {}
         self._waiting: set[int] = set()
         self._missed: Counter[int] = Counter()
         self._twice: set[int] = set()
@@ -158,7 +160,12 @@ class CanOpenDevice(Bench):
             self._beat = network.send_periodic(
                 0x700 + self._settings.master, bytes((_OPERATIONAL,)), self._settings.heartbeat
             )
-            setup.enable()
+            positions = setup.enable()
+            self._aims = {
+                drive.node: Aim(drive, positions[drive.node], self._period / 1e9)
+                for drive in self._plan.drives
+                if drive.aims
+            }
         except (can.CanError, OSError) as problem:
             raise DeviceError(f"{self._place} does not carry frames: {_told(problem)}") from None
         finally:
@@ -317,7 +324,15 @@ class CanOpenDevice(Bench):
 
     def _command(self, speeds: Array) -> None:
         for drive in self._plan.drives:
-            self._send(drive.commanded_id, drive.command(cia402.ENABLE, float(speeds[drive.axis, drive.tendon])))
+            speed = float(speeds[drive.axis, drive.tendon])
+            aim = self._aims.get(drive.node)
+            target = drive.velocity(speed) if aim is None else aim.go_on(speed, self._turned.get(drive.node))
+            self._send(drive.commanded_id, drive.command(cia402.ENABLE, target))
+
+    def _resting(self, drive: DriveFrames, controlword: int) -> bytes:
+        """Return the frame of a command that is no motion."""
+        aim = self._aims.get(drive.node)
+        return drive.command(controlword, 0 if aim is None else aim.target)
 
     def _end_beat(self) -> None:
         """From now on our heartbeat goes with the commands alone."""
@@ -486,7 +501,7 @@ class CanOpenDevice(Bench):
     def _quick_stop(self) -> None:
         """Tell every motor to stop, whichever of them can be told."""
         self._stopping = True
-        frames = [(drive.commanded_id, drive.command(cia402.QUICK_STOP, 0.0)) for drive in self._plan.drives]
+        frames = [(drive.commanded_id, self._resting(drive, cia402.QUICK_STOP)) for drive in self._plan.drives]
         for can_id, data in (*frames, (_SYNC, b"")):
             try:
                 self._transmit(can_id, data)
@@ -511,7 +526,7 @@ class CanOpenDevice(Bench):
 
     def _ask_to_rest(self, word: int) -> None:
         for drive in self._plan.drives:
-            self._transmit(drive.commanded_id, drive.command(word, 0.0))
+            self._transmit(drive.commanded_id, self._resting(drive, word))
         # After a failure, silence is one more way to stop them.
         if self._failed is None and self._beat is None:
             self._transmit(0x700 + self._settings.master, bytes((_OPERATIONAL,)))

@@ -20,7 +20,7 @@ HOMING_ATTAINED = 1 << 12
 HOMING_ERROR = 1 << 13
 
 HOMING_MODE = 6
-MODES = MappingProxyType({"cyclic-velocity": 9, "profile-velocity": 3})
+MODES = MappingProxyType({"cyclic-velocity": 9, "profile-velocity": 3, "cyclic-position": 8})
 HOME_HERE = (37, 35)
 """Methods that take the present position for zero: that of today's profile, and that of older drives."""
 

@@ -31,7 +31,7 @@ ObjectIndex = Annotated[int, Field(ge=0x1000, le=0xFFFF, strict=True)]
 SubIndex = Annotated[int, Field(ge=0, le=255, strict=True)]
 Drive = TypeVar("Drive", bound=Table)
 CanType: TypeAlias = Literal["i8", "u8", "i16", "u16", "i32", "u32", "f32"]
-CanMode: TypeAlias = Literal["cyclic-velocity", "profile-velocity"]
+CanMode: TypeAlias = Literal["cyclic-velocity", "profile-velocity", "cyclic-position"]
 
 
 class Axis(Table, Generic[Drive]):
@@ -112,7 +112,10 @@ class CanOpen(Table):
         default=None, ge=10_000, le=8_000_000, strict=True, description="Bits per second, if it is not set elsewhere"
     )
     options: dict[str, str | int | float | bool] = Field(default={}, description="What else the interface is told")
-    mode: CanMode = Field(default="cyclic-velocity", description="Mode of the drives: cyclic- or profile-velocity")
+    mode: CanMode = Field(
+        default="cyclic-velocity",
+        description="Mode of the drives: cyclic-velocity, profile-velocity or cyclic-position",
+    )
     velocity_unit: Speed | None = Field(
         default=None, description="Motor speed that 1 of a target velocity stands for; without it one count per second"
     )

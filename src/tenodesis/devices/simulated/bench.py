@@ -237,7 +237,9 @@ class SimulatedBench:
         """Take over the speeds in force."""
         for n, axis in enumerate(self._axes):
             for tendon, wired in enumerate(axis.drives):
-                told = self.drives[wired.node].velocity * self._unit / self.inst.drives.gear_ratio
+                drive, gears = self.drives[wired.node], self.inst.drives
+                follows = drive.pursuit(self.inst.sensors.sampling_rate) * 2 * pi / gears.encoder_counts
+                told = (drive.velocity * self._unit + follows) / gears.gear_ratio
                 self.velocity[n, tendon] = -told if wired.reversed else told
         self.fastest = max(self.fastest, float(np.abs(self.velocity).max()))
 

@@ -18,12 +18,14 @@ _DRIVE_OBJECTS: tuple[tuple[int, str, int, str], ...] = (
     (0x6060, "Modes of operation", od.INTEGER8, "rw"),
     (0x6061, "Modes of operation display", od.INTEGER8, "ro"),
     (0x6064, "Position actual value", od.INTEGER32, "ro"),
+    (0x607A, "Target position", od.INTEGER32, "rw"),
     (0x607C, "Home offset", od.INTEGER32, "rw"),
     (0x6098, "Homing method", od.INTEGER8, "rw"),
     (0x60FF, "Target velocity", od.INTEGER32, "rw"),
     *((index, f"Limit {index:04X}", od.UNSIGNED32, "rw") for index in _RAMPS),
 )
-_MODES = (3, 6, 9)
+_MODES = (3, 6, 8, 9)
+_POSITION_GAIN = 20.0  # 1/s, of the drive's own loop beside the step of its target
 _HOME_HERE = (35, 37)
 _VALUE_OUT_OF_RANGE = 0x0609_0030
 _HEARTBEAT_LOST, _PDO_LENGTH, _PDO_TIMEOUT = 0x8130, 0x8210, 0x8250
@@ -193,6 +195,7 @@ class Drive(Node):
         self.state = DISABLED
         self.target = 0
         """Target velocity in force."""
+        self._aim = self._aim_step = 0  # target position, and by how much it went on with the last SYNC
         self._start = position
         self._turned = 0
         self._offset = 0
@@ -218,6 +221,13 @@ class Drive(Node):
         """States it has been in, and why it left operation enabled."""
         self._show()
 
+    def pursuit(self, rate: float) -> float:
+        """Speed by which a drive that is told positions follows them, counts/s, for a number of them a second (Hz)."""
+        if not (self.state == ENABLED and self.operational and self.get(0x6061) == 8):
+            return 0.0
+        behind = _wrapped(self._aim - self._aim_step - self.get(0x6064))
+        return self._aim_step * rate + _POSITION_GAIN * behind
+
     @property
     def velocity(self) -> int:
         """What the motor is told, in units of the target velocity."""
@@ -240,6 +250,7 @@ class Drive(Node):
 
     def act(self) -> None:
         """Heed the commands that came since the last SYNC."""
+        aimed = False
         for pdo in self.local.rpdo.values():
             if not (pdo.enabled and pdo.data):
                 continue
@@ -250,9 +261,14 @@ class Drive(Node):
                 values = {one.index: one.od.decode_raw(bytes(one.get_data())) for one in pdo.map}
                 if 0x60FF in values:
                     self.target = values[0x60FF]
+                if 0x607A in values:
+                    self._aim_step, self._aim = _wrapped(values[0x607A] - self._aim), values[0x607A]
+                    aimed = True
                 if 0x6040 in values:
                     self._obey(values[0x6040])
             pdo.data = bytearray()
+        if not aimed:
+            self._aim_step = 0
 
     def fault(self, code: int) -> None:
         """Fall into fault, with an emergency."""
@@ -317,6 +333,8 @@ class Drive(Node):
             self._obey(int.from_bytes(data, "little"))
         elif index == 0x60FF:
             self.target = int.from_bytes(data, "little", signed=True)
+        elif index == 0x607A:
+            self._aim, self._aim_step = int.from_bytes(data, "little", signed=True), 0
         elif index == 0x6060:
             (mode,) = struct.unpack("<b", data)
             if mode not in _MODES:
@@ -405,3 +423,8 @@ def _add_record(
         variable.access_type = "rw" if sub or writable_count else "ro"
         record.add_member(variable)
     made.add_object(record)
+
+
+def _wrapped(counts: int) -> int:
+    """Return a difference of positions that begin anew after 32 bits."""
+    return (counts + 2**31) % 2**32 - 2**31
