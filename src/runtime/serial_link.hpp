@@ -209,8 +209,7 @@ class SerialLink {
   // A tick that comes while an answer is waited for is kept for whoever hears next.
   bool keep_early() {
     if (!is_tick()) return false;
-    if (early_count_ < early_.size())
-      early_[early_count_++] = {decoder_.header().sequence, message<link::Streamed>()};
+    if (early_count_ < early_.size()) early_[early_count_++] = {decoder_.header().sequence, message<link::Streamed>()};
     return true;
   }
 

@@ -1,7 +1,6 @@
 """CiA 402 drives on a CAN bus: the loop through it, and what becomes of motors when something is wrong."""
 
 import re
-import struct
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
