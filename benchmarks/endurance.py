@@ -1,7 +1,6 @@
 """A long session live, with every process there is: ticks, what the recording holds of them, memory.
 
-A runtime process, its recorder and an operator who turns the handle and changes the load, beside as many busy processes
-as there are cores. At the end the file is read back, message by message: each tick of the recording must be in it once,
+A runtime process, its recorder and an operator who turns the handle and changes the load, beside processes that compute. At the end the file is read back, message by message: each tick of the recording must be in it once,
 a period after the one before. There is no peer to compare with; the figures are counts.
 """
 
@@ -105,8 +104,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--instrument", default="scaled-up")
+    parser.add_argument("--busy", type=int, default=os.cpu_count() or 1, help="processes that compute beside it")
     given = parser.parse_args()
-    workers = [multiprocessing.Process(target=busy, daemon=True) for _ in range(os.cpu_count() or 1)]
+    workers = [multiprocessing.Process(target=busy, daemon=True) for _ in range(given.busy)]
     for worker in workers:
         worker.start()
     with tempfile.TemporaryDirectory() as folder:
