@@ -1,6 +1,6 @@
 """A long session live, with every process there is: ticks, what the recording holds of them, memory.
 
-A runtime process, its recorder and an operator who turns the handle and changes the load, beside processes that compute.
+A runtime process, its recorder and an operator who turns the handle and changes the load, beside busy processes.
 At the end the file is read back, message by message: each tick of the recording must be in it once, a period after the
 one before. There is no peer to compare with; the figures are counts.
 """
