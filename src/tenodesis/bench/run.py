@@ -4,10 +4,10 @@ import csv
 import json
 import math
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -89,11 +89,18 @@ def run(
         The folder cannot be written.
     """
     context = Context(_within_reach(inst), scaled, _is_paper(inst, scaled))
+    # A folder that cannot be written is said before a minute of work, not after it.
+    with _written(out), together(out):
+        pass
+    with style.applied():
+        return _run(context, out, progress, recordings, seeds)
+
+
+@contextmanager
+def _written(out: Path) -> Iterator[None]:
+    """Say of what fails within that a folder cannot be written."""
     try:
-        # A folder that cannot be written is said before a minute of work, not after it.
-        out.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(dir=out, prefix=".tenodesis-"), style.applied():
-            return _run(context, out, progress, recordings, seeds)
+        yield
     except OSError as problem:
         raise BenchError(f"{out} cannot be written: {problem.strerror or problem}.") from problem
 
@@ -127,7 +134,8 @@ def _run(context: Context, out: Path, progress: Callable[[str], None], recording
     progress("writing")
     if not recordings:
         context.recordings.clear()
-    _write(context, sections, out)
+    with _written(out):
+        _write(context, sections, out)
     return context
 
 
