@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tenodesis as tn
-from tenodesis.bench import campaign
-from tenodesis.bench import compensated_run as bench
-from tenodesis.bench.content import Context
 from tenodesis.control import Controller
 from tenodesis.instrument import Instrument
+from tenodesis.paper import campaign
+from tenodesis.paper import compensated_run as bench
+from tenodesis.paper.context import Context
 from tenodesis.twin import Twin
 
 Array = NDArray[np.float64]

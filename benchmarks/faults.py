@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 import tenodesis as tn
 from tenodesis.control import FAULTS, Controller, OperatingState, parameters
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Run
+from tenodesis.run import Run
 from tenodesis.twin import TIME_STEP, Twin
 
 Array = NDArray[np.float64]

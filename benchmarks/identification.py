@@ -25,9 +25,9 @@ from tenodesis.identification.differences import scales
 from tenodesis.identification.formats.instrument_run import TENDONS, InstrumentRun, checked
 from tenodesis.identification.models.twin import TwinProblem, problem
 from tenodesis.instrument import Instrument
-from tenodesis.protocols import Cycles, Pretension, Protocol
 from tenodesis.recording.session import record
-from tenodesis.signals import Array
+from tenodesis.run import Array
+from tenodesis.simulate import Cycles, Pretension, Protocol
 
 STEP = 5e-4
 SEEDS = 100

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import tenodesis as tn
-from tenodesis.instrument_text import to_toml
+from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
 from tenodesis.live.loop import Choices, LiveLoop
 from tenodesis.live.record import Reader

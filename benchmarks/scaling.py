@@ -12,8 +12,8 @@ import numpy as np
 import tenodesis as tn
 from tenodesis import scaling
 from tenodesis.instrument import TendonGear
+from tenodesis.run import Array
 from tenodesis.scaling.range import working_range
-from tenodesis.signals import Array
 
 ROOT = Path(__file__).parents[1]
 PEERS = 300

@@ -13,8 +13,8 @@ from pathlib import Path
 import picture
 
 from tenodesis import instrument, scaling
-from tenodesis.bench import run
-from tenodesis.bench.content import Context
+from tenodesis.paper import run
+from tenodesis.paper.context import Context
 
 ROOT = Path(__file__).parents[1]
 EQUATIONS = range(1, 23)
@@ -110,11 +110,14 @@ def _equations(text: str) -> list[int]:
 
 
 def _python_functions() -> Iterator[tuple[str, str]]:
-    for module in ("statics", "similarity.comparison"):
+    for module in ("statics.equations", "similarity.comparison"):
         tree = ast.parse((ROOT / f"src/tenodesis/{module.replace('.', '/')}.py").read_text("utf-8"))
         for node in ast.walk(tree):
             if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
-                yield f"tenodesis.{module}.{node.name}", (ast.get_docstring(node) or "").split("\n\n")[0]
+                yield (
+                    f"tenodesis.{module.partition('.')[0]}.{node.name}",
+                    (ast.get_docstring(node) or "").split("\n\n")[0],
+                )
 
 
 def _core_functions() -> Iterator[tuple[str, str]]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core
-from tenodesis.hardware import MOST_EXPONENT
+from tenodesis.instrument.hardware import MOST_EXPONENT
 
 Array = NDArray[np.float64]
 

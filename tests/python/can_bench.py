@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.devices.canopen import CanOpenDevice
-from tenodesis.devices.settings import CanOpen
 from tenodesis.devices.simulated.bench import SimulatedBench
 from tenodesis.instrument import Instrument
+from tenodesis.instrument.devices import CanOpen
 
 RATE = 500.0  # Hz
 TIMEOUT = 5.0  # s: of an answer that comes, however busy the machine

@@ -12,13 +12,13 @@ import numpy as np
 
 import tenodesis as tn
 from tenodesis.console.link import Asked
-from tenodesis.control import Controller, OperatingState, Request, Tampering
+from tenodesis.control import Controller, FaultInjection, OperatingState, Request
 from tenodesis.control.controller import fault_names
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
-from tenodesis.instrument_text import to_toml
-from tenodesis.protocols import Protocol
-from tenodesis.signals import Array, Run, concatenate
+from tenodesis.instrument.text import to_toml
+from tenodesis.run import Array, Run, concatenate
+from tenodesis.simulate import Protocol
 
 TIME_STEP = 5e-4
 _BLOCK = 20
@@ -95,7 +95,7 @@ class StandIn:
             axes = len(inst.axes)
             self.hands, self.forces, self.at = np.zeros(axes), np.zeros(axes), np.zeros(axes)
             self.beat, self.rate, self.problem = 0.0, 1.0, None
-            self.tampering: list[Tampering] = []
+            self.tampering: list[FaultInjection] = []
             self.playing: Iterator[Mapping[str, Array]] | None = None
             self.protocol: tuple[str, float, float, str | None] | None = None
             self.recorder: tn.Recorder | None = None
@@ -126,7 +126,7 @@ class StandIn:
             commands["handle_angle"],
             commands["force"],
             controller=self.controller,
-            tampering=[one for one in self.tampering if one.stop > self.twin.time],
+            fault_injection=[one for one in self.tampering if one.stop > self.twin.time],
         )
         self.at = commands["handle_angle"][-1].reshape(axes)
         self.ticks += count
@@ -276,7 +276,7 @@ class StandInLink:
         bench = self.bench
         with bench.lock:
             now = bench.twin.time
-            bench.tampering = [Tampering(place, mode, value, start=now, stop=now + seconds)]
+            bench.tampering = [FaultInjection(place, mode, value, start=now, stop=now + seconds)]
 
     def play(self, protocol: Protocol) -> None:
         self._ask(f"play {protocol.name}")

@@ -9,11 +9,11 @@ import numpy as np
 from tenodesis import _core
 from tenodesis.control import Controller, Request
 from tenodesis.instrument import Instrument
-from tenodesis.instrument_text import to_toml
+from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
 from tenodesis.live.loop import ORDERS
 from tenodesis.live.record import run_of, signals_of
-from tenodesis.signals import Run, concatenate
+from tenodesis.run import Run, concatenate
 from tenodesis.twin import Twin
 
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import tenodesis as tn
-from tenodesis.bench import BenchError, report, run
-from tenodesis.bench.content import Context
-from tenodesis.bench.run import steps
 from tenodesis.instrument import Instrument
+from tenodesis.paper import BenchError, report, run
+from tenodesis.paper.context import Context
+from tenodesis.paper.run import steps
 
 from .conftest import ROOT
 
@@ -290,7 +290,7 @@ UNUSUAL = {
 @pytest.fixture
 def only_vectors(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw what the report shows, and not again as PNG: of that, other tests tell."""
-    monkeypatch.setattr(import_module("tenodesis.bench.run"), "_DRAWINGS", ("svg",))
+    monkeypatch.setattr(import_module("tenodesis.paper.run"), "_DRAWINGS", ("svg",))
 
 
 @pytest.mark.usefixtures("only_vectors")

@@ -10,7 +10,7 @@ import pytest
 from tenodesis.errors import DesignError
 from tenodesis.instrument import TendonGear
 from tenodesis.instrument import load as load_instrument
-from tenodesis.instrument_text import with_units
+from tenodesis.instrument.text import with_units
 from tenodesis.scaling import catalogue
 from tenodesis.scaling.catalogue import NEEDED, Catalogue, Constraints, Rod, json_schema, load, shipped
 from tenodesis.scaling.parts import KINDS

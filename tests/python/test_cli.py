@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from tenodesis import cli
-from tenodesis.bench.content import Context
+from tenodesis.cli import commands
 from tenodesis.instrument import Instrument, load
+from tenodesis.paper.context import Context
 
 from .conftest import EXAMPLES
 
@@ -35,8 +35,8 @@ def test_bench_takes_any_instrument_file(tmp_path: Path, monkeypatch: pytest.Mon
         asked.append((inst, scaled, out))
         return Context(inst, scaled, False)
 
-    monkeypatch.setattr(cli, "bench_run", told)
-    done = CliRunner().invoke(cli.app, ["bench", str(EXAMPLES / "pulley.toml"), "--out", str(tmp_path / "elsewhere")])
+    monkeypatch.setattr(commands, "bench_run", told)
+    done = CliRunner().invoke(commands.app, ["bench", str(EXAMPLES / "pulley.toml"), "--out", f"{tmp_path}/elsewhere"])
     assert done.exit_code == 0, done.output
     assert asked == [(load(EXAMPLES / "pulley.toml"), None, tmp_path / "elsewhere")]
 

@@ -11,7 +11,8 @@ import pytest
 from rich.console import Console
 
 import tenodesis as tn
-from tenodesis import cli, control
+from tenodesis import control
+from tenodesis.cli import commands
 from tenodesis.control import export
 from tenodesis.control.parameters import AXIS, COMMON
 from tenodesis.instrument import Instrument
@@ -30,10 +31,10 @@ def tenodesis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
 
     def run(*arguments: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["tenodesis", *map(str, arguments)])
-        monkeypatch.setattr(cli, "errors", Console(stderr=True, highlight=False, soft_wrap=True))
+        monkeypatch.setattr(commands, "errors", Console(stderr=True, highlight=False, soft_wrap=True))
         code = 0
         try:
-            cli.main()
+            commands.main()
         except SystemExit as end:
             code = int(end.code or 0)
         said = capsys.readouterr()

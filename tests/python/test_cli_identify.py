@@ -14,14 +14,14 @@ import typer
 from typer.testing import CliRunner
 
 import tenodesis as tn
-from tenodesis import cli_identify
-from tenodesis.cli_recording import CommandError
+from tenodesis.cli import identify
+from tenodesis.cli.recording import CommandError
 from tenodesis.errors import IdentificationError
+from tenodesis.files import atomic_file, atomic_files
 from tenodesis.identification import FORMATS, Format, Parameter, Trace, registry, report
 from tenodesis.identification.formats.measured import Measured
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
-from tenodesis.whole import together, whole
+from tenodesis.run import Array
 
 STEP = 0.01
 
@@ -84,7 +84,7 @@ def springs(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         return Springs([*train, *test], instrument)
 
     monkeypatch.setitem(FORMATS, "tendon-sheath", Format(load, problem))
-    monkeypatch.setattr(cli_identify, "usual", lambda _: registry.Usual("capstan-constant", "linear"))
+    monkeypatch.setattr(identify, "usual", lambda _: registry.Usual("capstan-constant", "linear"))
     yield
 
 
@@ -103,7 +103,7 @@ def logs(tmp_path: Path) -> list[Path]:
 
 app = typer.Typer()
 app.callback()(lambda: None)
-cli_identify.register(app)
+identify.register(app)
 
 
 def run(*arguments: object) -> Any:
@@ -190,9 +190,9 @@ def test_what_is_no_regular_file_is_never_replaced(logs: list[Path], tmp_path: P
     os.mkfifo(pipe)
     with pytest.raises(CommandError, match="pipe, which is no regular file; allowed is the path of a file"):
         run(logs[0], "--out", tmp_path / "out", "--json", pipe)
-    with pytest.raises(OSError, match="pipe is no regular file"), whole(pipe) as new:
+    with pytest.raises(OSError, match="pipe is no regular file"), atomic_file(pipe) as new:
         new.write_text("")
-    with pytest.raises(OSError, match="pipe is no regular file"), together(tmp_path) as folder:
+    with pytest.raises(OSError, match="pipe is no regular file"), atomic_files(tmp_path) as folder:
         for name in ("other", "pipe"):
             (folder / name).write_text("")
     assert pipe.is_fifo()
@@ -224,7 +224,7 @@ def test_what_cannot_be_asked_is_one_sentence(logs: list[Path], tmp_path: Path) 
 def test_outputs_that_cannot_be_written_are_refused_before_the_fit(
     logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cli_identify, "fit", lambda *_, **__: pytest.fail("fitted before it asked"))
+    monkeypatch.setattr(identify, "fit", lambda *_, **__: pytest.fail("fitted before it asked"))
     for place in (logs[1] / "numbers.json", Path("/dev/null/numbers.json")):
         with pytest.raises(CommandError, match=r"--json would write .*, which cannot be written: Not a directory"):
             run(logs[0], "--out", tmp_path / "out", "--json", place)

@@ -17,10 +17,11 @@ from mcap_ros2.writer import Writer as StockWriter
 from rich.console import Console
 
 import tenodesis as tn
-from tenodesis import cli, cli_recording
+from tenodesis.cli import commands
+from tenodesis.cli import recording as recording_commands
 from tenodesis.live import recorder as live
 from tenodesis.recording import Recorder, Recording
-from tenodesis.signals import Run
+from tenodesis.run import Run
 
 from .conftest import EXAMPLES, ROOT
 from .live_loop import Played
@@ -47,11 +48,11 @@ def tenodesis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
 
     def run(*arguments: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["tenodesis", *map(str, arguments)])
-        monkeypatch.setattr(cli, "errors", Console(stderr=True, highlight=False, soft_wrap=True))
-        monkeypatch.setattr(cli_recording, "console", Console(width=120))
+        monkeypatch.setattr(commands, "errors", Console(stderr=True, highlight=False, soft_wrap=True))
+        monkeypatch.setattr(recording_commands, "console", Console(width=120))
         code = 0
         try:
-            cli.main()
+            commands.main()
         except SystemExit as end:
             code = int(end.code or 0)
         said = capsys.readouterr()
@@ -270,9 +271,9 @@ def told_of(out: str) -> dict[str, str]:
 
 def test_info_tells_the_events_faults_and_gaps_of_a_live_recording(tenodesis: Command, tmp_path: Path) -> None:
     twin = tn.twin.Twin(tn.load("scaled-up"), seed=3)
-    tension = tn.control.Tampering("tension.agonist", "set", math.nan, start=0.05, stop=0.06)
+    tension = tn.simulate.FaultInjection("tension.agonist", "set", math.nan, start=0.05, stop=0.06)
     controller = tn.control.Controller(twin.inst)
-    run = twin.run(np.zeros(400), controller=controller, tampering=[tension])
+    run = twin.run(np.zeros(400), controller=controller, fault_injection=[tension])
     assert run.faults is not None
     first = run.time[np.flatnonzero(run.faults)[0]]
     happened = [

@@ -12,7 +12,8 @@ import pytest
 from rich.console import Console
 
 import tenodesis as tn
-from tenodesis import cli, cli_scale
+from tenodesis.cli import commands
+from tenodesis.cli import scale as scale_command
 from tenodesis.scaling import PINS
 
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
@@ -38,11 +39,11 @@ def tenodesis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
 
     def run(*arguments: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["tenodesis", *map(str, arguments)])
-        monkeypatch.setattr(cli, "errors", Console(stderr=True, highlight=False, soft_wrap=True))
-        monkeypatch.setattr(cli_scale, "console", Console(width=140))
+        monkeypatch.setattr(commands, "errors", Console(stderr=True, highlight=False, soft_wrap=True))
+        monkeypatch.setattr(scale_command, "console", Console(width=140))
         code = 0
         try:
-            cli.main()
+            commands.main()
         except SystemExit as end:
             code = int(end.code or 0)
         said = capsys.readouterr()

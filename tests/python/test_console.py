@@ -245,7 +245,7 @@ def test_a_protocol_runs_and_its_recording_is_opened_replayed_and_compared(
 @needs_chromium
 def test_the_experiments_of_the_package_have_a_button_each(window: Window, bench: StandIn) -> None:
     window.tab("Tests")
-    for name in tn.protocols.shipped():
+    for name in tn.simulate.shipped():
         assert window.page.get_by_role("button", name=name, exact=True).count() == 1
     window.page.get_by_role("button", name="step-load", exact=True).click()
     window.sees("step-load runs")

@@ -24,7 +24,7 @@ from tenodesis.console.session import plain
 from tenodesis.console.wire import LoopEvent
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
-from tenodesis.instrument_text import to_toml
+from tenodesis.instrument.text import to_toml
 
 pytest.importorskip("viser", reason="the page needs viser")
 

@@ -17,11 +17,11 @@ from tenodesis.devices import cia402
 from tenodesis.devices.can_aim import LEAD, Aim
 from tenodesis.devices.can_layout import Sensor, layout
 from tenodesis.devices.canopen import CanOpenDevice
-from tenodesis.devices.settings import CanOpen
 from tenodesis.devices.simulated.bench import SimulatedBench, TwinPlant
 from tenodesis.errors import DeviceError, InstrumentError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.instrument.devices import CanOpen
+from tenodesis.run import Array
 from tenodesis.twin import Twin
 
 from .can_bench import (

@@ -14,10 +14,10 @@ import tenodesis as tn
 from tenodesis import instrument
 from tenodesis.devices.nidaq import NiDaqDevice
 from tenodesis.devices.nidaq_tasks import NiTasks, Samples
-from tenodesis.devices.settings import NiDaq
 from tenodesis.errors import DeviceError, InstrumentError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.instrument.devices import NiDaq
+from tenodesis.run import Array
 
 from .test_devices import TABLES
 

@@ -10,9 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 import tenodesis as tn
-from tenodesis.control import FAULTS, Controller, OperatingState, Request, Tampering, parameters
+from tenodesis.control import FAULTS, Controller, FaultInjection, OperatingState, Request, parameters
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Run
+from tenodesis.run import Run
 from tenodesis.twin import TIME_STEP, Twin
 
 from .conftest import ROOT
@@ -47,14 +47,14 @@ class Case(NamedTuple):
     within: float
     """s"""
     why: str
-    tampering: tuple[Tampering, ...] = ()
+    tampering: tuple[FaultInjection, ...] = ()
     let_out: tuple[float, float, float] | None = None
     """Of a tendon (0 agonist, 1 antagonist, 2 both): length in stretches by the pretension, and in how long, s."""
     start: float = FAULT
 
 
 def tamper(place: Any, mode: Any, value: float = 0.0, start: float = FAULT, stop: float = np.inf) -> Any:
-    return (Tampering(place, mode, value, start=start, stop=stop),)
+    return (FaultInjection(place, mode, value, start=start, stop=stop),)
 
 
 ONE_TICK = "no condition has to last"
@@ -128,7 +128,7 @@ def work(
     seed: int = 3,
     lengths: tuple[float, float, float] | None = None,
     start: float = FAULT,
-    tampering: Sequence[Tampering] = (),
+    tampering: Sequence[FaultInjection] = (),
     requests: dict[float, Request] | None = None,
     force: Callable[[Array], Array] | None = None,
     twin: Twin | None = None,
@@ -147,7 +147,7 @@ def work(
         controller=controller,
         request=request,
         let_out=let_out(inst, lengths, start, time),
-        tampering=tampering,
+        fault_injection=tampering,
     )
 
 
@@ -175,7 +175,7 @@ def unneeded_motion(inst: Instrument, run: Run, frozen: Run, healthy: Run, first
 def check(inst: Instrument, deg: float, case: Case, choice: tuple[str, str, str]) -> None:
     asked: dict[str, Any] = {"lengths": case.let_out, "start": case.start}
     one = controller(inst, choice)
-    run = work(inst, deg, one, tampering=case.tampering, **asked)
+    run = work(inst, deg, one, fault_injection=case.tampering, **asked)
     first = round(case.start / TIME_STEP)
     row = fault_row(run)
     commanded = run["commanded_spool_velocity"]
@@ -233,7 +233,7 @@ def test_a_fault_is_told_whatever_law_is_at_work(case: Case, choice: tuple[str, 
 def test_the_flight_record_holds_the_last_200_ms_before_a_fault_and_a_few_after() -> None:
     inst = instrument("scaled-up")
     one = controller(inst)
-    run = work(inst, 33, one, tampering=CASES["encoder jumps"].tampering)
+    run = work(inst, 33, one, fault_injection=CASES["encoder jumps"].tampering)
     record, row = one.flight_record(), fault_row(run)
     assert row is not None and record.fault_row is not None
     assert record.time[record.fault_row] == pytest.approx(run.time[row], abs=1e-9)
@@ -257,7 +257,7 @@ def test_every_sensor_fault_is_told_within_50_ms() -> None:
 @pytest.mark.parametrize(("name", "deg"), CONFIGURATIONS, ids=str)
 def test_a_drive_that_runs_away_is_told_before_it_has_wound_a_tenth_of_a_turn(name: str, deg: float) -> None:
     inst = instrument(name)
-    run = work(inst, deg, controller(inst), tampering=tamper("spool_velocity.agonist", "set", 3.0))
+    run = work(inst, deg, controller(inst), fault_injection=tamper("spool_velocity.agonist", "set", 3.0))
     row = fault_row(run)
     assert row is not None and names(run["faults"][row]) == {"motor_not_following"}
     first = round(FAULT / TIME_STEP)
@@ -302,8 +302,8 @@ def test_a_drifting_cell_is_told_before_it_is_off_by_two_pretensions(name: str, 
     # of the two instruments' friction, sheath bent by a quarter turn included, comes to 0.3.
     inst = instrument(name, 0.3)
     side = "agonist" if rate > 0 else "antagonist"
-    drift = (Tampering(f"tension.{side}", "add", rate=rate, start=FAULT),)  # type: ignore[arg-type]
-    run = work(inst, deg, controller(inst), seconds=FAULT + 2.2 * inst.pretension / abs(rate), tampering=drift)
+    drift = (FaultInjection(f"tension.{side}", "add", rate=rate, start=FAULT),)  # type: ignore[arg-type]
+    run = work(inst, deg, controller(inst), seconds=FAULT + 2.2 * inst.pretension / abs(rate), fault_injection=drift)
     row = fault_row(run)
     assert row is not None
     # A cell that says less and less looks like a tendon that comes to hang.
@@ -321,7 +321,7 @@ def test_a_fault_is_not_cleared_before_its_cause_is_gone(place: str) -> None:
         33,
         one,
         seconds=5.0,
-        tampering=tamper(place, "set", np.nan, stop=2.5),
+        fault_injection=tamper(place, "set", np.nan, stop=2.5),
         requests={2.2: Request.CLEAR, 2.3: Request.ENABLE, 3.0: Request.CLEAR, 3.5: Request.ENABLE},
     )
     state = run["operating_state"]
@@ -343,19 +343,19 @@ def test_a_fault_is_not_cleared_before_its_cause_is_gone(place: str) -> None:
 def test_after_a_fault_that_casts_doubt_on_the_spools_homing_comes_before_compensation(case: str) -> None:
     inst = instrument("scaled-up")
     one, twin, fault = controller(inst), Twin(inst, seed=3), CASES[case]
-    work(inst, 0, one, lengths=fault.let_out, tampering=fault.tampering, twin=twin, force=np.zeros_like)
+    work(inst, 0, one, lengths=fault.let_out, fault_injection=fault.tampering, twin=twin, force=np.zeros_like)
     count = round(12 / TIME_STEP)
     request = np.zeros(count, int)
     for at, asked in ((0.1, Request.CLEAR), (0.3, Request.ENABLE), (0.5, Request.HOME), (11.0, Request.RESUME)):
         request[round(at / TIME_STEP)] = asked
     time = 10 + np.arange(count, dtype=np.float64) * TIME_STEP
-    kept = [Tampering(one.place, one.mode, one.value, one.rate) for one in fault.tampering]
+    kept = [FaultInjection(one.place, one.mode, one.value, one.rate) for one in fault.tampering]
     run = twin.run(
         np.zeros(count),
         controller=one,
         request=request,
         let_out=let_out(inst, fault.let_out, FAULT, time),
-        tampering=kept,
+        fault_injection=kept,
     )
     state = run["operating_state"]
     assert state[round(0.4 / TIME_STEP)] == OperatingState.DISABLED

@@ -16,7 +16,7 @@ from tenodesis.identification.formats.davinci_tool import JAW_COUNTS, SPINDLE_CO
 from tenodesis.identification.formats.measured import Measured, Source
 from tenodesis.identification.formats.raw import GRAM_FORCE, Raw, Unit
 from tenodesis.identification.formats.table import read_rows
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 TIME, SPINDLE, TORQUE, JAW, JAW_TORQUE = 0, 1, 2, 4, 5
 SAMPLES = 4000

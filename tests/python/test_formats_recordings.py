@@ -13,10 +13,10 @@ import tenodesis as tn
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS
 from tenodesis.identification.formats.instrument_run import InstrumentRun
-from tenodesis.protocols import Cycles, Protocol
 from tenodesis.recording import Recording, container, schemas
 from tenodesis.recording.session import record
-from tenodesis.signals import Array
+from tenodesis.run import Array
+from tenodesis.simulate import Cycles, Protocol
 
 PROTOCOL = Protocol(
     name="formats",

@@ -13,7 +13,7 @@ from tenodesis.identification import FORMATS, Fit, Parameter, fit, jacobian_erro
 from tenodesis.identification.bootstrap import block_length, redrawn
 from tenodesis.identification.uncertainty import Linearised, long_run, spread
 from tenodesis.identification.whiteness import autocorrelation, correlation_samples, examine
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 STEP = 0.01
 

@@ -14,7 +14,7 @@ from tenodesis.identification import FORMATS, Fit, fit, jacobian_error
 from tenodesis.identification.formats.davinci_tool import load
 from tenodesis.identification.formats.measured import Measured
 from tenodesis.identification.models.tool import LAWS, SETTLING, Tool, problem
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 ROOT = Path(__file__).parents[2]
 DATA = Path(os.environ.get("TENODESIS_DATA", ROOT.parent / "shared" / "data")) / "davinci-tool"

@@ -15,7 +15,7 @@ from tenodesis.identification.formats.measured import Measured
 from tenodesis.identification.laws import LAWS, pass_on
 from tenodesis.identification.laws_comparison import compare_laws, to_markdown
 from tenodesis.identification.models.pair import Pair, problem
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 ROOT = Path(__file__).parents[2]
 DATA = Path(os.environ.get("TENODESIS_DATA", ROOT.parent / "shared" / "data")) / "endoscope-pair"

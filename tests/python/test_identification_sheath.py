@@ -18,7 +18,7 @@ from tenodesis.identification.models.sheath import DEFAULT_LOSS, Sheath, problem
 from tenodesis.identification.results import Fit
 from tenodesis.identification.split import Part, split
 from tenodesis.identification.uncertainty import LossName
-from tenodesis.signals import Array
+from tenodesis.run import Array
 from tenodesis.tendon import transmit
 
 ROOT = Path(__file__).parents[2]

@@ -16,9 +16,9 @@ from tenodesis.identification.models.converter import Converter
 from tenodesis.identification.models.twin import TwinProblem
 from tenodesis.identification.models.twin_inputs import smoothed, unrounded
 from tenodesis.instrument import Instrument
-from tenodesis.protocols import Cycles, Pretension, Protocol
 from tenodesis.recording.session import record
-from tenodesis.signals import Array, Run
+from tenodesis.run import Array, Run
+from tenodesis.simulate import Cycles, Pretension, Protocol
 
 STEP = 5e-4
 RADII = ("distal_gear_radius", "distal_pulley_radius")

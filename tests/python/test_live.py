@@ -16,7 +16,7 @@ from tenodesis import _core
 from tenodesis.control import Controller, OperatingState
 from tenodesis.devices.device import Capabilities, Measurement
 from tenodesis.errors import DeviceError, LiveError
-from tenodesis.instrument_text import to_toml
+from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
 from tenodesis.live.client import Client, wait_for
 from tenodesis.live.host import Host
@@ -473,7 +473,7 @@ def test_a_protocol_ends_with_its_operator_and_homes_nobodys_motors(served):
     folder, _ = served
     one, other = Client(folder, "one"), Client(folder, "other")
     one.acquire()
-    one.play(tn.protocols.load("pretension"), record=False)
+    one.play(tn.simulate.load("pretension"), record=False)
     one.close()
     until(lambda: other.status().protocol[3] is not None)
     time.sleep(0.3)
@@ -550,7 +550,7 @@ def test_a_protocol_runs_at_a_request_and_is_recorded_whole(served):
     folder, _ = served
     one = operating(folder)
     one.request("enable")
-    protocol = tn.protocols.parse(
+    protocol = tn.simulate.parse(
         'name = "turn"\n[[phases]]\nkind = "ramp"\nhandle_angle = "20 deg"\nduration = "1 s"\n'
     )
     one.play(protocol)

@@ -17,7 +17,7 @@ from tenodesis.live import recorder as live
 from tenodesis.live.events import FILE, LONGEST_LINE, Happened, Tail
 from tenodesis.live.journal import Journal
 from tenodesis.recording import Recording
-from tenodesis.signals import Run
+from tenodesis.run import Run
 
 from .live_loop import Played
 

@@ -25,7 +25,7 @@ from tenodesis.recording import Recording
 
 from .test_live import looped, operating, until
 
-RAMP = tn.protocols.parse(
+RAMP = tn.simulate.parse(
     'name = "turn"\n[[phases]]\nkind = "ramp"\nhandle_angle = "20 deg"\nduration = "1 s"\n'
     '[[phases]]\nkind = "hold"\nduration = "20 s"\n'
 )
@@ -75,7 +75,7 @@ def failing(work):
 
 
 @pytest.mark.parametrize(
-    ("place", "name"), [(tn.protocols, "parse"), (tn.protocols.Protocol, "plan"), (servers, "Player")]
+    ("place", "name"), [(tn.simulate, "parse"), (tn.simulate.Protocol, "plan"), (servers, "Player")]
 )
 def test_a_stop_that_comes_while_a_protocol_is_being_prepared_wins(served, monkeypatch, place, name):
     # So long that it is not the operator's absence that ends it.

@@ -11,8 +11,8 @@ from tenodesis.control import OperatingState
 from tenodesis.errors import LiveError, ProtocolError
 from tenodesis.instrument import Instrument
 from tenodesis.live.protocols import Player
-from tenodesis.protocols import Cycles, Pretension, Protocol, Ramp, StepLoad
-from tenodesis.signals import Array, concatenate
+from tenodesis.run import Array, concatenate
+from tenodesis.simulate import Cycles, Pretension, Protocol, Ramp, StepLoad
 
 from .live_loop import LiveLoop
 
@@ -88,7 +88,7 @@ def test_the_tip_does_what_it_does_offline(loop: LiveLoop, scaled: Instrument) -
     controller = tn.control.Controller(scaled, enabled=False)
     rest = {"handle_angle": np.zeros(TURN), "request": np.r_[1, np.zeros(TURN - 1)].astype(np.uint8)}
     twin.run(**rest, controller=controller)
-    offline = tn.protocols.execute(twin, STEPS, controller)
+    offline = tn.simulate.execute(twin, STEPS, controller)
     turns(player(loop, STEPS), loop)
     live = concatenate(loop.runs)
     rows = slice(TURN, TURN + len(offline))

@@ -28,7 +28,7 @@ from tenodesis.live import recorder as live
 from tenodesis.live.events import Tail
 from tenodesis.live.record import Reader
 from tenodesis.recording import Recorder, Recording
-from tenodesis.signals import Run
+from tenodesis.run import Run
 
 from .conftest import ROOT
 from .live_loop import LiveLoop, Played, part
@@ -52,7 +52,7 @@ from pathlib import Path
 import numpy as np
 import tenodesis as tn
 from tenodesis.live import recorder
-from tenodesis.signals import Run
+from tenodesis.run import Run
 {before}
 class Source:
     inst, axes, time_step = tn.load("scaled-up"), ("yaw",), {STEP}

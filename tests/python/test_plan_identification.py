@@ -12,8 +12,9 @@ import typer
 from typer.testing import CliRunner
 
 import tenodesis as tn
-from tenodesis import cli_plan_identification, protocols
-from tenodesis.cli_recording import CommandError
+from tenodesis import simulate
+from tenodesis.cli import plan_identification
+from tenodesis.cli.recording import CommandError
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS
 from tenodesis.identification.experiment import OPTIMISTIC, Plan, plan, report
@@ -77,7 +78,7 @@ def test_all_that_is_wanted_is_told_and_its_interval_holds_the_file(scaled_up: P
 
 def test_written_protocol_is_the_one_that_was_predicted_and_can_be_recorded(scaled_up: Plan, tmp_path: Path) -> None:
     report.write(scaled_up, tmp_path)
-    protocol = protocols.load(tmp_path / report.PROTOCOL)
+    protocol = simulate.load(tmp_path / report.PROTOCOL)
     assert protocol == scaled_up.protocol
     run = record(tn.load("scaled-up"), protocol, tmp_path / "log.mcap", seed=1)
     assert run.time[-1] == pytest.approx(scaled_up.proposed.seconds)
@@ -257,7 +258,7 @@ def test_friction_is_not_wanted_of_an_instrument_without_it() -> None:
 @pytest.fixture
 def app() -> Iterator[typer.Typer]:
     made = typer.Typer(pretty_exceptions_enable=False)
-    cli_plan_identification.register(made)
+    plan_identification.register(made)
     made.command()(lambda: None)
     yield made
 

@@ -12,11 +12,11 @@ import pytest
 from pydantic import ValidationError
 
 import tenodesis as tn
-from tenodesis import protocols
+from tenodesis import simulate
 from tenodesis.instrument import Instrument
-from tenodesis.protocols import Cycles, Hold, Motion, Pretension, Protocol, ProtocolError, Ramp, StepLoad
-from tenodesis.protocols.interpolation import monotone_cubic
-from tenodesis.signals import Array, Run
+from tenodesis.run import Array, Run
+from tenodesis.simulate import Cycles, Hold, Motion, Pretension, Protocol, ProtocolError, Ramp, StepLoad
+from tenodesis.simulate.interpolation import monotone_cubic
 
 DT = 1e-3
 DEG = math.radians(1)
@@ -77,23 +77,23 @@ def motion_file(tmp_path: Path) -> Path:
 # What is asked
 
 
-@pytest.mark.parametrize("name", protocols.shipped())
+@pytest.mark.parametrize("name", simulate.shipped())
 def test_every_shipped_protocol_runs_on_every_mechanism(any_inst: Instrument, name: str) -> None:
-    protocol = protocols.load(name)
+    protocol = simulate.load(name)
     assert protocol.name == name
     assert protocol.description
-    run = protocols.execute(Springs(any_inst), protocol)
+    run = simulate.execute(Springs(any_inst), protocol)
     assert len(run) * DT <= protocol.duration(any_inst) + 1e-9
     assert run.commanded_handle_angle is not None
     assert np.abs(run.commanded_handle_angle).max() <= any_inst.handle_range
 
 
 def test_the_shipped_protocols_are_the_ones_promised() -> None:
-    assert protocols.shipped() == ("cycles", "pretension", "step-load", "wrist")
+    assert simulate.shipped() == ("cycles", "pretension", "step-load", "wrist")
 
 
 def test_the_shipped_wrist_is_said_to_be_synthetic() -> None:
-    wrist = protocols.load("wrist")
+    wrist = simulate.load("wrist")
     assert "synthetic" in wrist.description
     phase = wrist.phases[0]
     assert isinstance(phase, Motion)
@@ -158,7 +158,7 @@ def test_a_protocol_from_toml_and_from_python_asks_for_the_same(scaled: Instrume
         ],
     )
     same(
-        protocols.parse(text, folder=motion_file.parent).commands(scaled, DT),
+        simulate.parse(text, folder=motion_file.parent).commands(scaled, DT),
         python.commands(scaled, DT),
     )
 
@@ -166,12 +166,12 @@ def test_a_protocol_from_toml_and_from_python_asks_for_the_same(scaled: Instrume
 def test_a_recording_is_found_beside_the_protocol_file(scaled: Instrument, motion_file: Path) -> None:
     file = motion_file.parent / "p.toml"
     file.write_text('name = "p"\n[[phases]]\nkind = "motion"\nfile = "motion.csv"\nangle_unit = "deg"\n')
-    assert protocols.load(file).duration(scaled) == pytest.approx(1.125)
+    assert simulate.load(file).duration(scaled) == pytest.approx(1.125)
 
 
 @pytest.mark.parametrize("seconds", [0.0005, 0.0137, 1.0, 100.0])
 def test_blocks_joined_are_the_commands(scaled: Instrument, seconds: float) -> None:
-    protocol = protocols.load("step-load")
+    protocol = simulate.load("step-load")
     blocks = list(protocol.blocks(scaled, DT, seconds))
     assert max(block["force"].size for block in blocks) * DT <= max(seconds, DT) + 1e-12
     whole = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
@@ -180,7 +180,7 @@ def test_blocks_joined_are_the_commands(scaled: Instrument, seconds: float) -> N
 
 def test_the_duration_is_that_of_the_commands(any_inst: Instrument) -> None:
     for name in ("cycles", "step-load", "wrist"):
-        protocol = protocols.load(name)
+        protocol = simulate.load(name)
         for step in (1e-3, 7e-4):
             length = protocol.commands(any_inst, step)["force"].shape[0] * step
             assert protocol.duration(any_inst, step) == pytest.approx(length, rel=1e-12)
@@ -343,10 +343,10 @@ def test_on_two_axes_the_other_one_keeps_its_last_command(real: Instrument) -> N
 
 
 def test_executing_gives_one_run_of_all_commands_and_tells_block_by_block(scaled: Instrument) -> None:
-    protocol = protocols.load("cycles")
+    protocol = simulate.load("cycles")
     seen: list[Run] = []
     told: list[tuple[float, float]] = []
-    run = protocols.execute(Springs(scaled), protocol, on_block=seen.append, progress=lambda *times: told.append(times))
+    run = simulate.execute(Springs(scaled), protocol, on_block=seen.append, progress=lambda *times: told.append(times))
     expected = protocol.commands(scaled, DT)
     np.testing.assert_array_equal(run.commanded_handle_angle, expected["handle_angle"])
     np.testing.assert_array_equal(run.commanded_spool_velocity, expected["spool_velocity"])
@@ -359,7 +359,7 @@ def test_executing_gives_one_run_of_all_commands_and_tells_block_by_block(scaled
 
 def test_pretension_winds_every_tendon_to_what_the_instrument_asks(any_inst: Instrument) -> None:
     twin = Springs(any_inst)
-    run = protocols.execute(twin, one(Pretension(), Hold(duration=0.1)))
+    run = simulate.execute(twin, one(Pretension(), Hold(duration=0.1)))
     assert run.measured_tension is not None
     assert run.commanded_spool_velocity is not None
     assert run.measured_tension.shape[1:] == ((2, 2) if len(any_inst.axes) > 1 else (2,))
@@ -371,19 +371,19 @@ def test_pretension_winds_every_tendon_to_what_the_instrument_asks(any_inst: Ins
 def test_pretension_lets_out_what_is_too_tight(scaled: Instrument) -> None:
     twin = Springs(scaled)
     twin.wound[:] = 40 / scaled.tendon_stiffness
-    run = protocols.execute(twin, one(Pretension(tension="10 N", tolerance="0.1 N", rate="5 mm/s")))
+    run = simulate.execute(twin, one(Pretension(tension="10 N", tolerance="0.1 N", rate="5 mm/s")))
     assert run.measured_tension is not None
     np.testing.assert_allclose(run.measured_tension[-1], 10, atol=0.1)
 
 
 def test_pretension_on_one_axis_leaves_the_other_alone(real: Instrument) -> None:
-    run = protocols.execute(Springs(real), one(Pretension(axis="pitch")))
+    run = simulate.execute(Springs(real), one(Pretension(axis="pitch")))
     assert run.measured_tension is not None
     np.testing.assert_allclose(run.measured_tension[-1], [[0, 0], [30, 30]], atol=0.5)
 
 
 def test_pretension_holds_handle_and_load_where_they_were(scaled: Instrument) -> None:
-    run = protocols.execute(Springs(scaled), one(Ramp(handle_angle=0.2, force=1, duration=0.1), Pretension()))
+    run = simulate.execute(Springs(scaled), one(Ramp(handle_angle=0.2, force=1, duration=0.1), Pretension()))
     assert run.commanded_handle_angle is not None
     assert run.force is not None
     assert (run.commanded_handle_angle[99:] == 0.2).all()
@@ -393,7 +393,7 @@ def test_pretension_holds_handle_and_load_where_they_were(scaled: Instrument) ->
 def test_a_tendon_that_does_not_get_tight_ends_the_run(scaled: Instrument) -> None:
     twin = Springs(scaled, hooked=np.array([1.0, 0.0]))
     with pytest.raises(ProtocolError) as told:
-        protocols.execute(twin, one(Hold(duration=0.1), Pretension(timeout="1 s", rate="20 mm/s")))
+        simulate.execute(twin, one(Hold(duration=0.1), Pretension(timeout="1 s", rate="20 mm/s")))
     assert str(told.value) == (
         "test: phase 2 (pretension): the antagonist of yaw reads 0 N after the timeout of 1 s; allowed is "
         "25 ± 0.5 N for 0.2 s: hook it in, or give a larger timeout, rate or tolerance."
@@ -403,23 +403,23 @@ def test_a_tendon_that_does_not_get_tight_ends_the_run(scaled: Instrument) -> No
 
 def test_pretension_without_load_cells_ends_the_run(scaled: Instrument) -> None:
     with pytest.raises(ProtocolError, match=r"phase 1 \(pretension\): the load cells read no tension"):
-        protocols.execute(Springs(scaled, measures=False), one(Pretension()))
+        simulate.execute(Springs(scaled, measures=False), one(Pretension()))
 
 
 def test_nothing_runs_before_the_whole_protocol_was_checked(scaled: Instrument) -> None:
     twin = Springs(scaled)
     with pytest.raises(ProtocolError, match="phase 2"):
-        protocols.execute(twin, one(Hold(duration=1), Ramp(handle_angle=3, duration=1)))
+        simulate.execute(twin, one(Hold(duration=1), Ramp(handle_angle=3, duration=1)))
     assert twin.time == 0
 
 
 def test_runs_that_differ_are_not_joined(scaled: Instrument) -> None:
     zeros = np.zeros(3)
     run = Run(zeros, ("yaw",), force=zeros)
-    assert len(protocols.concatenate([run, run])) == 6
+    assert len(simulate.concatenate([run, run])) == 6
     for bad in ([], [run, Run(zeros, ("yaw",))], [run, Run(zeros, ("pitch",), force=zeros)]):
         with pytest.raises(ValueError, match="allowed are"):
-            protocols.concatenate(bad)
+            simulate.concatenate(bad)
 
 
 # Bad input
@@ -483,7 +483,7 @@ BAD = [
 @pytest.mark.parametrize(("text", "told"), BAD)
 def test_a_bad_file_ends_in_a_sentence_that_helps(text: str, told: str) -> None:
     with pytest.raises(ProtocolError) as problem:
-        protocols.parse(f'name = "p"\n{text}', "my.toml")
+        simulate.parse(f'name = "p"\n{text}', "my.toml")
     assert str(problem.value).startswith("my.toml")
     assert told in str(problem.value)
     assert str(problem.value).endswith(".")
@@ -493,7 +493,7 @@ def test_a_bad_file_ends_in_a_sentence_that_helps(text: str, told: str) -> None:
 @pytest.mark.parametrize("name", ['""', '"a\\nb"', f'"{"x" * 61}"', "3"])
 def test_a_name_that_cannot_be_shown_is_refused(name: str) -> None:
     with pytest.raises(ProtocolError, match="name = "):
-        protocols.parse(f"name = {name}\n{HOLD}")
+        simulate.parse(f"name = {name}\n{HOLD}")
 
 
 MOTION = [
@@ -516,7 +516,7 @@ def test_a_bad_recording_is_refused_when_the_protocol_is_read(tmp_path: Path, ro
     (tmp_path / "m.csv").write_text(rows)
     text = 'name = "p"\n[[phases]]\nkind = "motion"\nfile = "m.csv"\nangle_unit = "deg"\n'
     with pytest.raises(ProtocolError) as problem:
-        protocols.parse(text, folder=tmp_path)
+        simulate.parse(text, folder=tmp_path)
     assert "phase 1 (motion): " in str(problem.value)
     assert told in str(problem.value)
 
@@ -534,7 +534,7 @@ def test_the_unit_of_recorded_angles_must_be_told(motion_file: Path) -> None:
         ('angle_unit = "gon"', "angle_unit = 'gon': it must be 'deg' or"),
     ):
         with pytest.raises(ProtocolError, match=told):
-            protocols.parse(
+            simulate.parse(
                 f'name = "p"\n[[phases]]\nkind = "motion"\nfile = "motion.csv"\n{unit}', folder=motion_file.parent
             )
 
@@ -624,12 +624,12 @@ def test_a_protocol_that_is_not_there_is_refused_with_what_there_is(tmp_path: Pa
         ("a\0b", "is no path"),
     ):
         with pytest.raises(ProtocolError, match=told):
-            protocols.load(bad)
+            simulate.load(bad)
 
 
 def test_every_problem_of_a_file_is_told_at_once() -> None:
     with pytest.raises(ProtocolError) as problem:
-        protocols.parse(HOLD.replace('"1 s"', "1") + CYCLES.replace("count = 2", "count = 0"), "my.toml")
+        simulate.parse(HOLD.replace('"1 s"', "1") + CYCLES.replace("count = 2", "count = 0"), "my.toml")
     assert [line.split(" = ")[0] for line in str(problem.value).splitlines()] == [
         "my.toml: name is missing; it is required.",
         "my.toml: phase 1 (hold): duration",
@@ -637,9 +637,9 @@ def test_every_problem_of_a_file_is_told_at_once() -> None:
     ]
 
 
-@pytest.mark.parametrize("name", protocols.shipped())
+@pytest.mark.parametrize("name", simulate.shipped())
 def test_the_same_file_gives_the_same_protocol(name: str) -> None:
-    first, second = protocols.load(name), protocols.load(name)
+    first, second = simulate.load(name), simulate.load(name)
     assert first == second
     assert hash(first) == hash(second)
 

@@ -21,7 +21,7 @@ from tenodesis.errors import RecordingError
 from tenodesis.recording import Recorder, Recording
 from tenodesis.recording.schemas import JOINT_STATE, WRENCH, definition, shape
 from tenodesis.recording.summary import describe
-from tenodesis.signals import SIGNALS, Run
+from tenodesis.run import SIGNALS, Run
 
 AXES = [("yaw",), ("pitch",), ("yaw", "pitch")]
 
@@ -271,7 +271,7 @@ def test_a_killed_process_leaves_what_it_recorded(tmp_path: Path) -> None:
     program = (
         "import itertools, sys, numpy as np\n"
         "from tenodesis.recording import Recorder\n"
-        "from tenodesis.signals import Run\n"
+        "from tenodesis.run import Run\n"
         "recorder = Recorder(sys.argv[1], axes=('yaw',), chunk_seconds=0.05)\n"
         "for block in itertools.count():\n"
         "    time = (block * 100 + np.arange(100)) * 0.0005\n"

@@ -14,17 +14,17 @@ from mcap_ros2.decoder import DecoderFactory
 from rich.console import Console
 
 import tenodesis as tn
-from tenodesis import protocols
-from tenodesis.control import FAULTS, Controller, OperatingState, Tampering
+from tenodesis import simulate
+from tenodesis.control import FAULTS, Controller, FaultInjection, OperatingState
 from tenodesis.errors import ProtocolError, RecordingError
 from tenodesis.instrument import Instrument
-from tenodesis.protocols import Cycles, Hold, Pretension, Protocol, Ramp, StepLoad
 from tenodesis.recording import Recorder, Recording, choices
 from tenodesis.recording.outcome import outcome, tip_error
 from tenodesis.recording.replay import replay
 from tenodesis.recording.session import record
 from tenodesis.recording.summary import describe
-from tenodesis.signals import CONTROL, Run
+from tenodesis.run import CONTROL, Run
+from tenodesis.simulate import Cycles, Hold, Pretension, Protocol, Ramp, StepLoad
 from tenodesis.twin import Twin
 
 from .conftest import EXAMPLES
@@ -196,7 +196,7 @@ def test_on_another_instrument_the_controller_stays_what_it_was(scaled: Instrume
     other = scaled.replace(**{"mismatch.stiffness_ratio": 0.7})
     again = replay(Recording.open(path), other)
     assert not again.exact
-    by_hand = protocols.execute(Twin(other), PROTOCOL, Controller(scaled))
+    by_hand = simulate.execute(Twin(other), PROTOCOL, Controller(scaled))
     assert bits(again.run) == bits(by_hand)
 
 
@@ -228,7 +228,7 @@ def test_the_tip_is_compared_with_eq_18(any_inst: Instrument) -> None:
     quiet = any_inst.replace(
         friction=None, mismatch=None, **{"sensors.encoder_noise": 0.0, "sensors.load_cell_noise": 0.0}
     )
-    run = protocols.execute(
+    run = simulate.execute(
         Twin(quiet), Protocol(name="bend", phases=(Ramp(handle_angle=0.2, duration=1.0), Hold(duration=2.0)))
     )
     error = tip_error(run, quiet)
@@ -262,11 +262,13 @@ def test_the_summary_tells_state_faults_and_tip(scaled: Instrument, tmp_path: Pa
 
 class Stuck(Twin):
     def run(self, *arguments: Any, **commands: Any) -> Run:
-        return super().run(*arguments, **commands, tampering=[Tampering("tension.agonist", "hold", start=0.5)])
+        return super().run(
+            *arguments, **commands, fault_injection=[FaultInjection("tension.agonist", "hold", start=0.5)]
+        )
 
 
 def test_faults_are_told_by_name_and_time(scaled: Instrument) -> None:
-    run = protocols.execute(Stuck(scaled), PROTOCOL, Controller(scaled))
+    run = simulate.execute(Stuck(scaled), PROTOCOL, Controller(scaled))
     facts = outcome(run, scaled)
     assert facts["faults"].startswith("load_cell_stuck from 0.5")
     assert facts["state"].startswith("FAULT at the end (ENABLED 0.5")
@@ -285,7 +287,7 @@ def test_a_run_into_a_fault_is_recorded_to_its_end_and_replays(scaled: Instrumen
 
 
 def test_a_run_of_sensors_alone_is_told_by_its_sensors(scaled: Instrument) -> None:
-    run = protocols.execute(Twin(scaled), PROTOCOL, Controller(scaled))
+    run = simulate.execute(Twin(scaled), PROTOCOL, Controller(scaled))
     bench = replace(run, handle_angle=None, output_angle=None)
     assert "deg off eq. 18" in outcome(bench, scaled)["tip"]
     assert "tip" not in outcome(replace(bench, measured_output_angle=None), scaled)

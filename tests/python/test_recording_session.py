@@ -11,15 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import tenodesis as tn
-from tenodesis import protocols
+from tenodesis import simulate
 from tenodesis.errors import InstrumentError, NoSolutionError, ProtocolError, RecordingError
 from tenodesis.instrument import Instrument
-from tenodesis.instrument_text import to_toml
-from tenodesis.protocols import Cycles, Hold, Motion, Pretension, Protocol, Ramp, StepLoad
+from tenodesis.instrument.text import to_toml
 from tenodesis.recording import Recorder, Recording
 from tenodesis.recording.replay import replay
 from tenodesis.recording.session import record
-from tenodesis.signals import MEASURED, Run
+from tenodesis.run import MEASURED, Run
+from tenodesis.simulate import Cycles, Hold, Motion, Pretension, Protocol, Ramp, StepLoad
 from tenodesis.twin import Twin
 
 from .conftest import EXAMPLES
@@ -107,9 +107,9 @@ def test_bare_numbers_among_overrides_come_back_with_their_unit(real: Instrument
 
 @pytest.mark.parametrize("name", ["cycles", "pretension", "step-load", EXAMPLES / "protocol.toml"])
 def test_a_protocol_comes_back_from_its_text(name: Any) -> None:
-    protocol = protocols.load(name)
-    assert protocols.parse(protocol.to_toml()) == protocol
-    assert protocols.parse(SHORT.to_toml()) == SHORT
+    protocol = simulate.load(name)
+    assert simulate.parse(protocol.to_toml()) == protocol
+    assert simulate.parse(SHORT.to_toml()) == SHORT
 
 
 def test_a_protocols_text_holds_the_recorded_motion(scaled: Instrument, tmp_path: Path) -> None:
@@ -118,7 +118,7 @@ def test_a_protocols_text_holds_the_recorded_motion(scaled: Instrument, tmp_path
     protocol = Protocol(
         name="m", phases=(Motion(file=file, time_column='t, "s"', angle_unit="deg", limit=True, offset="1 deg"),)
     )
-    again = protocols.parse(protocol.to_toml())
+    again = simulate.parse(protocol.to_toml())
     file.unlink()
     for name, values in protocol.commands(scaled, 1e-3).items():
         np.testing.assert_array_equal(values, again.commands(scaled, 1e-3)[name])
@@ -140,11 +140,11 @@ def test_a_recording_is_what_the_twin_did_and_replays_bit_by_bit(
     path = tmp_path / "run.mcap"
     run = record(any_inst, SHORT, path, seed=2**64 - 1, time_step=2.5e-4, quasi_static=quasi_static)
     twin = Twin(any_inst, seed=2**64 - 1, time_step=2.5e-4, quasi_static=quasi_static)
-    assert same(run, protocols.execute(twin, SHORT))
+    assert same(run, simulate.execute(twin, SHORT))
     recording = Recording.open(path)
     assert same(recording.run, run)
     assert recording.instrument() == any_inst
-    assert protocols.parse(recording.metadata["protocol"]) == SHORT
+    assert simulate.parse(recording.metadata["protocol"]) == SHORT
     again = replay(recording)
     assert again.exact
     assert same(again.run, run)
@@ -164,7 +164,7 @@ def test_a_weight_recorded_as_its_force_replays_bit_by_bit(scaled: Instrument, t
 @pytest.mark.parametrize("name", [*tn.shipped(), EXAMPLES / "pulley.toml", EXAMPLES / "continuum.toml"])
 def test_a_pretension_begins_slack_and_replays(name: Any, tmp_path: Path) -> None:
     inst = tn.load(name)
-    run = record(inst, protocols.load("pretension"), tmp_path / "run.mcap")
+    run = record(inst, simulate.load("pretension"), tmp_path / "run.mcap")
     assert run.tension is not None
     assert run.tension.min() == 0
     assert np.abs(run.tension[-1] - inst.pretension).max() < 0.5
@@ -172,7 +172,7 @@ def test_a_pretension_begins_slack_and_replays(name: Any, tmp_path: Path) -> Non
 
 
 def test_a_slow_protocol_is_written_in_chunks_of_a_quarter_second(scaled: Instrument, tmp_path: Path) -> None:
-    run = record(scaled, protocols.load("pretension"), tmp_path / "run.mcap")
+    run = record(scaled, simulate.load("pretension"), tmp_path / "run.mcap")
     from mcap.reader import make_reader
 
     with (tmp_path / "run.mcap").open("rb") as file:
@@ -281,7 +281,7 @@ class Faulty(Twin):
 def tightened(inst: Instrument, seed: int = 0) -> Run:
     twin = Twin(inst, seed=seed)
     twin.loosen(2e-3)
-    return protocols.execute(twin, protocols.load("pretension"))
+    return simulate.execute(twin, simulate.load("pretension"))
 
 
 VARIANTS: list[dict[str, Any]] = [
@@ -310,7 +310,7 @@ def test_a_broken_tendon_ends_the_run(scaled: Instrument) -> None:
     twin.loosen()
     protocol = Protocol(name="p", phases=(Pretension(travel="8 mm"),))
     with pytest.raises(ProtocolError) as told:
-        protocols.execute(twin, protocol)
+        simulate.execute(twin, protocol)
     assert re.search(
         r"(the antagonist of yaw reads 0 N after the travel of 8 mm|the tip's yaw turned)", str(told.value)
     )

@@ -10,7 +10,7 @@ import tenodesis as tn
 from tenodesis import scaling
 from tenodesis.errors import DesignError
 from tenodesis.instrument import Continuum, Instrument, TendonGear
-from tenodesis.published import SCALE_FACTORS, STIFFNESS
+from tenodesis.paper.published import SCALE_FACTORS, STIFFNESS
 from tenodesis.scaling.catalogue import Catalogue
 from tenodesis.scaling.design import hung
 from tenodesis.scaling.front import ERROR_STEP, RELATIVE_STEP, levels

@@ -21,7 +21,7 @@ from tenodesis.devices import serial
 from tenodesis.devices.serial import SerialController
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Run
+from tenodesis.run import Run
 from tenodesis.twin import TIME_STEP, Twin
 
 from . import serial_board as sb

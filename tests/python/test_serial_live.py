@@ -20,13 +20,13 @@ from tenodesis.control import Controller, OperatingState
 from tenodesis.devices import registry
 from tenodesis.devices.communication_test import measure
 from tenodesis.devices.serial_device import SerialDevice
-from tenodesis.devices.settings import Serial
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
+from tenodesis.instrument.devices import Serial
 from tenodesis.live import loop as loops
 from tenodesis.live.loop import PROBLEMS, Choices, LiveLoop
 from tenodesis.live.record import Reader
-from tenodesis.signals import Run
+from tenodesis.run import Run
 
 from . import serial_board as sb
 from .serial_board import Frame, Streamed

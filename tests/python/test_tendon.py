@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 import tenodesis as tn
-from tenodesis.signals import Array
+from tenodesis.run import Array
 from tenodesis.tendon import Tendon, transmit
 
 STIFFNESS = 3e4  # N/m

@@ -13,7 +13,7 @@ from scipy import integrate
 from typer.testing import CliRunner
 
 import tenodesis as tn
-from tenodesis import cli_tolerance, threads, tolerance, twin
+from tenodesis import threads, tolerance, twin
 from tenodesis.errors import StudyError
 from tenodesis.instrument import Instrument
 from tenodesis.tolerance import conduct, engines, evaluation, report, sampling
@@ -256,7 +256,7 @@ def test_rounding_is_no_finding(real: Instrument, scaled: Instrument, tmp_path: 
     assert "nothing: it does not vary" in page and "Sobol indices with half widths" not in page
     numbers = json.loads((tmp_path / "tolerance.json").read_text("utf-8"))["responses"]["loss_flexion"]
     assert numbers["varies"] is False and numbers["sobol"] is None
-    rows = cli_tolerance._dominating(found)
+    rows = tolerance._dominating(found)
     assert list(rows.columns[1].cells) == ["does not vary"] * len(found.responses)
 
 
@@ -450,7 +450,7 @@ def test_the_folder_is_written_whole_or_not_at_all(
 
 def test_the_command_prints_quantiles_and_what_dominates(tmp_path: Path) -> None:
     app = typer.Typer()
-    cli_tolerance.register(app)
+    tolerance.register(app)
     app.command()(lambda: None)
     arguments = ["tolerance", "real-size", "scaled-up", "--samples", "16", "--force", "0.4 N", "--out", str(tmp_path)]
     told = CliRunner().invoke(app, arguments)

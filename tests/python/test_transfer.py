@@ -11,18 +11,18 @@ from rich.console import Console
 from typer.testing import CliRunner, Result
 
 import tenodesis as tn
-from tenodesis import cli_transfer
+from tenodesis.cli import transfer as transfer_command
 from tenodesis.errors import InstrumentError, RecordingError
 from tenodesis.instrument import Instrument, TendonGear
-from tenodesis.instrument_text import to_toml
-from tenodesis.protocols import Cycles, Protocol
+from tenodesis.instrument.text import to_toml
 from tenodesis.recording import Recorder, Recording
 from tenodesis.recording.replay import replay
 from tenodesis.recording.session import record
+from tenodesis.run import SIGNALS, Run
 from tenodesis.scaling.transfer import carry, transfer
 from tenodesis.scaling.transfer_factors import QUANTITY
 from tenodesis.scaling.transfer_friction import carry_friction, left_behind
-from tenodesis.signals import SIGNALS, Run
+from tenodesis.simulate import Cycles, Protocol
 from tenodesis.twin import Twin
 
 LIMIT = 0.3
@@ -354,10 +354,10 @@ def folder(log: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> P
 
 
 def command(monkeypatch: pytest.MonkeyPatch, *words: str) -> Result:
-    monkeypatch.setattr(cli_transfer, "console", Console(width=200))
+    monkeypatch.setattr(transfer_command, "console", Console(width=200))
     app = typer.Typer()
     app.callback()(lambda: None)
-    cli_transfer.register(app)
+    transfer.register(app)
     return CliRunner().invoke(app, ["transfer", *words])
 
 

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 import tenodesis as tn
 from tenodesis.errors import InstrumentError, NoSolutionError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import SIGNALS, Run
-from tenodesis.twin import TIME_STEP, Twin, run_many, swing
+from tenodesis.plant import natural_frequency
+from tenodesis.run import SIGNALS, Run
+from tenodesis.twin import TIME_STEP, Twin, run_many
 from tenodesis.verification import mujoco_dynamics
 
 Array = NDArray[np.float64]
@@ -696,7 +697,7 @@ def test_a_twin_that_cannot_be_is_refused(scaled: Instrument, arguments: dict[st
 
 def test_the_largest_time_step_allowed_is_told_and_taken(any_inst: Instrument) -> None:
     inst = smooth(any_inst)
-    longest = 0.5 / swing(inst)
+    longest = 0.5 / natural_frequency(inst)
     with pytest.raises(ValueError, match="allowed is at most"):
         Twin(inst, time_step=longest * 1.001)
     run = Twin(inst, time_step=longest * 0.999).run(np.full(2000, 0.2))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from tenodesis.control.parameters import tension_limit
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 SLACK = (138, 148, 163)
 _STOPS = (

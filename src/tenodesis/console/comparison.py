@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tenodesis.errors import RecordingError
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 
 class Comparison(NamedTuple):

@@ -3,11 +3,11 @@
 from functools import partial
 from typing import Any
 
-from tenodesis import protocols
+from tenodesis import simulate
 from tenodesis.console.link import running
 from tenodesis.console.session import Now, Session, enable, plain, put
 from tenodesis.errors import ProtocolError
-from tenodesis.protocols import Protocol
+from tenodesis.simulate import Protocol
 
 _NOTHING = "No experiment runs."
 
@@ -25,8 +25,8 @@ class Experiments:
         if not self._simulated:
             gui.add_markdown("*Experiments move the handle and load the tip, which only the twin lets them do.*")
         self._buttons: list[Any] = []
-        for name in protocols.shipped():
-            protocol = protocols.load(name)
+        for name in simulate.shipped():
+            protocol = simulate.load(name)
             button = gui.add_button(name, hint=protocol.description, icon="player-play")
             gui.add_markdown(f"*{protocol.description}.*")
             session.on(button, "play", partial(self._begin, partial(self._play, protocol)))
@@ -60,7 +60,7 @@ class Experiments:
             text = file.content.decode("utf-8-sig")
         except UnicodeDecodeError:
             raise ProtocolError(f"{file.name} is not UTF-8 text; allowed is a TOML file.") from None
-        self._play(protocols.parse(text, file.name))
+        self._play(simulate.parse(text, file.name))
 
 
 def _told(played: tuple[str, float, float, str | None] | None, going: bool) -> str:

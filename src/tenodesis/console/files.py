@@ -17,7 +17,7 @@ from tenodesis.console.view import View, view
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument
 from tenodesis.recording import Recording
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 _NONE = "none yet"
 _ROWS = 1500

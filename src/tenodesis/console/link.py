@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Literal, Protocol, TypeAlias
 
 from tenodesis.instrument import Instrument
-from tenodesis.protocols import Protocol as BenchProtocol
-from tenodesis.signals import Array
+from tenodesis.run import Array
+from tenodesis.simulate import Protocol as BenchProtocol
 
 
 class Timing(Protocol):

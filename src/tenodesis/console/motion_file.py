@@ -5,9 +5,9 @@ from typing import Literal
 import numpy as np
 
 from tenodesis.errors import ProtocolError, RecordingError
-from tenodesis.protocols import Motion, Protocol
-from tenodesis.protocols.recording import Recording, text
 from tenodesis.recording import Recording as Logged
+from tenodesis.simulate import Motion, Protocol
+from tenodesis.simulate.recording import Recording, text
 
 _UNITS: dict[str, Literal["deg", "rad"]] = {"deg": "deg", "rad": "rad"}
 _ROWS_PER_SECOND = 100

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from tenodesis import protocols
+from tenodesis import simulate
 from tenodesis.console.link import running
 from tenodesis.console.motion_file import motion_protocol
 from tenodesis.console.session import Now, Session, enable, put
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 _ON, _OFF = "Put the load on at once", "Take the load off at once"
 _MADE_UP = "wrist, made up"
@@ -36,7 +36,7 @@ class Moving:
         self._session = session
         gui: Any = session.client.gui
         self._simulated = session.link.capabilities.simulated
-        self._motions = {_MADE_UP: protocols.load("wrist")}
+        self._motions = {_MADE_UP: simulate.load("wrist")}
         self._next = gui.add_markdown("", visible=False)
         most = largest_force(inst)
         fine = 10.0 ** floor(log10(most / 50))

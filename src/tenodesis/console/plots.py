@@ -8,7 +8,7 @@ import numpy as np
 from tenodesis.console.colours import TensionColours
 from tenodesis.console.view import View
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 if TYPE_CHECKING:
     import viser

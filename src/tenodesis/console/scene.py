@@ -12,7 +12,7 @@ from tenodesis.console.solids import Solid, rod
 from tenodesis.console.view import View
 from tenodesis.instrument import Instrument
 from tenodesis.kinematics import Dimensions, Frame, Frames, Posture
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 if TYPE_CHECKING:
     import viser

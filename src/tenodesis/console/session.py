@@ -11,14 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 from tenodesis.console.inbox import Action, Inbox
 from tenodesis.console.link import Link, Status
 from tenodesis.console.view import View
-from tenodesis.errors import (
-    DeviceError,
-    InstrumentError,
-    LiveError,
-    NoSolutionError,
-    ProtocolError,
-    RecordingError,
-)
+from tenodesis.errors import DeviceError, InstrumentError, LiveError, NoSolutionError, ProtocolError, RecordingError
 
 if TYPE_CHECKING:
     import viser

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 _TEETH = 16  # even, so that a gear looks the same from both ends of the stem
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from tenodesis import statics
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 _HANDLE = ("handle_angle", "measured_handle_angle")
 _OUTPUT = ("output_angle", "measured_output_angle", "estimated_output_angle")
@@ -43,7 +43,7 @@ class View(NamedTuple):
 
 
 def view(inst: Instrument, signals: Mapping[str, ArrayLike]) -> View:
-    """Return what signals show, in the shapes of :data:`tenodesis.signals.SIGNALS`."""
+    """Return what signals show, in the shapes of :data:`tenodesis.run.SIGNALS`."""
     axes = len(inst.axes)
     time = np.asarray(signals["time"], float)
     single, pair = (*time.shape, axes), (*time.shape, axes, 2)

@@ -8,8 +8,8 @@ import numpy as np
 
 from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
 from tenodesis.control.parameters import AXIS, COMMON, FAULTS
+from tenodesis.files import atomic_file
 from tenodesis.instrument import Instrument
-from tenodesis.whole import whole
 
 INTERFACE_VERSION = 1
 """TENODESIS_VERSION of the interface that headers are written for."""
@@ -219,7 +219,7 @@ def export_header(
         inst, name, observer=observer, law=law, actuation=actuation, homed=homed, own_clock=own_clock, source=source
     )
     path = Path(path)
-    with whole(path) as new:
+    with atomic_file(path) as new:
         new.write_text(text, "utf-8")
 
 
@@ -264,6 +264,6 @@ def _limit(key: str, limit: tuple[float, float], comment: str | None = None) -> 
 
 
 def _version() -> str:
-    from tenodesis import __version__  # noqa: PLC0415
+    from tenodesis.version import __version__  # noqa: PLC0415
 
     return __version__

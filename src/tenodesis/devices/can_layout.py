@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from math import floor, isfinite, nan, pi
 from typing import TypeAlias
 
-from tenodesis.devices.settings import CanAngle, CanAxis, CanDrive, CanOpen, CanTension
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import Instrument
+from tenodesis.instrument.devices import CanAngle, CanAxis, CanDrive, CanOpen, CanTension
 
 COLUMNS = ("handle angle", "agonist tension", "antagonist tension", "output angle")
 """What sensors measure, in the order of a measurement's row."""

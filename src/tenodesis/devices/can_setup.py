@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from tenodesis.devices import cia402
 from tenodesis.devices.can_layout import DriveFrames, Layout, SensorFrame
-from tenodesis.devices.settings import CanOpen
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
+from tenodesis.instrument.devices import CanOpen
 
 if TYPE_CHECKING:
     from canopen import Network

@@ -16,10 +16,10 @@ from tenodesis.devices.can_aim import Aim
 from tenodesis.devices.can_layout import COLUMNS, DriveFrames, SensorFrame, layout
 from tenodesis.devices.can_setup import MISSED_HEARTBEATS, Setup
 from tenodesis.devices.device import Bench, Capabilities, Measurement
-from tenodesis.devices.settings import CanOpen
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.instrument.devices import CanOpen
+from tenodesis.run import Array
 
 if TYPE_CHECKING:
     import can

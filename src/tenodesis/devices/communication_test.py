@@ -10,7 +10,7 @@ import numpy as np
 from tenodesis.devices.device import Device
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 LEAST_RATE = 0.99
 """Of the controller's rate."""

@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol, Self
 import numpy as np
 
 from tenodesis.errors import DeviceError
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 
 @dataclass(frozen=True)

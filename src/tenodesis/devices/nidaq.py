@@ -10,10 +10,10 @@ import numpy as np
 
 from tenodesis.devices.device import Bench, Capabilities, Measurement
 from tenodesis.devices.nidaq_tasks import NiTasks, Tasks
-from tenodesis.devices.settings import NiAxis, NiDaq
 from tenodesis.errors import DeviceError, InstrumentError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.instrument.devices import NiAxis, NiDaq
+from tenodesis.run import Array
 
 _SATURATED = 0.999
 """Of the inputs' range, beyond which a voltage says nothing: an open wire is there."""

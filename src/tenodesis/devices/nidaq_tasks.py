@@ -8,9 +8,9 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from tenodesis.devices.settings import NiDaq, NiDrive
 from tenodesis.errors import DeviceError
-from tenodesis.signals import Array
+from tenodesis.instrument.devices import NiDaq, NiDrive
+from tenodesis.run import Array
 
 _BUFFER = 10_000  # samples
 _NOT_YET_THERE = -200284

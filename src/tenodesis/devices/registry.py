@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from tenodesis.devices.device import Device
-from tenodesis.devices.settings import Serial
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
+from tenodesis.instrument.devices import Serial
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ import numpy as np
 from tenodesis import _core
 from tenodesis.devices.device import Capabilities, Measurement, Opened
 from tenodesis.devices.serial import BoardController, SerialController, StreamedController
-from tenodesis.devices.settings import Serial
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.instrument.devices import Serial
+from tenodesis.run import Array
 
 
 class SerialDevice(Opened):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from tenodesis.identification.whiteness import autocorrelation
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 LEAST_BLOCKS = 8
 """A run is never one block: at least so many are drawn for it."""

@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tenodesis.bench import style
 from tenodesis.identification.problem import Parameter, Problem, WithTraces
 from tenodesis.identification.results import Fit
-from tenodesis.quantity import in_unit
+from tenodesis.report import style
+from tenodesis.units import in_unit
 
 _READABLE = {"rad": "deg", "m": "mm", "s": "ms"}
 _MOST_NAMED = 8

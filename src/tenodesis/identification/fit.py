@@ -16,7 +16,7 @@ from tenodesis.identification.problem import Problem, WithChannels, WithDerivati
 from tenodesis.identification.results import Fit, Interval, RunErrors
 from tenodesis.identification.uncertainty import Linearised, LossName, Spread
 from tenodesis.identification.whiteness import Whiteness
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 DerivativesName: TypeAlias = Literal["exact", "differences"]
 

@@ -11,7 +11,7 @@ from scipy import linalg
 
 from tenodesis.identification.problem import Parameter, Problem, WithAdvice
 from tenodesis.identification.uncertainty import Spread
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 TOLD = 1 / 8
 """A parameter is told where its standard deviation is below this share of its scale: half its range is ruled out."""

@@ -26,7 +26,7 @@ from tenodesis import _core
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.dual import Dual, Operand, joined, number
 from tenodesis.identification.problem import Parameter
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 
 class Law(NamedTuple):

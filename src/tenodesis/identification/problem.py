@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 
 class Parameter(NamedTuple):

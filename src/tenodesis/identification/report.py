@@ -12,16 +12,16 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
-from tenodesis.bench import style
-from tenodesis.bench.content import fixed
 from tenodesis.errors import IdentificationError
+from tenodesis.files import atomic_files
 from tenodesis.identification import figures
 from tenodesis.identification.fit import unexplained
 from tenodesis.identification.problem import Parameter, Problem, WithInstrument
 from tenodesis.identification.results import Fit, about, by_unit, to_json
 from tenodesis.instrument import Instrument
-from tenodesis.instrument_text import to_file
-from tenodesis.whole import together
+from tenodesis.instrument.text import to_file
+from tenodesis.report import style
+from tenodesis.report.content import fixed
 
 PAGE, NUMBERS, INSTRUMENT = "report.html", "result.json", "instrument.toml"
 """What a fit is written as."""
@@ -84,7 +84,7 @@ def write(
         comment = "\n".join([f"Identified from {logs}: {fitted}.", *([_POOR, *poor] if poor else [])])
         texts = {INSTRUMENT: to_file(inst, comment=comment), **texts}
     try:
-        with together(out, last=PAGE) as new:
+        with atomic_files(out, last=PAGE) as new:
             for name, text in texts.items():
                 (new / name).write_text(text, "utf-8")
     except OSError as problem_:

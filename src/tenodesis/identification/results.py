@@ -12,7 +12,7 @@ from tenodesis.identification.identifiability import Identifiability
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.uncertainty import LossName
 from tenodesis.identification.whiteness import Whiteness
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 RESULTS_SCHEMA = 1
 """Version of the layout of result.json."""

@@ -26,7 +26,7 @@ from tenodesis.identification.problem import (
     WithTraces,
 )
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 Part: TypeAlias = Literal["until", "from"]
 

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from scipy import linalg
 
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 LossName: TypeAlias = Literal["linear", "soft_l1"]
 

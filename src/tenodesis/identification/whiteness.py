@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 _WINDOW = 5.0
 """Correlation times after which the sum of correlations is cut (Sokal 1997)."""

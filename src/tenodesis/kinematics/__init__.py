@@ -21,16 +21,7 @@ has the joints of these models.
 
 from tenodesis.kinematics.dimensions import Dimensions, Limits, dimensions, limits
 from tenodesis.kinematics.mjcf import mjcf
-from tenodesis.kinematics.motion import (
-    Frame,
-    Frames,
-    Posture,
-    forward,
-    frames,
-    inverse,
-    jacobian,
-    within_limits,
-)
+from tenodesis.kinematics.motion import Frame, Frames, Posture, forward, frames, inverse, jacobian, within_limits
 from tenodesis.kinematics.parts import joint_positions
 from tenodesis.kinematics.urdf import urdf
 from tenodesis.kinematics.workspace import Workspace, workspace

@@ -11,7 +11,7 @@ from tenodesis import _core
 from tenodesis.errors import NoSolutionError
 from tenodesis.instrument import Instrument
 from tenodesis.kinematics.dimensions import chain, dimensions, limits
-from tenodesis.query import FloatOrArray
+from tenodesis.statics.query import FloatOrArray
 from tenodesis.threads import threads
 
 _Array = NDArray[np.float64]

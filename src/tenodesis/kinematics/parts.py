@@ -8,7 +8,7 @@ from tenodesis import _core, statics
 from tenodesis.instrument import Instrument
 from tenodesis.kinematics.dimensions import Dimensions, dimensions, limits
 from tenodesis.kinematics.motion import Posture, frames
-from tenodesis.query import FloatOrArray
+from tenodesis.statics.query import FloatOrArray
 
 Triple = tuple[float, float, float]
 

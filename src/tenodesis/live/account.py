@@ -16,7 +16,7 @@ from tenodesis.recording import Recording
 from tenodesis.recording.choices import CONTROLLER
 from tenodesis.recording.outcome import outcome
 from tenodesis.recording.reader import Event
-from tenodesis.signals import Run
+from tenodesis.run import Run
 
 _SHOWN = 5
 """Times of a kind that are listed."""

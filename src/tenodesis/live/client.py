@@ -18,8 +18,8 @@ from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
 from tenodesis.live import folder as folders
 from tenodesis.live.record import Reader, run_of, signals_of
-from tenodesis.protocols import Protocol
-from tenodesis.signals import Array
+from tenodesis.run import Array
+from tenodesis.simulate import Protocol
 
 _TIMEOUT = 5.0
 """Longest wait for an answer, s."""

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tenodesis.errors import LiveError
+from tenodesis.files import atomic_file
 from tenodesis.instrument import Instrument, load
-from tenodesis.whole import whole
 
 RING = "ring"
 """The ticks, in shared memory."""
@@ -40,7 +40,7 @@ def tell(folder: Path, about: About) -> None:
     """
     content: dict[str, Any] = about._asdict()
     del content["inst"]
-    with whole(folder / _SESSION) as new:
+    with atomic_file(folder / _SESSION) as new:
         new.write_text(json.dumps(content, indent=2), "utf-8")
 
 

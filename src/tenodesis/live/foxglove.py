@@ -16,7 +16,7 @@ from tenodesis.live.events import Tail
 from tenodesis.live.source import Source, start_time
 from tenodesis.recording import cdr, messages, schemas
 from tenodesis.recording.messages import Messages
-from tenodesis.signals import Run
+from tenodesis.run import Run
 
 if TYPE_CHECKING:
     from foxglove.channel import Channel

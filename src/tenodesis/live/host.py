@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from tenodesis.errors import LiveError
+from tenodesis.files import atomic_file
 from tenodesis.instrument import load, parse
-from tenodesis.instrument_text import to_toml
+from tenodesis.instrument.text import to_toml
 from tenodesis.live.client import Client
 from tenodesis.live.loop import Choices
-from tenodesis.whole import whole
 
 _TO_START = 30.0
 _TO_END = 15.0
@@ -82,7 +82,7 @@ class Host:
             self._end()
             self.generation += 1
             file = self._home / f"{self.generation}.toml"
-            with whole(file) as new:
+            with atomic_file(file) as new:
                 new.write_text(to_toml(inst), "utf-8")
             self._begin(file)
 

@@ -8,8 +8,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from tenodesis.files import atomic_file
 from tenodesis.live.events import FILE, LEFT_OUT, LONGEST_LINE, NUMBER
-from tenodesis.whole import whole
 
 _MOST = 16 << 20
 """Bytes after which the file begins anew: the folder is in memory."""
@@ -124,7 +124,7 @@ class Journal:
         left_out = {"until": self._number, "kept": [number for number, _ in kept]}
         first = _encoded({"time": now, "event": LEFT_OUT, "origin": "runtime", **left_out})
         with ExitStack() as undo:
-            with whole(self._path) as new:
+            with atomic_file(self._path) as new:
                 new.write_bytes(b"".join([first, *(line for _, line in kept)]))
                 file = os.open(new, os.O_WRONLY | os.O_APPEND)
                 undo.callback(os.close, file)

@@ -15,13 +15,13 @@ from tenodesis.control import Controller, Request
 from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.devices.device import Capabilities, Device
 from tenodesis.devices.serial import SerialController, StreamedController
-from tenodesis.devices.settings import Serial
 from tenodesis.errors import DeviceError, LiveError
 from tenodesis.instrument import Instrument
+from tenodesis.instrument.devices import Serial
 from tenodesis.live import folder as folders
 from tenodesis.live.pump import Pump
-from tenodesis.signals import Array
-from tenodesis.tampering import PLACES
+from tenodesis.run import Array
+from tenodesis.simulate.fault_injection import INJECTION_POINTS
 from tenodesis.twin import Twin
 
 _RING_SECONDS = 8.0
@@ -228,11 +228,13 @@ class LiveLoop:
         self._order("speed", value=float(factor))
 
     def tamper(self, place: str, mode: str, value: float, seconds: float, axis: str | None = None) -> None:
-        """Spoil a signal between twin and controller for a time, as :class:`tenodesis.control.Tampering` does."""
+        """Spoil a signal between twin and controller for a time, as :class:`tenodesis.simulate.FaultInjection` does."""
         if not self.capabilities.simulated:
             raise LiveError("signals can be spoilt on the twin only.")
-        if place not in PLACES or mode not in _MODES:
-            raise LiveError(f"place is {place!r}, mode {mode!r}; allowed are {', '.join(PLACES)}; {', '.join(_MODES)}.")
+        if place not in INJECTION_POINTS or mode not in _MODES:
+            raise LiveError(
+                f"place is {place!r}, mode {mode!r}; allowed are {', '.join(INJECTION_POINTS)}; {', '.join(_MODES)}."
+            )
         if axis is not None and axis not in self.inst.axes:
             raise LiveError(f"axis is {axis!r}; allowed are {', '.join(self.inst.axes)}.")
         if not 0 < seconds <= 3600:
@@ -242,10 +244,15 @@ class LiveLoop:
             if axis in (None, name):
                 if np.isfinite(value):
                     self._order(
-                        "tamper", PLACES.index(place), _MODES.index(mode), axis=n, value=float(value), ticks=ticks
+                        "tamper",
+                        INJECTION_POINTS.index(place),
+                        _MODES.index(mode),
+                        axis=n,
+                        value=float(value),
+                        ticks=ticks,
                     )
                 else:
-                    self._given(self.core.tamper_not_a_number, PLACES.index(place), n, ticks)
+                    self._given(self.core.tamper_not_a_number, INJECTION_POINTS.index(place), n, ticks)
 
     @property
     def pending(self) -> int:

@@ -10,12 +10,12 @@ import numpy as np
 from tenodesis.control import OperatingState
 from tenodesis.control.controller import fault_names
 from tenodesis.instrument import Instrument
-from tenodesis.protocols import Pretension
-from tenodesis.protocols.command import Command, between, sampled
-from tenodesis.protocols.loop import refuse
-from tenodesis.protocols.protocol import Planned, block_size
-from tenodesis.protocols.shapes import SMOOTH
-from tenodesis.signals import Array
+from tenodesis.run import Array
+from tenodesis.simulate import Pretension
+from tenodesis.simulate.command import Command, between, sampled
+from tenodesis.simulate.loop import refuse
+from tenodesis.simulate.protocol import Planned, block_size
+from tenodesis.simulate.shapes import SMOOTH
 
 _AHEAD = 0.1
 """Time that the queue is kept ahead by, at least, s."""
@@ -33,7 +33,7 @@ _COMMANDED = ("commanded_handle_angle", "force", "radial_force")
 
 
 class Progress(NamedTuple):
-    """How far a protocol is, s; homing counts with its timeout, as in :meth:`tenodesis.protocols.Protocol.duration`."""
+    """How far a protocol is, s; homing counts with its timeout, as in :meth:`tenodesis.simulate.Protocol.duration`."""
 
     done: float
     total: float

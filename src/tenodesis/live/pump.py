@@ -8,7 +8,7 @@ import numpy as np
 from tenodesis import _core
 from tenodesis.devices.device import Device
 from tenodesis.errors import DeviceError
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 _log = logging.getLogger(__name__)
 

@@ -11,7 +11,7 @@ from tenodesis import _core
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
 from tenodesis.live import folder as folders
-from tenodesis.signals import TRUTH, Array, Run
+from tenodesis.run import TRUTH, Array, Run
 from tenodesis.twin import as_run
 
 TICK = tuple(_core.tick_columns())

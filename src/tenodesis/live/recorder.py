@@ -20,15 +20,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tenodesis.errors import InstrumentError, LiveError, RecordingError
-from tenodesis.instrument_text import to_toml
+from tenodesis.files import atomic_file
+from tenodesis.instrument.text import to_toml
 from tenodesis.live import events as happenings
 from tenodesis.live.ending import on_signal
 from tenodesis.live.events import Happened, Tail
 from tenodesis.live.record import Reader
 from tenodesis.live.source import Source, start_time
 from tenodesis.recording import Recorder
-from tenodesis.signals import Array, Run
-from tenodesis.whole import whole
+from tenodesis.run import Array, Run
 
 LIVE = "live"
 """Mode of a live recording, as its metadata has it."""
@@ -86,7 +86,7 @@ class _Status:
         far = {} if outcome is None else outcome._asdict()
         text = json.dumps({**self._who, **far, "ended": ended, "problem": problem})
         # The recording is worth more than what is told of it.
-        with suppress(OSError), whole(self._file) as new:
+        with suppress(OSError), atomic_file(self._file) as new:
             new.write_text(text, "utf-8")
 
 

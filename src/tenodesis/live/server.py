@@ -17,12 +17,13 @@ from typing import Any, TypeGuard, get_args
 
 import numpy as np
 
-from tenodesis import protocols
+from tenodesis import simulate
 from tenodesis.control import OperatingState
 from tenodesis.control.controller import ActuationName, LawName, fault_names
 from tenodesis.errors import DeviceError, InstrumentError, LiveError, ProtocolError
+from tenodesis.files import atomic_file
 from tenodesis.instrument import Instrument, load
-from tenodesis.instrument_text import to_toml
+from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
 from tenodesis.live.ending import on_signal
 from tenodesis.live.journal import Journal
@@ -31,8 +32,7 @@ from tenodesis.live.loop import Choices, DeviceName, LiveLoop
 from tenodesis.live.protocols import Player
 from tenodesis.live.record import TICK, Reader, signals_of
 from tenodesis.live.recording_process import RecordingProcess
-from tenodesis.signals import Array
-from tenodesis.whole import whole
+from tenodesis.run import Array
 
 _TURN = 0.02
 """Between looks at what has happened, s."""
@@ -264,7 +264,7 @@ class Server:
         self._refuse_while_playing()
         stops = self._stops
         records = _flag(order, "record")
-        protocol = protocols.parse(str(order.get("protocol")))
+        protocol = simulate.parse(str(order.get("protocol")))
         if not self.loop.capabilities.simulated:
             raise LiveError("protocols move the handle and load the tip, which only the twin lets them do.")
         plan = protocol.plan(self.loop.inst, self.loop.period)
@@ -615,7 +615,7 @@ def _made(given: argparse.Namespace) -> Server:
         raise LiveError(
             f"{given.folder} is open to others (mode {others:03o}); allowed is a folder of its owner alone."
         )
-    with whole(given.folder / folders.INSTRUMENT) as new:
+    with atomic_file(given.folder / folders.INSTRUMENT) as new:
         new.write_text(to_toml(inst), "utf-8")
     choices = Choices(
         device=given.device,

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Run
+from tenodesis.run import Run
 
 
 class Source(Protocol):

@@ -9,7 +9,7 @@ import tomli_w
 from tenodesis.control import FAULTS, Controller
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument, parse
-from tenodesis.instrument_text import to_toml
+from tenodesis.instrument.text import to_toml
 from tenodesis.recording.reader import Recording
 
 CONTROLLER = "controller"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tenodesis.recording import cdr
 from tenodesis.recording.container import Message
 from tenodesis.recording.schemas import FLOAT64, JOINT_STATE, WRENCH
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 _ARRAYS = ("position", "velocity", "effort")
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tenodesis.recording import cdr, schemas
 from tenodesis.recording.schemas import Topic
-from tenodesis.signals import Array, Run
+from tenodesis.run import Array, Run
 
 
 class Messages(NamedTuple):

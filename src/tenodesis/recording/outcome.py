@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from tenodesis import statics
 from tenodesis.control import FAULTS, OperatingState, Request
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array, Run
+from tenodesis.run import Array, Run
 
 
 def tip_error(run: Run, inst: Instrument) -> Array:

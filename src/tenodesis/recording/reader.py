@@ -15,7 +15,7 @@ from tenodesis.errors import RecordingError
 from tenodesis.recording import cdr, container, schemas, tables
 from tenodesis.recording.container import Contents, Message
 from tenodesis.recording.decode import Decoded, MisfitError, decode
-from tenodesis.signals import Array, Run
+from tenodesis.run import Array, Run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,7 +47,7 @@ class Recording:
     path
         The file.
     run
-        Its signals; :class:`tenodesis.signals.Run` says their shapes.
+        Its signals; :class:`tenodesis.run.Run` says their shapes.
     metadata
         Text by key: ``instrument``, ``axes``, ``seed``, ``protocol``, ``time_step``, versions, and of a run with a
         controller its choices; empty for a file of another program.

@@ -10,13 +10,13 @@ import numpy as np
 from tenodesis.control import Controller
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument
-from tenodesis.protocols.loop import with_request
 from tenodesis.recording import choices
 from tenodesis.recording.reader import Recording
 from tenodesis.recording.schemas import TRANSFERRED
 from tenodesis.recording.session import QUASI_STATIC, without_control
 from tenodesis.recording.tables import columns
-from tenodesis.signals import Array, Run, concatenate
+from tenodesis.run import Array, Run, concatenate
+from tenodesis.simulate.loop import with_request
 from tenodesis.twin import Twin
 
 _UNEVEN = 0.01

@@ -10,12 +10,12 @@ import numpy as np
 from tenodesis import twin as twins
 from tenodesis.control import Controller
 from tenodesis.instrument import Instrument
-from tenodesis.instrument_text import to_toml
-from tenodesis.protocols import Pretension, Protocol, concatenate, execute
-from tenodesis.protocols.loop import Loop
+from tenodesis.instrument.text import to_toml
 from tenodesis.recording import choices, schemas
 from tenodesis.recording.writer import Recorder
-from tenodesis.signals import CONTROL, Run
+from tenodesis.run import CONTROL, Run
+from tenodesis.simulate import Pretension, Protocol, concatenate, execute
+from tenodesis.simulate.loop import Loop
 from tenodesis.twin import Twin
 
 DYNAMIC = "dynamic"
@@ -52,7 +52,7 @@ def record(
     path
         The file.
     controller
-        Closes the loop, as for :func:`tenodesis.protocols.execute`; it is reset first.
+        Closes the loop, as for :func:`tenodesis.simulate.execute`; it is reset first.
     time_step, seed, quasi_static
         As for :class:`tenodesis.twin.Twin`.
     overwrite

@@ -14,7 +14,7 @@ from tenodesis.recording import choices
 from tenodesis.recording.outcome import outcome
 from tenodesis.recording.reader import Recording
 from tenodesis.recording.tables import columns
-from tenodesis.signals import COMMANDS, CONTROL, MEASURED, Run
+from tenodesis.run import COMMANDS, CONTROL, MEASURED, Run
 
 _RANGED = {**COMMANDS, **MEASURED, **CONTROL}.keys() - {"operating_state", "faults", "phase", "request"}
 """Signals whose ranges are shown; those of states would say nothing."""

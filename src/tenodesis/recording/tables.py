@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tenodesis.errors import RecordingError
+from tenodesis.files import atomic_file
 from tenodesis.recording.schemas import TENDONS
-from tenodesis.signals import SIGNALS, Array, Run
-from tenodesis.whole import whole
+from tenodesis.run import SIGNALS, Array, Run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -85,7 +85,7 @@ def to_parquet(run: Run, path: str | Path) -> None:
 def _whole(path: Path) -> Iterator[Path]:
     """Give a place beside a path to write to, and move what is there to the path at the end."""
     try:
-        with whole(path) as new:
+        with atomic_file(path) as new:
             yield new
     except OSError as problem:
         raise RecordingError(f"{path} cannot be written: {problem.strerror or problem}.") from None

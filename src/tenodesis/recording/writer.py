@@ -17,7 +17,7 @@ from tenodesis.errors import RecordingError
 from tenodesis.recording import cdr, messages, schemas
 from tenodesis.recording.chunks import ChunkedFile
 from tenodesis.recording.messages import Messages
-from tenodesis.signals import Array, Run
+from tenodesis.run import Array, Run
 
 _LAST_STAMP = 2**31 * cdr.SECOND - 1
 _SEQUENCES = 2**32
@@ -176,7 +176,7 @@ class Recorder:
         self._file = None
 
     def _texts(self, metadata: Mapping[str, str]) -> dict[str, str]:
-        from tenodesis import __version__  # noqa: PLC0415
+        from tenodesis.version import __version__  # noqa: PLC0415
 
         for key, text in metadata.items():
             if not isinstance(text, str):

@@ -8,22 +8,10 @@ from typing import Any, TypeVar
 from pydantic import Field
 
 from tenodesis.errors import DesignError
-from tenodesis.hardware import Table
+from tenodesis.instrument.hardware import Table
 from tenodesis.scaling.catalogue_file import CatalogueFile, parse
 from tenodesis.scaling.constraints_table import Constraints
-from tenodesis.scaling.parts import (
-    KINDS,
-    Encoder,
-    Gears,
-    LoadCell,
-    Part,
-    Pulley,
-    Rod,
-    Rope,
-    Spool,
-    Weight,
-    expanded,
-)
+from tenodesis.scaling.parts import KINDS, Encoder, Gears, LoadCell, Part, Pulley, Rod, Rope, Spool, Weight, expanded
 
 __all__ = [
     "NEEDED",

@@ -7,8 +7,8 @@ from typing import Any, Self
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from tenodesis.errors import DesignError
-from tenodesis.hardware import Table
 from tenodesis.instrument import Name
+from tenodesis.instrument.hardware import Table
 from tenodesis.scaling.constraints_table import Constraints
 from tenodesis.scaling.parts import (
     KINDS,

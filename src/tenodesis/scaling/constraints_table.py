@@ -4,10 +4,10 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from tenodesis.hardware import Length, Table
 from tenodesis.instrument import Force, Moment
-from tenodesis.quantity import Quantity, annotation
+from tenodesis.instrument.hardware import Length, Table
 from tenodesis.scaling.parts import Mass, ordered
+from tenodesis.units import Quantity, annotation
 
 _Scale = Annotated[float, Field(gt=0, le=1000, strict=True)]
 _Margin = Annotated[float, Field(ge=1, le=1000, strict=True)]

@@ -10,6 +10,7 @@ import numpy as np
 
 from tenodesis.errors import DesignError, InstrumentError
 from tenodesis.instrument import Instrument
+from tenodesis.run import Array
 from tenodesis.scaling import catalogue as catalogues
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates, Wheel
 from tenodesis.scaling.catalogue import Catalogue, Encoder, LoadCell, Rod, Rope, Spool
@@ -19,7 +20,6 @@ from tenodesis.scaling.pins import narrowed, parse
 from tenodesis.scaling.sweep import Progress, Sweep, exact_costs, sweep, tip_force
 from tenodesis.scaling.transfer_friction import carry_friction
 from tenodesis.scaling.weights import Hanging, hang
-from tenodesis.signals import Array
 from tenodesis.similarity import Comparison, compare
 from tenodesis.similarity.parameters import alone, field_of, value_of
 

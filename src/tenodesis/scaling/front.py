@@ -6,7 +6,7 @@ import moocore
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 ERROR_STEP = 0.01
 """Similarity errors, deg, that a bench cannot tell apart."""

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from tenodesis.bench import style
+from tenodesis.report import style
 from tenodesis.scaling.design import Front, Objectives
 
 _MOST_DOTS = 20_000

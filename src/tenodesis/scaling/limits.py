@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from tenodesis.errors import DesignError
 from tenodesis.instrument import Instrument
-from tenodesis.quantity import STANDARD_GRAVITY
+from tenodesis.run import Array
 from tenodesis.scaling.catalogue import Catalogue, Weight
 from tenodesis.scaling.weights import finest
-from tenodesis.signals import Array
+from tenodesis.units import STANDARD_GRAVITY
 
 Columns = Mapping[str, Array]
 """Parameters and findings of some scale models, by name, and the rope's breaking load and the larger wheel's size."""

@@ -6,9 +6,9 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
-from tenodesis.hardware import Bits, Length, Span, Table, Turn
 from tenodesis.instrument import Force, Modulus, Name
-from tenodesis.quantity import Quantity, annotation
+from tenodesis.instrument.hardware import Bits, Length, Span, Table, Turn
+from tenodesis.units import Quantity, annotation
 
 Mass = Annotated[float, *annotation(Quantity("mass", "kg", "500 g", at_least=0, below=1e3))]
 PieceMass = Annotated[float, *annotation(Quantity("mass", "kg", "500 g", above=0, below=1e3))]

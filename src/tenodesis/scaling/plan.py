@@ -16,11 +16,11 @@ import matplotlib as mpl
 import typst
 from markupsafe import Markup, escape
 
-from tenodesis.bench import style
 from tenodesis.errors import DesignError
+from tenodesis.files import atomic_files
+from tenodesis.report import style
 from tenodesis.scaling.plan_content import Plan, content
 from tenodesis.scaling.plan_tables import Limits
-from tenodesis.whole import together
 
 if TYPE_CHECKING:
     from tenodesis.scaling.design import Design
@@ -69,7 +69,7 @@ def write(design: "Design", folder: Path) -> tuple[Path, Path]:
         for name in files:
             if (folder / name).is_dir():
                 raise IsADirectoryError(EISDIR, f"{name} is a folder")
-        with together(folder) as new:
+        with atomic_files(folder) as new:
             for name, data in files.items():
                 (new / name).write_bytes(data)
     except OSError as problem:

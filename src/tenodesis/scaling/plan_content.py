@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from textwrap import shorten
 from typing import TYPE_CHECKING
 
-from tenodesis.bench.content import fixed
+from tenodesis.report.content import fixed
 from tenodesis.scaling import plan_figures, plan_similarity, plan_tables
 from tenodesis.scaling.plan_tables import Limits, Table
 from tenodesis.scaling.plan_text import degrees, more, told
@@ -63,7 +63,7 @@ def content(design: "Design", limits: Limits = Limits()) -> Plan:  # noqa: B008
     limits
         How many lines there is room for.
     """
-    from tenodesis import __version__  # noqa: PLC0415
+    from tenodesis.version import __version__  # noqa: PLC0415
 
     error = design.comparison.error(pretension=design.prototype.pretension)
     said = list(warnings(design, error))

@@ -11,8 +11,8 @@ from matplotlib.patheffects import Normal, Stroke
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import statics
-from tenodesis.bench import style
 from tenodesis.instrument import Instrument
+from tenodesis.report import style
 from tenodesis.similarity import SimilarityError
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 import math
 from typing import TYPE_CHECKING
 
-from tenodesis.bench.content import fixed
+from tenodesis.report.content import fixed
 from tenodesis.scaling.plan_tables import Table
 from tenodesis.scaling.plan_text import NO_ERROR, SPACE, degrees, factor, more, plain, symbols
 from tenodesis.similarity import GRID, Comparison, Group, SimilarityError

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from tenodesis import statics
-from tenodesis.bench.content import fixed
+from tenodesis.report.content import fixed
 from tenodesis.scaling.plan_text import factor, in_unit_of, masses, more, off, plain, signed, told
 from tenodesis.similarity import Comparison
 

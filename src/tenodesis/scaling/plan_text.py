@@ -4,8 +4,8 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from tenodesis.bench.content import fixed, number
-from tenodesis.quantity import in_unit
+from tenodesis.report.content import fixed, number
+from tenodesis.units import in_unit
 
 SPACE = "\u00a0"
 """Between a number and its unit, which stay on one line."""

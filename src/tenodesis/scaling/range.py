@@ -6,7 +6,7 @@ import numpy as np
 
 from tenodesis import _core, statics
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 from tenodesis.similarity import GRID
 
 COARSE = (8, 8)

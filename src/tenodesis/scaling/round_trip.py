@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tenodesis.instrument import Instrument
-from tenodesis.protocols import Cycles, Protocol
 from tenodesis.recording import Recording
 from tenodesis.recording.session import record
+from tenodesis.run import Array
 from tenodesis.scaling.transfer import carry
-from tenodesis.signals import Array
+from tenodesis.simulate import Cycles, Protocol
 from tenodesis.twin import TIME_STEP, Twin
 
 SPEED = float(np.radians(40))

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from tenodesis import _core
 from tenodesis.errors import DesignError
 from tenodesis.instrument import Instrument
-from tenodesis.quantity import STANDARD_GRAVITY
+from tenodesis.run import Array
 from tenodesis.scaling import front
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates, Wheel, candidates, finer
 from tenodesis.scaling.catalogue import Catalogue, LoadCell, Spool
 from tenodesis.scaling.limits import Forces, Limit, Tally, finest_difference, forces_of, limits
 from tenodesis.scaling.range import WorkingRange, working_range
-from tenodesis.signals import Array
 from tenodesis.similarity.parameters import RADII, value_of
 from tenodesis.threads import threads
+from tenodesis.units import STANDARD_GRAVITY
 
 FINDINGS = tuple(_core.findings())
 """What the core finds of a scale model, in its order."""

@@ -12,12 +12,12 @@ import tomli_w
 
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument
-from tenodesis.instrument_text import to_toml
+from tenodesis.instrument.text import to_toml
 from tenodesis.recording import Recorder, Recording
 from tenodesis.recording.schemas import TRANSFERRED
+from tenodesis.run import SIGNALS, Array, Run
 from tenodesis.scaling.transfer_factors import QUANTITY, comparison, factors
 from tenodesis.scaling.transfer_friction import carry_friction, left_behind, shared_axes
-from tenodesis.signals import SIGNALS, Array, Run
 from tenodesis.similarity import Comparison
 
 FACTORS = "transfer_factors"

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 
-from tenodesis import twin
+from tenodesis import plant
 from tenodesis.instrument import Instrument
 from tenodesis.similarity import Comparison, compare
 
@@ -51,7 +51,7 @@ def as_it_is(inst: Instrument) -> Instrument:
             "mismatch.stiffness_ratio": None,
             "mismatch.pretension_ratio": None,
             # An inertia that is not given would follow the stiffness.
-            "dynamics.tip_inertia": twin.numbers(inst)["tip_inertia"],
+            "dynamics.tip_inertia": plant.parameters(inst)["tip_inertia"],
         }
     )
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.errors import DesignError
-from tenodesis.quantity import STANDARD_GRAVITY
+from tenodesis.units import STANDARD_GRAVITY
 
 _GRID = 1e-6
 """Mass that all masses are whole multiples of, kg: that of the least weight of OIML R 111."""

@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike
 
 from tenodesis import statics
 from tenodesis.instrument import Instrument
-from tenodesis.query import FloatOrArray
 from tenodesis.similarity import loops
 from tenodesis.similarity.causes import Causes, OnProgress, causes_at_rest, frictionless_causes
 from tenodesis.similarity.frictionless import GRID, SimilarityError
 from tenodesis.similarity.groups import Group, groups_of, groups_under_load, paired, unit_of_time
 from tenodesis.similarity.loops import LoopError
 from tenodesis.similarity.parameters import tension_scale, value_of
+from tenodesis.statics.query import FloatOrArray
 
 Measure: TypeAlias = Literal["largest", "rms"]
 

@@ -3,7 +3,7 @@
 from math import isnan, nan
 from typing import Literal, NamedTuple, TypeAlias
 
-from tenodesis import _core, statics, twin
+from tenodesis import _core, plant, statics
 from tenodesis.instrument import Instrument
 from tenodesis.similarity.parameters import tension_scale
 
@@ -96,7 +96,7 @@ class Group(NamedTuple):
 
 def unit_of_time(inst: Instrument) -> float:
     """Return sqrt(J / kappa), the time of the straight tip's swing over two pi, s."""
-    return 1 / twin.swing(inst)
+    return 1 / plant.natural_frequency(inst)
 
 
 def groups_of(inst: Instrument) -> dict[str, float]:
@@ -105,7 +105,7 @@ def groups_of(inst: Instrument) -> dict[str, float]:
     The spools' radius is a factor and no group: only the tendon length it winds counts. Groups of the Stribeck law
     and of a hand that gives way are there for instruments that have them.
     """
-    numbers = twin.numbers(inst)
+    numbers = plant.parameters(inst)
     distal, proximal = numbers["distal_radius"], numbers["proximal_radius"]
     stiffness, tension, time = inst.tendon_stiffness, tension_scale(inst), unit_of_time(inst)
     in_handle, (at_handle, at_tip) = numbers["handle_length_share"], _core.joint_shares(inst.spec)

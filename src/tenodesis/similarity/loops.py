@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis import twin
+from tenodesis import plant, twin
 from tenodesis.instrument import Instrument
 from tenodesis.similarity.frictionless import Spread
 from tenodesis.similarity.parameters import alone
@@ -110,7 +110,7 @@ def cycle_error(
     speed: float,
 ) -> LoopError:
     """Return the error of loops in time; :meth:`Comparison.cycle_error` says more."""
-    step = min(twin.TIME_STEP, _PHASE / twin.swing(comparison.model))
+    step = min(twin.TIME_STEP, _PHASE / plant.natural_frequency(comparison.model))
     stroke = max(2, 2 * round(comparison.reach / speed / step))
     path = _path(comparison.reach, step, stroke, max(1, round(_LOADING / step)))
     return _error(_Pair(comparison, pretension, force_factor), path, forces, False)

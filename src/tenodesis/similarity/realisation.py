@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from tenodesis import _core
-from tenodesis.hardware import FrictionLaw
 from tenodesis.instrument import Instrument
+from tenodesis.instrument.hardware import FrictionLaw
 from tenodesis.similarity.groups import unit_of_time
 from tenodesis.similarity.parameters import field_of, tension_scale, value_of
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from tenodesis.errors import StudyError
-from tenodesis.signals import Array
+from tenodesis.run import Array
 from tenodesis.threads import set_threads
 from tenodesis.tolerance.evaluation import Task, evaluate
 

@@ -9,7 +9,7 @@ from tenodesis import similarity
 from tenodesis._core import Status
 from tenodesis.errors import StudyError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 from tenodesis.tolerance import engines, sampling
 from tenodesis.tolerance.cycle import cycles
 from tenodesis.tolerance.defaults import default

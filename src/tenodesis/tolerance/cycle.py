@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tenodesis import statics
-from tenodesis.signals import Array
+from tenodesis.run import Array
 from tenodesis.similarity import Comparison
 
 STEPS = 24

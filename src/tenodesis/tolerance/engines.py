@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from tenodesis.errors import StudyError
-from tenodesis.signals import Array
+from tenodesis.run import Array
 from tenodesis.tolerance.cluster import Cluster
 from tenodesis.tolerance.evaluation import Task, evaluate
 

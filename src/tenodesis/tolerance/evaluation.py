@@ -11,7 +11,7 @@ from tenodesis import statics, twin
 from tenodesis._core import Status
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 from tenodesis.tolerance.cycle import Cycle
 from tenodesis.tolerance.files import InstrumentName
 

@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from tenodesis.bench import style
-from tenodesis.bench.content import Plot
+from tenodesis.report import style
+from tenodesis.report.content import Plot
 from tenodesis.tolerance.results import Response, Study
 
 _BINS = 48

@@ -10,8 +10,8 @@ from pydantic.fields import FieldInfo
 
 from tenodesis.errors import StudyError
 from tenodesis.instrument import Instrument
-from tenodesis.quantity import Quantity, annotation, in_unit
 from tenodesis.tolerance.files import DistributionName, InstrumentName, Tolerance, Tolerances
+from tenodesis.units import Quantity, annotation, in_unit
 
 MOST_OUTSIDE = 1e-6
 """Largest probability that a distribution may leave to values no instrument file allows; it is cut off there."""

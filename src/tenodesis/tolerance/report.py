@@ -12,12 +12,12 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
-from tenodesis.bench import style
-from tenodesis.bench.content import Plot, fixed
 from tenodesis.errors import StudyError
+from tenodesis.files import atomic_files
+from tenodesis.report import style
+from tenodesis.report.content import Plot, fixed
 from tenodesis.tolerance import figures
 from tenodesis.tolerance.results import QUANTILES, Response, Study
-from tenodesis.whole import together
 
 RESULTS_SCHEMA = 1
 """Version of the layout of tolerance.json."""
@@ -44,7 +44,7 @@ def write(study: Study, out: Path) -> None:
 
 def _write(study: Study, out: Path) -> None:
     """Write everything beside its place first, and move it there when all of it is written."""
-    with together(out, last=_PAGE) as new:
+    with atomic_files(out, last=_PAGE) as new:
         (new / "figures").mkdir()
         plots = figures.plots(study)
         drawings = {plot.name: _draw(plot, new / "figures") for plot in plots}

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 from tenodesis.tolerance import sampling
 from tenodesis.tolerance.files import Tolerances
 from tenodesis.tolerance.parameters import Parameter

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tenodesis.signals import Array
+from tenodesis.run import Array
 from tenodesis.tolerance.parameters import Parameter
 
 CONFIDENCE = 0.95

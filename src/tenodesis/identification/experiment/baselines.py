@@ -6,8 +6,8 @@ from tenodesis import statics
 from tenodesis.errors import NoSolutionError
 from tenodesis.identification.experiment.candidates import Phase
 from tenodesis.instrument import Instrument
-from tenodesis.protocols import Cycles, Hold, Ramp
-from tenodesis.protocols.reach import largest
+from tenodesis.simulate import Cycles, Hold, Ramp
+from tenodesis.simulate.reach import largest
 
 _LOADING, _RESTING = 0.5, 0.25
 _CYCLES = 2

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tenodesis import twin
+from tenodesis import plant, twin
 from tenodesis.control.parameters import tension_limit
 from tenodesis.errors import NoSolutionError, ProtocolError
 from tenodesis.identification.differences import scales
@@ -17,8 +17,8 @@ from tenodesis.identification.formats.measured import Measured
 from tenodesis.identification.models.twin import LONGEST_STEP, TwinProblem
 from tenodesis.identification.problem import Parameter, Trace
 from tenodesis.instrument import Instrument
-from tenodesis.protocols import Protocol
-from tenodesis.signals import Array, Run
+from tenodesis.run import Array, Run
+from tenodesis.simulate import Protocol
 
 _OFF = ((0.8, 0.8), (1.2, 1.2))
 """Stiffness and pretension, over the file's, with which a protocol must run as well."""
@@ -191,4 +191,4 @@ def _at(time: Array, trace: Trace) -> Array:
 def _time_step(inst: Instrument) -> float:
     """Return the sampling period or a whole part of it that the tip's swing allows, s, near the usual step."""
     period = 1 / inst.sensors.sampling_rate
-    return period / max(1, math.ceil(period / min(twin.TIME_STEP, twin.longest_step(inst)) * (1 - 1e-9)))
+    return period / max(1, math.ceil(period / min(twin.TIME_STEP, plant.longest_step(inst)) * (1 - 1e-9)))

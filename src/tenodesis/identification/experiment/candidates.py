@@ -8,9 +8,9 @@ from typing import NamedTuple, TypeAlias
 from tenodesis import statics
 from tenodesis.errors import IdentificationError, NoSolutionError
 from tenodesis.instrument import Instrument
-from tenodesis.protocols import Cycles, Hold, Ramp, StepLoad
-from tenodesis.protocols.protocol import AnyPhase
-from tenodesis.protocols.reach import largest
+from tenodesis.simulate import Cycles, Hold, Ramp, StepLoad
+from tenodesis.simulate.protocol import AnyPhase
+from tenodesis.simulate.reach import largest
 
 Phase: TypeAlias = AnyPhase
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.identification.experiment.information import Information
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 CriterionName: TypeAlias = Literal["D", "A"]
 

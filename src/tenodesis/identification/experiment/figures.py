@@ -5,9 +5,9 @@ import math
 import numpy as np
 from matplotlib.figure import Figure
 
-from tenodesis.bench import style
 from tenodesis.identification.experiment.planning import HALF, Plan
 from tenodesis.identification.figures import readable
+from tenodesis.report import style
 
 _KEPT = 4000
 """Samples drawn."""

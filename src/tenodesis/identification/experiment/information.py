@@ -12,7 +12,7 @@ from tenodesis.identification.models.twin import TwinProblem
 from tenodesis.identification.problem import Trace
 from tenodesis.identification.uncertainty import Spread
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 _FAINT = 1e-4
 """Variance of a harmonic, over that of independent noise, below which it is left out."""

@@ -9,7 +9,7 @@ from typing import NamedTuple, get_args
 import numpy as np
 from scipy import special
 
-from tenodesis import protocols
+from tenodesis import simulate
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import identifiability
 from tenodesis.identification.differences import scales
@@ -23,8 +23,8 @@ from tenodesis.identification.experiment.text import to_text
 from tenodesis.identification.models.twin import TwinProblem
 from tenodesis.identification.problem import Parameter
 from tenodesis.instrument import Instrument
-from tenodesis.protocols import Protocol
-from tenodesis.signals import Array, Run
+from tenodesis.run import Array, Run
+from tenodesis.simulate import Protocol
 from tenodesis.threads import threads
 
 DURATION = 30.0
@@ -362,7 +362,7 @@ def _whole(bench: Bench, order: Sequence[_Tried]) -> _Whole:
         phases=tuple(phases),
     )
     # What is tried is what the file will say, digits and all.
-    protocol = protocols.parse(to_text(proposed))
+    protocol = simulate.parse(to_text(proposed))
     run = bench.run(protocol.phases)
     begins = np.concatenate([[0.0], np.cumsum([one.seconds for one in order])])
     parts = tuple(

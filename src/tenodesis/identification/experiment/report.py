@@ -11,14 +11,14 @@ import jinja2
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from tenodesis.bench import style
 from tenodesis.errors import IdentificationError
+from tenodesis.files import atomic_files
 from tenodesis.identification.experiment import figures
 from tenodesis.identification.experiment.planning import HALF, OPTIMISTIC, Plan, Prediction
 from tenodesis.identification.experiment.text import to_text
 from tenodesis.identification.figures import readable
 from tenodesis.identification.results import about
-from tenodesis.whole import together
+from tenodesis.report import style
 
 PROTOCOL, PAGE, FIGURE, NUMBERS = "protocol.toml", "plan.html", "plan.svg", "plan.json"
 """What a plan is written as."""
@@ -53,7 +53,7 @@ def write(plan: Plan, out: Path) -> list[Path]:
         PAGE: _page(plan, svgs),
     }
     try:
-        with together(out, last=PAGE) as new:
+        with atomic_files(out, last=PAGE) as new:
             for name, text in texts.items():
                 (new / name).write_text(text, "utf-8")
     except OSError as problem:

@@ -4,9 +4,9 @@ from typing import Any
 
 import tomli_w
 
-from tenodesis.instrument_text import with_units
-from tenodesis.protocols import Protocol
-from tenodesis.quantity import in_unit
+from tenodesis.instrument.text import with_units
+from tenodesis.simulate import Protocol
+from tenodesis.units import in_unit
 
 _READABLE = {"rad": "deg", "rad/s": "deg/s", "m": "mm", "m/s": "mm/s"}
 

@@ -17,17 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.formats.instrument_run import (
-    COLUMNS,
-    LEAST_EXCITATION,
-    TENDONS,
-    InstrumentRun,
-    checked,
-)
+from tenodesis.identification.formats.instrument_run import COLUMNS, LEAST_EXCITATION, TENDONS, InstrumentRun, checked
 from tenodesis.identification.formats.measured import checksum
 from tenodesis.identification.formats.raw import GRAM_FORCE, Unit, spread_of
 from tenodesis.identification.formats.table import heading, read_table, scale_of
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 MAP_SUFFIX = ".columns.toml"
 SHARED_MAP = "columns.toml"

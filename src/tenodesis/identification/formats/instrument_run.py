@@ -8,7 +8,7 @@ import numpy as np
 from tenodesis.identification.formats.measured import Measured
 from tenodesis.identification.formats.raw import CLOCKS, Raw, spread_of
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 TENDONS = ("agonist", "antagonist")
 

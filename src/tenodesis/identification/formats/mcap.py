@@ -19,7 +19,7 @@ from tenodesis.identification.formats.raw import CLOCKS, WIDE, Raw
 from tenodesis.instrument import Instrument
 from tenodesis.recording import Recording, cdr, container, schemas
 from tenodesis.recording.decode import Decoded, MisfitError, decode
-from tenodesis.signals import SIGNALS, Array
+from tenodesis.run import SIGNALS, Array
 
 __all__ = ["TENDONS", "InstrumentRun", "load"]
 

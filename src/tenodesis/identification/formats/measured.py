@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.formats.measured import Measured, Source
-from tenodesis.quantity import STANDARD_GRAVITY
-from tenodesis.signals import Array
+from tenodesis.run import Array
+from tenodesis.units import STANDARD_GRAVITY
 
 LEAST_SAMPLES = 200
 MOST_CORRUPT = 0.02

@@ -9,8 +9,8 @@ import numpy as np
 import pint
 
 from tenodesis.errors import IdentificationError
-from tenodesis.quantity import in_unit
-from tenodesis.signals import Array
+from tenodesis.run import Array
+from tenodesis.units import in_unit
 
 _HEADING = re.compile(r"\s*(?P<name>[^\[\]]*?)\s*(?:\[\s*(?P<unit>[^\]]*?)\s*\])?\s*")
 

@@ -13,7 +13,7 @@ from tenodesis.errors import IdentificationError
 from tenodesis.identification.formats.measured import Measured, Source, checksum
 from tenodesis.identification.formats.raw import CLOCKS, GRAM_FORCE, Raw, Unit, spread_of
 from tenodesis.identification.formats.table import heading, read_table, scale_of
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 __all__ = ["GRAM_FORCE", "NEEDED", "SOURCE", "TENSIONS", "load"]
 

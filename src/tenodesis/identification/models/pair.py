@@ -29,7 +29,7 @@ from tenodesis.identification.formats.measured import Measured
 from tenodesis.identification.laws import law_of, pass_on
 from tenodesis.identification.problem import Parameter, Trace
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 DEFAULT_LAW = "capstan"
 SECTIONS = 6

@@ -15,7 +15,7 @@ from tenodesis.identification.laws import law_of, pass_on
 from tenodesis.identification.problem import Parameter, Trace
 from tenodesis.identification.uncertainty import LossName
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 DEFAULT_LAW = "capstan-power"
 DEFAULT_LOSS: LossName = "soft_l1"

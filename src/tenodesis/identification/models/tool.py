@@ -27,7 +27,7 @@ from tenodesis.identification.formats.measured import Measured
 from tenodesis.identification.laws import band, held, hysteresis
 from tenodesis.identification.problem import Parameter, Trace
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 DEFAULT_LAW = "capstan-constant"
 CONTACTS = 8

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tenodesis import _core, twin
+from tenodesis import _core, plant
 from tenodesis._core import Status
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.formats.instrument_run import TENDONS, InstrumentRun
@@ -16,7 +16,7 @@ from tenodesis.identification.models.twin_runs import READINGS, Prepared, prepar
 from tenodesis.identification.models.twin_unknowns import LARGEST_OFFSET, UNKNOWNS
 from tenodesis.identification.problem import Parameter, Trace
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 DEFAULT_LAW = "capstan"
 
@@ -58,7 +58,7 @@ class TwinProblem:
             )
         # What the file says of its own errors is not known to who identifies them.
         self._inst = _under(law, inst.replace(mismatch=None))
-        self._nominal = twin.numbers(self._inst) | {"hand_stiffness": 0.0}
+        self._nominal = plant.parameters(self._inst) | {"hand_stiffness": 0.0}
         # An encoder that says too much may show a handle beyond its range.
         for run in runs:
             if np.abs(run["handle_angle"]).max() > inst.handle_range + LARGEST_OFFSET:
@@ -82,17 +82,17 @@ class TwinProblem:
         self._known: dict[int, dict[bytes, Marginalised]] = {}
 
     def _check_rate(self, run: Measured) -> None:
-        longest = twin.longest_step(self._inst)
+        longest = plant.longest_step(self._inst)
         if run.sample_time > longest * (1 + 1e-6):
             raise IdentificationError(
                 f"{run.name} has a sample every {1e3 * run.sample_time:.3g} ms, too few for the tip of "
-                f"{self._inst.name}, which swings at {twin.swing(self._inst) / (2 * pi):.3g} Hz; allowed is at most "
-                f"{1e3 * longest:.3g} ms."
+                f"{self._inst.name}, which swings at "
+                f"{plant.natural_frequency(self._inst) / (2 * pi):.3g} Hz; allowed is at most {1e3 * longest:.3g} ms."
             )
 
     def _stride(self, run: Measured, finest: Prepared) -> int:
         """Return how many samples make the longest steps that hardly move what a fit would find."""
-        longest = min(LONGEST_STEP, twin.longest_step(self._inst))
+        longest = min(LONGEST_STEP, plant.longest_step(self._inst))
         stride = max(1, int(longest / run.sample_time * (1 + 1e-6)))
         if stride == 1:
             return 1
@@ -126,7 +126,7 @@ class TwinProblem:
             if name == "handle_length_share":
                 upper = min(upper, _MOST_HANDLE * (1 - sum(_core.joint_shares(self._inst.spec))))
             if name == "dynamics.tip_damping":
-                critical = 2 * twin.swing(self._inst) * self._nominal["tip_inertia"]
+                critical = 2 * plant.natural_frequency(self._inst) * self._nominal["tip_inertia"]
                 upper = _MOST_DAMPING * max(critical, self._nominal["tip_damping"])
             start = float(np.clip(self._nominal[one.number], one.lower, upper))
             out.append(Parameter(name, one.unit, start, one.lower, upper, one.meaning))

@@ -8,7 +8,7 @@ from scipy.linalg import eigh, solveh_banded
 from scipy.ndimage import uniform_filter1d
 
 from tenodesis.identification.models.converter import Converter
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 _LONGEST_BLUR = 0.2
 """Longest time that a sensor is smoothed over, s."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csc_array, diags_array
 
 from tenodesis.identification.models.twin_runs import Misplaced, Prepared
-from tenodesis.signals import Array
+from tenodesis.run import Array
 from tenodesis.threads import threads
 
 _MOST_RUNS = 20

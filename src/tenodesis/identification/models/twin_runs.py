@@ -14,7 +14,7 @@ from tenodesis.identification.formats.measured import Measured
 from tenodesis.identification.models.converter import Converter, encoder, load_cell
 from tenodesis.identification.models.twin_inputs import Error, Path, smoothed, unrounded
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 READINGS = ("measured_handle_angle", "measured_output_angle", "tension_agonist", "tension_antagonist")
 """What the core tells of a twin's sensors, in its order."""

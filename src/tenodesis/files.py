@@ -1,0 +1,57 @@
+"""Files written completely or not at all: beside their place first, then moved there."""
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def atomic_files(folder: Path, *, last: str = "") -> Iterator[Path]:
+    """Give a temporary folder to write files to, and move them to their folder at the end; its other files stay.
+
+    Parameters
+    ----------
+    folder
+        Where the files go; made if absent. Files in subfolders go to subfolders of the same names.
+    last
+        Name of the file that is moved last: once it is there, all others are.
+
+    Raises
+    ------
+    OSError
+        The folder cannot be written, or holds a device or pipe by the name of a file. What fails before the first file
+        is moved leaves the folder unchanged.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".tenodesis-") as name:
+        new = Path(name)
+        yield new
+        files = sorted(path.relative_to(new) for path in new.rglob("*") if path.is_file())
+        for file in files:
+            _check_regular(folder / file)
+        for file in sorted(files, key=lambda path: path.name == last):
+            (folder / file).parent.mkdir(exist_ok=True)
+            (new / file).replace(folder / file)
+
+
+@contextmanager
+def atomic_file(path: Path) -> Iterator[Path]:
+    """Give a temporary path to write a file to, and move the file to its path at the end.
+
+    Raises
+    ------
+    OSError
+        The folder cannot be written, or the path is a device or pipe; the path is unchanged then.
+    """
+    _check_regular(path)
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".tenodesis-") as name:
+        new = Path(name) / path.name
+        yield new
+        new.replace(path)
+
+
+def _check_regular(path: Path) -> None:
+    """Raise OSError for a path to replace that is a device, a pipe or a socket."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise OSError(f"{path} is no regular file; it must be the path of a file")

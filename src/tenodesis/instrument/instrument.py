@@ -1,0 +1,474 @@
+"""Instruments: one file describes one, everything else is computed from it."""
+
+import math
+import tomllib
+from collections.abc import Iterator, Mapping
+from functools import cache, cached_property
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    TypeAdapter,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+from pydantic.fields import FieldInfo
+
+from tenodesis import _core
+from tenodesis.errors import InstrumentError
+from tenodesis.instrument.devices import Devices
+from tenodesis.instrument.geometry import Geometry
+from tenodesis.instrument.hardware import Control, Drives, Dynamics, Friction, Mismatch, Sensors
+from tenodesis.units import Quantity, annotation
+
+PARAMETERS = tuple(_core.parameters())
+"""The core's parameters of an instrument, in its order."""
+
+# The bounds are wide of anything that can be built; they keep slips of a unit, and of arithmetic, out of the results.
+Length = Annotated[float, *annotation(Quantity("length", "m", "2 mm", above=1e-7, below=100))]
+Modulus = Annotated[float, *annotation(Quantity("modulus", "Pa", "50 GPa", above=1e3, below=1e13))]
+_STIFFNESS = Quantity("stiffness", "N/m", "31 N/mm", above=1e-3, below=1e12)
+Stiffness = Annotated[float, *annotation(_STIFFNESS)]
+Rigidity = Annotated[float, *annotation(Quantity("flexural rigidity", "N*m^2", "2e-4 N*m^2", above=1e-12, below=1e3))]
+Tension = Annotated[float, *annotation(Quantity("force", "N", "30 N", at_least=0, below=1e5))]
+Force = Annotated[float, *annotation(Quantity("force", "N", "0.5 N", above=1e-6, below=1e5))]
+Moment = Annotated[float, *annotation(Quantity("moment", "N*m", "0.15 N*m", above=0, below=1e5))]
+Rate = Annotated[float, *annotation(Quantity("rate", "Hz", "2000 Hz", above=0, below=1e9))]
+Angle = Annotated[float, *annotation(Quantity("angle", "rad", "20 deg"))]
+Range = Annotated[float, *annotation(Quantity("angle", "rad", "45 deg", above=0, below=math.pi))]
+
+
+def _printable(name: str) -> str:
+    if not (1 <= len(name) <= 60 and name.isprintable()):
+        raise ValueError("it must be 1 to 60 printable characters")
+    return name
+
+
+Name = Annotated[str, AfterValidator(_printable)]
+"""What an instrument or a protocol is called."""
+
+AxisName = Literal["yaw", "pitch"]
+
+
+_STOP_BEYOND_RANGE = 4 / 3
+_FARTHEST_STOP = 2.9  # rad; half a turn is the end of every mechanism
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Conditions(_Strict):
+    """The conditions an instrument is tested under; all optional, SI units."""
+
+    forces: tuple[Force, ...] = Field(default=(), max_length=12, description="Tangential tip forces, N")
+    cycles: int | None = Field(default=None, ge=1, strict=True, description="Cycles of flexion and extension")
+    sampling_rate: Rate | None = Field(default=None, description="Samples per second")
+    cable_force: Force | None = Field(default=None, description="Force on one weight cable of the load rig")
+    cable_pulley_radius: Length | None = Field(default=None, description="Radius the weight cable acts at")
+    external_moment: Moment | None = Field(default=None, description="Moment of the load rig on the distal joint")
+    handle_angles: tuple[Angle, ...] = Field(default=(), description="Handle angles held, one per state")
+    output_angles: tuple[Angle, ...] = Field(default=(), description="Output angles held, one per state")
+
+
+class Instrument(_Strict):
+    """An instrument in SI units and radians; use :func:`load`, then :meth:`replace` for variants of it.
+
+    Raises
+    ------
+    InstrumentError
+        By `load` and `replace`, when a value is missing, unknown or not allowed.
+    """
+
+    joint_type: str
+
+    name: Name = Field(description="What the instrument is called in figures and tables")
+    description: str = Field(default="", max_length=200, description="One line about the instrument")
+    axes: tuple[AxisName, ...] = Field(default=("yaw",), description="Bending axes: yaw, pitch, or both")
+
+    stem_diameter: Length | None = Field(default=None, description="Outer diameter of the stem")
+    overall_length: Length = Field(description="Overall length; the tendons' length unless that is given")
+    end_effector_length: Length = Field(description="From the distal joint's moving part to where the force acts")
+    handle_length: Length = Field(description="From the proximal joint's moving part to where the hand acts")
+    tendon_diameter: Length | None = Field(default=None, description="Diameter of a tendon's load-bearing section")
+    tendon_modulus: Modulus | None = Field(default=None, description="Young's modulus of a tendon")
+    tendon_length: Length | None = Field(default=None, description="Length of a tendon if not the overall length")
+    given_stiffness: Stiffness | None = Field(
+        default=None, alias="tendon_stiffness", description="Stiffness of one tendon if not by E A / L"
+    )
+    pretension: Tension = Field(description="Tension of either tendon at rest")
+    handle_range: Range = Field(description="Largest handle angle to either side")
+    output_range: Range = Field(
+        default=math.radians(80), description="Working range of the output angle to either side"
+    )
+    breaking_load: Force | None = Field(default=None, description="Tension at which a tendon breaks")
+    conditions: Conditions = Conditions()
+    friction: Friction = Friction()
+    dynamics: Dynamics = Dynamics()
+    drives: Drives = Drives()
+    sensors: Sensors = Sensors()
+    mismatch: Mismatch = Mismatch()
+    control: Control = Control()
+    geometry: Geometry = Geometry()
+    devices: Devices = Devices()
+    overrides: Mapping[AxisName, Mapping[str, Any]] = Field(
+        default={}, description="Values that differ on one axis, by axis"
+    )
+    sources: Mapping[str, str] = Field(default={}, description="Where each value is from, by key")
+
+    parameter_fields: ClassVar[Mapping[str, str]] = {}
+    """Parameter of the core, by the field that sets it."""
+
+    @property
+    def tendon_stiffness(self) -> float:
+        """Stiffness of one tendon, N/m: as given, or E A / L (Table I)."""
+        return _core.tendon_stiffness(self.spec)
+
+    @property
+    def rig_arm(self) -> float:
+        """Distance from the load rig's pivot to the tip of the straight instrument, m (Fig. 13)."""
+        return _core.rig_arm(self.spec)
+
+    @property
+    def output_stop(self) -> float:
+        """Output angle at which the distal joint meets its mechanical stop, rad."""
+        return self.dynamics.output_stop or min(_STOP_BEYOND_RANGE * self.output_range, _FARTHEST_STOP)
+
+    @cached_property
+    def spec(self) -> _core.Spec:
+        """The first axis as the core takes it."""
+        row = dict.fromkeys(PARAMETERS, math.nan)
+        for field, parameter in self.parameter_fields.items():
+            value = getattr(self, field)
+            row[parameter] = math.nan if value is None else value
+        if self.tendon_length is None:
+            row["tendon_length"] = self.overall_length
+        joint = _core.JointType[self.joint_type.replace("-", "_").upper()]
+        return _core.Spec(joint, [row[parameter] for parameter in PARAMETERS], self.handle_range)
+
+    def quantities(self) -> Iterator[tuple[str, float, Quantity]]:
+        """Yield key, value in SI and kind of quantity of every dimension given, stiffness included."""
+        for name, field in type(self).model_fields.items():
+            quantity = _quantity(field)
+            value = getattr(self, name)
+            if quantity is not None and value is not None:
+                yield field.alias or name, value, quantity
+        if self.given_stiffness is None:
+            yield "tendon_stiffness", self.tendon_stiffness, _STIFFNESS
+
+    def replace(self, **changes: Any) -> Self:
+        """Return this instrument with some values changed.
+
+        Parameters
+        ----------
+        **changes
+            New values by key, in SI units or as text with a unit; None for a key left out again. A key within a table
+            is written with a dot: ``**{"friction.vertex_coefficient": 0.2}``.
+
+        Raises
+        ------
+        InstrumentError
+            A key is unknown or a value is not allowed.
+        """
+        return _validated(type(self), self._with(changes), file=False)
+
+    def axis(self, name: str) -> Self:
+        """Return the instrument of one axis alone, with that axis's own values in place.
+
+        Raises
+        ------
+        InstrumentError
+            The instrument has no such axis.
+        """
+        if name not in self.axes:
+            raise InstrumentError(f"{self.name} has no axis {name!r}; it has {' and '.join(self.axes)}.")
+        own = {axis: values for axis, values in self.overrides.items() if axis == name}
+        return self.replace(axes=(name,), overrides=None, **dict(*own.values()))
+
+    def _with(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the values of this instrument by key, with changes; None leaves a key out."""
+        fields = type(self).model_fields
+        values = {fields[key].alias or key: getattr(self, key) for key in self.model_fields_set}
+        for key, value in changes.items():
+            table, _, inner = key.partition(".")
+            held = values.get(table, getattr(self, table, None))
+            held = {} if held is None and table in fields else held
+            if inner and isinstance(held, BaseModel | dict):
+                own = dict(held) if isinstance(held, dict) else held.model_dump(exclude_unset=True)
+                values[table] = {name: one for name, one in (own | {inner: value}).items() if one is not None}
+            else:
+                values[key] = value
+        return {key: value for key, value in values.items() if value is not None}
+
+    def _check_override(self, axis: AxisName, values: Mapping[str, Any], *, in_file: bool) -> None:
+        if axis not in self.axes[1:]:
+            raise ValueError(
+                f"overrides.{axis} is given, but the second axis is {self.axes[1] if self.axes[1:] else 'not there'}; "
+                "the first axis has its values at the top"
+            )
+        allowed = [key for key, _, _ in self.quantities()]
+        foreign = [key for key in values if key not in {*allowed, "tendon_length"}]
+        if foreign:
+            raise ValueError(f"overrides.{axis}: {foreign[0]} is not a known key; allowed are {', '.join(allowed)}")
+        bare = [key for key, value in values.items() if in_file and isinstance(value, int | float)]
+        if bare:
+            raise ValueError(f"overrides.{axis}.{bare[0]} = {values[bare[0]]!r}: it has no unit")
+        alone = self._with({"axes": (axis,), "overrides": None} | dict(values))
+        try:
+            _validated(type(self), alone, file=False, source=f"overrides.{axis}")
+        except InstrumentError as invalid:
+            raise ValueError(str(invalid).rstrip(".")) from None
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy by way of :meth:`replace`, since a copy's changes must be checked and reach the core."""
+        return self.replace(**(update or {}))
+
+    def __hash__(self) -> int:
+        return hash((self.joint_type, self.name, tuple((key, value) for key, value, _ in self.quantities())))
+
+    @field_validator("axes")
+    @classmethod
+    def _distinct_axes(cls, axes: tuple[AxisName, ...]) -> tuple[AxisName, ...]:
+        if not axes or len(set(axes)) < len(axes):
+            raise ValueError("it must name one or two different axes, yaw and pitch")
+        return axes
+
+    @model_validator(mode="after")
+    def _coherent(self, info: ValidationInfo) -> Self:
+        missing = [key for key in ("tendon_diameter", "tendon_modulus") if getattr(self, key) is None]
+        if self.given_stiffness is None and missing:
+            raise ValueError(f"{missing[0]} is missing; give tendon_diameter and tendon_modulus, or tendon_stiffness")
+        stiffness = self.tendon_stiffness
+        if not _STIFFNESS.allows(stiffness):
+            raise ValueError(f"tendon_stiffness follows as {stiffness:.3g} N/m; it must be {_STIFFNESS.allowed}")
+        if self.pretension / stiffness >= (self.tendon_length or self.overall_length):
+            raise ValueError(
+                f"pretension is {self.pretension:g} N, which would stretch tendons of {stiffness:.3g} N/m by more than "
+                "their length; allowed is less pretension or a stiffer tendon"
+            )
+        if self.breaking_load is not None and self.pretension >= self.breaking_load:
+            raise ValueError(
+                f"pretension is {self.pretension:g} N, at which a tendon of {self.breaking_load:g} N breaking_load has "
+                "broken; allowed is less pretension or a stronger tendon"
+            )
+        reach = _core.unloaded_limit(self.spec)
+        if not reach < 1:
+            raise ValueError(
+                f"handle_range is {math.degrees(self.handle_range):.4g} deg, which would bend the distal joint "
+                f"{reach:.4g} times as far as it can (for gears, R/r sin(handle_range / 2) must stay below 1); "
+                "allowed is a smaller handle_range or a larger distal radius"
+            )
+        for axis, values in self.overrides.items():
+            self._check_override(axis, values, in_file=bool(info.context and info.context.get("file")))
+        for key in self.sources:
+            if key not in _known(type(self)):
+                raise ValueError(f"sources.{key} names no key of an instrument")
+        return self
+
+
+_SHARED_FIELDS = {
+    "handle_length": "handle_length",
+    "end_effector_length": "end_effector_length",
+    "given_stiffness": "given_stiffness",
+    "tendon_modulus": "tendon_modulus",
+    "tendon_diameter": "tendon_diameter",
+    "tendon_length": "tendon_length",
+    "pretension": "pretension",
+}
+
+
+class TendonGear(Instrument):
+    """An instrument whose joints are rolling gear pairs."""
+
+    joint_type: Literal["tendon-gear"]
+    distal_gear_radius: Length = Field(description="Pitch radius of the distal gears")
+    proximal_gear_radius: Length = Field(description="Pitch radius of the proximal gears")
+
+    parameter_fields: ClassVar[Mapping[str, str]] = _SHARED_FIELDS | {
+        "proximal_gear_radius": "proximal_radius",
+        "distal_gear_radius": "distal_radius",
+    }
+
+
+class TendonPulley(Instrument):
+    """An instrument whose joints are pulleys."""
+
+    joint_type: Literal["tendon-pulley"]
+    distal_pulley_radius: Length = Field(description="Radius of the distal pulley")
+    proximal_pulley_radius: Length = Field(description="Radius of the proximal pulley")
+
+    parameter_fields: ClassVar[Mapping[str, str]] = _SHARED_FIELDS | {
+        "proximal_pulley_radius": "proximal_radius",
+        "distal_pulley_radius": "distal_radius",
+    }
+
+
+class Continuum(Instrument):
+    """An instrument whose tip is an elastic backbone bent by tendons, worked by a pulley at the handle."""
+
+    joint_type: Literal["continuum"]
+    distal_tendon_offset: Length = Field(description="Distance of a tendon from the backbone")
+    proximal_pulley_radius: Length = Field(description="Radius of the proximal pulley")
+    backbone_length: Length = Field(description="Length of the backbone that bends")
+    backbone_rigidity: Rigidity = Field(description="Flexural rigidity E I of the backbone")
+
+    parameter_fields: ClassVar[Mapping[str, str]] = _SHARED_FIELDS | {
+        "proximal_pulley_radius": "proximal_radius",
+        "distal_tendon_offset": "distal_radius",
+        "backbone_length": "backbone_length",
+        "backbone_rigidity": "backbone_rigidity",
+    }
+
+
+JOINT_TYPES: dict[str, type[Instrument]] = {
+    "tendon-gear": TendonGear,
+    "tendon-pulley": TendonPulley,
+    "continuum": Continuum,
+}
+
+_AnyInstrument: TypeAdapter[Instrument] = TypeAdapter(
+    Annotated[TendonGear | TendonPulley | Continuum, Field(discriminator="joint_type")]
+)
+
+
+def shipped() -> tuple[str, ...]:
+    """Return the names of the instruments that come with the package."""
+    files = (Path(entry.name) for entry in _shipped_folder().iterdir())
+    return tuple(sorted(file.stem for file in files if file.suffix == ".toml"))
+
+
+def load(name_or_path: str | Path) -> Instrument:
+    """Read an instrument that comes with the package, by name, or an instrument file, by path.
+
+    Raises
+    ------
+    InstrumentError
+        There is no such instrument or file, it cannot be read, or it is not valid.
+    """
+    source = str(name_or_path)
+    if source in shipped():
+        return parse((_shipped_folder() / f"{source}.toml").read_text("utf-8"), source)
+    path = Path(name_or_path)
+    try:
+        text = path.read_text("utf-8-sig")
+    except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
+        names = ", ".join(shipped())
+        raise InstrumentError(
+            f"{source}: there is no such file and no instrument of that name; "
+            f"allowed is the path of a TOML file or one of {names}."
+        ) from None
+    except UnicodeDecodeError:
+        raise InstrumentError(f"{source} is not UTF-8 text; allowed is a TOML file.") from None
+    except OSError as problem:
+        raise InstrumentError(f"{source} cannot be read: {problem.strerror}.") from None
+    except ValueError:
+        raise InstrumentError(f"{source!r} is no path; allowed is the path of a TOML file.") from None
+    return parse(text, source)
+
+
+def parse(text: str, source: str = "instrument") -> Instrument:
+    """Read an instrument from the text (str) of an instrument file.
+
+    Raises
+    ------
+    InstrumentError
+        The text is not TOML or not a valid instrument; the message starts with `source`.
+    """
+    try:
+        values = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as problem:
+        raise InstrumentError(f"{source} is not valid TOML: {problem}.") from None
+    except RecursionError:
+        raise InstrumentError(f"{source} is not valid TOML: it is nested too deeply.") from None
+    joint_type = values.get("joint_type")
+    if not isinstance(joint_type, str) or joint_type not in JOINT_TYPES:
+        found = "is missing" if joint_type is None else f"is {joint_type!r}"
+        raise InstrumentError(f"{source}: joint_type {found}; allowed are {', '.join(JOINT_TYPES)}.")
+    return _validated(JOINT_TYPES[joint_type], values, file=True, source=source)
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON schema of instrument files, for editors that complete and check TOML."""
+    schema = _AnyInstrument.json_schema(by_alias=True)
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "Tenodesis instrument",
+        **schema,
+    }
+
+
+_T = TypeVar("_T", bound=Instrument)
+
+
+def _shipped_folder() -> Any:
+    return resources.files("tenodesis") / "instruments"
+
+
+def _validated(kind: type[_T], values: dict[str, Any], *, file: bool, source: str = "") -> _T:
+    try:
+        return kind.model_validate(values, context={"file": file})
+    except ValidationError as invalid:
+        sentences = [_sentence(kind, error) for error in invalid.errors(include_url=False)]
+        prefix = f"{source}: " if source else ""
+        raise InstrumentError("\n".join(f"{prefix}{sentence}" for sentence in sentences)) from None
+
+
+def _quantity(field: FieldInfo) -> Quantity | None:
+    """Return a field's kind of quantity, whether or not the field may be left out."""
+    inner = [item for option in get_args(field.annotation) for item in getattr(option, "__metadata__", ())]
+    return next((item for item in [*field.metadata, *inner] if isinstance(item, Quantity)), None)
+
+
+def unit_of(field: FieldInfo) -> str:
+    """Return the SI unit of a field, empty for what is no quantity."""
+    quantity = _quantity(field)
+    return quantity.unit if quantity else ""
+
+
+@cache
+def _known(kind: type[BaseModel]) -> frozenset[str]:
+    return frozenset(_keys(kind))
+
+
+def _keys(kind: type[BaseModel], prefix: str = "") -> Iterator[str]:
+    for name, field in kind.model_fields.items():
+        key = prefix + (field.alias or name)
+        yield key
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            yield from _keys(field.annotation, key + ".")
+
+
+def _sentence(kind: type[Instrument], error: Any) -> str:
+    """Say what is wrong with one value: its key, what it is, and what is allowed."""
+    key = ".".join(str(part) for part in error["loc"])
+    told = str(error["msg"]).removeprefix("Value error, ").removeprefix("Input should be ").rstrip(".")
+    if error["type"] == "missing":
+        return f"{key} is missing; it is required."
+    if error["type"] == "extra_forbidden":
+        return f"{key} is not a known key; allowed are {', '.join(_siblings(kind, error['loc']))}."
+    if not key:
+        return f"{told}."
+    if isinstance(error["input"], dict):
+        return f"{key}: {told}."
+    if error["type"] == "tuple_type":
+        told = "a list"
+    if error["type"] != "value_error":
+        told = f"it must be {told}"
+    return f"{key} = {error['input']!r}: {told}."
+
+
+def _siblings(kind: type[Instrument], location: tuple[Any, ...]) -> list[str]:
+    parent: type[BaseModel] = kind
+    for place in location[:-1]:
+        field = parent.model_fields.get(str(place))
+        annotated = [] if field is None else [field.annotation, *get_args(field.annotation)]
+        tables = (one for one in annotated if isinstance(one, type) and issubclass(one, BaseModel))
+        parent = next(tables, parent)
+    return [field.alias or name for name, field in parent.model_fields.items()]

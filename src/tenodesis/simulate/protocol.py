@@ -1,0 +1,172 @@
+"""Protocols: what is done on the bench, phase by phase."""
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple, TypeAlias
+
+import tomli_w
+from pydantic import Field, field_validator
+
+from tenodesis.errors import ProtocolError
+from tenodesis.instrument import Instrument, Name
+from tenodesis.instrument.text import with_units
+from tenodesis.run import Array
+from tenodesis.simulate.command import Command, Segment, joined, sampled
+from tenodesis.simulate.cycles import Cycles
+from tenodesis.simulate.hold import Hold
+from tenodesis.simulate.motion import Motion
+from tenodesis.simulate.phase import Setting, Strict
+from tenodesis.simulate.pretension import Pretension
+from tenodesis.simulate.ramp import Ramp
+from tenodesis.simulate.step_load import StepLoad
+
+AnyPhase: TypeAlias = Pretension | Hold | Cycles | StepLoad | Ramp | Motion
+
+LONGEST = 3600.0
+"""Longest run, s."""
+
+
+class Planned(NamedTuple):
+    """A phase on an instrument: what it begins with, and its segments, none if it is closed-loop."""
+
+    phase: AnyPhase
+    called: str
+    held: Command
+    segments: tuple[Segment, ...]
+    seconds: float
+
+
+class Protocol(Strict):
+    """What is done on the bench; the handle begins straight, without load, the drives at rest."""
+
+    name: Name = Field(description="What the protocol is called")
+    description: str = Field(default="", max_length=200, description="One line about the protocol")
+    phases: tuple[Annotated[AnyPhase, Field(discriminator="kind")], ...] = Field(description="What is done, in order")
+
+    @field_validator("phases")
+    @classmethod
+    def _some_phases(cls, phases: tuple[AnyPhase, ...]) -> tuple[AnyPhase, ...]:
+        if not phases:
+            raise ValueError("allowed are one or more phases")
+        return phases
+
+    def to_toml(self) -> str:
+        """Return the text of a protocol file that gives this protocol again, recorded motions within."""
+        phases = [phase.with_data() if isinstance(phase, Motion) else phase for phase in self.phases]
+        tables = [{"kind": phase.kind} | with_units(phase, unset=False) for phase in phases]
+        return tomli_w.dumps(with_units(self, unset=False) | {"phases": tables}, multiline_strings=True)
+
+    def duration(self, inst: Instrument, time_step: float = 1e-3) -> float:
+        """Return how long a run takes, s.
+
+        Parameters
+        ----------
+        inst
+            The instrument.
+        time_step
+            Time step, s, to whole ones of which every move is rounded up; closed-loop phases count with their timeout.
+
+        Raises
+        ------
+        ProtocolError
+            The instrument cannot run it, or not within an hour.
+        """
+        return math.fsum(planned.seconds for planned in self.plan(inst, time_step))
+
+    def blocks(self, inst: Instrument, time_step: float, seconds: float = 1.0) -> Iterator[dict[str, Array]]:
+        """Yield the commands of the open-loop phases in blocks, each within one phase.
+
+        Parameters
+        ----------
+        inst
+            The instrument.
+        time_step
+            Time step, s.
+        seconds
+            Longest block, s.
+
+        Yields
+        ------
+        dict
+            By name, for n steps: handle_angle (rad), force and radial_force (N), of shape (n,), and spool_velocity
+            (rad/s), of shape (n, 2), agonist first; with two axes (n, 2) and (n, 2, 2), axis before tendon.
+
+        Raises
+        ------
+        ProtocolError
+            The instrument cannot run it, or not within an hour.
+        """
+        size = block_size(time_step, seconds)
+        for planned in self.plan(inst, time_step):
+            yield from sampled(planned.segments, size)
+
+    def commands(self, inst: Instrument, time_step: float) -> dict[str, Array]:
+        """Return all commands at once, as :meth:`blocks` yields them; the time step is in s.
+
+        Raises
+        ------
+        ProtocolError
+            A phase is closed-loop, the instrument cannot run it, or not within an hour.
+        """
+        closed = [phase.kind for phase in self.phases if isinstance(phase, Pretension)]
+        if closed:
+            raise ProtocolError(
+                f"{self.name}: the commands of a {closed[0]} phase follow from what load cells read; "
+                "allowed is to execute the protocol on a twin"
+            )
+        return joined(list(self.blocks(inst, time_step)))
+
+    def plan(self, inst: Instrument, time_step: float) -> list[Planned]:
+        """Return the phases as they are on an instrument, at a time step (s).
+
+        Raises
+        ------
+        ProtocolError
+            The instrument cannot run it, or not within an hour.
+        """
+        block_size(time_step, time_step)
+        plan: list[Planned] = []
+        held, total = Command.rest(len(inst.axes)), 0.0
+        for number, phase in enumerate(self.phases, 1):
+            called = f"{self.name}: phase {number} ({phase.kind})"
+            try:
+                planned, held = _planned(phase, called, inst, held, time_step)
+            except ProtocolError as problem:
+                raise ProtocolError(f"{called}: {problem}.") from None
+            plan.append(planned)
+            total += planned.seconds
+            if total > LONGEST * (1 + 1e-6):
+                raise ProtocolError(
+                    f"{called}: the run lasts {total / 3600:.4g} h by its end; allowed is 1 h in all, since every "
+                    "time step is computed and kept."
+                )
+        return plan
+
+
+def block_size(time_step: float, seconds: float) -> int:
+    """Return how many time steps (s) fit into a block of some seconds, one at least.
+
+    Raises
+    ------
+    ProtocolError
+        Either is below 1e-9 s, or no number.
+    """
+    for key, value in (("time_step", time_step), ("seconds", seconds)):
+        if not 1e-9 <= value < math.inf:
+            raise ProtocolError(f"{key} is {value!r}; allowed is a time of at least 1e-9 s.")
+    return max(1, math.floor(seconds / time_step * (1 + 1e-9)))
+
+
+def _planned(
+    phase: AnyPhase, called: str, inst: Instrument, held: Command, time_step: float
+) -> tuple[Planned, Command]:
+    """Return a phase as it is after a command, and the command it ends with."""
+    if phase.axis is not None and phase.axis not in inst.axes:
+        raise ProtocolError(f"axis is {phase.axis}; allowed is {' or '.join(inst.axes)}, which {inst.name} has")
+    if isinstance(phase, Pretension):
+        return Planned(phase, called, held, (), phase.timeout), phase.after(held, inst)
+    name = phase.axis or inst.axes[0]
+    alone = inst.axis(name) if len(inst.axes) > 1 else inst
+    segments = tuple(phase.segments(Setting(alone, inst.axes.index(name), held, time_step)))
+    seconds = math.fsum(segment.steps * time_step for segment in segments)
+    return Planned(phase, called, held, segments, seconds), segments[-1].end
