@@ -34,8 +34,3 @@ def any_inst(request: pytest.FixtureRequest) -> Instrument:
     """Every mechanism, and both instruments of the paper."""
     inst: Instrument = request.getfixturevalue(request.param)
     return inst
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    config.addinivalue_line("markers", "equation(*numbers): the paper's equations that a test checks")
-    config.addinivalue_line("markers", "care(number): the care point of docs/model.md that a test checks")
