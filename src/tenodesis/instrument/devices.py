@@ -4,26 +4,23 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, Generic, Literal, Self, TypeAlias, TypeVar
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
-from tenodesis.instrument.hardware import Angle, SignedForce, Speed, Table, Time
-from tenodesis.units import Quantity, annotation
+from tenodesis.instrument.hardware import Table
+from tenodesis.units import (
+    Angle,
+    AnglePerCount,
+    AnglePerVolt,
+    MotorSpeed,
+    SignedForce,
+    SignedVoltage,
+    SpeedPerVolt,
+    TensionPerCount,
+    TensionPerVolt,
+    Time,
+    Voltage,
+)
 
-
-def _not_zero(value: float) -> float:
-    if value == 0:
-        raise ValueError("it is 0, by which nothing would be told; allowed is any other number")
-    return value
-
-
-NotZero = AfterValidator(_not_zero)
-AngleGain = Annotated[float, *annotation(Quantity("angle", "rad", "0.088 deg")), NotZero]
-TensionGain = Annotated[float, *annotation(Quantity("force", "N", "6.1 mN")), NotZero]
-AnglePerVolt = Annotated[float, *annotation(Quantity("angle per voltage", "rad/V", "72 deg/V")), NotZero]
-TensionPerVolt = Annotated[float, *annotation(Quantity("force per voltage", "N/V", "20 N/V")), NotZero]
-SpeedPerVolt = Annotated[float, *annotation(Quantity("angular velocity per voltage", "rad/s/V", "2 rad/s/V")), NotZero]
-Voltage = Annotated[float, *annotation(Quantity("voltage", "V", "10 V", above=0, below=1e3))]
-SignedVoltage = Annotated[float, *annotation(Quantity("voltage", "V", "-2 mV", above=-1e3, below=1e3))]
 Channel = Annotated[str, Field(min_length=1, max_length=100)]
 
 NodeId = Annotated[int, Field(ge=1, le=127, strict=True)]
@@ -58,14 +55,14 @@ class CanSource(Table):
 class CanAngle(CanSource):
     """An angle's sensor."""
 
-    gain: AngleGain = Field(description="Angle that one count stands for, or 1 of f32")
+    gain: AnglePerCount = Field(description="Angle that one count stands for, or 1 of f32")
     offset: Angle = Field(default=0.0, description="Angle at count 0")
 
 
 class CanTension(CanSource):
     """A load cell."""
 
-    gain: TensionGain = Field(description="Tension that one count stands for, or 1 of f32")
+    gain: TensionPerCount = Field(description="Tension that one count stands for, or 1 of f32")
     offset: SignedForce = Field(default=0.0, description="Tension at count 0")
 
 
@@ -116,7 +113,7 @@ class CanOpen(Table):
         default="cyclic-velocity",
         description="Mode of the drives: cyclic-velocity, profile-velocity or cyclic-position",
     )
-    velocity_unit: Speed | None = Field(
+    velocity_unit: MotorSpeed | None = Field(
         default=None, description="Motor speed that 1 of a target velocity stands for; without it one count per second"
     )
     zero: Literal["keep", "here"] = Field(

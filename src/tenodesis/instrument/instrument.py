@@ -26,23 +26,23 @@ from tenodesis.errors import InstrumentError
 from tenodesis.instrument.devices import Devices
 from tenodesis.instrument.geometry import Geometry
 from tenodesis.instrument.hardware import Control, Drives, Dynamics, Friction, Mismatch, Sensors
-from tenodesis.units import Quantity, annotation
+from tenodesis.units import (
+    STIFFNESS,
+    Angle,
+    AngleRange,
+    FlexuralRigidity,
+    Force,
+    Length,
+    Modulus,
+    Moment,
+    PositiveForce,
+    Quantity,
+    Rate,
+    Stiffness,
+)
 
 PARAMETERS = tuple(_core.parameters())
 """The core's parameters of an instrument, in its order."""
-
-# The bounds are wide of anything that can be built; they keep slips of a unit, and of arithmetic, out of the results.
-Length = Annotated[float, *annotation(Quantity("length", "m", "2 mm", above=1e-7, below=100))]
-Modulus = Annotated[float, *annotation(Quantity("modulus", "Pa", "50 GPa", above=1e3, below=1e13))]
-_STIFFNESS = Quantity("stiffness", "N/m", "31 N/mm", above=1e-3, below=1e12)
-Stiffness = Annotated[float, *annotation(_STIFFNESS)]
-Rigidity = Annotated[float, *annotation(Quantity("flexural rigidity", "N*m^2", "2e-4 N*m^2", above=1e-12, below=1e3))]
-Tension = Annotated[float, *annotation(Quantity("force", "N", "30 N", at_least=0, below=1e5))]
-Force = Annotated[float, *annotation(Quantity("force", "N", "0.5 N", above=1e-6, below=1e5))]
-Moment = Annotated[float, *annotation(Quantity("moment", "N*m", "0.15 N*m", above=0, below=1e5))]
-Rate = Annotated[float, *annotation(Quantity("rate", "Hz", "2000 Hz", above=0, below=1e9))]
-Angle = Annotated[float, *annotation(Quantity("angle", "rad", "20 deg"))]
-Range = Annotated[float, *annotation(Quantity("angle", "rad", "45 deg", above=0, below=math.pi))]
 
 
 def _printable(name: str) -> str:
@@ -68,10 +68,10 @@ class _Strict(BaseModel):
 class Conditions(_Strict):
     """The conditions an instrument is tested under; all optional, SI units."""
 
-    forces: tuple[Force, ...] = Field(default=(), max_length=12, description="Tangential tip forces, N")
+    forces: tuple[PositiveForce, ...] = Field(default=(), max_length=12, description="Tangential tip forces, N")
     cycles: int | None = Field(default=None, ge=1, strict=True, description="Cycles of flexion and extension")
     sampling_rate: Rate | None = Field(default=None, description="Samples per second")
-    cable_force: Force | None = Field(default=None, description="Force on one weight cable of the load rig")
+    cable_force: PositiveForce | None = Field(default=None, description="Force on one weight cable of the load rig")
     cable_pulley_radius: Length | None = Field(default=None, description="Radius the weight cable acts at")
     external_moment: Moment | None = Field(default=None, description="Moment of the load rig on the distal joint")
     handle_angles: tuple[Angle, ...] = Field(default=(), description="Handle angles held, one per state")
@@ -103,12 +103,12 @@ class Instrument(_Strict):
     given_stiffness: Stiffness | None = Field(
         default=None, alias="tendon_stiffness", description="Stiffness of one tendon if not by E A / L"
     )
-    pretension: Tension = Field(description="Tension of either tendon at rest")
-    handle_range: Range = Field(description="Largest handle angle to either side")
-    output_range: Range = Field(
+    pretension: Force = Field(description="Tension of either tendon at rest")
+    handle_range: AngleRange = Field(description="Largest handle angle to either side")
+    output_range: AngleRange = Field(
         default=math.radians(80), description="Working range of the output angle to either side"
     )
-    breaking_load: Force | None = Field(default=None, description="Tension at which a tendon breaks")
+    breaking_load: PositiveForce | None = Field(default=None, description="Tension at which a tendon breaks")
     conditions: Conditions = Conditions()
     friction: Friction = Friction()
     dynamics: Dynamics = Dynamics()
@@ -161,7 +161,7 @@ class Instrument(_Strict):
             if quantity is not None and value is not None:
                 yield field.alias or name, value, quantity
         if self.given_stiffness is None:
-            yield "tendon_stiffness", self.tendon_stiffness, _STIFFNESS
+            yield "tendon_stiffness", self.tendon_stiffness, STIFFNESS
 
     def replace(self, **changes: Any) -> Self:
         """Return this instrument with some values changed.
@@ -251,8 +251,8 @@ class Instrument(_Strict):
         if self.given_stiffness is None and missing:
             raise ValueError(f"{missing[0]} is missing; give tendon_diameter and tendon_modulus, or tendon_stiffness")
         stiffness = self.tendon_stiffness
-        if not _STIFFNESS.allows(stiffness):
-            raise ValueError(f"tendon_stiffness follows as {stiffness:.3g} N/m; it must be {_STIFFNESS.allowed}")
+        if not STIFFNESS.allows(stiffness):
+            raise ValueError(f"tendon_stiffness follows as {stiffness:.3g} N/m; it must be {STIFFNESS.allowed}")
         if self.pretension / stiffness >= (self.tendon_length or self.overall_length):
             raise ValueError(
                 f"pretension is {self.pretension:g} N, which would stretch tendons of {stiffness:.3g} N/m by more than "
@@ -322,7 +322,7 @@ class Continuum(Instrument):
     distal_tendon_offset: Length = Field(description="Distance of a tendon from the backbone")
     proximal_pulley_radius: Length = Field(description="Radius of the proximal pulley")
     backbone_length: Length = Field(description="Length of the backbone that bends")
-    backbone_rigidity: Rigidity = Field(description="Flexural rigidity E I of the backbone")
+    backbone_rigidity: FlexuralRigidity = Field(description="Flexural rigidity E I of the backbone")
 
     parameter_fields: ClassVar[Mapping[str, str]] = _SHARED_FIELDS | {
         "proximal_pulley_radius": "proximal_radius",

@@ -6,13 +6,10 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
-from tenodesis.instrument import Force, Modulus, Name
-from tenodesis.instrument.hardware import Bits, Length, Span, Table, Turn
-from tenodesis.units import Quantity, annotation
+from tenodesis.instrument import Name
+from tenodesis.instrument.hardware import Table
+from tenodesis.units import AngleError, Bits, EncoderRange, Length, Mass, Modulus, PositiveForce, PositiveMass, Strength
 
-Mass = Annotated[float, *annotation(Quantity("mass", "kg", "500 g", at_least=0, below=1e3))]
-PieceMass = Annotated[float, *annotation(Quantity("mass", "kg", "500 g", above=0, below=1e3))]
-Strength = Annotated[float, *annotation(Quantity("tensile strength", "Pa", "1570 MPa", above=1e6, below=1e11))]
 Source = Annotated[str, Field(max_length=400)]
 
 _Count = Annotated[int, Field(ge=1, le=1000, strict=True)]
@@ -99,7 +96,7 @@ class Rope(Part):
     name: Name = Field(description="What the parts list calls it")
     diameter: Length = Field(description="Nominal diameter")
     modulus: Modulus = Field(description="Young's modulus over the full circle of the diameter: stiffness is E A / L")
-    breaking_load: Force = Field(description="Minimum breaking force")
+    breaking_load: PositiveForce = Field(description="Minimum breaking force")
 
 
 class Rod(Part):
@@ -119,8 +116,8 @@ class LoadCell(Part):
     """A load cell for the tension of a tendon."""
 
     name: Name = Field(description="What the parts list calls it")
-    range: Force = Field(description="Largest force it can tell")
-    resolution: Force = Field(description="Smallest difference of force it can tell")
+    range: PositiveForce = Field(description="Largest force it can tell")
+    resolution: PositiveForce = Field(description="Smallest difference of force it can tell")
 
     @model_validator(mode="after")
     def _finer_than_its_range(self) -> Self:
@@ -138,14 +135,14 @@ class Encoder(Part):
     name: Name = Field(description="What the parts list calls it")
     least_distal_radius: Length = Field(description="Smallest distal radius that it fits")
     bits: Bits = Field(description="Bits of its converter")
-    range: Span = Field(description="Angle that the converter's range stands for")
-    noise: Turn = Field(description="Standard deviation of a reading")
+    range: EncoderRange = Field(description="Angle that the converter's range stands for")
+    noise: AngleError = Field(description="Standard deviation of a reading")
 
 
 class Weight(Part):
     """Weights of one mass."""
 
-    mass: PieceMass = Field(description="Nominal mass")
+    mass: PositiveMass = Field(description="Nominal mass")
     count: _Count = Field(default=1, description="How many there are")
     tolerance: Mass = Field(default=0.0, description="Largest error of one")
 
@@ -225,7 +222,7 @@ class SpoolSeries(_Series):
 class WeightSeries(_Series):
     """A set of weights: its masses, and of each how many and how good."""
 
-    masses: tuple[PieceMass, ...] = Field(min_length=1, description="Nominal masses")
+    masses: tuple[PositiveMass, ...] = Field(min_length=1, description="Nominal masses")
     counts: tuple[_Count, ...] = Field(description="How many there are of each mass")
     tolerances: tuple[Mass, ...] = Field(default=(), description="Largest error of one of each mass")
 
