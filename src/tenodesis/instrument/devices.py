@@ -6,7 +6,7 @@ from typing import Annotated, Generic, Literal, Self, TypeAlias, TypeVar
 
 from pydantic import Field, model_validator
 
-from tenodesis.instrument.hardware import Table
+from tenodesis.files import FileTable
 from tenodesis.units import (
     Angle,
     AnglePerCount,
@@ -26,12 +26,12 @@ Channel = Annotated[str, Field(min_length=1, max_length=100)]
 NodeId = Annotated[int, Field(ge=1, le=127, strict=True)]
 ObjectIndex = Annotated[int, Field(ge=0x1000, le=0xFFFF, strict=True)]
 SubIndex = Annotated[int, Field(ge=0, le=255, strict=True)]
-Drive = TypeVar("Drive", bound=Table)
+Drive = TypeVar("Drive", bound=FileTable)
 CanType: TypeAlias = Literal["i8", "u8", "i16", "u16", "i32", "u32", "f32"]
 CanMode: TypeAlias = Literal["cyclic-velocity", "profile-velocity", "cyclic-position"]
 
 
-class Axis(Table, Generic[Drive]):
+class Axis(FileTable, Generic[Drive]):
     """The drives of one bending axis."""
 
     agonist: Drive = Field(description="Drive of the agonist tendon")
@@ -43,7 +43,7 @@ class Axis(Table, Generic[Drive]):
         return self.agonist, self.antagonist
 
 
-class CanSource(Table):
+class CanSource(FileTable):
     """Where a node of the bus keeps what a sensor says: an object that its PDOs can carry."""
 
     node: NodeId = Field(description="Node that has the sensor: a drive, or a CiA 401 or 404 module")
@@ -66,7 +66,7 @@ class CanTension(CanSource):
     offset: SignedForce = Field(default=0.0, description="Tension at count 0")
 
 
-class CanDrive(Table):
+class CanDrive(FileTable):
     """A CiA 402 drive; counts per turn, gear ratio and limits are those of the table drives."""
 
     node: NodeId = Field(description="Its node id")
@@ -93,14 +93,14 @@ class CanAxis(Axis[CanDrive]):
         return {name: source for name, source in named.items() if source is not None}
 
 
-class CanCounter(Table):
+class CanCounter(FileTable):
     """An object of each drive, u16, that counts its measurements: one that stands still tells the past."""
 
     object: ObjectIndex = Field(description="Index of the object")
     sub: SubIndex = Field(default=0, description="Its sub-index")
 
 
-class CanOpen(Table):
+class CanOpen(FileTable):
     """A CAN bus with a CiA 402 drive per tendon; SYNC comes once per sampling period of the table sensors."""
 
     interface: str = Field(default="socketcan", description="Interface, by python-can's name for it")
@@ -151,7 +151,7 @@ class CanOpen(Table):
                 yield f"{name}.antagonist", axis.antagonist
 
 
-class NiAngle(Table):
+class NiAngle(FileTable):
     """An analogue encoder."""
 
     channel: Channel = Field(description="Analogue input, such as ai0")
@@ -159,7 +159,7 @@ class NiAngle(Table):
     offset: Angle = Field(default=0.0, description="Angle at 0 V")
 
 
-class NiTension(Table):
+class NiTension(FileTable):
     """An amplified load cell."""
 
     channel: Channel = Field(description="Analogue input, such as ai2")
@@ -167,7 +167,7 @@ class NiTension(Table):
     offset: SignedForce = Field(default=0.0, description="Tension at 0 V")
 
 
-class NiDrive(Table):
+class NiDrive(FileTable):
     """A drive with an analogue speed input, and its motor's quadrature encoder."""
 
     speed: Channel = Field(description="Analogue output of the speed command, such as ao0")
@@ -192,7 +192,7 @@ class NiAxis(Axis[NiDrive]):
         return given if self.output_angle is None else (*given, self.output_angle)
 
 
-class NiDaq(Table):
+class NiDaq(FileTable):
     """A data acquisition device of National Instruments, at the sampling rate of the table sensors."""
 
     device: Channel = Field(default="Dev1", description="Name of the device, as its driver has it")
@@ -233,7 +233,7 @@ class NiDaq(Table):
         return self
 
 
-class Serial(Table):
+class Serial(FileTable):
     """A microcontroller with the firmware at a serial port."""
 
     port: Annotated[str, Field(min_length=1, max_length=300)] = Field(
@@ -251,7 +251,7 @@ class Serial(Table):
     )
 
 
-class Devices(Table):
+class Devices(FileTable):
     """The devices that a bench is served by; one table for each that there is."""
 
     canopen: CanOpen | None = Field(default=None, description="CiA 402 drives on a CAN bus")

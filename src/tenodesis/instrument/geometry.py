@@ -6,11 +6,11 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from tenodesis.instrument.hardware import Table
+from tenodesis.files import FileTable
 from tenodesis.units import Length, PivotRange, Spacing, TurnRange
 
 
-class Geometry(Table):
+class Geometry(FileTable):
     """Lengths along the instrument and limits of its joints; what is left out follows from the rest."""
 
     stem_length: Length | None = Field(

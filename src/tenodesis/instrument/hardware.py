@@ -3,8 +3,9 @@
 import math
 from typing import Annotated, Literal, Self, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from tenodesis.files import FileTable
 from tenodesis.units import (
     Angle,
     AngleError,
@@ -41,13 +42,7 @@ SafeState: TypeAlias = Literal["hold", "neutral"]
 FrictionLaw: TypeAlias = Literal["none", "capstan", "capstan-constant", "stribeck"]
 
 
-class Table(BaseModel):
-    """A table of an instrument file; all values have defaults."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Friction(Table):
+class Friction(FileTable):
     """Friction between a tendon and what it bends around; without this table there is none."""
 
     law: FrictionLaw = Field(default="none", description="none, capstan, capstan-constant or stribeck")
@@ -91,7 +86,7 @@ class Friction(Table):
         return self
 
 
-class Dynamics(Table):
+class Dynamics(FileTable):
     """Inertia and damping of tip and hand."""
 
     tip_inertia: Inertia | None = Field(
@@ -110,7 +105,7 @@ class Dynamics(Table):
     hand_inertia: Inertia = Field(default=2e-3, description="Inertia of hand and handle")
 
 
-class Drives(Table):
+class Drives(FileTable):
     """Spools on speed-controlled motors; speeds are the motor's."""
 
     spool_radius: Length = Field(default=5e-3, description="Radius of the spools")
@@ -122,7 +117,7 @@ class Drives(Table):
     encoder_counts: int = Field(default=4096, ge=1, le=2**24, strict=True, description="Counts per turn of the motor")
 
 
-class Sensors(Table):
+class Sensors(FileTable):
     """Analogue joint encoders and load cells, and how often they are sampled."""
 
     sampling_rate: Rate = Field(default=2000.0, description="Samples per second")
@@ -134,7 +129,7 @@ class Sensors(Table):
     load_cell_noise: Force = Field(default=0.03, description="Standard deviation of a load cell")
 
 
-class Mismatch(Table):
+class Mismatch(FileTable):
     """How the instrument on the bench differs from what its file says, and its sensors from the truth."""
 
     stiffness_ratio: Ratio = Field(default=1.0, description="True over nominal stiffness of the tendons")
@@ -147,7 +142,7 @@ class Mismatch(Table):
     )
 
 
-class Control(Table):
+class Control(FileTable):
     """What the controller is to aim at, and when it is to stop; all that is left out follows from the instrument."""
 
     dead_band: AngleError = Field(default=math.radians(0.1), description="Output angle that is as good as on target")

@@ -1,20 +1,17 @@
 """Instruments: one file describes one, everything else is computed from it."""
 
 import math
-import tomllib
 from collections.abc import Iterator, Mapping
 from functools import cache, cached_property
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 from pydantic import (
     AfterValidator,
     BaseModel,
-    ConfigDict,
     Field,
     TypeAdapter,
-    ValidationError,
     ValidationInfo,
     field_validator,
     model_validator,
@@ -23,6 +20,7 @@ from pydantic.fields import FieldInfo
 
 from tenodesis import _core
 from tenodesis.errors import InstrumentError
+from tenodesis.files import FileTable, parse_toml, read_text, validated
 from tenodesis.instrument.devices import Devices
 from tenodesis.instrument.geometry import Geometry
 from tenodesis.instrument.hardware import Control, Drives, Dynamics, Friction, Mismatch, Sensors
@@ -61,11 +59,7 @@ _STOP_BEYOND_RANGE = 4 / 3
 _FARTHEST_STOP = 2.9  # rad; half a turn is the end of every mechanism
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Conditions(_Strict):
+class Conditions(FileTable):
     """The conditions an instrument is tested under; all optional, SI units."""
 
     forces: tuple[PositiveForce, ...] = Field(default=(), max_length=12, description="Tangential tip forces, N")
@@ -78,7 +72,7 @@ class Conditions(_Strict):
     output_angles: tuple[Angle, ...] = Field(default=(), description="Output angles held, one per state")
 
 
-class Instrument(_Strict):
+class Instrument(FileTable):
     """An instrument in SI units and radians; use :func:`load`, then :meth:`replace` for variants of it.
 
     Raises
@@ -177,7 +171,7 @@ class Instrument(_Strict):
         InstrumentError
             A key is unknown or a value is not allowed.
         """
-        return _validated(type(self), self._with(changes), file=False)
+        return validated(type(self), self._with(changes), InstrumentError)
 
     def axis(self, name: str) -> Self:
         """Return the instrument of one axis alone, with that axis's own values in place.
@@ -227,7 +221,7 @@ class Instrument(_Strict):
             raise ValueError(f"overrides.{axis}.{bare[0]} = {values[bare[0]]!r}: it has no unit")
         alone = self._with({"axes": (axis,), "overrides": None} | dict(values))
         try:
-            _validated(type(self), alone, file=False, source=f"overrides.{axis}")
+            validated(type(self), alone, InstrumentError, f"overrides.{axis}")
         except InstrumentError as invalid:
             raise ValueError(str(invalid).rstrip(".")) from None
 
@@ -360,21 +354,7 @@ def load(name_or_path: str | Path) -> Instrument:
     source = str(name_or_path)
     if source in shipped():
         return parse((_shipped_folder() / f"{source}.toml").read_text("utf-8"), source)
-    path = Path(name_or_path)
-    try:
-        text = path.read_text("utf-8-sig")
-    except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
-        names = ", ".join(shipped())
-        raise InstrumentError(
-            f"{source}: there is no such file and no instrument of that name; "
-            f"allowed is the path of a TOML file or one of {names}."
-        ) from None
-    except UnicodeDecodeError:
-        raise InstrumentError(f"{source} is not UTF-8 text; allowed is a TOML file.") from None
-    except OSError as problem:
-        raise InstrumentError(f"{source} cannot be read: {problem.strerror}.") from None
-    except ValueError:
-        raise InstrumentError(f"{source!r} is no path; allowed is the path of a TOML file.") from None
+    text = read_text(Path(name_or_path), InstrumentError, source=source, kind="instrument", names=shipped())
     return parse(text, source)
 
 
@@ -386,17 +366,17 @@ def parse(text: str, source: str = "instrument") -> Instrument:
     InstrumentError
         The text is not TOML or not a valid instrument; the message starts with `source`.
     """
-    try:
-        values = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        raise InstrumentError(f"{source} is not valid TOML: {problem}.") from None
-    except RecursionError:
-        raise InstrumentError(f"{source} is not valid TOML: it is nested too deeply.") from None
+    values = parse_toml(text, InstrumentError, source)
     joint_type = values.get("joint_type")
     if not isinstance(joint_type, str) or joint_type not in JOINT_TYPES:
-        found = "is missing" if joint_type is None else f"is {joint_type!r}"
-        raise InstrumentError(f"{source}: joint_type {found}; allowed are {', '.join(JOINT_TYPES)}.")
-    return _validated(JOINT_TYPES[joint_type], values, file=True, source=source)
+        found, allowed = (
+            "is missing" if joint_type is None else f"is {joint_type!r}",
+            f"one of {', '.join(JOINT_TYPES)}",
+        )
+        raise InstrumentError(
+            f"{source}: joint_type {found}; it must be {allowed}.", key="joint_type", value=joint_type, allowed=allowed
+        )
+    return validated(JOINT_TYPES[joint_type], values, InstrumentError, source, context={"file": True})
 
 
 def json_schema() -> dict[str, Any]:
@@ -409,20 +389,8 @@ def json_schema() -> dict[str, Any]:
     }
 
 
-_T = TypeVar("_T", bound=Instrument)
-
-
 def _shipped_folder() -> Any:
     return resources.files("tenodesis") / "instruments"
-
-
-def _validated(kind: type[_T], values: dict[str, Any], *, file: bool, source: str = "") -> _T:
-    try:
-        return kind.model_validate(values, context={"file": file})
-    except ValidationError as invalid:
-        sentences = [_sentence(kind, error) for error in invalid.errors(include_url=False)]
-        prefix = f"{source}: " if source else ""
-        raise InstrumentError("\n".join(f"{prefix}{sentence}" for sentence in sentences)) from None
 
 
 def _quantity(field: FieldInfo) -> Quantity | None:
@@ -448,32 +416,3 @@ def _keys(kind: type[BaseModel], prefix: str = "") -> Iterator[str]:
         yield key
         if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
             yield from _keys(field.annotation, key + ".")
-
-
-def _sentence(kind: type[Instrument], error: Any) -> str:
-    """Say what is wrong with one value: its key, what it is, and what is allowed."""
-    key = ".".join(str(part) for part in error["loc"])
-    told = str(error["msg"]).removeprefix("Value error, ").removeprefix("Input should be ").rstrip(".")
-    if error["type"] == "missing":
-        return f"{key} is missing; it is required."
-    if error["type"] == "extra_forbidden":
-        return f"{key} is not a known key; allowed are {', '.join(_siblings(kind, error['loc']))}."
-    if not key:
-        return f"{told}."
-    if isinstance(error["input"], dict):
-        return f"{key}: {told}."
-    if error["type"] == "tuple_type":
-        told = "a list"
-    if error["type"] != "value_error":
-        told = f"it must be {told}"
-    return f"{key} = {error['input']!r}: {told}."
-
-
-def _siblings(kind: type[Instrument], location: tuple[Any, ...]) -> list[str]:
-    parent: type[BaseModel] = kind
-    for place in location[:-1]:
-        field = parent.model_fields.get(str(place))
-        annotated = [] if field is None else [field.annotation, *get_args(field.annotation)]
-        tables = (one for one in annotated if isinstance(one, type) and issubclass(one, BaseModel))
-        parent = next(tables, parent)
-    return [field.alias or name for name, field in parent.model_fields.items()]

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from tenodesis.instrument.hardware import Table
+from tenodesis.files import FileTable
 from tenodesis.scaling.parts import ordered
 from tenodesis.units import Length, Mass, Moment, PositiveForce, SimilarityError
 
@@ -14,7 +14,7 @@ _Tolerance = Annotated[float, Field(ge=0, lt=1, strict=True)]
 _Lengths = Annotated[tuple[Length, Length], AfterValidator(ordered)]
 
 
-class Constraints(Table):
+class Constraints(FileTable):
     """Constraints of a design; None leaves a value free, pairs are least and most."""
 
     factor: Annotated[tuple[_Scale, _Scale], AfterValidator(ordered)] | None = Field(

@@ -6,8 +6,8 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
+from tenodesis.files import FileTable
 from tenodesis.instrument import Name
-from tenodesis.instrument.hardware import Table
 from tenodesis.units import AngleError, Bits, EncoderRange, Length, Mass, Modulus, PositiveForce, PositiveMass, Strength
 
 Source = Annotated[str, Field(max_length=400)]
@@ -37,7 +37,7 @@ def twice(keys: Sequence[str]) -> str | None:
     return next((key for place, key in enumerate(keys) if key in keys[:place]), None)
 
 
-class Gears(Table):
+class Gears(FileTable):
     """Spur gears one can buy or cut: every module with every number of teeth."""
 
     modules: tuple[Length, ...] = Field(default=(), description="Modules")
@@ -53,7 +53,7 @@ class Gears(Table):
         return self
 
 
-class Part(Table):
+class Part(FileTable):
     """One part of a catalogue, told from others of its kind by its key."""
 
     source: Source = Field(default="", description="Where the values are from")
@@ -152,7 +152,7 @@ class Weight(Part):
         return f"{self.mass * 1e3:.{_SAME}g} g"
 
 
-class _Series(Table):
+class _Series(FileTable):
     """Parts that differ in size alone, written as one table."""
 
     source: Source = Field(default="", description="Where the values are from")
@@ -247,7 +247,7 @@ def _form(*plurals: str) -> Discriminator:
     """Tell a series from a single part by the key that only a series has."""
 
     def form(value: Any) -> str:
-        keys = value if isinstance(value, dict) else dict(value) if isinstance(value, Table) else {}
+        keys = value if isinstance(value, dict) else dict(value) if isinstance(value, FileTable) else {}
         return "series" if any(plural in keys for plural in plurals) else "one"
 
     return Discriminator(form)
@@ -266,7 +266,7 @@ def _size(length: float) -> str:
     return f"{length * 1e3:.{_SAME}g} mm"
 
 
-KINDS: dict[str, tuple[type[Table], ...]] = {
+KINDS: dict[str, tuple[type[FileTable], ...]] = {
     "pulleys": (Pulley, PulleySeries),
     "ropes": (Rope, RopeSeries),
     "rods": (Rod, RodSeries),
