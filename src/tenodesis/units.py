@@ -2,12 +2,14 @@
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from numbers import Real
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, WithJsonSchema
+from pydantic.fields import FieldInfo
 
 if TYPE_CHECKING:
     from pint import UnitRegistry
@@ -103,6 +105,23 @@ def annotation(quantity: Quantity) -> tuple[BeforeValidator, WithJsonSchema, Qua
         "pattern": r"^\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?(\s*[^0-9\s]|\s+1\s*/).*$",
     }
     return BeforeValidator(quantity.parse), WithJsonSchema(schema), quantity
+
+
+def quantity_of(field: FieldInfo) -> Quantity | None:
+    """Return the kind of quantity of a pydantic field, or None; of an optional field or a list, that of its values."""
+    return _quantity_of(field.annotation, field.metadata)
+
+
+def unit_of(field: FieldInfo) -> str:
+    """Return the SI unit of a pydantic field, empty for what is no quantity."""
+    quantity = quantity_of(field)
+    return quantity.unit if quantity else ""
+
+
+def _quantity_of(annotation: Any, metadata: Sequence[Any] = ()) -> Quantity | None:
+    found = next((item for item in metadata if isinstance(item, Quantity)), None)
+    inner = (_quantity_of(option, getattr(option, "__metadata__", ())) for option in get_args(annotation))
+    return found or next((quantity for quantity in inner if quantity is not None), None)
 
 
 @cache

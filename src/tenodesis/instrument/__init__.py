@@ -1,20 +1,8 @@
 """Instruments: one file describes one, and everything else is computed from it."""
 
-from tenodesis.instrument.instrument import (
-    JOINT_TYPES,
-    PARAMETERS,
-    AxisName,
-    Continuum,
-    Instrument,
-    Name,
-    TendonGear,
-    TendonPulley,
-    json_schema,
-    load,
-    parse,
-    shipped,
-    unit_of,
-)
+from tenodesis.instrument.instrument import PARAMETERS, AxisName, Instrument, Name
+from tenodesis.instrument.load import json_schema, load, parse, shipped
+from tenodesis.instrument.mechanisms import JOINT_TYPES, Continuum, TendonGear, TendonPulley
 
 __all__ = [
     "JOINT_TYPES",
@@ -29,5 +17,4 @@ __all__ = [
     "load",
     "parse",
     "shipped",
-    "unit_of",
 ]

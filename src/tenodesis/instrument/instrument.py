@@ -1,26 +1,22 @@
-"""Instruments: one file describes one, everything else is computed from it."""
+"""The instrument that everything is computed from: what all instruments have, whatever their joints."""
 
 import math
 from collections.abc import Iterator, Mapping
 from functools import cache, cached_property
-from importlib import resources
-from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
     AfterValidator,
     BaseModel,
     Field,
-    TypeAdapter,
     ValidationInfo,
     field_validator,
     model_validator,
 )
-from pydantic.fields import FieldInfo
 
 from tenodesis import _core
 from tenodesis.errors import InstrumentError
-from tenodesis.files import FileTable, parse_toml, read_text, validated
+from tenodesis.files import FileTable, validated
 from tenodesis.instrument.devices import Devices
 from tenodesis.instrument.geometry import Geometry
 from tenodesis.instrument.hardware import Control, Drives, Dynamics, Friction, Mismatch, Sensors
@@ -28,7 +24,6 @@ from tenodesis.units import (
     STIFFNESS,
     Angle,
     AngleRange,
-    FlexuralRigidity,
     Force,
     Length,
     Modulus,
@@ -37,6 +32,7 @@ from tenodesis.units import (
     Quantity,
     Rate,
     Stiffness,
+    quantity_of,
 )
 
 PARAMETERS = tuple(_core.parameters())
@@ -150,7 +146,7 @@ class Instrument(FileTable):
     def quantities(self) -> Iterator[tuple[str, float, Quantity]]:
         """Yield key, value in SI and kind of quantity of every dimension given, stiffness included."""
         for name, field in type(self).model_fields.items():
-            quantity = _quantity(field)
+            quantity = quantity_of(field)
             value = getattr(self, name)
             if quantity is not None and value is not None:
                 yield field.alias or name, value, quantity
@@ -272,141 +268,9 @@ class Instrument(FileTable):
         return self
 
 
-_SHARED_FIELDS = {
-    "handle_length": "handle_length",
-    "end_effector_length": "end_effector_length",
-    "given_stiffness": "given_stiffness",
-    "tendon_modulus": "tendon_modulus",
-    "tendon_diameter": "tendon_diameter",
-    "tendon_length": "tendon_length",
-    "pretension": "pretension",
-}
-
-
-class TendonGear(Instrument):
-    """An instrument whose joints are rolling gear pairs."""
-
-    joint_type: Literal["tendon-gear"]
-    distal_gear_radius: Length = Field(description="Pitch radius of the distal gears")
-    proximal_gear_radius: Length = Field(description="Pitch radius of the proximal gears")
-
-    parameter_fields: ClassVar[Mapping[str, str]] = _SHARED_FIELDS | {
-        "proximal_gear_radius": "proximal_radius",
-        "distal_gear_radius": "distal_radius",
-    }
-
-
-class TendonPulley(Instrument):
-    """An instrument whose joints are pulleys."""
-
-    joint_type: Literal["tendon-pulley"]
-    distal_pulley_radius: Length = Field(description="Radius of the distal pulley")
-    proximal_pulley_radius: Length = Field(description="Radius of the proximal pulley")
-
-    parameter_fields: ClassVar[Mapping[str, str]] = _SHARED_FIELDS | {
-        "proximal_pulley_radius": "proximal_radius",
-        "distal_pulley_radius": "distal_radius",
-    }
-
-
-class Continuum(Instrument):
-    """An instrument whose tip is an elastic backbone bent by tendons, worked by a pulley at the handle."""
-
-    joint_type: Literal["continuum"]
-    distal_tendon_offset: Length = Field(description="Distance of a tendon from the backbone")
-    proximal_pulley_radius: Length = Field(description="Radius of the proximal pulley")
-    backbone_length: Length = Field(description="Length of the backbone that bends")
-    backbone_rigidity: FlexuralRigidity = Field(description="Flexural rigidity E I of the backbone")
-
-    parameter_fields: ClassVar[Mapping[str, str]] = _SHARED_FIELDS | {
-        "proximal_pulley_radius": "proximal_radius",
-        "distal_tendon_offset": "distal_radius",
-        "backbone_length": "backbone_length",
-        "backbone_rigidity": "backbone_rigidity",
-    }
-
-
-JOINT_TYPES: dict[str, type[Instrument]] = {
-    "tendon-gear": TendonGear,
-    "tendon-pulley": TendonPulley,
-    "continuum": Continuum,
-}
-
-_AnyInstrument: TypeAdapter[Instrument] = TypeAdapter(
-    Annotated[TendonGear | TendonPulley | Continuum, Field(discriminator="joint_type")]
-)
-
-
-def shipped() -> tuple[str, ...]:
-    """Return the names of the instruments that come with the package."""
-    files = (Path(entry.name) for entry in _shipped_folder().iterdir())
-    return tuple(sorted(file.stem for file in files if file.suffix == ".toml"))
-
-
-def load(name_or_path: str | Path) -> Instrument:
-    """Read an instrument that comes with the package, by name, or an instrument file, by path.
-
-    Raises
-    ------
-    InstrumentError
-        There is no such instrument or file, it cannot be read, or it is not valid.
-    """
-    source = str(name_or_path)
-    if source in shipped():
-        return parse((_shipped_folder() / f"{source}.toml").read_text("utf-8"), source)
-    text = read_text(Path(name_or_path), InstrumentError, source=source, kind="instrument", names=shipped())
-    return parse(text, source)
-
-
-def parse(text: str, source: str = "instrument") -> Instrument:
-    """Read an instrument from the text (str) of an instrument file.
-
-    Raises
-    ------
-    InstrumentError
-        The text is not TOML or not a valid instrument; the message starts with `source`.
-    """
-    values = parse_toml(text, InstrumentError, source)
-    joint_type = values.get("joint_type")
-    if not isinstance(joint_type, str) or joint_type not in JOINT_TYPES:
-        found, allowed = (
-            "is missing" if joint_type is None else f"is {joint_type!r}",
-            f"one of {', '.join(JOINT_TYPES)}",
-        )
-        raise InstrumentError(
-            f"{source}: joint_type {found}; it must be {allowed}.", key="joint_type", value=joint_type, allowed=allowed
-        )
-    return validated(JOINT_TYPES[joint_type], values, InstrumentError, source, context={"file": True})
-
-
-def json_schema() -> dict[str, Any]:
-    """Return the JSON schema of instrument files, for editors that complete and check TOML."""
-    schema = _AnyInstrument.json_schema(by_alias=True)
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "Tenodesis instrument",
-        **schema,
-    }
-
-
-def _shipped_folder() -> Any:
-    return resources.files("tenodesis") / "instruments"
-
-
-def _quantity(field: FieldInfo) -> Quantity | None:
-    """Return a field's kind of quantity, whether or not the field may be left out."""
-    inner = [item for option in get_args(field.annotation) for item in getattr(option, "__metadata__", ())]
-    return next((item for item in [*field.metadata, *inner] if isinstance(item, Quantity)), None)
-
-
-def unit_of(field: FieldInfo) -> str:
-    """Return the SI unit of a field, empty for what is no quantity."""
-    quantity = _quantity(field)
-    return quantity.unit if quantity else ""
-
-
 @cache
 def _known(kind: type[BaseModel]) -> frozenset[str]:
+    """Return the keys that a file may have, those within tables with a dot."""
     return frozenset(_keys(kind))
 
 
