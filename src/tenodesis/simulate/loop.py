@@ -35,7 +35,7 @@ class Loop:
     """
 
     def __init__(self, twin: Controllable, controller: Controller) -> None:
-        controller.refuse_another(twin.inst)
+        controller.check_instrument(twin.inst)
         self.twin, self.controller = twin, controller
 
     @property
