@@ -56,7 +56,7 @@ def test_check_prints_values_and_sources(tmp_path: Path) -> None:
     ("arguments", "sentence"),
     [
         (("bench", "absent.toml"), "tenodesis: absent.toml: there is no such file"),
-        (("bench", "bad.toml"), "tenodesis: bad.toml: joint_type is missing; allowed are"),
+        (("bench", "bad.toml"), "tenodesis: bad.toml: joint_type is missing; it must be one of"),
         (("check", "bad.toml"), "tenodesis: bad.toml: joint_type is missing"),
         (("bench", "real-size", "--scaled-up", "absent"), "tenodesis: absent: there is no such file"),
         (("bench", "real-size", "--scaled-up", EXAMPLES / "pulley.toml"), "allowed is a scale model of the same joint"),

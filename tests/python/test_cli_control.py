@@ -137,10 +137,10 @@ def test_options_choose_what_the_controller_is(tenodesis: Command, tmp_path: Pat
     [
         (("absent",), "absent: there is no such file and no instrument of that name"),
         (("scaled-up", "--axis", "pitch"), "scaled-up has no axis 'pitch'; it has yaw"),
-        (("scaled-up", "--observer", "best"), "observer is 'best'; allowed are paper, exact, friction"),
+        (("scaled-up", "--observer", "best"), "observer is 'best'; it must be one of paper, exact, friction"),
         (("scaled-up", "--observer", "paper"), 'law is "robust" and observer "paper"'),
-        (("scaled-up", "--law", "none"), "law is 'none'; allowed are off, paper"),
-        (("scaled-up", "--actuation", "both"), "actuation is 'both'; allowed are agonist, differential"),
+        (("scaled-up", "--law", "none"), "law is 'none'; it must be one of off, paper"),
+        (("scaled-up", "--actuation", "both"), "actuation is 'both'; it must be one of agonist, differential"),
         (("scaled-up", "--name", "2nd"), "name is '2nd'; allowed are letters, digits and underscores"),
         (("scaled-up", "--name", "static"), "name is 'static'; allowed are"),
         (("scaled-up", "--name", "tenodesis_step"), "name is 'tenodesis_step'; allowed are"),
@@ -179,5 +179,5 @@ def test_no_name_of_a_file_breaks_the_header(scaled: Instrument) -> None:
 def test_numbers_that_make_no_controller_are_not_exported(scaled: Instrument) -> None:
     stiff = scaled.replace(**{"friction.sheath_coefficient": 0.9, "friction.sheath_bend": 9.0})
     for inst in (scaled.replace(**{"control.tension_limit": 20.0}), stiff):
-        with pytest.raises(ValueError, match="the numbers of scaled-up make no controller; allowed are"):
+        with pytest.raises(ValueError, match="the parameters of scaled-up make no controller; its pretension"):
             control.header(inst)

@@ -165,8 +165,8 @@ def test_a_controller_of_both_axes_or_of_one(tenodesis: Command) -> None:
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        (("--law", "magic"), "law is 'magic'; allowed are off, paper, paper-feedback, exact, robust."),
-        (("--law", "off", "--observer", "crystal"), "observer is 'crystal'; allowed are paper, exact, friction."),
+        (("--law", "magic"), "law is 'magic'; it must be one of off, paper, paper-feedback, exact, robust."),
+        (("--law", "off", "--observer", "crystal"), "observer is 'crystal'; it must be one of paper, exact, friction."),
         (("--law", "off", "--actuation", "both"), "actuation is 'both'; allowed are agonist, differential."),
         (("--law", "robust", "--observer", "paper"), 'observer "paper"; allowed with that law is "friction".'),
         (
@@ -208,7 +208,7 @@ def test_a_controller_that_cannot_be_is_refused_in_a_sentence(
         ),
         (("record", "short.toml", "--out", "run.mcap"), "run.mcap exists already; allowed is another path, or --over"),
         (("record", "short.toml", "--time-step", "0.5"), "--time-step = '0.5': it has no unit"),
-        (("record", "short.toml", "--time-step", "1 s", "--out", "x.mcap"), "time_step is 1 s; allowed is at most"),
+        (("record", "short.toml", "--time-step", "1 s", "--out", "x.mcap"), "time_step is 1 s; it must be at most"),
         (("record", "short.toml", "--seed", "-1", "--out", "x.mcap"), "seed is -1; allowed is a whole number"),
         (("record", "short.toml", "--axis", "pitch"), "scaled-up has no axis 'pitch'; it has yaw"),
         (("info", "absent.mcap"), "absent.mcap cannot be read: there is no such file"),

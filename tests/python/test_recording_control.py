@@ -207,7 +207,7 @@ def test_what_a_recording_says_wrong_of_its_controller_is_said(scaled: Instrumen
     good = metadata["controller"]
     for text, sentence in (
         ("law = ", "metadata controller is not valid TOML"),
-        (good.replace('"robust"', '"magic"'), "metadata controller: law is 'magic'; allowed are off, paper"),
+        (good.replace('"robust"', '"magic"'), "metadata controller: law is 'magic'; it must be one of off, paper"),
         (good.replace('observer = "friction"', 'observer = "paper"'), 'allowed with that law is "friction"'),
         (good + "\nmood = 3\n", "metadata controller: .*mood"),
     ):

@@ -160,10 +160,17 @@ def worked(inst: Instrument, kind: str, time_step: float) -> tuple[Twin, dict[st
 WORK = ["smooth", "step load", "slack", "rig", "motors", "hand"]
 
 
-@pytest.mark.parametrize("kind", WORK)
-@pytest.mark.parametrize("law", [None, *LAWS])
-def test_the_energy_balance_closes(any_inst: Instrument, law: str | None, kind: str) -> None:
-    twin, command = worked(rubbed(any_inst, law) if law else smooth(any_inst), kind, TIME_STEP)
+MECHANISMS = ["real", "scaled", "pulley", "continuum"]
+
+
+# Pairs: every kind of work with every law, and each of both with every mechanism.
+@pytest.mark.parametrize(
+    ("name", "law", "kind"),
+    [(MECHANISMS[(n + m) % 4], law, kind) for n, kind in enumerate(WORK) for m, law in enumerate([None, *LAWS])],
+)
+def test_the_energy_balance_closes(request: pytest.FixtureRequest, name: str, law: str | None, kind: str) -> None:
+    inst = request.getfixturevalue(name)
+    twin, command = worked(rubbed(inst, law) if law else smooth(inst), kind, TIME_STEP)
     energy = twin.energy(**command)
     assert abs(energy.unaccounted) < 1e-3 * energy.work
     assert energy.work > 0
