@@ -1,4 +1,4 @@
-"""What the package raises when it is asked for something it cannot give: one family of exceptions that carry data."""
+"""One family of exceptions: each says in a sentence what is wrong, and carries key, value and what it must be."""
 
 
 class Error(Exception):
@@ -73,3 +73,7 @@ class ReportError(Error):
 
 class CommandError(Error):
     """A command is given options that do not go together; the message says which."""
+
+
+class MissingLibraryError(Error, RuntimeError):
+    """A library of an optional extra is not installed; the message says how to install it."""
