@@ -56,7 +56,7 @@ class StudyError(Error, ValueError):
 
 
 class IdentificationError(Error, ValueError):
-    """Measured data cannot be used, or do not determine what is asked of them; the message says why."""
+    """Measured data cannot be used, or do not determine the parameters; the message says why."""
 
 
 class DeviceError(Error):
