@@ -177,7 +177,10 @@ class Instrument(FileTable):
             The instrument has no such axis.
         """
         if name not in self.axes:
-            raise InstrumentError(f"{self.name} has no axis {name!r}; it has {' and '.join(self.axes)}.")
+            has = " and ".join(self.axes)
+            raise InstrumentError(
+                f"{self.name} has no axis {name!r}; it has {has}.", key="axis", value=name, allowed=has
+            )
         own = {axis: values for axis, values in self.overrides.items() if axis == name}
         return self.replace(axes=(name,), overrides=None, **dict(*own.values()))
 
