@@ -269,6 +269,7 @@ def fit(proximal: Array, distal: Array, part: slice = slice(None)) -> Array:
     return np.asarray(min(found, key=lambda one: float(one.fun)).x)
 
 
+@pytest.mark.data
 def test_one_contact_predicts_a_measured_sheath_where_a_straight_line_fails() -> None:
     proximal, distal = measured_tensions()
     fitted = fit(proximal, distal)
