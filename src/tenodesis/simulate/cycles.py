@@ -8,14 +8,13 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from tenodesis.errors import ProtocolError
-from tenodesis.instrument import Angle
 from tenodesis.run import Array
 from tenodesis.simulate.choice import exactly_one
 from tenodesis.simulate.command import Segment, between
 from tenodesis.simulate.phase import Loaded, Setting
-from tenodesis.simulate.quantities import Duration, Speed
 from tenodesis.simulate.reach import checked, of_output
 from tenodesis.simulate.shapes import SHAPES, ShapeName
+from tenodesis.units import Angle, Duration, HandleSpeed
 
 
 class Cycles(Loaded):
@@ -29,7 +28,7 @@ class Cycles(Loaded):
     output_amplitude: Angle | None = Field(default=None, description="The same, as output angle without load")
     start: Angle = Field(default=0.0, alias="from", description="Handle angle it goes from and back to")
     symmetric: bool = Field(default=False, strict=True, description="From the negative of where it goes to")
-    speed: Speed | None = Field(default=None, description="Mean handle speed")
+    speed: HandleSpeed | None = Field(default=None, description="Mean handle speed")
     period: Duration | None = Field(default=None, description="Duration of a cycle")
     count: int = Field(ge=1, le=1_000_000, strict=True, description="Number of cycles")
     shape: ShapeName = Field(default="triangle", description="Handle angle over time")

@@ -7,7 +7,7 @@ from pydantic import Field
 
 from tenodesis.simulate.command import Segment
 from tenodesis.simulate.phase import OpenLoop, Setting
-from tenodesis.simulate.quantities import Duration
+from tenodesis.units import Duration
 
 
 class Hold(OpenLoop):

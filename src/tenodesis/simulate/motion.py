@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from tenodesis.instrument import Angle
 from tenodesis.run import Array
 from tenodesis.simulate import recording
 from tenodesis.simulate.choice import exactly_one
@@ -19,6 +18,7 @@ from tenodesis.simulate.interpolation import monotone_cubic
 from tenodesis.simulate.phase import Loaded, Setting
 from tenodesis.simulate.reach import largest, refuse_beyond
 from tenodesis.simulate.recording import Recording
+from tenodesis.units import Angle
 
 _RADIANS = {"rad": 1.0, "deg": math.radians(1)}
 

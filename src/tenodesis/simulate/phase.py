@@ -9,8 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from tenodesis.instrument import AxisName, Instrument
 from tenodesis.simulate.command import Command, Path, Segment, between
-from tenodesis.simulate.quantities import Force, Speed
 from tenodesis.simulate.shapes import SMOOTH
+from tenodesis.units import HandleSpeed, SignedForce
 
 
 class Strict(BaseModel):
@@ -63,7 +63,9 @@ class OpenLoop(Phase):
 class Moving(OpenLoop):
     """A phase that begins at a handle angle of its own."""
 
-    approach: Speed = Field(default=math.radians(20), description="Largest handle speed on the way to where it begins")
+    approach: HandleSpeed = Field(
+        default=math.radians(20), description="Largest handle speed on the way to where it begins"
+    )
 
     def approached(self, at: Setting, angle: float) -> Iterator[Segment]:
         """Yield the smooth move (minimum jerk) to a handle angle (rad), if the handle is not there."""
@@ -82,9 +84,11 @@ class Moving(OpenLoop):
 class Loaded(Moving):
     """A phase that moves the handle under load."""
 
-    force: Force | None = Field(default=None, description="Tangential force at the tip; as it was if not given")
-    force_end: Force | None = Field(default=None, description="Force it goes to linearly; constant if not given")
-    radial_force: Force | None = Field(default=None, description="Force along the end-effector; as it was if not given")
+    force: SignedForce | None = Field(default=None, description="Tangential force at the tip; as it was if not given")
+    force_end: SignedForce | None = Field(default=None, description="Force it goes to linearly; constant if not given")
+    radial_force: SignedForce | None = Field(
+        default=None, description="Force along the end-effector; as it was if not given"
+    )
 
     def moved(self, at: Setting, angles: tuple[float, float], steps: int, path: Path) -> Segment:
         """Return the segment under this load that follows a path between two handle angles (rad)."""

@@ -5,11 +5,10 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from tenodesis.instrument import Angle
 from tenodesis.simulate.command import Segment
 from tenodesis.simulate.phase import OpenLoop, Setting
-from tenodesis.simulate.quantities import Duration, Force, SpoolVelocity
 from tenodesis.simulate.reach import checked
+from tenodesis.units import Angle, Duration, SignedForce, SpoolVelocity
 
 
 class Ramp(OpenLoop):
@@ -18,8 +17,8 @@ class Ramp(OpenLoop):
     kind: Literal["ramp"] = "ramp"
     duration: Duration = Field(description="How long")
     handle_angle: Angle | None = Field(default=None, description="Handle angle at the end")
-    force: Force | None = Field(default=None, description="Tangential force at the tip at the end")
-    radial_force: Force | None = Field(default=None, description="Force along the end-effector at the end")
+    force: SignedForce | None = Field(default=None, description="Tangential force at the tip at the end")
+    radial_force: SignedForce | None = Field(default=None, description="Force along the end-effector at the end")
     spool_velocity: tuple[SpoolVelocity, SpoolVelocity] | None = Field(
         default=None, description="Spool velocities at the end, agonist's and antagonist's; positive winds"
     )

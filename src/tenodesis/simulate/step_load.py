@@ -6,12 +6,12 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from tenodesis.errors import ProtocolError
-from tenodesis.instrument import Angle, Instrument
+from tenodesis.instrument import Instrument
 from tenodesis.simulate.choice import at_most_one, exactly_one
 from tenodesis.simulate.command import Segment
 from tenodesis.simulate.phase import Moving, Setting
-from tenodesis.simulate.quantities import Delay, Duration, Force, Moment
 from tenodesis.simulate.reach import checked, of_output
+from tenodesis.units import Angle, Delay, Duration, SignedForce, SignedMoment
 
 
 class StepLoad(Moving):
@@ -24,9 +24,9 @@ class StepLoad(Moving):
     handle_angle: Angle | None = Field(default=None, description="Handle angle held; where it is if not given")
     output_angle: Angle | None = Field(default=None, description="The same, as output angle without load")
     delay: Delay = Field(default=0.0, description="Time at the handle angle before the load")
-    force: Force | None = Field(default=None, description="Tangential force at the tip")
-    weight: Force | None = Field(default=None, description="Force on the load rig's cable instead")
-    moment: Moment | None = Field(default=None, description="Moment of the load rig instead")
+    force: SignedForce | None = Field(default=None, description="Tangential force at the tip")
+    weight: SignedForce | None = Field(default=None, description="Force on the load rig's cable instead")
+    moment: SignedMoment | None = Field(default=None, description="Moment of the load rig instead")
     rise: Delay = Field(default=0.0, description="Time in which the load comes and goes, linearly")
     duration: Duration = Field(description="Time under the whole load")
     release: Duration | None = Field(default=None, description="Time after the load was taken off; else it stays")
