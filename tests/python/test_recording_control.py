@@ -21,7 +21,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.recording import Recorder, Recording, choices
 from tenodesis.recording.outcome import outcome, tip_error
 from tenodesis.recording.replay import replay
-from tenodesis.recording.session import record
+from tenodesis.recording.simulation import record
 from tenodesis.recording.summary import describe
 from tenodesis.run import CONTROL, Run
 from tenodesis.simulate import Cycles, Hold, Pretension, Protocol, Ramp, StepLoad

@@ -17,7 +17,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.instrument.text import to_toml
 from tenodesis.recording import Recorder, Recording
 from tenodesis.recording.replay import replay
-from tenodesis.recording.session import record
+from tenodesis.recording.simulation import record, write_run
 from tenodesis.run import MEASURED, Run
 from tenodesis.simulate import Cycles, Hold, Motion, Pretension, Protocol, Ramp, StepLoad
 from tenodesis.twin import Twin
@@ -149,6 +149,15 @@ def test_a_recording_is_what_the_twin_did_and_replays_bit_by_bit(
     assert again.exact
     assert same(again.run, run)
     assert {difference.largest for difference in again.differences().values()} == {0.0}
+
+
+def test_a_run_written_afterwards_is_the_same_file(scaled: Instrument, tmp_path: Path) -> None:
+    for name, controller in (("plain", None), ("controlled", tn.control.Controller(scaled))):
+        protocol = Protocol(name="p", phases=SHORT.phases[:2])
+        now, later = tmp_path / f"{name}.mcap", tmp_path / f"{name}-later.mcap"
+        run = record(scaled, protocol, now, controller=controller, seed=3)
+        write_run(run, scaled, later, protocol=protocol, controller=controller, seed=3)
+        assert now.read_bytes() == later.read_bytes()
 
 
 def test_a_weight_recorded_as_its_force_replays_bit_by_bit(scaled: Instrument, tmp_path: Path) -> None:
