@@ -15,7 +15,7 @@ from rich.console import Console
 
 import tenodesis as tn
 from tenodesis import simulate
-from tenodesis.control import FAULTS, Controller, FaultInjection, OperatingState
+from tenodesis.control import FAULTS, Controller, OperatingState
 from tenodesis.errors import ProtocolError, RecordingError
 from tenodesis.instrument import Instrument
 from tenodesis.recording import Recorder, Recording, choices
@@ -24,7 +24,7 @@ from tenodesis.recording.replay import replay
 from tenodesis.recording.simulation import record
 from tenodesis.recording.summary import describe
 from tenodesis.run import CONTROL, Run
-from tenodesis.simulate import Cycles, Hold, Pretension, Protocol, Ramp, StepLoad
+from tenodesis.simulate import Cycles, FaultInjection, Hold, Pretension, Protocol, Ramp, StepLoad
 from tenodesis.twin import Twin
 
 from .conftest import EXAMPLES
