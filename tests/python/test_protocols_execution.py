@@ -1,6 +1,5 @@
 """Claims about running protocols: block by block, and winding until the tendons are tight."""
 
-import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,7 +12,6 @@ from tenodesis.run import Array, Run
 from tenodesis.simulate import Hold, Pretension, Protocol, ProtocolError, Ramp
 
 DT = 1e-3
-DEG = math.radians(1)
 
 
 @dataclass
