@@ -14,7 +14,7 @@ from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS
 from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.recording import Recording, container, schemas
-from tenodesis.recording.session import record
+from tenodesis.recording.simulation import record
 from tenodesis.run import Array
 from tenodesis.simulate import Cycles, Protocol
 

@@ -16,7 +16,7 @@ from tenodesis.identification.models.converter import Converter
 from tenodesis.identification.models.twin import TwinProblem
 from tenodesis.identification.models.twin_inputs import smoothed, unrounded
 from tenodesis.instrument import Instrument
-from tenodesis.recording.session import record
+from tenodesis.recording.simulation import record
 from tenodesis.run import Array, Run
 from tenodesis.simulate import Cycles, Pretension, Protocol
 

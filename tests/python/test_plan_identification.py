@@ -22,7 +22,7 @@ from tenodesis.identification.experiment import candidates as blocks
 from tenodesis.identification.experiment.bench import Bench, UnfitError
 from tenodesis.identification.experiment.choice import Criterion, CriterionName, choose
 from tenodesis.identification.experiment.information import Converter, Information
-from tenodesis.recording.session import record
+from tenodesis.recording.simulation import record
 from tenodesis.twin import Twin
 
 DURATION = 8.0

@@ -35,7 +35,7 @@ from tenodesis.paper import (
     working_space,
 )
 from tenodesis.paper.context import Context
-from tenodesis.recording.session import record
+from tenodesis.recording.simulation import record
 from tenodesis.report import style
 from tenodesis.report.content import Plot, Section
 

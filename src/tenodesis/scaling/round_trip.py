@@ -8,7 +8,7 @@ import numpy as np
 
 from tenodesis.instrument import Instrument
 from tenodesis.recording import Recording
-from tenodesis.recording.session import record
+from tenodesis.recording.simulation import record
 from tenodesis.run import Array
 from tenodesis.scaling.transfer import carry
 from tenodesis.simulate import Cycles, Protocol

@@ -1,4 +1,4 @@
-"""Run a protocol on a twin and record it."""
+"""Record what a twin does: a protocol while it runs, or a run that was simulated before."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,7 +15,7 @@ from tenodesis.recording import choices, schemas
 from tenodesis.recording.writer import Recorder
 from tenodesis.run import CONTROL, Run
 from tenodesis.simulate import Pretension, Protocol, concatenate, execute
-from tenodesis.simulate.loop import Loop
+from tenodesis.simulate.execution import check_controllable
 from tenodesis.twin import Twin
 
 DYNAMIC = "dynamic"
@@ -81,14 +81,11 @@ def record(
     plan = protocol.plan(inst, time_step)
     if controller is not None:
         controller.reset()
-        Loop(twin, controller).refuse(plan)
-    metadata = {
-        "instrument": to_toml(inst),
-        "protocol": protocol.to_toml(),
-        "seed": str(seed),
-        "time_step": repr(float(time_step)),
-        "mode": QUASI_STATIC if quasi_static else DYNAMIC,
-    } | ({} if controller is None else choices.described(controller, inst))
+        controller.refuse_another(inst)
+        check_controllable(plan, controller.inst)
+    metadata = metadata_of(
+        inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
+    )
     with Recorder(path, axes=inst.axes, metadata=metadata, overwrite=overwrite) as recorder:
         runs = []
         if isinstance(protocol.phases[0], Pretension):
@@ -97,6 +94,65 @@ def record(
             recorder.write(runs[0])
         runs.append(execute(twin, protocol, controller, on_block=recorder.write, progress=progress))
     return concatenate(runs)
+
+
+def write_run(
+    run: Run,
+    inst: Instrument,
+    path: str | Path,
+    *,
+    protocol: Protocol | None = None,
+    controller: Controller | None = None,
+    time_step: float = twins.TIME_STEP,
+    seed: int = 0,
+    quasi_static: bool = False,
+    overwrite: bool = False,
+) -> None:
+    """Write a run that was simulated before, to the same file that :func:`record` would write while it runs.
+
+    Parameters
+    ----------
+    run
+        The run.
+    inst, protocol, controller
+        What was run: the instrument, the protocol if the run followed one, and the controller if one closed the loop.
+    time_step, seed, quasi_static
+        Of the twin that made the run.
+    path, overwrite
+        As for :func:`record`.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be written, or exists, or the run has other axes than the instrument.
+    """
+    metadata = metadata_of(
+        inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
+    )
+    with Recorder(path, axes=inst.axes, metadata=metadata, overwrite=overwrite) as recorder:
+        recorder.write(run)
+
+
+def metadata_of(
+    inst: Instrument,
+    protocol: Protocol | None = None,
+    *,
+    seed: int = 0,
+    time_step: float = twins.TIME_STEP,
+    quasi_static: bool = False,
+    controller: Controller | None = None,
+) -> dict[str, str]:
+    """Return the metadata of a twin's recording, from which it can be replayed; arguments as for :func:`write_run`."""
+    return (
+        {"instrument": to_toml(inst)}
+        | ({} if protocol is None else {"protocol": protocol.to_toml()})
+        | {
+            "seed": str(seed),
+            "time_step": repr(float(time_step)),
+            "mode": QUASI_STATIC if quasi_static else DYNAMIC,
+        }
+        | ({} if controller is None else choices.described(controller, inst))
+    )
 
 
 def without_control(run: Run) -> Run:
