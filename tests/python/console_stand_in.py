@@ -12,14 +12,14 @@ import numpy as np
 
 import tenodesis as tn
 from tenodesis.console.link import Asked
-from tenodesis.control import Controller, FaultInjection, OperatingState, Request
+from tenodesis.control import Controller, OperatingState, Request
 from tenodesis.control.controller import fault_names
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.text import to_toml
 from tenodesis.live.status import ProtocolState, ProtocolStatus, RuntimeState, Status, Timing
 from tenodesis.run import Array, Run, concatenate
-from tenodesis.simulate import Protocol
+from tenodesis.simulate import FaultInjection, Protocol
 
 TIME_STEP = 5e-4
 _BLOCK = 20
