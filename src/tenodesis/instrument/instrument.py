@@ -192,6 +192,11 @@ class Instrument(_Strict):
         own = {axis: values for axis, values in self.overrides.items() if axis == name}
         return self.replace(axes=(name,), overrides=None, **dict(*own.values()))
 
+    @cached_property
+    def planar(self) -> tuple[Self, ...]:
+        """The instrument of each axis alone, in the order of :attr:`axes`; itself where it has one axis."""
+        return (self,) if len(self.axes) == 1 else tuple(self.axis(name) for name in self.axes)
+
     def _with(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return the values of this instrument by key, with changes; None leaves a key out."""
         fields = type(self).model_fields
