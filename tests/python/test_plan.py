@@ -32,8 +32,8 @@ PAPER = catalogue.load("paper").model_copy(
 
 def made(
     *,
-    model: Any = None,
-    prototype: Any = None,
+    real_size: Any = None,
+    scaled_up: Any = None,
     forces: tuple[float, ...] = (0.5, 1.0, 2.0, 3.0),
     parts: Any = PAPER,
     choice: dict[str, Any] | None = None,
@@ -41,10 +41,10 @@ def made(
     largest_force: float | None = None,
 ) -> Any:
     """Return a stand-in of a design, by default the paper's pair with the pretension that is similar."""
-    model = model or tn.load("real-size").axis("yaw")
-    prototype = prototype or tn.load("scaled-up").replace(pretension=41.3)
-    comparison = tn.similarity.compare(model, prototype, largest_force=largest_force)
-    factor, lever = float(comparison.force_factor()), parts.constraints.cable_pulley_radius / prototype.rig_arm
+    real_size = real_size or tn.load("real-size").axis("yaw")
+    scaled_up = scaled_up or tn.load("scaled-up").replace(pretension=41.3)
+    comparison = tn.similarity.compare(real_size, scaled_up, largest_force=largest_force)
+    factor, lever = float(comparison.force_factor()), parts.constraints.cable_pulley_radius / scaled_up.rig_arm
     tests = []
     for force in forces:
         hanging = hang(force * factor / lever, parts.weights, cable_mass=parts.constraints.cable_mass)
@@ -60,14 +60,14 @@ def made(
         "spool": parts.spools[0],
     } | (choice or {})
     return SimpleNamespace(
-        model=model,
-        prototype=prototype,
+        real_size=real_size,
+        scaled_up=scaled_up,
         choice=SimpleNamespace(**taken),
         catalogue=parts,
         objectives=SimpleNamespace(
-            similarity_error=comparison.error(pretension=prototype.pretension).largest_snapped,
+            similarity_error=comparison.error(pretension=scaled_up.pretension).largest_snapped,
             force_resolution=0.018,
-            overall_length=prototype.overall_length,
+            overall_length=scaled_up.overall_length,
             tension_margin=margin,
         ),
         comparison=comparison,
@@ -199,7 +199,7 @@ def test_numbers_are_those_of_the_design(design: Any) -> None:
 
 def test_cause_of_the_error_is_named_where_it_is_largest(design: Any) -> None:
     assert "caused by l_d/r" in plan.content(design).similarity.note
-    pinned = made(prototype=tn.load("scaled-up"))
+    pinned = made(scaled_up=tn.load("scaled-up"))
     assert "caused by T_o/(kr)" in plan.content(pinned).similarity.note
 
 
@@ -214,12 +214,12 @@ def test_groups_are_said_to_match_or_not(design: Any) -> None:
 
 
 def test_what_hangs_is_off_by_so_much_give_or_take_the_tolerance_of_the_weights(design: Any) -> None:
-    factor = tn.statics.loss_of_dexterity(design.model, design.model.output_range / 2, 1.0)
-    factor /= tn.statics.loss_of_dexterity(design.prototype, design.model.output_range / 2, 1.0)
+    factor = tn.statics.loss_of_dexterity(design.real_size, design.real_size.output_range / 2, 1.0)
+    factor /= tn.statics.loss_of_dexterity(design.scaled_up, design.real_size.output_range / 2, 1.0)
     for row, test in zip(plan.content(design).loads.rows, design.tests, strict=True):
         error, tolerance = row[6].replace("\u2212", "-").replace("\u00a0", "").split("±")
         assert float(error) == pytest.approx(test.error, abs=6e-5)
-        tip = test.hanging.tolerance * 0.015 / design.prototype.rig_arm
+        tip = test.hanging.tolerance * 0.015 / design.scaled_up.rig_arm
         assert float(tolerance) == pytest.approx(tip / factor, rel=0.5)
         assert float(tolerance) > 0
 
@@ -236,7 +236,7 @@ def test_a_margin_that_falls_short_is_written_so() -> None:
 
 
 def test_card_and_table_tell_the_same_error_where_a_tip_snaps_through() -> None:
-    found = plan.content(made(prototype=tn.load("scaled-up")))
+    found = plan.content(made(scaled_up=tn.load("scaled-up")))
     rows = {name: largest for name, largest, _ in found.similarity.rows}
     assert found.cards[2].label.endswith(", a snapped tip at its stop")
     assert rows["without friction, a snapped tip at its stop"] == found.cards[2].value
@@ -250,7 +250,7 @@ def test_what_a_workshop_must_not_overlook_is_a_warning() -> None:
     coarse = PAPER.model_copy(update={"weights": (Weight(mass=0.05, count=9), Weight(mass=0.5, count=20))})
     weak = PAPER.load_cells[0].model_copy(update={"range": 90.0})
     bad = made(
-        prototype=tn.load("scaled-up"), parts=coarse, margin=2.1, choice={"encoder": None, "load_cell": weak},
+        scaled_up=tn.load("scaled-up"), parts=coarse, margin=2.1, choice={"encoder": None, "load_cell": weak},
         forces=(0.03, 0.5),
     )  # fmt: skip
     said = "\n".join(plan.content(bad).warnings).replace("\u00a0", " ")
@@ -270,7 +270,7 @@ def test_a_similar_design_without_flaw_has_no_warning() -> None:
     scale = {"overall_length": 1.0, "distal_gear_radius": 4e-3, "proximal_gear_radius": 9e-3}
     same = inst.replace(**scale, end_effector_length=0.1, handle_length=0.24)
     similar = same.replace(pretension=tn.similarity.compare(inst, same).scaled_pretension)
-    found = plan.content(made(prototype=similar, largest_force=0.5, forces=(0.25, 0.5)))
+    found = plan.content(made(scaled_up=similar, largest_force=0.5, forces=(0.25, 0.5)))
     assert found.warnings == ()
     assert found.cards[2].value == "below 0.001°"
     assert "none worth a cause" in found.similarity.note
@@ -278,12 +278,12 @@ def test_a_similar_design_without_flaw_has_no_warning() -> None:
 
 def test_any_name_is_shown_as_it_is(tmp_path: Path) -> None:
     name = HOSTILE
-    model = tn.load("real-size").axis("yaw").replace(name=name[:60])
-    prototype = tn.load("scaled-up").replace(name=name[:60])
+    real_size = tn.load("real-size").axis("yaw").replace(name=name[:60])
+    scaled_up = tn.load("scaled-up").replace(name=name[:60])
     rope = PAPER.ropes[0].model_copy(update={"name": name[:60]})
     design = made(
-        model=model,
-        prototype=prototype,
+        real_size=real_size,
+        scaled_up=scaled_up,
         parts=PAPER.model_copy(update={"name": name}),
         choice={"rope": rope, "load_cell": PAPER.load_cells[0].model_copy(update={"name": name[:60]})},
     )
@@ -309,8 +309,8 @@ def crowded() -> Any:
         "encoder": PAPER.encoders[0].model_copy(update=named),
     }
     return made(
-        model=tn.load("real-size").axis("yaw").replace(name=LONG),
-        prototype=tn.load("scaled-up").replace(name="M" * 60, tendon_length=1.1),
+        real_size=tn.load("real-size").axis("yaw").replace(name=LONG),
+        scaled_up=tn.load("scaled-up").replace(name="M" * 60, tendon_length=1.1),
         forces=tuple(0.0713 * n for n in range(1, 13)),
         parts=parts,
         choice=choice,
@@ -341,14 +341,19 @@ def test_cut_lists_say_what_is_left_out(crowded: Any) -> None:
 
 @pytest.mark.parametrize("file", ["pulley", "continuum"])
 def test_other_mechanisms_have_a_plan(file: str, tmp_path: Path) -> None:
-    model = tn.load(ROOT / f"examples/{file}.toml")
-    model = model.axis(model.axes[0])
-    radii = {key: 3 * getattr(model, key) for key, name in model.parameter_fields.items() if name.endswith("_radius")}
-    prototype = model.replace(name="large", **radii)
+    real_size = tn.load(ROOT / f"examples/{file}.toml")
+    real_size = real_size.axis(real_size.axes[0])
+    radii = {
+        key: 3 * getattr(real_size, key) for key, name in real_size.parameter_fields.items() if name.endswith("_radius")
+    }
+    scaled_up = real_size.replace(name="large", **radii)
     distal, proximal = (Wheel(radii[key]) for key in sorted(radii))
     rod = catalogue.load("rods").rods[0] if file == "continuum" else None
     design = made(
-        model=model, prototype=prototype, forces=(0.1,), choice={"distal": distal, "proximal": proximal, "rod": rod}
+        real_size=real_size,
+        scaled_up=scaled_up,
+        forces=(0.1,),
+        choice={"distal": distal, "proximal": proximal, "rod": rod},
     )
     found = plan.content(design)
     parts = [row[1] for row in found.parts.rows]
@@ -365,7 +370,7 @@ def test_a_design_that_was_searched_for_has_a_plan(tmp_path: Path) -> None:
     assert pages(pdf.read_bytes()) == 1
     text = Page(page.read_text("utf-8")).text
     assert f"{found.choice.distal.teeth} teeth" in text
-    assert f"{found.prototype.pretension:.3g} N".replace(" ", "") in text.replace(" ", "")
+    assert f"{found.scaled_up.pretension:.3g} N".replace(" ", "") in text.replace(" ", "")
 
 
 def test_a_design_without_test_loads_has_a_plan(tmp_path: Path) -> None:

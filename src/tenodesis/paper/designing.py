@@ -83,7 +83,7 @@ def _designs(context: Context, designs: dict[str, Design], names: dict[str, str]
     for key, design in designs.items():
         for name, value, unit in zip(Objectives._fields, design.objectives, _UNITS, strict=True):
             context.add(f"design.{key}.{name}", value, unit, f"{name.replace('_', ' ').capitalize()}, {names[key]}")
-        inst = design.prototype
+        inst = design.scaled_up
         assert isinstance(inst, TendonGear)
         one = design.objectives
         rows.append(
@@ -123,8 +123,8 @@ def _trips(context: Context, key: str, design: Design, scaled: Instrument) -> di
     trips = {}
     for force in (0.0, real):
         trip = round_trip(
-            design.model,
-            design.prototype,
+            design.real_size,
+            design.scaled_up,
             force * design.comparison.factors["force"],
             amplitude=float(ROUND_TRIP_AMPLITUDE),
         )

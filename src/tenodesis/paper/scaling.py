@@ -63,7 +63,7 @@ def section(context: Context) -> Section:
 def _dimensions(context: Context, comparison: Comparison) -> Table:
     rows = []
     for key, name, unit, si_unit in _SHOWN:
-        model, prototype = (getattr(inst, key, None) for inst in (comparison.model, comparison.prototype))
+        model, prototype = (getattr(inst, key, None) for inst in (comparison.real_size, comparison.scaled_up))
         if model is None or prototype is None:
             continue
         factor = comparison.factors[key]
@@ -72,7 +72,7 @@ def _dimensions(context: Context, comparison: Comparison) -> Table:
         shown = [number(value * in_unit(unit, si_unit), 5) for value in (model, prototype)]
         label = unit.replace("*", "·").replace("^2", "²")
         rows.append([f"{name} [{label}]", *shown, *_beside(context, f"table1.factor.{key}")])
-    for role, inst in (("instrument", comparison.model), ("scale_model", comparison.prototype)):
+    for role, inst in (("instrument", comparison.real_size), ("scale_model", comparison.scaled_up)):
         printed = STIFFNESS.get(inst.name)
         context.add(
             f"table1.stiffness.{role}",
@@ -83,7 +83,7 @@ def _dimensions(context: Context, comparison: Comparison) -> Table:
         )
     return Table(
         f"Table I: design parameters; k of each instrument follows from E, d and L{_printed_stiffness(context)}",
-        ["parameter", named(comparison.model), named(comparison.prototype), "factor", "published", "residual"],
+        ["parameter", named(comparison.real_size), named(comparison.scaled_up), "factor", "published", "residual"],
         rows,
     )
 
@@ -125,8 +125,8 @@ def _factors(context: Context, comparison: Comparison) -> Table:
         rows.append([f"flexural stiffness κ_θ at {np.degrees(angle):.4g}°", *_beside(context, key)])
     for angle in (low, middle, high):
         ratio = (
-            statics.loss_of_dexterity(comparison.prototype, angle, forces[middle])
-            / statics.loss_of_dexterity(comparison.model, angle, 1.0)
+            statics.loss_of_dexterity(comparison.scaled_up, angle, forces[middle])
+            / statics.loss_of_dexterity(comparison.real_size, angle, 1.0)
         )  # fmt: skip
         key = f"table2.loss_factor.at_{np.degrees(angle):.4g}deg"
         context.add(
@@ -155,14 +155,14 @@ def _beside(context: Context, key: str) -> tuple[str, str, str]:
 def _groups(context: Context, comparison: Comparison) -> Table:
     for group in comparison.groups:
         about = f"Dimensionless group {group.name}"
-        context.add(f"groups.{group.name}.instrument", group.model, "1", f"{about}, instrument")
-        context.add(f"groups.{group.name}.scale_model", group.prototype, "1", f"{about}, scale model")
+        context.add(f"groups.{group.name}.instrument", group.real_size, "1", f"{about}, instrument")
+        context.add(f"groups.{group.name}.scale_model", group.scaled_up, "1", f"{about}, scale model")
         context.add(f"groups.{group.name}.ratio", group.ratio, "1", f"{about}, ratio of the two")
     rows = [
         [
             g.name,
-            number(g.model, 5),
-            number(g.prototype, 5),
+            number(g.real_size, 5),
+            number(g.scaled_up, 5),
             fixed(g.ratio, 4),
             "made equal" if g.imposed else "matches" if g.matches else "differs",
         ]
@@ -171,7 +171,7 @@ def _groups(context: Context, comparison: Comparison) -> Table:
     return Table(
         f"Dimensionless groups; F is {comparison.largest_force:g} N times the force factor, T_o as in the files. The "
         "factors of force and time are those that make Theta and J/(kappa t^2) equal",
-        ["group", named(comparison.model), named(comparison.prototype), "ratio", ""],
+        ["group", named(comparison.real_size), named(comparison.scaled_up), "ratio", ""],
         rows,
     )
 
@@ -183,9 +183,9 @@ def _errors(context: Context, comparison: Comparison) -> Table:
         limits.insert(0, EQUIVALENT_FORCE.value)
     for name, whole in comparison.errors.items():
         for limit in limits:
-            error = comparison.error(pretension=whole.prototype_pretension, largest_force=limit)
+            error = comparison.error(pretension=whole.scaled_up_pretension, largest_force=limit)
             key = f"similarity.{name.replace(' ', '_')}.to_{limit:g}N"
-            about = f"pretension {name} ({error.prototype_pretension:.4g} N), forces to {limit:g} N"
+            about = f"pretension {name} ({error.scaled_up_pretension:.4g} N), forces to {limit:g} N"
             context.add(f"{key}.largest", error.largest, "deg", f"Largest similarity error, {about}")
             context.add(f"{key}.rms", error.rms, "deg", f"Root mean square similarity error, {about}")
             context.add(
@@ -200,7 +200,7 @@ def _errors(context: Context, comparison: Comparison) -> Table:
             context.add(f"{key}.worst_force", force, "N", f"Force of the largest error, {about}")
             rows.append(
                 [
-                    f"{error.prototype_pretension:.4g} N ({name})",
+                    f"{error.scaled_up_pretension:.4g} N ({name})",
                     f"0 … {limit:g} N",
                     fixed(error.rms, 3),
                     fixed(error.quantile_95, 3),
@@ -211,11 +211,11 @@ def _errors(context: Context, comparison: Comparison) -> Table:
             )
     reach = np.degrees(context.inst.output_range)
     return Table(
-        f"Similarity error: output of {named(comparison.prototype)} minus {named(comparison.model)} [°] over "
+        f"Similarity error: output of {named(comparison.scaled_up)} minus {named(comparison.real_size)} [°] over "
         f"−{reach:.0f} … {reach:.0f}° of unloaded output",
         [
             "pretension scaled-up",
-            f"force on {named(comparison.model)}",
+            f"force on {named(comparison.real_size)}",
             "rms",
             "95 %",
             "largest",
@@ -231,9 +231,9 @@ def _with_friction(context: Context, comparison: Comparison) -> Table:
     sets: dict[str, Any] = {"held": None}
     if context.is_paper:
         factor = float(comparison.force_factor())
-        sets = {"fig14": [force / factor for force in comparison.prototype.conditions.forces]} | sets
+        sets = {"fig14": [force / factor for force in comparison.scaled_up.conditions.forces]} | sets
     rows = []
-    for name, pretension in (("scaled", None), ("as used", comparison.prototype.pretension)):
+    for name, pretension in (("scaled", None), ("as used", comparison.scaled_up.pretension)):
         for which, several in sets.items():
             for kind, measure in (("at rest", comparison.error_at_rest), ("in time", comparison.cycle_error)):
                 error = measure(pretension=pretension, forces=several)
@@ -252,7 +252,7 @@ def _with_friction(context: Context, comparison: Comparison) -> Table:
                 at = error.worst
                 rows.append(
                     [
-                        f"{error.prototype_pretension:.4g} N ({name})",
+                        f"{error.scaled_up_pretension:.4g} N ({name})",
                         f"to {error.force.max():.3g} N",
                         kind,
                         fixed(error.rms, 3),
@@ -266,7 +266,7 @@ def _with_friction(context: Context, comparison: Comparison) -> Table:
         "Similarity error with friction [°], over loops of the handle through the working range under constant forces: "
         "at rest after every step, and in time on the twin, both as their files mean them. At the largest load both "
         "hold, single jumps of a tip make the largest error",
-        ["pretension scaled-up", f"force on {named(comparison.model)}", "", "rms", "95 %", "largest", "largest at"],
+        ["pretension scaled-up", f"force on {named(comparison.real_size)}", "", "rms", "95 %", "largest", "largest at"],
         rows,
     )
 
@@ -275,7 +275,7 @@ def _causes(context: Context, comparison: Comparison) -> Table:
     """Which group's mismatch makes the error, without friction and with it."""
     limit = EQUIVALENT_FORCE.value if context.is_paper else None
     rows = []
-    for name, pretension in (("scaled", None), ("as used", comparison.prototype.pretension)):
+    for name, pretension in (("scaled", None), ("as used", comparison.scaled_up.pretension)):
         several = None if limit is None else [limit * share for share in (0.0, 0.5, 1.0)]
         for kind, options in (
             ("without", {"largest_force": limit}),
@@ -297,8 +297,8 @@ def _causes(context: Context, comparison: Comparison) -> Table:
                     [
                         f"{name}, {kind} friction",
                         cause.name,
-                        number(cause.model),
-                        number(cause.prototype),
+                        number(cause.real_size),
+                        number(cause.scaled_up),
                         fixed(cause.at_worst, 3),
                         fixed(cause.rms, 3),
                         f"{fixed(causes.error, 3)} / {fixed(causes.error_rms, 3)}",
@@ -307,7 +307,7 @@ def _causes(context: Context, comparison: Comparison) -> Table:
     to = "" if limit is None else f", loads up to {limit:g} N"
     return Table(
         f"What causes the error: the groups whose mismatch does most, each at the others constant{to} [°]",
-        ["pretension", "group", named(comparison.model), named(comparison.prototype), "where largest", "rms", "of"],
+        ["pretension", "group", named(comparison.real_size), named(comparison.scaled_up), "where largest", "rms", "of"],
         rows,
     )
 
@@ -324,7 +324,7 @@ def _map(comparison: Comparison) -> Plot:
         axis.set_facecolor("#d5dae0")
         axis.grid(visible=False)
         axis.set(
-            title=f"T$_o$ = {error.prototype_pretension:.3g} N ({name})",
+            title=f"T$_o$ = {error.scaled_up_pretension:.3g} N ({name})",
             xlabel="handle angle $\\theta_h$ [deg]",
             ylabel="force on the instrument [N]",
         )
@@ -332,7 +332,7 @@ def _map(comparison: Comparison) -> Plot:
     fig.colorbar(mesh, ax=axes, label="error [deg]", extend="both")
     return Plot(
         "similarity_error",
-        f"Similarity error: output of {named(comparison.prototype)} minus {named(comparison.model)}, force factor "
+        f"Similarity error: output of {named(comparison.scaled_up)} minus {named(comparison.real_size)}, force factor "
         f"{comparison.force_factor():.3f}; the colour scale ends at ±{bound:.2g}°. Grey: no equilibrium.",
         fig,
         curves,

@@ -15,7 +15,7 @@ def care_points(context: Context, comparison: Comparison) -> list[CarePoint]:
     return [
         _one_angle(context, comparison),
         _pretension(context, comparison),
-        _pairs(context, comparison.prototype),
+        _pairs(context, comparison.scaled_up),
         _cable(context, comparison),
         _stiffness(context, comparison),
     ]
@@ -27,7 +27,7 @@ def _one_angle(context: Context, comparison: Comparison) -> CarePoint:
     return CarePoint(
         4,
         "Similarity is exact at one angle only",
-        f"l_d/r differs ({number(slenderness.model, 3)} against {number(slenderness.prototype, 3)}), so the force "
+        f"l_d/r differs ({number(slenderness.real_size, 3)} against {number(slenderness.scaled_up, 3)}), so the force "
         f"factor for equal Θ runs from {fixed(at[0], 3)} at 0° over {fixed(at[1], 3)} at 40° to "
         f"{fixed(at[2], 3)} at 80°; the table's 2.88 is mid-range.",
     )
@@ -36,12 +36,12 @@ def _one_angle(context: Context, comparison: Comparison) -> CarePoint:
 def _pretension(context: Context, comparison: Comparison) -> CarePoint:
     scaled = context.add(
         "care.5.scaled_pretension",
-        comparison.model.pretension * comparison.tension_factor,
+        comparison.real_size.pretension * comparison.tension_factor,
         "N",
         "Pretension of the scaled-up instrument that is similar to the real-size one's",
     )
     small, large = (
-        float(statics.slack_force(inst, inst.output_range)) for inst in (comparison.model, comparison.prototype)
+        float(statics.slack_force(inst, inst.output_range)) for inst in (comparison.real_size, comparison.scaled_up)
     )
     meant = large / float(comparison.force_factor())
     context.add("care.5.slack_force.real", small, "N", "Force at slack onset at 80 deg, real-size")
@@ -50,8 +50,8 @@ def _pretension(context: Context, comparison: Comparison) -> CarePoint:
     return CarePoint(
         5,
         "Pretension must scale too",
-        f"{comparison.model.pretension:g} N on the real-size instrument is {fixed(scaled, 1)} N on the scaled-up one; "
-        f"the experiments used {comparison.prototype.pretension:g} N. Slack then begins at what would be "
+        f"{comparison.real_size.pretension:g} N on the real-size instrument is {fixed(scaled, 1)} N on the scaled-up one; "
+        f"the experiments used {comparison.scaled_up.pretension:g} N. Slack then begins at what would be "
         f"{fixed(meant)} N at 80° instead of {fixed(small)} N, and the rms similarity error up to "
         f"{comparison.largest_force:g} N grows from {fixed(similar.rms, 2)}° to {fixed(used.rms, 2)}°. Up to "
         f"{EQUIVALENT_FORCE.value} N, where Fig. 14 was taken, no tendon goes slack and without friction it makes no "
@@ -85,10 +85,10 @@ def _pairs(context: Context, scaled: Instrument) -> CarePoint:
 
 
 def _cable(context: Context, comparison: Comparison) -> CarePoint:
-    conditions = comparison.prototype.conditions
+    conditions = comparison.scaled_up.conditions
     moment = float(conditions.cable_force or 0) * float(conditions.cable_pulley_radius or 0)
-    assert isinstance(comparison.prototype, TendonGear)
-    lever = comparison.prototype.end_effector_length + 2 * comparison.prototype.distal_gear_radius
+    assert isinstance(comparison.scaled_up, TendonGear)
+    lever = comparison.scaled_up.end_effector_length + 2 * comparison.scaled_up.distal_gear_radius
     tip = context.add(
         "care.7.tip_force", moment / lever, "N", "Force at the scaled-up tip from 10 N on a cable", TIP_FORCE
     )
@@ -111,7 +111,7 @@ def _cable(context: Context, comparison: Comparison) -> CarePoint:
 
 
 def _stiffness(context: Context, comparison: Comparison) -> CarePoint:
-    small, large = (inst.tendon_stiffness for inst in (comparison.model, comparison.prototype))
+    small, large = (inst.tendon_stiffness for inst in (comparison.real_size, comparison.scaled_up))
     return CarePoint(
         8,
         "Table I's stiffnesses follow from E A / L",

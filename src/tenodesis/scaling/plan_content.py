@@ -65,11 +65,11 @@ def content(design: "Design", limits: Limits = Limits()) -> Plan:  # noqa: B008
     """
     from tenodesis.version import __version__  # noqa: PLC0415
 
-    error = design.comparison.error(pretension=design.prototype.pretension)
+    error = design.comparison.error(pretension=design.scaled_up.pretension)
     said = list(warnings(design, error))
     curves, tensions, errors = plan_figures.drawn(design, error)
     return Plan(
-        title=f"{design.prototype.name}: scale model of {design.model.name}",
+        title=f"{design.scaled_up.name}: scale model of {design.real_size.name}",
         lead=_lead(design),
         cards=_cards(design, error),
         parts=plan_tables.parts(design),
@@ -91,17 +91,17 @@ def content(design: "Design", limits: Limits = Limits()) -> Plan:  # noqa: B008
 
 
 def _lead(design: "Design") -> str:
-    axis = f"axis {design.prototype.axes[0]}" if len(design.prototype.axes) == 1 else "both axes alike"
-    joints = dict.fromkeys((design.prototype.joint_type, design.model.joint_type))
+    axis = f"axis {design.scaled_up.axes[0]}" if len(design.scaled_up.axes) == 1 else "both axes alike"
+    joints = dict.fromkeys((design.scaled_up.joint_type, design.real_size.joint_type))
     catalogue = shorten(design.catalogue.name, _LONG, placeholder=" …")
     return f"{' for '.join(joints)} joint · {axis} · from catalogue {catalogue}"
 
 
 def _cards(design: "Design", error: SimilarityError) -> tuple[Card, ...]:
-    prototype, model = design.prototype.pretension, design.model.pretension
+    scaled_up, real_size = design.scaled_up.pretension, design.real_size.pretension
     counted = f", {plan_similarity.STOPPED}" if error.held_by_one else ""
     return (
-        Card(told(prototype, "N", 3), f"pretension to set on either tendon ({told(model, 'N', 3)} real-size)"),
+        Card(told(scaled_up, "N", 3), f"pretension to set on either tendon ({told(real_size, 'N', 3)} real-size)"),
         Card(f"× {fixed(float(design.comparison.force_factor()), 3)}", "force at the tip, scaled-up over real-size"),
         Card(degrees(design.objectives.similarity_error), f"largest similarity error over the working range{counted}"),
         Card(told(design.objectives.force_resolution, "N", 2), "smallest real-size tip force that can be told"),

@@ -40,8 +40,8 @@ def input_output(design: "Design") -> str:
     axis = fig.subplots()
     rows = [(0.0, 0.0), *((test.real_force, test.force) for test in tests)]
     for (real, scaled), color in zip(rows, style.colors(len(rows)), strict=True):
-        expected = _output(design.model, handle, real)
-        found = _output(design.prototype, design.comparison.prototype_handle_angle(handle), scaled)
+        expected = _output(design.real_size, handle, real)
+        found = _output(design.scaled_up, design.comparison.scaled_up_handle_angle(handle), scaled)
         axis.plot(np.degrees(handle), expected, color=color, lw=3.2, alpha=0.3, solid_capstyle="butt")
         label = f"{real:.3g} → {scaled:.3g} N" if real else "no load"
         axis.plot(np.degrees(handle), found, color=color, label=label)
@@ -53,8 +53,8 @@ def input_output(design: "Design") -> str:
 
 def tensions(design: "Design") -> str:
     """Return the scaled-up tendons' tensions at the largest test load, with what bounds them (N), as SVG."""
-    handle, tests = np.asarray(design.comparison.prototype_handle_angle(_handle(design))), shown(design.tests)
-    inst, cell = design.prototype, design.choice.load_cell
+    handle, tests = np.asarray(design.comparison.scaled_up_handle_angle(_handle(design))), shown(design.tests)
+    inst, cell = design.scaled_up, design.choice.load_cell
     fig = Figure(figsize=_SIZE, layout="constrained")
     axis = fig.subplots()
     # The largest load's curves may end before the others do.

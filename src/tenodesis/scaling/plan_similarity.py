@@ -29,7 +29,7 @@ def similarity(design: "Design", error: SimilarityError, drawings: int) -> Table
 
     Where the prototype alone snaps through, the error is told with it at its stop too, as a design is judged by.
     """
-    at_rest = design.comparison.error_at_rest(pretension=design.prototype.pretension)
+    at_rest = design.comparison.error_at_rest(pretension=design.scaled_up.pretension)
     held = ", where both hold" if error.held_by_one else ""
     rows = [
         (f"without friction{held}", degrees(error.largest), degrees(error.rms)),
@@ -49,7 +49,7 @@ def similarity(design: "Design", error: SimilarityError, drawings: int) -> Table
 def _cause(design: "Design", error: SimilarityError) -> str:
     """Return where the error is largest and which groups make it."""
     try:
-        found = design.comparison.causes(pretension=design.prototype.pretension, grid=GRID)
+        found = design.comparison.causes(pretension=design.scaled_up.pretension, grid=GRID)
     except ValueError:
         return f"worst at {_place(*error.worst)}"
     if abs(found.error) < NO_ERROR:
@@ -69,7 +69,7 @@ def _place(handle_angle: float, force: float) -> str:
 def groups(comparison: Comparison, most: int) -> Table:
     """Return which groups do not match, and in its note which do, and which are made to."""
     imposed = [symbols(group.name) for group in comparison.groups if group.imposed]
-    there = [group for group in comparison.groups if (group.model or group.prototype) and not group.imposed]
+    there = [group for group in comparison.groups if (group.real_size or group.scaled_up) and not group.imposed]
     alike = [symbols(group.name) for group in there if _matches(group)]
     others = [group for group in there if not _matches(group)]
     held = [group for group in others if group.kind not in _IN_MOTION]
@@ -79,7 +79,7 @@ def groups(comparison: Comparison, most: int) -> Table:
         if group.kind in _IN_MOTION
     ]
     rows = tuple(
-        (symbols(group.name), group.kind, plain(group.model, 3), plain(group.prototype, 3), factor(group.ratio))
+        (symbols(group.name), group.kind, plain(group.real_size, 3), plain(group.scaled_up, 3), factor(group.ratio))
         for group in held[:most]
     )
     notes = [

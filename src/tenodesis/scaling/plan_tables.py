@@ -60,7 +60,7 @@ def parts(design: "Design") -> Table:
 
 
 def _part_rows(design: "Design") -> Iterator[tuple[str, ...]]:
-    choice, inst = design.choice, design.prototype
+    choice, inst = design.choice, design.scaled_up
     axes = len(inst.axes)
     yield from _wheel_rows(design)
     rope = choice.rope
@@ -115,7 +115,7 @@ def _part_rows(design: "Design") -> Iterator[tuple[str, ...]]:
 
 
 def _wheel_rows(design: "Design") -> Iterator[tuple[str, ...]]:
-    choice, inst = design.choice, design.prototype
+    choice, inst = design.choice, design.scaled_up
     for end, wheel in (("distal", choice.distal), ("proximal", choice.proximal)):
         radius = told(wheel.radius, "mm", 5, "m")
         if wheel.module is not None:
@@ -130,7 +130,7 @@ def _wheel_rows(design: "Design") -> Iterator[tuple[str, ...]]:
 
 def lengths(design: "Design") -> Table:
     """Return the lengths to make and to mount the load rig at."""
-    inst = design.prototype
+    inst = design.scaled_up
     rows = [
         ("overall length L", inst.overall_length),
         ("tendon length", inst.tendon_length),
@@ -165,10 +165,10 @@ def loads(design: "Design", limits: Limits) -> Table:
 def _load(design: "Design", test: "TestLoad", pieces: int) -> tuple[str, ...]:
     lost = (
         -np.degrees(statics.output_angle(inst, np.zeros(1), force)[0])
-        for inst, force in ((design.model, test.real_force), (design.prototype, test.force))
+        for inst, force in ((design.real_size, test.real_force), (design.scaled_up, test.force))
     )
     lever = (
-        design.catalogue.constraints.cable_pulley_radius / design.prototype.rig_arm / design.comparison.force_factor()
+        design.catalogue.constraints.cable_pulley_radius / design.scaled_up.rig_arm / design.comparison.force_factor()
     )
     return (
         masses(test.hanging.loading, pieces),
@@ -184,9 +184,9 @@ def _load(design: "Design", test: "TestLoad", pieces: int) -> tuple[str, ...]:
 
 def pretension(design: "Design") -> Table:
     """Return the pretension to set and where slack begins, of both instruments."""
-    pair = (design.model, design.prototype)
+    pair = (design.real_size, design.scaled_up)
     rows = [("pretension of either tendon [N]", [inst.pretension for inst in pair])]
-    for name, angle in (("tip straight", 0.0), ("tip fully bent", design.model.output_range)):
+    for name, angle in (("tip straight", 0.0), ("tip fully bent", design.real_size.output_range)):
         rows.append((f"slack from, {name} [N]", [float(statics.slack_force(inst, angle)) for inst in pair]))
     return Table(
         "Pretension to set",

@@ -19,11 +19,11 @@ _ROUNDING = 1e-9
 def warnings(design: "Design", error: SimilarityError) -> Iterator[str]:
     """Yield what is not as a workshop would expect, a sentence each."""
     constraints, choice = design.catalogue.constraints, design.choice
-    similar = design.model.pretension * design.comparison.tension_factor
-    off = design.prototype.pretension / similar - 1 if similar else 0.0
+    similar = design.real_size.pretension * design.comparison.tension_factor
+    off = design.scaled_up.pretension / similar - 1 if similar else 0.0
     if abs(off) > _SLACK_OFF:
         yield (
-            f"Pretension is {told(design.prototype.pretension, 'N', 3)}, {plain(abs(100 * off), 2)} % "
+            f"Pretension is {told(design.scaled_up.pretension, 'N', 3)}, {plain(abs(100 * off), 2)} % "
             f"{'below' if off < 0 else 'above'} the similar {told(similar, 'N', 3)}: tendons do not go slack at "
             "similar loads."
         )

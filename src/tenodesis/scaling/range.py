@@ -19,11 +19,11 @@ class Points(NamedTuple):
     handle_angle: Array
     force: Array
 
-    def target(self, model: Instrument) -> _core.SimilarityTarget:
+    def target(self, real_size: Instrument) -> _core.SimilarityTarget:
         """Return what the core judges scale models by: equal loss of dexterity at mid-range."""
-        at_angle = model.output_range / 2
+        at_angle = real_size.output_range / 2
         return _core.SimilarityTarget(
-            model.spec, self.handle_angle.tolist(), self.force.tolist(), at_angle, model.output_stop
+            real_size.spec, self.handle_angle.tolist(), self.force.tolist(), at_angle, real_size.output_stop
         )
 
 
@@ -34,16 +34,16 @@ class WorkingRange(NamedTuple):
     coarse: Points
 
 
-def working_range(model: Instrument, largest_force: float) -> WorkingRange:
+def working_range(real_size: Instrument, largest_force: float) -> WorkingRange:
     """Return where an instrument is judged, up to a force (N) and over its range of output angles.
 
     The few points are some of the many, up to the largest force held at each of their handle angles, and that of the
     largest tension, so that no error or tension over them is larger than over all.
     """
-    reach = statics.reach(model)
+    reach = statics.reach(real_size)
     handle = np.linspace(-reach, reach, GRID[0])
     force = np.linspace(0.0, largest_force, GRID[1])
-    held = np.isfinite(statics.output_angle(model, handle[:, None], force))
+    held = np.isfinite(statics.output_angle(real_size, handle[:, None], force))
     rows, columns = np.nonzero(held)
     chosen = [
         (row, column)
@@ -51,7 +51,7 @@ def working_range(model: Instrument, largest_force: float) -> WorkingRange:
         for column in _spread(columns[rows == row], COARSE[1])
     ]
     # In place of one of the points without a force, of which there are plenty.
-    chosen[COARSE[1] * (COARSE[0] // 2)] = _most_strained(model, handle, force)
+    chosen[COARSE[1] * (COARSE[0] // 2)] = _most_strained(real_size, handle, force)
     few = tuple(np.array(chosen).T)
     return WorkingRange(Points(handle[rows], force[columns]), Points(handle[few[0]], force[few[1]]))
 
@@ -60,8 +60,8 @@ def _spread(numbers: Array, count: int) -> list[int]:
     return [int(numbers[round(at)]) for at in np.linspace(0, numbers.size - 1, count)]
 
 
-def _most_strained(model: Instrument, handle: Array, force: Array) -> tuple[int, int]:
-    tensions = statics.tensions(model, handle[:, None], force)
+def _most_strained(real_size: Instrument, handle: Array, force: Array) -> tuple[int, int]:
+    tensions = statics.tensions(real_size, handle[:, None], force)
     largest = np.fmax(tensions.agonist, tensions.antagonist)
     row, column = np.unravel_index(int(np.nanargmax(largest)), largest.shape)
     return int(row), int(column)

@@ -39,14 +39,16 @@ class RoundTrip(NamedTuple):
         return float(np.degrees(np.abs(self.predicted - self.direct).max()))
 
 
-def round_trip(model: Instrument, prototype: Instrument, force: float, *, amplitude: float, seed: int = 0) -> RoundTrip:
+def round_trip(
+    real_size: Instrument, scaled_up: Instrument, force: float, *, amplitude: float, seed: int = 0
+) -> RoundTrip:
     """Run two hysteresis cycles on the scaled-up twin, carry the recording over, and run the real-size twin directly.
 
     The second cycle is returned: in the first one, what stuck before is still remembered.
 
     Parameters
     ----------
-    model, prototype
+    real_size, scaled_up
         The real-size and the scaled-up instrument, of one axis, with their friction.
     force
         Constant force at the scaled-up tip, N.
@@ -63,11 +65,11 @@ def round_trip(model: Instrument, prototype: Instrument, force: float, *, amplit
     cycles = Cycles(output_amplitude=amplitude, symmetric=True, speed=SPEED, count=2, force=force)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scaled-up.mcap"
-        record(prototype, Protocol(name="cycles", phases=(cycles,)), path, seed=seed)
-        carried = carry(Recording.open(path), model).run
+        record(scaled_up, Protocol(name="cycles", phases=(cycles,)), path, seed=seed)
+        carried = carry(Recording.open(path), real_size).run
     time = np.arange(1, int(carried.time[-1] / TIME_STEP)) * TIME_STEP
     handle, load = (np.interp(time, carried.time, carried[name]) for name in ("commanded_handle_angle", "force"))
-    direct = Twin(model, seed=seed).run(handle, load)["output_angle"]
+    direct = Twin(real_size, seed=seed).run(handle, load)["output_angle"]
     predicted = np.interp(time, carried.time, carried["measured_output_angle"])
     turns = np.flatnonzero(handle <= handle.min() + np.radians(0.1))
     kept = slice(int(turns[turns < 0.8 * time.size][-1]), None)

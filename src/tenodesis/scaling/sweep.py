@@ -55,7 +55,7 @@ class Sweep:
     that the first front is made of and more lengths.
     """
 
-    model: Instrument
+    real_size: Instrument
     catalogue: Catalogue
     tests: Forces
     range: WorkingRange
@@ -93,18 +93,18 @@ class Judge:
         self._cells = sorted(catalogue.load_cells, key=lambda cell: (cell.range, cell.resolution))
         self._largest_wheel = np.array([max(wheel.tip_radius for wheel in pair) for pair in found.pairs])
         self._breaking_load = np.array([rope.breaking_load for rope in found.ropes])
-        self._spools = [_nearest_spool(found.model, catalogue, pair[0]) for pair in found.pairs]
+        self._spools = [_nearest_spool(found.real_size, catalogue, pair[0]) for pair in found.pairs]
         resolutions = [cell.resolution for cell in self._cells]
         # Of the cells whose range suffices, the finest, so that more tension never makes a finer one of it.
         self._finest = [min(range(n, len(self._cells)), key=resolutions.__getitem__) for n in range(len(self._cells))]
 
     @cached_property
     def _coarse(self) -> _core.SimilarityTarget:
-        return self._span.coarse.target(self._candidates.model)
+        return self._span.coarse.target(self._candidates.real_size)
 
     @cached_property
     def _fine(self) -> _core.SimilarityTarget:
-        return self._span.fine.target(self._candidates.model)
+        return self._span.fine.target(self._candidates.real_size)
 
     def columns(self, numbers: NDArray[np.int64], *, fine: bool = False) -> dict[str, Array]:
         """Return parameters and findings of scale models by name, over few points of the working range or all."""
@@ -168,7 +168,7 @@ def tip_force(tension_resolution: Any, columns: Mapping[str, Any]) -> Any:
 
 
 def sweep(
-    model: Instrument,
+    real_size: Instrument,
     catalogue: Catalogue,
     pins: Mapping[str, Any],
     *,
@@ -179,7 +179,7 @@ def sweep(
 
     Parameters
     ----------
-    model
+    real_size
         The real-size instrument, one axis.
     catalogue
         Parts and constraints, narrowed to what is pinned.
@@ -195,13 +195,13 @@ def sweep(
     DesignError
         No scale model meets the constraints.
     """
-    tests = forces_of(model, catalogue)
-    span = working_range(model, tests.largest)
-    found = candidates(model, catalogue, pins, combinations)
+    tests = forces_of(real_size, catalogue)
+    span = working_range(real_size, tests.largest)
+    found = candidates(real_size, catalogue, pins, combinations)
     judged = _Judged(catalogue, span, tests, progress)
     first, tally = judged.stage(found, "judging parts")
     if not first.held.size:
-        raise contradiction(model, catalogue, pins, tally, span)
+        raise contradiction(real_size, catalogue, pins, tally, span)
     numbers, costs = judged.front(first)
     if not numbers.size:
         raise DesignError(
@@ -210,9 +210,9 @@ def sweep(
         )
     closer = finer(found, catalogue, numbers, combinations)
     if len(closer) <= numbers.size:
-        return Sweep(model, catalogue, tests, span, (first,), numbers, costs)
+        return Sweep(real_size, catalogue, tests, span, (first,), numbers, costs)
     last, _ = judged.stage(closer, "judging lengths")
-    return Sweep(model, catalogue, tests, span, (first, last), *judged.front(last))
+    return Sweep(real_size, catalogue, tests, span, (first, last), *judged.front(last))
 
 
 class _Judged:
@@ -263,13 +263,13 @@ def exact_costs(judge: Judge, bounds: tuple[Limit, ...], numbers: NDArray[np.int
     return judge.costs(columns), np.all([limit.met(columns) for limit in bounds], axis=0)
 
 
-def _nearest_spool(model: Instrument, catalogue: Catalogue, distal: Wheel) -> Spool:
-    wanted = model.drives.spool_radius * distal.radius / value_of(model, "distal_radius")
+def _nearest_spool(real_size: Instrument, catalogue: Catalogue, distal: Wheel) -> Spool:
+    wanted = real_size.drives.spool_radius * distal.radius / value_of(real_size, "distal_radius")
     return min(catalogue.spools, key=lambda one: abs(log(one.radius / wanted)))
 
 
 def contradiction(
-    model: Instrument, catalogue: Catalogue, pins: Mapping[str, Any], tally: Tally, span: WorkingRange
+    real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any], tally: Tally, span: WorkingRange
 ) -> DesignError:
     """Return the error that says which two constraints contradict each other, if it is two.
 
@@ -278,9 +278,9 @@ def contradiction(
     limit = tally.unmeetable()
     if limit is None:
         return tally.contradiction()
-    for key, asked, wider, free in _widened(model, catalogue, pins):
+    for key, asked, wider, free in _widened(real_size, catalogue, pins):
         try:
-            found = candidates(model, wider, free, _TRIED)
+            found = candidates(real_size, wider, free, _TRIED)
         except DesignError:
             continue
         judge = Judge(found, wider, span)
@@ -293,7 +293,7 @@ def contradiction(
 
 
 def _widened(
-    model: Instrument, catalogue: Catalogue, pins: Mapping[str, Any]
+    real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any]
 ) -> Iterator[tuple[str, str, Catalogue, Mapping[str, Any]]]:
     """Yield, one range or pin at a time, its key, what it asks, and catalogue and pins without it."""
     for key in pins:

@@ -37,9 +37,9 @@ class Carried:
     recording: Recording
     run: Run
     """In real-size units."""
-    model: Instrument
+    real_size: Instrument
     """The real-size instrument with the axes of the recording, and with the friction carried over if there is one."""
-    prototype: Instrument
+    scaled_up: Instrument
     """The scaled-up instrument that was recorded."""
     comparisons: Mapping[str, Comparison]
     """Both instruments as they are, by axis."""
@@ -54,9 +54,9 @@ class Carried:
         before = {f"{BEFORE}{key}": text for key, text in self.recording.metadata.items() if key not in _MADE_ANEW}
         return {
             **before,
-            "instrument": to_toml(self.model),
+            "instrument": to_toml(self.real_size),
             TRANSFERRED: self.recording.path.name,
-            f"{BEFORE}instrument": to_toml(self.prototype),
+            f"{BEFORE}instrument": to_toml(self.scaled_up),
             FACTORS: tomli_w.dumps({axis: dict(own) for axis, own in self.factors.items()}),
         }
 
@@ -76,7 +76,7 @@ class Carried:
             return math.nan
         pairs = self.comparisons.values()
         return max(
-            one.error(pretension=one.prototype.pretension, largest_force=self.largest_force).largest for one in pairs
+            one.error(pretension=one.scaled_up.pretension, largest_force=self.largest_force).largest for one in pairs
         )
 
     def write(self, path: str | Path, *, overwrite: bool = False) -> None:
@@ -93,18 +93,18 @@ class Carried:
 
 def transfer(
     recording: Recording,
-    model: Instrument,
+    real_size: Instrument,
     *,
     scaled_up: Instrument | None = None,
     time_factor: float | None = None,
 ) -> Run:
     """Return a recording's signals in real-size units; arguments and errors as for :func:`carry`."""
-    return carry(recording, model, scaled_up=scaled_up, time_factor=time_factor).run
+    return carry(recording, real_size, scaled_up=scaled_up, time_factor=time_factor).run
 
 
 def carry(
     recording: Recording,
-    model: Instrument,
+    real_size: Instrument,
     *,
     scaled_up: Instrument | None = None,
     time_factor: float | None = None,
@@ -119,7 +119,7 @@ def carry(
     ----------
     recording
         The recording, whole or damaged.
-    model
+    real_size
         The real-size instrument; it may have axes that were not recorded.
     scaled_up
         The instrument that was recorded; by default the one that the recording holds.
@@ -135,12 +135,12 @@ def carry(
     ValueError
         The time factor is no number above 0.
     """
-    prototype = _prototype(recording, scaled_up)
+    scaled_up = _scaled_up(recording, scaled_up)
     run, axes = recording.run, recording.run.axes
-    shared_axes(prototype, model)
+    shared_axes(scaled_up, real_size)
     if not len(run):
         raise RecordingError(f"{recording.path} has no rows; there is nothing to carry over.")
-    pairs = {axis: comparison(model.axis(axis), prototype.axis(axis)) for axis in axes}
+    pairs = {axis: comparison(real_size.axis(axis), scaled_up.axis(axis)) for axis in axes}
     scale = {axis: factors(pair, time_factor) for axis, pair in pairs.items()}
     # Axes share one clock.
     scale = {axis: factors(pair, scale[axes[0]]["time"]) for axis, pair in pairs.items()}
@@ -148,21 +148,21 @@ def carry(
         name: values / _column([scale[axis][QUANTITY[name]] for axis in axes], name) if name in QUANTITY else values
         for name, values in run.signals().items()
     }
-    rubbing = prototype.friction.law != "none"
+    rubbing = scaled_up.friction.law != "none"
     source = recording.path.name
-    told = carry_friction(prototype, model, source=source, time_factor=time_factor) if rubbing else model
+    told = carry_friction(scaled_up, real_size, source=source, time_factor=time_factor) if rubbing else real_size
     return Carried(
         recording,
         replace(run, time=run.time / scale[axes[0]]["time"], **carried),
         told if told.axes == axes else told.axis(axes[0]),
-        prototype,
+        scaled_up,
         pairs,
         scale,
-        _warnings(recording, prototype, model, pairs),
+        _warnings(recording, scaled_up, real_size, pairs),
     )
 
 
-def _prototype(recording: Recording, scaled_up: Instrument | None) -> Instrument:
+def _scaled_up(recording: Recording, scaled_up: Instrument | None) -> Instrument:
     if scaled_up is None and "instrument" not in recording.metadata:
         raise RecordingError(
             f"{recording.path} does not hold its instrument; allowed is to give the scaled-up instrument beside it."
@@ -192,34 +192,34 @@ def _largest(run: Run, *names: str) -> float:
 
 
 def _warnings(
-    recording: Recording, prototype: Instrument, model: Instrument, pairs: Mapping[str, Comparison]
+    recording: Recording, scaled_up: Instrument, real_size: Instrument, pairs: Mapping[str, Comparison]
 ) -> tuple[str, ...]:
     sentences = [] if recording.damage is None else [recording.damage]
     sentences += [f"{topic} of {recording.path} is left out: {why}." for topic, why in recording.left_out.items()]
     for axis, pair in pairs.items():
         where = f" ({axis})" if len(pairs) > 1 else ""
         sentences += _dissimilar(pair, where)
-    if prototype.friction.law == "none":
-        sentences.append(f"{prototype.name} has no friction to carry over: {model.name} keeps its own.")
-    return (*sentences, *left_behind(prototype))
+    if scaled_up.friction.law == "none":
+        sentences.append(f"{scaled_up.name} has no friction to carry over: {real_size.name} keeps its own.")
+    return (*sentences, *left_behind(scaled_up))
 
 
 def _dissimilar(pair: Comparison, where: str) -> list[str]:
     """Say of one axis that the ratio of radii is not the same, or the pretension not the scaled one."""
-    model, prototype = pair.model, pair.prototype
+    real_size, scaled_up = pair.real_size, pair.scaled_up
     sentences = []
     ratio = next(group for group in pair.groups if group.name == "R/r")
     if not abs(ratio.ratio - 1) <= _SAME:
         sentences.append(
-            f"R/r is {ratio.prototype:.4g} on {prototype.name} and {ratio.model:.4g} on {model.name}{where}: "
+            f"R/r is {ratio.scaled_up:.4g} on {scaled_up.name} and {ratio.real_size:.4g} on {real_size.name}{where}: "
             "the same handle angle asks for another output angle."
         )
-    right = model.pretension * pair.tension_factor
-    more = prototype.pretension - right
+    right = real_size.pretension * pair.tension_factor
+    more = scaled_up.pretension - right
     if abs(more) > _SAME * right:
         sentences.append(
-            f"the pretension of {prototype.name}{where} was {prototype.pretension:.4g} N, {abs(more):.3g} N "
-            f"{'more' if more > 0 else 'less'} than the {right:.4g} N that {model.pretension:.4g} N of {model.name} "
-            "scale to: slack is not similar."
+            f"the pretension of {scaled_up.name}{where} was {scaled_up.pretension:.4g} N, {abs(more):.3g} N "
+            f"{'more' if more > 0 else 'less'} than the {right:.4g} N that {real_size.pretension:.4g} N of "
+            f"{real_size.name} scale to: slack is not similar."
         )
     return sentences

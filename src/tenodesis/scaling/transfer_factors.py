@@ -56,9 +56,9 @@ def as_it_is(inst: Instrument) -> Instrument:
     )
 
 
-def comparison(model: Instrument, prototype: Instrument) -> Comparison:
+def comparison(real_size: Instrument, scaled_up: Instrument) -> Comparison:
     """Return the comparison of two instruments of one axis as they are, tables mismatch included."""
-    return compare(as_it_is(model), as_it_is(prototype))
+    return compare(as_it_is(real_size), as_it_is(scaled_up))
 
 
 def factors(compared: Comparison, time_factor: float | None = None) -> Mapping[str, float]:

@@ -11,7 +11,7 @@ from tenodesis.scaling.transfer_factors import comparison, factors
 _T = TypeVar("_T", bound=Instrument)
 
 
-def carry_friction(scaled: Instrument, model: _T, *, source: str = "", time_factor: float | None = None) -> _T:
+def carry_friction(scaled: Instrument, real_size: _T, *, source: str = "", time_factor: float | None = None) -> _T:
     """Return the real-size instrument with the friction of the scaled-up one.
 
     Coefficients and bends are what they are, since capstan friction knows no scale; a constant friction scales as a
@@ -21,7 +21,7 @@ def carry_friction(scaled: Instrument, model: _T, *, source: str = "", time_fact
     ----------
     scaled
         The scaled-up instrument, its friction identified.
-    model
+    real_size
         The real-size instrument; of its file only the table friction and where that is from change.
     source
         The file of the scaled-up instrument or recording, for the sources; its name alone if not given.
@@ -38,14 +38,14 @@ def carry_friction(scaled: Instrument, model: _T, *, source: str = "", time_fact
         raise InstrumentError(
             f"{scaled.name} has no friction to carry over; allowed is one with a friction.law other than none."
         )
-    axis = shared_axes(scaled, model)[0]
-    scale = factors(comparison(model.axis(axis), scaled.axis(axis)), time_factor)
-    sources = {key: text for key, text in model.sources.items() if key.partition(".")[0] != "friction"}
+    axis = shared_axes(scaled, real_size)[0]
+    scale = factors(comparison(real_size.axis(axis), scaled.axis(axis)), time_factor)
+    sources = {key: text for key, text in real_size.sources.items() if key.partition(".")[0] != "friction"}
     sources["friction"] = f"carried over from {scaled.name}" + (f" ({source})" if source else "")
-    return model.replace(friction=_scaled(scaled, scale), sources=sources)
+    return real_size.replace(friction=_scaled(scaled, scale), sources=sources)
 
 
-def shared_axes(scaled: Instrument, model: Instrument) -> tuple[str, ...]:
+def shared_axes(scaled: Instrument, real_size: Instrument) -> tuple[str, ...]:
     """Return the axes of the scaled-up instrument.
 
     Raises
@@ -53,13 +53,13 @@ def shared_axes(scaled: Instrument, model: Instrument) -> tuple[str, ...]:
     InstrumentError
         The real-size one lacks one of them, or has another joint type.
     """
-    if scaled.joint_type != model.joint_type:
+    if scaled.joint_type != real_size.joint_type:
         raise InstrumentError(
-            f"{scaled.name} has joint_type {scaled.joint_type}, {model.name} {model.joint_type}; "
+            f"{scaled.name} has joint_type {scaled.joint_type}, {real_size.name} {real_size.joint_type}; "
             "allowed to carry over are results of an instrument of the same joint type."
         )
     for axis in scaled.axes:
-        model.axis(axis)
+        real_size.axis(axis)
     return scaled.axes
 
 
