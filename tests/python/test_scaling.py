@@ -200,7 +200,7 @@ def test_what_is_hung_makes_the_forces_the_plan_promises(standard: scaling.Front
     assert [test.real_force for test in design.tests] == [0.5, 1, 2, 3]
     lever = design.scaled_up.conditions.cable_pulley_radius / design.scaled_up.rig_arm
     for test in design.tests:
-        assert test.force == pytest.approx(test.hanging.weight * lever, rel=1e-12)
+        assert test.force == pytest.approx(test.weights.weight * lever, rel=1e-12)
         assert test.force / design.comparison.force_factor() == pytest.approx(test.real_force + test.error, rel=1e-9)
         assert abs(test.error) <= design.catalogue.constraints.force_tolerance * test.real_force
     assert design.scaled_up.conditions.forces == pytest.approx([test.force for test in design.tests])

@@ -19,7 +19,7 @@ from tenodesis.files import atomic_files
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.text import to_file
 from tenodesis.report import style
-from tenodesis.scaling import Catalogue, Design, Front, Objectives, front_figure, plan
+from tenodesis.scaling import Catalogue, Design, Front, Objectives, figures, plan
 from tenodesis.scaling.design import PREFERENCES, Preference
 from tenodesis.scaling.sweep import Progress as Report
 
@@ -162,15 +162,15 @@ def _write_front(front: Front, path: Path) -> None:
 
 def _draw_front(front: Front, chosen: Objectives, folder: Path) -> None:
     with style.applied():
-        figure = front_figure.draw(front, {"this design": chosen})
+        figure = figures.draw_front(front, {"this design": chosen})
         figure.savefig(folder / "front.svg", metadata={"Date": None}, dpi=200)
         figure.savefig(folder / "front.png", dpi=200)
 
 
 def _tell(front: Front, chosen: int, design: Design, free: Front | None) -> None:
     title = (
-        f"{escape(front.real_size.name)}: {front.examined} scale models judged, {front.feasible} meet every constraint, "
-        f"{len(front)} on the front"
+        f"{escape(front.real_size.name)}: {front.examined} scale models judged, "
+        f"{front.feasible} meet every constraint, {len(front)} on the front"
     )
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1))
     headings = ("row", "error", "resolution", "length", "margin", "made of")

@@ -9,7 +9,7 @@ from tenodesis.paper.published import TIP_FORCE
 from tenodesis.report import style
 from tenodesis.report.content import Plot, Section, Table, fixed, named, number
 from tenodesis.run import Array
-from tenodesis.scaling import Design, Front, Objectives, front_figure
+from tenodesis.scaling import Design, Front, Objectives, figures
 from tenodesis.scaling.round_trip import RoundTrip, round_trip
 
 ROUND_TRIP_AMPLITUDE = np.radians(60.0)
@@ -160,7 +160,7 @@ def _front(front: Front, paper: Objectives, best: Objectives) -> Plot:
     return Plot(
         "design_front",
         "The front under the paper's constraints: every design that no other beats in all four objectives.",
-        front_figure.draw(front, {"the paper's": paper, "most similar": best}),
+        figures.draw_front(front, {"the paper's": paper, "most similar": best}),
         {
             "similarity error [deg]": costs[:, 0],
             "force resolution [N]": costs[:, 1],

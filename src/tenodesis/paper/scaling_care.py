@@ -50,8 +50,8 @@ def _pretension(context: Context, comparison: Comparison) -> CarePoint:
     return CarePoint(
         5,
         "Pretension must scale too",
-        f"{comparison.real_size.pretension:g} N on the real-size instrument is {fixed(scaled, 1)} N on the scaled-up one; "
-        f"the experiments used {comparison.scaled_up.pretension:g} N. Slack then begins at what would be "
+        f"{comparison.real_size.pretension:g} N on the real-size instrument is {fixed(scaled, 1)} N on the scaled-up "
+        f"one; the experiments used {comparison.scaled_up.pretension:g} N. Slack then begins at what would be "
         f"{fixed(meant)} N at 80° instead of {fixed(small)} N, and the rms similarity error up to "
         f"{comparison.largest_force:g} N grows from {fixed(similar.rms, 2)}° to {fixed(used.rms, 2)}°. Up to "
         f"{EQUIVALENT_FORCE.value} N, where Fig. 14 was taken, no tendon goes slack and without friction it makes no "

@@ -19,7 +19,7 @@ from tenodesis.scaling.limits import limits
 from tenodesis.scaling.pins import narrowed, parse
 from tenodesis.scaling.sweep import Progress, Sweep, exact_costs, sweep, tip_force
 from tenodesis.scaling.transfer_friction import carry_friction
-from tenodesis.scaling.weights import Hanging, hang
+from tenodesis.scaling.weights import WeightSelection, select_weights
 from tenodesis.similarity import Comparison, compare
 from tenodesis.similarity.parameters import alone, field_of, value_of
 
@@ -71,7 +71,7 @@ class TestLoad(NamedTuple):
 
     real_force: float
     force: float
-    hanging: Hanging
+    weights: WeightSelection
     error: float
     """What is hung over what is wanted, N on the real-size instrument."""
 
@@ -393,15 +393,15 @@ def hung(catalogue: Catalogue, force: float, one: Mapping[str, float]) -> TestLo
     constraints = catalogue.constraints
     lever = constraints.cable_pulley_radius / one["rig_arm"]
     wanted = force * one["force_factor"]
-    hanging = hang(wanted / lever, catalogue.weights, cable_mass=constraints.cable_mass)
-    error = hanging.error * lever / one["force_factor"]
+    weights = select_weights(wanted / lever, catalogue.weights, cable_mass=constraints.cable_mass)
+    error = weights.error * lever / one["force_factor"]
     if abs(error) > constraints.force_tolerance * force:
         raise DesignError(
             f"the weights of catalogue {catalogue.name} cannot make {force:g} N on the real-size instrument to "
-            f"force_tolerance = {100 * constraints.force_tolerance:g} %: the nearest is {hanging.sentence}, "
+            f"force_tolerance = {100 * constraints.force_tolerance:g} %: the nearest is {weights.sentence}, "
             f"{100 * error / force:+.2g} % or {error:+.2g} N on the real-size instrument."
         )
-    return TestLoad(force, hanging.weight * lever, hanging, error)
+    return TestLoad(force, weights.weight * lever, weights, error)
 
 
 def _scaled_up(found: Sweep, choice: Choice, one: Mapping[str, float], tests: Sequence[TestLoad]) -> Instrument:

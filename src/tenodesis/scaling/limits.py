@@ -12,7 +12,7 @@ from tenodesis.errors import DesignError
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.scaling.catalogue import Catalogue, Weight
-from tenodesis.scaling.weights import finest
+from tenodesis.scaling.weights import least_difference
 from tenodesis.units import STANDARD_GRAVITY
 
 Columns = Mapping[str, Array]
@@ -174,7 +174,7 @@ def finest_difference(catalogue: Catalogue) -> float:
 
 @cache
 def _finest(weights: tuple[Weight, ...], cable_mass: float) -> float:
-    return finest(weights, cable_mass=cable_mass)
+    return least_difference(weights, cable_mass=cable_mass)
 
 
 class Tally:
