@@ -13,10 +13,9 @@ from tenodesis.instrument import Continuum, Instrument, TendonGear
 from tenodesis.paper.published import SCALE_FACTORS, STIFFNESS
 from tenodesis.scaling.catalogue import Catalogue
 from tenodesis.scaling.design import hung
-from tenodesis.scaling.front import ERROR_STEP, RELATIVE_STEP, levels
+from tenodesis.scaling.judge import FINDINGS, working_range
 from tenodesis.scaling.limits import forces_of, limits
-from tenodesis.scaling.range import working_range
-from tenodesis.scaling.sweep import FINDINGS, exact_costs
+from tenodesis.scaling.sweep import ERROR_STEP, RELATIVE_STEP, exact_costs, levels
 
 PAPER = {
     "distal_gear_radius": "7.5 mm",

@@ -267,11 +267,11 @@ def test_other_ratios_of_radii_and_sensors_in_error_are_told(
     )
     ratio, sensors = carry(log, real_size, scaled_up=other).warnings
     assert ratio == (
-        "R/r is 2 on scaled-up and 2.25 on real-size: the same handle angle asks for another output angle."
+        "R/r is 2 on scaled-up and 2.25 on real-size: the same handle angle leads to another output angle."
     )
     assert sensors == (
         "scaled-up has mismatch.output_encoder_offset -1.4 deg, load_cell_bias 0.1 N and -0.2 N: "
-        "measured signals are carried over as they were read."
+        "measured signals are carried over as measured."
     )
 
 
@@ -326,23 +326,37 @@ def test_the_stiffness_of_a_rope_stays_with_the_rope(real_size: TendonGear, scal
 def test_what_cannot_be_carried_is_refused_in_one_sentence(
     log: Recording, real_size: TendonGear, ideal: TendonGear, pulley: Instrument, tmp_path: Path
 ) -> None:
-    with pytest.raises(InstrumentError, match="scaled-up has joint_type tendon-gear, pulley wrist tendon-pulley; all"):
+    with pytest.raises(InstrumentError, match="scaled-up has joint_type tendon-gear, pulley wrist tendon-pulley; both"):
         carry(log, pulley)
     with pytest.raises(InstrumentError, match="real-size has no axis 'yaw'; it has pitch"):
         carry(log, real_size.replace(axes=("pitch",)))
-    with pytest.raises(RecordingError, match="has the axes yaw, scaled-up pitch; allowed is a scaled-up instrument"):
+    with pytest.raises(RecordingError, match="has the axes yaw, scaled-up pitch; the scaled-up instrument must"):
         carry(log, real_size, scaled_up=ideal.replace(axes=("pitch",)))
     for factor in (0.0, np.nan, -1.0):
-        with pytest.raises(ValueError, match=r"time_factor is .*; allowed is a number above 0"):
+        with pytest.raises(ValueError, match=r"time_factor is .*; it must be a number above 0"):
             carry(log, real_size, time_factor=factor)
-    with pytest.raises(InstrumentError, match=r"scaled-up has no friction to carry over; allowed is"):
+    with pytest.raises(InstrumentError, match=r"scaled-up has no friction to carry over; its friction.law must"):
         carry_friction(ideal.replace(friction=None), real_size)
     with Recorder(tmp_path / "bare.mcap", axes=("yaw",)) as recorder:
         recorder.write(log.run)
     bare = Recording.open(tmp_path / "bare.mcap")
-    with pytest.raises(RecordingError, match=r"bare\.mcap does not hold its instrument; allowed is to give"):
+    with pytest.raises(RecordingError, match=r"bare\.mcap does not hold its instrument; give"):
         carry(bare, real_size)
     assert carry(bare, real_size, scaled_up=ideal).run["force"] == pytest.approx(transfer(log, real_size)["force"])
+    with pytest.raises(RecordingError, match="the run does not hold its instrument; give"):
+        carry(log.run, real_size)
+
+
+def test_a_run_is_carried_as_its_recording_is(
+    log: Recording, real_size: TendonGear, ideal: TendonGear, tmp_path: Path
+) -> None:
+    carried, recorded = carry(log.run, real_size, scaled_up=ideal), carry(log, real_size)
+    for name, values in recorded.run.signals().items():
+        assert np.array_equal(carried.run[name], values, equal_nan=True), name
+    assert (carried.run.time == recorded.run.time).all()
+    assert carried.factors == recorded.factors
+    carried.write(tmp_path / "real.mcap")
+    assert Recording.open(tmp_path / "real.mcap").metadata["transferred_from"] == "a run of scaled-up"
 
 
 # The command
@@ -359,7 +373,7 @@ def command(monkeypatch: pytest.MonkeyPatch, *words: str) -> Result:
     monkeypatch.setattr(transfer_command, "console", Console(width=200))
     app = typer.Typer()
     app.callback()(lambda: None)
-    transfer.register(app)
+    app.command()(transfer_command.transfer)
     return CliRunner().invoke(app, ["transfer", *words])
 
 
@@ -391,7 +405,7 @@ def test_the_command_writes_both_files_and_tells_what_it_did(folder: Path, monke
         (["no.mcap", "--to", "real-size"], "no.mcap cannot be read: there is no such file."),
         (["log.mcap", "--to", "no.toml"], "no.toml: there is no such file"),
         (["log.mcap", "--to", "pulley.toml"], "scaled-up has joint_type tendon-gear"),
-        (["log.mcap", "--to", "real-size", "--time-factor", "0"], "time_factor is 0.0; allowed is a number above 0."),
+        (["log.mcap", "--to", "real-size", "--time-factor", "0"], "time_factor is 0.0; it must be a number above 0."),
         (["log.mcap", "--to", "real-size", "--out", "pulley.toml"], "pulley.toml exists already; allowed is another"),
         (["log.mcap", "--to", "real-size", "--instrument-out", "pulley.toml"], "pulley.toml exists already; allowed"),
         (["log.mcap", "--to", "real-size", "--out", "log.mcap", "--overwrite"], "--out is log.mcap, which is in use"),

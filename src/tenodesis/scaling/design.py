@@ -14,10 +14,10 @@ from tenodesis.run import Array
 from tenodesis.scaling import catalogue as catalogues
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates, Wheel
 from tenodesis.scaling.catalogue import Catalogue, Encoder, LoadCell, Rod, Rope, Spool
-from tenodesis.scaling.front import ERROR_STEP, RELATIVE_STEP
+from tenodesis.scaling.judge import tip_force
 from tenodesis.scaling.limits import limits
 from tenodesis.scaling.pins import narrowed, parse
-from tenodesis.scaling.sweep import Progress, Sweep, exact_costs, sweep, tip_force
+from tenodesis.scaling.sweep import ERROR_STEP, RELATIVE_STEP, Progress, Sweep, exact_costs, sweep
 from tenodesis.scaling.transfer_friction import carry_friction
 from tenodesis.scaling.weights import WeightSelection, select_weights
 from tenodesis.similarity import Comparison, compare

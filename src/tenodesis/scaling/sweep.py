@@ -2,33 +2,31 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
-from math import log, sqrt
 from typing import Any, NamedTuple
 
+import moocore
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis import _core
 from tenodesis.errors import DesignError
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
-from tenodesis.scaling import front
-from tenodesis.scaling.candidates import COMBINATIONS, Candidates, Wheel, candidates, finer
-from tenodesis.scaling.catalogue import Catalogue, LoadCell, Spool
-from tenodesis.scaling.limits import Forces, Limit, Tally, finest_difference, forces_of, limits
-from tenodesis.scaling.range import WorkingRange, working_range
-from tenodesis.similarity.parameters import RADII, value_of
-from tenodesis.threads import threads
-from tenodesis.units import STANDARD_GRAVITY
-
-FINDINGS = tuple(_core.findings())
-"""What the core finds of a scale model, in its order."""
+from tenodesis.scaling.candidates import COMBINATIONS, Candidates, candidates, finer
+from tenodesis.scaling.catalogue import Catalogue
+from tenodesis.scaling.judge import Judge, WorkingRange, working_range
+from tenodesis.scaling.limits import Forces, Limit, Tally, forces_of, limits
+from tenodesis.similarity.parameters import RADII
 
 _CHUNK = 65_536
 _REFINED_AT_ONCE = 4096
 RANGES = ("factor", "overall_length", "end_effector_length", "handle_length")
 """Constraints that are ranges."""
+
+ERROR_STEP = 0.01
+"""Similarity errors, deg, that a bench cannot tell apart."""
+
+RELATIVE_STEP = 0.01
+"""Relative difference of resolutions, lengths and margins that is none."""
 
 _WIDER = 4.0
 _TRIED = 50_000
@@ -81,90 +79,6 @@ class Sweep:
     def judge(self, stage: Stage) -> "Judge":
         """Return what finds out about the scale models of a stage."""
         return Judge(stage.candidates, self.catalogue, self.range)
-
-
-class Judge:
-    """Finds what there is to know of scale models by number; see :class:`Sweep` for the costs."""
-
-    def __init__(self, found: Candidates, catalogue: Catalogue, span: WorkingRange) -> None:
-        self._candidates = found
-        self._span = span
-        self._catalogue = catalogue
-        self._cells = sorted(catalogue.load_cells, key=lambda cell: (cell.range, cell.resolution))
-        self._largest_wheel = np.array([max(wheel.tip_radius for wheel in pair) for pair in found.pairs])
-        self._breaking_load = np.array([rope.breaking_load for rope in found.ropes])
-        self._spools = [_nearest_spool(found.real_size, catalogue, pair[0]) for pair in found.pairs]
-        resolutions = [cell.resolution for cell in self._cells]
-        # Of the cells whose range suffices, the finest, so that more tension never makes a finer one of it.
-        self._finest = [min(range(n, len(self._cells)), key=resolutions.__getitem__) for n in range(len(self._cells))]
-
-    @cached_property
-    def _coarse(self) -> _core.SimilarityTarget:
-        return self._span.coarse.target(self._candidates.real_size)
-
-    @cached_property
-    def _fine(self) -> _core.SimilarityTarget:
-        return self._span.fine.target(self._candidates.real_size)
-
-    def columns(self, numbers: NDArray[np.int64], *, fine: bool = False) -> dict[str, Array]:
-        """Return parameters and findings of scale models by name, over few points of the working range or all."""
-        columns = self._candidates.columns(numbers)
-        rows = self._candidates.rows(columns)
-        found = np.empty((numbers.size, len(FINDINGS)))
-        pretension = np.full(numbers.size, self._candidates.pretension)
-        (self._fine if fine else self._coarse).judge(rows, pretension, found, threads())
-        pair, rope, *_ = np.unravel_index(numbers, self._candidates.shape)
-        extra = {
-            "largest_wheel": self._largest_wheel[pair],
-            "spool_radius": np.array([spool.radius for spool in self._spools])[pair],
-            "breaking_load": self._breaking_load[rope],
-        }
-        return columns | dict(zip(FINDINGS, found.T, strict=True)) | extra
-
-    def spool(self, number: int) -> Spool:
-        """Return the spool of a scale model: that which turns most nearly as far as the real one's."""
-        return self._spools[int(np.unravel_index(number, self._candidates.shape)[0])]
-
-    def load_cell(self, largest_tension: float) -> LoadCell:
-        """Return the finest load cell whose range suits a tension (N)."""
-        return self._cells[int(self._cell(np.array([largest_tension]))[0])]
-
-    def _cell(self, largest_tension: Array) -> NDArray[np.int64]:
-        ranges = np.array([cell.range for cell in self._cells])
-        needed = self._catalogue.constraints.load_cell_margin * largest_tension
-        least = np.minimum(np.searchsorted(ranges, needed * (1 - 1e-12)), len(self._cells) - 1)
-        return np.array(self._finest)[least]
-
-    def costs(self, columns: Mapping[str, Array]) -> Array:
-        """Return the costs of scale models, shape (n, 4)."""
-        resolution = np.array([cell.resolution for cell in self._cells])[self._cell(columns["largest_tension"])]
-        return np.column_stack(
-            [
-                np.degrees(columns["largest_error"]),
-                np.maximum(self._weight_step(columns), tip_force(resolution, columns)),
-                columns["tendon_length"],
-                columns["largest_tension"] / columns["breaking_load"],
-            ]
-        )
-
-    def _weight_step(self, columns: Mapping[str, Array]) -> Array:
-        rho = self._catalogue.constraints.cable_pulley_radius
-        finest = finest_difference(self._catalogue)
-        step: Array = finest * STANDARD_GRAVITY * rho / columns["rig_arm"] / columns["force_factor"]
-        return step
-
-
-def tip_force(tension_resolution: Any, columns: Mapping[str, Any]) -> Any:
-    """Return the force at the real-size tip (N) that two load cells can just tell.
-
-    Parameters
-    ----------
-    tension_resolution
-        Resolution of a load cell, N.
-    columns
-        Tension difference per tip force and force factor, as the core finds them.
-    """
-    return sqrt(2) * tension_resolution / columns["tension_per_force"] / columns["force_factor"]
 
 
 def sweep(
@@ -249,10 +163,10 @@ class _Judged:
                 exact[some], allowed[part] = exact_costs(judge, self._limits, stage.held[some])
                 refined += some.size
                 self._progress("refining the front", refined, refined + rows.size)
-            return front.levels(exact[rows]), allowed
+            return levels(exact[rows]), allowed
 
-        best = front.search(front.levels(stage.lower), refine)
-        by_level = np.column_stack([front.levels(exact[best])[:, 0], exact[best, 1:]])
+        best = search(levels(stage.lower), refine)
+        by_level = np.column_stack([levels(exact[best])[:, 0], exact[best, 1:]])
         best = best[np.lexsort(by_level.T[::-1])]
         return stage.held[best], exact[best]
 
@@ -261,11 +175,6 @@ def exact_costs(judge: Judge, bounds: tuple[Limit, ...], numbers: NDArray[np.int
     """Return costs of scale models over the whole working range, (n, 4), and whether they meet every limit there."""
     columns = judge.columns(numbers, fine=True)
     return judge.costs(columns), np.all([limit.met(columns) for limit in bounds], axis=0)
-
-
-def _nearest_spool(real_size: Instrument, catalogue: Catalogue, distal: Wheel) -> Spool:
-    wanted = real_size.drives.spool_radius * distal.radius / value_of(real_size, "distal_radius")
-    return min(catalogue.spools, key=lambda one: abs(log(one.radius / wanted)))
 
 
 def contradiction(
@@ -310,3 +219,43 @@ def _widened(
             for wider in (None, (asked[0] / _WIDER, asked[1] * _WIDER)):
                 constraints = catalogue.constraints.model_copy(update={key: wider})
                 yield key, told, catalogue.model_copy(update={"constraints": constraints}), pins
+
+
+def levels(costs: Array) -> Array:
+    """Return costs as numbers of steps that can be told apart.
+
+    Parameters
+    ----------
+    costs
+        Similarity error (deg), force resolution (N), overall length (m) and one over the tension margin; shape (n, 4).
+    """
+    relative = np.round(np.log(costs[:, 1:]) / np.log1p(RELATIVE_STEP))
+    return np.column_stack([np.round(costs[:, 0] / ERROR_STEP), relative])
+
+
+def search(lower: Array, refine: Callable[[NDArray[np.int64]], tuple[Array, NDArray[np.bool_]]]) -> NDArray[np.int64]:
+    """Return the numbers of the designs on the front; of equal designs, the first.
+
+    Exact, though few designs are refined: one whose lower bounds are beaten by a refined one is beaten itself.
+
+    Parameters
+    ----------
+    lower
+        Lower bounds of the costs, as levels, shape (n, 4).
+    refine
+        Returns the costs of some designs by number, as levels, shape (m, 4), and which of them are allowed after all.
+    """
+    costs = lower.copy()
+    refined = np.zeros(len(costs), bool)
+    pool = np.arange(len(costs))
+    while pool.size:
+        # Refined ones first: of equal rows the first is kept, and an equal bound promises nothing better.
+        pool = pool[np.argsort(~refined[pool], kind="stable")]
+        front: NDArray[np.int64] = pool[moocore.is_nondominated(costs[pool])]
+        new = front[~refined[front]]
+        if not new.size:
+            return front
+        costs[new], allowed = refine(new)
+        refined[new] = True
+        pool = pool[~np.isin(pool, new[~allowed])]
+    return pool
