@@ -93,7 +93,7 @@ def _force(text: str) -> float:
 
 
 def _distributions(study: tolerance.Study) -> Table:
-    names = f"{escape(study.prototype.name)} for {escape(study.model.name)}"
+    names = f"{escape(study.scaled_up.name)} for {escape(study.real_size.name)}"
     title = f"{names}, {study.force:.3g} N at real size: quantiles in deg"
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
     table.add_column("response", overflow="fold")

@@ -9,8 +9,7 @@ from pydantic import Field
 
 from tenodesis.errors import DesignError
 from tenodesis.files import FileTable, read_text
-from tenodesis.scaling.catalogue_file import CatalogueFile, parse
-from tenodesis.scaling.constraints_table import Constraints
+from tenodesis.scaling.catalogue_file import CatalogueFile, Constraints, parse
 from tenodesis.scaling.parts import KINDS, Encoder, Gears, LoadCell, Part, Pulley, Rod, Rope, Spool, Weight, expanded
 
 __all__ = [
