@@ -11,9 +11,8 @@ import pytest
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, Fit, fit, jacobian_error
-from tenodesis.identification.datasets.davinci_tool import load
+from tenodesis.identification.datasets.davinci_tool import LAWS, SETTLING, Tool, load, problem
 from tenodesis.identification.formats.measured import MeasuredRun
-from tenodesis.identification.datasets.davinci_tool import LAWS, SETTLING, Tool, problem
 from tenodesis.run import Array
 
 ROOT = Path(__file__).parents[2]

@@ -10,11 +10,10 @@ import pytest
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, Fit, fit, jacobian_error
-from tenodesis.identification.datasets.endoscope_pair import load
-from tenodesis.identification.formats.measured import MeasuredRun
+from tenodesis.identification.datasets.endoscope_pair import Pair, load, problem
 from tenodesis.identification.datasets.friction_laws import LAWS, pass_on
+from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.laws_comparison import compare_laws, to_markdown
-from tenodesis.identification.datasets.endoscope_pair import Pair, problem
 from tenodesis.run import Array
 
 ROOT = Path(__file__).parents[2]

@@ -11,12 +11,11 @@ from scipy.integrate import solve_ivp
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, fit, jacobian_error
 from tenodesis.identification.datasets.dual import number
-from tenodesis.identification.formats.measured import MeasuredRun
-from tenodesis.identification.datasets.tendon_sheath import GRAM_FORCE, load
 from tenodesis.identification.datasets.friction_laws import LAWS, band, pass_on
-from tenodesis.identification.datasets.tendon_sheath import DEFAULT_LOSS, Sheath, problem
+from tenodesis.identification.datasets.tendon_sheath import DEFAULT_LOSS, GRAM_FORCE, Sheath, load, problem
+from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.results import Fit
-from tenodesis.identification.split import Part, split
+from tenodesis.identification.split import FittedPart, split
 from tenodesis.identification.uncertainty import LossName
 from tenodesis.run import Array
 from tenodesis.tendon import transmit
@@ -93,14 +92,14 @@ def test_load_index_is_found_again_within_its_interval() -> None:
         assert high - low < 0.03
 
 
-def parts(measured: MeasuredRun, fitted: Part, *, law: str, loss: LossName = "linear") -> Fit:
+def parts(measured: MeasuredRun, fitted: FittedPart, *, law: str, loss: LossName = "linear") -> Fit:
     """Fit a half of a recording, and hold the other out."""
     model = split([measured], [], 0.5, fitted, lambda train, test: Sheath([*train, *test], law=law))
     return fit(model, train=[0], test=[1], starts=2, loss=loss)
 
 
-@pytest.mark.parametrize("fitted", get_args(Part))
-def test_either_half_of_a_recording_predicts_the_other_to_the_sensors_noise(fitted: Part) -> None:
+@pytest.mark.parametrize("fitted", get_args(FittedPart))
+def test_either_half_of_a_recording_predicts_the_other_to_the_sensors_noise(fitted: FittedPart) -> None:
     found = parts(made(0.02), fitted, law="capstan")
     assert found.test_rmse["tension_N"] == pytest.approx(0.02, rel=0.15)
     assert found.values["exponent"] == pytest.approx(0.6, abs=0.01)
@@ -206,7 +205,7 @@ def test_friction_of_the_measured_sheath_grows_with_a_power_of_the_tension_below
 
 def test_either_half_of_the_measured_recording_predicts_the_other(measured: MeasuredRun) -> None:
     # The halves are unlike: pulls end at 7.7 N in the first and at 13.8 N in the second.
-    for fitted in get_args(Part):
+    for fitted in get_args(FittedPart):
         power = parts(measured, fitted, law="capstan-power", loss=DEFAULT_LOSS)
         print(f"fitted {power.files[0].name}: {power.test_rmse['tension_N']:.3f} N held out; {power.values}")
         assert power.test_rmse["tension_N"] <= 0.20

@@ -13,8 +13,8 @@ from tenodesis.identification import FORMATS, Fit, fit
 from tenodesis.identification.differences import differenced, scales
 from tenodesis.identification.formats.instrument_run import TENDONS, InstrumentRun, checked
 from tenodesis.identification.quantisation import QuantisedSensor
-from tenodesis.identification.twin_model.problem import TwinProblem
 from tenodesis.identification.twin_model.inputs import smoothed, unrounded
+from tenodesis.identification.twin_model.problem import TwinProblem
 from tenodesis.instrument import Instrument
 from tenodesis.recording.session import record
 from tenodesis.run import Array, Run

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import typer
+from tenodesis.identification.experiment.bench import InfeasibleProtocolError, SimulatedExperiment
 from typer.testing import CliRunner
 
 import tenodesis as tn
@@ -19,9 +20,8 @@ from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS
 from tenodesis.identification.experiment import OPTIMISTIC, Plan, plan, report
 from tenodesis.identification.experiment import candidates as blocks
-from tenodesis.identification.experiment.bench import SimulatedExperiment, InfeasibleProtocolError
 from tenodesis.identification.experiment.choice import Criterion, CriterionName, choose
-from tenodesis.identification.experiment.information import QuantisedSensor, Information
+from tenodesis.identification.experiment.information import Information, QuantisedSensor
 from tenodesis.recording.session import record
 from tenodesis.twin import Twin
 
