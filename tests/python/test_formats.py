@@ -11,8 +11,9 @@ import pytest
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS
+from tenodesis.identification.datasets import endoscope_pair, tendon_sheath
 from tenodesis.identification.datasets.davinci_tool import JAW_COUNTS, SPINDLE_COUNTS, TORQUE_PER_COUNT, load
-from tenodesis.identification.formats import distinct_names, endoscope_pair, load_all, tendon_sheath
+from tenodesis.identification.formats import distinct_names, load_all
 from tenodesis.identification.formats.measured import MeasuredRun, Source
 from tenodesis.identification.formats.raw import GRAM_FORCE, Raw, Unit
 from tenodesis.identification.formats.table import read_rows

@@ -44,7 +44,9 @@ def motion(load: float, *, seed: int = 0, seconds: float = 20, frequency: float 
     spindle = 0.52 * (1 + np.cos(phase))
     against = np.tanh(6 * np.sin(phase - 0.2))
     torque = load + (0.055 + 0.45 * load) * against + 0.01 * np.sin(3 * phase + seed)
-    return MeasuredRun(f"load {load:g}", time, {"spindle_angle": spindle, "spindle_torque": torque, "jaw_angle": -spindle})
+    return MeasuredRun(
+        f"load {load:g}", time, {"spindle_angle": spindle, "spindle_torque": torque, "jaw_angle": -spindle}
+    )
 
 
 def with_jaw(run: MeasuredRun, jaw: Array) -> MeasuredRun:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 import typer
-from tenodesis.identification.experiment.bench import InfeasibleProtocolError, SimulatedExperiment
 from typer.testing import CliRunner
 
 import tenodesis as tn
@@ -22,7 +21,8 @@ from tenodesis.identification.experiment import OPTIMISTIC, Plan, plan, report
 from tenodesis.identification.experiment import candidates as blocks
 from tenodesis.identification.experiment.choice import Criterion, CriterionName, choose
 from tenodesis.identification.experiment.information import Information, QuantisedSensor
-from tenodesis.recording.session import record
+from tenodesis.identification.experiment.simulated import InfeasibleProtocolError, SimulatedExperiment
+from tenodesis.recording.simulation import record
 from tenodesis.twin import Twin
 
 DURATION = 8.0

@@ -69,7 +69,7 @@ def plan(
     IdentificationError
         The request is not valid, or no candidate fits into the duration.
     """
-    inst = inst.axis(inst.axes[0]) if inst.axes[1:] else inst
+    inst = inst.planar[0]
     _check(duration, criterion)
     experiment = SimulatedExperiment(inst, law or inst.friction.law, distal_encoder=distal_encoder)
     wanted = _wanted(experiment, want)

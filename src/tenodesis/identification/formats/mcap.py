@@ -18,7 +18,7 @@ from tenodesis.identification.formats.measured import checksum
 from tenodesis.identification.formats.raw import CLOCKS, WIDE, Raw
 from tenodesis.instrument import Instrument
 from tenodesis.recording import Recording, cdr, container, schemas
-from tenodesis.recording.decode import Decoded, MisfitError, decode
+from tenodesis.recording.decode import Decoded, Misfit, MisfitError, decode
 from tenodesis.run import SIGNALS, Array
 
 __all__ = ["TENDONS", "InstrumentRun", "load"]
@@ -111,7 +111,7 @@ def _files(path: Path) -> list[Path]:
 def _recorded(path: Path) -> _Signals | None:
     """Return a recording whose topics share their stamps, or None for one whose topics do not."""
     recording = Recording.open(path)
-    if any(reason.startswith("its stamps") for reason in recording.left_out.values()):
+    if any(topic.reason is Misfit.STAMPS for topic in recording.left_out.values()):
         return None
     run = recording.run
     notes = [] if recording.damage is None else [recording.damage]
@@ -261,4 +261,4 @@ def _instrument(recording: Recording) -> Instrument | None:
         inst = recording.instrument()
     except (InstrumentError, RecordingError):
         return None
-    return inst.axis(inst.axes[0]) if inst.axes[1:] else inst
+    return inst.planar[0]

@@ -305,7 +305,7 @@ def problem(
     inst = instrument or (known[0] if known else None)
     if inst is None:
         raise IdentificationError(f"{runs[0].name} does not hold its instrument; give --instrument.", key="instrument")
-    return TwinProblem(runs, law, inst.axis(inst.axes[0]) if inst.axes[1:] else inst)
+    return TwinProblem(runs, law, inst.planar[0])
 
 
 def _applies(name: str, law: str, given: set[str], *, spooled: bool, handle_as_read: bool) -> bool:
