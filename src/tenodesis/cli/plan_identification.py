@@ -131,9 +131,9 @@ def _tell(found: Plan) -> None:
     table.add_column("")
     for name in found.wanted:
         ratios = (report.ratio(found, one, name) for one in found.baselines)
-        table.add_row(name, *report.shown(found, name), *ratios, "" if found.told(name) else "not told")
+        table.add_row(name, *report.shown(found, name), *ratios, "" if found.identifiable(name) else "not identifiable")
     console.print(table)
-    for sentence in (*dict.fromkeys(found.untold.values()), *found.warnings, OPTIMISTIC):
+    for sentence in (*dict.fromkeys(found.unidentifiable.values()), *found.warnings, OPTIMISTIC):
         _say(sentence)
 
 

@@ -1,7 +1,7 @@
 """Friction laws by name: what a contact passes on of a tendon's tension, or of the difference of an antagonistic pair.
 
 A play-type law says between which bounds the tension behind a contact must lie; inside them the contact sticks and
-holds what is there, on them it slides. Bouc-Wen, a rival without contact, has friction follow the tension smoothly.
+holds its tension, on them it slides. In Bouc-Wen, a rival without contact, friction follows the tension smoothly.
 
 | law | bounds of the tension behind | source |
 |---|---|---|
@@ -24,7 +24,7 @@ import numpy as np
 
 from tenodesis import _core
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.dual import Dual, Operand, joined, number
+from tenodesis.identification.datasets.dual import Dual, Operand, joined, number
 from tenodesis.identification.problem import Parameter
 from tenodesis.run import Array
 
@@ -81,7 +81,7 @@ def law_of(name: str) -> Law:
         There is no such law.
     """
     if name not in LAWS:
-        raise IdentificationError(f"law is {name!r}; allowed are {', '.join(LAWS)}.")
+        raise IdentificationError(key="law", value=name, allowed=f"one of {', '.join(LAWS)}")
     return LAWS[name]
 
 

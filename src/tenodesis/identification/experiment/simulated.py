@@ -1,4 +1,4 @@
-"""The bench that an experiment is planned for: its twin runs protocols, whose derivatives say what they would tell."""
+"""The experiment on the twin: it runs protocols, whose derivatives predict how well they identify parameters."""
 
 import math
 from collections.abc import Sequence
@@ -8,35 +8,37 @@ import numpy as np
 
 from tenodesis import plant, twin
 from tenodesis.control.parameters import tension_limit
-from tenodesis.errors import NoSolutionError, ProtocolError
+from tenodesis.errors import Error, NoSolutionError, ProtocolError
 from tenodesis.identification.differences import scales
 from tenodesis.identification.experiment.candidates import Phase
 from tenodesis.identification.experiment.information import Information, converters, information
 from tenodesis.identification.formats.instrument_run import TENDONS
-from tenodesis.identification.formats.measured import Measured
-from tenodesis.identification.models.twin import LONGEST_STEP, TwinProblem
+from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.problem import Parameter, Trace
+from tenodesis.identification.twin_model.problem import TwinProblem
+from tenodesis.identification.twin_model.tuning import LONGEST_STEP
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array, Run
 from tenodesis.simulate import Protocol
 
 _OFF = ((0.8, 0.8), (1.2, 1.2))
 """Stiffness and pretension, over the file's, with which a protocol must run as well."""
+_CANDIDATE = "candidate"
 _COARSE = 2.0
-"""Largest error of the model's steps, in standard deviations of a sample, with which samples are left out."""
+"""Largest RMS error of longer steps, in standard deviations of a sample."""
 
 
-class UnfitError(Exception):
-    """A protocol that the bench cannot run; the message is a short reason."""
+class InfeasibleProtocolError(Error):
+    """A protocol that the instrument cannot run; the message is a short reason."""
 
 
-class Bench:
-    """An instrument of one axis with its sensors.
+class SimulatedExperiment:
+    """An instrument of one axis with its sensors, on which protocols are run.
 
     Parameters
     ----------
     inst
-        The instrument; what its file says of its own errors is left out.
+        The instrument; the mismatch of its file is left out.
     law
         Friction law of the model.
     distal_encoder
@@ -68,7 +70,7 @@ class Bench:
 
     @cached_property
     def scale(self) -> Array:
-        """What changes of parameters are measured by, shape (parameters,)."""
+        """Unit of the changes of each parameter, shape (parameters,)."""
         return scales(self.parameters, self.values)
 
     def run(self, phases: Sequence[Phase]) -> Run:
@@ -76,24 +78,24 @@ class Bench:
 
         Raises
         ------
-        UnfitError
-            The protocol is beyond a range, loses the tip, or pulls too hard, if not here then with tendons and
-            pretension that are a fifth off.
+        InfeasibleProtocolError
+            The protocol is beyond a range, loses the tip, or exceeds the tension limit, with the file's stiffness and
+            pretension or with both a fifth off.
         """
         try:
-            commands = Protocol(name="candidate", phases=tuple(phases)).commands(self.inst, self.time_step)
+            commands = Protocol(name=_CANDIDATE, phases=tuple(phases)).commands(self.inst, self.time_step)
         except ProtocolError as problem:
-            raise UnfitError(str(problem).partition(": ")[2].rstrip(".")) from None
+            raise InfeasibleProtocolError(str(problem).removeprefix(f"{_CANDIDATE}: ").rstrip(".")) from None
         runs = [self._run(self.inst, commands)]
         for stiffness, pretension in _OFF:
             changes = {"mismatch.stiffness_ratio": stiffness, "mismatch.pretension_ratio": pretension}
             self._run(self.inst.replace(**changes), commands)
         return runs[0]
 
-    def tells(self, run: Run, until: Sequence[float] = (math.inf,)) -> tuple[TwinProblem, list[Information]]:
-        """Return the model of a run, and what it tells of all parameters until some times (s).
+    def information(self, run: Run, until: Sequence[float] = (math.inf,)) -> tuple[TwinProblem, list[Information]]:
+        """Return the model of a run, and its information on all parameters until some times (s).
 
-        Of the samples as few are taken as will do.
+        Only every n-th sample is taken where that is accurate enough.
         """
         every = max(1, int(LONGEST_STEP / self.time_step * (1 + 1e-6)))
         problem = self._thinned(run, every)
@@ -103,10 +105,10 @@ class Bench:
         return problem, information(problem, self.values, self.scale, self._sensors, averaged=every, until=until)
 
     def _thinned(self, run: Run, every: int) -> TwinProblem:
-        """Return the model of every so-manieth sample, each with the noise that a mean of as many has."""
+        """Return the model of every n-th sample, each with the noise of a mean of n."""
         sensors = self.inst.sensors
         finer = round(math.log2(every))
-        angle, force = self._sensors["deg"].mean(every), self._sensors["N"].mean(every)
+        angle, force = self._sensors["deg"].deviation_of_mean(every), self._sensors["N"].deviation_of_mean(every)
         inst = self.inst.replace(
             **{
                 "sensors.encoder_bits": min(32, sensors.encoder_bits + finer),
@@ -117,8 +119,8 @@ class Bench:
         )
         return TwinProblem([self._measured(run, every)], self.law, inst)
 
-    def _coarseness(self, problem: TwinProblem, run: Run) -> list[Array]:
-        """Return by how much the model is off the twin, by sensor, in the units of its traces."""
+    def _stepping_errors(self, problem: TwinProblem, run: Run) -> list[Array]:
+        """Return the error of the model against the twin, by sensor, in the units of its traces."""
         true = {
             "handle_angle_deg": np.degrees(run["handle_angle"]),
             "output_angle_deg": np.degrees(run["output_angle"]),
@@ -129,12 +131,12 @@ class Bench:
 
     def _too_coarse(self, problem: TwinProblem, run: Run) -> bool:
         sensors = [self._sensors[name.rpartition("_")[2]] for name in problem.traces(self.values, 0)]
-        pairs = zip(self._coarseness(problem, run), sensors, strict=True)
-        return not all(np.sqrt(np.mean(off**2)) < _COARSE * sensor.mean(1) for off, sensor in pairs)
+        pairs = zip(self._stepping_errors(problem, run), sensors, strict=True)
+        return not all(np.sqrt(np.mean(off**2)) < _COARSE * sensor.deviation_of_mean(1) for off, sensor in pairs)
 
     @cached_property
     def _still(self) -> TwinProblem:
-        """The model of a bench on which nothing happens."""
+        """The model of an experiment in which nothing happens."""
         nothing = twin.Twin(self.inst, time_step=self.time_step).run(np.zeros(64))
         return TwinProblem([self._measured(nothing, 1)], self.law, self.inst)
 
@@ -147,17 +149,19 @@ class Bench:
                 spool_velocity=commands["spool_velocity"],
             )
         except NoSolutionError:
-            raise UnfitError("the tip is lost") from None
+            raise InfeasibleProtocolError("the tip is lost") from None
         except ValueError as problem:
-            raise UnfitError(str(problem).rstrip(".")) from None
+            raise InfeasibleProtocolError(str(problem).rstrip(".")) from None
         bent, pulled = float(np.abs(run["output_angle"]).max()), float(run["tension"].max())
         if bent >= self.inst.output_stop:
-            raise UnfitError("the tip is bent to its stop")
+            raise InfeasibleProtocolError("the tip is bent to its stop")
         if pulled > self._limit:
-            raise UnfitError(f"a tendon is pulled by {pulled:.3g} N, above the limit of {self._limit:.3g} N")
+            raise InfeasibleProtocolError(
+                f"a tendon is pulled by {pulled:.3g} N, above the limit of {self._limit:.3g} N"
+            )
         return run
 
-    def _measured(self, run: Run, every: int) -> Measured:
+    def _measured(self, run: Run, every: int) -> MeasuredRun:
         columns = {
             "handle_angle": run["commanded_handle_angle"],
             "measured_handle_angle": run["measured_handle_angle"],
@@ -171,16 +175,16 @@ class Bench:
                 f"tension_{tendon}": run["measured_tension"][:, n],
                 f"spool_{tendon}": run["measured_spool_angle"][:, n],
             }
-        # From the end, which is where blocks come to rest.
+        # counted from the end, where blocks come to rest
         kept = {name: values[::-1][::every][::-1] for name, values in columns.items()}
-        return Measured("the proposed protocol", run.time[::-1][::every][::-1], kept)
+        return MeasuredRun("the proposed protocol", run.time[::-1][::every][::-1], kept)
 
 
 _DEGREE = math.radians(1)
 
 
 def _beside(deviation: float, resolution: float, finer: int) -> float:
-    """Return the noise that makes up a deviation beside rounding to steps that are so many times finer."""
+    """Return the noise that, with rounding to steps n times finer, makes up a deviation."""
     return math.sqrt(max(deviation**2 - (resolution / finer) ** 2 / 12, 0.0))
 
 
@@ -189,6 +193,6 @@ def _at(time: Array, trace: Trace) -> Array:
 
 
 def _time_step(inst: Instrument) -> float:
-    """Return the sampling period or a whole part of it that the tip's swing allows, s, near the usual step."""
+    """Return the sampling period, or an integer fraction of it that the tip's oscillation allows, s."""
     period = 1 / inst.sensors.sampling_rate
     return period / max(1, math.ceil(period / min(twin.TIME_STEP, plant.longest_step(inst)) * (1 - 1e-9)))

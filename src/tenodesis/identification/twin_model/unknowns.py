@@ -1,4 +1,4 @@
-"""What recordings of an instrument may be asked for: numbers of its twin, and where they stand in its file."""
+"""The parameters of a twin that recordings may identify, and where they stand in an instrument file."""
 
 from collections.abc import Callable
 from math import pi
@@ -9,7 +9,7 @@ from tenodesis.instrument import Instrument
 
 
 class Unknown(NamedTuple):
-    """One number of a twin: its name in the core, unit, bounds, meaning, what it does to an instrument, and group."""
+    """A parameter of the twin: its name in the core, unit, bounds, meaning, changes to an instrument, and group."""
 
     number: str
     unit: str
@@ -81,12 +81,8 @@ UNKNOWNS = {
             _in_file("friction.viscous", "N*s/m", 100.0, "viscous friction of each joint and of the sheath", "viscous"),
             _in_file("dynamics.tip_damping", "N*m*s", 1.0, "viscous damping of the tip", "viscous"),
             _in_file("drives.backlash", "rad", 0.5, "backlash of the gearbox, at the spool", "drives"),
-            _in_file(
-                "mismatch.handle_encoder_offset", "rad", 0.3, "what the handle's encoder says too much", "sensors", -0.3
-            ),
-            _in_file(
-                "mismatch.output_encoder_offset", "rad", 0.3, "what the distal encoder says too much", "sensors", -0.3
-            ),
+            _in_file("mismatch.handle_encoder_offset", "rad", 0.3, "offset of the handle's encoder", "sensors", -0.3),
+            _in_file("mismatch.output_encoder_offset", "rad", 0.3, "offset of the distal encoder", "sensors", -0.3),
         ]
     ),
     **{
@@ -103,6 +99,6 @@ UNKNOWNS = {
         for place, tendon in enumerate(TENDONS)
     },
 }
-"""Every number that recordings may be asked for, by name."""
+"""Every parameter that recordings may identify, by name."""
 
 LARGEST_OFFSET = UNKNOWNS["mismatch.handle_encoder_offset"].upper
