@@ -8,7 +8,7 @@
 namespace tenodesis::link {
 
 static_assert(sizeof(tenodesis_real) == sizeof(float), "what is sent is float");
-static_assert(sizeof(tenodesis_parameters) == parameters_size && most_axes == TENODESIS_AXES);
+static_assert(sizeof(tenodesis_parameters) == sizeof(ControllerParameters) && most_axes == TENODESIS_AXES);
 static_assert(TENODESIS_LAW_ROBUST < 0x10000 && TENODESIS_ACTUATION_DIFFERENTIAL < 0x10000);
 static_assert(sizeof(Counted) == sizeof(tenodesis_counts) && sizeof(Measured) == sizeof(tenodesis_measurement));
 
@@ -59,7 +59,7 @@ class Endpoint {
     Streamed streamed{kept_, number_, output.tick, {}};
     for (int n = 0; n < axes_; ++n) streamed.axis[n] = {step.axis[n], output.axis[n]};
     const Header header{protocol_version, Type::streamed, session_, ++ticks_};
-    return {streamed_, encode(header, &streamed, Streamed::size(axes_), streamed_)};
+    return {streamed_, encode(header, &streamed, size_with<Streamed>(axes_), streamed_)};
   }
 
   /// What the motors of an axis are to be told now, rad/s.
@@ -74,7 +74,7 @@ class Endpoint {
       case Type::parameters:
         return begin(header, frame, now);
       case Type::step:
-        if (frame.size() != Step::size(axes_)) break;
+        if (frame.size() != size_with<Step>(axes_)) break;
         return step(header, frame, now);
       case Type::reset:
         tenodesis_reset(&controller_);
@@ -133,7 +133,7 @@ class Endpoint {
     held_ = 0;
     session_ = 0;
     tenodesis_parameters parameters;
-    __builtin_memcpy(&parameters, frame.payload() + offsetof(Parameters, image), sizeof parameters);
+    __builtin_memcpy(&parameters, frame.payload() + offsetof(Parameters, controller), sizeof parameters);
     const int found = tenodesis_init(&controller_, &parameters);
     if (found != TENODESIS_OK) return refuse(header, Refusal::bad_parameters, static_cast<std::uint32_t>(found));
     choice_ = {static_cast<std::uint16_t>(parameters.law), static_cast<std::uint16_t>(parameters.actuation)};
@@ -158,7 +158,7 @@ class Endpoint {
     watch(now);
     heard_ = now;
     const Output output = run(frame.message<Step>());
-    return answer(header, Type::output, &output, Output::size(axes_));
+    return answer(header, Type::output, &output, size_with<Output>(axes_));
   }
 
   Output run(const Step& step) {

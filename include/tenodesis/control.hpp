@@ -16,7 +16,15 @@ struct Measurement {
   S spool_angle[2]{};  ///< from where both tendons had their pretension at a straight handle, rad; positive winds
 };
 
-/// What an observer makes of it; a standard deviation covers what the sensors cannot tell as well.
+/// The same measurement in another type that has these fields.
+template <class To, class From>
+constexpr To measurement_as(const From& from) {
+  using S = decltype(To::handle_angle);
+  return {
+      S(from.handle_angle), {S(from.tension[0]), S(from.tension[1])}, {S(from.spool_angle[0]), S(from.spool_angle[1])}};
+}
+
+/// What an observer estimates; the standard deviations include what the sensors cannot see.
 template <class S>
 struct Estimate {
   S output_angle{};        ///< rad
@@ -26,6 +34,14 @@ struct Estimate {
   S friction_scale{1};     ///< of the friction there is over that of the parameters
   S friction_scale_std{};  ///< 1
 };
+
+/// The same estimate in another type that has these fields.
+template <class To, class From>
+constexpr To estimate_as(const From& from) {
+  using S = decltype(To::output_angle);
+  return {S(from.output_angle),  S(from.output_angle_std), S(from.tip_force),
+          S(from.tip_force_std), S(from.friction_scale),   S(from.friction_scale_std)};
+}
 
 /// Speeds of the two tendons at the spools, winding positive, m/s.
 template <class S>

@@ -9,6 +9,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "tenodesis/fault.hpp"
+
 namespace tenodesis::link {
 
 /// Raised whenever a message or its meaning changes; header, hello and refusal stay as they are in all versions.
@@ -54,11 +56,17 @@ struct Header {
 
 inline constexpr int most_axes = 2;
 
+/// Bytes of a message that ends with an array of all axes and is sent without those that the instrument does not have.
+template <class Message>
+constexpr std::size_t size_with(int axes) {
+  return sizeof(Message) - static_cast<std::size_t>(most_axes - axes) * sizeof(Message::axis[0]);
+}
+
 /// Answer to hello.
 struct Board {
   std::uint32_t interface_version{};  ///< TENODESIS_VERSION
   std::uint32_t real_size{};          ///< bytes of a tenodesis_real
-  std::uint32_t parameters_size{};    ///< bytes of tenodesis_parameters
+  std::uint32_t parameters_size{};    ///< bytes of its tenodesis_parameters
   std::uint32_t axes{};               ///< at most
   std::uint32_t session{};            ///< that goes on; 0: none
   std::uint32_t last_sequence{};      ///< that was acted on; the next action is one above
@@ -67,15 +75,31 @@ struct Board {
   char name[32]{};
 };
 
-/// Bytes of the image of a tenodesis_parameters in float.
-inline constexpr std::size_t parameters_size = 768;
+/// tenodesis_parameters in float, whatever tenodesis_real is in this program.
+struct ControllerParameters {
+#define TENODESIS_CHOICE_FIELD(name, meaning) std::uint32_t name{};
+#define TENODESIS_REAL_FIELD(name, unit, bound, meaning) float name{};
+  struct Limit {
+    float threshold{}, persistence{};
+  };
+  struct Axis {
+    TENODESIS_AXIS_PARAMETERS(TENODESIS_REAL_FIELD)
+    Limit spool_jump{};
+    Limit limit[fault_count]{};
+  };
+
+  TENODESIS_CHOICES(TENODESIS_CHOICE_FIELD)
+  TENODESIS_COMMON_PARAMETERS(TENODESIS_REAL_FIELD)
+  Axis axis[most_axes]{};
+#undef TENODESIS_CHOICE_FIELD
+#undef TENODESIS_REAL_FIELD
+};
 
 struct Parameters {
-  /// Without a tick or a keep for so long by the board's clock it stops, ms; 0: as long as the controller's own
-  /// watchdog.
+  /// Time without a tick or a keep, by the board's clock, after which it stops, ms; 0: the controller's own watchdog.
   std::uint32_t silence{};
   std::uint32_t reserved{};
-  std::uint8_t image[parameters_size]{};
+  ControllerParameters controller{};
 };
 
 struct Measured {
@@ -91,14 +115,12 @@ struct Choice {
   friend constexpr bool operator==(const Choice&, const Choice&) = default;
 };
 
-/// Cut after the axes there are.
+/// Sent with the instrument's axes only.
 struct Step {
   std::uint64_t time{};     ///< of the measurement, ns
   std::uint32_t request{};  ///< TENODESIS_REQUEST_...
   Choice choice{};
   Measured axis[most_axes]{};
-
-  static constexpr std::size_t size(int axes) { return 16 + static_cast<std::size_t>(axes) * sizeof(Measured); }
 };
 
 struct AxisAnswer {
@@ -129,15 +151,13 @@ struct TickAnswer {
   std::uint32_t damaged{};  ///< frames that the board has dropped
 };
 
-/// Cut after the axes there are.
+/// Sent with the instrument's axes only.
 struct Output {
   TickAnswer tick{};
   AxisAnswer axis[most_axes]{};
-
-  static constexpr std::size_t size(int axes) { return 32 + static_cast<std::size_t>(axes) * sizeof(AxisAnswer); }
 };
 
-/// A tick that a board has measured itself; its sequence counts ticks. Cut after the axes there are.
+/// A tick that a board has measured itself; its sequence counts ticks. Sent with the instrument's axes only.
 struct Streamed {
   struct Axis {
     Measured measured{};
@@ -148,8 +168,6 @@ struct Streamed {
   std::uint32_t number{};  ///< of the last request that arrived
   TickAnswer tick{};
   Axis axis[most_axes]{};
-
-  static constexpr std::size_t size(int axes) { return 40 + static_cast<std::size_t>(axes) * sizeof(Axis); }
 };
 
 /// What the PC wants of a board that streams, said anew with every tick: one that is lost is no harm.
@@ -161,7 +179,7 @@ struct Keep {
 };
 
 struct Counted {
-  std::uint32_t faults[13]{};
+  std::uint32_t faults[fault_count]{};
   std::uint32_t bad_samples[5]{};
   std::uint32_t late_ticks{};
 };
@@ -171,9 +189,10 @@ struct Refused {
   std::uint32_t detail{};
 };
 
-static_assert(sizeof(Header) == 8 && sizeof(Board) == 64 && sizeof(Parameters) == 8 + parameters_size);
-static_assert(sizeof(Step) == Step::size(most_axes) && sizeof(Output) == Output::size(most_axes));
-static_assert(sizeof(Streamed) == Streamed::size(most_axes) && sizeof(Keep) == 16);
+// Neither compiler may put padding anywhere.
+static_assert(sizeof(Header) == 8 && sizeof(Board) == 64 && sizeof(Parameters) == 8 + sizeof(ControllerParameters));
+static_assert(size_with<Step>(0) == 16 && size_with<Output>(0) == 32 && size_with<Streamed>(0) == 40);
+static_assert(sizeof(Measured) == 20 && sizeof(AxisAnswer) == 40 && sizeof(Keep) == 16);
 static_assert(sizeof(Counted) == 76 && sizeof(Refused) == 8);
 static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "structs are sent as they lie in memory");
 

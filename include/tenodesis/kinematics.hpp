@@ -38,8 +38,6 @@ struct Frame {
   constexpr Frame moved(const Vector<S>& by) const { return {position + rotation * by, rotation}; }
 };
 
-inline constexpr int most_axes = 2;
-
 /// Coordinates of every joint, rad and m; bending joints from the stem outward. All but the handle's decide the tip.
 template <class S>
 struct Posture {

@@ -17,6 +17,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "tenodesis/parameter_table.h"
+
 #ifndef TENODESIS_REAL
 #define TENODESIS_REAL float
 #endif
@@ -69,21 +71,11 @@ enum {
 };
 enum { TENODESIS_DISABLED, TENODESIS_ENABLED, TENODESIS_PAUSED, TENODESIS_FAULT };
 
-/* Faults: bit 1u << number of a mask. */
+/* Faults, TENODESIS_FAULT_TENDON_BREAK and so on: bit 1u << number of a mask. */
 enum {
-  TENODESIS_FAULT_TENDON_BREAK,
-  TENODESIS_FAULT_TENDON_SLACK,
-  TENODESIS_FAULT_OVER_TENSION,
-  TENODESIS_FAULT_LOAD_CELL_STUCK,
-  TENODESIS_FAULT_LOAD_CELL_RANGE,
-  TENODESIS_FAULT_LOAD_CELL_DRIFT,
-  TENODESIS_FAULT_ENCODER_DROPOUT,
-  TENODESIS_FAULT_ENCODER_JUMP,
-  TENODESIS_FAULT_SPOOL_SLIP,
-  TENODESIS_FAULT_MOTOR_NOT_FOLLOWING,
-  TENODESIS_FAULT_TICK_LATE,
-  TENODESIS_FAULT_NOT_A_NUMBER,
-  TENODESIS_FAULT_HOMING_FAILED
+#define TENODESIS_FAULT_NUMBER(name, NAME, unit, meaning) TENODESIS_FAULT_##NAME,
+  TENODESIS_FAULT_TABLE(TENODESIS_FAULT_NUMBER)
+#undef TENODESIS_FAULT_NUMBER
 };
 
 typedef struct {
@@ -91,98 +83,24 @@ typedef struct {
   tenodesis_real persistence; /* s */
 } tenodesis_limit;
 
+/* Fields, with units and meanings: parameter_table.h. */
+#define TENODESIS_CHOICE_FIELD(name, meaning) uint32_t name;
+#define TENODESIS_REAL_FIELD(name, unit, bound, meaning) tenodesis_real name;
+
 typedef struct {
-  /* joints; what a mechanism does not have is 0 */
-  tenodesis_real proximal_radius;     /* m */
-  tenodesis_real distal_radius;       /* m */
-  tenodesis_real handle_length;       /* m */
-  tenodesis_real end_effector_length; /* m */
-  tenodesis_real backbone_length;     /* m */
-  tenodesis_real backbone_rigidity;   /* N m^2 */
-  tenodesis_real handle_range;        /* largest |handle angle|, rad */
-  /* tendons */
-  tenodesis_real stiffness;    /* of one, N/m */
-  tenodesis_real pretension;   /* N */
-  tenodesis_real share_sheath; /* of a tendon's compliance: from the spool to the sheath's friction */
-  tenodesis_real share_handle; /* on to the handle's joint */
-  tenodesis_real share_stem;   /* on to the tip's joint */
-  tenodesis_real share_tip;    /* beyond */
-  tenodesis_real vertex_coefficient;
-  tenodesis_real sheath_coefficient;
-  tenodesis_real sheath_bend;      /* rad */
-  tenodesis_real sheath_bend_rate; /* rad per rad of |handle angle| */
-  /* drives */
-  tenodesis_real spool_radius;        /* m */
-  tenodesis_real drive_speed;         /* largest, rad/s at the spool */
-  tenodesis_real drive_acceleration;  /* largest, rad/s^2 */
-  tenodesis_real drive_time_constant; /* s */
-  /* friction observer */
-  tenodesis_real hand_play;          /* half the play that keeps the handle encoder's noise out, rad */
-  tenodesis_real sheath_play;        /* slip in the sheath above noise, m */
-  tenodesis_real play;               /* slip at the handle's joint above noise, m */
-  tenodesis_real length_noise;       /* of two tendons' lengths compared, m */
-  tenodesis_real smoothing;          /* time constant of the measurements, s */
-  tenodesis_real friction_scale_std; /* deviations at the start */
-  tenodesis_real reference_std;      /* m */
-  tenodesis_real compliance_std;
-  tenodesis_real forgetting;    /* growth of these deviations, share per root second */
-  tenodesis_real slack_tension; /* N */
-  /* compensator */
-  tenodesis_real gain;           /* 1/s */
-  tenodesis_real breakaway_time; /* s */
-  tenodesis_real position_gain;  /* 1/s */
-  tenodesis_real dead_band;      /* of the output angle, rad */
-  tenodesis_real tendon_speed;   /* largest, m/s */
-  tenodesis_real common_speed;   /* m/s */
-  tenodesis_real common_stroke;  /* m */
-  tenodesis_real common_stroke_share;
-  tenodesis_real far_lag;       /* dead bands */
-  tenodesis_real patience;      /* s */
-  tenodesis_real settle_time;   /* s */
-  tenodesis_real least_tension; /* N */
-  tenodesis_real tension_limit; /* N */
-  tenodesis_real hand_travel;   /* rad */
-  tenodesis_real still_time;    /* s */
-  /* homing */
-  tenodesis_real homing_speed;         /* m/s */
-  tenodesis_real homing_gain;          /* 1/s */
-  tenodesis_real homing_stroke;        /* most to wind before a tendon is tight, m */
-  tenodesis_real homing_overshoot;     /* share of the pretension */
-  tenodesis_real homing_tolerance;     /* share of the pretension */
-  tenodesis_real homing_settle_time;   /* s */
-  tenodesis_real homing_time;          /* most, of each stage, s */
-  tenodesis_real homing_least_stretch; /* share of an elastic tendon's, below which one is jammed */
-  /* watch */
-  tenodesis_real mean_band;                /* share by which friction may move the mean tension */
-  tenodesis_real load_cell_range;          /* N */
-  tenodesis_real handle_noise;             /* rad */
-  tenodesis_real spool_noise;              /* rad */
-  tenodesis_real watch_window;             /* s */
+  TENODESIS_AXIS_PARAMETERS(TENODESIS_REAL_FIELD)
   tenodesis_limit spool_jump;              /* rad/s */
   tenodesis_limit limit[TENODESIS_FAULTS]; /* by number of the fault */
 } tenodesis_axis_parameters;
 
 typedef struct {
-  uint32_t size;    /* sizeof(tenodesis_parameters) */
-  uint32_t version; /* TENODESIS_VERSION */
-  uint32_t joint_type;
-  uint32_t axes; /* 1 or 2 */
-  uint32_t observer;
-  uint32_t law;
-  uint32_t actuation;
-  uint32_t safe_state;
-  uint32_t own_clock;                /* 1: ticks come once a period; 0: the input's time tells */
-  uint32_t homed;                    /* 1: spool angles count from pretension when the controller starts */
-  tenodesis_real period;             /* nominal, of ticks, s */
-  tenodesis_real speed_limit;        /* of a spool, rad/s */
-  tenodesis_real acceleration_limit; /* rad/s^2 */
-  tenodesis_real engage_time;        /* in which motion is faded in, s */
-  tenodesis_real tension_limit;      /* above which a tendon is only unwound, N */
-  tenodesis_real hold_time;          /* before a motor creeps back to neutral, s */
-  tenodesis_real neutral_speed;      /* rad/s */
-  tenodesis_real relief;             /* by which a tendon above its limit may be unwound past its place, rad */
+  TENODESIS_CHOICES(TENODESIS_CHOICE_FIELD)
+  TENODESIS_COMMON_PARAMETERS(TENODESIS_REAL_FIELD)
   tenodesis_axis_parameters axis[TENODESIS_AXES];
 } tenodesis_parameters;
+
+#undef TENODESIS_CHOICE_FIELD
+#undef TENODESIS_REAL_FIELD
 
 typedef struct {
   tenodesis_real handle_angle;   /* rad */

@@ -7,10 +7,12 @@
 #include <array>
 #include <limits>
 
+#include "engine/vectors.hpp"
 #include "operations.hpp"
-#include "vectors.hpp"
 
 namespace tenodesis::bindings {
+
+using engine::in_widest_vectors;
 
 inline constexpr int block_size = 64;
 inline constexpr int block_steps = 7;

@@ -1,34 +1,22 @@
 // The Python module over the core: arrays in, arrays out, interpreter lock released.
 
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/array.h>
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/tuple.h>
-#include <nanobind/stl/vector.h>
-
 #include "evaluate.hpp"
-#include "modules.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
+#include "module.hpp"
 
 namespace tenodesis::bindings {
 namespace {
 
-using Input = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Output = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using StatusOutput = nb::ndarray<unsigned char, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using namespace engine;
 
 struct Arguments {
   std::vector<Column> columns;
   std::size_t count{1};
 
-  Arguments(const std::vector<Input>& inputs, int expected) {
+  Arguments(const std::vector<In<1>>& inputs, int expected) {
     if (inputs.size() != std::size_t(expected)) throw nb::value_error("wrong number of inputs");
-    for (const Input& input : inputs)
+    for (const In<1>& input : inputs)
       if (input.shape(0) != 1) count = input.shape(0);
-    for (const Input& input : inputs) {
+    for (const In<1>& input : inputs) {
       if (input.shape(0) != count && input.shape(0) != 1) throw nb::value_error("inputs differ in length");
       columns.push_back({input.data(), input.shape(0) != count});
     }
@@ -60,13 +48,13 @@ constexpr int inputs_of() {
 
 /// Arrays that an operation writes: outputs by rows by points, and the status of every point.
 struct Results {
-  Output out;
-  StatusOutput status;
+  Out<3> out;
+  Statuses status;
 };
 
 /// Runs work(operation, points, out, status, begin, end) over threads without the interpreter lock.
 template <class Work>
-void over_points(const std::string& name, const std::vector<Input>& inputs, const Results& results, std::size_t rows,
+void over_points(const std::string& name, const std::vector<In<1>>& inputs, const Results& results, std::size_t rows,
                  int threads, std::size_t least, const Work& work) {
   dispatch(name, [&]<class Operation, bool held>() {
     const Arguments arguments(inputs, inputs_of<Operation, held>());
@@ -84,8 +72,8 @@ void over_points(const std::string& name, const std::vector<Input>& inputs, cons
   });
 }
 
-void evaluate(const Spec& spec, const std::string& name, const std::vector<Input>& inputs, const Output& out,
-              const StatusOutput& status, int threads) {
+void evaluate(const Spec& spec, const std::string& name, const std::vector<In<1>>& inputs, const Out<3>& out,
+              const Statuses& status, int threads) {
   const AnyAxis<double> any = make_axis(spec);
   over_points(name, inputs, {out, status}, 1, threads, points_per_thread,
               [&]<class Operation, bool held>(const Points& points, std::span<double* const> data, unsigned char* found,
@@ -101,8 +89,8 @@ void evaluate(const Spec& spec, const std::string& name, const std::vector<Input
               });
 }
 
-void gradient(const Spec& spec, const std::string& name, const std::vector<Input>& inputs,
-              const std::vector<std::size_t>& variables, const Output& out, const StatusOutput& status, int threads) {
+void gradient(const Spec& spec, const std::string& name, const std::vector<In<1>>& inputs,
+              const std::vector<std::size_t>& variables, const Out<3>& out, const Statuses& status, int threads) {
   if (variables.empty()) throw nb::value_error("no variables");
   for (const std::size_t variable : variables)
     if (variable >= parameter_count + inputs.size()) throw nb::value_error("no such variable");
@@ -150,9 +138,7 @@ NB_MODULE(_core, m) {
              new (&spec) Spec{std::get<0>(state), std::get<1>(state), std::get<2>(state)};
            });
 
-  m.def(
-      "parameters", [] { return std::vector<std::string>(parameter_names.begin(), parameter_names.end()); },
-      "Names of a spec's parameters, in their order.");
+  m.def("parameters", [] { return list_of(parameter_names); }, "Names of a spec's parameters, in their order.");
   m.def(
       "tendon_stiffness",
       [](const Spec& spec) { return std::visit([](const auto& axis) { return axis.stiffness; }, make_axis(spec)); },

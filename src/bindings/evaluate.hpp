@@ -8,9 +8,11 @@
 #include <vector>
 
 #include "block.hpp"
-#include "spec.hpp"
+#include "engine/spec.hpp"
 
 namespace tenodesis::bindings {
+
+using engine::make_axis, engine::parameter_count, engine::Spec;
 
 /// One input: an array of the common length, or a single number that holds for every point.
 struct Column {

@@ -2,12 +2,6 @@
 
 #include "tenodesis/kinematics.hpp"
 
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/tuple.h>
-#include <nanobind/stl/vector.h>
-
 #include <cmath>
 #include <string>
 #include <tuple>
@@ -15,18 +9,12 @@
 #include <vector>
 
 #include "evaluate.hpp"
-#include "modules.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
+#include "module.hpp"
 
 namespace tenodesis::bindings {
 namespace {
 
-using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Table = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Cube = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using Statuses = nb::ndarray<unsigned char, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using namespace engine;
 
 using AnyChain = std::variant<Chain<GearAxis<double>>, Chain<PulleyAxis<double>>, Chain<ContinuumAxis<double>>>;
 
@@ -136,11 +124,11 @@ void write_frames(const Chain<A>& chain, const Bodies<double>& found, double* ou
   next(found.grip);
 }
 
-void check_rows(const Rows& rows, std::size_t length, std::size_t written) {
+void check_rows(const In<2>& rows, std::size_t length, std::size_t written) {
   if (rows.shape(1) != length || rows.shape(0) != written) throw nb::value_error("arrays do not fit");
 }
 
-void frames(const BoundChain& bound, const Rows& rows, const Cube& out, int threads) {
+void frames(const BoundChain& bound, const In<2>& rows, const Out<3>& out, int threads) {
   check_rows(rows, row_length, out.shape(0));
   std::visit(
       [&](const auto& chain) {
@@ -156,7 +144,7 @@ void frames(const BoundChain& bound, const Rows& rows, const Cube& out, int thre
       bound.chain);
 }
 
-void tip(const BoundChain& bound, const Rows& rows, const Table& out, int threads) {
+void tip(const BoundChain& bound, const In<2>& rows, const Out<2>& out, int threads) {
   check_rows(rows, row_length, out.shape(0));
   if (out.shape(1) != frame_length) throw nb::value_error("out does not fit");
   const nb::gil_scoped_release release;
@@ -170,7 +158,7 @@ void tip(const BoundChain& bound, const Rows& rows, const Table& out, int thread
       bound.chain);
 }
 
-void jacobians(const BoundChain& bound, const Rows& rows, const Cube& out, int threads) {
+void jacobians(const BoundChain& bound, const In<2>& rows, const Out<3>& out, int threads) {
   check_rows(rows, row_length, out.shape(0));
   if (out.shape(1) != 6 || out.shape(2) != tip_coordinates) throw nb::value_error("out does not fit");
   const nb::gil_scoped_release release;
@@ -191,7 +179,7 @@ void jacobians(const BoundChain& bound, const Rows& rows, const Cube& out, int t
       bound.chain);
 }
 
-void inverses(const BoundChain& bound, const Rows& goals, const Rows& told, const Table& out, const Statuses& reach,
+void inverses(const BoundChain& bound, const In<2>& goals, const In<2>& told, const Out<2>& out, const Statuses& reach,
               int threads) {
   check_rows(goals, frame_length, out.shape(0));
   const std::size_t count = goals.shape(0);
@@ -298,7 +286,7 @@ void write_paths(const Chain<A>& chain, const Posture<double>& at, double* out) 
   }
 }
 
-void tendon_paths(const BoundChain& bound, const Rows& rows, const Cube& out) {
+void tendon_paths(const BoundChain& bound, const In<2>& rows, const Out<3>& out) {
   check_rows(rows, row_length, out.shape(0));
   std::visit(
       [&](const auto& chain) {

@@ -2,25 +2,15 @@
 
 #include "tenodesis/similarity.hpp"
 
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/vector.h>
-
 #include <string>
 
 #include "evaluate.hpp"
-#include "modules.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
+#include "module.hpp"
 
 namespace tenodesis::bindings {
 namespace {
 
-using Numbers = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Table = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using namespace engine;
 
 /// What is found of a scale model.
 enum Finding : std::size_t {
@@ -123,7 +113,7 @@ void judge_one(const Target& target, const A& model, B axis, double pretension, 
 }
 
 /// Writes what is found of every row of parameters, whatever pretension they have; NaN scales the instrument's.
-void judge_designs(const Target& target, const Rows& rows, const Numbers& pretensions, const Table& out, int threads) {
+void judge_designs(const Target& target, const In<2>& rows, const In<1>& pretensions, const Out<2>& out, int threads) {
   if (rows.shape(1) != parameter_count || out.shape(1) != finding_count || out.shape(0) != rows.shape(0) ||
       pretensions.shape(0) != rows.shape(0))
     throw nb::value_error("rows, pretensions and findings do not fit");
@@ -149,9 +139,7 @@ void judge_designs(const Target& target, const Rows& rows, const Numbers& preten
 
 void bind_similarity(nb::module_& m) {
   m.def("tension_scale", &tension_scale_of, "spec"_a, "Tension that stretches a tendon by the distal radius, N.");
-  m.def(
-      "findings", [] { return std::vector<std::string>(finding_names.begin(), finding_names.end()); },
-      "Names of what is found of a scale model, in their order.");
+  m.def("findings", [] { return list_of(finding_names); }, "Names of what is found of a scale model, in their order.");
   nb::class_<Target>(m, "SimilarityTarget", "An instrument and the points that its scale models are judged at.")
       .def(
           "__init__",

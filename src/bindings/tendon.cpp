@@ -1,18 +1,10 @@
 // One tendon of any number of contacts for Python.
 
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/tuple.h>
-#include <nanobind/stl/vector.h>
-
 #include <cstdint>
 #include <vector>
 
-#include "modules.hpp"
+#include "module.hpp"
 #include "tenodesis/tendon.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
 
 namespace tenodesis::bindings {
 namespace {
@@ -33,9 +25,6 @@ struct AnyContacts {
   template <class T>
   using PerSegment = VectorRow<T>;
 };
-
-using Column = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Output = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 struct AnyTendon {
   Tendon<double, AnyContacts> tendon;
@@ -64,7 +53,7 @@ struct AnyTendon {
   /// Steps over prescribed ends: the spool's, as wound length or as tension, and the tip's, as length drawn.
   ///
   /// out: proximal and distal tension, wound length, loss to friction (J) and residual (N) of each step.
-  int run(const Column& spool, const Column& drawn, bool by_tension, double time_step, const Output& out) {
+  int run(const In<1>& spool, const In<1>& drawn, bool by_tension, double time_step, const Out<2>& out) {
     const std::size_t count = spool.shape(0);
     const int n = tendon.contacts();
     if (drawn.shape(0) != count || out.shape(0) != 5 || out.shape(1) != count)
@@ -92,7 +81,7 @@ struct AnyTendon {
   }
 };
 
-void transmit_all(const Column& tension, double exponent, double gain, double held, const Output& out) {
+void transmit_all(const In<1>& tension, double exponent, double gain, double held, const Out<2>& out) {
   if (out.shape(0) != 1 || out.shape(1) != tension.shape(0)) throw nb::value_error("out does not fit");
   const Band<double> band = Capstan<double>::band(exponent, 0);
   const nb::gil_scoped_release release;
@@ -103,11 +92,9 @@ void transmit_all(const Column& tension, double exponent, double gain, double he
   }
 }
 
-using Sources = nb::ndarray<std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-
 /// Which bound a value that moves only where a band pushes it was pushed by last: k + 1 for upper[k], -(k + 1) for
 /// lower[k], 0 while it is where it started.
-void play(const Column& lower, const Column& upper, double start, const Sources& source) {
+void play(const In<1>& lower, const In<1>& upper, double start, const Array<std::int64_t, 1>& source) {
   const std::size_t count = lower.shape(0);
   if (upper.shape(0) != count || source.shape(0) != count) throw nb::value_error("arrays do not fit");
   const nb::gil_scoped_release release;

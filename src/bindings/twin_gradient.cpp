@@ -1,23 +1,14 @@
 // What a twin's sensors are expected to read, and the derivatives of that by what the twin is made of.
 
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/tuple.h>
-#include <nanobind/stl/vector.h>
-
 #include <tuple>
 
-#include "any_twin.hpp"
-#include "modules.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
+#include "engine/any_twin.hpp"
+#include "module.hpp"
 
 namespace tenodesis::bindings {
 namespace {
 
-using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Output = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using namespace engine;
 
 /// Sensor readings that are told, in order.
 inline constexpr int reading_count = 4;
@@ -76,8 +67,8 @@ Progress differentiate(const TwinSpec& spec, const Commands& commands, std::size
   });
 }
 
-std::tuple<std::size_t, Status> gradient(const TwinSpec& spec, const Rows& commands, bool as_read,
-                                         const std::vector<std::size_t>& variables, const Output& out) {
+std::tuple<std::size_t, Status> gradient(const TwinSpec& spec, const In<2>& commands, bool as_read,
+                                         const std::vector<std::size_t>& variables, const Out<3>& out) {
   const std::size_t count = commands.shape(0);
   const std::size_t rows = 1 + variables.size();
   if (commands.shape(1) != command_count || out.shape(0) != reading_count || out.shape(1) != rows ||

@@ -42,7 +42,6 @@ static_assert(alignof(Session) <= alignof(tenodesis_controller));
 static_assert(std::is_trivially_copyable_v<Session> && std::is_trivially_destructible_v<Session>,
               "the caller copies it and forgets it");
 static_assert(fault_count == TENODESIS_FAULTS);
-static_assert(static_cast<int>(Fault::homing_failed) == TENODESIS_FAULT_HOMING_FAILED);
 static_assert(static_cast<int>(ControlLaw::robust) == TENODESIS_LAW_ROBUST);
 static_assert(static_cast<int>(Actuation::differential) == TENODESIS_ACTUATION_DIFFERENTIAL);
 static_assert(static_cast<int>(ObserverKind::friction) == TENODESIS_OBSERVER_FRICTION);
@@ -53,8 +52,14 @@ static_assert(channel_count == 5);
 
 // Layouts that are the same for every compiler: no padding, in either precision.
 constexpr std::size_t words(std::size_t reals, std::size_t integers) { return reals * sizeof(S) + integers * 4; }
-static_assert(sizeof(tenodesis_axis_parameters) == words(59 + 2 * (TENODESIS_FAULTS + 1), 0));
-static_assert(sizeof(tenodesis_parameters) == words(8, 10) + TENODESIS_AXES * sizeof(tenodesis_axis_parameters));
+#define TENODESIS_ROW(...) +1
+constexpr std::size_t choice_count = TENODESIS_CHOICES(TENODESIS_ROW);
+constexpr std::size_t common_count = TENODESIS_COMMON_PARAMETERS(TENODESIS_ROW);
+constexpr std::size_t axis_count = TENODESIS_AXIS_PARAMETERS(TENODESIS_ROW);
+#undef TENODESIS_ROW
+static_assert(sizeof(tenodesis_axis_parameters) == words(axis_count + 2 * (TENODESIS_FAULTS + 1), 0));
+static_assert(sizeof(tenodesis_parameters) ==
+              words(common_count, choice_count) + TENODESIS_AXES * sizeof(tenodesis_axis_parameters));
 static_assert(sizeof(tenodesis_input) == words(5 * TENODESIS_AXES, 4));
 static_assert(sizeof(tenodesis_axis_output) == words(8, 2));
 static_assert(sizeof(tenodesis_output) == TENODESIS_AXES * sizeof(tenodesis_axis_output) + words(0, 6));

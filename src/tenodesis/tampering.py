@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tenodesis import _core
 
-PLACES = tuple(_core.tamper_places())
+PLACES = tuple(_core.fault_injection_places())
 """Signals that can be tampered with: sensors, spool velocities on their way to the drives, and the tick itself."""
 
 Place: TypeAlias = Literal[

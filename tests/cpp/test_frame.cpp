@@ -65,8 +65,8 @@ Frame step_frame(std::uint32_t sequence = 3) {
   Step step{};
   step.time = 500000;
   step.axis[0] = {0.3F, {25.5F, 24.25F}, {0, -0.125F}};
-  Frame frame{{protocol_version, Type::step, 0xBEEF, sequence}, Stream(Step::size(1))};
-  std::memcpy(frame.payload.data(), &step, Step::size(1));
+  Frame frame{{protocol_version, Type::step, 0xBEEF, sequence}, Stream(size_with<Step>(1))};
+  std::memcpy(frame.payload.data(), &step, size_with<Step>(1));
   return frame;
 }
 
@@ -197,7 +197,7 @@ class Bench {
   Frame start(std::uint32_t silence = 0, const tenodesis_parameters& parameters = scaled_up) {
     Parameters upload{};
     upload.silence = silence;
-    std::memcpy(upload.image, &parameters, sizeof parameters);
+    std::memcpy(&upload.controller, &parameters, sizeof parameters);
     return ask(question(Type::parameters, bytes_of(upload)));
   }
 
@@ -212,7 +212,7 @@ class Bench {
     Step step{input.time, input.request, choice, {}};
     std::memcpy(step.axis, input.axis, sizeof step.axis);
     Stream payload = bytes_of(step);
-    payload.resize(Step::size(1));
+    payload.resize(size_with<Step>(1));
     return question(Type::step, payload);
   }
 
@@ -441,7 +441,7 @@ class Streaming {
     const tenodesis_input input = plant.reading();
     const tenodesis_measurement measured[TENODESIS_AXES]{input.axis[0], {}};
     const Frame frame = bench.received(bench.endpoint().tick(measured, input.time));
-    CLAIM(frame.payload.size() == Streamed::size(1) && frame.header.sequence == ++ticks);
+    CLAIM(frame.payload.size() == size_with<Streamed>(1) && frame.header.sequence == ++ticks);
     const auto got = message<Streamed>(frame);
     CLAIM(got.axis[0].measured.tension[0] == input.axis[0].tension[0] && got.tick.time == input.time);
     plant.follow(got.axis[0].answer.spool_velocity);

@@ -246,7 +246,7 @@ def test_a_board_with_sensors_measures_steps_and_sends_by_itself(tmp_path: Path,
     with sb.qemu(tmp_path, by_instructions=False) as (address, _):
         told = scaled.replace(**{"control.watchdog": 0.5})
         with SerialController(address, told, own_clock=True, **PATIENT) as there:
-            image = serial._image(there)
+            image = there.core.parameters()
         with sb.connected(address) as line:
             parameters = Frame(sb.PARAMETERS, 9, 100, struct.pack("<2I", 0, 0) + image)
             assert sb.answer_to(line, parameters).type == sb.DONE

@@ -1,7 +1,7 @@
 #pragma once
 // Work compiled for several vector widths, and run in the widest that this processor has.
 
-namespace tenodesis::bindings {
+namespace tenodesis::engine {
 
 enum class Vectors { plain, avx2, avx512 };
 
@@ -51,4 +51,4 @@ void in_widest_vectors(const Work& work) {
 
 #endif
 
-}  // namespace tenodesis::bindings
+}  // namespace tenodesis::engine
