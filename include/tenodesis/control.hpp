@@ -1,5 +1,5 @@
 #pragma once
-// What goes into and comes out of the controller of one axis, and what it must know of the instrument.
+// Inputs and outputs of the controller of one axis, and its model of the instrument.
 
 #include <cstdint>
 
@@ -8,12 +8,12 @@
 
 namespace tenodesis {
 
-/// What the proximal sensors of one axis say.
+/// Readings of the proximal sensors of one axis.
 template <class S>
 struct Measurement {
   S handle_angle{};    ///< rad
-  S tension[2]{};      ///< beside the spools, agonist first, N
-  S spool_angle[2]{};  ///< from where both tendons had their pretension at a straight handle, rad; positive winds
+  S tension[2]{};      ///< at the spools, agonist first, N
+  S spool_angle[2]{};  ///< zero where both tendons have their pretension at a straight handle, rad; positive winds
 };
 
 /// The same measurement in another type that has these fields.
@@ -31,7 +31,7 @@ struct Estimate {
   S output_angle_std{};    ///< rad
   S tip_force{};           ///< tangential at the tip, positive against positive flexion, N
   S tip_force_std{};       ///< N
-  S friction_scale{1};     ///< of the friction there is over that of the parameters
+  S friction_scale{1};     ///< actual friction over that of the parameters
   S friction_scale_std{};  ///< 1
 };
 
@@ -50,7 +50,7 @@ struct Winding {
   S antagonist{};
 };
 
-/// The constants of one axis that observers and compensators go by.
+/// The constants of one axis that observers and compensators use.
 template <class A>
 struct ControlModel {
   using S = A::Scalar;
@@ -63,11 +63,11 @@ struct ControlModel {
   S sheath_bend{};       ///< total bend of the sheath, rad
   S sheath_bend_rate{};  ///< added to it per radian of |handle angle|
 
-  /// Tendon length that the handle has drawn on the agonist and given on the antagonist, m.
+  /// Tendon length that the handle draws on the agonist and lets out on the antagonist, m.
   S drawn(const S& handle_angle) const {
     return axis.proximal.excursion_slope() * axis.proximal.coordinate(handle_angle);
   }
-  /// The same at the tip, for an output angle.
+  /// The same of the tip, for an output angle.
   S taken(const S& output_angle) const { return axis.distal.excursion_slope() * axis.distal.coordinate(output_angle); }
 };
 

@@ -1,4 +1,4 @@
-// The Python module over the core: arrays in, arrays out, interpreter lock released.
+// The Python module over the core: arrays in, arrays out, interpreter lock released; and the statics.
 
 #include "evaluate.hpp"
 #include "module.hpp"
@@ -13,11 +13,11 @@ struct Arguments {
   std::size_t count{1};
 
   Arguments(const std::vector<In<1>>& inputs, int expected) {
-    if (inputs.size() != std::size_t(expected)) throw nb::value_error("wrong number of inputs");
+    require(inputs.size() == std::size_t(expected), "wrong number of inputs");
     for (const In<1>& input : inputs)
       if (input.shape(0) != 1) count = input.shape(0);
     for (const In<1>& input : inputs) {
-      if (input.shape(0) != count && input.shape(0) != 1) throw nb::value_error("inputs differ in length");
+      require(input.shape(0) == count || input.shape(0) == 1, "inputs differ in length");
       columns.push_back({input.data(), input.shape(0) != count});
     }
   }
@@ -25,7 +25,7 @@ struct Arguments {
   Points points() const { return {columns, count}; }
 };
 
-// Calls f with the operation of a name, as a type; held ones and direct ones alike.
+// Calls f with the operation of a name as a type, and whether it is a held one.
 template <class F, class... H, class... D>
 bool dispatch(const std::string& name, const F& f, List<H...>, List<D...>) {
   return ((name == H::name && (f.template operator()<H, true>(), true)) || ...) ||
@@ -59,9 +59,9 @@ void over_points(const std::string& name, const std::vector<In<1>>& inputs, cons
   dispatch(name, [&]<class Operation, bool held>() {
     const Arguments arguments(inputs, inputs_of<Operation, held>());
     const Points points = arguments.points();
-    if (results.out.shape(0) != std::size_t(Operation::outputs) || results.out.shape(1) != rows ||
-        results.out.shape(2) != points.count || results.status.shape(0) != points.count)
-      throw nb::value_error("outputs do not fit operation and inputs");
+    require(results.out.shape(0) == std::size_t(Operation::outputs) && results.out.shape(1) == rows &&
+                results.out.shape(2) == points.count && results.status.shape(0) == points.count,
+            "outputs do not fit operation and inputs");
     std::array<double*, Operation::outputs> out{};
     for (std::size_t k = 0; k < out.size(); ++k) out[k] = results.out.data() + k * rows * points.count;
     if (points.count == 0) return;
@@ -91,10 +91,9 @@ void evaluate(const Spec& spec, const std::string& name, const std::vector<In<1>
 
 void gradient(const Spec& spec, const std::string& name, const std::vector<In<1>>& inputs,
               const std::vector<std::size_t>& variables, const Out<3>& out, const Statuses& status, int threads) {
-  if (variables.empty()) throw nb::value_error("no variables");
-  for (const std::size_t variable : variables)
-    if (variable >= parameter_count + inputs.size()) throw nb::value_error("no such variable");
-  // A derivative costs several times a value, so that fewer of them are worth a thread.
+  require(!variables.empty(), "no variables");
+  for (const std::size_t variable : variables) require(variable < parameter_count + inputs.size(), "no such variable");
+  // A derivative costs several times as much as a value, so that fewer of them justify a thread.
   over_points(name, inputs, {out, status}, variables.size(), threads, points_per_thread / 8,
               [&]<class Operation, bool held>(const Points& points, std::span<double* const> data, unsigned char* found,
                                               std::size_t begin, std::size_t end) {
@@ -106,16 +105,16 @@ void gradient(const Spec& spec, const std::string& name, const std::vector<In<1>
 }  // namespace
 
 NB_MODULE(_core, m) {
-  // Instruments keep their spec for as long as they live, which may be longer than the module does.
+  // Instruments may keep their spec for longer than the module exists.
   nb::set_leak_warnings(false);
   m.doc() = "The C++ core over arrays; the package's modules are its interface.";
 
   nb::enum_<Status>(m, "Status", nb::is_arithmetic(), "How a solve ended.")
       .value("OK", Status::ok, "solved")
       .value("NO_EQUILIBRIUM", Status::no_equilibrium, "loaded past the fold: the joint snaps through")
-      .value("UNREACHABLE", Status::unreachable, "outside what the mechanism can bend to")
+      .value("UNREACHABLE", Status::unreachable, "outside the mechanism's range")
       .value("BOTH_SLACK", Status::both_slack, "neither tendon holds the joint")
-      .value("NO_AUTHORITY", Status::no_authority, "no stroke of the acting motors gives the angle back")
+      .value("NO_AUTHORITY", Status::no_authority, "no stroke of the acting motors restores the angle")
       .value("OUT_OF_RANGE", Status::out_of_range, "handle angle beyond the handle's range")
       .value("NOT_FINITE", Status::not_finite, "NaN or infinite input");
 
@@ -124,7 +123,7 @@ NB_MODULE(_core, m) {
       .value("TENDON_PULLEY", JointType::tendon_pulley)
       .value("CONTINUUM", JointType::continuum);
 
-  nb::class_<Spec>(m, "Spec", "One axis of an instrument, as numbers in SI units.")
+  nb::class_<Spec>(m, "Spec", "One axis of an instrument, in SI units.")
       .def(
           "__init__",
           [](Spec* self, JointType type, const std::array<double, parameter_count>& parameters, double range) {
@@ -146,7 +145,6 @@ NB_MODULE(_core, m) {
   m.def(
       "unloaded_limit",
       [](const Spec& spec) {
-        // How far the handle's range would bend the distal joint without a load, as a share of its limit.
         return std::visit(
             [](const auto& axis) {
               const double pull = axis.proximal.excursion_slope() * axis.proximal.coordinate(axis.handle_range);
@@ -155,7 +153,7 @@ NB_MODULE(_core, m) {
             make_axis(spec));
       },
       "spec"_a, "Unloaded distal coordinate at the end of the handle's range, as a share of the joint's limit.");
-  // Python allocates the results: NumPy does so in huge pages, which a system call per 4 KiB would cost dearly.
+  // Python allocates the results: NumPy uses huge pages, which saves a page fault per 4 KiB.
   m.def("evaluate", &evaluate, "spec"_a, "operation"_a, "inputs"_a, "out"_a, "status"_a, "threads"_a,
         nb::sig("def evaluate(spec: Spec, operation: str, inputs: Sequence[NDArray[numpy.float64]], "
                 "out: NDArray[numpy.float64], status: NDArray[numpy.uint8], threads: int) -> None"),

@@ -1,4 +1,4 @@
-// The digital twin for Python: one alone, and many side by side over threads.
+// The digital twin for Python: a single one, and many of them over threads.
 
 #include <algorithm>
 #include <atomic>
@@ -13,7 +13,7 @@ namespace {
 using namespace engine;
 
 Commands commands_of(const In<2>& rows) {
-  if (rows.shape(1) != command_count) throw nb::value_error("a command has another number of columns");
+  require(rows.shape(1) == command_count, "a command has another number of columns");
   return {rows.data()};
 }
 
@@ -27,7 +27,7 @@ TwinSpec with_row(const TwinSpec& spec, const double* row) {
   return own;
 }
 
-/// Runs one twin per row of parameters, from rest, over its own commands or the ones that all share.
+/// Runs one twin per row of parameters, from rest, over its own commands or common ones.
 void run_many(const TwinSpec& spec, const In<2>& parameters, const In<3>& commands,
               const Array<const std::uint64_t, 1>& seeds, const std::vector<std::size_t>& signals, std::size_t every,
               const Out<3>& out, const Array<std::int64_t, 2>& outcome, int threads) {
@@ -37,7 +37,7 @@ void run_many(const TwinSpec& spec, const In<2>& parameters, const In<3>& comman
       (commands.shape(0) != runs && commands.shape(0) != 1) || seeds.shape(0) != runs || out.shape(0) != runs ||
       out.shape(1) != signals.size() || every == 0 || out.shape(2) != count / every || outcome.shape(0) != runs ||
       outcome.shape(1) != 2)
-    throw nb::value_error("shapes do not fit");
+    throw nb::value_error("parameters, commands, seeds and outputs do not fit");
   for (const std::size_t signal : signals)
     if (signal >= signal_count) throw nb::value_error("no such signal");
   const nb::gil_scoped_release release;
@@ -60,7 +60,7 @@ void run_many(const TwinSpec& spec, const In<2>& parameters, const In<3>& comman
 }  // namespace
 
 void bind_twin(nb::module_& m) {
-  nb::class_<TwinSpec>(m, "TwinSpec", "A twin of one axis, as numbers in SI units.")
+  nb::class_<TwinSpec>(m, "TwinSpec", "A twin of one axis, in SI units.")
       .def(
           "__init__",
           [](TwinSpec* self, const Spec& axis, const TwinRow& row, bool speed_dependent, int sheath_contacts,
@@ -85,7 +85,7 @@ void bind_twin(nb::module_& m) {
           },
           "commands"_a, "out"_a,
           nb::sig("def run(self, commands: NDArray[numpy.float64], out: NDArray[numpy.float64]) -> tuple[int, Status]"),
-          "Step over rows of commands; a row of signals per step in out. Returns the steps taken and why no more were.")
+          "Step over rows of commands; a row of signals per step in out. Returns the steps taken and the last status.")
       .def(
           "audit",
           [](AnyTwin& twin, const In<2>& commands) {
@@ -111,14 +111,15 @@ void bind_twin(nb::module_& m) {
             return nb::bytes(bytes.data(), bytes.size());
           },
           [](AnyTwin& twin, const nb::bytes& bytes) { twin.set_state({bytes.c_str(), bytes.size()}); },
-          "The whole state, as bytes.")
-      .def_prop_ro("handle_wanted", &AnyTwin::handle_wanted, "Where the handle was last outcome to be, rad.")
+          "The state, as bytes.")
+      .def_prop_ro("handle_wanted", &AnyTwin::handle_wanted, "Handle angle of the last command, rad.")
       .def(
           "signals", [](const AnyTwin& twin, const In<2>& command) { return twin.signals(commands_of(command)[0]); },
           "command"_a, nb::sig("def signals(self, command: NDArray[numpy.float64]) -> list[float]"),
           "The signals as they stand.");
 
-  m.def("twin_parameters", [] { return list_of(twin_parameter_names); }, "Names of a twin's numbers, in their order.");
+  m.def(
+      "twin_parameters", [] { return list_of(twin_parameter_names); }, "Names of a twin's parameters, in their order.");
   m.def("twin_commands", [] { return list_of(command_names); }, "Names of a command's columns.");
   m.def("twin_signals", [] { return list_of(signal_names); }, "Names of the signals a step writes, in their order.");
   m.def("most_sheath_contacts", [] { return most_sheath_contacts; }, "How many contacts a twin's sheath can have.");

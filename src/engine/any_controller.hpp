@@ -85,7 +85,7 @@ class AnyController {
   virtual void step(const AnyInput& input, AnyOutput& output) = 0;
   virtual void reset() = 0;
   virtual int axes() const = 0;
-  /// In single precision, whatever it computes in.
+  /// As a board takes them, in single precision.
   virtual const link::ControllerParameters& parameters() const = 0;
   virtual tenodesis_counts counts(int axis) const = 0;
   virtual Phase phase(int axis) const = 0;

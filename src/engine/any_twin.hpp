@@ -51,7 +51,7 @@ inline constexpr std::array signal_names{"measured_handle_angle",
                                          "sweeps"};
 inline constexpr std::size_t signal_count = signal_names.size();
 
-/// Commands of successive steps, each a row of command_count numbers.
+/// Commands of successive steps, each a row of command_count values.
 struct Commands {
   const double* rows{};
 

@@ -1,5 +1,5 @@
 #pragma once
-// Work compiled for several vector widths, and run in the widest that this processor has.
+// Work that is compiled for several vector widths and run in the widest that this processor has.
 
 namespace tenodesis::engine {
 
@@ -15,7 +15,7 @@ template <class Work>
 #ifdef __clang__
 #define TENODESIS_AVX512 "avx512f,avx512dq,avx512vl,avx2,fma"
 #else
-// gcc keeps to half the width unless told otherwise.
+// By default gcc uses half the width.
 #define TENODESIS_AVX512 "avx512f,avx512dq,avx512vl,avx2,fma,prefer-vector-width=512"
 #endif
 

@@ -1,6 +1,6 @@
 #pragma once
-// What any controller on a board is to the PC: its parameters, what it answers and what that is worth. Whatever fails
-// there is a fault, motors at rest, until the link is set up anew by a clear or a reset.
+// The PC's side of a controller on a board: its parameters, its answers and their checks. Any failure is a fault, with
+// motors at rest, until the link is set up again by a clear or a reset.
 
 #include <cmath>
 #include <cstring>
@@ -38,7 +38,7 @@ class BoardController : public AnyController {
     return limit > 0 && !(float(since_last_step) <= limit);
   }
 
-  /// Goes with the next tick, and into the parameters that a session set up anew begins with.
+  /// Takes effect with the next tick, and in the parameters of a new session.
   bool choose(ControlLaw law, Actuation actuation) override {
     const std::scoped_lock guard(mutex_);
     if (law == ControlLaw::robust && parameters_.observer != TENODESIS_OBSERVER_FRICTION) return false;
@@ -53,7 +53,7 @@ class BoardController : public AnyController {
   const LinkCounts& link_counts() const { return link_.counts(); }
   /// Ticks of the board's clock that the tick before the last took.
   std::uint32_t busy() const { return busy_; }
-  /// Whether the board says that it has stopped by itself, or by being told, and waits to be enabled.
+  /// Whether the board has stopped, by itself or on request, and waits to be enabled.
   bool stopped() const { return (flags_ & link::stopped) != 0; }
 
   void close() {
@@ -76,7 +76,7 @@ class BoardController : public AnyController {
     return {static_cast<std::uint16_t>(parameters_.law), static_cast<std::uint16_t>(parameters_.actuation)};
   }
 
-  /// Whether motors may do what a board has answered; what may not is the link's problem from now on.
+  /// Whether motors may do what a board has answered; if not, the link has a problem.
   bool is_sound(const link::Output& answer) {
     if (answer.tick.state > TENODESIS_FAULT)
       return link_.fail(LinkProblem::bad_answer, "the board is in state " + std::to_string(answer.tick.state) +
@@ -106,7 +106,7 @@ class BoardController : public AnyController {
     }
   }
 
-  /// Without an answer nothing is known of the tip, and nothing moves.
+  /// Without an answer the tip is unknown, and motors are at rest.
   void stop(AnyOutput& output) {
     constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
     const std::uint32_t fault =
@@ -131,20 +131,20 @@ class BoardController : public AnyController {
     if (axis.phase > static_cast<std::uint32_t>(Phase::release))
       return link_.fail(LinkProblem::bad_answer,
                         "the board is in phase " + std::to_string(axis.phase) + " of compensation");
-    // What the ramps add in float may be off by a rounding.
+    // Ramps in float may exceed the limit by rounding.
     const float most = parameters_.speed_limit * (1 + 4 * std::numeric_limits<float>::epsilon());
     for (const float velocity : axis.spool_velocity) {
       if (!std::isfinite(velocity))
         return link_.fail(LinkProblem::not_a_number, "the board sent a velocity that is not a number");
       if (std::abs(velocity) > most)
         return link_.fail(LinkProblem::beyond_limit, "the board sent a velocity of " + std::to_string(velocity) +
-                                                         " rad/s; allowed is at most " + std::to_string(most));
+                                                         " rad/s; it must be at most " + std::to_string(most));
     }
     return true;
   }
 
   link::ControllerParameters parameters_;
-  mutable std::mutex mutex_;  // whoever asks for counts or closes is another thread than ticks
+  mutable std::mutex mutex_;  // other threads than that of the ticks ask for counts and close
   mutable SerialLink link_;
   int axes_;
   std::array<Phase, most_axes> phase_{Phase::track, Phase::track};

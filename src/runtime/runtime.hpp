@@ -172,7 +172,7 @@ class Runtime {
     if (due == 0) return;
     note_lateness(begun > due ? begun - due : 0, wall_period());
     if (!too_long(late_now_)) return;
-    // Ticks missed by so much are not made up for: time goes on from here.
+    // Ticks missed by so much are not made up for: the schedule continues from here.
     missed_.fetch_add((begun - due) / wall_period(), std::memory_order_relaxed);
     next_ = begun;
     if (!device_.simulated()) stop_for(Problem::late);

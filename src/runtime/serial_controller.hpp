@@ -1,5 +1,5 @@
 #pragma once
-// A controller on a board, as any other: a tick is sent to it over a line and its answer waited for.
+// A controller on a board: each tick is sent to it over a line, and its answer waited for.
 
 #include "board_controller.hpp"
 

@@ -15,10 +15,9 @@ from tenodesis import _core, cli, control
 from tenodesis.control.parameters import AXIS, COMMON
 from tenodesis.instrument import Instrument
 
-from .conftest import EXAMPLES, ROOT
+from .conftest import EXAMPLES
 
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
-
 
 
 @pytest.fixture
@@ -152,9 +151,9 @@ def test_no_name_of_a_file_breaks_the_header(scaled: Instrument) -> None:
     comment = text[: text.index("#ifndef")]
     assert comment.count("*/") == 1
     assert "#error" not in [line.strip() for line in comment.splitlines()]
-    assert export.identifier("2 nd/Größe.x") == "instrument_2_nd_gr_e_x"
-    assert export.identifier("static") == "instrument_static"
-    assert export.identifier("") == "instrument"
+    assert control.identifier("2 nd/Größe.x") == "instrument_2_nd_gr_e_x"
+    assert control.identifier("static") == "instrument_static"
+    assert control.identifier("") == "instrument"
 
 
 def test_numbers_that_make_no_controller_are_not_exported(scaled: Instrument) -> None:
