@@ -77,9 +77,13 @@ def springs(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     def load(path: Path) -> MeasuredRun:
         stretch, tension, angle = np.loadtxt(path)
         time = STEP * np.arange(stretch.size)
-        return MeasuredRun(path.name, time, {"stretch": stretch, "tension": tension, "angle": angle}, ("dropped 1 row",))
+        return MeasuredRun(
+            path.name, time, {"stretch": stretch, "tension": tension, "angle": angle}, ("dropped 1 row",)
+        )
 
-    def problem(train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None) -> Any:
+    def problem(
+        train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None
+    ) -> Any:
         assert law == "capstan-constant"
         return Springs([*train, *test], instrument)
 
