@@ -228,7 +228,7 @@ def _controller(
         homed=not isinstance(protocol.phases[0], simulate.Pretension),
         period=max(time_step, 1 / inst.sensors.sampling_rate),
     )
-    controller.refuse_another(inst)
+    controller.check_instrument(inst)
     return controller
 
 
