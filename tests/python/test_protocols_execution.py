@@ -28,7 +28,7 @@ class Springs:
     def __post_init__(self) -> None:
         self.wound = np.zeros((len(self.inst.axes), 2))
 
-    def run(self, *, handle_angle: Array, force: Array, radial_force: Array, spool_velocity: Array) -> Run:
+    def run(self, *, handle_angle: Array, force: Array, radial_force: Array, spool_velocity: Array, **_: Any) -> Run:
         time: Array = self.time + self.time_step * np.arange(1.0, len(force) + 1)
         velocity = spool_velocity.reshape(len(force), -1, 2)
         wound = self.wound + self.time_step * self.spool_radius * np.cumsum(velocity, axis=0)

@@ -356,7 +356,7 @@ def test_a_path_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
 def test_a_file_is_overwritten_only_when_asked(tmp_path: Path) -> None:
     path = recorded(tmp_path / "run.mcap", a_run(5))
     before = path.read_bytes()
-    with pytest.raises(RecordingError, match="exists already; allowed is"):
+    with pytest.raises(RecordingError, match="exists already; give another path"):
         Recorder(path, axes=("yaw",))
     assert path.read_bytes() == before
     recorded(path, a_run(9), overwrite=True)
@@ -403,7 +403,7 @@ def test_a_file_that_is_no_recording_is_refused_with_what_it_is(tmp_path: Path) 
     with pytest.raises(RecordingError, match="cannot be read"):
         Recording.open(tmp_path)
     stock(path, {"/camera": [joints(i, ["lens"]) for i in range(3)]})
-    with pytest.raises(RecordingError, match=r"nothing of a recording: its topics are /camera\."):
+    with pytest.raises(RecordingError, match=r"no topic of a recording: its topics are /camera\."):
         Recording.open(path)
 
 

@@ -18,11 +18,11 @@ from tenodesis import simulate
 from tenodesis.control import FAULTS, Controller, OperatingState
 from tenodesis.errors import ProtocolError, RecordingError
 from tenodesis.instrument import Instrument
-from tenodesis.recording import Recorder, Recording, choices
-from tenodesis.recording.outcome import outcome, tip_error
+from tenodesis.recording import Recorder, Recording
+from tenodesis.recording.metadata import CONTROLLER_INSTRUMENT, restored_controller
 from tenodesis.recording.replay import replay
 from tenodesis.recording.simulation import record
-from tenodesis.recording.summary import describe
+from tenodesis.recording.summary import describe, outcome, tip_error
 from tenodesis.run import CONTROL, Run
 from tenodesis.simulate import Cycles, FaultInjection, Hold, Pretension, Protocol, Ramp, StepLoad
 from tenodesis.twin import Twin
@@ -80,11 +80,11 @@ def test_every_choice_is_made_again(
     controller = Controller(scaled, observer, law, actuation, enabled=law != "off", period=1e-3)
     record(scaled, PROTOCOL, tmp_path / "run.mcap", controller=controller)
     recording = Recording.open(tmp_path / "run.mcap")
-    made = choices.made_again(recording)
+    made = restored_controller(recording)
     assert made is not None
     for name in ("inst", "law", "observer", "actuation", "homed_at_start", "enabled_at_start", "parameters"):
         assert getattr(made, name) == getattr(controller, name), name
-    assert choices.INSTRUMENT not in recording.metadata
+    assert CONTROLLER_INSTRUMENT not in recording.metadata
     assert tomllib.loads(recording.metadata["controller"])["faults"] == list(FAULTS)
     assert replay(recording).exact
 
@@ -167,7 +167,7 @@ def test_a_recording_without_a_controller_is_as_it_was(scaled: Instrument, tmp_p
     assert not set(CONTROL) & run.signals().keys()
     assert not [name for name in recording.topics if name.startswith("/controller")]
     assert not [key for key in recording.metadata if key.startswith("controller")]
-    assert choices.made_again(recording) is None
+    assert restored_controller(recording) is None
     assert outcome(run, scaled) == {}
     assert "eq. 18" not in shown(recording)
     assert replay(recording).exact
@@ -252,7 +252,7 @@ def test_the_summary_tells_state_faults_and_tip(scaled: Instrument, tmp_path: Pa
     assert facts["tip"].startswith(f"yaw {off:+.2f} deg off eq. 18 at the end, ")
     text = shown(Recording.open(path))
     for words in (
-        "robust law, friction observer, differential actuation, told another instrument (scaled-up)",
+        "robust law, friction observer, differential actuation, made for another instrument (scaled-up)",
         *facts.values(),
         "/controller/tip/measured_js_std",
         "estimated_output_angle.yaw",

@@ -132,7 +132,7 @@ class Plant(Protocol):
 
 
 class ControllablePlant(Plant, Protocol):
-    """What a protocol is run on with a controller in the loop."""
+    """A plant that can be run with a controller in the loop, which moves the spools itself."""
 
     def run(
         self,
@@ -140,8 +140,8 @@ class ControllablePlant(Plant, Protocol):
         handle_angle: Array,
         force: Array,
         radial_force: Array,
-        spool_velocity: ArrayLike = 0.0,
+        spool_velocity: Array,
         controller: Controller | None = None,
         request: ArrayLike = 0,
     ) -> Run:
-        """Go on as :meth:`Plant.run`; a controller gets a request at each step, and moves the spools itself."""
+        """Go on as :meth:`Plant.run`; a controller gets a request at each step."""
