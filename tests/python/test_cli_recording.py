@@ -218,7 +218,7 @@ def test_a_controller_that_cannot_be_is_refused_in_a_sentence(
         (("replay", "run.mcap", "--out", "run.mcap"), "run.mcap exists already"),
         (("replay", "run.mcap", "--plot", "x.gif"), "x.gif has the extension '.gif'; allowed are .png, .svg, .pdf"),
         (("replay", "run.mcap", "--plot", "nowhere/x.png"), "nowhere/x.png cannot be written: No such file"),
-        (("replay", "run.mcap", "--instrument", "real-size"), "allowed is an instrument with the same"),
+        (("replay", "run.mcap", "--instrument", "real-size"), "the instrument must have the same"),
         (
             ("export", "recording", "run.mcap", "--to", "x.xls"),
             "x.xls has the extension '.xls'; allowed are .csv, .par",
