@@ -1,12 +1,17 @@
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 import tenodesis as tn
 from tenodesis.instrument import Instrument
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
+
+# No test depends on luck: the same examples every time, and no verdict by the clock.
+settings.register_profile("repeatable", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("repeatable")
 
 
 @pytest.fixture(scope="session")

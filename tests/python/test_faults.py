@@ -10,9 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 import tenodesis as tn
-from tenodesis.control import FAULTS, Controller, FaultInjection, OperatingState, Request, parameters
+from tenodesis.control import FAULTS, Controller, OperatingState, Request, parameters
 from tenodesis.instrument import Instrument
 from tenodesis.run import Run
+from tenodesis.simulate import FaultInjection
 from tenodesis.twin import TIME_STEP, Twin
 
 from .conftest import ROOT

@@ -15,8 +15,7 @@ from tenodesis.cli.common import PatientBar, check_outputs
 from tenodesis.errors import CommandError
 from tenodesis.identification.experiment import DURATION, OPTIMISTIC, Plan, plan, report
 from tenodesis.identification.experiment.choice import CriterionName
-from tenodesis.instrument import Force
-from tenodesis.simulate.quantities import Duration
+from tenodesis.units import Duration, PositiveForce
 
 console = Console()
 
@@ -98,7 +97,7 @@ def _criterion(name: str) -> CriterionName:
 def _forces(text: str) -> list[float]:
     if text.strip() == _NONE:
         return []
-    return [_quantity("--forces", part.strip(), Force) for part in text.split(",")]
+    return [_quantity("--forces", part.strip(), PositiveForce) for part in text.split(",")]
 
 
 def _quantity(option: str, text: str, kind: Any) -> float:

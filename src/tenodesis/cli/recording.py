@@ -28,8 +28,7 @@ from tenodesis.recording.replay import replay as run_again
 from tenodesis.recording.simulation import record as record_run
 from tenodesis.recording.summary import describe, outcome
 from tenodesis.run import Run
-from tenodesis.simulate.quantities import Duration
-from tenodesis.units import in_unit
+from tenodesis.units import Duration, in_unit
 
 console = Console()
 exports = typer.Typer(help="Write what other programs read.", no_args_is_help=True)
@@ -220,7 +219,7 @@ def _controller(
         homed=not isinstance(protocol.phases[0], simulate.Pretension),
         period=max(time_step, 1 / inst.sensors.sampling_rate),
     )
-    controller.refuse_another(inst)
+    controller.check_instrument(inst)
     return controller
 
 

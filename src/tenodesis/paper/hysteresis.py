@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from tenodesis import simulate, statics, twin
 from tenodesis.errors import NoSolutionError
-from tenodesis.instrument import Instrument, unit_of
+from tenodesis.instrument import Instrument
 from tenodesis.paper import published
 from tenodesis.paper.context import Context, Session
 from tenodesis.paper.input_output import forces
 from tenodesis.report import style
 from tenodesis.report.content import Plot, Section, Table, fixed, named, number
 from tenodesis.run import Run
+from tenodesis.units import unit_of
 
 Array = NDArray[np.float64]
 

@@ -76,7 +76,7 @@ def record(
     plan = protocol.plan(inst, time_step)
     if controller is not None:
         controller.reset()
-        controller.refuse_another(inst)
+        controller.check_instrument(inst)
         check_controllable(plan, controller.inst)
     metadata = metadata_of(
         inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller

@@ -4,19 +4,17 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from tenodesis.instrument import Force, Moment
-from tenodesis.instrument.hardware import Length, Table
-from tenodesis.scaling.parts import Mass, ordered
-from tenodesis.units import Quantity, annotation
+from tenodesis.files import FileTable
+from tenodesis.scaling.parts import ordered
+from tenodesis.units import Length, Mass, Moment, PositiveForce, SimilarityError
 
 _Scale = Annotated[float, Field(gt=0, le=1000, strict=True)]
 _Margin = Annotated[float, Field(ge=1, le=1000, strict=True)]
 _Tolerance = Annotated[float, Field(ge=0, lt=1, strict=True)]
-SimilarityError = Annotated[float, *annotation(Quantity("angle", "rad", "2 deg", above=0, below=4))]
 _Lengths = Annotated[tuple[Length, Length], AfterValidator(ordered)]
 
 
-class Constraints(Table):
+class Constraints(FileTable):
     """Constraints of a design; None leaves a value free, pairs are least and most."""
 
     factor: Annotated[tuple[_Scale, _Scale], AfterValidator(ordered)] | None = Field(
@@ -39,10 +37,10 @@ class Constraints(Table):
     )
     tension_margin: _Margin = Field(default=1.5, description="Least breaking load over the largest tension")
     load_cell_margin: _Margin = Field(default=1.2, description="Least range of a load cell over the largest tension")
-    largest_force: Force | None = Field(
+    largest_force: PositiveForce | None = Field(
         default=None, description="Force on the real-size tip to test up to; without it the largest of its conditions"
     )
-    test_forces: tuple[Force, ...] = Field(
+    test_forces: tuple[PositiveForce, ...] = Field(
         default=(), max_length=12, description="Forces on the real-size tip to test at; without them its conditions'"
     )
     cable_pulley_radius: Length = Field(default=15e-3, description="Radius the weight cables act at")

@@ -10,11 +10,10 @@ from tenodesis.run import concatenate
 from tenodesis.simulate.command import Plant
 from tenodesis.simulate.execution import execute
 from tenodesis.simulate.fault_injection import INJECTION_POINTS, FaultInjection
-from tenodesis.simulate.files import load, parse, shipped
 from tenodesis.simulate.motion import Motion
 from tenodesis.simulate.phases import Cycles, Hold, Ramp, StepLoad
 from tenodesis.simulate.pretension import Pretension
-from tenodesis.simulate.protocol import Protocol
+from tenodesis.simulate.protocol import Protocol, load, parse, shipped
 
 __all__ = [
     "INJECTION_POINTS",

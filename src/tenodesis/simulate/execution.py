@@ -37,7 +37,7 @@ class Loop:
     """
 
     def __init__(self, plant: ControllablePlant, controller: Controller) -> None:
-        controller.refuse_another(plant.inst)
+        controller.check_instrument(plant.inst)
         self.plant, self.controller = plant, controller
 
     @property

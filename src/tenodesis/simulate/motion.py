@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from tenodesis.errors import ProtocolError
-from tenodesis.instrument import Angle
 from tenodesis.run import Array
 from tenodesis.simulate.command import Segment
 from tenodesis.simulate.phases import Loaded, Start, check_choice
 from tenodesis.simulate.reach import check_handle_angles, largest
+from tenodesis.units import Angle
 
 _RADIANS = {"rad": 1.0, "deg": math.radians(1)}
 
@@ -45,7 +45,7 @@ class Motion(Loaded):
     angle_column: str = Field(default="angle", description="Column of angles")
     angle_unit: Literal["deg", "rad"] = Field(description="Unit of that column")
     scale: float = Field(default=1.0, strict=True, description="Handle angle by recorded angle")
-    offset: Angle = Field(default=0.0, description="Handle angle where the recorded one is nought")
+    offset: Angle = Field(default=0.0, description="Handle angle where the recorded one is 0")
     limit: bool = Field(default=False, strict=True, description="Cut off what is beyond the ranges; else an error")
 
     @field_validator("file")

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from tenodesis.errors import ProtocolError
-from tenodesis.instrument import Angle, AxisName, Instrument
+from tenodesis.instrument import AxisName, Instrument
 from tenodesis.run import Array
 from tenodesis.simulate.command import SHAPES, SMOOTH, AngleByStep, Command, Segment, ShapeName, between
-from tenodesis.simulate.quantities import Delay, Duration, Force, Moment, Speed, SpoolVelocity
 from tenodesis.simulate.reach import check_handle_angle, unloaded_handle_angle
+from tenodesis.units import Angle, Delay, Duration, HandleSpeed, SignedForce, SignedMoment, SpoolVelocity
 
 
 class ProtocolModel(BaseModel):
@@ -82,7 +82,9 @@ class OpenLoop(Phase):
 class Moving(OpenLoop):
     """A phase that begins at a handle angle of its own."""
 
-    approach: Speed = Field(default=math.radians(20), description="Largest handle speed on the way to where it begins")
+    approach: HandleSpeed = Field(
+        default=math.radians(20), description="Largest handle speed on the way to where it begins"
+    )
 
     def approached(self, start: Start, angle: float) -> Iterator[Segment]:
         """Yield the smooth move (minimum jerk) to a handle angle (rad), if the handle is not there."""
@@ -101,9 +103,11 @@ class Moving(OpenLoop):
 class Loaded(Moving):
     """A phase that moves the handle under load."""
 
-    force: Force | None = Field(default=None, description="Tangential force at the tip; as it was if not given")
-    force_end: Force | None = Field(default=None, description="Force it goes to linearly; constant if not given")
-    radial_force: Force | None = Field(default=None, description="Force along the end-effector; as it was if not given")
+    force: SignedForce | None = Field(default=None, description="Tangential force at the tip; as it was if not given")
+    force_end: SignedForce | None = Field(default=None, description="Force it goes to linearly; constant if not given")
+    radial_force: SignedForce | None = Field(
+        default=None, description="Force along the end-effector; as it was if not given"
+    )
 
     def moved(self, start: Start, angles: tuple[float, float], steps: int, path: AngleByStep) -> Segment:
         """Return the segment under this load that follows a path between two handle angles (rad)."""
@@ -129,8 +133,8 @@ class Ramp(OpenLoop):
     kind: Literal["ramp"] = "ramp"
     duration: Duration = Field(description="How long")
     handle_angle: Angle | None = Field(default=None, description="Handle angle at the end")
-    force: Force | None = Field(default=None, description="Tangential force at the tip at the end")
-    radial_force: Force | None = Field(default=None, description="Force along the end-effector at the end")
+    force: SignedForce | None = Field(default=None, description="Tangential force at the tip at the end")
+    radial_force: SignedForce | None = Field(default=None, description="Force along the end-effector at the end")
     spool_velocity: tuple[SpoolVelocity, SpoolVelocity] | None = Field(
         default=None, description="Spool velocities at the end, agonist's and antagonist's; positive winds"
     )
@@ -166,7 +170,7 @@ class Cycles(Loaded):
     output_amplitude: Angle | None = Field(default=None, description="The same, as output angle without load")
     start: Angle = Field(default=0.0, alias="from", description="Handle angle it goes from and back to")
     symmetric: bool = Field(default=False, strict=True, description="From the negative of where it goes to")
-    speed: Speed | None = Field(default=None, description="Mean handle speed")
+    speed: HandleSpeed | None = Field(default=None, description="Mean handle speed")
     period: Duration | None = Field(default=None, description="Duration of a cycle")
     count: int = Field(ge=1, le=1_000_000, strict=True, description="Number of cycles")
     shape: ShapeName = Field(default="triangle", description="Handle angle over time")
@@ -220,9 +224,9 @@ class StepLoad(Moving):
     handle_angle: Angle | None = Field(default=None, description="Handle angle held; where it is if not given")
     output_angle: Angle | None = Field(default=None, description="The same, as output angle without load")
     delay: Delay = Field(default=0.0, description="Time at the handle angle before the load")
-    force: Force | None = Field(default=None, description="Tangential force at the tip")
-    weight: Force | None = Field(default=None, description="Force on the load rig's cable instead")
-    moment: Moment | None = Field(default=None, description="Moment of the load rig instead")
+    force: SignedForce | None = Field(default=None, description="Tangential force at the tip")
+    weight: SignedForce | None = Field(default=None, description="Force on the load rig's cable instead")
+    moment: SignedMoment | None = Field(default=None, description="Moment of the load rig instead")
     rise: Delay = Field(default=0.0, description="Time in which the load comes and goes, linearly")
     duration: Duration = Field(description="Time under the whole load")
     release: Duration | None = Field(default=None, description="Time after the load was taken off; else it stays")

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from tenodesis.errors import ProtocolError
-from tenodesis.instrument import Instrument, Length
+from tenodesis.instrument import Instrument
 from tenodesis.run import Array, Run
 from tenodesis.simulate.command import Command, Plant, Segment, sampled
 from tenodesis.simulate.phases import Phase
-from tenodesis.simulate.quantities import Duration, TendonSpeed, Tension
+from tenodesis.units import Duration, Length, WindingSpeed, WindingTension
 
 _CYCLE = 0.01
 """Time between two commands to the drives, over which the load cells' readings are averaged, s."""
@@ -35,9 +35,11 @@ class Pretension(Phase):
     """The motors wind until the load cells read a tension: closed loop, on every axis if none is given."""
 
     kind: Literal["pretension"] = "pretension"
-    tension: Tension | None = Field(default=None, description="Tension; the instrument's pretension if not given")
-    rate: TendonSpeed = Field(default=1e-3, description="Largest tendon speed")
-    tolerance: Tension = Field(default=0.5, description="Largest difference to the tension")
+    tension: WindingTension | None = Field(
+        default=None, description="Tension; the instrument's pretension if not given"
+    )
+    rate: WindingSpeed = Field(default=1e-3, description="Largest tendon speed")
+    tolerance: WindingTension = Field(default=0.5, description="Largest difference to the tension")
     timeout: Duration = Field(default=30.0, description="Time after which to give up")
     travel: Length | None = Field(
         default=None, description="Length wound after which to give up; 10 mm and twice the stretch if not given"
