@@ -98,7 +98,11 @@ def test_a_bad_key_is_answered_with_the_known_ones(key: str) -> None:
     }
     with pytest.raises(ProtocolError) as problem:
         simulate.parse(f'name = "p"\n{text[key]}')
-    known = {"phases": "name, description, phases", "kind": "pretension, hold, cycles, step-load, ramp, motion", "time": "axis, kind, duration"}
+    known = {
+        "phases": "name, description, phases",
+        "kind": "pretension, hold, cycles, step-load, ramp, motion",
+        "time": "axis, kind, duration",
+    }
     assert known[key] in str(problem.value)
 
 
@@ -222,7 +226,7 @@ def test_a_time_step_or_block_that_is_no_time_is_refused(scaled: Instrument, bad
 
 def test_a_protocol_that_is_not_there_is_refused_with_what_there_is(tmp_path: Path) -> None:
     (tmp_path / "b.toml").write_bytes(b"\xff\xfe\x00")
-    for bad, told in (
+    for bad, start in (
         (
             "nothing",
             "nothing: there is no such file and no protocol of that name; .* cycles, pretension, step-load, wr",
@@ -231,11 +235,11 @@ def test_a_protocol_that_is_not_there_is_refused_with_what_there_is(tmp_path: Pa
         (tmp_path / "b.toml", "is not UTF-8 text"),
         ("a\0b", "is no path"),
     ):
-        with pytest.raises(ProtocolError, match=told):
+        with pytest.raises(ProtocolError, match=start):
             simulate.load(bad)
 
 
-def test_every_problem_of_a_file_is_told_at_once() -> None:
+def test_every_problem_of_a_file_is_named_at_once() -> None:
     with pytest.raises(ProtocolError) as problem:
         simulate.parse(HOLD.replace('"1 s"', "1") + CYCLES.replace("count = 2", "count = 0"), "my.toml")
     assert [line.split(" = ")[0] for line in str(problem.value).splitlines()] == [
