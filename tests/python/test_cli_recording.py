@@ -216,7 +216,10 @@ def test_a_controller_that_cannot_be_is_refused_in_a_sentence(
         (("info", "other.mcap"), "other.mcap holds no topic of a recording"),
         (("replay", "other.mcap"), "other.mcap holds no topic of a recording"),
         (("replay", "run.mcap", "--out", "run.mcap"), "run.mcap exists already"),
-        (("replay", "run.mcap", "--plot", "x.gif"), "x.gif has the extension '.gif'; allowed are .png, .svg, .pdf"),
+        (
+            ("replay", "run.mcap", "--plot", "x.gif"),
+            "x.gif has the extension '.gif'; it must be one of .png, .svg, .pdf",
+        ),
         (("replay", "run.mcap", "--plot", "nowhere/x.png"), "nowhere/x.png cannot be written: No such file"),
         (("replay", "run.mcap", "--instrument", "real-size"), "the instrument must have the same"),
         (

@@ -162,13 +162,12 @@ def _found(contents: Contents) -> str:
 
 def _decoded(contents: Contents) -> tuple[dict[str, Decoded], dict[str, LeftOut]]:
     """Return the topics of recordings by name, and why others could not be decoded."""
-    known = {topic.name for axes in (("",), ("yaw", "pitch")) for topic in schemas.topics(axes)}
     decoded: dict[str, Decoded] = {}
     left_out: dict[str, LeftOut] = {}
     factory = DecoderFactory()
     for channel, messages in _channels(contents):
         schema = contents.schemas.get(channel.schema_id)
-        if channel.topic not in known or schema is None:
+        if channel.topic not in schemas.TOPICS or schema is None:
             continue
         try:
             decoded[channel.topic] = decode(factory, schema, channel.message_encoding, messages)
@@ -214,12 +213,12 @@ def _run(
             left_out[topic.name] = LeftOut(Misfit.JOINTS, f"its joints are {', '.join(names)}")
             continue
         order = [names.index(joint) for joint in topic.joints]
-        for number, signal in topic.signals.items():
-            values = found.numbers.get(number)
+        for array, signal in topic.signals.items():
+            values = found.numbers.get(array)
             if values is None or signal not in carried.get(topic.name, [signal]):
                 continue
             if topic.joints and values.shape[1] != len(names):
-                why = f"it has {values.shape[1]} values of {number} for {len(names)} joints"
+                why = f"it has {values.shape[1]} values of {array} for {len(names)} joints"
                 left_out[topic.name] = LeftOut(Misfit.JOINTS, why)
                 continue
             columns.setdefault(signal, []).append(values[:, order] if topic.joints else values)

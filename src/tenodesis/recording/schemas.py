@@ -120,6 +120,14 @@ def topics(axes: tuple[str, ...]) -> tuple[Topic, ...]:
     )
 
 
+def _rig(axis: str | None) -> str:
+    return "/rig/measured_cf" if axis is None else f"/rig/{axis}/measured_cf"
+
+
+TOPICS = frozenset(topic.name for axes in (("",), ("yaw", "pitch")) for topic in topics(axes))
+"""Names of all topics that carry signals, of instruments with one axis or two."""
+
+
 def shape(signal: str, rows: int, axes: tuple[str, ...]) -> tuple[int, ...]:
     """Return the shape of a signal of a run, as `Run` has it."""
     return (rows, *((len(axes),) if axes[1:] else ()), *((2,) if SIGNALS[signal].per_tendon else ()))
@@ -139,10 +147,6 @@ def axes_of(joints: Mapping[str, tuple[str, ...]]) -> tuple[str, ...] | None:
             return tuple(dict.fromkeys(found))
     rigs = tuple(axis for axis in ("yaw", "pitch") if _rig(axis) in joints)
     return rigs or None
-
-
-def _rig(axis: str | None) -> str:
-    return "/rig/measured_cf" if axis is None else f"/rig/{axis}/measured_cf"
 
 
 class Messages(NamedTuple):

@@ -1,8 +1,8 @@
 """The closed loop: protocols from TOML or Python, their execution on a twin, and fault injection.
 
-Angles in rad, forces in N, speeds in rad/s or m/s, durations in s; text with a unit is taken as well. Forces may
-jump, the handle never does: a phase that begins at a handle angle of its own moves there smoothly first. What a phase
-does not name stays as it was, spool velocities included.
+Angles in rad, forces in N, speeds in rad/s or m/s, durations in s, or text with a unit. Forces may jump, the handle
+never does: a phase that begins at a handle angle of its own moves there smoothly first. A command that a phase does not
+name stays as it was, spool velocities included.
 """
 
 from tenodesis.errors import ProtocolError

@@ -104,19 +104,19 @@ def execute(
 ) -> Run:
     """Run a protocol on a plant whose handle is straight, without load, the drives at rest.
 
-    With a controller the motors are its own. A pretension phase is then its homing, whether or not it was homed before:
-    all axes at once, to the pretension, at the speed and within the stroke that its instrument's table control has;
-    after that it resumes if it is one that starts enabled. A fault ends nothing: the motors hold, the protocol goes on,
-    and the run says so.
+    A controller moves the motors itself. A pretension phase is then its homing, whether or not it was homed before: all
+    axes at once, to the pretension, at the speed and within the stroke of the table control of its instrument; after
+    that it resumes if it starts enabled. After a fault the motors hold and the protocol goes on; the run has the fault
+    among its signals.
 
     Parameters
     ----------
     plant
-        The twin, or whatever takes commands as it does.
+        The twin, or a bench.
     protocol
         The protocol; all of it is checked before the first command.
     controller
-        Closes the loop, on from the state it is in.
+        Closes the loop, from its present state on.
     on_block
         Called with every block, 1 s of a run at most.
     progress

@@ -73,7 +73,7 @@ class Motion(Loaded):
         return type(self)(**{**given, "data": data})
 
     def segments(self, start: Start) -> Iterator[Segment]:
-        """Yield the way to the first sample, and the motion."""
+        """Yield the move to the first sample, and the motion."""
         from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - slow to load, and seldom needed
 
         angles = self._handle_angles(start)
