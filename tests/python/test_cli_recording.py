@@ -137,7 +137,7 @@ def test_a_controller_may_be_told_another_instrument(tenodesis: Command, tmp_pat
     text = (ROOT / "instruments" / "scaled-up.toml").read_text("utf-8")
     (tmp_path / "told.toml").write_text(text.replace("stiffness_ratio = 0.85", "").replace("50 GPa", "42.5 GPa"))
     tenodesis("record", "short.toml", "--law", "robust", "--controller-instrument", "told.toml", "--out", "run.mcap")
-    assert "told another instrument (scaled-up)" in tenodesis("info", "run.mcap")[1]
+    assert "made for another instrument (scaled-up)" in tenodesis("info", "run.mcap")[1]
     assert "bit by bit" in tenodesis("replay", "run.mcap")[1]
     assert Recording.open("run.mcap").metadata["controller_instrument"].count("42500000000.0")
 
@@ -213,12 +213,15 @@ def test_a_controller_that_cannot_be_is_refused_in_a_sentence(
         (("record", "short.toml", "--axis", "pitch"), "scaled-up has no axis 'pitch'; it has yaw"),
         (("info", "absent.mcap"), "absent.mcap cannot be read: there is no such file"),
         (("info", "far.toml"), "far.toml is no MCAP file"),
-        (("info", "other.mcap"), "other.mcap holds nothing of a recording"),
-        (("replay", "other.mcap"), "other.mcap holds nothing of a recording"),
+        (("info", "other.mcap"), "other.mcap holds no topic of a recording"),
+        (("replay", "other.mcap"), "other.mcap holds no topic of a recording"),
         (("replay", "run.mcap", "--out", "run.mcap"), "run.mcap exists already"),
-        (("replay", "run.mcap", "--plot", "x.gif"), "x.gif has the extension '.gif'; allowed are .png, .svg, .pdf"),
+        (
+            ("replay", "run.mcap", "--plot", "x.gif"),
+            "x.gif has the extension '.gif'; it must be one of .png, .svg, .pdf",
+        ),
         (("replay", "run.mcap", "--plot", "nowhere/x.png"), "nowhere/x.png cannot be written: No such file"),
-        (("replay", "run.mcap", "--instrument", "real-size"), "allowed is an instrument with the same"),
+        (("replay", "run.mcap", "--instrument", "real-size"), "the instrument must have the same"),
         (
             ("export", "recording", "run.mcap", "--to", "x.xls"),
             "x.xls has the extension '.xls'; allowed are .csv, .par",

@@ -13,9 +13,9 @@ from tenodesis.control import FAULTS
 from tenodesis.errors import InstrumentError, RecordingError
 from tenodesis.live.recorder import LIVE
 from tenodesis.recording import Recording
-from tenodesis.recording.choices import CONTROLLER
-from tenodesis.recording.outcome import outcome
+from tenodesis.recording.metadata import CONTROLLER
 from tenodesis.recording.reader import Event
+from tenodesis.recording.summary import outcome
 from tenodesis.run import Run
 
 _SHOWN = 5

@@ -14,8 +14,8 @@ from tenodesis.errors import LiveError
 from tenodesis.live import events as happenings
 from tenodesis.live.events import Tail
 from tenodesis.live.source import Source, start_time
-from tenodesis.recording import cdr, messages, schemas
-from tenodesis.recording.messages import Messages
+from tenodesis.recording import cdr, schemas
+from tenodesis.recording.schemas import Messages
 from tenodesis.run import Run
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ class Server:
             self._start = start_time(run)
             self._channels = [
                 (one, self._channel(one.topic.name, one.topic.type, {"signals": " ".join(one.signals.values())}))
-                for one in messages.of_signals(run.axes, messages.columns(run).keys())
+                for one in schemas.messages_of(run.axes, schemas.flat_columns(run).keys())
             ]
         first = -self._row % self._stride
         self._row += len(run)
@@ -139,7 +139,7 @@ class Server:
         kept = rows[(run.time[rows] >= 0) & (run.time[rows] <= happenings.LONGEST)]
         if not kept.size:
             return
-        columns = {name: values[kept] for name, values in messages.columns(run).items()}
+        columns = {name: values[kept] for name, values in schemas.flat_columns(run).items()}
         stamps = self._start + np.rint(run.time[kept] * cdr.SECOND).astype(np.int64)
         self._time = float(run.time[kept[-1]])
         for one, channel in self._channels:
@@ -155,7 +155,9 @@ class Server:
         happened = self._tail.read()
         for event in happened:
             time = event.at(self._time)
-            self._events.log(messages.event(time, event.content), log_time=self._start + round(time * cdr.SECOND))
+            self._events.log(
+                schemas.event_message(time, event.content), log_time=self._start + round(time * cdr.SECOND)
+            )
         return bool(happened)
 
     def _channel(self, topic: str, message_type: str, metadata: dict[str, str]) -> "Channel":
