@@ -88,7 +88,7 @@ def test_what_a_real_instrument_lacks_is_left_out(log: Path, tmp_path: Path) -> 
 
 def written(
     path: Path,
-    run: tn.signals.Run,
+    run: tn.run.Run,
     *,
     leave: tuple[str, ...] = (),
     part: slice = slice(None),

@@ -30,8 +30,7 @@ from tenodesis.recording.replay import replay as run_again
 from tenodesis.recording.simulation import record as record_run
 from tenodesis.recording.summary import describe
 from tenodesis.run import Run
-from tenodesis.simulate.quantities import Duration
-from tenodesis.units import in_unit
+from tenodesis.units import Duration, in_unit
 
 console = Console()
 exports = typer.Typer(help="Write what other programs read.", no_args_is_help=True)

@@ -59,19 +59,19 @@ def transfer(  # noqa: PLR0917
     rubbing = None
     if instrument_out is not None:
         source = log.name if scaled_up is None else scaled_up
-        rubbing = to_file(carry_friction(carried.prototype, model, source=source, time_factor=time_factor))
+        rubbing = to_file(carry_friction(carried.scaled_up, model, source=source, time_factor=time_factor))
     carried.write(path, overwrite=overwrite)
     if instrument_out is not None and rubbing is not None:
         _write(instrument_out, rubbing)
     _tell(carried)
     _say(f"{path}: {log} in units of {model.name}, {carried.run.time[-1]:.6g} s, {len(carried.run)} rows.")
     if instrument_out is not None:
-        _say(f"{instrument_out}: {model.name} with the friction of {carried.prototype.name}.")
+        _say(f"{instrument_out}: {model.name} with the friction of {carried.scaled_up.name}.")
 
 
 def _tell(carried: Carried) -> None:
     """Print the factors and what they were used for, what came out, and the warnings."""
-    title = f"{escape(carried.prototype.name)} over {escape(carried.model.name)}"
+    title = f"{escape(carried.scaled_up.name)} over {escape(carried.real_size.name)}"
     table = Table("factor", title=title, title_justify="left", box=box.SIMPLE_HEAD)
     for axis in carried.factors:
         table.add_column(axis, justify="right")
@@ -85,7 +85,7 @@ def _tell(carried: Carried) -> None:
     _say(f"as it was: {', '.join(same) or 'nothing'}.")
     for what, size in (("force", carried.largest_force), ("tension", carried.largest_tension)):
         if not math.isnan(size):
-            _say(f"largest {what} on {carried.model.name}: {size:.4g} N.")
+            _say(f"largest {what} on {carried.real_size.name}: {size:.4g} N.")
     error = carried.similarity_error()
     if not math.isnan(error):
         _say(f"largest similarity error up to that force, without friction: {error:.2g} deg.")

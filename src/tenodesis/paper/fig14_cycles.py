@@ -8,12 +8,13 @@ from matplotlib.figure import Figure
 
 from tenodesis import simulate, statics, twin
 from tenodesis.errors import NoSolutionError
-from tenodesis.instrument import Instrument, unit_of
+from tenodesis.instrument import Instrument
 from tenodesis.paper import published
 from tenodesis.paper.context import Context, RecordedRun, forces
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, ResultTable, Section, Table, fixed, named, number
 from tenodesis.run import Run
+from tenodesis.units import unit_of
 
 SPEED = float(np.radians(10))
 """Speed of the handle, rad/s."""

@@ -8,7 +8,7 @@ from tenodesis.paper.context import Context
 from tenodesis.paper.published import TIP_FORCE
 from tenodesis.report import style
 from tenodesis.report.content import Chart, Column, Plot, Section, Table, fixed, named, number
-from tenodesis.scaling import Design, Front, Objectives, front_figure
+from tenodesis.scaling import Design, Front, Objectives, figures
 from tenodesis.scaling.round_trip import RoundTrip, round_trip
 
 ROUND_TRIP_AMPLITUDE = np.radians(60.0)
@@ -71,7 +71,7 @@ def _designs(context: Context, designs: dict[str, Design], names: dict[str, str]
         for name, value in design.objectives._asdict().items():
             about = f"{name.replace('_', ' ').capitalize()}, {names[key]}"
             context.add(f"design.{key}.{name}", value, _UNITS[name], about)
-        inst = design.prototype
+        inst = design.scaled_up
         assert isinstance(inst, TendonGear)
         objectives = design.objectives
         rows.append(
@@ -108,7 +108,7 @@ def _designs(context: Context, designs: dict[str, Design], names: dict[str, str]
 def _round_trip(design: Design, force: float) -> RoundTrip:
     """Return the round trip of a design under a force on the real-size instrument, N."""
     scaled_force = force * design.comparison.factors["force"]
-    return round_trip(design.model, design.prototype, scaled_force, amplitude=float(ROUND_TRIP_AMPLITUDE))
+    return round_trip(design.real_size, design.scaled_up, scaled_force, amplitude=float(ROUND_TRIP_AMPLITUDE))
 
 
 def _round_trips(context: Context, names: dict[str, str], trips: dict[str, dict[float, RoundTrip]]) -> Table:
@@ -129,7 +129,7 @@ def _round_trips(context: Context, names: dict[str, str], trips: dict[str, dict[
 
 
 def _front(front: Front, marked: dict[str, Objectives]) -> Plot:
-    chart = Chart(front_figure.draw(front, marked))
+    chart = Chart(figures.draw_front(front, marked))
     costs = front.sweep.costs
     chart.keep("similarity error [deg]", costs[:, 0])
     chart.keep("force resolution [N]", costs[:, 1])

@@ -60,7 +60,7 @@ def section(context: Context) -> Section:
 
 
 def _dimensions(context: Context, comparison: Comparison) -> Table:
-    pair = (comparison.model, comparison.prototype)
+    pair = (comparison.real_size, comparison.scaled_up)
     for role, inst in zip(("instrument", "scale_model"), pair, strict=True):
         about = f"Tendon stiffness, {role}"
         context.add(f"table1.stiffness.{role}", inst.tendon_stiffness, "N/m", about, STIFFNESS.get(inst.name))
@@ -124,8 +124,8 @@ def _factors(context: Context, comparison: Comparison) -> Table:
             f"loss of dexterity Θ at {at}°",
             f"loss_factor.at_{at}deg",
             float(
-                statics.loss_of_dexterity(comparison.prototype, angle, force)
-                / statics.loss_of_dexterity(comparison.model, angle, 1.0)
+                statics.loss_of_dexterity(comparison.scaled_up, angle, force)
+                / statics.loss_of_dexterity(comparison.real_size, angle, 1.0)
             ),
             f"Factor of Θ at {at} deg with the mid-range force factor",
             "loss_of_dexterity",
@@ -147,14 +147,14 @@ def _groups(context: Context, comparison: Comparison) -> Table:
         f"Dimensionless groups; F is {comparison.largest_force:g} N times the force factor, T_o as in the files. The "
         "factors of force and time are those that make Theta and J/(kappa t^2) equal",
         "group",
-        column(named(comparison.model), "instrument", "instrument", form=_five_digits),
-        column(named(comparison.prototype), "scale_model", "scale model", form=_five_digits),
+        column(named(comparison.real_size), "instrument", "instrument", form=_five_digits),
+        column(named(comparison.scaled_up), "scale_model", "scale model", form=_five_digits),
         column("ratio", "ratio", "ratio of the two", digits=4),
         "",
     )
     for group in comparison.groups:
         judged = "made equal" if group.imposed else "matches" if group.matches else "differs"
-        table.row(group.name, group.model, group.prototype, group.ratio, judged, group=group.name)
+        table.row(group.name, group.real_size, group.scaled_up, group.ratio, judged, group=group.name)
     return table
 
 
@@ -169,10 +169,10 @@ def _errors(context: Context, comparison: Comparison) -> Table:
         return Column(heading, f"similarity.{{name}}.to_{{limit:g}}N.{name}", "deg", f"{about}, {{about}}", **look)
 
     table = context.table(
-        f"Similarity error: output of {named(comparison.prototype)} minus {named(comparison.model)} [°] over "
+        f"Similarity error: output of {named(comparison.scaled_up)} minus {named(comparison.real_size)} [°] over "
         f"−{reach:.0f} … {reach:.0f}° of unloaded output",
         "pretension scaled-up",
-        f"force on {named(comparison.model)}",
+        f"force on {named(comparison.real_size)}",
         column("rms", "rms", "Root mean square similarity error", digits=3),
         column("95 %", "quantile_95", "95 % quantile of the similarity error", digits=3),
         column("largest", "largest", "Largest similarity error", digits=3),
@@ -184,15 +184,15 @@ def _errors(context: Context, comparison: Comparison) -> Table:
         limits.insert(0, EQUIVALENT_FORCE.value)
     for name, full in comparison.errors.items():
         for limit in limits:
-            error = comparison.error(pretension=full.prototype_pretension, largest_force=limit)
+            error = comparison.error(pretension=full.scaled_up_pretension, largest_force=limit)
             key = f"similarity.{name.replace(' ', '_')}.to_{limit:g}N"
-            about = f"pretension {name} ({error.prototype_pretension:.4g} N), forces to {limit:g} N"
+            about = f"pretension {name} ({error.scaled_up_pretension:.4g} N), forces to {limit:g} N"
             context.add(f"{key}.unsolved", error.unsolved, "1", f"Share of points without equilibrium, {about}")
             angle, force = error.worst
             context.add(f"{key}.worst_handle", np.degrees(angle), "deg", f"Handle angle of the largest error, {about}")
             context.add(f"{key}.worst_force", force, "N", f"Force of the largest error, {about}")
             table.row(
-                f"{error.prototype_pretension:.4g} N ({name})",
+                f"{error.scaled_up_pretension:.4g} N ({name})",
                 f"0 … {limit:g} N",
                 error.rms,
                 error.quantile_95,
@@ -217,7 +217,7 @@ def _errors_with_friction(context: Context, comparison: Comparison) -> Table:
         "at rest after every step, and in time on the twin, both with the parameters of their files. At the largest "
         "load that both hold, single jumps of a tip determine the largest error",
         "pretension scaled-up",
-        f"force on {named(comparison.model)}",
+        f"force on {named(comparison.real_size)}",
         "",
         column("rms", "rms", "Root mean square similarity error"),
         column("95 %", "quantile_95", "95 % quantile of similarity error"),
@@ -227,9 +227,9 @@ def _errors_with_friction(context: Context, comparison: Comparison) -> Table:
     sets: dict[str, tuple[list[float] | None, str]] = {"held": (None, "loads up to the largest that both hold")}
     if context.is_paper:
         factor = float(comparison.force_factor())
-        loads = [force / factor for force in comparison.prototype.conditions.forces]
+        loads = [force / factor for force in comparison.scaled_up.conditions.forces]
         sets = {"fig14": (loads, "the loads of Fig. 14")} | sets
-    for name, pretension in (("scaled", None), ("as used", comparison.prototype.pretension)):
+    for name, pretension in (("scaled", None), ("as used", comparison.scaled_up.pretension)):
         for which, (forces, described) in sets.items():
             for kind, measure in (("at rest", comparison.error_at_rest), ("in time", comparison.cycle_error)):
                 error = measure(pretension=pretension, forces=forces)
@@ -237,7 +237,7 @@ def _errors_with_friction(context: Context, comparison: Comparison) -> Table:
                     continue
                 at = error.worst
                 table.row(
-                    f"{error.prototype_pretension:.4g} N ({name})",
+                    f"{error.scaled_up_pretension:.4g} N ({name})",
                     f"to {error.force.max():.3g} N",
                     kind,
                     error.rms,
@@ -260,14 +260,14 @@ def _causes(context: Context, comparison: Comparison) -> Table:
         f"Causes of the error: the groups with the largest effect, each varied alone{to} [°]",
         "pretension",
         "group",
-        Column(named(comparison.model), form=number),
-        Column(named(comparison.prototype), form=number),
+        Column(named(comparison.real_size), form=number),
+        Column(named(comparison.scaled_up), form=number),
         Column("where largest", f"{key}.at_worst", "deg", f"Similarity error at its largest {about}", digits=3),
         Column("rms", f"{key}.rms", "deg", f"Root mean square similarity error {about}", digits=3),
         "of",
     )
     forces = None if limit is None else [limit * share for share in (0.0, 0.5, 1.0)]
-    for name, pretension in (("scaled", None), ("as used", comparison.prototype.pretension)):
+    for name, pretension in (("scaled", None), ("as used", comparison.scaled_up.pretension)):
         for kind, options in (
             ("without", {"largest_force": limit}),
             ("with", {"friction": True, "forces": forces}),
@@ -283,8 +283,8 @@ def _causes(context: Context, comparison: Comparison) -> Table:
                 table.row(
                     f"{name}, {kind} friction",
                     cause.name,
-                    cause.model,
-                    cause.prototype,
+                    cause.real_size,
+                    cause.scaled_up,
                     cause.at_worst,
                     cause.rms,
                     f"{fixed(causes.error, 3)} / {fixed(causes.error_rms, 3)}",
@@ -309,7 +309,7 @@ def _map(comparison: Comparison) -> Plot:
         axis.set_facecolor("#d5dae0")
         axis.grid(visible=False)
         axis.set(
-            title=f"T$_o$ = {error.prototype_pretension:.3g} N ({name})",
+            title=f"T$_o$ = {error.scaled_up_pretension:.3g} N ({name})",
             xlabel="handle angle $\\theta_h$ [deg]",
             ylabel="force on the instrument [N]",
         )
@@ -320,7 +320,7 @@ def _map(comparison: Comparison) -> Plot:
     fig.colorbar(mesh, ax=axes, label="error [deg]", extend="both")
     return chart.plot(
         "similarity_error",
-        f"Similarity error: output of {named(comparison.prototype)} minus {named(comparison.model)}, force factor "
+        f"Similarity error: output of {named(comparison.scaled_up)} minus {named(comparison.real_size)}, force factor "
         f"{comparison.force_factor():.3f}; the colour scale ends at ±{bound:.2g}°. Grey: no equilibrium.",
     )
 
@@ -330,7 +330,7 @@ def _care_points(context: Context, comparison: Comparison) -> list[CarePoint]:
     return [
         _one_angle(context, comparison),
         _pretension(context, comparison),
-        _pairs(context, comparison.prototype),
+        _pairs(context, comparison.scaled_up),
         _cable(context, comparison),
         _stiffness(context, comparison),
     ]
@@ -342,7 +342,7 @@ def _one_angle(context: Context, comparison: Comparison) -> CarePoint:
     return CarePoint(
         4,
         "Similarity is exact at one angle only",
-        f"l_d/r differs ({number(slenderness.model, 3)} against {number(slenderness.prototype, 3)}), so the force "
+        f"l_d/r differs ({number(slenderness.real_size, 3)} against {number(slenderness.scaled_up, 3)}), so the force "
         f"factor for equal Θ runs from {fixed(at[0], 3)} at 0° over {fixed(at[1], 3)} at 40° to "
         f"{fixed(at[2], 3)} at 80°; the table's 2.88 is mid-range.",
     )
@@ -351,12 +351,12 @@ def _one_angle(context: Context, comparison: Comparison) -> CarePoint:
 def _pretension(context: Context, comparison: Comparison) -> CarePoint:
     scaled = context.add(
         "care.5.scaled_pretension",
-        comparison.model.pretension * comparison.tension_factor,
+        comparison.real_size.pretension * comparison.tension_factor,
         "N",
         "Pretension of the scaled-up instrument that is similar to the real-size instrument's",
     )
     small, large = (
-        float(statics.slack_force(inst, inst.output_range)) for inst in (comparison.model, comparison.prototype)
+        float(statics.slack_force(inst, inst.output_range)) for inst in (comparison.real_size, comparison.scaled_up)
     )
     meant = large / float(comparison.force_factor())
     context.add("care.5.slack_force.real", small, "N", "Force at slack onset at 80 deg, real-size")
@@ -365,8 +365,8 @@ def _pretension(context: Context, comparison: Comparison) -> CarePoint:
     return CarePoint(
         5,
         "Pretension must scale too",
-        f"{comparison.model.pretension:g} N on the real-size instrument is {fixed(scaled, 1)} N on the scaled-up one; "
-        f"the experiments used {comparison.prototype.pretension:g} N. Slack then begins at 80° at "
+        f"{comparison.real_size.pretension:g} N on the real-size instrument is {fixed(scaled, 1)} N on the scaled-up "
+        f"one; the experiments used {comparison.scaled_up.pretension:g} N. Slack then begins at 80° at "
         f"{fixed(meant)} N, scaled down, instead of {fixed(small)} N, and the rms similarity error up to "
         f"{comparison.largest_force:g} N grows from {fixed(similar.rms, 2)}° to {fixed(used.rms, 2)}°. Up to "
         f"{EQUIVALENT_FORCE.value} N, where Fig. 14 was taken, no tendon goes slack and without friction the "
@@ -400,10 +400,10 @@ def _pairs(context: Context, scaled: Instrument) -> CarePoint:
 
 
 def _cable(context: Context, comparison: Comparison) -> CarePoint:
-    conditions = comparison.prototype.conditions
+    conditions = comparison.scaled_up.conditions
     moment = float(conditions.cable_force or 0) * float(conditions.cable_pulley_radius or 0)
-    assert isinstance(comparison.prototype, TendonGear)
-    lever = comparison.prototype.end_effector_length + 2 * comparison.prototype.distal_gear_radius
+    assert isinstance(comparison.scaled_up, TendonGear)
+    lever = comparison.scaled_up.end_effector_length + 2 * comparison.scaled_up.distal_gear_radius
     tip = context.add(
         "care.7.tip_force", moment / lever, "N", "Force at the scaled-up tip from 10 N on a cable", TIP_FORCE
     )
@@ -426,7 +426,7 @@ def _cable(context: Context, comparison: Comparison) -> CarePoint:
 
 
 def _stiffness(context: Context, comparison: Comparison) -> CarePoint:
-    small, large = (inst.tendon_stiffness for inst in (comparison.model, comparison.prototype))
+    small, large = (inst.tendon_stiffness for inst in (comparison.real_size, comparison.scaled_up))
     return CarePoint(
         8,
         "Table I's stiffnesses follow from E A / L",

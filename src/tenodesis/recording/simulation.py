@@ -15,7 +15,7 @@ from tenodesis.recording import choices, schemas
 from tenodesis.recording.writer import Recorder
 from tenodesis.run import CONTROL, Run
 from tenodesis.simulate import Pretension, Protocol, concatenate, execute
-from tenodesis.simulate.loop import Loop
+from tenodesis.simulate.execution import check_controllable
 from tenodesis.twin import Twin
 
 DYNAMIC = "dynamic"
@@ -81,7 +81,8 @@ def record(
     plan = protocol.plan(inst, time_step)
     if controller is not None:
         controller.reset()
-        Loop(twin, controller).refuse(plan)
+        controller.refuse_another(inst)
+        check_controllable(plan, controller.inst)
     metadata = metadata_of(
         inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
     )
