@@ -59,7 +59,7 @@ def section(context: Context) -> Section:
     for key, front in (("paper", free), ("stock", stock)):
         context.add(f"design.{key}.examined", front.examined, "1", f"Scale models judged, {key} catalogue")
         context.add(f"design.{key}.front", len(front), "1", f"Designs on the front, {key} catalogue")
-    told = scaling.told_better(free, designs["paper"].objectives)
+    told = scaling.rivals_text(free, designs["paper"].objectives)
     text = (
         f"<p>Of {free.examined} scale models that gears of standard modules, the paper's rope and lengths up to 1 m "
         f"allow, judged up to its {TIP_FORCE.value:g} N, {len(free)} are beaten by none in similarity error, force "
