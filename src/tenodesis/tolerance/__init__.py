@@ -1,4 +1,4 @@
-"""Tolerance studies: what manufacturing and identification leave open, and what that does to the scale model."""
+"""Tolerance studies: the effect of manufacturing tolerances and identification errors on a scale model."""
 
 from tenodesis.tolerance.conduct import study
 from tenodesis.tolerance.defaults import default

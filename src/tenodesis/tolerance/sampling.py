@@ -23,7 +23,7 @@ class Estimate(NamedTuple):
 
 
 def _problem(parameters: Sequence[Parameter]) -> dict[str, Any]:
-    """Return SALib's description, of deviations from the nominal value since it takes no negative triangles."""
+    """Return SALib's description of deviations from the nominal values; its triangles must not be negative."""
     described = [_described(one) for one in parameters]
     return {
         "num_vars": len(parameters),
