@@ -121,18 +121,7 @@ class Candidates:
 def candidates(
     real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any], combinations: int = COMBINATIONS
 ) -> Candidates:
-    """Return the scale models that a catalogue allows for an instrument.
-
-    Parameters
-    ----------
-    real_size
-        The real-size instrument.
-    catalogue
-        Parts and constraints, narrowed to the pins.
-    pins
-        Pinned values in SI units.
-    combinations
-        Approximate number of candidates, which sets the number of lengths.
+    """Return about `combinations` scale models that a catalogue, narrowed to pins (SI units), allows for an instrument.
 
     Raises
     ------
@@ -149,19 +138,7 @@ def candidates(
 
 
 def finer(found: Candidates, catalogue: Catalogue, numbers: NDArray[np.int64], combinations: int) -> Candidates:
-    """Return candidates of the parts that some are made of, with the same lengths and more lengths between them.
-
-    Parameters
-    ----------
-    found
-        The candidates.
-    catalogue
-        Their catalogue.
-    numbers
-        Numbers of those whose parts are kept.
-    combinations
-        Approximate number of candidates.
-    """
+    """Return about `combinations` candidates of the parts of some numbers, with more lengths between the same ones."""
     pair, rope, rod, *_ = np.unravel_index(numbers, found.shape)
     pairs = tuple(found.pairs[i] for i in np.unique(pair))
     ropes = tuple(found.ropes[i] for i in np.unique(rope))

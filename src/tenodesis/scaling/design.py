@@ -380,16 +380,7 @@ def _encoder(catalogue: Catalogue, radius: float) -> Encoder | None:
 
 
 def weights_for(catalogue: Catalogue, force: float, values: Mapping[str, float]) -> TestLoad:
-    """Return the weights to hang for a force (N) on the real-size instrument.
-
-    Parameters
-    ----------
-    catalogue
-        Weights and constraints.
-    force
-        The force.
-    values
-        Rig arm (m) and force factor of the scale model, by name.
+    """Return the weights for a force (N) on the real-size instrument, from the rig arm (m) and force factor by name.
 
     Raises
     ------

@@ -152,14 +152,9 @@ class Judge:
 
 
 def tip_force(tension_resolution: Any, columns: Mapping[str, Any]) -> Any:
-    """Return the smallest force at the real-size tip (N) that two load cells resolve.
+    """Return the smallest force at the real-size tip (N) that two load cells of a resolution (N) detect.
 
-    Parameters
-    ----------
-    tension_resolution
-        Resolution of a load cell, N.
-    columns
-        Tension difference per tip force, and force factor, of the core.
+    `columns` holds the tension difference per tip force and the force factor, by name.
     """
     return sqrt(2) * tension_resolution / columns["tension_per_force"] / columns["force_factor"]
 

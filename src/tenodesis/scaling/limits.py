@@ -71,7 +71,13 @@ def limits(catalogue: Catalogue, forces: Forces) -> tuple[Limit, ...]:
     masses = sum(weight.mass * weight.count for weight in catalogue.weights)
     step = finest_difference(catalogue)
     widest = max(cell.range for cell in catalogue.load_cells)
-    found = [
+    least_radius = min((encoder.least_distal_radius for encoder in catalogue.encoders), default=0.0)
+    # A constraint that is not given is met by any scale model.
+    bed = min(constraints.print_bed or (math.inf,))
+    torque, error = (
+        math.inf if bound is None else bound for bound in (constraints.spool_torque, constraints.similarity_error)
+    )
+    return (
         Limit(
             "handle_range",
             "the tip bends as far as the handle asks for",
@@ -122,52 +128,35 @@ def limits(catalogue: Catalogue, forces: Forces) -> tuple[Limit, ...]:
                 constraints.force_tolerance * min(forces.tests) * c["force_factor"],
             ),
         ),
-    ]
-    if catalogue.encoders:
-        least = min(encoder.least_distal_radius for encoder in catalogue.encoders)
-        found.append(
-            Limit(
-                "encoders",
-                "a distal encoder fits",
-                "distal radius needed",
-                "m",
-                lambda c: (np.full_like(c["distal_radius"], least), c["distal_radius"]),
-            )
-        )
-    if constraints.print_bed is not None:
-        bed = min(constraints.print_bed)
-        found.append(
-            Limit(
-                "print_bed",
-                f"the largest wheel fits on the print bed's {1e3 * bed:g} mm",
-                "its diameter",
-                "m",
-                lambda c: (2 * c["largest_wheel"], bed),
-            )
-        )
-    if constraints.spool_torque is not None:
-        torque = constraints.spool_torque
-        found.append(
-            Limit(
-                "spool_torque",
-                f"the drives hold the largest tension with {torque:g} N*m",
-                "torque needed",
-                "N*m",
-                lambda c: (c["largest_tension"] * c["spool_radius"], torque),
-            )
-        )
-    if constraints.similarity_error is not None:
-        error = constraints.similarity_error
-        found.append(
-            Limit(
-                "similarity_error",
-                f"the output angles differ by at most {math.degrees(error):.3g} deg",
-                "largest difference",
-                "rad",
-                lambda c: (c["largest_error"], error),
-            )
-        )
-    return tuple(found)
+        Limit(
+            "encoders",
+            "a distal encoder fits",
+            "distal radius needed",
+            "m",
+            lambda c: (np.full_like(c["distal_radius"], least_radius), c["distal_radius"]),
+        ),
+        Limit(
+            "print_bed",
+            f"the largest wheel fits on the print bed's {1e3 * bed:g} mm",
+            "its diameter",
+            "m",
+            lambda c: (2 * c["largest_wheel"], bed),
+        ),
+        Limit(
+            "spool_torque",
+            f"the drives hold the largest tension with {torque:g} N*m",
+            "torque needed",
+            "N*m",
+            lambda c: (c["largest_tension"] * c["spool_radius"], torque),
+        ),
+        Limit(
+            "similarity_error",
+            f"the output angles differ by at most {math.degrees(error):.3g} deg",
+            "largest difference",
+            "rad",
+            lambda c: (c["largest_error"], error),
+        ),
+    )
 
 
 def finest_difference(catalogue: Catalogue) -> float:

@@ -71,26 +71,23 @@ class CataloguePart(Table):
         return (self,)
 
 
-class Pulley(CataloguePart):
+class _Round(CataloguePart):
+    """A part with a radius at which the tendon lies."""
+
+    radius: Length = Field(description="Radius at which the tendon lies")
+
+    @property
+    def key(self) -> str:
+        """Radius in mm."""
+        return _size(self.radius)
+
+
+class Pulley(_Round):
     """A round pulley; of a continuum, also the distance of its tendons from the backbone."""
 
-    radius: Length = Field(description="Radius at which the tendon runs")
 
-    @property
-    def key(self) -> str:
-        """Radius in mm."""
-        return _size(self.radius)
-
-
-class Spool(CataloguePart):
+class Spool(_Round):
     """The spool of a drive."""
-
-    radius: Length = Field(description="Radius at which the tendon is wound")
-
-    @property
-    def key(self) -> str:
-        """Radius in mm."""
-        return _size(self.radius)
 
 
 class Rope(CataloguePart):
@@ -202,20 +199,22 @@ class RodSeries(_Series):
         )
 
 
-class PulleySeries(_Series):
-    """Pulleys of several radii."""
+class _RoundSeries(_Series):
+    """Round parts of several radii."""
 
-    radii: tuple[Length, ...] = Field(min_length=1, description="Radii at which the tendon runs")
+    radii: tuple[Length, ...] = Field(min_length=1, description="Radii at which the tendon lies")
+
+
+class PulleySeries(_RoundSeries):
+    """Pulleys of several radii."""
 
     def expand(self) -> tuple[Pulley, ...]:
         """Return the pulleys."""
         return tuple(Pulley(radius=radius, source=self.source) for radius in self.radii)
 
 
-class SpoolSeries(_Series):
+class SpoolSeries(_RoundSeries):
     """Spools of several radii."""
-
-    radii: tuple[Length, ...] = Field(min_length=1, description="Radii at which the tendon is wound")
 
     def expand(self) -> tuple[Spool, ...]:
         """Return the spools."""

@@ -89,20 +89,9 @@ def sweep(
     combinations: int = COMBINATIONS,
     progress: Progress = lambda *_: None,
 ) -> Sweep:
-    """Judge every scale model of an instrument by the full frictionless model, and find the Pareto front.
+    """Judge the scale models of a one-axis instrument by the full frictionless model, and find the Pareto front.
 
-    Parameters
-    ----------
-    real_size
-        The real-size instrument, one axis.
-    catalogue
-        Parts and constraints, narrowed to the pins.
-    pins
-        Pinned values, in SI units.
-    combinations
-        Approximate number of scale models to judge.
-    progress
-        Called with the name of the step, the amount done and the total.
+    The catalogue is narrowed to the pins (SI units); about `combinations` scale models are judged.
 
     Raises
     ------
@@ -222,13 +211,7 @@ def _widened(
 
 
 def levels(costs: Array) -> Array:
-    """Return costs as integer numbers of steps that a bench can resolve.
-
-    Parameters
-    ----------
-    costs
-        Similarity error (deg), force resolution (N), overall length (m) and one over the tension margin; shape (n, 4).
-    """
+    """Return costs, shape (n, 4) as in :class:`Sweep`, as integer numbers of steps that a bench can resolve."""
     relative = np.round(np.log(costs[:, 1:]) / np.log1p(RELATIVE_STEP))
     return np.column_stack([np.round(costs[:, 0] / ERROR_STEP), relative])
 
@@ -236,14 +219,9 @@ def levels(costs: Array) -> Array:
 def search(lower: Array, refine: Callable[[NDArray[np.int64]], tuple[Array, NDArray[np.bool_]]]) -> NDArray[np.int64]:
     """Return the numbers of the designs on the Pareto front; of equal designs, the first.
 
-    The front is exact although few designs are refined: a design whose lower bounds are dominated is dominated itself.
-
-    Parameters
-    ----------
-    lower
-        Lower bounds of the costs, as levels, shape (n, 4).
-    refine
-        Returns the exact costs of some designs by number, as levels, shape (m, 4), and which of them meet every limit.
+    `lower` are lower bounds of the costs, as levels, shape (n, 4); `refine` returns the exact levels of some designs by
+    number, shape (m, 4), and which of them meet every limit. The front is exact although few designs are refined: a
+    design whose lower bounds are dominated is dominated itself.
     """
     costs = lower.copy()
     refined = np.zeros(len(costs), bool)

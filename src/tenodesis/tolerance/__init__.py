@@ -4,7 +4,8 @@ from tenodesis.tolerance.conduct import study
 from tenodesis.tolerance.defaults import default
 from tenodesis.tolerance.files import Tolerance, Tolerances, json_schema, load, parse
 from tenodesis.tolerance.parameters import Parameter
-from tenodesis.tolerance.results import Indices, Response, Study
+from tenodesis.tolerance.results import Response, Study
+from tenodesis.tolerance.sampling import Indices
 
 __all__ = [
     "Indices",

@@ -108,20 +108,10 @@ class Task(NamedTuple):
 
 
 def evaluate(task: Task, rows: Array) -> Array:
-    """Return responses and status of samples, independent of how they are divided into chunks.
+    """Return responses (deg, NaN where a run was lost) and, as the last column, the status of samples.
 
-    Parameters
-    ----------
-    task
-        The data common to all samples.
-    rows
-        Values by sample and key, SI units, shape (n, keys).
-
-    Returns
-    -------
-    numpy.ndarray
-        Responses in deg, NaN where a run was lost, and in the last column the status: a number of
-        :class:`tenodesis.statics.Status`, or :data:`INVALID`.
+    The rows are samples in SI units, shape (n, keys). The status is a number of :class:`tenodesis.statics.Status`, or
+    :data:`INVALID`. A sample's result does not depend on the others.
     """
     scaled_up = [_built(task, "scaled-up", row) for row in rows]
     angles, status = _angles(scaled_up, task.scaled_up_cycle, task.scaled_up_force)

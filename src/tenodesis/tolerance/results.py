@@ -9,17 +9,15 @@ from numpy.typing import NDArray
 
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
-from tenodesis.tolerance import sampling
 from tenodesis.tolerance.files import Tolerances
 from tenodesis.tolerance.parameters import Parameter
+from tenodesis.tolerance.sampling import CLOSE, Indices, estimate
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 LEAST_COMPLETE = 0.95
 """Share of base samples that must have all their runs for Sobol indices to be valid."""
 LEAST_RANGE = 1e-6
 """Range of a response, deg, up to which it is rounding of the equilibrium."""
-CLOSE = 0.1
-"""Half width of the confidence intervals up to which indices count as converged."""
 TOO_FEW = 0.5
 """Half width above which the samples are too few to rank parameters."""
 
@@ -34,25 +32,6 @@ DESCRIPTIONS: Mapping[str, str] = {
     "real_size_loop_width": "real-size: loop width",
 }
 """Responses by name: output loss by the direction of approach, mean width of the loop, similarity error."""
-
-
-@dataclass(frozen=True)
-class Indices:
-    """Sobol indices of a response by parameter, with half widths of their 95 % confidence intervals.
-
-    A first index is the share of the variance that would vanish if this parameter alone were known, a total index the
-    share that remains if it alone is unknown.
-    """
-
-    first: Array
-    first_half_width: Array
-    total: Array
-    total_half_width: Array
-
-    @property
-    def converged(self) -> bool:
-        """Whether every total index is known within a tenth."""
-        return bool(self.total_half_width.max() <= CLOSE)
 
 
 @dataclass(frozen=True)
@@ -211,6 +190,6 @@ def respond(key: str, scheme: Array, study: Study, rest: Array) -> Response:
     values = scheme.reshape(study.samples, -1)[complete].ravel()
     indices = None
     if study.indices_valid and values.size and np.ptp(values) > LEAST_RANGE:
-        indices = Indices(*sampling.estimate(study.parameters, values, study.seed))
+        indices = estimate(study.parameters, values, study.seed)
     at_quantiles = rest[1:].reshape(2, len(study.parameters)).T
     return Response(key, scheme, float(rest[0]), at_quantiles, samples[~np.isnan(samples)], indices)
