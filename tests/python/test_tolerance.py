@@ -383,7 +383,7 @@ def test_a_tolerance_that_cannot_be_is_refused_in_one_sentence(
         ),
         (
             '[[parameters]]\nkey = "pretension"\ndistribution = "uniform"\nhalf_width = "1 N"\nwidth = 1',
-            "parameter 1: width is not a known key; allowed are key, distribution, half_width",
+            "parameter 1: width is not a known key; it must be one of key, distribution, half_width",
         ),
         (
             '[[parameters]]\nkey = "pretension"\ndistribution = "uniform"\nhalf_width = true',
@@ -421,7 +421,7 @@ def test_a_study_that_cannot_be_is_refused(
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(StudyError, match=r"none\.toml cannot be read: No such file"):
+    with pytest.raises(StudyError, match=r"none\.toml: there is no such file"):
         tolerance.load(tmp_path / "none.toml")
 
 

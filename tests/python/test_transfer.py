@@ -17,7 +17,7 @@ from tenodesis.instrument import Instrument, TendonGear
 from tenodesis.instrument.text import to_toml
 from tenodesis.recording import Recorder, Recording
 from tenodesis.recording.replay import replay
-from tenodesis.recording.session import record
+from tenodesis.recording.simulation import record
 from tenodesis.run import SIGNALS, Run
 from tenodesis.scaling.transfer import carry
 from tenodesis.scaling.transfer_factors import QUANTITY

@@ -18,14 +18,14 @@ from tenodesis.cli.common import PatientBar, check_outputs
 from tenodesis.errors import CommandError
 from tenodesis.files import atomic_file
 from tenodesis.identification import report
-from tenodesis.identification.figures import worded
-from tenodesis.identification.fit import LEAST_REPLICATES, STARTS, fit, unexplained, worse_held_out
-from tenodesis.identification.formats import Measured, load_all
-from tenodesis.identification.laws import LAWS
+from tenodesis.identification.figures import axis_label
+from tenodesis.identification.fit import LEAST_REPLICATES, STARTS, fit
+from tenodesis.identification.formats import MeasuredRun, load_all
+from tenodesis.identification.goodness import unexplained, worse_held_out
 from tenodesis.identification.problem import Problem, WithGroups
-from tenodesis.identification.registry import FORMATS, usual
+from tenodesis.identification.registry import FORMATS
 from tenodesis.identification.results import Fit, to_json
-from tenodesis.identification.split import LEAST_SHARE, Part, split
+from tenodesis.identification.split import LEAST_SHARE, FittedPart, split
 from tenodesis.identification.uncertainty import LossName
 
 console = Console()
@@ -59,7 +59,8 @@ def identify(  # noqa: PLR0917
         typer.Option("--instrument", metavar="INSTRUMENT", help="Where values start: file or shipped name."),
     ] = None,
     law: Annotated[
-        str | None, typer.Option(help=f"Friction law: {', '.join(LAWS)}. Default: the format's.", show_default=False)
+        str | None,
+        typer.Option(help="Friction law; each format has its own choice. Default: the format's.", show_default=False),
     ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Parameters, intervals and errors go there as well.")
@@ -91,7 +92,7 @@ def identify(  # noqa: PLR0917
     check_outputs(outputs, [*logs, *tests, *given])
     for option, value, allowed in (
         ("--format", format_name, tuple(FORMATS)),
-        ("--law", law, (None, *LAWS)),
+        ("--law", law, (None, *(FORMATS[format_name].laws if format_name in FORMATS else ()))),
         ("--loss", loss, (None, *get_args(LossName))),
     ):
         if value not in allowed:
@@ -101,12 +102,12 @@ def identify(  # noqa: PLR0917
         raise CommandError(f"--bootstrap is {bootstrap}; allowed is 0 for none, or at least {LEAST_REPLICATES}.")
     share, part = _split(train_until, train_from)
     inst = None if instrument_file is None else instrument.load(instrument_file)
-    kind, defaults = FORMATS[format_name], usual(format_name)
-    chosen = law or defaults.law
+    kind = FORMATS[format_name]
+    chosen = law or kind.law
     measured = load_all(kind.load, [*logs, *tests])
     _check_different(measured)
 
-    def build(train: Sequence[Measured], held_out: Sequence[Measured]) -> Problem:
+    def build(train: Sequence[MeasuredRun], held_out: Sequence[MeasuredRun]) -> Problem:
         return kind.problem(train, held_out, law=chosen, instrument=inst)
 
     count = len(logs)
@@ -123,7 +124,7 @@ def identify(  # noqa: PLR0917
             starts=starts,
             bootstrap=bootstrap,
             seed=seed,
-            loss=_loss(loss) or defaults.loss,
+            loss=_loss(loss) or kind.loss,
             progress=bar,
         )
     held_out = [one for one in found.files if one.split == "test"]
@@ -168,7 +169,7 @@ def _loss(name: str | None) -> LossName | None:
     return next((one for one in get_args(LossName) if one == name), None)
 
 
-def _split(until: float | None, from_: float | None) -> tuple[float | None, Part]:
+def _split(until: float | None, from_: float | None) -> tuple[float | None, FittedPart]:
     """Return the share at which recordings are split, None where they are not, and which part is fitted."""
     if until is not None and from_ is not None:
         raise CommandError("--train-until and --train-from are both given; allowed is one of them.")
@@ -191,7 +192,7 @@ def _check_files(logs: Sequence[Path], tests: Sequence[Path]) -> None:
             seen[place] = what
 
 
-def _check_different(measured: Sequence[Measured]) -> None:
+def _check_different(measured: Sequence[MeasuredRun]) -> None:
     """Refuse a copy under another name: held out it would say nothing, and fitted it would count twice."""
     for one, other in combinations(measured, 2):
         same_bytes = bool(one.checksum) and one.checksum == other.checksum
@@ -200,7 +201,7 @@ def _check_different(measured: Sequence[Measured]) -> None:
             raise CommandError(f"{one.name} and {other.name} hold the same samples; allowed is a recording once.")
 
 
-def _extrapolated(one: Measured, trained: Sequence[Measured]) -> tuple[str, ...]:
+def _extrapolated(one: MeasuredRun, trained: Sequence[MeasuredRun]) -> tuple[str, ...]:
     """Return a note where a held-out recording was made at a bend of the sheath beyond those of the fitted ones."""
     if _BEND not in one.columns:
         return ()
@@ -229,7 +230,7 @@ def _tell(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, ...]]
     errors.add_column("run", overflow="fold")
     errors.add_column("use")
     for key in keys:
-        errors.add_column(escape(worded(key)), justify="right")
+        errors.add_column(escape(axis_label(key)), justify="right")
     for run in found.files:
         numbers = (f"{run.rmse[key]:.4g}" if key in run.rmse else "" for key in keys)
         errors.add_row(escape(run.name), "fitted" if run.split == "train" else "held out", *numbers)
@@ -253,11 +254,11 @@ def _say_parameters(found: Fit) -> None:
     table.add_column("unit", no_wrap=True)
     for heading in ("95 % interval", "bootstrap") if found.bootstrap else ("std", "95 % interval"):
         table.add_column(heading, justify="right", min_width=9 if heading != "std" else None)
-    table.add_column("told", min_width=4)
+    table.add_column("identifiable", min_width=4)
     for one in (one for one in found.parameters if one.name in found.free):
         row = report.shown(found, one)
         spread = (row.interval, row.bootstrap) if found.bootstrap else (row.std, row.interval)
-        table.add_row(one.name, row.value, row.unit, *spread, row.told)
+        table.add_row(one.name, row.value, row.unit, *spread, row.identifiable)
     console.print(table)
     held = [one.name for one in found.parameters if one.name not in found.free]
     if held:

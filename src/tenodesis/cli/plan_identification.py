@@ -15,8 +15,7 @@ from tenodesis.cli.common import PatientBar, check_outputs
 from tenodesis.errors import CommandError
 from tenodesis.identification.experiment import DURATION, OPTIMISTIC, Plan, plan, report
 from tenodesis.identification.experiment.choice import CriterionName
-from tenodesis.instrument import Force
-from tenodesis.simulate.quantities import Duration
+from tenodesis.units import Duration, PositiveForce
 
 console = Console()
 
@@ -98,7 +97,7 @@ def _criterion(name: str) -> CriterionName:
 def _forces(text: str) -> list[float]:
     if text.strip() == _NONE:
         return []
-    return [_quantity("--forces", part.strip(), Force) for part in text.split(",")]
+    return [_quantity("--forces", part.strip(), PositiveForce) for part in text.split(",")]
 
 
 def _quantity(option: str, text: str, kind: Any) -> float:
@@ -132,9 +131,9 @@ def _tell(found: Plan) -> None:
     table.add_column("")
     for name in found.wanted:
         ratios = (report.ratio(found, one, name) for one in found.baselines)
-        table.add_row(name, *report.shown(found, name), *ratios, "" if found.told(name) else "not told")
+        table.add_row(name, *report.shown(found, name), *ratios, "" if found.identifiable(name) else "not identifiable")
     console.print(table)
-    for sentence in (*dict.fromkeys(found.untold.values()), *found.warnings, OPTIMISTIC):
+    for sentence in (*dict.fromkeys(found.unidentifiable.values()), *found.warnings, OPTIMISTIC):
         _say(sentence)
 
 

@@ -14,11 +14,11 @@ from rich.table import Table
 from tenodesis import instrument, tolerance
 from tenodesis.cli.common import PatientBar
 from tenodesis.errors import CommandError
-from tenodesis.instrument import Force
 from tenodesis.report.content import fixed
 from tenodesis.tolerance.conduct import SAMPLES
 from tenodesis.tolerance.report import write
 from tenodesis.tolerance.results import QUANTILES
+from tenodesis.units import PositiveForce
 
 console = Console()
 
@@ -86,7 +86,7 @@ def study_tolerances(  # noqa: PLR0917
 
 def _force(text: str) -> float:
     try:
-        return TypeAdapter(Force).validate_python(text, context={"file": True})
+        return TypeAdapter(PositiveForce).validate_python(text, context={"file": True})
     except ValidationError as invalid:
         told = invalid.errors(include_url=False)[0]["msg"].removeprefix("Value error, ")
         raise CommandError(f"--force = {text!r}: {told}.") from None

@@ -1,6 +1,5 @@
 """The page in the browser: the instrument in space, its controls and its curves."""
 
-from tenodesis.console.link import Connect, Link
 from tenodesis.console.page import Page, serve
 
-__all__ = ["Connect", "Link", "Page", "serve"]
+__all__ = ["Page", "serve"]

@@ -44,7 +44,7 @@ class Controlling:
         session.on(self._law, "law", self._choose)
         session.on(self._actuation, "law", self._choose)
         session.on(self._home, "request", lambda: session.link.request("home"))
-        session.on(self._spoil, "tamper", lambda: session.link.tamper(*_FAULTS[self._fault.value]))
+        session.on(self._spoil, "inject_fault", lambda: session.link.inject_fault(*_FAULTS[self._fault.value]))
 
     def show(self, now: Now) -> None:
         """Show what is chosen."""

@@ -4,12 +4,12 @@ from functools import partial
 from typing import Any
 
 from tenodesis.console.colours import TensionColours
-from tenodesis.console.link import Asked
 from tenodesis.console.session import Now, Session, enable, put
 from tenodesis.console.status_line import status_line
 from tenodesis.instrument import Instrument
+from tenodesis.live.commands import ControllerRequest
 
-_NEXT: dict[str, tuple[tuple[str, Asked], ...]] = {
+_NEXT: dict[str, tuple[tuple[str, ControllerRequest], ...]] = {
     "DISABLED": (("Enable", "enable"),),
     "ENABLED": (("Pause", "pause"), ("Disable", "disable")),
     "PAUSED": (("Resume", "resume"), ("Disable", "disable")),
@@ -28,7 +28,7 @@ class Header:
         gui.add_html(f'<div style="padding:.35em .8em .2em">{TensionColours(inst).legend()}</div>')
         self._take = gui.add_button("Take control", color="blue", hint="From then on others watch.")
         self._restart = gui.add_button("Start the instrument again", color="orange", visible=False)
-        self._buttons: dict[Asked, Any] = {
+        self._buttons: dict[ControllerRequest, Any] = {
             what: gui.add_button(label, color=_colour(what), visible=False)
             for steps in _NEXT.values()
             for label, what in steps

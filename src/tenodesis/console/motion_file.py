@@ -5,9 +5,9 @@ from typing import Literal
 import numpy as np
 
 from tenodesis.errors import ProtocolError, RecordingError
-from tenodesis.recording import Recording as Logged
+from tenodesis.recording import Recording
 from tenodesis.simulate import Motion, Protocol
-from tenodesis.simulate.recording import Recording, text
+from tenodesis.simulate.motion import csv_text
 
 _UNITS: dict[str, Literal["deg", "rad"]] = {"deg": "deg", "rad": "rad"}
 _ROWS_PER_SECOND = 100
@@ -44,7 +44,7 @@ def motion_protocol(content: bytes, name: str) -> Protocol:
     return Protocol(name=name[:60], description="A recorded motion", phases=(motion,))
 
 
-def repeated(logged: Logged) -> Protocol:
+def repeated(recording: Recording) -> Protocol:
     """Return a protocol that moves the handle as in a recording of the bench, axis after axis.
 
     Raises
@@ -52,16 +52,16 @@ def repeated(logged: Logged) -> Protocol:
     RecordingError
         It has no handle angle, or not two rows.
     """
-    run = logged.run
+    run = recording.run
     named = [name for name in ("measured_handle_angle", "handle_angle") if name in run.signals()]
     if not named or len(run) < 2:
-        raise RecordingError(f"{logged.path} has no motion of the handle.")
+        raise RecordingError(f"{recording.path} has no motion of the handle.")
     angles = run[named[0]].reshape(len(run), -1)
-    rows = np.unique(np.linspace(0, len(run) - 1, max(2, int(logged.duration * _ROWS_PER_SECOND))).astype(int))
+    rows = np.unique(np.linspace(0, len(run) - 1, max(2, int(recording.duration * _ROWS_PER_SECOND))).astype(int))
     phases = tuple(
         Motion(
             axis=axis,
-            data=text(Recording(run.time[rows], angles[rows, n], ()), "time_s", "angle_rad"),
+            data=csv_text(run.time[rows], angles[rows, n], "time_s", "angle_rad"),
             time_column="time_s",
             angle_column="angle_rad",
             angle_unit="rad",
@@ -69,4 +69,6 @@ def repeated(logged: Logged) -> Protocol:
         )
         for n, axis in enumerate(run.axes)
     )
-    return Protocol(name=f"as {logged.path.stem}"[:60], description="The handle's motion of a recording", phases=phases)
+    return Protocol(
+        name=f"as {recording.path.stem}"[:60], description="The handle's motion of a recording", phases=phases
+    )

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from tenodesis.console.inbox import Action, Inbox
-from tenodesis.console.link import Link, Status
 from tenodesis.console.view import View
 from tenodesis.errors import DeviceError, InstrumentError, LiveError, NoSolutionError, ProtocolError, RecordingError
+from tenodesis.live.commands import RestartableConnection
+from tenodesis.live.status import Status
 
 if TYPE_CHECKING:
     import viser
@@ -67,7 +68,9 @@ class Session:
         Where recordings are.
     """
 
-    def __init__(self, client: "viser.ClientHandle", link: Link, origin: str, workers: Executor, folder: Path) -> None:
+    def __init__(
+        self, client: "viser.ClientHandle", link: RestartableConnection, origin: str, workers: Executor, folder: Path
+    ) -> None:
         self.client, self.link, self.origin, self.folder = client, link, origin, folder
         self.inbox = Inbox()
         camera = client.camera

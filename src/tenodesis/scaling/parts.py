@@ -6,13 +6,10 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
-from tenodesis.instrument import Force, Modulus, Name
-from tenodesis.instrument.hardware import Bits, Length, Span, Table, Turn
-from tenodesis.units import Quantity, annotation
+from tenodesis.files import FileTable
+from tenodesis.instrument import Name
+from tenodesis.units import AngleError, Bits, EncoderRange, Length, Mass, Modulus, PositiveForce, PositiveMass, Strength
 
-Mass = Annotated[float, *annotation(Quantity("mass", "kg", "500 g", at_least=0, below=1e3))]
-PieceMass = Annotated[float, *annotation(Quantity("mass", "kg", "500 g", above=0, below=1e3))]
-Strength = Annotated[float, *annotation(Quantity("tensile strength", "Pa", "1570 MPa", above=1e6, below=1e11))]
 Source = Annotated[str, Field(max_length=400)]
 
 _Count = Annotated[int, Field(ge=1, le=1000, strict=True)]
@@ -40,7 +37,7 @@ def twice(keys: Sequence[str]) -> str | None:
     return next((key for place, key in enumerate(keys) if key in keys[:place]), None)
 
 
-class Gears(Table):
+class Gears(FileTable):
     """Available spur gears: every module with every number of teeth."""
 
     modules: tuple[Length, ...] = Field(default=(), description="Modules")
@@ -56,7 +53,7 @@ class Gears(Table):
         return self
 
 
-class CataloguePart(Table):
+class CataloguePart(FileTable):
     """One part of a catalogue, identified among its kind by its key."""
 
     source: Source = Field(default="", description="Where the values are from")
@@ -96,7 +93,7 @@ class Rope(CataloguePart):
     name: Name = Field(description="Name in the parts list")
     diameter: Length = Field(description="Nominal diameter")
     modulus: Modulus = Field(description="Young's modulus over the full circle of the diameter: stiffness is E A / L")
-    breaking_load: Force = Field(description="Minimum breaking force")
+    breaking_load: PositiveForce = Field(description="Minimum breaking force")
 
 
 class Rod(CataloguePart):
@@ -116,8 +113,8 @@ class LoadCell(CataloguePart):
     """A load cell for the tension of a tendon."""
 
     name: Name = Field(description="Name in the parts list")
-    range: Force = Field(description="Largest force that it can measure")
-    resolution: Force = Field(description="Smallest difference of force that it resolves")
+    range: PositiveForce = Field(description="Largest force that it can measure")
+    resolution: PositiveForce = Field(description="Smallest difference of force that it resolves")
 
     @model_validator(mode="after")
     def _finer_than_its_range(self) -> Self:
@@ -135,14 +132,14 @@ class Encoder(CataloguePart):
     name: Name = Field(description="Name in the parts list")
     least_distal_radius: Length = Field(description="Smallest distal radius that it fits")
     bits: Bits = Field(description="Bits of its converter")
-    range: Span = Field(description="Angle of the converter's full range")
-    noise: Turn = Field(description="Standard deviation of a reading")
+    range: EncoderRange = Field(description="Angle of the converter's full range")
+    noise: AngleError = Field(description="Standard deviation of a reading")
 
 
 class Weight(CataloguePart):
     """Weights of one mass."""
 
-    mass: PieceMass = Field(description="Nominal mass")
+    mass: PositiveMass = Field(description="Nominal mass")
     count: _Count = Field(default=1, description="How many there are")
     tolerance: Mass = Field(default=0.0, description="Largest error of one")
 
@@ -152,7 +149,7 @@ class Weight(CataloguePart):
         return f"{self.mass * 1e3:.{_SAME}g} g"
 
 
-class _Series(Table):
+class _Series(FileTable):
     """Parts that differ in size only, written as one table."""
 
     source: Source = Field(default="", description="Where the values are from")
@@ -224,7 +221,7 @@ class SpoolSeries(_RoundSeries):
 class WeightSeries(_Series):
     """A set of weights: its masses, with their counts and tolerances."""
 
-    masses: tuple[PieceMass, ...] = Field(min_length=1, description="Nominal masses")
+    masses: tuple[PositiveMass, ...] = Field(min_length=1, description="Nominal masses")
     counts: tuple[_Count, ...] = Field(description="How many there are of each mass")
     tolerances: tuple[Mass, ...] = Field(default=(), description="Largest error of one of each mass")
 
@@ -251,7 +248,7 @@ def _form(*plurals: str) -> Discriminator:
     """Return what distinguishes a series from a single part: a key that only a series has."""
 
     def form(value: Any) -> str:
-        keys = value if isinstance(value, dict) else dict(value) if isinstance(value, Table) else {}
+        keys = value if isinstance(value, dict) else dict(value) if isinstance(value, FileTable) else {}
         return "series" if any(plural in keys for plural in plurals) else "one"
 
     return Discriminator(form)
@@ -270,7 +267,7 @@ def _size(length: float) -> str:
     return f"{length * 1e3:.{_SAME}g} mm"
 
 
-KINDS: dict[str, tuple[type[Table], ...]] = {
+KINDS: dict[str, tuple[type[FileTable], ...]] = {
     "pulleys": (Pulley, PulleySeries),
     "ropes": (Rope, RopeSeries),
     "rods": (Rod, RodSeries),
