@@ -201,7 +201,7 @@ def _tell(front: Front, chosen: int, design: Design, free: Front | None) -> None
         f"{factors['force']:.4g}, tension x {factors['tension']:.4g}; pretension {design.scaled_up.pretension:.4g} N."
     )
     if free is not None:
-        _say(f"Without the pins, {scaling.told_better(free, design.objectives)}")
+        _say(f"Without the pins, {scaling.rivals_text(free, design.objectives)}")
 
 
 def _representatives(front: Front, chosen: int) -> list[int]:
