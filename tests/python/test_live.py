@@ -35,7 +35,7 @@ def told(loop, folder):
     """Write what a runtime's folder holds beside the ring."""
     (folder / folders.INSTRUMENT).write_text(to_toml(loop.inst), "utf-8")
     has = loop.capabilities
-    folders.tell(
+    folders.write(
         folder,
         folders.About(loop.inst, has.name, loop.period, has.simulated, has.distal_encoder, "2026-01-01", os.getpid()),
     )

@@ -205,7 +205,7 @@ def test_homing_waits_until_the_handle_is_straight_and_the_tip_free(tmp_path: Pa
 
 
 def test_in_a_fault_nothing_is_asked_or_sent(loop: LiveLoop) -> None:
-    loop.tamper(1, 1, 1e6, 120)
+    loop.inject_fault(1, 1, 1e6, 120)
     loop.ticks(10 * TURN)
     playing = player(loop, HOMING)
     for _ in range(5):
@@ -222,7 +222,7 @@ def test_a_fault_stops_what_is_sent_and_it_goes_on_once_it_is_mended(loop: LiveL
         playing.advance()
         loop.ticks(TURN)
     # The agonist's load cell is 1 MN off for 60 ms.
-    loop.tamper(1, 1, 1e6, 120)
+    loop.inject_fault(1, 1, 1e6, 120)
     turns(playing, loop)
     assert loop.latest()["operating_state"] == OperatingState.FAULT
     assert playing.problem is not None
@@ -394,7 +394,7 @@ def test_homing_that_a_fault_ends_goes_on_after_the_operator_homed(tmp_path: Pat
     for _ in range(10):
         playing.advance()
         loop.ticks(TURN)
-    loop.tamper(1, 1, 1e6, 120)
+    loop.inject_fault(1, 1, 1e6, 120)
     turns(playing, loop)
     assert "clear it and home the instrument to go on" in str(playing.problem)
     loop.ticks(10 * TURN)

@@ -31,7 +31,7 @@ from tenodesis.recording import Recorder, Recording
 from tenodesis.run import Run
 
 from .conftest import ROOT
-from .live_loop import LiveLoop, Played, part
+from .live_loop import LiveLoop, Played
 from .test_recording import bits
 
 STEP = 5e-4
@@ -419,7 +419,7 @@ def test_events_after_a_missing_one_are_not_read(tmp_path: Path) -> None:
 
 def test_the_ticks_of_the_loop_itself_are_recorded_and_those_it_overwrote_are_told(tmp_path: Path) -> None:
     loop = LiveLoop(tmp_path, tn.load("scaled-up"), ring="ring", capacity=1024)
-    loop.tell_folder()
+    loop.describe_folder()
     loop.ask("enable")
     loop.ticks(100)
     reader = Reader(tmp_path)
@@ -435,4 +435,4 @@ def test_the_ticks_of_the_loop_itself_are_recorded_and_those_it_overwrote_are_to
     loop.ticks(3000)
     outcome = live.record(reader, tmp_path, tmp_path / "lost.mcap", stop=stop)
     assert outcome.lost == 3000 - outcome.rows > 1900
-    assert bits(Recording.open(tmp_path / "lost.mcap").run) == bits(part(loop.runs[-1], outcome.lost, 3000))
+    assert bits(Recording.open(tmp_path / "lost.mcap").run) == bits(loop.runs[-1][outcome.lost : 3000])

@@ -47,6 +47,16 @@ class Measurement(NamedTuple):
     output_angle: Array
     """By a distal encoder, rad, shape (axes,); NaN without one"""
 
+    @classmethod
+    def from_rows(cls, instant: int, rows: Array) -> "Measurement":
+        """Return a measurement of an instant (ns) from a row per axis, in the order of the fields."""
+        return cls(instant, rows[:, 0], rows[:, 1:3], rows[:, 3:5], rows[:, 5])
+
+    @property
+    def rows(self) -> Array:
+        """The values as a row per axis, shape (axes, 6)."""
+        return np.column_stack([self.handle_angle, self.tension, self.spool_angle, self.output_angle]).astype(float)
+
 
 class Device(Protocol):
     """A bench: opened, read, written and closed by one thread, in that order.

@@ -1,6 +1,6 @@
 """Rows of the core as the signals of a run."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -15,7 +15,11 @@ _MEASURED_AND_TRUE = tuple(dict.fromkeys(name.partition(".")[0] for name in SIGN
 
 
 def as_run(
-    time: Array, axes: tuple[str, ...], rows: Sequence[Array], outs: Sequence[Array], controls: Sequence[Array] = ()
+    time: Array,
+    axes: tuple[str, ...],
+    commanded: Mapping[str, Array],
+    outs: Sequence[Array],
+    controls: Sequence[Array] = (),
 ) -> Run:
     """Return rows of the core as signals: by step, by axis if there are two, by tendon.
 
@@ -25,29 +29,32 @@ def as_run(
         Of each row, s, shape (n,).
     axes
         Names of the axes.
-    rows, outs, controls
-        Per axis, commands, the twin's signals and the controller's, a row each per step.
+    commanded
+        Signals of the commands, shaped as in the run.
+    outs, controls
+        Per axis, the twin's signals and the controller's, a row each per step.
     """
 
     def signal(names: Sequence[str], stack: Sequence[Array], name: str) -> Array:
         if name in names:
-            columns: int | slice = names.index(name)
-        else:
-            first = names.index(f"{name}.{TENDONS[0]}")
-            columns = slice(first, first + len(TENDONS))
-        per_axis = [one[:, columns] for one in stack]
-        return per_axis[0] if len(stack) == 1 else np.stack(per_axis, 1)
-
-    def command(columns: int | slice) -> Array:
-        per_axis = [row[:, columns] for row in rows]
-        return per_axis[0] if len(rows) == 1 else np.stack(per_axis, 1)
+            return _of_axes(stack, names.index(name))
+        first = names.index(f"{name}.{TENDONS[0]}")
+        return _of_axes(stack, slice(first, first + len(TENDONS)))
 
     sent = {name: signal(CONTROL, controls, name) for name in _CONTROLLED} if controls else {}
-    return Run(
-        time,
-        axes,
-        commanded_handle_angle=command(0),
-        radial_force=command(2),
-        **{"commanded_spool_velocity": command(slice(4, 6)), **sent},
-        **{name: signal(SIGNALS, outs, name) for name in _MEASURED_AND_TRUE},
-    )
+    twin = {name: signal(SIGNALS, outs, name) for name in _MEASURED_AND_TRUE}
+    return Run(time, axes, **{**commanded, **sent, **twin})
+
+
+def commanded(rows: Sequence[Array]) -> dict[str, Array]:
+    """Return the commands of each axis, a row per step, as signals."""
+    return {
+        "commanded_handle_angle": _of_axes(rows, 0),
+        "radial_force": _of_axes(rows, 2),
+        "commanded_spool_velocity": _of_axes(rows, slice(4, 6)),
+    }
+
+
+def _of_axes(stack: Sequence[Array], columns: int | slice) -> Array:
+    per_axis = [one[:, columns] for one in stack]
+    return per_axis[0] if len(stack) == 1 else np.stack(per_axis, 1)

@@ -24,7 +24,7 @@ from tenodesis.twin.commands import (
     refuse_not_finite,
     refuse_without_rig,
 )
-from tenodesis.twin.rows import CONTROL, SIGNALS, as_run
+from tenodesis.twin.rows import CONTROL, SIGNALS, as_run, commanded
 
 _LOOSENING_BLOCK = 0.05  # s
 
@@ -241,7 +241,7 @@ class Twin:
             outs.append(out)
         time = np.arange(self._steps + 1, self._steps + 1 + count, dtype=np.float64) * self.time_step
         self._steps += count
-        return as_run(time, self.inst.axes, rows, outs)
+        return as_run(time, self.inst.axes, commanded(rows), outs)
 
     def _controlled(
         self, controller: ClosesLoop, rows: list[Array], request: NDArray[Any], fault_injection: Sequence[Injection]
@@ -277,7 +277,7 @@ class Twin:
         self._steps += steps
         if status != Status.OK:
             raise lost(status, f"step {steps} ({self.time:.6g} s)")
-        return as_run(time, self.inst.axes, rows, list(outs), list(control))
+        return as_run(time, self.inst.axes, commanded(rows), list(outs), list(control))
 
     def step(
         self,
