@@ -30,6 +30,8 @@ from tenodesis.recording.schemas import topics
 from .live_loop import LiveLoop, Played
 from .test_recording import a_run
 
+pytestmark = pytest.mark.process
+
 MESSAGE = struct.Struct("<BIQ")
 FIRST = 10
 """Rows that open the channels."""

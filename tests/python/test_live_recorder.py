@@ -201,6 +201,7 @@ def test_rows_whose_time_does_not_go_on_are_kept_and_told(run: Run, tmp_path: Pa
     assert [event["rows"] for event in told if event["event"] == "time_corrected"] == [8, 16]
 
 
+@pytest.mark.process
 def test_a_killed_recorder_leaves_all_it_said_was_safe(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     (tmp_path / "events.jsonl").write_text('{"time": 0, "event": "law", "law": "robust"}\n')
@@ -219,6 +220,7 @@ def test_a_killed_recorder_leaves_all_it_said_was_safe(tmp_path: Path) -> None:
     assert not status["ended"]
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_closes_the_recording(number: signal.Signals, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
@@ -237,6 +239,7 @@ def test_a_signal_closes_the_recording(number: signal.Signals, tmp_path: Path) -
     assert (status["rows"], status["problem"]) == (len(recording.run), None)
 
 
+@pytest.mark.process
 def test_a_disk_that_fills_up_ends_it_with_a_sentence_and_what_was_written(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     limit = (
@@ -257,6 +260,7 @@ def test_a_disk_that_fills_up_ends_it_with_a_sentence_and_what_was_written(tmp_p
     assert f"tenodesis: {status['problem']}\n" == said
 
 
+@pytest.mark.process
 def test_a_file_that_cannot_be_written_is_one_sentence(run: Run, tmp_path: Path) -> None:
     def attempt(path: Path) -> None:
         live.record(Played(run, tn.load("scaled-up"), [400]), tmp_path, path)
