@@ -335,9 +335,6 @@ def test_what_no_controller_can_run_is_refused_before_it_begins(
     assert loop.pending == 0
 
 
-PAUSED = Protocol(name="paused", phases=(Ramp(handle_angle=0.0, duration=0.3), Pretension(timeout=30.0)))
-
-
 @pytest.mark.parametrize(
     ("state", "runs"),
     [
