@@ -10,7 +10,7 @@ from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
 from tenodesis.live.protocols import Player
 from tenodesis.run import concatenate
-from tenodesis.simulate import Pretension, Protocol
+from tenodesis.simulate import Pretension, Protocol, Ramp
 
 from .live_loop import LiveLoop
 from .test_live_protocols import HOMING, STEPS, TURN, commanded, planned, player, turns
