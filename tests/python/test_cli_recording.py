@@ -313,7 +313,7 @@ def test_info_tells_the_events_faults_and_gaps_of_a_live_recording(tenodesis: Co
     assert ["hand", "browser 1", "42", "0.01 s", "0.02 s"] in table
     assert ["stop", "[red]stop button[/red]", "1", "0.03 s", "0.03 s"] in table
     assert ["ticks_missed", "runtime", "2", "0.06 s", "0.07 s"] in table
-    assert any(row[:3] == ["7", "not told", "1"] for row in table)
+    assert any(row[:3] == ["7", "unknown", "1"] for row in table)
 
 
 def test_info_of_a_recording_broken_off_says_so_and_of_one_that_is_not_live_nothing(
@@ -331,7 +331,7 @@ def test_info_of_a_recording_broken_off_says_so_and_of_one_that_is_not_live_noth
         "28: 1 after 0 s, 2 after 0.001 s, 3 after 0.002 s, 4 after 0.003 s, 2 times more"
     )
     assert told["lost rows"].endswith("2 times more, 7 after 0.006 s")
-    assert told["ended"] == "not told: the recording was broken off"
+    assert told["ended"] == "unknown: the recording was broken off"
     assert told["faults"] == "none"
 
 

@@ -77,13 +77,13 @@ def _table(findings: Findings) -> Table:
     table = Table(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD)
     for heading in ("", "measured", "allowed"):
         table.add_column(heading, justify="left" if not heading else "right", overflow="fold")
-    for share, told in ((0.5, "interval, p50"), (0.99, "interval, p99"), (1.0, "interval, worst")):
-        table.add_row(told, f"{findings.quantile(share) * 1e3:.4g} ms", "")
+    for share, label in ((0.5, "interval, p50"), (0.99, "interval, p99"), (1.0, "interval, worst")):
+        table.add_row(label, f"{findings.quantile(share) * 1e3:.4g} ms", "")
     if findings.round_trips.size:
         table.add_row("round trip, p50", f"{np.quantile(findings.round_trips, 0.5) * 1e3:.4g} ms", "")
     table.add_row("reads without a measurement", str(findings.missed), "")
     table.add_row("measured twice", str(findings.twice), "")
-    for kind, count in sorted(findings.told.items()):
+    for kind, count in sorted(findings.counted.items()):
         table.add_row(escape(f"{kind}, by the device"), str(count), "")
     for sensor, count in findings.blind.items():
         if count:
