@@ -17,6 +17,7 @@ from tenodesis.control.controller import fault_names
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.text import to_toml
+from tenodesis.live.status import ProtocolState, ProtocolStatus, RuntimeState, Status, Timing
 from tenodesis.run import Array, Run, concatenate
 from tenodesis.simulate import Protocol
 
@@ -25,38 +26,6 @@ _BLOCK = 20
 _HAND_SPEED = 1.5  # rad/s
 _LEASE = 1.0  # s
 _KEPT = 12.0  # s
-
-
-@dataclass(frozen=True)
-class Timing:
-    ticks: int
-    late: int = 0
-    missed: int = 0
-    lost: int = 0
-    p50: float = 31e-6
-    p99: float = 48e-6
-    worst: float = 210e-6
-    rate: float = 1 / TIME_STEP
-
-
-@dataclass(frozen=True)
-class Status:
-    state: str
-    faults: tuple[str, ...]
-    law: str
-    actuation: str
-    operator: str | None
-    timing: Timing
-    protocol: tuple[str, float, float, str | None] | None
-    recording: Path | None
-    speed: float
-    problem: str | None
-    homed: bool = True
-    homing: bool = False
-    stopped: bool = False
-    first_faults: tuple[str, ...] = ()
-    realtime: tuple[str, ...] = ("Real-time scheduling was not granted.",)
-    recorder_lost: int = 0
 
 
 @dataclass(frozen=True)
@@ -97,7 +66,7 @@ class StandIn:
             self.beat, self.rate, self.problem = 0.0, 1.0, None
             self.tampering: list[FaultInjection] = []
             self.playing: Iterator[Mapping[str, Array]] | None = None
-            self.protocol: tuple[str, float, float, str | None] | None = None
+            self.protocol: ProtocolStatus | None = None
             self.recorder: tn.Recorder | None = None
             self.runs.append(self.block())
 
@@ -132,8 +101,8 @@ class StandIn:
         self.ticks += count
         if self.recorder is not None and self.protocol is not None:
             self.recorder.write(run)
-            name, done, total, problem = self.protocol
-            self.protocol = (name, min(total, done + count * TIME_STEP), total, problem)
+            done = min(self.protocol.total, self.protocol.done + count * TIME_STEP)
+            self.protocol = self.protocol._replace(done=done)
         return run
 
     def end_protocol(self, why: str | None = None) -> None:
@@ -142,9 +111,12 @@ class StandIn:
             self.recorder = None
             self.hands = self.at.copy()
         self.playing = None
-        if self.protocol is not None and self.protocol[3] is None:
-            name, done, total, _ = self.protocol
-            self.protocol = (name, total if why is None else done, total, why)
+        if self.protocol is not None and self.protocol.runs:
+            name, done, total, *_ = self.protocol
+            if why is None:
+                self.protocol = ProtocolStatus(name, total, total, ProtocolState.DONE)
+            else:
+                self.protocol = ProtocolStatus(name, done, total, ProtocolState.ENDED, why)
 
     def play(self, protocol: Protocol) -> None:
         seconds = protocol.duration(self.inst, TIME_STEP)
@@ -153,7 +125,7 @@ class StandIn:
         metadata = {"instrument": to_toml(self.inst), "protocol": protocol.to_toml()}
         self.recorder = tn.Recorder(path, axes=self.inst.axes, metadata=metadata)
         self.playing = protocol.blocks(self.inst, TIME_STEP, _BLOCK * TIME_STEP)
-        self.protocol = (protocol.name, 0.0, seconds, None)
+        self.protocol = ProtocolStatus(protocol.name, 0.0, seconds, ProtocolState.RUNNING)
 
     def _run(self) -> None:
         due = time.monotonic()
@@ -205,16 +177,22 @@ class StandInLink:
         with bench.lock:
             run = bench.runs[-1]
             return Status(
-                OperatingState(int(run["operating_state"][-1].max())).name,
-                fault_names(int(run["faults"][-1].max())),
-                bench.controller.law,
-                bench.controller.actuation,
-                bench.operator,
-                Timing(bench.ticks),
-                bench.protocol,
-                None,
-                bench.rate,
-                bench.problem,
+                state=RuntimeState(OperatingState(int(run["operating_state"][-1].max())).name),
+                homed=True,
+                homing=False,
+                stopped=False,
+                faults=fault_names(int(run["faults"][-1].max())),
+                first_faults=(),
+                law=bench.controller.law,
+                actuation=bench.controller.actuation,
+                operator=bench.operator,
+                timing=Timing(bench.ticks, 0, 0, 0, 31e-6, 48e-6, 210e-6, 5e-6, 50e-6, 1e-4, 2e-4, 1 / TIME_STEP),
+                realtime=("Real-time scheduling was not granted.",),
+                protocol=bench.protocol,
+                recording=None,
+                recorder_lost=0,
+                speed=bench.rate,
+                problem=bench.problem,
             )
 
     def acquire(self, force: bool = False) -> bool:

@@ -17,7 +17,6 @@ import pytest
 import tenodesis as tn
 from tenodesis.console import Page, serve
 from tenodesis.console.door import Door
-from tenodesis.console.link import running
 from tenodesis.console.lockout import Lockout
 from tenodesis.console.page import FRAMES
 from tenodesis.console.session import plain
@@ -524,23 +523,6 @@ def test_what_is_no_instrument_file_is_refused_by_its_name(page: Page, bench: St
         known = path.partition("\0")[0]
         wait(lambda: guest.sees(known) or any(known in told for told in guest.told))
         assert asked_by(bench, "load") == []
-
-
-@pytest.mark.parametrize(
-    ("protocol", "runs"),
-    [
-        (None, False),
-        (("x", 1.0, 2.0, None), True),
-        (("x", 2.0, 2.0, None), False),
-        (("x", 1.0, 2.0, "phases[0] waits at 1 of 2 s: the instrument is PAUSED; resume it to go on."), True),
-        (("x", 1.0, 2.0, "stopped"), False),
-        (("x", 1.0, 2.0, "cancelled"), False),
-        (("x", 1.0, 2.0, "the operator has gone"), False),
-        (("x", 1.0, 2.0, "index 3 is out of bounds"), False),
-    ],
-)
-def test_a_protocol_runs_until_it_is_done_or_something_ends_it(protocol: Any, runs: bool) -> None:
-    assert running(SimpleNamespace(protocol=protocol)) is runs
 
 
 # ---------------------------------------------------------------------- recordings

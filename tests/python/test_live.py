@@ -24,6 +24,7 @@ from tenodesis.live.lease import SECONDS, Lease
 from tenodesis.live.loop import PROBLEMS, Choices, LiveLoop
 from tenodesis.live.record import Reader
 from tenodesis.live.server import Server
+from tenodesis.live.status import ProtocolState
 from tenodesis.recording import Recording
 from tenodesis.twin import Twin
 
@@ -475,10 +476,10 @@ def test_a_protocol_ends_with_its_operator_and_homes_nobodys_motors(served):
     one.acquire()
     one.play(tn.simulate.load("pretension"), record=False)
     one.close()
-    until(lambda: other.status().protocol[3] is not None)
+    until(lambda: other.status().protocol.problem is not None)
     time.sleep(0.3)
     status = other.status()
-    assert status.protocol[3] == "the operator has gone"
+    assert status.protocol.problem == "the operator has gone"
     assert status.state in {"DISABLED", "PAUSED"}
     assert not status.homing
 
@@ -557,8 +558,8 @@ def test_a_protocol_runs_at_a_request_and_is_recorded_whole(served):
     with pytest.raises(LiveError, match="the protocol turn runs"):
         one.hand([0.0])
     path = one.status().recording
-    until(lambda: one.status().protocol[1] >= one.status().protocol[2] or one.status().protocol[3])
-    assert one.status().protocol[3] is None
+    until(lambda: not one.status().protocol.runs)
+    assert one.status().protocol.state is ProtocolState.DONE
     until(lambda: one.status().recording is None)
     recording = Recording.open(path)
     run = recording.run

@@ -155,8 +155,8 @@ def test_a_protocol_ends_when_another_takes_over(served):
     one.request("enable")
     one.play(RAMP, record=False)
     assert other.acquire(force=True)
-    until(lambda: other.heartbeat() and other.status().protocol[3] is not None)
-    assert other.status().protocol[3] == "the operator has gone"
+    until(lambda: other.heartbeat() and other.status().protocol.problem is not None)
+    assert other.status().protocol.problem == "the operator has gone"
 
 
 def connected(folder, says=b""):

@@ -11,6 +11,7 @@ from tenodesis.control import OperatingState
 from tenodesis.errors import LiveError, ProtocolError
 from tenodesis.instrument import Instrument
 from tenodesis.live.protocols import Player
+from tenodesis.live.status import ProtocolState, ProtocolStatus
 from tenodesis.run import Array, concatenate
 from tenodesis.simulate import Cycles, Pretension, Protocol, Ramp, StepLoad
 
@@ -516,3 +517,17 @@ def test_what_cannot_forget_its_commands_still_pauses_homing_when_it_is_cancelle
     loop.ticks(TURN)
     assert loop.asked[-1] == "pause"
     assert not loop.latest()["homing"]
+
+
+@pytest.mark.parametrize(
+    ("state", "runs"),
+    [
+        (ProtocolState.RUNNING, True),
+        (ProtocolState.WAITING, True),
+        (ProtocolState.DONE, False),
+        (ProtocolState.ENDED, False),
+    ],
+)
+def test_a_protocol_runs_until_it_is_done_or_something_ends_it(state, runs):
+    # Whatever its problem says.
+    assert ProtocolStatus("x", 1.0, 2.0, state, "x waits at 1 s").runs is runs

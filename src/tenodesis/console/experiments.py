@@ -4,9 +4,9 @@ from functools import partial
 from typing import Any
 
 from tenodesis import simulate
-from tenodesis.console.link import running
 from tenodesis.console.session import Now, Session, enable, plain, put
 from tenodesis.errors import ProtocolError
+from tenodesis.live.status import ProtocolStatus
 from tenodesis.simulate import Protocol
 
 _NOTHING = "No experiment runs."
@@ -37,14 +37,14 @@ class Experiments:
 
     def show(self, now: Now) -> None:
         """Show how far the protocol has come."""
-        played, going = now.status.protocol, running(now.status)
+        played, going = now.status.protocol, now.status.protocol_runs
         enable((*self._buttons, self._upload), now.operating and self._simulated and not going)
         enable((self._cancel,), now.operating)
         put(self._bar, visible=going)
         put(self._cancel, visible=going)
         put(self._state, content=_told(played, going))
-        if played is not None and played[2] > 0:
-            put(self._bar, value=min(100.0, round(100 * played[1] / played[2], 1)))
+        if played is not None and played.total > 0:
+            put(self._bar, value=min(100.0, round(100 * played.done / played.total, 1)))
 
     def _begin(self, play: Any) -> None:
         # A long protocol is planned for seconds, which the page's ticks cannot wait.
@@ -63,11 +63,11 @@ class Experiments:
         self._play(simulate.parse(text, file.name))
 
 
-def _told(played: tuple[str, float, float, str | None] | None, going: bool) -> str:
+def _told(played: ProtocolStatus | None, going: bool) -> str:
     """Return in Markdown how a protocol fares."""
     if played is None:
         return _NOTHING
-    name, done, total, problem = plain(played[0]), *played[1:]
+    name, done, total, problem = plain(played.name), played.done, played.total, played.problem
     if going:
         return f"**{name}** runs: {done:.1f} s of {total:.1f} s" if problem is None else plain(problem)
     if problem is not None:

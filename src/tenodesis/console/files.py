@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tenodesis.console.comparison import compare
-from tenodesis.console.link import running
 from tenodesis.console.motion_file import repeated
 from tenodesis.console.plots import AGONIST, INK, WANTED, add_chart, known, series
 from tenodesis.console.session import Now, Session, enable, plain, put
@@ -70,7 +69,7 @@ class Files:
 
     def show(self, now: Now) -> None:
         """List what is there."""
-        free = now.operating and self._session.link.capabilities.simulated and not running(now.status)
+        free = now.operating and self._session.link.capabilities.simulated and not now.status.protocol_runs
         enable((self._again,), free and self._opened is not None)
         if time.monotonic() - self._looked < _LOOK_EVERY:
             return

@@ -1,140 +1,12 @@
 """What the page needs of the runtime: to look at it, and to ask it for things in somebody's name."""
 
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Literal, Protocol, TypeAlias
 
 from tenodesis.instrument import Instrument
+from tenodesis.live.status import Status
 from tenodesis.run import Array
 from tenodesis.simulate import Protocol as BenchProtocol
-
-
-class Timing(Protocol):
-    """How the loop keeps time; durations in s."""
-
-    @property
-    def ticks(self) -> int:
-        """Ticks done."""
-        ...
-
-    @property
-    def late(self) -> int:
-        """Ticks that began late."""
-        ...
-
-    @property
-    def missed(self) -> int:
-        """Ticks that did not take place."""
-        ...
-
-    @property
-    def lost(self) -> int:
-        """Ticks that were not kept for the recorder."""
-        ...
-
-    @property
-    def p50(self) -> float:
-        """Median of the compute time per tick, s."""
-        ...
-
-    @property
-    def p99(self) -> float:
-        """Compute time that 99 % of the ticks stay below, s."""
-        ...
-
-    @property
-    def worst(self) -> float:
-        """Longest compute time of a tick, s."""
-        ...
-
-    @property
-    def rate(self) -> float:
-        """Ticks per second, Hz."""
-        ...
-
-
-class Status(Protocol):
-    """The state of the runtime."""
-
-    @property
-    def state(self) -> str:
-        """DISABLED, ENABLED, PAUSED, FAULT; GONE where there is no runtime any more."""
-        ...
-
-    @property
-    def stopped(self) -> bool:
-        """Whether motors are held by a stop."""
-        ...
-
-    @property
-    def homed(self) -> bool:
-        """Whether the spools' zero is known."""
-        ...
-
-    @property
-    def homing(self) -> bool:
-        """Whether it is being looked for."""
-        ...
-
-    @property
-    def faults(self) -> tuple[str, ...]:
-        """Names of the faults."""
-        ...
-
-    @property
-    def first_faults(self) -> tuple[str, ...]:
-        """Names of those that came first."""
-        ...
-
-    @property
-    def law(self) -> str:
-        """Compensation law."""
-        ...
-
-    @property
-    def actuation(self) -> str:
-        """Actuation mode."""
-        ...
-
-    @property
-    def operator(self) -> str | None:
-        """Origin of whoever operates; None if nobody does."""
-        ...
-
-    @property
-    def timing(self) -> Timing:
-        """How the loop keeps time."""
-        ...
-
-    @property
-    def realtime(self) -> tuple[str, ...]:
-        """What the operating system did not grant, in sentences."""
-        ...
-
-    @property
-    def protocol(self) -> tuple[str, float, float, str | None] | None:
-        """Name, seconds done, seconds in all and problem of the protocol that runs or ran last; see :func:`running`."""
-        ...
-
-    @property
-    def recording(self) -> Path | None:
-        """Where it is recorded to."""
-        ...
-
-    @property
-    def recorder_lost(self) -> int:
-        """Ticks that the recorder did not keep up with."""
-        ...
-
-    @property
-    def speed(self) -> float:
-        """Simulated time by wall time."""
-        ...
-
-    @property
-    def problem(self) -> str | None:
-        """What is wrong with the runtime itself, in a sentence."""
-        ...
 
 
 class Capabilities(Protocol):
@@ -243,18 +115,6 @@ class Link(Protocol):
     def close(self) -> None:
         """Let go of the runtime."""
         ...
-
-
-_WAITS = " waits at "
-"""In the problem of a protocol that goes on once that is mended; any other problem has ended it."""
-
-
-def running(status: Status) -> bool:
-    """Return whether a protocol runs, be it that it waits for something."""
-    if status.protocol is None:
-        return False
-    _, done, total, problem = status.protocol
-    return done < total and (problem is None or _WAITS in problem)
 
 
 Connect: TypeAlias = Callable[[str], Link]

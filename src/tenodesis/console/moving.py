@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from tenodesis import simulate
-from tenodesis.console.link import running
 from tenodesis.console.motion_file import motion_protocol
 from tenodesis.console.session import Now, Session, enable, put
 from tenodesis.errors import LiveError
@@ -81,7 +80,7 @@ class Moving:
 
     def show(self, now: Now) -> None:
         """Let the operator move what no protocol moves; all others see where it is."""
-        free = now.operating and self._simulated and not running(now.status)
+        free = now.operating and self._simulated and not now.status.protocol_runs
         enable((*self._hand, *self._force, self._axis, self._size, self._step, self._play), free)
         put(self._step, label=_OFF if self._stepped.value else _ON)
         hint = next_to_try(now) if free else ""

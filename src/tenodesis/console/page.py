@@ -17,11 +17,12 @@ from tenodesis.console import wire
 from tenodesis.console.browser import Browser
 from tenodesis.console.door import Door, is_loopback
 from tenodesis.console.html import page
-from tenodesis.console.link import Connect, Status
+from tenodesis.console.link import Connect
 from tenodesis.console.plots import ROWS, WINDOW
 from tenodesis.console.session import Now, Session
 from tenodesis.console.view import view
 from tenodesis.errors import LiveError
+from tenodesis.live.status import Status
 
 if TYPE_CHECKING:
     import viser

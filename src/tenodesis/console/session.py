@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from tenodesis.console.inbox import Action, Inbox
-from tenodesis.console.link import Link, Status
+from tenodesis.console.link import Link
 from tenodesis.console.view import View
 from tenodesis.errors import DeviceError, InstrumentError, LiveError, NoSolutionError, ProtocolError, RecordingError
+from tenodesis.live.status import Status
 
 if TYPE_CHECKING:
     import viser

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from html import escape
 
 from tenodesis.console.advice import ADVICE
-from tenodesis.console.link import Status
+from tenodesis.live.status import Status
 
 _COLOURS = {"DISABLED": "#5b6675", "ENABLED": "#15703f", "PAUSED": "#8a5a00", "FAULT": "#b4232f", "GONE": "#b4232f"}
 _WORDS = {

@@ -6,7 +6,7 @@ import threading
 import time
 from collections import deque
 from contextlib import closing
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
 from tenodesis.live import folder as folders
 from tenodesis.live.record import Reader, run_of, signals_of
+from tenodesis.live.status import ProtocolState, ProtocolStatus, RuntimeState, Status, Timing
 from tenodesis.run import Array
 from tenodesis.simulate import Protocol
 
@@ -34,56 +35,6 @@ _AT_ONCE = 0.05
 _AGAIN = ("status", "acquire", "heartbeat", "release", "stop")
 """Orders that may be given twice: a runtime closes connections that have said nothing for long where it has many."""
 _GONE = "The runtime has gone: its motors are stopped by their own watchdogs. Start it again."
-
-
-@dataclass(frozen=True)
-class Timing:
-    """How the loop keeps time; durations in s."""
-
-    ticks: int
-    late: int
-    """Ticks that began more than half a period late."""
-    missed: int
-    """Ticks that did not take place, or were not caught up with."""
-    lost: int
-    """Ticks that the recorder did not get."""
-    p50: float
-    p99: float
-    worst: float
-    """Of the compute time of a tick through the whole runtime."""
-    controller_p50: float
-    controller_worst: float
-    """Of the controller alone, in the same ticks."""
-    lateness_p99: float
-    lateness_worst: float
-    rate: float
-    """Ticks per second, Hz."""
-
-
-@dataclass(frozen=True)
-class Status:
-    """The state of a runtime."""
-
-    state: str
-    """DISABLED, ENABLED, PAUSED, FAULT; GONE where there is no runtime any more."""
-    homed: bool
-    homing: bool
-    stopped: bool
-    """Whether motors are held by a stop."""
-    faults: tuple[str, ...]
-    first_faults: tuple[str, ...]
-    law: str
-    actuation: str
-    operator: str | None
-    timing: Timing
-    realtime: tuple[str, ...]
-    """What the operating system did not grant."""
-    protocol: tuple[str, float, float, str | None] | None
-    """Name, seconds done, seconds in all, and what is wrong."""
-    recording: Path | None
-    recorder_lost: int
-    speed: float
-    problem: str | None
 
 
 class Client:
@@ -172,7 +123,10 @@ class Client:
         for name in ("faults", "first_faults", "realtime"):
             values[name] = tuple(values[name])
         values["timing"] = Timing(**said["timing"])
-        values["protocol"] = None if said["protocol"] is None else tuple(said["protocol"])
+        values["state"] = RuntimeState(said["state"])
+        if said["protocol"] is not None:
+            name, done, total, state, wrong = said["protocol"]
+            values["protocol"] = ProtocolStatus(name, done, total, ProtocolState(state), wrong)
         values["recording"] = None if said["recording"] is None else Path(said["recording"])
         self._last_status = Status(**values)
         return self._last_status
@@ -326,7 +280,7 @@ class Client:
         last = self._last_status
         timing = Timing(0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1 / self.time_step)
         return Status(
-            "GONE",
+            RuntimeState.GONE,
             False,
             False,
             True,

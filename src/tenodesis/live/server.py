@@ -32,6 +32,7 @@ from tenodesis.live.loop import Choices, DeviceName, LiveLoop
 from tenodesis.live.protocols import Player
 from tenodesis.live.record import TICK, Reader, signals_of
 from tenodesis.live.recording_process import RecordingProcess
+from tenodesis.live.status import ProtocolState, ProtocolStatus
 from tenodesis.run import Array
 
 _TURN = 0.02
@@ -80,7 +81,7 @@ class Server:
         self._playing = ""
         self._records_protocol = False
         self._begin_after = 0.0
-        self._played: tuple[str, float, float, str | None] | None = None
+        self._played: ProtocolStatus | None = None
         self._lock = threading.Lock()
         self._asking = threading.Lock()
         self._ending = threading.Event()
@@ -287,7 +288,7 @@ class Server:
                 self._records_protocol = True
             self._begin_after = time.monotonic() + _SETTLING
             self._player, self._plays, self._playing = player, who, protocol.name
-            self._played = (protocol.name, *player.progress, None)
+            self._played = ProtocolStatus(protocol.name, *player.progress, ProtocolState.RUNNING)
 
     # Whatever a protocol asks for comes before a stop or not at all.
     def _ask_for_protocol(self, what: str, stops: int) -> None:
@@ -329,7 +330,7 @@ class Server:
     def _problem(self) -> str | None:
         return self.loop.problem or self._recorder.problem or self._journal.problem
 
-    def _protocol(self) -> tuple[str, float, float, str | None] | None:
+    def _protocol(self) -> ProtocolStatus | None:
         with self._lock:
             return self._played
 
@@ -384,7 +385,8 @@ class Server:
             except Exception as problem:
                 self._end_protocol(str(problem))
                 raise
-            self._played = (self._playing, *player.progress, player.problem)
+            state = ProtocolState.RUNNING if player.problem is None else ProtocolState.WAITING
+            self._played = ProtocolStatus(self._playing, *player.progress, state, player.problem)
             if player.finished:
                 self._end_protocol(None)
 
@@ -399,7 +401,8 @@ class Server:
             except LiveError:
                 # What cannot be cancelled is stopped, which is never refused.
                 self.loop.stop()
-        self._played = (self._playing, *player.progress, why)
+        state = ProtocolState.DONE if why is None else ProtocolState.ENDED
+        self._played = ProtocolStatus(self._playing, *player.progress, state, why)
         self._journal.tell("protocol_ended", "runtime", protocol=self._playing, why=why or "done")
         if self._records_protocol:
             self._records_protocol = False
