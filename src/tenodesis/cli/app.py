@@ -65,9 +65,7 @@ def built(name: str, function: Callable[..., None]) -> Any:
     return typer.main.get_command(alone)
 
 
-app = typer.Typer(
-    cls=_Commands, help=HELP, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
-)
+app = typer.Typer(cls=_Commands, help=HELP, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.callback()

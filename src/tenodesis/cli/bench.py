@@ -40,8 +40,8 @@ def bench(
     scaled = None if scaled_up is None else instrument.load(scaled_up)
     if scaled is not None and scaled.joint_type != inst.joint_type:
         raise InstrumentError(
-            f"{scaled.name} has joint_type {scaled.joint_type}, {inst.name} {inst.joint_type}; a scale model must be of "
-            "the same joint type.",
+            f"{scaled.name} has joint_type {scaled.joint_type}, {inst.name} {inst.joint_type}; a scale model must "
+            "be of the same joint type.",
             key="joint_type",
             value=scaled.joint_type,
             allowed=inst.joint_type,

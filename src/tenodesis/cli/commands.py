@@ -97,7 +97,7 @@ COMMANDS: dict[str, Command | Group] = {
     "console": Command(
         "Open the live instrument in the browser: move its handle, push on its tip, switch the compensation on and "
         "off.",
-        "live.console",
+        "live.live_console",
     ),
     "foxglove": Command(
         "Show a live instrument to Foxglove: the recordings' topics over a WebSocket, to watch and nothing else.",

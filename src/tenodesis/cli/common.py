@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from tenodesis.errors import CommandError
+from tenodesis.errors import CommandError, Error
 from tenodesis.files import atomic_file
 
 console = Console()
@@ -111,6 +111,8 @@ def value_errors() -> Iterator[None]:
     """Raise what a function says about its arguments as an error of the command."""
     try:
         yield
+    except Error:
+        raise
     except ValueError as problem:
         raise CommandError(str(problem)) from problem
 
