@@ -9,7 +9,7 @@ import typer
 from rich.markup import escape
 
 from tenodesis import instrument
-from tenodesis.cli.common import console, say, table, value_errors, warn, write_text
+from tenodesis.cli.common import console, refuse_existing, say, table, value_errors, warn, write_text
 from tenodesis.errors import CommandError
 from tenodesis.instrument.text import to_file
 from tenodesis.recording import Recording
