@@ -4,16 +4,39 @@ import time
 from typing import Any
 
 from tenodesis.console.about import ABOUT
-from tenodesis.console.controlling import Controlling
-from tenodesis.console.experiments import Experiments
-from tenodesis.console.files import Files
-from tenodesis.console.header import Header
-from tenodesis.console.instrument_file import InstrumentFile
-from tenodesis.console.moving import Moving, largest_force
+from tenodesis.console.tab_law import LawTab
+from tenodesis.console.tab_tests import TestsTab
+from tenodesis.console.tab_files import FilesTab
+from tenodesis.console.status import StatusHeader
+from tenodesis.console.tab_setup import SetupTab
+from tenodesis.console.tab_move import MoveTab, largest_force
 from tenodesis.console.plots import Plots
 from tenodesis.console.scene import Scene
-from tenodesis.console.session import Now, Part, Session
-from tenodesis.console.view import View
+from tenodesis.console.session import PageState, PanelSection, Session
+from tenodesis.console.display import ShownSignals
+
+ABOUT = """
+**What you see.** A surgeon's instrument for keyhole surgery. The dark **grip** at the top is in the surgeon's hand, the
+pale **disc** is the wall of the patient's body, and the **jaws** at the bottom work inside. The tube between them is
+drawn short.
+
+**How it works.** Turn the grip, and a pair of rolling gears pulls thin **tendons** in the tube; at the other end
+another pair bends the jaws. The smaller gears down there bend about twice as far as the hand turns.
+
+**What goes wrong.** Tendons stretch, like hard rubber bands. When tissue pushes the tip (**violet arrow**), it gives
+way: the jaws are no longer where the hand wants them. The **green shadow** shows where they should be.
+
+**What the motors do.** A motor at each tendon winds in what the stretch has taken, going by the tension it feels at the
+handle's end alone. Nobody has to look at the tip.
+
+**Try it.**
+1. Move the slider *Handle yaw*: the jaws follow, and the shadow with them.
+2. Put a load on the tip: the jaws fall behind the shadow. The tendons change colour with their tension.
+3. Press *Enable* and choose the law *robust*: the motors bring the jaws back into the shadow. Choose *off* and see
+   them go.
+
+**STOP** halts the motors at once, for everybody. The Esc key does the same.
+"""
 
 _PANEL_EVERY = 0.2
 _PLOTS_EVERY = 0.25
@@ -34,25 +57,25 @@ class Browser:
         session, inst = self.session, self.session.link.inst
         gui: Any = session.client.gui
         gui.reset()
-        session.begin()
+        session.reset()
         self._inst = inst
         with session.client.atomic():
-            self._header = Header(session, inst)
+            self._header = StatusHeader(session, inst)
             tabs = gui.add_tab_group()
             with tabs.add_tab("Move"):
-                moving = Moving(session, inst)
+                moving = MoveTab(session, inst)
                 look = gui.add_button_group("Look at", ("whole", "tip", "handle"))
             with tabs.add_tab("Law"):
-                controlling = Controlling(session)
+                controlling = LawTab(session)
             with tabs.add_tab("Tests"):
-                experiments = Experiments(session)
+                experiments = TestsTab(session)
             with tabs.add_tab("Files"):
-                self._files = Files(session, inst)
+                self._files = FilesTab(session, inst)
             with tabs.add_tab("Setup"):
-                setup = InstrumentFile(session)
+                setup = SetupTab(session)
             with tabs.add_tab("Help"):
                 gui.add_markdown(ABOUT)
-            self._parts: tuple[Part, ...] = (self._header, moving, controlling, experiments, self._files, setup)
+            self._parts: tuple[PanelSection, ...] = (self._header, moving, controlling, experiments, self._files, setup)
             self.plots = Plots(gui, inst, measured=session.link.capabilities.distal_encoder)
             self.scene = Scene(session.client, inst, largest_force(inst), small=session.small)
             self.scene.look("whole")
@@ -69,17 +92,17 @@ class Browser:
         """Whether another instrument runs than the one that is shown."""
         return self.session.link.inst != self._inst
 
-    def tick(self, now: Now) -> None:
+    def tick(self, state: PageState) -> None:
         """Do what was asked for, and show how things stand."""
         session = self.session
-        for action in session.inbox.take():
+        for action in session.requests.take_all():
             action()
         # Whoever starts another instrument operates that a moment later.
-        if self.operating and not now.operating and not session.works("load"):
-            other = now.status.operator
-            session.tell("You watch now." if other is None else f"{other} has taken over; you watch now.", "Control")
-        self.operating = now.operating
-        seen: View = (self._files.replayed() if session.replaying else None) or now.view
+        if self.operating and not state.operating and not session.is_busy("load"):
+            other = state.status.operator
+            session.notify("You watch state." if other is None else f"{other} has taken over; you watch state.", "Control")
+        self.operating = state.operating
+        seen: ShownSignals = (self._files.replayed() if session.replaying else None) or state.shown
         self.scene.show(seen)
         at = time.monotonic()
         if at - self._told >= _PANEL_EVERY:
@@ -87,13 +110,13 @@ class Browser:
             self.scene.tell(seen, recorded=session.replaying)
             with session.client.atomic():
                 for part in self._parts:
-                    part.show(now)
+                    part.show(state)
 
     def wants_history(self) -> bool:
         """Return whether the curves are due."""
         return time.monotonic() - self._drawn >= _PLOTS_EVERY
 
-    def draw(self, seconds: View) -> None:
+    def draw(self, seconds: ShownSignals) -> None:
         """Draw the curves."""
         self._drawn = time.monotonic()
         with self.session.client.atomic():

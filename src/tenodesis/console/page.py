@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 from tenodesis.console import wire
 from tenodesis.console.browser import Browser
-from tenodesis.console.door import Door, is_loopback
+from tenodesis.console.access import AccessControl, is_loopback
 from tenodesis.console.html import page
 from tenodesis.console.link import Connect
 from tenodesis.console.plots import ROWS, WINDOW
-from tenodesis.console.session import Now, Session
-from tenodesis.console.view import view
+from tenodesis.console.session import PageState, Session
+from tenodesis.console.display import shown_signals
 from tenodesis.errors import LiveError
 from tenodesis.live.status import Status
 
@@ -57,7 +57,7 @@ class Page:
         self.frames = 0
         """Frames sent so far."""
         try:
-            door = Door(page(), loopback=loopback, token=self.token, stop=self._stop, alive=self._alive)
+            door = AccessControl(page(), loopback=loopback, token=self.token, stop=self._stop, alive=self._alive)
             self._server = wire.start(host, port, door)
         except LiveError:
             self._watch.close()
@@ -69,11 +69,11 @@ class Page:
         async def _came(client: "viser.ClientHandle") -> None:
             # Only here is it known on whose behalf the server speaks.
             origin = f"browser {client.client_id} at {wire.newcomer()}"
-            self._changes.put(lambda: self._came(client, origin))
+            self._changes.set_properties(lambda: self._came(client, origin))
 
         @self._server.on_client_disconnect
         async def _left(client: "viser.ClientHandle") -> None:
-            self._changes.put(lambda: self._left(client.client_id))
+            self._changes.set_properties(lambda: self._left(client.client_id))
 
         self._threads = [
             threading.Thread(target=run, name=f"console {run.__name__}", daemon=True) for run in (self._run, self._beat)
@@ -153,13 +153,13 @@ class Page:
             self._take_in()
         if not latest:
             return
-        seen = view(inst, latest)
-        seconds = None if history is None else view(inst, history)
+        seen = shown_signals(inst, latest)
+        seconds = None if history is None else shown_signals(inst, history)
         for browser in self._browsers.values():
             try:
                 if browser.outdated:
                     browser.build()
-                browser.tick(Now(status, seen, status.operator == browser.session.origin))
+                browser.tick(PageState(status, seen, status.operator == browser.session.origin))
                 if seconds is not None and browser in due:
                     browser.draw(seconds)
             except LiveError:

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tenodesis.console.colours import TensionColours
-from tenodesis.console.view import View
+from tenodesis.console.plots import TensionColours
+from tenodesis.console.display import ShownSignals
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 
@@ -18,7 +18,7 @@ WINDOW = 10.0
 ROWS = 160
 """Rows that are sent, which is as many as the curves have pixels to show."""
 
-INK, WANTED, ESTIMATED, EDGE = "#1b2733", "#168658", "#7c3aed", "rgba(124, 58, 237, 0.3)"
+INK, TARGET, ESTIMATED, EDGE = "#1b2733", "#168658", "#7c3aed", "rgba(124, 58, 237, 0.3)"
 BAND = "rgba(124, 58, 237, 0.16)"
 AGONIST, ANTAGONIST, LINE = "#b4232f", "#1f5fa8", "#6b7785"
 
@@ -45,7 +45,7 @@ class Plots:
 
         self._inst, self._colours = inst, TensionColours(inst)
         panel = gui.add_panel()
-        single = [inst] if len(inst.axes) == 1 else [inst.axis(name) for name in inst.axes]
+        single = [inst.axis(name) for name in inst.axes]
         self._stretches = [1e3 * one.pretension / one.tendon_stiffness for one in single]
         with panel.add_tab("Curves"):
             self.axis = gui.add_dropdown("Axis", inst.axes, visible=len(inst.axes) > 1)
@@ -53,7 +53,7 @@ class Plots:
                 gui,
                 "Tip angle, deg",
                 {
-                    "hand asks": WANTED,
+                    "hand asks": TARGET,
                     "is" if measured else "is, as estimated": INK,
                     "estimated": ESTIMATED,
                     "+2 std": EDGE,
@@ -84,20 +84,20 @@ class Plots:
         panel.dock_left()
         panel.set_width(_WIDTH)
 
-    def show(self, seconds: View) -> None:
+    def show(self, seconds: ShownSignals) -> None:
         """Draw the last seconds."""
         time = seconds.time
         axis = self._inst.axes.index(self.axis.value)
         output = known(np.degrees(seconds.output[:, axis]), 0.0)
-        wanted, estimated, deviation = (
-            np.degrees(values[:, axis]) for values in (seconds.wanted, seconds.estimated, seconds.deviation)
+        target, estimated, deviation = (
+            np.degrees(values[:, axis]) for values in (seconds.target, seconds.estimated, seconds.deviation)
         )
         tension, stroke = seconds.tension[:, axis], 1e3 * seconds.stroke[:, axis]
         estimated, deviation = known(estimated, output), known(deviation, 0.0)
         # Level lines also keep the scales from following noise alone.
         level = np.ones(time.shape)
         edges = (estimated + 2 * deviation, estimated - 2 * deviation)
-        self._set(self._angle, time, wanted, output, estimated, *edges, 0 * level)
+        self._set(self._angle, time, target, output, estimated, *edges, 0 * level)
         slack, limit = self._colours.slack * level, self._colours.limit * level
         self._set(self._tension, time, tension[:, 0], tension[:, 1], slack, limit)
         stretch = self._stretches[axis] * level
@@ -145,3 +145,53 @@ def series(curves: Mapping[str, str]) -> tuple[Any, ...]:
 def known(values: Array, instead: Array | float) -> Array:
     """Return values with others instead where there are none: one gap would cost the viewer its scale."""
     return np.where(np.isfinite(values), values, np.nan_to_num(instead))
+
+
+SLACK = (138, 148, 163)
+_STOPS = (
+    (0.0, (52, 96, 190)),
+    (0.35, (24, 140, 150)),
+    (0.6, (205, 150, 20)),
+    (0.8, (226, 98, 28)),
+    (1.0, (178, 14, 40)),
+)
+"""Share of the limit, and colour: told apart by those who do not tell red from green, and dark enough on white."""
+_SLACK_SHARE = 0.01
+"""Of the pretension, below which a tendon counts as slack here."""
+
+
+class TensionColours:
+    """Colours of tension (N) for an instrument: grey when slack, from blue to red at the tension limit."""
+
+    def __init__(self, inst: Instrument) -> None:
+        single = [inst.axis(name) for name in inst.axes]
+        self.limit = min(tension_limit(one) for one in single)
+        """Tension above which no tendon is wound, N."""
+        self.pretension = single[0].pretension
+        self.slack = _SLACK_SHARE * min(one.pretension for one in single)
+
+    def __call__(self, tension: Array) -> NDArray[np.uint8]:
+        """Return colours (..., 3) from 0 to 255; what is not known has that of slack tendons."""
+        shares = np.clip(np.nan_to_num(tension) / self.limit, 0, 1)
+        places = [place for place, _ in _STOPS]
+        channels = [np.interp(shares, places, [colour[c] for _, colour in _STOPS]) for c in range(3)]
+        tight = (tension > self.slack)[..., np.newaxis]
+        return np.where(tight, np.stack(channels, -1).round(), SLACK).astype(np.uint8)
+
+    def legend(self) -> str:
+        """Return the scale as HTML, with its ends and the pretension in N."""
+        ramp = ", ".join(f"rgb{colour} {100 * place:.0f}%" for place, colour in _STOPS)
+        at = 100 * self.pretension / self.limit if isfinite(self.limit) else 0
+        pretension = (
+            f'<div style="position:relative;height:1.2em"><span style="position:absolute;left:{at:.0f}%;'
+            f'transform:translateX(-50%);white-space:nowrap">↑ pretension {self.pretension:.3g} N</span></div>'
+        )
+        return (
+            '<div style="font-size:.75rem;line-height:1.2;color:#4a5563">'
+            '<div style="display:flex;justify-content:space-between"><span>'
+            f'<span style="display:inline-block;width:.8em;height:.8em;background:rgb{SLACK};border-radius:2px;'
+            'vertical-align:-.1em"></span> slack</span><span>tendon tension</span>'
+            f"<span>limit {self.limit:.3g} N</span></div>"
+            f'<div style="height:.6em;border-radius:2px;background:linear-gradient(90deg, {ramp})"></div>'
+            f"{pretension}</div>"
+        )

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis import kinematics
-from tenodesis.console.colours import TensionColours
-from tenodesis.console.parts import effector, parts
+from tenodesis.console.plots import TensionColours
+from tenodesis.console.solids import effector, parts
 from tenodesis.console.solids import Solid, rod
-from tenodesis.console.view import View
+from tenodesis.console.display import ShownSignals
 from tenodesis.instrument import Instrument
 from tenodesis.kinematics import Dimensions, Frame, Frames, Posture
 from tenodesis.run import Array
@@ -127,10 +127,10 @@ class Scene:
             camera.position = (0.28 * away, -away, middle + 0.3 * away)
             camera.look_at = (0.0, 0.0, middle)
 
-    def show(self, now: View) -> None:
+    def show(self, now: ShownSignals) -> None:
         """Draw one instant."""
-        # One call for what is and for what is wanted: the ghost is the second.
-        handle, output = np.nan_to_num(now.handle), np.nan_to_num([now.output, now.wanted])
+        # One call for what is and for what is target: the ghost is the second.
+        handle, output = np.nan_to_num(now.handle), np.nan_to_num([now.output, now.target])
         both = self._frames(np.stack([handle, handle]), output)
         frames = Frames(
             {name: Frame(frame.position[0], frame.quaternion[0]) for name, frame in both.bodies.items()},
@@ -144,14 +144,14 @@ class Scene:
             self._draw_tendons(frames, now)
             self._draw_forces(now)
 
-    def tell(self, now: View, *, recorded: bool) -> None:
+    def tell(self, now: ShownSignals, *, recorded: bool) -> None:
         """Say in figures where the tip is, live or as recorded; text is dearer to draw than what moves."""
-        pairs = zip(self._inst.axes, np.degrees(now.output), np.degrees(now.wanted), strict=True)
-        told = [(axis, _degrees(angle), _degrees(wanted)) for axis, angle, wanted in pairs]
+        pairs = zip(self._inst.axes, np.degrees(now.output), np.degrees(now.target), strict=True)
+        told = [(axis, _degrees(angle), _degrees(target)) for axis, angle, target in pairs]
         if len(told) == 1:
-            lines = [f"{axis} {angle}\nhand asks {wanted}" for axis, angle, wanted in told]
+            lines = [f"{axis} {angle}\nhand asks {target}" for axis, angle, target in told]
         else:
-            lines = ["is, hand asks", *(f"{axis} {angle}, {wanted}" for axis, angle, wanted in told)]
+            lines = ["is, hand asks", *(f"{axis} {angle}, {target}" for axis, angle, target in told)]
         text = "\n".join(["recorded:", *lines] if recorded else lines)
         if self._label.text != text:
             self._label.text = text
@@ -187,7 +187,7 @@ class Scene:
         if self._changed(f"{name} quaternion", frame.quaternion):
             node.wxyz = frame.quaternion
 
-    def _draw_tendons(self, frames: Frames, now: View) -> None:
+    def _draw_tendons(self, frames: Frames, now: ShownSignals) -> None:
         for number, (name, path) in enumerate(frames.tendons.items()):
             bend, tendon = divmod(number, 2)
             line = self._tendons[name]
@@ -203,7 +203,7 @@ class Scene:
             if self._changed(f"{axis} backbone", middle):
                 line.points = _segments(middle)
 
-    def _draw_forces(self, now: View) -> None:
+    def _draw_forces(self, now: ShownSignals) -> None:
         for number, (axis, arrow) in enumerate(self._arrows.items()):
             force = float(np.nan_to_num(now.force[number]))
             if not self._changed(f"{axis} force", np.array([force / self._largest_force])):

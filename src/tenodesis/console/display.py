@@ -1,4 +1,4 @@
-"""What the page shows of one instant, or of a stretch of time, by axis whatever their number."""
+"""The signals that the page shows, of one instant or of a period of time, with one column per axis."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -12,44 +12,46 @@ from tenodesis.run import Array
 
 _HANDLE = ("handle_angle", "measured_handle_angle")
 _OUTPUT = ("output_angle", "measured_output_angle", "estimated_output_angle")
-"""Where the tip is: as the twin knows it, as a bench measures it, as the observer takes it to be."""
+"""Sources of the tip angle, the best first: the twin, the encoder at the tip, the observer."""
 _TENSION = ("tension", "measured_tension")
 _DISTAL = ("distal_tension", "tension", "measured_tension")
 
 
-class View(NamedTuple):
-    """Signals of n instants, or of one without that dimension; NaN where nothing tells them."""
+class ShownSignals(NamedTuple):
+    """Signals of n instants, or of one without that dimension; NaN where they are unknown."""
 
     time: Array
     """s, shape (n,)"""
     handle: Array
     """Handle angle, rad, shape (n, axes)"""
     output: Array
-    """Output angle, rad, as handle"""
-    wanted: Array
-    """Output angle that the handle angle asks for, which the controller aims at, rad, as handle"""
+    """Output angle, rad, shape (n, axes)"""
+    target: Array
+    """Output angle that the controller aims at for the handle angle, rad, shape (n, axes)"""
     estimated: Array
+    """Output angle as estimated by the observer, rad, shape (n, axes)"""
     deviation: Array
-    """Standard deviation of the estimated angle, rad, as handle"""
+    """Standard deviation of the estimated angle, rad, shape (n, axes)"""
     force: Array
-    """Tangential force at the tip, N, as handle"""
+    """Tangential force at the tip, N, shape (n, axes)"""
     friction_scale: Array
+    """Friction over that of the instrument file, shape (n, axes)"""
     tension: Array
-    """Beside the spools, agonist first, N, shape (n, axes, 2)"""
+    """At the spools, agonist first, N, shape (n, axes, 2)"""
     distal_tension: Array
-    """At the tip, as tension"""
+    """At the tip, agonist first, N, shape (n, axes, 2)"""
     stroke: Array
-    """What each motor has wound, m, as tension"""
+    """Length that each motor has wound, m, shape (n, axes, 2)"""
 
 
-def view(inst: Instrument, signals: Mapping[str, ArrayLike]) -> View:
-    """Return what signals show, in the shapes of :data:`tenodesis.run.SIGNALS`."""
+def shown_signals(inst: Instrument, signals: Mapping[str, ArrayLike]) -> ShownSignals:
+    """Return the signals to show, from signals in the shapes of :data:`tenodesis.run.SIGNALS`."""
     axes = len(inst.axes)
     time = np.asarray(signals["time"], float)
     single, pair = (*time.shape, axes), (*time.shape, axes, 2)
 
     def first(names: tuple[str, ...], shape: tuple[int, ...]) -> Array:
-        """Return the first of some signals that tells anything."""
+        """Return the first of some signals that has any finite value."""
         for name in names:
             values = signals.get(name)
             if values is not None and np.isfinite(values).any():
@@ -57,11 +59,11 @@ def view(inst: Instrument, signals: Mapping[str, ArrayLike]) -> View:
         return np.full(shape, np.nan)
 
     handle = first(_HANDLE, single)
-    return View(
+    return ShownSignals(
         time=time,
         handle=handle,
         output=first(_OUTPUT, single),
-        wanted=asked(inst, handle),
+        target=_target(inst, handle),
         estimated=first(("estimated_output_angle",), single),
         deviation=first(("estimated_output_angle_std",), single),
         force=first(("force", "estimated_force"), single),
@@ -72,13 +74,13 @@ def view(inst: Instrument, signals: Mapping[str, ArrayLike]) -> View:
     )
 
 
-def asked(inst: Instrument, handle: Array) -> Array:
-    """Return the output angle that handle angles of shape (..., axes) ask for, rad (eq. 18)."""
-    wanted = np.empty(handle.shape)
+def _target(inst: Instrument, handle: Array) -> Array:
+    """Return the output angle that the controller aims at, rad (eq. 18), at handle angles, rad, shape (..., axes)."""
+    target = np.empty(handle.shape)
     for n, name in enumerate(inst.axes):
-        alone = inst.axis(name) if len(inst.axes) > 1 else inst
-        within = np.nan_to_num(np.clip(handle[..., n], -alone.handle_range, alone.handle_range))
+        planar = inst.axis(name)
+        within = np.nan_to_num(np.clip(handle[..., n], -planar.handle_range, planar.handle_range))
         # Eq. 19 with equal tensions.
-        angles = statics.estimate_output_angle(alone, within, alone.pretension, alone.pretension)
-        wanted[..., n] = np.where(np.isfinite(handle[..., n]), angles, np.nan)
-    return wanted
+        angles = statics.estimate_output_angle(planar, within, planar.pretension, planar.pretension)
+        target[..., n] = np.where(np.isfinite(handle[..., n]), angles, np.nan)
+    return target

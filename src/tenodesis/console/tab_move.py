@@ -8,7 +8,7 @@ import numpy as np
 
 from tenodesis import simulate
 from tenodesis.console.motion_file import motion_protocol
-from tenodesis.console.session import Now, Session, enable, put
+from tenodesis.console.session import PageState, Session, enable, set_properties
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
@@ -28,7 +28,7 @@ _WITH_MOTORS = {
 """What to try once the tip is loaded, by the state and whether the compensation is off."""
 
 
-class Moving:
+class MoveTab:
     """Sliders of handle and load, and what plays recorded motions."""
 
     def __init__(self, session: Session, inst: Instrument) -> None:
@@ -73,25 +73,25 @@ class Moving:
             session.on(slider, "force", self._load)
         session.on(self._step, "force", self._load_at_once)
         # Long motions are read and planned for seconds, which the page's ticks cannot wait.
-        session.on(self._play, "play", lambda: session.work("play", self._repeat))
-        session.on(self._upload, "upload motion", lambda: session.work("motion", self._add_motion))
+        session.on(self._play, "play", lambda: session.run_in_background("play", self._repeat))
+        session.on(self._upload, "upload motion", lambda: session.run_in_background("motion", self._add_motion))
         self._given = time.monotonic()
         """When the sliders were given into the browser's hand last."""
 
-    def show(self, now: Now) -> None:
+    def update(self, state: PageState) -> None:
         """Let the operator move what no protocol moves; all others see where it is."""
-        free = now.operating and self._simulated and not now.status.protocol_runs
+        free = state.operating and self._simulated and not state.status.protocol_runs
         enable((*self._hand, *self._force, self._axis, self._size, self._step, self._play), free)
-        put(self._step, label=_OFF if self._stepped.value else _ON)
-        hint = next_to_try(now) if free else ""
-        put(self._next, content=hint, visible=bool(hint))
+        set_properties(self._step, label=_OFF if self._stepped.value else _ON)
+        hint = next_to_try(state) if free else ""
+        set_properties(self._next, content=hint, visible=bool(hint))
         if not free:
             self._given = time.monotonic()
         # Until they are moved: else one of two would drag the other along from where it was at first.
-        if self._session.chosen(*self._hand) < self._given:
-            _follow(self._hand, np.degrees(now.view.handle))
-        if self._session.chosen(*self._force, self._step) < self._given:
-            _follow(self._force, now.view.force)
+        if self._session.changed_at(*self._hand) < self._given:
+            _follow(self._hand, np.degrees(state.shown.handle))
+        if self._session.changed_at(*self._force, self._step) < self._given:
+            _follow(self._force, state.shown.force)
 
     @property
     def _stepped(self) -> Any:
@@ -117,16 +117,16 @@ class Moving:
         with self._session.client.atomic():
             self._motion.options = tuple(self._motions)
             self._motion.value = file.name
-        self._session.tell(file.name, "Motion read", good=True)
+        self._session.notify(file.name, "Motion read", good=True)
 
 
-def next_to_try(now: Now) -> str:
+def next_to_try(state: PageState) -> str:
     """Return in Markdown what someone who has never seen such an instrument may try next."""
-    if not np.abs(now.view.handle).max() > _MOVED:
+    if not np.abs(state.shown.handle).max() > _MOVED:
         return "**1.** Move the handle: the jaws follow. The green shadow is where they should be."
-    if not np.abs(now.view.force).max() > 0:
+    if not np.abs(state.shown.force).max() > 0:
         return "**2.** Put the load on: tissue pushes the tip, and the jaws leave the shadow."
-    return _WITH_MOTORS.get(now.status.state if now.status.law != "off" else f"{now.status.state} off", "")
+    return _WITH_MOTORS.get(state.status.state if state.status.law != "off" else f"{state.status.state} off", "")
 
 
 def largest_force(inst: Instrument) -> float:
@@ -154,3 +154,34 @@ def _follow(sliders: list[Any], values: Array) -> None:
             shown = round(float(np.clip(value, slider.min, slider.max)) / slider.step) * slider.step
             if abs(slider.value - shown) > slider.step / 2:
                 slider.value = round(shown, 9)
+
+
+def motion_protocol(content: bytes, name: str) -> Protocol:
+    """Return a protocol that moves the first axis as a CSV file tells.
+
+    The time's column is the first whose name begins with time, the angle's the first that ends with deg or rad.
+
+    Raises
+    ------
+    ProtocolError
+        It is no such file.
+    """
+    try:
+        data = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ProtocolError(f"{name} is not UTF-8 text; allowed is a CSV file.") from None
+    lines = (line for line in data.splitlines() if line.strip() and not line.lstrip().startswith("#"))
+    header = [cell.strip().strip('"') for cell in next(lines, "").split(",")]
+    times = [column for column in header if column.lower().startswith("time")]
+    angles = [(column, unit) for column in header for unit in _UNITS if column.lower().rstrip("])").endswith(unit)]
+    if not times or not angles:
+        raise ProtocolError(
+            f"{name} has the columns {', '.join(header) or 'none'}; allowed are one whose name begins with time, in s, "
+            "and one whose name ends with deg or rad."
+        )
+    column, unit = angles[0]
+    try:
+        motion = Motion(data=data, time_column=times[0], angle_column=column, angle_unit=_UNITS[unit], limit=True)
+    except ValueError as problem:
+        raise ProtocolError(f"{name}: {problem}") from None
+    return Protocol(name=name[:60], description="A recorded motion", phases=(motion,))

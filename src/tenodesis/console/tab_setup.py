@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tenodesis import instrument
-from tenodesis.console.session import Now, Session, enable, plain, put
+from tenodesis.console.session import PageState, Session, enable, as_plain, set_properties
 from tenodesis.errors import InstrumentError, LiveError
 
 _LARGEST = 1_000_000
@@ -15,7 +15,7 @@ _LARGEST = 1_000_000
 _SPEEDS = {"a tenth": 0.1, "a quarter": 0.25, "as the clock": 1.0, "twice": 2.0, "five times": 5.0}
 
 
-class InstrumentFile:
+class SetupTab:
     """The instrument that runs, and ways to run another; a file that is wrong is explained key by key."""
 
     def __init__(self, session: Session) -> None:
@@ -23,8 +23,8 @@ class InstrumentFile:
         gui: Any = session.client.gui
         inst = session.link.inst
         gui.add_markdown(
-            f"**{plain(inst.name)}**, {' and '.join(inst.axes)}, on *{plain(session.link.device)}*. "
-            f"{plain(inst.description)}"
+            f"**{as_plain(inst.name)}**, {' and '.join(inst.axes)}, on *{as_plain(session.link.device)}*. "
+            f"{as_plain(inst.description)}"
         )
         self._shipped = gui.add_dropdown("Shipped", instrument.shipped())
         self._load = gui.add_button("Run this one")
@@ -53,18 +53,18 @@ class InstrumentFile:
         session.on(self._give, "operator", session.link.release)
         session.on(self._speed, "speed", lambda: session.link.speed(_SPEEDS[self._speed.value]))
 
-    def show(self, now: Now) -> None:
+    def update(self, state: PageState) -> None:
         """Let the operator change it."""
-        enable(self._shown, now.operating)
-        speeds = [name for name, factor in _SPEEDS.items() if factor == now.status.speed]
-        if speeds and not self._session.keeps(self._speed):
-            put(self._speed, value=speeds[0])
+        enable(self._shown, state.operating)
+        speeds = [name for name, factor in _SPEEDS.items() if factor == state.status.speed]
+        if speeds and not self._session.just_changed(self._speed):
+            set_properties(self._speed, value=speeds[0])
 
     def _begin(self, load: Any) -> None:
         # What a file says of others' files is for whoever may open them.
         if not self._session.link.heartbeat():
             raise LiveError("You only watch; take control first.")
-        self._session.work("load", load)
+        self._session.run_in_background("load", load)
 
     def _named(self, name_or_path: str) -> None:
         self._checked(lambda: instrument.load(name_or_path), name_or_path)
@@ -90,10 +90,10 @@ class InstrumentFile:
         try:
             inst = parse()
         except InstrumentError as problem:
-            put(self._problems, content=_listed(str(problem)))
+            set_properties(self._problems, content=_listed(str(problem)))
             return
-        put(self._problems, content="")
-        self._session.tell("It takes a moment.", f"Starting {inst.name}", good=True)
+        set_properties(self._problems, content="")
+        self._session.notify("It takes a moment.", f"Starting {inst.name}", good=True)
         self._session.link.load(source)
 
 

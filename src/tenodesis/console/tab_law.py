@@ -4,8 +4,24 @@ from math import nan
 from typing import Any, NamedTuple
 
 from tenodesis.console.laws import ACTUATIONS, LAWS
-from tenodesis.console.session import Now, Session, enable, put
-from tenodesis.console.status_line import timing_line
+from tenodesis.console.session import PageState, Session, enable, set_properties
+from tenodesis.console.status import timing_line
+
+
+LAWS = {
+    "off": "Off: the motors stand still; what the load takes is lost.",
+    "paper": "The paper's law (eq. 22) as a set point: winds by half the difference of the tensions.",
+    "paper-feedback": "The paper's law in feedback: the difference of the tensions winds the spools on and on.",
+    "exact": "The whole stroke that theory without friction asks for, slack included.",
+    "robust": "Learns the friction from small strokes, and gives the angle back through it.",
+}
+"""Compensation laws."""
+
+ACTUATIONS = {
+    "agonist": "One motor winds the agonist tendon.",
+    "differential": "Both motors work: one winds what the other lets out.",
+}
+"""Actuation modes."""
 
 
 class _Fault(NamedTuple):
@@ -24,7 +40,7 @@ _FAULTS = {
 }
 
 
-class Controlling:
+class LawTab:
     """Law, actuation, homing, and faults to try on the twin."""
 
     def __init__(self, session: Session) -> None:
@@ -46,16 +62,16 @@ class Controlling:
         session.on(self._home, "request", lambda: session.link.request("home"))
         session.on(self._spoil, "tamper", lambda: session.link.tamper(*_FAULTS[self._fault.value]))
 
-    def show(self, now: Now) -> None:
+    def update(self, state: PageState) -> None:
         """Show what is chosen."""
-        status = now.status
-        enable((self._law, self._actuation, self._home, self._fault, self._spoil), now.operating)
-        if not self._session.keeps(self._law, self._actuation):
-            put(self._law, value=status.law)
-            put(self._actuation, value=status.actuation)
-        put(self._law_words, content=_small(LAWS.get(status.law, "")))
-        put(self._actuation_words, content=_small(ACTUATIONS.get(status.actuation, "")))
-        put(self._timing, content=timing_line(status))
+        status = state.status
+        enable((self._law, self._actuation, self._home, self._fault, self._spoil), state.operating)
+        if not self._session.just_changed(self._law, self._actuation):
+            set_properties(self._law, value=status.law)
+            set_properties(self._actuation, value=status.actuation)
+        set_properties(self._law_words, content=_small(LAWS.get(status.law, "")))
+        set_properties(self._actuation_words, content=_small(ACTUATIONS.get(status.actuation, "")))
+        set_properties(self._timing, content=timing_line(status))
 
     def _choose(self) -> None:
         self._session.link.law(self._law.value, self._actuation.value)

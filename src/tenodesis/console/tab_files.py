@@ -10,9 +10,9 @@ import numpy as np
 
 from tenodesis.console.comparison import compare
 from tenodesis.console.motion_file import repeated
-from tenodesis.console.plots import AGONIST, INK, WANTED, add_chart, known, series
-from tenodesis.console.session import Now, Session, enable, plain, put
-from tenodesis.console.view import View, view
+from tenodesis.console.plots import AGONIST, INK, TARGET, add_chart, known, series
+from tenodesis.console.session import PageState, Session, enable, as_plain, set_properties
+from tenodesis.console.display import ShownSignals, shown_signals
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument
 from tenodesis.recording import Recording
@@ -23,7 +23,7 @@ _ROWS = 1500
 """Rows that a recording is drawn and replayed with."""
 _LISTED = 200
 _LOOK_EVERY = 1.0
-_OPENED = {"hand asks": WANTED, "is": INK}
+_OPENED = {"hand asks": TARGET, "is": INK}
 _COMPARED = {"second": AGONIST, "first": INK}
 """Curves by name, with their colours; the last is in front."""
 
@@ -33,10 +33,10 @@ class _Opened(NamedTuple):
 
     recording: Recording
     inst: Instrument
-    drawn: View
+    drawn: ShownSignals
 
 
-class Files:
+class FilesTab:
     """The recordings of a folder, and one of them opened."""
 
     def __init__(self, session: Session, inst: Instrument) -> None:
@@ -48,7 +48,7 @@ class Files:
         gui: Any = session.client.gui
         self._name = gui.add_dropdown("Recording", (_NONE,))
         self._open = gui.add_button("Open", icon="folder-open")
-        self._facts = gui.add_markdown(f"Recordings are in {plain(session.folder.absolute())}.")
+        self._facts = gui.add_markdown(f"Recordings are in {as_plain(session.folder.absolute())}.")
         self._axis = gui.add_dropdown("Axis of the curves", inst.axes, visible=len(inst.axes) > 1)
         self._chart = add_chart(gui, "Tip angle, deg", _OPENED, height=170)
         self._chart.visible = False
@@ -59,17 +59,17 @@ class Files:
         self._other = gui.add_dropdown("Compare with", (_NONE,))
         self._compare = gui.add_button("Compare the tip angles", icon="arrows-diff")
         self._verdict = gui.add_markdown("")
-        session.on(self._open, "open", lambda: session.work("open", self._read))
+        session.on(self._open, "open", lambda: session.run_in_background("open", self._read))
         session.on(self._replay, "replay", self._start)
         session.on(self._live, "replay", self._end)
         session.on(self._at, "replay at", self._seek)
         session.on(self._again, "play", self._repeat)
         session.on(self._axis, "axis", self._draw_opened)
-        session.on(self._compare, "compare", lambda: session.work("compare", self._put_beside))
+        session.on(self._compare, "compare", lambda: session.run_in_background("compare", self._put_beside))
 
-    def show(self, now: Now) -> None:
+    def update(self, state: PageState) -> None:
         """List what is there."""
-        free = now.operating and self._session.link.capabilities.simulated and not now.status.protocol_runs
+        free = state.operating and self._session.link.capabilities.simulated and not state.status.protocol_runs
         enable((self._again,), free and self._opened is not None)
         if time.monotonic() - self._looked < _LOOK_EVERY:
             return
@@ -84,7 +84,7 @@ class Files:
                 dropdown.value = chosen if chosen in names and chosen != before else now_newest
             self._newest = newest
 
-    def replayed(self) -> View | None:
+    def replayed(self) -> ShownSignals | None:
         """Return the instant of the recording that the view is to show; None if it is to show what is live."""
         if self._opened is None or self._started is None:
             return None
@@ -95,7 +95,7 @@ class Files:
             at = float(since[-1])
         self._show_time(at)
         row = int(np.searchsorted(since, at, side="right")) - 1
-        return View(*(values[max(row, 0)] for values in drawn))
+        return ShownSignals(*(values[max(row, 0)] for values in drawn))
 
     def _recording(self, name: str) -> tuple[Recording, Instrument]:
         """Open a recording of the list; a browser may send other names."""
@@ -114,20 +114,20 @@ class Files:
         name = self._name.value
         if name == _NONE:
             return
-        put(self._facts, content=f"Opening {plain(name)}.")
+        set_properties(self._facts, content=f"Opening {as_plain(name)}.")
         try:
             recording, inst = self._recording(name)
             drawn = _thinned(recording, inst)
         except Exception:
-            put(self._facts, content=f"{plain(name)} could not be opened.")
+            set_properties(self._facts, content=f"{as_plain(name)} could not be opened.")
             raise
         self._end()
         self._opened = _Opened(recording, inst, drawn)
         lasts = float(drawn.time[-1] - drawn.time[0]) if drawn.time.size else 0.0
         with self._session.client.atomic():
-            put(self._facts, content=_facts(recording, inst, self._inst))
-            put(self._verdict, content="")
-            put(self._axis, options=inst.axes, visible=len(inst.axes) > 1)
+            set_properties(self._facts, content=_facts(recording, inst, self._inst))
+            set_properties(self._verdict, content="")
+            set_properties(self._axis, options=inst.axes, visible=len(inst.axes) > 1)
             self._draw_opened()
             # Another instrument would be drawn wrong.
             enable((self._replay,), lasts > 0 and inst.axes == self._inst.axes)
@@ -139,7 +139,7 @@ class Files:
             return
         _, inst, drawn = self._opened
         axis = inst.axes.index(self._axis.value)
-        self._draw(_OPENED, drawn.time - drawn.time[0], drawn.wanted[:, axis], drawn.output[:, axis])
+        self._draw(_OPENED, drawn.time - drawn.time[0], drawn.target[:, axis], drawn.output[:, axis])
 
     def _draw(self, curves: Mapping[str, str], time: Array, *angles: Array) -> None:
         """Draw angles, rad, as curves by name, each of a colour."""
@@ -151,14 +151,14 @@ class Files:
     def _start(self) -> None:
         self._started = time.monotonic()
         self._session.replaying = True
-        put(self._live, visible=True)
-        put(self._at, visible=True)
+        set_properties(self._live, visible=True)
+        set_properties(self._at, visible=True)
 
     def _end(self) -> None:
         self._started = None
         self._session.replaying = False
-        put(self._live, visible=False)
-        put(self._at, visible=False)
+        set_properties(self._live, visible=False)
+        set_properties(self._at, visible=False)
 
     def _seek(self) -> None:
         if self._started is not None:
@@ -179,10 +179,10 @@ class Files:
         found = compare(self._tip_angle(names[0], self._axis.value), self._tip_angle(names[1], self._axis.value))
         rows = np.linspace(0, found.time.size - 1, min(_ROWS, found.time.size)).astype(int)
         with self._session.client.atomic():
-            put(
+            set_properties(
                 self._verdict,
                 content=f"Over {found.time[-1]:.1f} s they differ by **{degrees(found.rms):.2f}° RMS**, "
-                f"{degrees(found.largest):.2f}° at most. First: {plain(names[0])}, second: {plain(names[1])}.",
+                f"{degrees(found.largest):.2f}° at most. First: {as_plain(names[0])}, second: {as_plain(names[1])}.",
             )
             self._draw(_COMPARED, found.time[rows], found.second[rows], found.first[rows])
 
@@ -191,7 +191,7 @@ class Files:
         recording, inst = self._recording(name)
         if axis not in inst.axes:
             raise RecordingError(f"{name} has {' and '.join(inst.axes)} alone; allowed are recordings with {axis}.")
-        seen = view(inst, recording.to_numpy())
+        seen = shown_signals(inst, recording.to_numpy())
         return seen.time, seen.output[:, inst.axes.index(axis)]
 
 
@@ -206,21 +206,84 @@ def _recordings(folder: Path) -> list[str]:
     return [name for _, name in sorted(found, reverse=True)[:_LISTED]]
 
 
-def _thinned(recording: Recording, inst: Instrument) -> View:
+def _thinned(recording: Recording, inst: Instrument) -> ShownSignals:
     signals = recording.to_numpy()
     count = signals["time"].size
     rows = np.unique(np.linspace(0, max(count - 1, 0), min(_ROWS, count)).astype(int))
-    return view(inst, {name: values[rows] for name, values in signals.items()})
+    return shown_signals(inst, {name: values[rows] for name, values in signals.items()})
 
 
 def _facts(recording: Recording, inst: Instrument, live: Instrument) -> str:
     """Return in Markdown what is known of a recording."""
     rows, axes = len(recording.run), " and ".join(inst.axes)
-    lines = [f"**{plain(recording.path.name)}**: {recording.duration:.1f} s, {rows} rows, {plain(inst.name)}, {axes}."]
+    lines = [f"**{as_plain(recording.path.name)}**: {recording.duration:.1f} s, {rows} rows, {as_plain(inst.name)}, {axes}."]
     if inst.axes != live.axes:
         lines.append(f"To replay it, run an instrument with {axes} first, under *Setup*.")
     elif inst.name != live.name:
-        lines.append(f"The view replays its angles on {plain(live.name)}, which runs.")
+        lines.append(f"The view replays its angles on {as_plain(live.name)}, which runs.")
     if recording.damage is not None:
-        lines.append(plain(recording.damage))
+        lines.append(as_plain(recording.damage))
     return "\n\n".join(lines)
+
+
+def repeated(logged: Logged) -> Protocol:
+    """Return a protocol that moves the handle as in a recording of the bench, axis after axis.
+
+    Raises
+    ------
+    RecordingError
+        It has no handle angle, or not two rows.
+    """
+    run = logged.run
+    named = [name for name in ("measured_handle_angle", "handle_angle") if name in run.signals()]
+    if not named or len(run) < 2:
+        raise RecordingError(f"{logged.path} has no motion of the handle.")
+    angles = run[named[0]].reshape(len(run), -1)
+    rows = np.unique(np.linspace(0, len(run) - 1, max(2, int(logged.duration * _ROWS_PER_SECOND))).astype(int))
+    phases = tuple(
+        Motion(
+            axis=axis,
+            data=text(Recording(run.time[rows], angles[rows, n], ()), "time_s", "angle_rad"),
+            time_column="time_s",
+            angle_column="angle_rad",
+            angle_unit="rad",
+            limit=True,
+        )
+        for n, axis in enumerate(run.axes)
+    )
+    return Protocol(name=f"as {logged.path.stem}"[:60], description="The handle's motion of a recording", phases=phases)
+
+
+class Comparison(NamedTuple):
+    """The tip angles of two recordings at common times."""
+
+    time: Array
+    """From the start of either, s, shape (n,)"""
+    first: Array
+    """rad, shape (n,)"""
+    second: Array
+    rms: float
+    """Root mean square of their difference, rad"""
+    largest: float
+    """Largest difference, rad"""
+
+
+def compare(first: tuple[Array, Array], second: tuple[Array, Array], rows: int = 4000) -> Comparison:
+    """Compare two tip angles (rad) at times (s), each counted from its start, over the time that both last.
+
+    Raises
+    ------
+    RecordingError
+        They have no time in common.
+    """
+    (time, angle), (other_time, other_angle) = first, second
+    if time.size < 2 or other_time.size < 2:
+        raise RecordingError("a recording has less than two rows; allowed are recordings that last for a while.")
+    since, other_since = time - time[0], other_time - other_time[0]
+    common = np.linspace(0, min(since[-1], other_since[-1]), min(rows, max(time.size, other_time.size)))
+    here, there = np.interp(common, since, angle), np.interp(common, other_since, other_angle)
+    known = np.isfinite(here - there)
+    if not known.any():
+        raise RecordingError("a recording does not tell the tip angle; allowed are recordings that do.")
+    difference = (here - there)[known]
+    return Comparison(common, here, there, sqrt(float(np.mean(difference**2))), float(np.abs(difference).max()))

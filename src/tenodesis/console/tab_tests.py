@@ -4,7 +4,7 @@ from functools import partial
 from typing import Any
 
 from tenodesis import simulate
-from tenodesis.console.session import Now, Session, enable, plain, put
+from tenodesis.console.session import PageState, Session, enable, as_plain, set_properties
 from tenodesis.errors import ProtocolError
 from tenodesis.live.status import ProtocolStatus
 from tenodesis.simulate import Protocol
@@ -12,7 +12,7 @@ from tenodesis.simulate import Protocol
 _NOTHING = "No experiment runs."
 
 
-class Experiments:
+class TestsTab:
     """A button for every protocol that is shipped, one for a file, and how far the one that runs has come."""
 
     def __init__(self, session: Session) -> None:
@@ -35,20 +35,20 @@ class Experiments:
         session.on(self._upload, "upload protocol", partial(self._begin, self._play_file))
         session.on(self._cancel, "cancel", session.link.cancel)
 
-    def show(self, now: Now) -> None:
+    def update(self, state: PageState) -> None:
         """Show how far the protocol has come."""
-        played, going = now.status.protocol, now.status.protocol_runs
-        enable((*self._buttons, self._upload), now.operating and self._simulated and not going)
-        enable((self._cancel,), now.operating)
-        put(self._bar, visible=going)
-        put(self._cancel, visible=going)
-        put(self._state, content=_told(played, going))
+        played, going = state.status.protocol, state.status.protocol_runs
+        enable((*self._buttons, self._upload), state.operating and self._simulated and not going)
+        enable((self._cancel,), state.operating)
+        set_properties(self._bar, visible=going)
+        set_properties(self._cancel, visible=going)
+        set_properties(self._state, content=_told(played, going))
         if played is not None and played.total > 0:
-            put(self._bar, value=min(100.0, round(100 * played.done / played.total, 1)))
+            set_properties(self._bar, value=min(100.0, round(100 * played.done / played.total, 1)))
 
     def _begin(self, play: Any) -> None:
         # A long protocol is planned for seconds, which the page's ticks cannot wait.
-        self._session.work("play", play)
+        self._session.run_in_background("play", play)
 
     def _play(self, protocol: Protocol) -> None:
         protocol.plan(self._session.link.inst, 1e-3)
@@ -67,9 +67,9 @@ def _told(played: ProtocolStatus | None, going: bool) -> str:
     """Return in Markdown how a protocol fares."""
     if played is None:
         return _NOTHING
-    name, done, total, problem = plain(played.name), played.done, played.total, played.problem
+    name, done, total, problem = as_plain(played.name), played.done, played.total, played.problem
     if going:
-        return f"**{name}** runs: {done:.1f} s of {total:.1f} s" if problem is None else plain(problem)
+        return f"**{name}** runs: {done:.1f} s of {total:.1f} s" if problem is None else as_plain(problem)
     if problem is not None:
-        return f"**{name}** ended after {done:.1f} s of {total:.1f} s: {plain(problem.rstrip('.'))}."
+        return f"**{name}** ended after {done:.1f} s of {total:.1f} s: {as_plain(problem.rstrip('.'))}."
     return f"**{name}** is done; its recording is under *Files*."
