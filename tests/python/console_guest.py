@@ -113,3 +113,8 @@ def wait(happens: Any, seconds: float = 15.0) -> None:
     while not happens():
         assert time.monotonic() < end, "it did not happen"
         time.sleep(0.02)
+
+
+def operates(bench: Any, guest: Guest) -> bool:
+    address = "{}:{}".format(*guest.socket.local_address[:2])
+    return bench.operator is not None and bench.operator.endswith(address)

@@ -38,7 +38,7 @@ def warn(sentence: str) -> None:
     say(f"warning: {sentence}", "yellow")
 
 
-def table(title: str | None = None, padding: tuple[int, ...] = (0, 1)) -> Table:
+def table(title: str | None = None, padding: tuple[int, int, int, int] = (0, 1, 0, 1)) -> Table:
     """Return a table without columns, in the style of all commands."""
     return Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=padding)
 

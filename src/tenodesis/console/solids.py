@@ -136,7 +136,7 @@ def _plate(width: float, between: float, thickness: float, middle: float) -> Tri
 def _jaw(width: float, length: float, root: float, side: int) -> Trimesh:
     """Return one of two jaws along z that begins at a root and tapers; side is 1 or -1."""
     profile = np.array([(0.04, 0), (1, 0), (0.95, 0.55), (0.35, 1), (0.04, 1)]) * (side * width / 2, length)
-    outline = profile[:: -side, ::-1]
+    outline = profile[::-side, ::-1]
     centre = outline.mean(0)
     mesh = _prism(outline - centre, 2 * width / 3).apply_transform(_AXIS_ALONG_Y)
     return _moved(mesh, (centre[1], 0, centre[0] + root))
@@ -152,9 +152,11 @@ def _prism(outline: Array, thickness: float) -> Trimesh:
 
 
 def _joined(*meshes: Trimesh) -> Trimesh:
-    joined: Trimesh = trimesh.util.concatenate(meshes)
+    joined = trimesh.util.concatenate(meshes)
+    assert isinstance(joined, Trimesh)
     return joined
 
 
 def _moved(mesh: Trimesh, by: tuple[float, float, float]) -> Trimesh:
-    return mesh.apply_translation(by)
+    mesh.apply_translation(by)
+    return mesh
