@@ -313,10 +313,13 @@ CELL = '[[load_cells]]\nname = "cell"\nrange = "1 N"\n'
     ("text", "told"),
     [
         ("a =", "not valid TOML"),
-        ("rope = 1", "rope is not a known key; allowed are name,"),
-        ("[constraints]\nfactors = [3, 4]", "constraints.factors is not a known key; allowed are factor,"),
-        ("[gears]\nmodule = 1", "gears.module is not a known key; allowed are modules, teeth"),
-        (ROPE + 'colour = "red"', "ropes 1 (thin): colour is not a known key; allowed are source, name, diameter"),
+        ("rope = 1", "rope is not a known key; it must be one of name,"),
+        ("[constraints]\nfactors = [3, 4]", "constraints.factors is not a known key; it must be one of factor,"),
+        ("[gears]\nmodule = 1", "gears.module is not a known key; it must be one of modules, teeth"),
+        (
+            ROPE + 'colour = "red"',
+            "ropes 1 (thin): colour is not a known key; it must be one of source, name, diameter",
+        ),
         (ROPE, "ropes 1 (thin): diameter is missing; it is required."),
         (ROPE + "diameter = 0.5", "ropes 1 (thin): diameter = 0.5: it has no unit"),
         (ROPE + 'diameter = "0.5"', "ropes 1 (thin): diameter = '0.5': it has no unit"),
@@ -349,7 +352,7 @@ CELL = '[[load_cells]]\nname = "cell"\nrange = "1 N"\n'
         ('[[weights]]\nmasses = ["1 g"]', "weights 1: counts is missing; it is required."),
         (
             '[[spools]]\nradius = "1 mm"\nradii = ["2 mm"]',
-            "spools 1: radius is not a known key; allowed are source, radii",
+            "spools 1: radius is not a known key; it must be one of source, radii",
         ),
         ('[ropes]\nname = "thin"', "ropes = {'name': 'thin'}: it must be a list of tables, [[ropes]]."),
         ("pulleys = [3]", "pulleys 1 = 3: it must be a table, [[pulleys]]."),

@@ -19,7 +19,7 @@ from tenodesis.cli.recording import CommandError
 from tenodesis.errors import IdentificationError
 from tenodesis.files import atomic_file, atomic_files
 from tenodesis.identification import FORMATS, Format, Parameter, Trace, registry, report
-from tenodesis.identification.formats.measured import Measured
+from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 
@@ -29,7 +29,7 @@ STEP = 0.01
 class Springs:
     """Tension over stretch: pretension and stiffness, which are keys of an instrument; the angle is their sum."""
 
-    def __init__(self, measured: Sequence[Measured], inst: Instrument | None) -> None:
+    def __init__(self, measured: Sequence[MeasuredRun], inst: Instrument | None) -> None:
         self.measured, self.inst = measured, inst
         self.runs = tuple(one.name for one in measured)
         self.parameters = (
@@ -74,12 +74,16 @@ class Springs:
 
 @pytest.fixture(autouse=True)
 def springs(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    def load(path: Path) -> Measured:
+    def load(path: Path) -> MeasuredRun:
         stretch, tension, angle = np.loadtxt(path)
         time = STEP * np.arange(stretch.size)
-        return Measured(path.name, time, {"stretch": stretch, "tension": tension, "angle": angle}, ("dropped 1 row",))
+        return MeasuredRun(
+            path.name, time, {"stretch": stretch, "tension": tension, "angle": angle}, ("dropped 1 row",)
+        )
 
-    def problem(train: Sequence[Measured], test: Sequence[Measured], *, law: str, instrument: Instrument | None) -> Any:
+    def problem(
+        train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None
+    ) -> Any:
         assert law == "capstan-constant"
         return Springs([*train, *test], instrument)
 

@@ -201,7 +201,7 @@ def test_a_controller_that_cannot_be_is_refused_in_a_sentence(
     [
         (("record", "absent"), "absent: there is no such file and no protocol of that name"),
         (("record", "short.toml", "absent"), "absent: there is no such file and no instrument of that name"),
-        (("record", "far.toml"), "amplitude is 60 deg; allowed is the handle's range"),
+        (("record", "far.toml"), "amplitude is 60 deg; it must be within the handle's range"),
         (
             ("record", "short.toml", "--out", "nowhere/run.mcap"),
             "nowhere/run.mcap cannot be written: there is no folder",

@@ -170,7 +170,7 @@ def test_a_fault_is_named_with_what_to_do_and_can_be_cleared(window: Window, ben
     window.sees("encoder_jump")
     window.sees(ADVICE["encoder_jump"].remedy)
     assert bench.connect("test").status().state == "FAULT"
-    wait(lambda: bench.tampering[0].stop < bench.twin.time)
+    wait(lambda: bench.faults[0].stop < bench.twin.time)
     window.press("Clear the fault")
     wait(lambda: bench.connect("test").status().state != "FAULT")
 

@@ -161,7 +161,7 @@ def test_a_stop_that_does_not_get_through_says_so(page: Page, bench: StandIn, mo
     def gone(*_: object) -> None:
         raise LiveError("The runtime has gone.")
 
-    monkeypatch.setattr("tests.python.console_stand_in.StandInLink.stop", gone)
+    monkeypatch.setattr("tests.python.console_stand_in.StandInConnection.stop", gone)
     assert get(page, "/stop", X_Tenodesis="stop").status == 503
 
 

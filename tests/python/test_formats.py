@@ -11,9 +11,10 @@ import pytest
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS
-from tenodesis.identification.formats import distinct_names, endoscope_pair, load_all, tendon_sheath
-from tenodesis.identification.formats.davinci_tool import JAW_COUNTS, SPINDLE_COUNTS, TORQUE_PER_COUNT, load
-from tenodesis.identification.formats.measured import Measured, Source
+from tenodesis.identification.datasets import endoscope_pair, tendon_sheath
+from tenodesis.identification.datasets.davinci_tool import JAW_COUNTS, SPINDLE_COUNTS, TORQUE_PER_COUNT, load
+from tenodesis.identification.formats import distinct_names, load_all
+from tenodesis.identification.formats.measured import MeasuredRun, Source
 from tenodesis.identification.formats.raw import GRAM_FORCE, Raw, Unit
 from tenodesis.identification.formats.table import read_rows
 from tenodesis.run import Array
@@ -47,7 +48,7 @@ def write(folder: Path, rows: Array, *, extra: Sequence[tuple[int, str]] = ()) -
     return path
 
 
-def said(measured: Measured) -> str:
+def said(measured: MeasuredRun) -> str:
     return "; ".join(measured.notes)
 
 

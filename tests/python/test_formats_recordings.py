@@ -14,7 +14,7 @@ from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS
 from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.recording import Recording, container, schemas
-from tenodesis.recording.session import record
+from tenodesis.recording.simulation import record
 from tenodesis.run import Array
 from tenodesis.simulate import Cycles, Protocol
 
@@ -88,7 +88,7 @@ def test_what_a_real_instrument_lacks_is_left_out(log: Path, tmp_path: Path) -> 
 
 def written(
     path: Path,
-    run: tn.signals.Run,
+    run: tn.run.Run,
     *,
     leave: tuple[str, ...] = (),
     part: slice = slice(None),

@@ -10,8 +10,8 @@ from scipy.signal import lfilter
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, Fit, Parameter, fit, jacobian_error, to_json
-from tenodesis.identification.bootstrap import block_length, redrawn
-from tenodesis.identification.uncertainty import Linearised, long_run, spread
+from tenodesis.identification.bootstrap import block_length, resampled
+from tenodesis.identification.uncertainty import Linearised, estimate, long_run
 from tenodesis.identification.whiteness import autocorrelation, correlation_samples, examine
 from tenodesis.run import Array
 
@@ -412,22 +412,22 @@ def test_long_run_covariance_is_that_of_an_autoregression() -> None:
 
 def test_sensors_that_err_together_are_not_taken_for_independent_ones() -> None:
     errors, column = coloured(2000, 0, 1), np.ones((2000, 1))
-    one = spread([Linearised(errors, column)])
+    one = estimate([Linearised(errors, column)])
     twice = Linearised(np.tile(errors, 2), np.tile(column, (2, 1)), channels=2)
-    assert spread([twice]).std[0] == pytest.approx(one.std[0], rel=0.01)
-    assert spread([twice]).white_std[0] == pytest.approx(one.white_std[0] / np.sqrt(2), rel=0.01)
+    assert estimate([twice]).std[0] == pytest.approx(one.std[0], rel=0.01)
+    assert estimate([twice]).white_std[0] == pytest.approx(one.white_std[0] / np.sqrt(2), rel=0.01)
 
 
 def test_nothing_is_known_better_than_if_residuals_were_independent() -> None:
     column = np.ones((2000, 1))
     swinging = Linearised(np.tile([1.0, -1.0], 1000), column)
-    assert spread([swinging]).std[0] == pytest.approx(spread([swinging]).white_std[0])
+    assert estimate([swinging]).std[0] == pytest.approx(estimate([swinging]).white_std[0])
 
 
 def test_errors_that_last_come_on_top_of_those_that_residuals_show() -> None:
     errors, column = coloured(2000, 0, 1), np.ones((2000, 1))
-    bare = spread([Linearised(errors, column)])
-    lasting = spread([Linearised(errors, column, lasting=np.full((2000, 1), 0.3))])
+    bare = estimate([Linearised(errors, column)])
+    lasting = estimate([Linearised(errors, column, systematic=np.full((2000, 1), 0.3))])
     assert lasting.std[0] == pytest.approx(np.hypot(bare.std[0], 0.3))
 
 
@@ -446,7 +446,7 @@ def test_blocks_keep_the_correlation_and_the_sensors_together() -> None:
     assert block_length(coloured(2000, 0.95, 1)) > block_length(coloured(2000, 0.5, 1)) > 1
     assert block_length(coloured(200, 0.99, 1)) <= 200 // 8
     errors = coloured(4000, 0.9, 1)
-    drawn = redrawn(np.tile(errors, 2), 2, 200, np.random.default_rng(0)).reshape(2, -1)
+    drawn = resampled(np.tile(errors, 2), 2, 200, np.random.default_rng(0)).reshape(2, -1)
     assert (drawn[0] == drawn[1]).all()
     assert autocorrelation(drawn[0], 1)[1] == pytest.approx(0.9, abs=0.03)
     assert set(np.round(drawn[0], 9)) <= set(np.round(errors - errors.mean(), 9))

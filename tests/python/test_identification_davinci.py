@@ -11,9 +11,8 @@ import pytest
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, Fit, fit, jacobian_error
-from tenodesis.identification.formats.davinci_tool import load
-from tenodesis.identification.formats.measured import Measured
-from tenodesis.identification.models.tool import LAWS, SETTLING, Tool, problem
+from tenodesis.identification.datasets.davinci_tool import LAWS, SETTLING, Tool, load, problem
+from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.run import Array
 
 ROOT = Path(__file__).parents[2]
@@ -38,25 +37,27 @@ TRUTH = {
 RATE = 100
 
 
-def motion(load: float, *, seed: int = 0, seconds: float = 20, frequency: float = 0.1) -> Measured:
+def motion(load: float, *, seed: int = 0, seconds: float = 20, frequency: float = 0.1) -> MeasuredRun:
     """Return a run whose spindle turns as a sine, its torque following late and rubbing more the more it carries."""
     time = np.arange(round(seconds * RATE)) / RATE
     phase = 2 * math.pi * frequency * time
     spindle = 0.52 * (1 + np.cos(phase))
     against = np.tanh(6 * np.sin(phase - 0.2))
     torque = load + (0.055 + 0.45 * load) * against + 0.01 * np.sin(3 * phase + seed)
-    return Measured(f"load {load:g}", time, {"spindle_angle": spindle, "spindle_torque": torque, "jaw_angle": -spindle})
+    return MeasuredRun(
+        f"load {load:g}", time, {"spindle_angle": spindle, "spindle_torque": torque, "jaw_angle": -spindle}
+    )
 
 
-def with_jaw(run: Measured, jaw: Array) -> Measured:
-    return Measured(run.name, run.time, {**run.columns, "jaw_angle": jaw})
+def with_jaw(run: MeasuredRun, jaw: Array) -> MeasuredRun:
+    return MeasuredRun(run.name, run.time, {**run.columns, "jaw_angle": jaw})
 
 
 def values(tool: Tool) -> Array:
     return np.array([TRUTH[one.name] for one in tool.parameters])
 
 
-def simulated(law: str, *, noise: float = 0.0, loads: tuple[float, ...] = (0.0, 0.05, 0.1)) -> list[Measured]:
+def simulated(law: str, *, noise: float = 0.0, loads: tuple[float, ...] = (0.0, 0.05, 0.1)) -> list[MeasuredRun]:
     """Return runs whose jaw angle the model itself gives, rounded to the encoder's counts if there is noise."""
     runs = [motion(load, seed=seed) for seed, load in enumerate(loads)]
     tool = Tool(runs, law=law)
@@ -119,7 +120,7 @@ def test_without_friction_every_law_is_the_elastic_line() -> None:
 def test_transmission_slides_at_the_capstan_ratio_and_holds_at_reversal() -> None:
     time = np.arange(4000) / RATE
     torque = np.concatenate([np.linspace(0, 0.2, 2000), np.linspace(0.2, 0.19, 2000)])
-    run = Measured(
+    run = MeasuredRun(
         "pull", time, {"spindle_angle": np.linspace(1, 0, 4000), "spindle_torque": torque, "jaw_angle": time}
     )
     tool = Tool([run], law="capstan", contacts=1)
@@ -144,7 +145,7 @@ def test_the_sensors_signs_do_not_matter() -> None:
     expected = [usual.residuals(values(usual), run) for run in range(3)]
     for drive, jaw in ((-1, 1), (1, -1), (-1, -1)):
         turned = [
-            Measured(
+            MeasuredRun(
                 run.name,
                 run.time,
                 {
@@ -165,7 +166,7 @@ def test_the_sensors_signs_do_not_matter() -> None:
 def test_jaw_angles_and_torques_of_a_test_run_do_not_reach_its_prediction() -> None:
     train = simulated("capstan-constant")
     test = motion(0.07)
-    poisoned = Measured(
+    poisoned = MeasuredRun(
         test.name,
         test.time,
         {**test.columns, "jaw_angle": 7 * np.ones(test.time.size), "jaw_torque": np.full(test.time.size, np.nan)},
@@ -207,7 +208,7 @@ needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measured data in 
 
 
 @cache
-def recording(name: str) -> Measured:
+def recording(name: str) -> MeasuredRun:
     return load(DATA / f"{name}.TXT")
 
 

@@ -10,11 +10,10 @@ import pytest
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, Fit, fit, jacobian_error
-from tenodesis.identification.formats.endoscope_pair import load
-from tenodesis.identification.formats.measured import Measured
-from tenodesis.identification.laws import LAWS, pass_on
+from tenodesis.identification.datasets.endoscope_pair import Pair, load, problem
+from tenodesis.identification.datasets.friction_laws import LAWS, pass_on
+from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.laws_comparison import compare_laws, to_markdown
-from tenodesis.identification.models.pair import Pair, problem
 from tenodesis.run import Array
 
 ROOT = Path(__file__).parents[2]
@@ -40,9 +39,9 @@ def tensions(count: int = 600) -> tuple[Array, Array, Array, Array]:
     return time, command, 5 + 3.5 * lag, 4.8 - 3.3 * lag + 0.4 * np.sin(0.9 * time)
 
 
-def recording(bend: float, output: Array | None = None) -> Measured:
+def recording(bend: float, output: Array | None = None) -> MeasuredRun:
     time, command, agonist, antagonist = tensions()
-    return Measured(
+    return MeasuredRun(
         f"{bend:g}.txt",
         time,
         {

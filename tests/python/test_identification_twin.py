@@ -12,11 +12,11 @@ from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, Fit, fit
 from tenodesis.identification.differences import differenced, scales
 from tenodesis.identification.formats.instrument_run import TENDONS, InstrumentRun, checked
-from tenodesis.identification.models.converter import Converter
-from tenodesis.identification.models.twin import TwinProblem
-from tenodesis.identification.models.twin_inputs import smoothed, unrounded
+from tenodesis.identification.quantisation import QuantisedSensor
+from tenodesis.identification.twin_model.inputs import smoothed, unrounded
+from tenodesis.identification.twin_model.problem import TwinProblem
 from tenodesis.instrument import Instrument
-from tenodesis.recording.session import record
+from tenodesis.recording.simulation import record
 from tenodesis.run import Array, Run
 from tenodesis.simulate import Cycles, Pretension, Protocol
 
@@ -434,7 +434,9 @@ def test_smoothing_takes_noise_off_and_leaves_the_signal() -> None:
     time = np.arange(0, 8, STEP)
     angle = 0.4 * 2 / np.pi * np.arcsin(np.sin(np.pi * time))
     noise = 7e-4
-    better = smoothed(angle + np.random.default_rng(0).normal(0, noise, time.size), STEP, Converter(noise, 1e-9)).values
+    better = smoothed(
+        angle + np.random.default_rng(0).normal(0, noise, time.size), STEP, QuantisedSensor(noise, 1e-9)
+    ).values
     assert np.sqrt(np.mean((better - angle) ** 2)) < 0.2 * noise
 
 
@@ -444,7 +446,9 @@ def test_a_smoothed_path_keeps_its_kinks_and_knows_how_well() -> None:
     noise = 7e-4
     ratios = []
     for seed in range(4):
-        path = smoothed(angle + np.random.default_rng(seed).normal(0, noise, time.size), STEP, Converter(noise, 1e-9))
+        path = smoothed(
+            angle + np.random.default_rng(seed).normal(0, noise, time.size), STEP, QuantisedSensor(noise, 1e-9)
+        )
         off = path.values - angle
         assert np.abs(off).max() < 4 * noise
         independent = np.zeros((time.size, len(path.errors)))

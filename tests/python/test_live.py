@@ -191,7 +191,7 @@ def test_a_request_is_not_lost_in_a_tick_that_the_controller_does_not_get(tmp_pa
     reader = Reader(tmp_path)
     loop.request("enable")
     loop.core.run_ticks(10)
-    loop.tamper("tick", "hold", 0, 1.5 * loop.period)
+    loop.inject_fault("tick", "hold", 0, 1.5 * loop.period)
     loop.request("pause")
     loop.core.run_ticks(10)
     run, _ = reader.read()
@@ -231,7 +231,7 @@ def test_a_signal_spoilt_on_purpose_is_the_fault_it_stands_for(tmp_path):
     reader = Reader(tmp_path)
     loop.request("enable")
     loop.core.run_ticks(200)
-    loop.tamper("tension.agonist", "set", float("nan"), 0.5)
+    loop.inject_fault("tension.agonist", "set", float("nan"), 0.5)
     loop.core.run_ticks(400)
     run, _ = reader.read(1000)
     assert run.operating_state[-1] == OperatingState.FAULT
@@ -251,8 +251,8 @@ def test_a_signal_spoilt_on_purpose_is_the_fault_it_stands_for(tmp_path):
         (lambda loop: loop.choose("best", "agonist"), "law is 'best'"),
         (lambda loop: loop.speed(-1), "speed is -1"),
         (lambda loop: loop.speed(1e-9), "speed is 1e-09"),
-        (lambda loop: loop.tamper("moon", "add", 1, 1), "place is 'moon'"),
-        (lambda loop: loop.tamper("tick", "add", 1, -1), "seconds is -1"),
+        (lambda loop: loop.inject_fault("moon", "add", 1, 1), "point is 'moon'"),
+        (lambda loop: loop.inject_fault("tick", "add", 1, -1), "seconds is -1"),
     ],
 )
 def test_an_order_that_makes_no_sense_is_refused_by_name(tmp_path, order, says):
@@ -572,9 +572,9 @@ def test_a_recorder_that_is_killed_is_said_and_its_file_can_be_read_to_the_last_
     folder, server = served
     one = operating(folder)
     path = one.record(True, "long")
-    until(lambda: server._recorder.status().get("rows", 0) > 1000)
-    before = server._recorder.status()["rows"]
-    os.kill(server._recorder.status()["pid"], signal.SIGKILL)
+    until(lambda: server.runtime.recorder.status().get("rows", 0) > 1000)
+    before = server.runtime.recorder.status()["rows"]
+    os.kill(server.runtime.recorder.status()["pid"], signal.SIGKILL)
     until(lambda: one.status().problem)
     assert "The recorder of" in one.status().problem
     assert "SIGKILL" in one.status().problem

@@ -438,7 +438,7 @@ def test_a_bench_whose_handle_nobody_commands_is_not_approached(loop: LiveLoop) 
 @pytest.mark.parametrize(
     ("phases", "said"),
     [
-        ((Pretension(tension=3.0),), "tension is 3 N; allowed with a controller is"),
+        ((Pretension(tension=3.0),), "tension is 3 N; with a controller it must be"),
         ((Ramp(duration=1.0, spool_velocity=(1.0, 1.0)),), "spool_velocity is given"),
     ],
 )

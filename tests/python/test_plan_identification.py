@@ -19,10 +19,10 @@ from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS
 from tenodesis.identification.experiment import OPTIMISTIC, Plan, plan, report
 from tenodesis.identification.experiment import candidates as blocks
-from tenodesis.identification.experiment.bench import Bench, UnfitError
 from tenodesis.identification.experiment.choice import Criterion, CriterionName, choose
-from tenodesis.identification.experiment.information import Converter, Information
-from tenodesis.recording.session import record
+from tenodesis.identification.experiment.information import Information, QuantisedSensor
+from tenodesis.identification.experiment.simulated import InfeasibleProtocolError, SimulatedExperiment
+from tenodesis.recording.simulation import record
 from tenodesis.twin import Twin
 
 DURATION = 8.0
@@ -41,7 +41,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_predicted_intervals_are_the_scatter_of_estimates_over_seeds(scaled_up: Plan) -> None:
-    bench = Bench(scaled_up.inst, scaled_up.law, distal_encoder=True)
+    bench = SimulatedExperiment(scaled_up.inst, scaled_up.law, distal_encoder=True)
     commands = scaled_up.protocol.commands(scaled_up.inst, bench.time_step)
     free = [number for number, one in enumerate(scaled_up.parameters) if one.name in scaled_up.open]
     inverse, estimates = None, []
@@ -112,12 +112,12 @@ def test_blocks_follow_one_another_within_the_duration(scaled_up: Plan) -> None:
 def test_every_candidate_comes_back_to_where_it_began(name: str) -> None:
     inst = tn.load(name if name in {"scaled-up", "real-size"} else Path(__file__).parents[2] / name)
     inst = inst.axis(inst.axes[0])
-    bench = Bench(inst, inst.friction.law, distal_encoder=True)
+    bench = SimulatedExperiment(inst, inst.friction.law, distal_encoder=True)
     run = 0
     for candidate in blocks.candidates(bench.inst, blocks.loads(bench.inst))[::3]:
         try:
             done = bench.run(candidate.phases)
-        except UnfitError:
+        except InfeasibleProtocolError:
             continue
         run += 1
         assert abs(done["handle_angle"][-1]) < 1e-9, candidate.name
@@ -228,7 +228,7 @@ def test_mean_of_rounded_samples_has_the_deviation_that_is_predicted() -> None:
         places = draw.random((20000, 1))
         read = np.round(places + noise * draw.standard_normal((20000, 8)))
         found = np.std(read.mean(axis=1) - places[:, 0])
-        assert found == pytest.approx(Converter(noise, 1.0).mean(8), rel=0.02)
+        assert found == pytest.approx(QuantisedSensor(noise, 1.0).deviation_of_mean(8), rel=0.02)
 
 
 @pytest.mark.parametrize(

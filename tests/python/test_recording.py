@@ -19,6 +19,7 @@ from rich.console import Console
 
 from tenodesis.errors import RecordingError
 from tenodesis.recording import Recorder, Recording
+from tenodesis.recording.decode import Misfit
 from tenodesis.recording.schemas import JOINT_STATE, WRENCH, definition, shape
 from tenodesis.recording.summary import describe
 from tenodesis.run import SIGNALS, Run
@@ -455,7 +456,8 @@ def test_another_programs_file_loads_what_fits(frame: list[str], tmp_path: Path)
         "measured_handle_angle": [0.0, 0.1, 0.2],
         "measured_tension": [[0.0, 0.0], [2.0, 1.0], [4.0, 2.0]],
     }
-    assert recording.left_out.keys() == {"/tip/measured2_js", "/motors/measured_js"}
+    reasons = {topic: left_out.reason for topic, left_out in recording.left_out.items()}
+    assert reasons == {"/tip/measured2_js": Misfit.STAMPS, "/motors/measured_js": Misfit.JOINTS}
     assert recording.topics["/camera"].messages == 4
 
 
@@ -475,7 +477,7 @@ def test_messages_of_another_type_are_left_out_with_the_reason(tmp_path: Path) -
         state = writer.register_msgdef(JOINT_STATE, definition(JOINT_STATE))
         writer.write_message("/handle/measured_js", state, joints(0, ["handle_yaw"], position=[0.5]), 1)
     recording = Recording.open(path)
-    assert recording.left_out == {"/tendons/measured_js": "its messages are std_msgs/msg/String"}
+    assert recording.left_out == {"/tendons/measured_js": (Misfit.TYPE, "its messages are std_msgs/msg/String")}
     assert recording.run.measured_handle_angle is not None
 
 

@@ -15,16 +15,16 @@ from rich.console import Console
 
 import tenodesis as tn
 from tenodesis import simulate
-from tenodesis.control import FAULTS, Controller, FaultInjection, OperatingState
+from tenodesis.control import FAULTS, Controller, OperatingState
 from tenodesis.errors import ProtocolError, RecordingError
 from tenodesis.instrument import Instrument
 from tenodesis.recording import Recorder, Recording, choices
 from tenodesis.recording.outcome import outcome, tip_error
 from tenodesis.recording.replay import replay
-from tenodesis.recording.session import record
+from tenodesis.recording.simulation import record
 from tenodesis.recording.summary import describe
 from tenodesis.run import CONTROL, Run
-from tenodesis.simulate import Cycles, Hold, Pretension, Protocol, Ramp, StepLoad
+from tenodesis.simulate import Cycles, FaultInjection, Hold, Pretension, Protocol, Ramp, StepLoad
 from tenodesis.twin import Twin
 
 from .conftest import EXAMPLES
@@ -307,7 +307,7 @@ def test_what_a_controller_cannot_run_leaves_no_file(
             Controller(scaled),
             Protocol(name="p", phases=(Ramp(duration=0.1, spool_velocity=(0.1, 0.1)),)),
             ProtocolError,
-            "spool_velocity is given; allowed with a controller",
+            "spool_velocity is given",
         ),
     ):
         with pytest.raises(problem, match=sentence):

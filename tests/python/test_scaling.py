@@ -13,10 +13,9 @@ from tenodesis.instrument import Continuum, Instrument, TendonGear
 from tenodesis.paper.published import SCALE_FACTORS, STIFFNESS
 from tenodesis.scaling.catalogue import Catalogue
 from tenodesis.scaling.design import hung
-from tenodesis.scaling.front import ERROR_STEP, RELATIVE_STEP, levels
+from tenodesis.scaling.judge import FINDINGS, working_range
 from tenodesis.scaling.limits import forces_of, limits
-from tenodesis.scaling.range import working_range
-from tenodesis.scaling.sweep import FINDINGS, exact_costs
+from tenodesis.scaling.sweep import ERROR_STEP, RELATIVE_STEP, exact_costs, levels
 
 PAPER = {
     "distal_gear_radius": "7.5 mm",
@@ -45,11 +44,11 @@ def test_tables_1_and_2_come_out_when_the_papers_choices_are_pinned(scaled: Tend
         if key != "loss_of_dexterity":
             # Printed with three or four digits, the last one cut off rather than rounded in places.
             assert factors[key] == pytest.approx(printed.value, rel=2.6e-3), key
-    assert design.prototype.tendon_stiffness == pytest.approx(STIFFNESS["scaled-up"].value, rel=2e-5)
-    assert design.prototype.pretension == pytest.approx(41.33, abs=0.01)
+    assert design.scaled_up.tendon_stiffness == pytest.approx(STIFFNESS["scaled-up"].value, rel=2e-5)
+    assert design.scaled_up.pretension == pytest.approx(41.33, abs=0.01)
     for field in scaled.parameter_fields:
         if field not in ("pretension", "given_stiffness", "tendon_length"):
-            assert getattr(design.prototype, field) == pytest.approx(getattr(scaled, field), rel=1e-9), field
+            assert getattr(design.scaled_up, field) == pytest.approx(getattr(scaled, field), rel=1e-9), field
 
 
 def test_it_is_told_by_how_much_others_would_be_better_than_the_papers_prototype() -> None:
@@ -91,11 +90,11 @@ def test_a_design_is_what_its_row_of_the_front_says(standard: scaling.Front) -> 
 
 def test_the_best_of_the_front_is_similar_to_a_tenth_of_a_degree_over_the_whole_range(standard: scaling.Front) -> None:
     design = standard[standard.best()]
-    error = tn.similarity.compare(design.model, design.prototype).error()
+    error = tn.similarity.compare(design.real_size, design.scaled_up).error()
     assert error.force.max() == 3
     assert error.largest <= 0.1
     assert error.held_by_one == 0
-    held = tn.statics.equilibrium(design.model, error.handle_angle[:, None], error.force)
+    held = tn.statics.equilibrium(design.real_size, error.handle_angle[:, None], error.force)
     slack = np.isfinite(held.output_angle) & (held.antagonist == 0)
     assert slack.mean() > 0.05, "with slack in it"
 
@@ -125,28 +124,28 @@ def test_the_front_is_that_of_brute_force(name: str, factor: tuple[float, float]
 
 def test_what_the_core_judges_is_what_the_comparison_says(any_inst: Instrument) -> None:
     """The same over the whole grid, tips that snap through included, for every mechanism."""
-    model = any_inst.axis(any_inst.axes[0])
-    span = working_range(model, 1.5 * float(tn.statics.slack_force(model, 0.0)))
-    target = span.fine.target(model)
+    real_size = any_inst.axis(any_inst.axes[0])
+    span = working_range(real_size, 1.5 * float(tn.statics.slack_force(real_size, 0.0)))
+    target = span.fine.target(real_size)
     rng = np.random.default_rng(4)
     for _ in range(5):
         lengths = {
-            field: getattr(model, field) * rng.uniform(1.5, 2.5)
+            field: getattr(real_size, field) * rng.uniform(1.5, 2.5)
             for field in ("end_effector_length", "handle_length", "overall_length")
         }
-        prototype = model.replace(**lengths, tendon_length=None)
-        if model.given_stiffness is not None:
-            prototype = prototype.replace(tendon_stiffness=model.given_stiffness * rng.uniform(0.5, 2))
-        comparison = tn.similarity.compare(model, prototype, largest_force=span.fine.force.max())
+        scaled_up = real_size.replace(**lengths, tendon_length=None)
+        if real_size.given_stiffness is not None:
+            scaled_up = scaled_up.replace(tendon_stiffness=real_size.given_stiffness * rng.uniform(0.5, 2))
+        comparison = tn.similarity.compare(real_size, scaled_up, largest_force=span.fine.force.max())
         error = comparison.error()
         found = np.empty((1, len(FINDINGS)))
-        target.judge(np.array([prototype.spec.__getstate__()[1]]), np.array([np.nan]), found, 1)
+        target.judge(np.array([scaled_up.spec.__getstate__()[1]]), np.array([np.nan]), found, 1)
         told = dict(zip(FINDINGS, found[0], strict=True))
         assert np.degrees(told["largest_error"]) == pytest.approx(error.largest_snapped, rel=1e-9, abs=1e-9)
         assert told["force_factor"] == pytest.approx(comparison.force_factor(), rel=1e-12)
         assert told["pretension"] == pytest.approx(comparison.scaled_pretension, rel=1e-12)
-        assert told["rig_arm"] == pytest.approx(prototype.rig_arm, rel=1e-12)
-        scaled = prototype.replace(pretension=told["pretension"])
+        assert told["rig_arm"] == pytest.approx(scaled_up.rig_arm, rel=1e-12)
+        scaled = scaled_up.replace(pretension=told["pretension"])
         held = tn.statics.tensions(scaled, span.fine.handle_angle, span.fine.force * told["force_factor"])
         largest = np.nanmax(held)
         if told["snapped"]:
@@ -182,28 +181,28 @@ def test_the_front_does_not_depend_on_the_number_of_threads() -> None:
 
 
 def test_every_mechanism_gets_a_scale_model(any_inst: Instrument) -> None:
-    model = any_inst.axis(any_inst.axes[0])
+    real_size = any_inst.axis(any_inst.axes[0])
     free = {"factor": (2, 12), "overall_length": (0.3, 3.0), "end_effector_length": (0.005, 0.5), "spool_torque": None}
     parts = changed(scaling.load(), **free, handle_length=None, ratio_tolerance=0.05, force_tolerance=0.1)
-    front = scaling.design(model, parts, combinations=60_000)
+    front = scaling.design(real_size, parts, combinations=60_000)
     design = front[front.best()]
-    assert design.prototype.joint_type == model.joint_type
-    assert tn.parse(tn.instrument_text.to_file(design.prototype)).joint_type == model.joint_type
+    assert design.scaled_up.joint_type == real_size.joint_type
+    assert tn.parse(tn.instrument_text.to_file(design.scaled_up)).joint_type == real_size.joint_type
     assert design.objectives.similarity_error < 1.0
     assert design.objectives.tension_margin >= parts.constraints.tension_margin
     assert design.largest_tension * parts.constraints.load_cell_margin <= design.choice.load_cell.range * (1 + 1e-9)
-    assert (design.choice.rod is not None) == isinstance(model, Continuum)
+    assert (design.choice.rod is not None) == isinstance(real_size, Continuum)
 
 
 def test_what_is_hung_makes_the_forces_the_plan_promises(standard: scaling.Front) -> None:
     design = standard[standard.best()]
     assert [test.real_force for test in design.tests] == [0.5, 1, 2, 3]
-    lever = design.prototype.conditions.cable_pulley_radius / design.prototype.rig_arm
+    lever = design.scaled_up.conditions.cable_pulley_radius / design.scaled_up.rig_arm
     for test in design.tests:
-        assert test.force == pytest.approx(test.hanging.weight * lever, rel=1e-12)
+        assert test.force == pytest.approx(test.weights.weight * lever, rel=1e-12)
         assert test.force / design.comparison.force_factor() == pytest.approx(test.real_force + test.error, rel=1e-9)
         assert abs(test.error) <= design.catalogue.constraints.force_tolerance * test.real_force
-    assert design.prototype.conditions.forces == pytest.approx([test.force for test in design.tests])
+    assert design.scaled_up.conditions.forces == pytest.approx([test.force for test in design.tests])
 
 
 @pytest.mark.parametrize("prefer", ["similarity", "resolution", "size", "margin", "balanced"])

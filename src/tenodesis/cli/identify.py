@@ -14,14 +14,14 @@ from tenodesis import instrument
 from tenodesis.cli.common import ProgressBar, check_choice, check_outputs, console, say, table, write_text
 from tenodesis.errors import CommandError
 from tenodesis.identification import report
-from tenodesis.identification.figures import worded
-from tenodesis.identification.fit import LEAST_REPLICATES, STARTS, fit, unexplained, worse_held_out
-from tenodesis.identification.formats import Measured, load_all
-from tenodesis.identification.laws import LAWS
+from tenodesis.identification.figures import axis_label
+from tenodesis.identification.fit import LEAST_REPLICATES, STARTS, fit
+from tenodesis.identification.formats import MeasuredRun, load_all
+from tenodesis.identification.goodness import unexplained, worse_held_out
 from tenodesis.identification.problem import Problem, WithGroups
-from tenodesis.identification.registry import FORMATS, usual
+from tenodesis.identification.registry import FORMATS
 from tenodesis.identification.results import Fit, to_json
-from tenodesis.identification.split import LEAST_SHARE, Part, split
+from tenodesis.identification.split import LEAST_SHARE, FittedPart, split
 from tenodesis.identification.uncertainty import LossName
 
 _BEND = "sheath_bend"
@@ -48,7 +48,8 @@ def identify(  # noqa: PLR0917
         typer.Option("--instrument", metavar="INSTRUMENT", help="Where values start: file or shipped name."),
     ] = None,
     law: Annotated[
-        str | None, typer.Option(help=f"Friction law: {', '.join(LAWS)}. Default: the format's.", show_default=False)
+        str | None,
+        typer.Option(help="Friction law; each format has its own choice. Default: the format's.", show_default=False),
     ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Parameters, intervals and errors go there as well.")
@@ -77,17 +78,17 @@ def identify(  # noqa: PLR0917
     check_outputs(outputs, [*logs, *tests, *given])
     check_choice("--format", format_name, FORMATS)
     if law is not None:
-        check_choice("--law", law, LAWS)
+        check_choice("--law", law, FORMATS[format_name].laws)
     if 0 < bootstrap < LEAST_REPLICATES:
         raise CommandError(key="--bootstrap", value=bootstrap, allowed=f"0 for none, or at least {LEAST_REPLICATES}")
     share, part = _split(train_until, train_from)
     inst = None if instrument_file is None else instrument.load(instrument_file)
-    kind, defaults = FORMATS[format_name], usual(format_name)
-    chosen = law or defaults.law
+    kind = FORMATS[format_name]
+    chosen = law or kind.law
     measured = load_all(kind.load, [*logs, *tests])
     _check_different(measured)
 
-    def build(train: Sequence[Measured], held_out: Sequence[Measured]) -> Problem:
+    def build(train: Sequence[MeasuredRun], held_out: Sequence[MeasuredRun]) -> Problem:
         return kind.problem(train, held_out, law=chosen, instrument=inst)
 
     count = len(logs)
@@ -104,7 +105,7 @@ def identify(  # noqa: PLR0917
             starts=starts,
             bootstrap=bootstrap,
             seed=seed,
-            loss=loss or defaults.loss,
+            loss=loss or kind.loss,
             progress=bar,
         )
     held_out = [one for one in found.files if one.split == "test"]
@@ -150,7 +151,7 @@ def chosen_parameters(problem: Problem, text: str) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def _split(until: float | None, from_: float | None) -> tuple[float | None, Part]:
+def _split(until: float | None, from_: float | None) -> tuple[float | None, FittedPart]:
     """Return the share at which recordings are split, None where they are not, and which part is fitted."""
     if until is not None and from_ is not None:
         raise CommandError("--train-until and --train-from are both given; give one of them.")
@@ -176,7 +177,7 @@ def _check_files(logs: Sequence[Path], tests: Sequence[Path]) -> None:
             seen[place] = what
 
 
-def _check_different(measured: Sequence[Measured]) -> None:
+def _check_different(measured: Sequence[MeasuredRun]) -> None:
     """Refuse a copy under another name: held out it would say nothing, and fitted it would count twice."""
     for one, other in combinations(measured, 2):
         same_bytes = bool(one.checksum) and one.checksum == other.checksum
@@ -185,7 +186,7 @@ def _check_different(measured: Sequence[Measured]) -> None:
             raise CommandError(f"{one.name} and {other.name} hold the same samples; give a recording once.")
 
 
-def _extrapolated(one: Measured, trained: Sequence[Measured]) -> tuple[str, ...]:
+def _extrapolated(one: MeasuredRun, trained: Sequence[MeasuredRun]) -> tuple[str, ...]:
     """Return a note where a held-out recording was made at a bend of the sheath beyond those of the fitted ones."""
     if _BEND not in one.columns:
         return ()
@@ -205,7 +206,7 @@ def _print_fit(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, 
     errors.add_column("run", overflow="fold")
     errors.add_column("use")
     for key in keys:
-        errors.add_column(escape(worded(key)), justify="right")
+        errors.add_column(escape(axis_label(key)), justify="right")
     for run in found.files:
         values = (f"{run.rmse[key]:.4g}" if key in run.rmse else "" for key in keys)
         errors.add_row(escape(run.name), "fitted" if run.split == "train" else "held out", *values)
@@ -229,11 +230,11 @@ def _print_parameters(found: Fit) -> None:
     parameters.add_column("unit", no_wrap=True)
     for heading in ("95 % interval", "bootstrap") if found.bootstrap else ("std", "95 % interval"):
         parameters.add_column(heading, justify="right", min_width=9 if heading != "std" else None)
-    parameters.add_column("told", min_width=4)
+    parameters.add_column("identifiable", min_width=4)
     for one in (one for one in found.parameters if one.name in found.free):
         row = report.shown(found, one)
         spread = (row.interval, row.bootstrap) if found.bootstrap else (row.std, row.interval)
-        parameters.add_row(one.name, row.value, row.unit, *spread, row.told)
+        parameters.add_row(one.name, row.value, row.unit, *spread, row.identifiable)
     console.print(parameters)
     held = [one.name for one in found.parameters if one.name not in found.free]
     if held:

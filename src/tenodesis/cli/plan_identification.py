@@ -10,8 +10,7 @@ from tenodesis import instrument
 from tenodesis.cli.common import InstrumentFile, ProgressBar, check_outputs, console, quantity, say, table
 from tenodesis.identification.experiment import DURATION, OPTIMISTIC, Plan, plan, report
 from tenodesis.identification.experiment.choice import CriterionName
-from tenodesis.instrument import Force
-from tenodesis.simulate.quantities import Duration
+from tenodesis.units import Duration, PositiveForce
 
 _NONE = "none"
 
@@ -78,7 +77,7 @@ def plan_identification(  # noqa: PLR0917
 def _forces(text: str) -> list[float]:
     if text.strip() == _NONE:
         return []
-    return [quantity("--forces", part.strip(), Force) for part in text.split(",")]
+    return [quantity("--forces", part.strip(), PositiveForce) for part in text.split(",")]
 
 
 def _print_plan(found: Plan) -> None:
@@ -99,7 +98,9 @@ def _print_plan(found: Plan) -> None:
     intervals.add_column("")
     for name in found.wanted:
         ratios = (report.ratio(found, one, name) for one in found.baselines)
-        intervals.add_row(name, *report.shown(found, name), *ratios, "" if found.told(name) else "not told")
+        intervals.add_row(
+            name, *report.shown(found, name), *ratios, "" if found.identifiable(name) else "not identifiable"
+        )
     console.print(intervals)
-    for sentence in (*dict.fromkeys(found.untold.values()), *found.warnings, OPTIMISTIC):
+    for sentence in (*dict.fromkeys(found.unidentifiable.values()), *found.warnings, OPTIMISTIC):
         say(sentence)

@@ -34,11 +34,10 @@ from tenodesis.recording import Recorder, Recording, choices, tables
 from tenodesis.recording.outcome import outcome
 from tenodesis.recording.replay import Replay
 from tenodesis.recording.replay import replay as run_again
-from tenodesis.recording.session import record as record_run
+from tenodesis.recording.simulation import record as record_run
 from tenodesis.recording.summary import describe
 from tenodesis.run import Run
-from tenodesis.simulate.quantities import Duration
-from tenodesis.units import in_unit
+from tenodesis.units import Duration, in_unit
 
 
 def record(  # noqa: PLR0917

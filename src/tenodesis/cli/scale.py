@@ -24,7 +24,7 @@ from tenodesis.files import atomic_files
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.text import to_file
 from tenodesis.report import style
-from tenodesis.scaling import Catalogue, Design, Front, Objectives, front_figure, plan
+from tenodesis.scaling import Catalogue, Design, Front, Objectives, figures, plan
 from tenodesis.scaling.design import PREFERENCES, Preference
 from tenodesis.scaling.sweep import Progress as Report
 
@@ -132,7 +132,7 @@ def _chosen(front: Front, prefer: Preference, pick: int | None) -> tuple[int, De
 def _write(out: Path, files: Sequence[str], front: Front, design: Design, free: Front | None) -> None:
     """Write everything beside its place first, and move it there when all of it is written."""
     with write_errors(out), atomic_files(out) as new:
-        (new / files[0]).write_text(to_file(design.prototype, comment=_HEADING.format(design.model.name)), "utf-8")
+        (new / files[0]).write_text(to_file(design.scaled_up, comment=_HEADING.format(design.real_size.name)), "utf-8")
         plan.write(design, new)
         _write_front(front, new / "front.csv")
         _draw_front(free or front, design.objectives, new)
@@ -149,15 +149,15 @@ def _write_front(front: Front, path: Path) -> None:
 
 def _draw_front(front: Front, chosen: Objectives, folder: Path) -> None:
     with style.applied():
-        figure = front_figure.draw(front, {"this design": chosen})
+        figure = figures.draw_front(front, {"this design": chosen})
         figure.savefig(folder / "front.svg", metadata={"Date": None}, dpi=200)
         figure.savefig(folder / "front.png", dpi=200)
 
 
 def _print_front(front: Front, chosen: int, design: Design, free: Front | None) -> None:
     title = (
-        f"{escape(front.model.name)}: {front.examined} scale models judged, {front.feasible} meet every constraint, "
-        f"{len(front)} on the front"
+        f"{escape(front.real_size.name)}: {front.examined} scale models judged, "
+        f"{front.feasible} meet every constraint, {len(front)} on the front"
     )
     designs = table(title)
     headings = ("row", "error", "resolution", "length", "margin", "made of")
@@ -184,8 +184,8 @@ def _print_front(front: Front, chosen: int, design: Design, free: Front | None) 
     )
     factors = design.comparison.factors
     say(
-        f"Row {chosen + 1} is taken: {design.prototype.name}, length x {factors['length']:.4g}, force x "
-        f"{factors['force']:.4g}, tension x {factors['tension']:.4g}; pretension {design.prototype.pretension:.4g} N."
+        f"Row {chosen + 1} is taken: {design.scaled_up.name}, length x {factors['length']:.4g}, force x "
+        f"{factors['force']:.4g}, tension x {factors['tension']:.4g}; pretension {design.scaled_up.pretension:.4g} N."
     )
     if free is not None:
         say(f"Without the pins, {scaling.told_better(free, design.objectives)}")

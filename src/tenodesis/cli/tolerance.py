@@ -10,11 +10,11 @@ from rich.table import Table
 
 from tenodesis import instrument, tolerance
 from tenodesis.cli.common import ProgressBar, console, quantity, say, table
-from tenodesis.instrument import Force
 from tenodesis.report.content import fixed
 from tenodesis.tolerance.conduct import SAMPLES
 from tenodesis.tolerance.report import write
 from tenodesis.tolerance.results import QUANTILES
+from tenodesis.units import PositiveForce
 
 _NAMED = 3
 """How many of the dominating parameters the table names."""
@@ -47,7 +47,7 @@ def study_tolerances(  # noqa: PLR0917
     """Study what tolerances do to a scale model's loss of angle and similarity, and which of them dominate."""
     model, prototype = instrument.load(real_size), instrument.load(scaled_up)
     given = None if tolerances is None else tolerance.load(tolerances)
-    newton = None if force is None else quantity("--force", force, Force)
+    newton = None if force is None else quantity("--force", force, PositiveForce)
     begun = time.monotonic()
     with ProgressBar("samples") as bar:
         study = tolerance.study(
@@ -74,7 +74,7 @@ def study_tolerances(  # noqa: PLR0917
 
 
 def _distributions(study: tolerance.Study) -> Table:
-    names = f"{escape(study.prototype.name)} for {escape(study.model.name)}"
+    names = f"{escape(study.scaled_up.name)} for {escape(study.real_size.name)}"
     title = f"{names}, {study.force:.3g} N at real size: quantiles in deg"
     quantiles = table(title)
     quantiles.add_column("response", overflow="fold")

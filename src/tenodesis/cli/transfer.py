@@ -47,19 +47,19 @@ def transfer(  # noqa: PLR0917
     with_friction = None
     if instrument_out is not None:
         source = log.name if scaled_up is None else scaled_up
-        with_friction = to_file(carry_friction(carried.prototype, model, source=source, time_factor=time_factor))
+        with_friction = to_file(carry_friction(carried.scaled_up, model, source=source, time_factor=time_factor))
     carried.write(path, overwrite=overwrite)
     if instrument_out is not None and with_friction is not None:
         write_text(instrument_out, with_friction)
     _print_factors(carried)
     say(f"{path}: {log} in units of {model.name}, {carried.run.time[-1]:.6g} s, {len(carried.run)} rows.")
     if instrument_out is not None:
-        say(f"{instrument_out}: {model.name} with the friction of {carried.prototype.name}.")
+        say(f"{instrument_out}: {model.name} with the friction of {carried.scaled_up.name}.")
 
 
 def _print_factors(carried: Carried) -> None:
     """Print the factors and what they were used for, what came out, and the warnings."""
-    title = f"{escape(carried.prototype.name)} over {escape(carried.model.name)}"
+    title = f"{escape(carried.scaled_up.name)} over {escape(carried.real_size.name)}"
     factors = table(title)
     factors.add_column("factor")
     for axis in carried.factors:
@@ -74,7 +74,7 @@ def _print_factors(carried: Carried) -> None:
     say(f"unchanged: {', '.join(same) or 'nothing'}.")
     for what, size in (("force", carried.largest_force), ("tension", carried.largest_tension)):
         if not math.isnan(size):
-            say(f"largest {what} on {carried.model.name}: {size:.4g} N.")
+            say(f"largest {what} on {carried.real_size.name}: {size:.4g} N.")
     error = carried.similarity_error()
     if not math.isnan(error):
         say(f"largest similarity error up to that force, without friction: {error:.2g} deg.")

@@ -4,7 +4,6 @@ from tenodesis.extras import require
 
 require("viser", "live")  # before the modules that import it and what comes with it
 
-from tenodesis.console.link import Connect, Link  # noqa: E402
 from tenodesis.console.page import Page, serve  # noqa: E402
 
-__all__ = ["Connect", "Link", "Page", "serve"]
+__all__ = ["Page", "serve"]

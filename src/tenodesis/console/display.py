@@ -77,8 +77,7 @@ def shown_signals(inst: Instrument, signals: Mapping[str, ArrayLike]) -> ShownSi
 def _target(inst: Instrument, handle: Array) -> Array:
     """Return the output angle that the controller aims at, rad (eq. 18), at handle angles, rad, shape (..., axes)."""
     target = np.empty(handle.shape)
-    for n, name in enumerate(inst.axes):
-        planar = inst.axis(name)
+    for n, planar in enumerate(inst.planar):
         within = np.nan_to_num(np.clip(handle[..., n], -planar.handle_range, planar.handle_range))
         # Eq. 19 with equal tensions.
         angles = statics.estimate_output_angle(planar, within, planar.pretension, planar.pretension)

@@ -17,10 +17,10 @@ from tenodesis.console import server
 from tenodesis.console.access import AccessControl, is_loopback, page_html
 from tenodesis.console.browser import Browser
 from tenodesis.console.display import shown_signals
-from tenodesis.console.link import Connect
 from tenodesis.console.plots import ROWS, WINDOW
 from tenodesis.console.session import PageState, Session
 from tenodesis.errors import LiveError
+from tenodesis.live.commands import Connect
 from tenodesis.live.status import Status
 
 if TYPE_CHECKING:

@@ -47,7 +47,7 @@ class Plots:
 
         self._inst, self._colours = inst, TensionColours(inst)
         panel = gui.add_panel()
-        planar = [inst.axis(name) for name in inst.axes]
+        planar = inst.planar
         self._stretches = [1e3 * axis.pretension / axis.tendon_stiffness for axis in planar]
         with panel.add_tab("Curves"):
             self.axis = gui.add_dropdown("Axis", inst.axes, visible=len(inst.axes) > 1)
@@ -166,7 +166,7 @@ class TensionColours:
     """Colours of tension (N) for an instrument: grey when slack, from blue to red at the tension limit."""
 
     def __init__(self, inst: Instrument) -> None:
-        planar = [inst.axis(name) for name in inst.axes]
+        planar = inst.planar
         self.limit = min(tension_limit(axis) for axis in planar)
         """Tension above which no tendon is wound, N."""
         self.pretension = planar[0].pretension

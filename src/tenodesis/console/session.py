@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 from tenodesis.console.display import ShownSignals
-from tenodesis.console.link import Link
 from tenodesis.errors import Error
+from tenodesis.live.commands import RestartableConnection
 from tenodesis.live.status import Status
 
 if TYPE_CHECKING:
@@ -81,7 +81,9 @@ class Session:
         Folder of the recordings.
     """
 
-    def __init__(self, client: "viser.ClientHandle", link: Link, origin: str, workers: Executor, folder: Path) -> None:
+    def __init__(
+        self, client: "viser.ClientHandle", link: RestartableConnection, origin: str, workers: Executor, folder: Path
+    ) -> None:
         self.client, self.link, self.origin, self.folder = client, link, origin, folder
         self.requests = RequestQueue()
         camera = client.camera

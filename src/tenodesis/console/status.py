@@ -5,10 +5,10 @@ from functools import partial
 from html import escape
 from typing import Any, NamedTuple
 
-from tenodesis.console.link import Asked
 from tenodesis.console.plots import TensionColours
 from tenodesis.console.session import PageState, Session, enable, set_properties
 from tenodesis.instrument import Instrument
+from tenodesis.live.commands import ControllerRequest
 from tenodesis.live.status import RuntimeState, Status
 
 
@@ -152,7 +152,7 @@ def _operator(status: Status, origin: str) -> str:
     return f"{escape(status.operator)} operates; you watch."
 
 
-_TRANSITIONS: dict[RuntimeState, tuple[tuple[str, Asked], ...]] = {
+_TRANSITIONS: dict[RuntimeState, tuple[tuple[str, ControllerRequest], ...]] = {
     RuntimeState.DISABLED: (("Enable", "enable"),),
     RuntimeState.ENABLED: (("Pause", "pause"), ("Disable", "disable")),
     RuntimeState.PAUSED: (("Resume", "resume"), ("Disable", "disable")),
@@ -172,7 +172,7 @@ class StatusHeader:
         gui.add_html(f'<div style="padding:.35em .8em .2em">{TensionColours(inst).legend()}</div>')
         self._take = gui.add_button("Take control", color="blue", hint="Other browsers then only watch.")
         self._restart = gui.add_button("Start the instrument again", color="orange", visible=False)
-        self._buttons: dict[Asked, Any] = {
+        self._buttons: dict[ControllerRequest, Any] = {
             request: gui.add_button(label, color=_BUTTON_COLOURS.get(request, "gray"), visible=False)
             for buttons in _TRANSITIONS.values()
             for label, request in buttons

@@ -16,8 +16,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.recording import Recording
 from tenodesis.run import Array
 from tenodesis.simulate import Motion, Protocol
-from tenodesis.simulate.recording import Recording as Trajectory
-from tenodesis.simulate.recording import text
+from tenodesis.simulate.motion import csv_text
 
 _NONE = "none yet"
 _ROWS = 1500
@@ -247,7 +246,7 @@ def repeated(recording: Recording) -> Protocol:
     phases = tuple(
         Motion(
             axis=axis,
-            data=text(Trajectory(run.time[rows], angles[rows, n], ()), "time_s", "angle_rad"),
+            data=csv_text(run.time[rows], angles[rows, n], "time_s", "angle_rad"),
             time_column="time_s",
             angle_column="angle_rad",
             angle_unit="rad",

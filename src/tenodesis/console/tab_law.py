@@ -60,7 +60,7 @@ class LawTab:
         session.on(self._law, "law", self._choose)
         session.on(self._actuation, "law", self._choose)
         session.on(self._home, "request", lambda: session.link.request("home"))
-        session.on(self._inject, "tamper", lambda: session.link.tamper(*_FAULTS[self._fault.value]))
+        session.on(self._inject, "inject_fault", lambda: session.link.inject_fault(*_FAULTS[self._fault.value]))
 
     def update(self, state: PageState) -> None:
         """Show the choices that are in force."""

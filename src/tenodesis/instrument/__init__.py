@@ -1,45 +1,20 @@
 """Instruments: one file describes one, and everything else is computed from it."""
 
-from tenodesis.instrument.instrument import (
-    JOINT_TYPES,
-    PARAMETERS,
-    Angle,
-    AxisName,
-    Continuum,
-    Force,
-    Instrument,
-    Length,
-    Modulus,
-    Moment,
-    Name,
-    TendonGear,
-    TendonPulley,
-    Tension,
-    json_schema,
-    load,
-    parse,
-    shipped,
-    unit_of,
-)
+from tenodesis.instrument.instrument import PARAMETERS, AxisName, Instrument, Name
+from tenodesis.instrument.load import json_schema, load, parse, shipped
+from tenodesis.instrument.mechanisms import JOINT_TYPES, Continuum, TendonGear, TendonPulley
 
 __all__ = [
     "JOINT_TYPES",
     "PARAMETERS",
-    "Angle",
     "AxisName",
     "Continuum",
-    "Force",
     "Instrument",
-    "Length",
-    "Modulus",
-    "Moment",
     "Name",
     "TendonGear",
     "TendonPulley",
-    "Tension",
     "json_schema",
     "load",
     "parse",
     "shipped",
-    "unit_of",
 ]

@@ -4,37 +4,34 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, Generic, Literal, Self, TypeAlias, TypeVar
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
-from tenodesis.instrument.hardware import Angle, SignedForce, Speed, Table, Time
-from tenodesis.units import Quantity, annotation
+from tenodesis.files import FileTable
+from tenodesis.units import (
+    Angle,
+    AnglePerCount,
+    AnglePerVolt,
+    MotorSpeed,
+    SignedForce,
+    SignedVoltage,
+    SpeedPerVolt,
+    TensionPerCount,
+    TensionPerVolt,
+    Time,
+    Voltage,
+)
 
-
-def _not_zero(value: float) -> float:
-    if value == 0:
-        raise ValueError("it is 0, by which nothing would be told; allowed is any other number")
-    return value
-
-
-NotZero = AfterValidator(_not_zero)
-AngleGain = Annotated[float, *annotation(Quantity("angle", "rad", "0.088 deg")), NotZero]
-TensionGain = Annotated[float, *annotation(Quantity("force", "N", "6.1 mN")), NotZero]
-AnglePerVolt = Annotated[float, *annotation(Quantity("angle per voltage", "rad/V", "72 deg/V")), NotZero]
-TensionPerVolt = Annotated[float, *annotation(Quantity("force per voltage", "N/V", "20 N/V")), NotZero]
-SpeedPerVolt = Annotated[float, *annotation(Quantity("angular velocity per voltage", "rad/s/V", "2 rad/s/V")), NotZero]
-Voltage = Annotated[float, *annotation(Quantity("voltage", "V", "10 V", above=0, below=1e3))]
-SignedVoltage = Annotated[float, *annotation(Quantity("voltage", "V", "-2 mV", above=-1e3, below=1e3))]
 Channel = Annotated[str, Field(min_length=1, max_length=100)]
 
 NodeId = Annotated[int, Field(ge=1, le=127, strict=True)]
 ObjectIndex = Annotated[int, Field(ge=0x1000, le=0xFFFF, strict=True)]
 SubIndex = Annotated[int, Field(ge=0, le=255, strict=True)]
-Drive = TypeVar("Drive", bound=Table)
+Drive = TypeVar("Drive", bound=FileTable)
 CanType: TypeAlias = Literal["i8", "u8", "i16", "u16", "i32", "u32", "f32"]
 CanMode: TypeAlias = Literal["cyclic-velocity", "profile-velocity", "cyclic-position"]
 
 
-class Axis(Table, Generic[Drive]):
+class Axis(FileTable, Generic[Drive]):
     """The drives of one bending axis."""
 
     agonist: Drive = Field(description="Drive of the agonist tendon")
@@ -46,7 +43,7 @@ class Axis(Table, Generic[Drive]):
         return self.agonist, self.antagonist
 
 
-class CanSource(Table):
+class CanSource(FileTable):
     """Where a node of the bus keeps what a sensor says: an object that its PDOs can carry."""
 
     node: NodeId = Field(description="Node that has the sensor: a drive, or a CiA 401 or 404 module")
@@ -58,18 +55,18 @@ class CanSource(Table):
 class CanAngle(CanSource):
     """An angle's sensor."""
 
-    gain: AngleGain = Field(description="Angle that one count stands for, or 1 of f32")
+    gain: AnglePerCount = Field(description="Angle that one count stands for, or 1 of f32")
     offset: Angle = Field(default=0.0, description="Angle at count 0")
 
 
 class CanTension(CanSource):
     """A load cell."""
 
-    gain: TensionGain = Field(description="Tension that one count stands for, or 1 of f32")
+    gain: TensionPerCount = Field(description="Tension that one count stands for, or 1 of f32")
     offset: SignedForce = Field(default=0.0, description="Tension at count 0")
 
 
-class CanDrive(Table):
+class CanDrive(FileTable):
     """A CiA 402 drive; counts per turn, gear ratio and limits are those of the table drives."""
 
     node: NodeId = Field(description="Its node id")
@@ -96,14 +93,14 @@ class CanAxis(Axis[CanDrive]):
         return {name: source for name, source in named.items() if source is not None}
 
 
-class CanCounter(Table):
+class CanCounter(FileTable):
     """An object of each drive, u16, that counts its measurements: one that stands still tells the past."""
 
     object: ObjectIndex = Field(description="Index of the object")
     sub: SubIndex = Field(default=0, description="Its sub-index")
 
 
-class CanOpen(Table):
+class CanOpen(FileTable):
     """A CAN bus with a CiA 402 drive per tendon; SYNC comes once per sampling period of the table sensors."""
 
     interface: str = Field(default="socketcan", description="Interface, by python-can's name for it")
@@ -116,7 +113,7 @@ class CanOpen(Table):
         default="cyclic-velocity",
         description="Mode of the drives: cyclic-velocity, profile-velocity or cyclic-position",
     )
-    velocity_unit: Speed | None = Field(
+    velocity_unit: MotorSpeed | None = Field(
         default=None, description="Motor speed that 1 of a target velocity stands for; without it one count per second"
     )
     zero: Literal["keep", "here"] = Field(
@@ -154,7 +151,7 @@ class CanOpen(Table):
                 yield f"{name}.antagonist", axis.antagonist
 
 
-class NiAngle(Table):
+class NiAngle(FileTable):
     """An analogue encoder."""
 
     channel: Channel = Field(description="Analogue input, such as ai0")
@@ -162,7 +159,7 @@ class NiAngle(Table):
     offset: Angle = Field(default=0.0, description="Angle at 0 V")
 
 
-class NiTension(Table):
+class NiTension(FileTable):
     """An amplified load cell."""
 
     channel: Channel = Field(description="Analogue input, such as ai2")
@@ -170,7 +167,7 @@ class NiTension(Table):
     offset: SignedForce = Field(default=0.0, description="Tension at 0 V")
 
 
-class NiDrive(Table):
+class NiDrive(FileTable):
     """A drive with an analogue speed input, and its motor's quadrature encoder."""
 
     speed: Channel = Field(description="Analogue output of the speed command, such as ao0")
@@ -195,7 +192,7 @@ class NiAxis(Axis[NiDrive]):
         return given if self.output_angle is None else (*given, self.output_angle)
 
 
-class NiDaq(Table):
+class NiDaq(FileTable):
     """A data acquisition device of National Instruments, at the sampling rate of the table sensors."""
 
     device: Channel = Field(default="Dev1", description="Name of the device, as its driver has it")
@@ -236,7 +233,7 @@ class NiDaq(Table):
         return self
 
 
-class Serial(Table):
+class Serial(FileTable):
     """A microcontroller with the firmware at a serial port."""
 
     port: Annotated[str, Field(min_length=1, max_length=300)] = Field(
@@ -254,7 +251,7 @@ class Serial(Table):
     )
 
 
-class Devices(Table):
+class Devices(FileTable):
     """The devices that a bench is served by; one table for each that there is."""
 
     canopen: CanOpen | None = Field(default=None, description="CiA 402 drives on a CAN bus")

@@ -2,20 +2,15 @@
 
 import math
 from itertools import pairwise
-from typing import Annotated, Self
+from typing import Self
 
 from pydantic import Field, model_validator
 
-from tenodesis.instrument.hardware import Table
-from tenodesis.units import Quantity, annotation
-
-Length = Annotated[float, *annotation(Quantity("length", "m", "200 mm", above=1e-7, below=100))]
-Spacing = Annotated[float, *annotation(Quantity("length", "m", "4 mm", at_least=0, below=100))]
-Pivot = Annotated[float, *annotation(Quantity("angle", "rad", "60 deg", above=0, below=math.pi / 2))]
-Turn = Annotated[float, *annotation(Quantity("angle", "rad", "180 deg", above=0, below=100))]
+from tenodesis.files import FileTable
+from tenodesis.units import Length, PivotRange, Spacing, TurnRange
 
 
-class Geometry(Table):
+class Geometry(FileTable):
     """Lengths along the instrument and limits of its joints; what is left out follows from the rest."""
 
     stem_length: Length | None = Field(
@@ -39,11 +34,11 @@ class Geometry(Table):
     most_insertion: Length | None = Field(
         default=None, description="Most of the stem beyond the port; by default 0.8 of stem_length"
     )
-    pivot_range: Pivot = Field(
+    pivot_range: PivotRange = Field(
         default=math.radians(60), description="Largest pan and largest tilt of the stem about the port, to either side"
     )
-    spin_range: Turn = Field(default=math.pi, description="Largest spin of the stem about itself, to either side")
-    roll_range: Turn = Field(default=math.pi, description="Largest roll of the end-effector, to either side")
+    spin_range: TurnRange = Field(default=math.pi, description="Largest spin of the stem about itself, to either side")
+    roll_range: TurnRange = Field(default=math.pi, description="Largest roll of the end-effector, to either side")
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:

@@ -3,35 +3,37 @@
 import math
 from typing import Annotated, Literal, Self, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
-from tenodesis.units import Quantity, annotation
-
-Length = Annotated[float, *annotation(Quantity("length", "m", "2 mm", above=1e-7, below=100))]
-Force = Annotated[float, *annotation(Quantity("force", "N", "0.1 N", at_least=0, below=1e5))]
-SignedForce = Annotated[float, *annotation(Quantity("force", "N", "-0.2 N", above=-1e5, below=1e5))]
-Rate = Annotated[float, *annotation(Quantity("rate", "Hz", "2000 Hz", above=0, below=1e9))]
-Angle = Annotated[float, *annotation(Quantity("angle", "rad", "20 deg"))]
-Bend = Annotated[float, *annotation(Quantity("angle", "rad", "60 deg", at_least=0, below=1e3))]
-Turn = Annotated[float, *annotation(Quantity("angle", "rad", "0.5 deg", at_least=0, below=math.pi))]
-Stop = Annotated[float, *annotation(Quantity("angle", "rad", "100 deg", above=0, below=3.0))]
-Span = Annotated[float, *annotation(Quantity("angle", "rad", "360 deg", above=0, below=1e3))]
-Speed = Annotated[float, *annotation(Quantity("angular velocity", "rad/s", "8000 deg/s", above=0, below=1e6))]
-Acceleration = Annotated[
-    float, *annotation(Quantity("angular acceleration", "rad/s^2", "1e5 rad/s^2", above=0, below=1e9))
-]
-SlipSpeed = Annotated[float, *annotation(Quantity("speed", "m/s", "1 mm/s", above=0, below=1e3))]
-Time = Annotated[float, *annotation(Quantity("time", "s", "20 ms", at_least=0, below=1e3))]
-Inertia = Annotated[float, *annotation(Quantity("inertia", "kg*m^2", "4e-4 kg*m^2", above=1e-12, below=1e3))]
-Damping = Annotated[float, *annotation(Quantity("damping", "N*m*s", "1e-3 N*m*s", at_least=0, below=1e3))]
-Torsion = Annotated[float, *annotation(Quantity("stiffness", "N*m", "20 N*m", at_least=0, below=1e6))]
-Viscosity = Annotated[float, *annotation(Quantity("viscous friction", "N*s/m", "5 N*s/m", at_least=0, below=1e6))]
-Coefficient = Annotated[float, Field(ge=0, le=3)]
-Ratio = Annotated[float, Field(gt=0, le=10)]
-Bits = Annotated[int, Field(ge=4, le=32, strict=True)]
-
-Gain = Annotated[float, *annotation(Quantity("gain", "1/s", "12 1/s", above=0, below=1e4))]
-Share = Annotated[float, Field(gt=0, le=1)]
+from tenodesis.files import FileTable
+from tenodesis.units import (
+    Angle,
+    AngleError,
+    Bits,
+    Coefficient,
+    Damping,
+    EncoderRange,
+    Force,
+    Gain,
+    HandStiffness,
+    HomingSpeed,
+    Inertia,
+    Length,
+    LengthDeviation,
+    LoadCellRange,
+    MotorAcceleration,
+    MotorSpeed,
+    Rate,
+    Ratio,
+    Share,
+    SheathBend,
+    SignedForce,
+    SlipSpeed,
+    StopAngle,
+    TendonSpeedLimit,
+    Time,
+    Viscosity,
+)
 
 MOST_EXPONENT = 10.0
 """Largest friction exponent of one contact: beyond it, rounding of the tension ratio would break the law."""
@@ -40,19 +42,13 @@ SafeState: TypeAlias = Literal["hold", "neutral"]
 FrictionLaw: TypeAlias = Literal["none", "capstan", "capstan-constant", "stribeck"]
 
 
-class Table(BaseModel):
-    """A table of an instrument file; all values have defaults."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Friction(Table):
+class Friction(FileTable):
     """Friction between a tendon and what it bends around; without this table there is none."""
 
     law: FrictionLaw = Field(default="none", description="none, capstan, capstan-constant or stribeck")
     vertex_coefficient: Coefficient = Field(default=0.0, description="Friction coefficient at the joints' vertices")
     sheath_coefficient: Coefficient = Field(default=0.0, description="Friction coefficient in the sheath")
-    sheath_bend: Bend = Field(default=0.0, description="Total bend of the sheath with the handle straight")
+    sheath_bend: SheathBend = Field(default=0.0, description="Total bend of the sheath with the handle straight")
     sheath_bend_per_handle_angle: Coefficient = Field(default=0.0, description="Bend added per angle of the handle")
     sheath_contacts: int = Field(default=1, ge=1, le=32, strict=True, description="Contacts that make up the sheath")
     handle_compliance_share: Annotated[float, Field(gt=0, lt=1)] | None = Field(
@@ -90,7 +86,7 @@ class Friction(Table):
         return self
 
 
-class Dynamics(Table):
+class Dynamics(FileTable):
     """Inertia and damping of tip and hand."""
 
     tip_inertia: Inertia | None = Field(
@@ -99,43 +95,41 @@ class Dynamics(Table):
     tip_damping: Damping | None = Field(
         default=None, description="Viscous damping by the output angle; without it a fifth of the critical one"
     )
-    output_stop: Stop | None = Field(
+    output_stop: StopAngle | None = Field(
         default=None, description="Output angle of the mechanical stop; without it a third beyond the working range"
     )
-    hand_stiffness: Torsion = Field(
+    hand_stiffness: HandStiffness = Field(
         default=0.0, description="Stiffness of the hand on the handle; 0: the handle is where it is told to be"
     )
     hand_damping: Damping = Field(default=0.05, description="Damping of the hand on the handle")
     hand_inertia: Inertia = Field(default=2e-3, description="Inertia of hand and handle")
 
 
-class Drives(Table):
+class Drives(FileTable):
     """Spools on speed-controlled motors; speeds are the motor's."""
 
     spool_radius: Length = Field(default=5e-3, description="Radius of the spools")
     gear_ratio: Annotated[float, Field(gt=0, le=1e4)] = Field(default=1.0, description="Motor turns per spool turn")
-    motor_speed: Speed = Field(default=20.0, description="Largest speed of the motor")
-    motor_acceleration: Acceleration = Field(default=400.0, description="Largest acceleration of the motor")
+    motor_speed: MotorSpeed = Field(default=20.0, description="Largest speed of the motor")
+    motor_acceleration: MotorAcceleration = Field(default=400.0, description="Largest acceleration of the motor")
     time_constant: Time = Field(default=0.01, description="Time constant of the speed loop")
-    backlash: Turn = Field(default=0.0, description="Backlash of the gearbox, at the spool")
+    backlash: AngleError = Field(default=0.0, description="Backlash of the gearbox, at the spool")
     encoder_counts: int = Field(default=4096, ge=1, le=2**24, strict=True, description="Counts per turn of the motor")
 
 
-class Sensors(Table):
+class Sensors(FileTable):
     """Analogue joint encoders and load cells, and how often they are sampled."""
 
     sampling_rate: Rate = Field(default=2000.0, description="Samples per second")
     encoder_bits: Bits = Field(default=12, description="Bits of the converter of a joint encoder")
-    encoder_range: Span = Field(default=2 * math.pi, description="Angle that the converter's range stands for")
-    encoder_noise: Turn = Field(default=math.radians(0.03), description="Standard deviation of an encoder")
-    load_cell_range: Annotated[float, *annotation(Quantity("force", "N", "200 N", above=0, below=1e6))] = Field(
-        default=200.0, description="Largest tension a load cell can tell"
-    )
+    encoder_range: EncoderRange = Field(default=2 * math.pi, description="Angle that the converter's range stands for")
+    encoder_noise: AngleError = Field(default=math.radians(0.03), description="Standard deviation of an encoder")
+    load_cell_range: LoadCellRange = Field(default=200.0, description="Largest tension a load cell can tell")
     load_cell_bits: Bits = Field(default=16, description="Bits of the converter of a load cell")
     load_cell_noise: Force = Field(default=0.03, description="Standard deviation of a load cell")
 
 
-class Mismatch(Table):
+class Mismatch(FileTable):
     """How the instrument on the bench differs from what its file says, and its sensors from the truth."""
 
     stiffness_ratio: Ratio = Field(default=1.0, description="True over nominal stiffness of the tendons")
@@ -148,15 +142,15 @@ class Mismatch(Table):
     )
 
 
-class Control(Table):
+class Control(FileTable):
     """What the controller is to aim at, and when it is to stop; all that is left out follows from the instrument."""
 
-    dead_band: Turn = Field(default=math.radians(0.1), description="Output angle that is as good as on target")
+    dead_band: AngleError = Field(default=math.radians(0.1), description="Output angle that is as good as on target")
     gain: Gain | None = Field(
         default=None, description="Of the tip's lag; without it 12/s, or less for a tip that swings slower than 8 Hz"
     )
     position_gain: Gain = Field(default=4.0, description="Of a spool's set point, for the laws that have one")
-    tendon_speed: Annotated[float, *annotation(Quantity("speed", "m/s", "50 mm/s", above=0, below=10))] | None = Field(
+    tendon_speed: TendonSpeedLimit | None = Field(
         default=None, description="Largest speed of a tendon at its spool; without it half of what the drive can do"
     )
     tension_limit: Force | None = Field(
@@ -168,13 +162,11 @@ class Control(Table):
     stiffness_uncertainty: Annotated[float, Field(ge=0, le=1)] = Field(
         default=0.25, description="Deviation of the tendons' compliance before it is known"
     )
-    reference_uncertainty: Annotated[float, *annotation(Quantity("length", "m", "5 um", at_least=0, below=1))] = Field(
+    reference_uncertainty: LengthDeviation = Field(
         default=5e-6, description="Deviation of a tendon's length at its pretension"
     )
     mean_band: Share = Field(default=0.3, description="Share by which friction may move the mean tension")
     watchdog: Time = Field(default=0.025, description="Time without a tick after which the motors stop")
     safe_state: SafeState = Field(default="hold", description="What motors do after a fault: hold, or creep to neutral")
-    homing_speed: Annotated[float, *annotation(Quantity("speed", "m/s", "5 mm/s", above=0, below=1))] = Field(
-        default=5e-3, description="Speed at which slack tendons are wound"
-    )
+    homing_speed: HomingSpeed = Field(default=5e-3, description="Speed at which slack tendons are wound")
     homing_stroke: Length = Field(default=0.03, description="Length to wind before a tendon counts as broken")

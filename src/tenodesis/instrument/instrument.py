@@ -1,48 +1,42 @@
-"""Instruments: one file describes one, everything else is computed from it."""
+"""The instrument that everything is computed from: what all instruments have, whatever their joints."""
 
 import math
-import tomllib
 from collections.abc import Iterator, Mapping
 from functools import cache, cached_property
-from importlib import resources
-from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
     AfterValidator,
     BaseModel,
-    ConfigDict,
     Field,
-    TypeAdapter,
-    ValidationError,
     ValidationInfo,
     field_validator,
     model_validator,
 )
-from pydantic.fields import FieldInfo
 
 from tenodesis import _core
 from tenodesis.errors import InstrumentError
+from tenodesis.files import FileTable, validated
 from tenodesis.instrument.devices import Devices
 from tenodesis.instrument.geometry import Geometry
 from tenodesis.instrument.hardware import Control, Drives, Dynamics, Friction, Mismatch, Sensors
-from tenodesis.units import Quantity, annotation
+from tenodesis.units import (
+    STIFFNESS,
+    Angle,
+    AngleRange,
+    Force,
+    Length,
+    Modulus,
+    Moment,
+    PositiveForce,
+    Quantity,
+    Rate,
+    Stiffness,
+    quantity_of,
+)
 
 PARAMETERS = tuple(_core.parameters())
 """The core's parameters of an instrument, in its order."""
-
-# The bounds are wide of anything that can be built; they keep slips of a unit, and of arithmetic, out of the results.
-Length = Annotated[float, *annotation(Quantity("length", "m", "2 mm", above=1e-7, below=100))]
-Modulus = Annotated[float, *annotation(Quantity("modulus", "Pa", "50 GPa", above=1e3, below=1e13))]
-_STIFFNESS = Quantity("stiffness", "N/m", "31 N/mm", above=1e-3, below=1e12)
-Stiffness = Annotated[float, *annotation(_STIFFNESS)]
-Rigidity = Annotated[float, *annotation(Quantity("flexural rigidity", "N*m^2", "2e-4 N*m^2", above=1e-12, below=1e3))]
-Tension = Annotated[float, *annotation(Quantity("force", "N", "30 N", at_least=0, below=1e5))]
-Force = Annotated[float, *annotation(Quantity("force", "N", "0.5 N", above=1e-6, below=1e5))]
-Moment = Annotated[float, *annotation(Quantity("moment", "N*m", "0.15 N*m", above=0, below=1e5))]
-Rate = Annotated[float, *annotation(Quantity("rate", "Hz", "2000 Hz", above=0, below=1e9))]
-Angle = Annotated[float, *annotation(Quantity("angle", "rad", "20 deg"))]
-Range = Annotated[float, *annotation(Quantity("angle", "rad", "45 deg", above=0, below=math.pi))]
 
 
 def _printable(name: str) -> str:
@@ -61,24 +55,20 @@ _STOP_BEYOND_RANGE = 4 / 3
 _FARTHEST_STOP = 2.9  # rad; half a turn is the end of every mechanism
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Conditions(_Strict):
+class Conditions(FileTable):
     """The conditions an instrument is tested under; all optional, SI units."""
 
-    forces: tuple[Force, ...] = Field(default=(), max_length=12, description="Tangential tip forces, N")
+    forces: tuple[PositiveForce, ...] = Field(default=(), max_length=12, description="Tangential tip forces, N")
     cycles: int | None = Field(default=None, ge=1, strict=True, description="Cycles of flexion and extension")
     sampling_rate: Rate | None = Field(default=None, description="Samples per second")
-    cable_force: Force | None = Field(default=None, description="Force on one weight cable of the load rig")
+    cable_force: PositiveForce | None = Field(default=None, description="Force on one weight cable of the load rig")
     cable_pulley_radius: Length | None = Field(default=None, description="Radius the weight cable acts at")
     external_moment: Moment | None = Field(default=None, description="Moment of the load rig on the distal joint")
     handle_angles: tuple[Angle, ...] = Field(default=(), description="Handle angles held, one per state")
     output_angles: tuple[Angle, ...] = Field(default=(), description="Output angles held, one per state")
 
 
-class Instrument(_Strict):
+class Instrument(FileTable):
     """An instrument in SI units and radians; use :func:`load`, then :meth:`replace` for variants of it.
 
     Raises
@@ -103,12 +93,12 @@ class Instrument(_Strict):
     given_stiffness: Stiffness | None = Field(
         default=None, alias="tendon_stiffness", description="Stiffness of one tendon if not by E A / L"
     )
-    pretension: Tension = Field(description="Tension of either tendon at rest")
-    handle_range: Range = Field(description="Largest handle angle to either side")
-    output_range: Range = Field(
+    pretension: Force = Field(description="Tension of either tendon at rest")
+    handle_range: AngleRange = Field(description="Largest handle angle to either side")
+    output_range: AngleRange = Field(
         default=math.radians(80), description="Working range of the output angle to either side"
     )
-    breaking_load: Force | None = Field(default=None, description="Tension at which a tendon breaks")
+    breaking_load: PositiveForce | None = Field(default=None, description="Tension at which a tendon breaks")
     conditions: Conditions = Conditions()
     friction: Friction = Friction()
     dynamics: Dynamics = Dynamics()
@@ -156,12 +146,12 @@ class Instrument(_Strict):
     def quantities(self) -> Iterator[tuple[str, float, Quantity]]:
         """Yield key, value in SI and kind of quantity of every dimension given, stiffness included."""
         for name, field in type(self).model_fields.items():
-            quantity = _quantity(field)
+            quantity = quantity_of(field)
             value = getattr(self, name)
             if quantity is not None and value is not None:
                 yield field.alias or name, value, quantity
         if self.given_stiffness is None:
-            yield "tendon_stiffness", self.tendon_stiffness, _STIFFNESS
+            yield "tendon_stiffness", self.tendon_stiffness, STIFFNESS
 
     def replace(self, **changes: Any) -> Self:
         """Return this instrument with some values changed.
@@ -177,7 +167,7 @@ class Instrument(_Strict):
         InstrumentError
             A key is unknown or a value is not allowed.
         """
-        return _validated(type(self), self._with(changes), file=False)
+        return validated(type(self), self._with(changes), InstrumentError)
 
     def axis(self, name: str) -> Self:
         """Return the instrument of one axis alone, with that axis's own values in place.
@@ -191,6 +181,11 @@ class Instrument(_Strict):
             raise InstrumentError(f"{self.name} has no axis {name!r}; it has {' and '.join(self.axes)}.")
         own = {axis: values for axis, values in self.overrides.items() if axis == name}
         return self.replace(axes=(name,), overrides=None, **dict(*own.values()))
+
+    @cached_property
+    def planar(self) -> tuple[Self, ...]:
+        """The instrument of each axis alone, in the order of :attr:`axes`; itself where it has one axis."""
+        return (self,) if len(self.axes) == 1 else tuple(self.axis(name) for name in self.axes)
 
     def _with(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return the values of this instrument by key, with changes; None leaves a key out."""
@@ -222,7 +217,7 @@ class Instrument(_Strict):
             raise ValueError(f"overrides.{axis}.{bare[0]} = {values[bare[0]]!r}: it has no unit")
         alone = self._with({"axes": (axis,), "overrides": None} | dict(values))
         try:
-            _validated(type(self), alone, file=False, source=f"overrides.{axis}")
+            validated(type(self), alone, InstrumentError, f"overrides.{axis}")
         except InstrumentError as invalid:
             raise ValueError(str(invalid).rstrip(".")) from None
 
@@ -246,8 +241,8 @@ class Instrument(_Strict):
         if self.given_stiffness is None and missing:
             raise ValueError(f"{missing[0]} is missing; give tendon_diameter and tendon_modulus, or tendon_stiffness")
         stiffness = self.tendon_stiffness
-        if not _STIFFNESS.allows(stiffness):
-            raise ValueError(f"tendon_stiffness follows as {stiffness:.3g} N/m; it must be {_STIFFNESS.allowed}")
+        if not STIFFNESS.allows(stiffness):
+            raise ValueError(f"tendon_stiffness follows as {stiffness:.3g} N/m; it must be {STIFFNESS.allowed}")
         if self.pretension / stiffness >= (self.tendon_length or self.overall_length):
             raise ValueError(
                 f"pretension is {self.pretension:g} N, which would stretch tendons of {stiffness:.3g} N/m by more than "
@@ -273,167 +268,9 @@ class Instrument(_Strict):
         return self
 
 
-_SHARED_FIELDS = {
-    "handle_length": "handle_length",
-    "end_effector_length": "end_effector_length",
-    "given_stiffness": "given_stiffness",
-    "tendon_modulus": "tendon_modulus",
-    "tendon_diameter": "tendon_diameter",
-    "tendon_length": "tendon_length",
-    "pretension": "pretension",
-}
-
-
-class TendonGear(Instrument):
-    """An instrument whose joints are rolling gear pairs."""
-
-    joint_type: Literal["tendon-gear"]
-    distal_gear_radius: Length = Field(description="Pitch radius of the distal gears")
-    proximal_gear_radius: Length = Field(description="Pitch radius of the proximal gears")
-
-    parameter_fields: ClassVar[Mapping[str, str]] = _SHARED_FIELDS | {
-        "proximal_gear_radius": "proximal_radius",
-        "distal_gear_radius": "distal_radius",
-    }
-
-
-class TendonPulley(Instrument):
-    """An instrument whose joints are pulleys."""
-
-    joint_type: Literal["tendon-pulley"]
-    distal_pulley_radius: Length = Field(description="Radius of the distal pulley")
-    proximal_pulley_radius: Length = Field(description="Radius of the proximal pulley")
-
-    parameter_fields: ClassVar[Mapping[str, str]] = _SHARED_FIELDS | {
-        "proximal_pulley_radius": "proximal_radius",
-        "distal_pulley_radius": "distal_radius",
-    }
-
-
-class Continuum(Instrument):
-    """An instrument whose tip is an elastic backbone bent by tendons, worked by a pulley at the handle."""
-
-    joint_type: Literal["continuum"]
-    distal_tendon_offset: Length = Field(description="Distance of a tendon from the backbone")
-    proximal_pulley_radius: Length = Field(description="Radius of the proximal pulley")
-    backbone_length: Length = Field(description="Length of the backbone that bends")
-    backbone_rigidity: Rigidity = Field(description="Flexural rigidity E I of the backbone")
-
-    parameter_fields: ClassVar[Mapping[str, str]] = _SHARED_FIELDS | {
-        "proximal_pulley_radius": "proximal_radius",
-        "distal_tendon_offset": "distal_radius",
-        "backbone_length": "backbone_length",
-        "backbone_rigidity": "backbone_rigidity",
-    }
-
-
-JOINT_TYPES: dict[str, type[Instrument]] = {
-    "tendon-gear": TendonGear,
-    "tendon-pulley": TendonPulley,
-    "continuum": Continuum,
-}
-
-_AnyInstrument: TypeAdapter[Instrument] = TypeAdapter(
-    Annotated[TendonGear | TendonPulley | Continuum, Field(discriminator="joint_type")]
-)
-
-
-def shipped() -> tuple[str, ...]:
-    """Return the names of the instruments that come with the package."""
-    files = (Path(entry.name) for entry in _shipped_folder().iterdir())
-    return tuple(sorted(file.stem for file in files if file.suffix == ".toml"))
-
-
-def load(name_or_path: str | Path) -> Instrument:
-    """Read an instrument that comes with the package, by name, or an instrument file, by path.
-
-    Raises
-    ------
-    InstrumentError
-        There is no such instrument or file, it cannot be read, or it is not valid.
-    """
-    source = str(name_or_path)
-    if source in shipped():
-        return parse((_shipped_folder() / f"{source}.toml").read_text("utf-8"), source)
-    path = Path(name_or_path)
-    try:
-        text = path.read_text("utf-8-sig")
-    except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
-        names = ", ".join(shipped())
-        raise InstrumentError(
-            f"{source}: there is no such file and no instrument of that name; "
-            f"allowed is the path of a TOML file or one of {names}."
-        ) from None
-    except UnicodeDecodeError:
-        raise InstrumentError(f"{source} is not UTF-8 text; allowed is a TOML file.") from None
-    except OSError as problem:
-        raise InstrumentError(f"{source} cannot be read: {problem.strerror}.") from None
-    except ValueError:
-        raise InstrumentError(f"{source!r} is no path; allowed is the path of a TOML file.") from None
-    return parse(text, source)
-
-
-def parse(text: str, source: str = "instrument") -> Instrument:
-    """Read an instrument from the text (str) of an instrument file.
-
-    Raises
-    ------
-    InstrumentError
-        The text is not TOML or not a valid instrument; the message starts with `source`.
-    """
-    try:
-        values = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        raise InstrumentError(f"{source} is not valid TOML: {problem}.") from None
-    except RecursionError:
-        raise InstrumentError(f"{source} is not valid TOML: it is nested too deeply.") from None
-    joint_type = values.get("joint_type")
-    if not isinstance(joint_type, str) or joint_type not in JOINT_TYPES:
-        found = "is missing" if joint_type is None else f"is {joint_type!r}"
-        raise InstrumentError(f"{source}: joint_type {found}; allowed are {', '.join(JOINT_TYPES)}.")
-    return _validated(JOINT_TYPES[joint_type], values, file=True, source=source)
-
-
-def json_schema() -> dict[str, Any]:
-    """Return the JSON schema of instrument files, for editors that complete and check TOML."""
-    schema = _AnyInstrument.json_schema(by_alias=True)
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "Tenodesis instrument",
-        **schema,
-    }
-
-
-_T = TypeVar("_T", bound=Instrument)
-
-
-def _shipped_folder() -> Any:
-    return resources.files("tenodesis") / "instruments"
-
-
-def _validated(kind: type[_T], values: dict[str, Any], *, file: bool, source: str = "") -> _T:
-    try:
-        return kind.model_validate(values, context={"file": file})
-    except ValidationError as invalid:
-        sentences = [_sentence(kind, error) for error in invalid.errors(include_url=False)]
-        prefix = f"{source}: " if source else ""
-        raise InstrumentError("\n".join(f"{prefix}{sentence}" for sentence in sentences)) from None
-
-
-def _quantity(field: FieldInfo) -> Quantity | None:
-    """Return a field's kind of quantity, whether or not the field may be left out."""
-    inner = [item for option in get_args(field.annotation) for item in getattr(option, "__metadata__", ())]
-    return next((item for item in [*field.metadata, *inner] if isinstance(item, Quantity)), None)
-
-
-def unit_of(field: FieldInfo) -> str:
-    """Return the SI unit of a field, empty for what is no quantity."""
-    quantity = _quantity(field)
-    return quantity.unit if quantity else ""
-
-
 @cache
 def _known(kind: type[BaseModel]) -> frozenset[str]:
+    """Return the keys that a file may have, those within tables with a dot."""
     return frozenset(_keys(kind))
 
 
@@ -443,32 +280,3 @@ def _keys(kind: type[BaseModel], prefix: str = "") -> Iterator[str]:
         yield key
         if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
             yield from _keys(field.annotation, key + ".")
-
-
-def _sentence(kind: type[Instrument], error: Any) -> str:
-    """Say what is wrong with one value: its key, what it is, and what is allowed."""
-    key = ".".join(str(part) for part in error["loc"])
-    told = str(error["msg"]).removeprefix("Value error, ").removeprefix("Input should be ").rstrip(".")
-    if error["type"] == "missing":
-        return f"{key} is missing; it is required."
-    if error["type"] == "extra_forbidden":
-        return f"{key} is not a known key; allowed are {', '.join(_siblings(kind, error['loc']))}."
-    if not key:
-        return f"{told}."
-    if isinstance(error["input"], dict):
-        return f"{key}: {told}."
-    if error["type"] == "tuple_type":
-        told = "a list"
-    if error["type"] != "value_error":
-        told = f"it must be {told}"
-    return f"{key} = {error['input']!r}: {told}."
-
-
-def _siblings(kind: type[Instrument], location: tuple[Any, ...]) -> list[str]:
-    parent: type[BaseModel] = kind
-    for place in location[:-1]:
-        field = parent.model_fields.get(str(place))
-        annotated = [] if field is None else [field.annotation, *get_args(field.annotation)]
-        tables = (one for one in annotated if isinstance(one, type) and issubclass(one, BaseModel))
-        parent = next(tables, parent)
-    return [field.alias or name for name, field in parent.model_fields.items()]

@@ -1,13 +1,13 @@
 """Instruments, and other models of quantities, as the text of a file that gives them again to the last bit."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, get_args
+from collections.abc import Mapping
+from typing import Any
 
 import tomli_w
 from pydantic import BaseModel
 
 from tenodesis.instrument import Instrument
-from tenodesis.units import Quantity, in_unit
+from tenodesis.units import in_unit, quantity_of
 
 
 def to_toml(inst: Instrument) -> str:
@@ -72,16 +72,9 @@ def with_units(model: BaseModel, *, unset: bool = True) -> dict[str, Any]:
         value = getattr(model, name)
         if value is None or not (unset or name in model.model_fields_set):
             continue
-        quantity = _quantity(field.annotation, field.metadata)
+        quantity = quantity_of(field)
         values[field.alias or name] = _plain(value, unset) if quantity is None else _with_unit(value, quantity.unit)
     return values
-
-
-def _quantity(annotation: Any, metadata: Sequence[Any] = ()) -> Quantity | None:
-    """Return the kind of quantity that is annotated, or of which there are several."""
-    found = next((item for item in metadata if isinstance(item, Quantity)), None)
-    inner = (_quantity(option, getattr(option, "__metadata__", ())) for option in get_args(annotation))
-    return found or next((quantity for quantity in inner if quantity is not None), None)
 
 
 def _with_unit(value: Any, unit: str) -> Any:

@@ -76,7 +76,7 @@ def limits(inst: Instrument) -> Limits:
     lengths = dimensions(inst)
     least, _, most = _insertions(inst, lengths.stem_length)
     geometry = inst.geometry
-    bends = {axis: inst.axis(axis).output_range for axis in inst.axes}
+    bends = {axis: planar.output_range for axis, planar in zip(inst.axes, inst.planar, strict=True)}
     pivot, yaw, pitch = geometry.pivot_range, bends.get("yaw", 0.0), bends.get("pitch", 0.0)
     return Limits(
         pan=(-pivot, pivot),
@@ -94,7 +94,7 @@ def chain(inst: Instrument) -> _core.Chain:
     """Return the whole instrument as the core takes it."""
     lengths = dimensions(inst)
     return _core.Chain(
-        [inst.axis(axis).spec for axis in inst.axes],
+        [axis.spec for axis in inst.planar],
         [axis == "pitch" for axis in inst.axes],
         lengths.stem_length,
         lengths.joint_spacing,
@@ -104,7 +104,7 @@ def chain(inst: Instrument) -> _core.Chain:
 
 @lru_cache(maxsize=64)
 def _dimensions(inst: Instrument) -> Dimensions:
-    axes = [inst.axis(axis) for axis in inst.axes]
+    axes = inst.planar
     distal, proximal = (tuple(_radius(axis, end) for axis in axes) for end in ("distal", "proximal"))
     geometry = inst.geometry
     spacing = 2 * distal[0] if geometry.joint_spacing is None else geometry.joint_spacing

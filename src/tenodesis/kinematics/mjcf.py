@@ -102,7 +102,7 @@ def _defaults(root: Element) -> None:
 def _stiffness(inst: Instrument, joint: Joint) -> float:
     """Return what holds a joint, N·m/rad or N/m: the tendons at the tip, or a servo where the hand does."""
     lengths = dimensions(inst)
-    tendon = max(inst.axis(axis).tendon_stiffness for axis in inst.axes)
+    tendon = max(axis.tendon_stiffness for axis in inst.planar)
     # Two tendons at an arm of a radius, by either half of the angle, each of which counts twice.
     if joint.kind == "hinge" and joint.name.removesuffix("_carrier").removesuffix("_far") in inst.axes:
         return 8 * tendon * max(lengths.distal_radii) ** 2

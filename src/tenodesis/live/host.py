@@ -7,16 +7,20 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from tenodesis.devices.device import Capabilities
 from tenodesis.errors import LiveError
 from tenodesis.files import atomic_file
-from tenodesis.instrument import load, parse
+from tenodesis.instrument import Instrument, load, parse
 from tenodesis.instrument.text import to_toml
 from tenodesis.live.client import Client
+from tenodesis.live.commands import Command, RestartableConnection
 from tenodesis.live.loop import Choices
+from tenodesis.run import Array
 
 _TO_START = 30.0
 _TO_END = 15.0
@@ -96,9 +100,9 @@ class Host:
             self._end()
             shutil.rmtree(self._home, ignore_errors=True)
 
-    def connect(self, origin: str) -> "Link":
+    def connect(self, origin: str) -> "HostConnection":
         """Return a connection in the name of an origin, which outlasts a new start."""
-        return Link(self, origin)
+        return HostConnection(self, origin)
 
     def _begin(self, file: Path) -> None:
         choices = self.choices
@@ -163,7 +167,7 @@ class Host:
                 pipe.close()
 
 
-class Link:
+class HostConnection(RestartableConnection):
     """A :class:`~tenodesis.live.client.Client` that goes over to the runtime that is started next."""
 
     def __init__(self, host: Host, origin: str) -> None:
@@ -171,6 +175,33 @@ class Link:
         self._lock = threading.Lock()
         self._generation = host.generation
         self._client = Client(host.folder, origin)
+
+    def send(self, command: Command, arguments: Mapping[str, Any]) -> Any:
+        """Send a command to the runtime that runs now, and return its answer."""
+        return command.call(self._current(), arguments)
+
+    @property
+    def inst(self) -> Instrument:
+        """The instrument that runs."""
+        return self._current().inst
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What its device has."""
+        return self._current().capabilities
+
+    @property
+    def alive(self) -> bool:
+        """Whether the runtime still runs."""
+        return self._current().alive
+
+    def latest(self) -> dict[str, Any]:
+        """Return the signals of the newest tick by name; empty before the first."""
+        return self._current().latest()
+
+    def history(self, seconds: float, rows: int = 500) -> dict[str, Array]:
+        """Return the signals of the last seconds by name."""
+        return self._current().history(seconds, rows)
 
     def load(self, instrument: str) -> None:
         """Start with another instrument, by path, shipped name or text, and operate that; for the operator.
@@ -197,9 +228,6 @@ class Link:
         """Let go of the runtime."""
         with self._lock:
             self._client.close()
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._current(), name)
 
     def _current(self) -> Client:
         with self._lock:

@@ -227,13 +227,13 @@ class LiveLoop:
             raise LiveError(f"speed is {factor!r}; allowed is 0.1 to 100, or 0 (as fast as it goes).")
         self._order("speed", value=float(factor))
 
-    def tamper(self, place: str, mode: str, value: float, seconds: float, axis: str | None = None) -> None:
-        """Spoil a signal between twin and controller for a time, as :class:`tenodesis.simulate.FaultInjection` does."""
+    def inject_fault(self, point: str, mode: str, value: float, seconds: float, axis: str | None = None) -> None:
+        """Inject a fault, as :class:`tenodesis.simulate.FaultInjection` is, from now on for a time, s."""
         if not self.capabilities.simulated:
-            raise LiveError("signals can be spoilt on the twin only.")
-        if place not in INJECTION_POINTS or mode not in _MODES:
+            raise LiveError("faults can be injected on the twin only.")
+        if point not in INJECTION_POINTS or mode not in _MODES:
             raise LiveError(
-                f"place is {place!r}, mode {mode!r}; allowed are {', '.join(INJECTION_POINTS)}; {', '.join(_MODES)}."
+                f"point is {point!r}, mode {mode!r}; allowed are {', '.join(INJECTION_POINTS)}; {', '.join(_MODES)}."
             )
         if axis is not None and axis not in self.inst.axes:
             raise LiveError(f"axis is {axis!r}; allowed are {', '.join(self.inst.axes)}.")
@@ -245,14 +245,14 @@ class LiveLoop:
                 if np.isfinite(value):
                     self._order(
                         "tamper",
-                        INJECTION_POINTS.index(place),
+                        INJECTION_POINTS.index(point),
                         _MODES.index(mode),
                         axis=n,
                         value=float(value),
                         ticks=ticks,
                     )
                 else:
-                    self._given(self.core.tamper_not_a_number, INJECTION_POINTS.index(place), n, ticks)
+                    self._given(self.core.tamper_not_a_number, INJECTION_POINTS.index(point), n, ticks)
 
     @property
     def pending(self) -> int:

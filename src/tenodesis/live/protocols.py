@@ -12,10 +12,9 @@ from tenodesis.control.controller import fault_names
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.simulate import Pretension
-from tenodesis.simulate.command import Command, between, sampled
-from tenodesis.simulate.loop import refuse
+from tenodesis.simulate.command import SMOOTH, Command, between, sampled
+from tenodesis.simulate.execution import check_controllable
 from tenodesis.simulate.protocol import Planned, block_size
-from tenodesis.simulate.shapes import SMOOTH
 
 _AHEAD = 0.1
 """Time that the queue is kept ahead by, at least, s."""
@@ -95,7 +94,7 @@ class Player:
         inst: Instrument,
         time_step: float,
     ) -> None:
-        refuse(plan, inst.axes, inst)
+        check_controllable(plan, inst)
         self._plan, self._queue, self._ask, self._latest = tuple(plan), queue, ask, latest
         self._axes, self._time_step = len(inst.axes), time_step
         self._total = math.fsum(planned.seconds for planned in plan)
@@ -153,7 +152,7 @@ class Player:
 
     def _play(self) -> Iterator[None]:
         homes_first = isinstance(self._plan[0].phase, Pretension)
-        yield from self._send(self._way_to(_rows(self._plan[0].held)), self._plan[0], disabled=homes_first)
+        yield from self._send(self._way_to(_rows(self._plan[0].initial)), self._plan[0], disabled=homes_first)
         for planned in self._plan:
             if isinstance(planned.phase, Pretension):
                 yield from self._home(planned)
@@ -274,7 +273,7 @@ class Player:
 
     def _tell(self, planned: Planned, why: str) -> None:
         done, total = self.progress
-        self.problem = f"{planned.called} waits at {done:.3g} of {total:.3g} s: {why}, or cancel the protocol."
+        self.problem = f"{planned.label} waits at {done:.3g} of {total:.3g} s: {why}, or cancel the protocol."
 
 
 class _Homing(Enum):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tenodesis.errors import RecordingError
 from tenodesis.recording import cdr, container, schemas, tables
 from tenodesis.recording.container import Contents, Message
-from tenodesis.recording.decode import Decoded, MisfitError, decode
+from tenodesis.recording.decode import Decoded, LeftOut, Misfit, MisfitError, decode
 from tenodesis.run import Array, Run
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ class Recording:
     run: Run = field(repr=False)
     metadata: Mapping[str, str] = field(repr=False)
     topics: Mapping[str, TopicInfo] = field(repr=False)
-    left_out: Mapping[str, str]
+    left_out: Mapping[str, LeftOut]
     damage: str | None
     events: tuple[Event, ...] = field(default=(), repr=False)
 
@@ -160,11 +160,11 @@ def _found(contents: Contents) -> str:
     return f"its topics are {', '.join(names)}" if names else "it has no topics"
 
 
-def _decoded(contents: Contents) -> tuple[dict[str, Decoded], dict[str, str]]:
+def _decoded(contents: Contents) -> tuple[dict[str, Decoded], dict[str, LeftOut]]:
     """Return the topics of recordings by name, and why others could not be decoded."""
     known = {topic.name for axes in (("",), ("yaw", "pitch")) for topic in schemas.topics(axes)}
     decoded: dict[str, Decoded] = {}
-    left_out: dict[str, str] = {}
+    left_out: dict[str, LeftOut] = {}
     factory = DecoderFactory()
     for channel, messages in _channels(contents):
         schema = contents.schemas.get(channel.schema_id)
@@ -173,7 +173,7 @@ def _decoded(contents: Contents) -> tuple[dict[str, Decoded], dict[str, str]]:
         try:
             decoded[channel.topic] = decode(factory, schema, channel.message_encoding, messages)
         except MisfitError as problem:
-            left_out[channel.topic] = str(problem)
+            left_out[channel.topic] = problem.left_out
     return decoded, left_out
 
 
@@ -196,9 +196,9 @@ def _carried(contents: Contents) -> dict[str, list[str]]:
 
 def _run(
     axes: tuple[str, ...], decoded: Mapping[str, Decoded], carried: Mapping[str, list[str]]
-) -> tuple[Run, dict[str, str]]:
+) -> tuple[Run, dict[str, LeftOut]]:
     """Return the run of the topics that fit together, and why others do not."""
-    left_out: dict[str, str] = {}
+    left_out: dict[str, LeftOut] = {}
     stamps = max((topic.stamps for topic in decoded.values()), key=len, default=np.empty(0, np.int64))
     rows = stamps.size
     columns: dict[str, list[Array]] = {}
@@ -207,11 +207,11 @@ def _run(
         if found is None:
             continue
         if (found.stamps != stamps[: found.stamps.size]).any():
-            left_out[topic.name] = "its stamps are not those of the other topics"
+            left_out[topic.name] = LeftOut(Misfit.STAMPS, "its stamps are not those of the other topics")
             continue
         names = found.joints or topic.joints
         if not set(topic.joints) <= set(names):
-            left_out[topic.name] = f"its joints are {', '.join(names)}"
+            left_out[topic.name] = LeftOut(Misfit.JOINTS, f"its joints are {', '.join(names)}")
             continue
         order = [names.index(joint) for joint in topic.joints]
         for number, signal in topic.signals.items():
@@ -219,7 +219,8 @@ def _run(
             if values is None or signal not in carried.get(topic.name, [signal]):
                 continue
             if topic.joints and values.shape[1] != len(names):
-                left_out[topic.name] = f"it has {values.shape[1]} values of {number} for {len(names)} joints"
+                found_values = f"it has {values.shape[1]} values of {number} for {len(names)} joints"
+                left_out[topic.name] = LeftOut(Misfit.JOINTS, found_values)
                 continue
             columns.setdefault(signal, []).append(values[:, order] if topic.joints else values)
         rows = min(rows, found.stamps.size)

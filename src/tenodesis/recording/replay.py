@@ -13,10 +13,10 @@ from tenodesis.instrument import Instrument
 from tenodesis.recording import choices
 from tenodesis.recording.reader import Recording
 from tenodesis.recording.schemas import TRANSFERRED
-from tenodesis.recording.session import QUASI_STATIC, without_control
+from tenodesis.recording.simulation import QUASI_STATIC, without_control
 from tenodesis.recording.tables import columns
 from tenodesis.run import Array, Run, concatenate
-from tenodesis.simulate.loop import with_request
+from tenodesis.simulate.execution import with_request
 from tenodesis.twin import Twin
 
 _UNEVEN = 0.01

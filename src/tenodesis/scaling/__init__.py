@@ -6,7 +6,7 @@ from tenodesis.scaling.catalogue import Catalogue, Constraints, json_schema, loa
 from tenodesis.scaling.design import Choice, Design, Front, Objectives, TestLoad, design, name_of, told_better
 from tenodesis.scaling.pins import PINS
 from tenodesis.scaling.pins import parse as parse_pins
-from tenodesis.scaling.weights import Hanging, hang
+from tenodesis.scaling.weights import WeightSelection, select_weights
 
 __all__ = [
     "COMBINATIONS",
@@ -17,16 +17,16 @@ __all__ = [
     "Design",
     "DesignError",
     "Front",
-    "Hanging",
     "Objectives",
     "TestLoad",
+    "WeightSelection",
     "Wheel",
     "design",
-    "hang",
     "json_schema",
     "load",
     "name_of",
     "parse_pins",
+    "select_weights",
     "shipped",
     "told_better",
 ]

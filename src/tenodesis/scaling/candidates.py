@@ -43,7 +43,7 @@ class Wheel(NamedTuple):
 class Parts(NamedTuple):
     """What scale models are made of beside their lengths; a pretension (N) that is NaN is to be scaled."""
 
-    model: Instrument
+    real_size: Instrument
     pairs: tuple[tuple[Wheel, Wheel], ...]
     ropes: tuple[Rope, ...]
     rods: tuple[Rod | None, ...]
@@ -57,7 +57,7 @@ class Candidates:
     Lengths in m; the last of a pair's end-effector lengths is the most similar one that is allowed.
     """
 
-    model: Instrument
+    real_size: Instrument
     pairs: tuple[tuple[Wheel, Wheel], ...]
     """Distal and proximal wheels."""
     ropes: tuple[Rope, ...]
@@ -99,9 +99,9 @@ class Candidates:
             "tendon_diameter": np.array([one.diameter for one in self.ropes])[rope],
             "tendon_length": self.overall_lengths[length],
         }
-        if "backbone_length" in self.model.parameter_fields.values():
-            scale = distal / value_of(self.model, "distal_radius")
-            columns["backbone_length"] = scale * value_of(self.model, "backbone_length")
+        if "backbone_length" in self.real_size.parameter_fields.values():
+            scale = distal / value_of(self.real_size, "distal_radius")
+            columns["backbone_length"] = scale * value_of(self.real_size, "backbone_length")
             columns["backbone_rigidity"] = np.array([one.rigidity for one in self.rods if one is not None])[rod]
         return columns
 
@@ -125,13 +125,13 @@ class Candidates:
 
 
 def candidates(
-    model: Instrument, catalogue: Catalogue, pins: Mapping[str, Any], combinations: int = COMBINATIONS
+    real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any], combinations: int = COMBINATIONS
 ) -> Candidates:
     """Return the scale models that a catalogue allows for an instrument.
 
     Parameters
     ----------
-    model
+    real_size
         The real-size instrument.
     catalogue
         What there is, narrowed to what is pinned.
@@ -145,12 +145,12 @@ def candidates(
     DesignError
         The catalogue lacks parts, or no two of them make the ratio of the radii.
     """
-    catalogue.refuse_incomplete(model.joint_type)
+    catalogue.refuse_incomplete(real_size.joint_type)
     constraints = catalogue.constraints
-    pairs = _pairs(model, catalogue, pins)
-    rods: tuple[Rod | None, ...] = catalogue.rods if model.joint_type == "continuum" else (None,)
+    pairs = _pairs(real_size, catalogue, pins)
+    rods: tuple[Rod | None, ...] = catalogue.rods if real_size.joint_type == "continuum" else (None,)
     levels = _lengths_levels(constraints, combinations / (len(pairs) * len(catalogue.ropes) * len(rods)))
-    parts = Parts(model, pairs, catalogue.ropes, rods, pins.get("pretension", math.nan))
+    parts = Parts(real_size, pairs, catalogue.ropes, rods, pins.get("pretension", math.nan))
     return _with_lengths(parts, constraints, levels)
 
 
@@ -173,7 +173,7 @@ def finer(found: Candidates, catalogue: Catalogue, numbers: NDArray[np.int64], c
     ropes = tuple(found.ropes[i] for i in np.unique(rope))
     rods = tuple(found.rods[i] for i in np.unique(rod))
     levels = _lengths_levels(catalogue.constraints, combinations / (len(pairs) * len(ropes) * len(rods)))
-    free = Parts(found.model, pairs, ropes, rods, found.pretension)
+    free = Parts(found.real_size, pairs, ropes, rods, found.pretension)
     return _with_lengths(free, catalogue.constraints, max(levels - found.overall_lengths.size, 2), among=found)
 
 
@@ -183,16 +183,16 @@ def _lengths_levels(constraints: Constraints, combinations: float) -> int:
 
 
 def _with_lengths(parts: Parts, constraints: Constraints, levels: int, among: Candidates | None = None) -> Candidates:
-    model = parts.model
+    real_size = parts.real_size
     distal = np.array([one.radius for one, _ in parts.pairs])
-    overall = _overall(model, constraints.overall_length, distal, levels)
+    overall = _overall(real_size, constraints.overall_length, distal, levels)
     between = _between(constraints.end_effector_length, levels)
     if among is not None:
         overall = np.unique(np.concatenate([overall, among.overall_lengths]))
         between = np.unique(np.concatenate([between, among.between]))
-    similar = distal * (value_of(model, "end_effector_length") / value_of(model, "distal_radius"))
+    similar = distal * (value_of(real_size, "end_effector_length") / value_of(real_size, "distal_radius"))
     nearest = _made(similar, constraints.end_effector_length, _END_EFFECTOR_MADE_TO)[:, None]
-    handle = overall * model.handle_length / (model.tendon_length or model.overall_length)
+    handle = overall * real_size.handle_length / (real_size.tendon_length or real_size.overall_length)
     return Candidates(
         *parts,
         overall,
@@ -206,10 +206,10 @@ def _given(*ranges: tuple[float, float] | None) -> list[tuple[float, float]]:
     return [one for one in ranges if one is not None]
 
 
-def _overall(model: Instrument, allowed: tuple[float, float] | None, distal: Array, levels: int) -> Array:
+def _overall(real_size: Instrument, allowed: tuple[float, float] | None, distal: Array, levels: int) -> Array:
     if allowed is None:
-        scale = np.unique(distal / value_of(model, "distal_radius"))
-        return np.linspace(scale[0], scale[-1], min(levels, scale.size)) * model.overall_length
+        scale = np.unique(distal / value_of(real_size, "distal_radius"))
+        return np.linspace(scale[0], scale[-1], min(levels, scale.size)) * real_size.overall_length
     return np.unique(_made(np.linspace(*allowed, levels), allowed))
 
 
@@ -228,25 +228,25 @@ def _made(lengths: Array, allowed: tuple[float, float] | None, made_to: float = 
     return made
 
 
-def _pairs(model: Instrument, catalogue: Catalogue, pins: Mapping[str, Any]) -> tuple[tuple[Wheel, Wheel], ...]:
-    wheels = _wheels(model, catalogue)
-    distal_field, proximal_field = (field_of(model, f"{which}_radius") for which in ("distal", "proximal"))
+def _pairs(real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any]) -> tuple[tuple[Wheel, Wheel], ...]:
+    wheels = _wheels(real_size, catalogue)
+    distal_field, proximal_field = (field_of(real_size, f"{which}_radius") for which in ("distal", "proximal"))
     foreign = [key for key in pins if key.endswith(("_radius", "_offset")) and key not in (
         distal_field, proximal_field, "spool_radius")]  # fmt: skip
     if foreign:
         raise DesignError(
-            f"{foreign[0]} is pinned, but {model.name} has joint_type {model.joint_type}; "
+            f"{foreign[0]} is pinned, but {real_size.name} has joint_type {real_size.joint_type}; "
             f"allowed are {distal_field} and {proximal_field}."
         )
     distals = _pinned(wheels, distal_field, pins, catalogue)
     proximals = _pinned(wheels, proximal_field, pins, catalogue)
-    small, large = value_of(model, "distal_radius"), value_of(model, "proximal_radius")
+    small, large = value_of(real_size, "distal_radius"), value_of(real_size, "proximal_radius")
     factor = catalogue.constraints.factor
     if factor is not None:
         low, high = (bound * small * (1 + sign * 1e-9) for bound, sign in zip(factor, (-1, 1), strict=True))
         within = [one for one in distals if low <= one.radius <= high]
         if not within:
-            raise DesignError(_no_radius(model, catalogue, distals, factor))
+            raise DesignError(_no_radius(real_size, catalogue, distals, factor))
         distals = within
     tolerance = catalogue.constraints.ratio_tolerance
     pairs: dict[tuple[float, float], tuple[Wheel, Wheel]] = {}
@@ -264,18 +264,20 @@ def _pairs(model: Instrument, catalogue: Catalogue, pins: Mapping[str, Any]) -> 
         if distal_field in pins and proximal_field in pins:
             raise DesignError(
                 f"{distal_field} and {proximal_field} are pinned to R/r = {nearest[1]:.6g}, which is "
-                f"{100 * nearest[0]:.3g} % off the {large / small:.6g} of {model.name}; allowed is "
+                f"{100 * nearest[0]:.3g} % off the {large / small:.6g} of {real_size.name}; allowed is "
                 f"ratio_tolerance = {100 * tolerance:g} %."
             )
         raise DesignError(
-            f"no two wheels of catalogue {catalogue.name} make R/r = {large / small:.6g} of {model.name} to within "
+            f"no two wheels of catalogue {catalogue.name} make R/r = {large / small:.6g} of {real_size.name} to within "
             f"ratio_tolerance = {tolerance:g}; the nearest make {nearest[1]:.6g} ({100 * nearest[0]:.2g} % off)."
         )
     return tuple(pairs[size] for size in sorted(pairs))
 
 
-def _no_radius(model: Instrument, catalogue: Catalogue, distals: Sequence[Wheel], factor: tuple[float, float]) -> str:
-    small = value_of(model, "distal_radius")
+def _no_radius(
+    real_size: Instrument, catalogue: Catalogue, distals: Sequence[Wheel], factor: tuple[float, float]
+) -> str:
+    small = value_of(real_size, "distal_radius")
     low, high = factor
     asked = f"factor = {low:g}" if low == high else f"factor from {low:g} to {high:g}"
     near = min(distals, key=lambda one: max(low * small - one.radius, one.radius - high * small))
@@ -286,12 +288,12 @@ def _no_radius(model: Instrument, catalogue: Catalogue, distals: Sequence[Wheel]
     )
 
 
-def _wheels(model: Instrument, catalogue: Catalogue) -> list[Wheel]:
-    if model.joint_type != "tendon-gear":
+def _wheels(real_size: Instrument, catalogue: Catalogue) -> list[Wheel]:
+    if real_size.joint_type != "tendon-gear":
         return [Wheel(pulley.radius) for pulley in catalogue.pulleys]
     gears = catalogue.gears
     if gears is None:
-        raise DesignError(f"catalogue {catalogue.name} has no gears, which {model.name} is made of.")
+        raise DesignError(f"catalogue {catalogue.name} has no gears, which {real_size.name} is made of.")
     least, most = gears.teeth
     return [Wheel(module * teeth / 2, module, teeth) for module in gears.modules for teeth in range(least, most + 1)]
 

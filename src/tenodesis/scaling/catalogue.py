@@ -8,9 +8,8 @@ from typing import Any, TypeVar
 from pydantic import Field
 
 from tenodesis.errors import DesignError
-from tenodesis.instrument.hardware import Table
-from tenodesis.scaling.catalogue_file import CatalogueFile, parse
-from tenodesis.scaling.constraints_table import Constraints
+from tenodesis.files import FileTable, read_text
+from tenodesis.scaling.catalogue_file import CatalogueFile, Constraints, parse
 from tenodesis.scaling.parts import KINDS, Encoder, Gears, LoadCell, Part, Pulley, Rod, Rope, Spool, Weight, expanded
 
 __all__ = [
@@ -45,7 +44,7 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
 _SHIPPED = Path(__file__).parents[1] / "catalogue"
 
 
-class Catalogue(Table):
+class Catalogue(FileTable):
     """Parts at hand and constraints, in SI units; use :func:`load`."""
 
     name: str
@@ -120,7 +119,7 @@ def _read(name_or_path: str | Path, folder: Path, chain: tuple[Path, ...]) -> Ca
     wanted = str(name_or_path)
     path = _SHIPPED / f"{wanted}.toml" if wanted in shipped() else folder / wanted
     source = f"{wanted} (included by {chain[-1].name})" if chain else wanted
-    text = _text(path, source)
+    text = read_text(path, DesignError, source=source, kind="catalogue", names=shipped())
     if path.resolve() in chain:
         raise DesignError(f"{source}: it includes itself; allowed are catalogues that do not include one another.")
     file = parse(text, source)
@@ -136,22 +135,6 @@ def _read(name_or_path: str | Path, folder: Path, chain: tuple[Path, ...]) -> Ca
     return reduce(_merged, [*included, own])
 
 
-def _text(path: Path, source: str) -> str:
-    try:
-        return path.read_text("utf-8-sig")
-    except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
-        raise DesignError(
-            f"{source}: there is no such file and no catalogue of that name; "
-            f"allowed is the path of a TOML file or one of {', '.join(shipped())}."
-        ) from None
-    except UnicodeDecodeError:
-        raise DesignError(f"{source} is not UTF-8 text; allowed is a TOML file.") from None
-    except OSError as problem:
-        raise DesignError(f"{source} cannot be read: {problem.strerror}.") from None
-    except ValueError:
-        raise DesignError(f"{source} is no path; allowed is the path of a TOML file.") from None
-
-
 def _merged(earlier: Catalogue, later: Catalogue) -> Catalogue:
     parts = {kind: _joined(getattr(earlier, kind), getattr(later, kind)) for kind in KINDS}
     return Catalogue(
@@ -165,7 +148,7 @@ def _merged(earlier: Catalogue, later: Catalogue) -> Catalogue:
 
 
 _P = TypeVar("_P", bound=Part)
-_T = TypeVar("_T", bound=Table)
+_T = TypeVar("_T", bound=FileTable)
 
 
 def _joined(earlier: tuple[_P, ...], later: tuple[_P, ...]) -> tuple[_P, ...]:

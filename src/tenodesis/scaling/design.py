@@ -14,12 +14,12 @@ from tenodesis.run import Array
 from tenodesis.scaling import catalogue as catalogues
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates, Wheel
 from tenodesis.scaling.catalogue import Catalogue, Encoder, LoadCell, Rod, Rope, Spool
-from tenodesis.scaling.front import ERROR_STEP, RELATIVE_STEP
+from tenodesis.scaling.judge import tip_force
 from tenodesis.scaling.limits import limits
 from tenodesis.scaling.pins import narrowed, parse
-from tenodesis.scaling.sweep import Progress, Sweep, exact_costs, sweep, tip_force
+from tenodesis.scaling.sweep import ERROR_STEP, RELATIVE_STEP, Progress, Sweep, exact_costs, sweep
 from tenodesis.scaling.transfer_friction import carry_friction
-from tenodesis.scaling.weights import Hanging, hang
+from tenodesis.scaling.weights import WeightSelection, select_weights
 from tenodesis.similarity import Comparison, compare
 from tenodesis.similarity.parameters import alone, field_of, value_of
 
@@ -71,7 +71,7 @@ class TestLoad(NamedTuple):
 
     real_force: float
     force: float
-    hanging: Hanging
+    weights: WeightSelection
     error: float
     """What is hung over what is wanted, N on the real-size instrument."""
 
@@ -80,8 +80,8 @@ class TestLoad(NamedTuple):
 class Design:
     """A scaled-up instrument, what it is made of, and how well it stands for the real-size one."""
 
-    model: Instrument
-    prototype: Instrument
+    real_size: Instrument
+    scaled_up: Instrument
     choice: Choice
     catalogue: Catalogue
     objectives: Objectives
@@ -122,9 +122,9 @@ class Front:
         return _design(self.sweep, int(self.sweep.numbers[index]))
 
     @property
-    def model(self) -> Instrument:
+    def real_size(self) -> Instrument:
         """The real-size instrument."""
-        return self.sweep.model
+        return self.sweep.real_size
 
     @property
     def examined(self) -> int:
@@ -220,7 +220,7 @@ class Front:
 
 
 def design(
-    model: Instrument,
+    real_size: Instrument,
     catalogue: Catalogue | None = None,
     *,
     pins: Mapping[str, Any] | None = None,
@@ -231,7 +231,7 @@ def design(
 
     Parameters
     ----------
-    model
+    real_size
         The real-size instrument; of two axes, the first.
     catalogue
         Parts and constraints; by default what is shipped.
@@ -253,18 +253,18 @@ def design(
         A pin names nothing there is, or no scale model meets the constraints; the message names those that contradict
         each other.
     """
-    if not isinstance(model, Instrument):
-        raise TypeError(f"model is {model!r}; allowed is an instrument, as tenodesis.load gives it.")
+    if not isinstance(real_size, Instrument):
+        raise TypeError(f"model is {real_size!r}; allowed is an instrument, as tenodesis.load gives it.")
     if isinstance(combinations, bool) or not isinstance(combinations, int) or not 1 <= combinations <= 10**9:
         raise ValueError(f"combinations is {combinations!r}; allowed is a whole number from 1 to 10**9.")
     given = parse(pins or {})
     parts = narrowed(catalogues.load() if catalogue is None else catalogue, given)
-    return Front(sweep(alone(model), parts, given, combinations=combinations, progress=progress))
+    return Front(sweep(alone(real_size), parts, given, combinations=combinations, progress=progress))
 
 
-def name_of(model: Instrument) -> str:
+def name_of(real_size: Instrument) -> str:
     """Return what the scale model of an instrument is called."""
-    return f"{model.name[:50]}-scaled-up"
+    return f"{real_size.name[:50]}-scaled-up"
 
 
 _TOLD = (("similarity error", " deg"), ("force resolution", " N"), ("overall length", " m"), ("tension margin", ""))
@@ -350,18 +350,18 @@ def _design(found: Sweep, number: int) -> Design:
         judge.spool(number),
     )
     tests = tuple(hung(found.catalogue, force, one) for force in found.tests.hung)
-    prototype = _prototype(found, choice, one, tests)
-    comparison = compare(found.model, prototype, largest_force=found.tests.largest)
+    scaled_up = _scaled_up(found, choice, one, tests)
+    comparison = compare(found.real_size, scaled_up, largest_force=found.tests.largest)
     return Design(
-        found.model,
-        prototype,
+        found.real_size,
+        scaled_up,
         choice,
         found.catalogue,
         Objectives(error, resolution, length, 1 / inverse),
         comparison,
         tests,
         one["largest_tension"],
-        math.degrees(prototype.sensors.encoder_range / 2**prototype.sensors.encoder_bits),
+        math.degrees(scaled_up.sensors.encoder_range / 2**scaled_up.sensors.encoder_bits),
         choice.load_cell.resolution / comparison.tension_factor,
         float(tip_force(choice.load_cell.resolution, one)),
     )
@@ -393,31 +393,31 @@ def hung(catalogue: Catalogue, force: float, one: Mapping[str, float]) -> TestLo
     constraints = catalogue.constraints
     lever = constraints.cable_pulley_radius / one["rig_arm"]
     wanted = force * one["force_factor"]
-    hanging = hang(wanted / lever, catalogue.weights, cable_mass=constraints.cable_mass)
-    error = hanging.error * lever / one["force_factor"]
+    weights = select_weights(wanted / lever, catalogue.weights, cable_mass=constraints.cable_mass)
+    error = weights.error * lever / one["force_factor"]
     if abs(error) > constraints.force_tolerance * force:
         raise DesignError(
             f"the weights of catalogue {catalogue.name} cannot make {force:g} N on the real-size instrument to "
-            f"force_tolerance = {100 * constraints.force_tolerance:g} %: the nearest is {hanging.sentence}, "
+            f"force_tolerance = {100 * constraints.force_tolerance:g} %: the nearest is {weights.sentence}, "
             f"{100 * error / force:+.2g} % or {error:+.2g} N on the real-size instrument."
         )
-    return TestLoad(force, hanging.weight * lever, hanging, error)
+    return TestLoad(force, weights.weight * lever, weights, error)
 
 
-def _prototype(found: Sweep, choice: Choice, one: Mapping[str, float], tests: Sequence[TestLoad]) -> Instrument:
-    model, constraints = found.model, found.catalogue.constraints
+def _scaled_up(found: Sweep, choice: Choice, one: Mapping[str, float], tests: Sequence[TestLoad]) -> Instrument:
+    real_size, constraints = found.real_size, found.catalogue.constraints
     changes: dict[str, Any] = {
-        field: one[parameter] for field, parameter in model.parameter_fields.items() if parameter in one
+        field: one[parameter] for field, parameter in real_size.parameter_fields.items() if parameter in one
     }
     length = changes.pop("tendon_length")
-    factor = one["distal_radius"] / value_of(model, "distal_radius")
+    factor = one["distal_radius"] / value_of(real_size, "distal_radius")
     changes |= {
-        "name": name_of(model),
-        "description": f"Scale model of {model.name}, distal radius times {factor:.4g}"[:200],
+        "name": name_of(real_size),
+        "description": f"Scale model of {real_size.name}, distal radius times {factor:.4g}"[:200],
         "overall_length": length,
         "tendon_length": None,
         "tendon_stiffness": None,
-        "stem_diameter": model.stem_diameter and model.stem_diameter * factor,
+        "stem_diameter": real_size.stem_diameter and real_size.stem_diameter * factor,
         "pretension": one["pretension"],
         "breaking_load": choice.rope.breaking_load,
         "overrides": None,
@@ -426,8 +426,8 @@ def _prototype(found: Sweep, choice: Choice, one: Mapping[str, float], tests: Se
         "control": None,
         "conditions": {
             "forces": tuple(test.force for test in tests if test.force > 0),
-            "cycles": model.conditions.cycles,
-            "sampling_rate": model.conditions.sampling_rate,
+            "cycles": real_size.conditions.cycles,
+            "sampling_rate": real_size.conditions.sampling_rate,
             "cable_pulley_radius": constraints.cable_pulley_radius,
         },
         "sensors.load_cell_range": choice.load_cell.range,
@@ -442,8 +442,8 @@ def _prototype(found: Sweep, choice: Choice, one: Mapping[str, float], tests: Se
     changes["drives.spool_radius"] = choice.spool.radius
     changes["sources"] = _sources(found, choice, changes)
     try:
-        prototype = model.replace(**changes)
-        return carry_friction(model, prototype) if model.friction.law != "none" else prototype
+        scaled_up = real_size.replace(**changes)
+        return carry_friction(real_size, scaled_up) if real_size.friction.law != "none" else scaled_up
     except InstrumentError as problem:
         raise DesignError(f"the scale model is no instrument: {problem}") from None
 
@@ -453,10 +453,10 @@ def _bits(counts: float) -> int:
 
 
 def _sources(found: Sweep, choice: Choice, changes: Mapping[str, Any]) -> dict[str, str]:
-    model, name = found.model, found.catalogue.name
+    real_size, name = found.real_size, found.catalogue.name
     sources = {
-        field_of(model, "distal_radius"): _made_of(choice.distal),
-        field_of(model, "proximal_radius"): _made_of(choice.proximal),
+        field_of(real_size, "distal_radius"): _made_of(choice.distal),
+        field_of(real_size, "proximal_radius"): _made_of(choice.proximal),
         "tendon_diameter": choice.rope.name,
         "tendon_modulus": f"{choice.rope.name}: {choice.rope.source}",
         "breaking_load": f"{choice.rope.name}: {choice.rope.source}",
@@ -466,8 +466,8 @@ def _sources(found: Sweep, choice: Choice, changes: Mapping[str, Any]) -> dict[s
         "handle_length": f"tenodesis scale, catalogue {name}",
         "conditions.forces": "equal loss of dexterity, as the weights make it",
         "conditions.cable_pulley_radius": f"catalogue {name}",
-        "output_range": f"as {model.name}",
-        "handle_range": f"as {model.name}",
+        "output_range": f"as {real_size.name}",
+        "handle_range": f"as {real_size.name}",
         "sensors.load_cell_range": f"{choice.load_cell.name}: {choice.load_cell.source}",
     }
     if choice.rod is not None:

@@ -12,7 +12,7 @@ from tenodesis.errors import DesignError
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.scaling.catalogue import Catalogue, Weight
-from tenodesis.scaling.weights import finest
+from tenodesis.scaling.weights import least_difference
 from tenodesis.units import STANDARD_GRAVITY
 
 Columns = Mapping[str, Array]
@@ -42,7 +42,7 @@ class Forces(NamedTuple):
     hung: tuple[float, ...]
 
 
-def forces_of(model: Instrument, catalogue: Catalogue) -> Forces:
+def forces_of(real_size: Instrument, catalogue: Catalogue) -> Forces:
     """Return the forces that a scale model is judged and tested at, N on the real-size instrument.
 
     Raises
@@ -51,8 +51,8 @@ def forces_of(model: Instrument, catalogue: Catalogue) -> Forces:
         A test force exceeds the largest force.
     """
     constraints = catalogue.constraints
-    hung = constraints.test_forces or model.conditions.forces or (1.0,)
-    largest = constraints.largest_force or max(model.conditions.forces, default=max(hung))
+    hung = constraints.test_forces or real_size.conditions.forces or (1.0,)
+    largest = constraints.largest_force or max(real_size.conditions.forces, default=max(hung))
     if max(hung) > largest:
         raise DesignError(
             f"test_forces go up to {max(hung):g} N and largest_force is {largest:g} N, which contradict each other; "
@@ -174,7 +174,7 @@ def finest_difference(catalogue: Catalogue) -> float:
 
 @cache
 def _finest(weights: tuple[Weight, ...], cable_mass: float) -> float:
-    return finest(weights, cable_mass=cable_mass)
+    return least_difference(weights, cable_mass=cable_mass)
 
 
 class Tally:

@@ -6,13 +6,10 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
-from tenodesis.instrument import Force, Modulus, Name
-from tenodesis.instrument.hardware import Bits, Length, Span, Table, Turn
-from tenodesis.units import Quantity, annotation
+from tenodesis.files import FileTable
+from tenodesis.instrument import Name
+from tenodesis.units import AngleError, Bits, EncoderRange, Length, Mass, Modulus, PositiveForce, PositiveMass, Strength
 
-Mass = Annotated[float, *annotation(Quantity("mass", "kg", "500 g", at_least=0, below=1e3))]
-PieceMass = Annotated[float, *annotation(Quantity("mass", "kg", "500 g", above=0, below=1e3))]
-Strength = Annotated[float, *annotation(Quantity("tensile strength", "Pa", "1570 MPa", above=1e6, below=1e11))]
 Source = Annotated[str, Field(max_length=400)]
 
 _Count = Annotated[int, Field(ge=1, le=1000, strict=True)]
@@ -40,7 +37,7 @@ def twice(keys: Sequence[str]) -> str | None:
     return next((key for place, key in enumerate(keys) if key in keys[:place]), None)
 
 
-class Gears(Table):
+class Gears(FileTable):
     """Spur gears one can buy or cut: every module with every number of teeth."""
 
     modules: tuple[Length, ...] = Field(default=(), description="Modules")
@@ -56,7 +53,7 @@ class Gears(Table):
         return self
 
 
-class Part(Table):
+class Part(FileTable):
     """One part of a catalogue, told from others of its kind by its key."""
 
     source: Source = Field(default="", description="Where the values are from")
@@ -99,7 +96,7 @@ class Rope(Part):
     name: Name = Field(description="What the parts list calls it")
     diameter: Length = Field(description="Nominal diameter")
     modulus: Modulus = Field(description="Young's modulus over the full circle of the diameter: stiffness is E A / L")
-    breaking_load: Force = Field(description="Minimum breaking force")
+    breaking_load: PositiveForce = Field(description="Minimum breaking force")
 
 
 class Rod(Part):
@@ -119,8 +116,8 @@ class LoadCell(Part):
     """A load cell for the tension of a tendon."""
 
     name: Name = Field(description="What the parts list calls it")
-    range: Force = Field(description="Largest force it can tell")
-    resolution: Force = Field(description="Smallest difference of force it can tell")
+    range: PositiveForce = Field(description="Largest force it can tell")
+    resolution: PositiveForce = Field(description="Smallest difference of force it can tell")
 
     @model_validator(mode="after")
     def _finer_than_its_range(self) -> Self:
@@ -138,14 +135,14 @@ class Encoder(Part):
     name: Name = Field(description="What the parts list calls it")
     least_distal_radius: Length = Field(description="Smallest distal radius that it fits")
     bits: Bits = Field(description="Bits of its converter")
-    range: Span = Field(description="Angle that the converter's range stands for")
-    noise: Turn = Field(description="Standard deviation of a reading")
+    range: EncoderRange = Field(description="Angle that the converter's range stands for")
+    noise: AngleError = Field(description="Standard deviation of a reading")
 
 
 class Weight(Part):
     """Weights of one mass."""
 
-    mass: PieceMass = Field(description="Nominal mass")
+    mass: PositiveMass = Field(description="Nominal mass")
     count: _Count = Field(default=1, description="How many there are")
     tolerance: Mass = Field(default=0.0, description="Largest error of one")
 
@@ -155,7 +152,7 @@ class Weight(Part):
         return f"{self.mass * 1e3:.{_SAME}g} g"
 
 
-class _Series(Table):
+class _Series(FileTable):
     """Parts that differ in size alone, written as one table."""
 
     source: Source = Field(default="", description="Where the values are from")
@@ -225,7 +222,7 @@ class SpoolSeries(_Series):
 class WeightSeries(_Series):
     """A set of weights: its masses, and of each how many and how good."""
 
-    masses: tuple[PieceMass, ...] = Field(min_length=1, description="Nominal masses")
+    masses: tuple[PositiveMass, ...] = Field(min_length=1, description="Nominal masses")
     counts: tuple[_Count, ...] = Field(description="How many there are of each mass")
     tolerances: tuple[Mass, ...] = Field(default=(), description="Largest error of one of each mass")
 
@@ -250,7 +247,7 @@ def _form(*plurals: str) -> Discriminator:
     """Tell a series from a single part by the key that only a series has."""
 
     def form(value: Any) -> str:
-        keys = value if isinstance(value, dict) else dict(value) if isinstance(value, Table) else {}
+        keys = value if isinstance(value, dict) else dict(value) if isinstance(value, FileTable) else {}
         return "series" if any(plural in keys for plural in plurals) else "one"
 
     return Discriminator(form)
@@ -269,7 +266,7 @@ def _size(length: float) -> str:
     return f"{length * 1e3:.{_SAME}g} mm"
 
 
-KINDS: dict[str, tuple[type[Table], ...]] = {
+KINDS: dict[str, tuple[type[FileTable], ...]] = {
     "pulleys": (Pulley, PulleySeries),
     "ropes": (Rope, RopeSeries),
     "rods": (Rod, RodSeries),

@@ -6,9 +6,9 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from tenodesis.errors import DesignError
-from tenodesis.instrument import Length, Tension
 from tenodesis.scaling.catalogue import Catalogue
 from tenodesis.similarity.parameters import RADII
+from tenodesis.units import Force, Length
 
 _T = TypeVar("_T")
 
@@ -45,7 +45,7 @@ def _value(key: str, value: Any, file: bool) -> Any:
         raise DesignError(f"{key} cannot be pinned; allowed are {', '.join(PINS)}.")
     if key in _PARTS:
         return str(value)
-    kind: Any = Tension if key == "pretension" else float if key == "factor" else Length
+    kind: Any = Force if key == "pretension" else float if key == "factor" else Length
     try:
         found = TypeAdapter(kind).validate_python(value, context={"file": file})
     except ValidationError as invalid:

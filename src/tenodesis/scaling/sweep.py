@@ -2,33 +2,31 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
-from math import log, sqrt
 from typing import Any, NamedTuple
 
+import moocore
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis import _core
 from tenodesis.errors import DesignError
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
-from tenodesis.scaling import front
-from tenodesis.scaling.candidates import COMBINATIONS, Candidates, Wheel, candidates, finer
-from tenodesis.scaling.catalogue import Catalogue, LoadCell, Spool
-from tenodesis.scaling.limits import Forces, Limit, Tally, finest_difference, forces_of, limits
-from tenodesis.scaling.range import WorkingRange, working_range
-from tenodesis.similarity.parameters import RADII, value_of
-from tenodesis.threads import threads
-from tenodesis.units import STANDARD_GRAVITY
-
-FINDINGS = tuple(_core.findings())
-"""What the core finds of a scale model, in its order."""
+from tenodesis.scaling.candidates import COMBINATIONS, Candidates, candidates, finer
+from tenodesis.scaling.catalogue import Catalogue
+from tenodesis.scaling.judge import Judge, WorkingRange, working_range
+from tenodesis.scaling.limits import Forces, Limit, Tally, forces_of, limits
+from tenodesis.similarity.parameters import RADII
 
 _CHUNK = 65_536
 _REFINED_AT_ONCE = 4096
 RANGES = ("factor", "overall_length", "end_effector_length", "handle_length")
 """Constraints that are ranges."""
+
+ERROR_STEP = 0.01
+"""Similarity errors, deg, that a bench cannot tell apart."""
+
+RELATIVE_STEP = 0.01
+"""Relative difference of resolutions, lengths and margins that is none."""
 
 _WIDER = 4.0
 _TRIED = 50_000
@@ -55,7 +53,7 @@ class Sweep:
     that the first front is made of and more lengths.
     """
 
-    model: Instrument
+    real_size: Instrument
     catalogue: Catalogue
     tests: Forces
     range: WorkingRange
@@ -83,92 +81,8 @@ class Sweep:
         return Judge(stage.candidates, self.catalogue, self.range)
 
 
-class Judge:
-    """Finds what there is to know of scale models by number; see :class:`Sweep` for the costs."""
-
-    def __init__(self, found: Candidates, catalogue: Catalogue, span: WorkingRange) -> None:
-        self._candidates = found
-        self._span = span
-        self._catalogue = catalogue
-        self._cells = sorted(catalogue.load_cells, key=lambda cell: (cell.range, cell.resolution))
-        self._largest_wheel = np.array([max(wheel.tip_radius for wheel in pair) for pair in found.pairs])
-        self._breaking_load = np.array([rope.breaking_load for rope in found.ropes])
-        self._spools = [_nearest_spool(found.model, catalogue, pair[0]) for pair in found.pairs]
-        resolutions = [cell.resolution for cell in self._cells]
-        # Of the cells whose range suffices, the finest, so that more tension never makes a finer one of it.
-        self._finest = [min(range(n, len(self._cells)), key=resolutions.__getitem__) for n in range(len(self._cells))]
-
-    @cached_property
-    def _coarse(self) -> _core.SimilarityTarget:
-        return self._span.coarse.target(self._candidates.model)
-
-    @cached_property
-    def _fine(self) -> _core.SimilarityTarget:
-        return self._span.fine.target(self._candidates.model)
-
-    def columns(self, numbers: NDArray[np.int64], *, fine: bool = False) -> dict[str, Array]:
-        """Return parameters and findings of scale models by name, over few points of the working range or all."""
-        columns = self._candidates.columns(numbers)
-        rows = self._candidates.rows(columns)
-        found = np.empty((numbers.size, len(FINDINGS)))
-        pretension = np.full(numbers.size, self._candidates.pretension)
-        (self._fine if fine else self._coarse).judge(rows, pretension, found, threads())
-        pair, rope, *_ = np.unravel_index(numbers, self._candidates.shape)
-        extra = {
-            "largest_wheel": self._largest_wheel[pair],
-            "spool_radius": np.array([spool.radius for spool in self._spools])[pair],
-            "breaking_load": self._breaking_load[rope],
-        }
-        return columns | dict(zip(FINDINGS, found.T, strict=True)) | extra
-
-    def spool(self, number: int) -> Spool:
-        """Return the spool of a scale model: that which turns most nearly as far as the real one's."""
-        return self._spools[int(np.unravel_index(number, self._candidates.shape)[0])]
-
-    def load_cell(self, largest_tension: float) -> LoadCell:
-        """Return the finest load cell whose range suits a tension (N)."""
-        return self._cells[int(self._cell(np.array([largest_tension]))[0])]
-
-    def _cell(self, largest_tension: Array) -> NDArray[np.int64]:
-        ranges = np.array([cell.range for cell in self._cells])
-        needed = self._catalogue.constraints.load_cell_margin * largest_tension
-        least = np.minimum(np.searchsorted(ranges, needed * (1 - 1e-12)), len(self._cells) - 1)
-        return np.array(self._finest)[least]
-
-    def costs(self, columns: Mapping[str, Array]) -> Array:
-        """Return the costs of scale models, shape (n, 4)."""
-        resolution = np.array([cell.resolution for cell in self._cells])[self._cell(columns["largest_tension"])]
-        return np.column_stack(
-            [
-                np.degrees(columns["largest_error"]),
-                np.maximum(self._weight_step(columns), tip_force(resolution, columns)),
-                columns["tendon_length"],
-                columns["largest_tension"] / columns["breaking_load"],
-            ]
-        )
-
-    def _weight_step(self, columns: Mapping[str, Array]) -> Array:
-        rho = self._catalogue.constraints.cable_pulley_radius
-        finest = finest_difference(self._catalogue)
-        step: Array = finest * STANDARD_GRAVITY * rho / columns["rig_arm"] / columns["force_factor"]
-        return step
-
-
-def tip_force(tension_resolution: Any, columns: Mapping[str, Any]) -> Any:
-    """Return the force at the real-size tip (N) that two load cells can just tell.
-
-    Parameters
-    ----------
-    tension_resolution
-        Resolution of a load cell, N.
-    columns
-        Tension difference per tip force and force factor, as the core finds them.
-    """
-    return sqrt(2) * tension_resolution / columns["tension_per_force"] / columns["force_factor"]
-
-
 def sweep(
-    model: Instrument,
+    real_size: Instrument,
     catalogue: Catalogue,
     pins: Mapping[str, Any],
     *,
@@ -179,7 +93,7 @@ def sweep(
 
     Parameters
     ----------
-    model
+    real_size
         The real-size instrument, one axis.
     catalogue
         Parts and constraints, narrowed to what is pinned.
@@ -195,13 +109,13 @@ def sweep(
     DesignError
         No scale model meets the constraints.
     """
-    tests = forces_of(model, catalogue)
-    span = working_range(model, tests.largest)
-    found = candidates(model, catalogue, pins, combinations)
+    tests = forces_of(real_size, catalogue)
+    span = working_range(real_size, tests.largest)
+    found = candidates(real_size, catalogue, pins, combinations)
     judged = _Judged(catalogue, span, tests, progress)
     first, tally = judged.stage(found, "judging parts")
     if not first.held.size:
-        raise contradiction(model, catalogue, pins, tally, span)
+        raise contradiction(real_size, catalogue, pins, tally, span)
     numbers, costs = judged.front(first)
     if not numbers.size:
         raise DesignError(
@@ -210,9 +124,9 @@ def sweep(
         )
     closer = finer(found, catalogue, numbers, combinations)
     if len(closer) <= numbers.size:
-        return Sweep(model, catalogue, tests, span, (first,), numbers, costs)
+        return Sweep(real_size, catalogue, tests, span, (first,), numbers, costs)
     last, _ = judged.stage(closer, "judging lengths")
-    return Sweep(model, catalogue, tests, span, (first, last), *judged.front(last))
+    return Sweep(real_size, catalogue, tests, span, (first, last), *judged.front(last))
 
 
 class _Judged:
@@ -249,10 +163,10 @@ class _Judged:
                 exact[some], allowed[part] = exact_costs(judge, self._limits, stage.held[some])
                 refined += some.size
                 self._progress("refining the front", refined, refined + rows.size)
-            return front.levels(exact[rows]), allowed
+            return levels(exact[rows]), allowed
 
-        best = front.search(front.levels(stage.lower), refine)
-        by_level = np.column_stack([front.levels(exact[best])[:, 0], exact[best, 1:]])
+        best = search(levels(stage.lower), refine)
+        by_level = np.column_stack([levels(exact[best])[:, 0], exact[best, 1:]])
         best = best[np.lexsort(by_level.T[::-1])]
         return stage.held[best], exact[best]
 
@@ -263,13 +177,8 @@ def exact_costs(judge: Judge, bounds: tuple[Limit, ...], numbers: NDArray[np.int
     return judge.costs(columns), np.all([limit.met(columns) for limit in bounds], axis=0)
 
 
-def _nearest_spool(model: Instrument, catalogue: Catalogue, distal: Wheel) -> Spool:
-    wanted = model.drives.spool_radius * distal.radius / value_of(model, "distal_radius")
-    return min(catalogue.spools, key=lambda one: abs(log(one.radius / wanted)))
-
-
 def contradiction(
-    model: Instrument, catalogue: Catalogue, pins: Mapping[str, Any], tally: Tally, span: WorkingRange
+    real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any], tally: Tally, span: WorkingRange
 ) -> DesignError:
     """Return the error that says which two constraints contradict each other, if it is two.
 
@@ -278,9 +187,9 @@ def contradiction(
     limit = tally.unmeetable()
     if limit is None:
         return tally.contradiction()
-    for key, asked, wider, free in _widened(model, catalogue, pins):
+    for key, asked, wider, free in _widened(real_size, catalogue, pins):
         try:
-            found = candidates(model, wider, free, _TRIED)
+            found = candidates(real_size, wider, free, _TRIED)
         except DesignError:
             continue
         judge = Judge(found, wider, span)
@@ -293,7 +202,7 @@ def contradiction(
 
 
 def _widened(
-    model: Instrument, catalogue: Catalogue, pins: Mapping[str, Any]
+    real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any]
 ) -> Iterator[tuple[str, str, Catalogue, Mapping[str, Any]]]:
     """Yield, one range or pin at a time, its key, what it asks, and catalogue and pins without it."""
     for key in pins:
@@ -310,3 +219,43 @@ def _widened(
             for wider in (None, (asked[0] / _WIDER, asked[1] * _WIDER)):
                 constraints = catalogue.constraints.model_copy(update={key: wider})
                 yield key, told, catalogue.model_copy(update={"constraints": constraints}), pins
+
+
+def levels(costs: Array) -> Array:
+    """Return costs as numbers of steps that can be told apart.
+
+    Parameters
+    ----------
+    costs
+        Similarity error (deg), force resolution (N), overall length (m) and one over the tension margin; shape (n, 4).
+    """
+    relative = np.round(np.log(costs[:, 1:]) / np.log1p(RELATIVE_STEP))
+    return np.column_stack([np.round(costs[:, 0] / ERROR_STEP), relative])
+
+
+def search(lower: Array, refine: Callable[[NDArray[np.int64]], tuple[Array, NDArray[np.bool_]]]) -> NDArray[np.int64]:
+    """Return the numbers of the designs on the front; of equal designs, the first.
+
+    Exact, though few designs are refined: one whose lower bounds are beaten by a refined one is beaten itself.
+
+    Parameters
+    ----------
+    lower
+        Lower bounds of the costs, as levels, shape (n, 4).
+    refine
+        Returns the costs of some designs by number, as levels, shape (m, 4), and which of them are allowed after all.
+    """
+    costs = lower.copy()
+    refined = np.zeros(len(costs), bool)
+    pool = np.arange(len(costs))
+    while pool.size:
+        # Refined ones first: of equal rows the first is kept, and an equal bound promises nothing better.
+        pool = pool[np.argsort(~refined[pool], kind="stable")]
+        front: NDArray[np.int64] = pool[moocore.is_nondominated(costs[pool])]
+        new = front[~refined[front]]
+        if not new.size:
+            return front
+        costs[new], allowed = refine(new)
+        refined[new] = True
+        pool = pool[~np.isin(pool, new[~allowed])]
+    return pool

@@ -46,7 +46,7 @@ class Pieces(Protocol):
 
 
 @dataclass(frozen=True)
-class Hanging:
+class WeightSelection:
     """What hangs on the two cables: masses in kg, heaviest first, forces in N."""
 
     loading: tuple[float, ...]
@@ -103,7 +103,7 @@ class Hanging:
         return f"{size} {'more' if off > 0 else 'less'} than wanted"
 
 
-def hang(weight: float, weights: Sequence[Pieces], *, cable_mass: float) -> Hanging:
+def select_weights(weight: float, weights: Sequence[Pieces], *, cable_mass: float) -> WeightSelection:
     """Return the pieces whose difference comes nearest to a weight, and of these the fewest.
 
     Parameters
@@ -129,13 +129,13 @@ def hang(weight: float, weights: Sequence[Pieces], *, cable_mass: float) -> Hang
     hung = problem.solve(abs(weight) / STANDARD_GRAVITY)
     loading, counter = (hung.heavier, hung.lighter) if weight >= 0 else (hung.lighter, hung.heavier)
     used = sum(one.tolerance * count for one, count in zip(weights, (loading + counter).tolist(), strict=True))
-    return Hanging(_masses(weights, loading), _masses(weights, counter), weight, used * STANDARD_GRAVITY)
+    return WeightSelection(_masses(weights, loading), _masses(weights, counter), weight, used * STANDARD_GRAVITY)
 
 
-def finest(weights: Sequence[Pieces], cable_mass: float) -> float:
+def least_difference(weights: Sequence[Pieces], cable_mass: float) -> float:
     """Return the least difference above zero of what hangs on two cables, kg: the step that forces can be made by.
 
-    Parameters and errors are those of :func:`hang`; also, a DesignError where all differences are zero.
+    Parameters and errors are those of :func:`select_weights`; also, a DesignError where all differences are zero.
     """
     _check_cable_mass(cable_mass)
     problem = _Problem.of(weights, cable_mass)

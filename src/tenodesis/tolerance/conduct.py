@@ -28,8 +28,8 @@ TORNADO = (0.05, 0.95)
 
 
 def study(
-    model: Instrument,
-    prototype: Instrument,
+    real_size: Instrument,
+    scaled_up: Instrument,
     tolerances: Tolerances | None = None,
     *,
     samples: int = SAMPLES,
@@ -48,9 +48,9 @@ def study(
 
     Parameters
     ----------
-    model
+    real_size
         The real-size instrument; of two axes, the first.
-    prototype
+    scaled_up
         The scaled-up one, as its file has it, mismatch included.
     tolerances
         What varies; by default :func:`tenodesis.tolerance.default` of the scaled-up instrument.
@@ -79,14 +79,14 @@ def study(
     if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or not 0 <= seed < 2**32:
         raise StudyError(f"seed is {seed!r}; allowed is a whole number from 0 to 2**32 - 1.")
     runner = engines.named(engine, address) if isinstance(engine, str) else engine
-    model, prototype = (one.axis(one.axes[0]) if len(one.axes) > 1 else one for one in (model, prototype))
-    given = default(prototype) if tolerances is None else tolerances
-    parameters = resolve(given, model, prototype)
+    real_size, scaled_up = (one.axis(one.axes[0]) if len(one.axes) > 1 else one for one in (real_size, scaled_up))
+    given = default(scaled_up) if tolerances is None else tolerances
+    parameters = resolve(given, real_size, scaled_up)
     count = 1 << (int(samples) - 1).bit_length()
 
-    comparison = _compared(model, prototype)
+    comparison = _compared(real_size, scaled_up)
     factor = float(comparison.force_factor())
-    real_force = _force(model, prototype, factor, force)
+    real_force = _force(real_size, scaled_up, factor, force)
     task = _task(comparison, parameters, real_force, factor)
     scheme = sampling.scheme(parameters, count, int(seed))
     whole = np.concatenate([scheme, _tornado(parameters)])
@@ -95,47 +95,47 @@ def study(
     rows = len(scheme)
     status = table[:rows, -1].astype(np.int64)
     found = Study(
-        model, prototype, given, parameters, count, int(seed), real_force, factor, task.cycle.end, scheme, status
+        real_size, scaled_up, given, parameters, count, int(seed), real_force, factor, task.cycle.end, scheme, status
     )
     if found.failed == 1:
         raise StudyError(
-            f"every sample of {prototype.name} lost its tip under {real_force:g} N on {model.name}; allowed is a "
+            f"every sample of {scaled_up.name} lost its tip under {real_force:g} N on {real_size.name}; allowed is a "
             "smaller force or narrower tolerances."
         )
     responses = {key: respond(key, table[:rows, n], found, table[rows:, n]) for n, key in enumerate(task.responses)}
     return replace(found, responses=responses)
 
 
-def _force(model: Instrument, prototype: Instrument, factor: float, force: float | None) -> float:
+def _force(real_size: Instrument, scaled_up: Instrument, factor: float, force: float | None) -> float:
     if force is None:
-        tested = max(prototype.conditions.forces, default=0.0) / factor
-        return tested or max(model.conditions.forces, default=1.0)
+        tested = max(scaled_up.conditions.forces, default=0.0) / factor
+        return tested or max(real_size.conditions.forces, default=1.0)
     if isinstance(force, bool) or not isinstance(force, int | float) or not (np.isfinite(force) and force > 0):
         raise StudyError(f"force is {force!r}; allowed is a force above 0 N.")
     return float(force)
 
 
-def _compared(model: Instrument, prototype: Instrument) -> similarity.Comparison:
+def _compared(real_size: Instrument, scaled_up: Instrument) -> similarity.Comparison:
     try:
-        return similarity.compare(model, prototype)
+        return similarity.compare(real_size, scaled_up)
     except ValueError as problem:
-        raise StudyError(f"{prototype.name} for {model.name}: {problem}") from None
+        raise StudyError(f"{scaled_up.name} for {real_size.name}: {problem}") from None
 
 
 def _task(comparison: similarity.Comparison, parameters: tuple[Parameter, ...], force: float, factor: float) -> Task:
     """Return what all samples have in common, once the nominal instruments have been through it."""
-    model, prototype = comparison.model, comparison.prototype
+    real_size, scaled_up = comparison.real_size, comparison.scaled_up
     way, other = cycles(comparison)
     keys = tuple((one.instrument, one.key) for one in parameters)
-    reference, lost = angles_of(model, way, force)
+    reference, lost = angles_of(real_size, way, force)
     both = any(one.instrument == "real-size" for one in parameters)
-    task = Task(model, prototype, keys, way, other, force, force * factor, None if both else reference)
+    task = Task(real_size, scaled_up, keys, way, other, force, force * factor, None if both else reference)
     nominal = evaluate(task, np.array([[one.nominal for one in parameters]]))[0, -1]
-    for inst, status, own in ((model, lost, force), (prototype, nominal, force * factor)):
+    for inst, status, own in ((real_size, lost, force), (scaled_up, nominal, force * factor)):
         if status != Status.OK:
             raise StudyError(
                 f"{inst.name} as its file has it does not hold {own:.4g} N through its working range "
-                f"({force:.4g} N on {model.name}); allowed is a smaller force, or more pretension."
+                f"({force:.4g} N on {real_size.name}); allowed is a smaller force, or more pretension."
             )
     return task
 

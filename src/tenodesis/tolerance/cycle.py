@@ -45,9 +45,9 @@ def cycles(comparison: Comparison) -> tuple[Cycle, Cycle]:
     It goes to the end of the real-size instrument's working range, or less far where either handle does not reach a
     quarter beyond it.
     """
-    model = comparison.model
-    room = min(model.handle_range, _range_of_prototype(comparison)) / (1 + BEYOND / STEPS)
-    end = min(statics.reach(model), room)
+    real_size = comparison.real_size
+    room = min(real_size.handle_range, _range_of_scaled_up(comparison)) / (1 + BEYOND / STEPS)
+    end = min(statics.reach(real_size), room)
     top = STEPS + BEYOND
     nodes = np.concatenate(
         [np.zeros(LOADING), np.arange(1, top + 1), np.arange(top - 1, -1, -1), np.arange(1, STEPS + 1)]
@@ -55,17 +55,17 @@ def cycles(comparison: Comparison) -> tuple[Cycle, Cycle]:
     load = np.ones(nodes.size)
     load[:LOADING] = np.arange(1, LOADING + 1) / LOADING
     handle = nodes * (end / STEPS)
-    mapped = np.asarray(comparison.prototype_handle_angle(handle))
-    other = float(comparison.prototype_handle_angle(end))
+    mapped = np.asarray(comparison.scaled_up_handle_angle(handle))
+    other = float(comparison.scaled_up_handle_angle(end))
     return Cycle(handle, load, end, end / STEPS / SPEED), Cycle(mapped, load, other, end / STEPS / SPEED)
 
 
-def _range_of_prototype(comparison: Comparison) -> float:
+def _range_of_scaled_up(comparison: Comparison) -> float:
     """Return the real-size handle angle that stands for the end of the scaled-up handle's range, rad."""
-    model, prototype = comparison.model, comparison.prototype
+    real_size, scaled_up = comparison.real_size, comparison.scaled_up
     if comparison.same_mechanism:
-        return prototype.handle_range
-    bent = statics.output_angle(prototype, prototype.handle_range)
-    if bent >= statics.output_angle(model, model.handle_range):
-        return model.handle_range
-    return float(statics.handle_angle(model, bent))
+        return scaled_up.handle_range
+    bent = statics.output_angle(scaled_up, scaled_up.handle_range)
+    if bent >= statics.output_angle(real_size, real_size.handle_range):
+        return real_size.handle_range
+    return float(statics.handle_angle(real_size, bent))

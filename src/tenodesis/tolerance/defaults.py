@@ -41,7 +41,7 @@ _IDENTIFICATION: dict[str, dict[str, Any]] = {
 }
 
 
-def default(prototype: Instrument) -> Tolerances:
+def default(scaled_up: Instrument) -> Tolerances:
     """Return the tolerances of a scaled-up instrument for which none are given.
 
     Radii have ISO 2768-1 class f, lengths class m, each as a half width by its size; stiffness, pretension and friction
@@ -51,10 +51,10 @@ def default(prototype: Instrument) -> Tolerances:
     found = []
     for keys, grade in ((RADII, "f"), (_LENGTHS, "m")):
         for key in keys:
-            if getattr(prototype, key, None):
-                found.append(_machined(key, getattr(prototype, key), grade))
+            if getattr(scaled_up, key, None):
+                found.append(_machined(key, getattr(scaled_up, key), grade))
     for key, values in _IDENTIFICATION.items():
-        if _given(prototype, key):
+        if _given(scaled_up, key):
             found.append(Tolerance(key=key, **values))
     return Tolerances(
         name="defaults",

@@ -18,29 +18,29 @@ from tenodesis.tolerance.files import InstrumentName
 INVALID = -1
 """Status of a sample that is no valid instrument."""
 
-OF_PROTOTYPE = ("loss_flexion", "loss_extension", "loop_width", "similarity_rms", "similarity_largest")
-OF_MODEL = ("real_size_loss_flexion", "real_size_loss_extension", "real_size_loop_width")
+OF_SCALED_UP = ("loss_flexion", "loss_extension", "loop_width", "similarity_rms", "similarity_largest")
+OF_REAL_SIZE = ("real_size_loss_flexion", "real_size_loss_extension", "real_size_loop_width")
 
 
 class Task(NamedTuple):
     """All that the samples of a study have in common; it can be sent to another machine."""
 
-    model: Instrument
-    prototype: Instrument
+    real_size: Instrument
+    scaled_up: Instrument
     keys: tuple[tuple[InstrumentName, str], ...]
     """What the columns of the samples are."""
     cycle: Cycle
     """Of the real-size instrument."""
-    prototype_cycle: Cycle
-    model_force: float
-    prototype_force: float
+    scaled_up_cycle: Cycle
+    real_size_force: float
+    scaled_up_force: float
     reference: Array | None
     """Output angle of the real-size instrument over the cycle, rad; None where its samples differ."""
 
     @property
     def responses(self) -> tuple[str, ...]:
         """Names of the responses, by column."""
-        return OF_PROTOTYPE if self.reference is not None else (*OF_PROTOTYPE, *OF_MODEL)
+        return OF_SCALED_UP if self.reference is not None else (*OF_SCALED_UP, *OF_REAL_SIZE)
 
 
 def evaluate(task: Task, rows: Array) -> Array:
@@ -59,20 +59,20 @@ def evaluate(task: Task, rows: Array) -> Array:
         Responses in deg, NaN where a run was lost, and in the last column the status: a number of
         :class:`tenodesis.statics.Status`, or :data:`INVALID`.
     """
-    prototypes = [_built(task, "prototype", row) for row in rows]
-    angles, status = _angles(prototypes, task.prototype_cycle, task.prototype_force)
-    responses = [*_losses(prototypes, task.prototype_cycle, angles)]
+    scaled_up = [_built(task, "scaled-up", row) for row in rows]
+    angles, status = _angles(scaled_up, task.scaled_up_cycle, task.scaled_up_force)
+    responses = [*_losses(scaled_up, task.scaled_up_cycle, angles)]
     if task.reference is not None:
-        reference, of_model = task.reference, []
+        reference, of_real_size = task.reference, []
     else:
-        models = [_built(task, "model", row) for row in rows]
-        reference, other = _angles(models, task.cycle, task.model_force)
+        real_size = [_built(task, "real-size", row) for row in rows]
+        reference, other = _angles(real_size, task.cycle, task.real_size_force)
         status = np.where(status == Status.OK, other, status)
-        of_model = [*_losses(models, task.cycle, reference)]
+        of_real_size = [*_losses(real_size, task.cycle, reference)]
     error = np.concatenate(
         [(angles - reference)[:, task.cycle.extension], (angles - reference)[:, task.cycle.flexion]], axis=1
     )
-    responses += [np.sqrt(np.mean(error**2, axis=1)), np.abs(error).max(axis=1), *of_model]
+    responses += [np.sqrt(np.mean(error**2, axis=1)), np.abs(error).max(axis=1), *of_real_size]
     table = np.degrees(np.column_stack(responses))
     unreachable = np.isnan(table).any(axis=1) & (status == Status.OK)
     status = np.where(unreachable, int(Status.UNREACHABLE), status)
@@ -86,10 +86,9 @@ def angles_of(inst: Instrument, cycle: Cycle, force: float) -> tuple[Array, int]
     return angles[0], int(status[0])
 
 
-def _built(task: Task, which: str, row: Array) -> Instrument | None:
-    inst: Instrument = getattr(task, which)
-    named = "real-size" if which == "model" else "scaled-up"
-    changes = {key: float(value) for (of, key), value in zip(task.keys, row, strict=True) if of == named}
+def _built(task: Task, which: InstrumentName, row: Array) -> Instrument | None:
+    inst = task.real_size if which == "real-size" else task.scaled_up
+    changes = {key: float(value) for (of, key), value in zip(task.keys, row, strict=True) if of == which}
     try:
         return inst.replace(**changes) if changes else inst
     except InstrumentError:

@@ -37,9 +37,8 @@ def _shown(study: Study) -> list[Response]:
 
 
 def _conditions(study: Study) -> str:
-    return (
-        f"{study.force:.3g} N on {study.model.name}, {study.force * study.force_factor:.3g} N on {study.prototype.name}"
-    )
+    scaled_force = study.force * study.force_factor
+    return f"{study.force:.3g} N on {study.real_size.name}, {scaled_force:.3g} N on {study.scaled_up.name}"
 
 
 def _distributions(study: Study) -> Plot:

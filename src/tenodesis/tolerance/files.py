@@ -1,12 +1,12 @@
 """Tolerance files: which keys of which instrument vary, by how much, and where that is from."""
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from tenodesis.errors import StudyError
+from tenodesis.files import FileTable, parse_toml, read_text, validated
 from tenodesis.instrument import Name
 
 InstrumentName: TypeAlias = Literal["scaled-up", "real-size"]
@@ -28,11 +28,7 @@ def _written(value: Any) -> Any:
 Width = Annotated[str | float, BeforeValidator(_written)]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Tolerance(_Strict):
+class Tolerance(FileTable):
     """How far one number of an instrument file may be from what the file says."""
 
     key: str = Field(description="Key of the instrument file; within a table with a dot, friction.vertex_coefficient")
@@ -69,7 +65,7 @@ class Tolerance(_Strict):
         return self
 
 
-class Tolerances(_Strict):
+class Tolerances(FileTable):
     """The tolerances of a study."""
 
     name: Name = Field(default="tolerances", description="What they are called in the report")
@@ -96,15 +92,7 @@ def load(path: str | Path) -> Tolerances:
     StudyError
         There is no such file, it cannot be read, or it is not valid.
     """
-    try:
-        text = Path(path).read_text("utf-8-sig")
-    except UnicodeDecodeError:
-        raise StudyError(f"{path} is not UTF-8 text; allowed is a TOML file.") from None
-    except OSError as problem:
-        raise StudyError(f"{path} cannot be read: {problem.strerror}; allowed is the path of a TOML file.") from None
-    except ValueError:
-        raise StudyError(f"{str(path)!r} is no path; allowed is the path of a TOML file.") from None
-    return parse(text, str(path))
+    return parse(read_text(Path(path), StudyError), str(path))
 
 
 def parse(text: str, source: str = "tolerances") -> Tolerances:
@@ -115,40 +103,13 @@ def parse(text: str, source: str = "tolerances") -> Tolerances:
     StudyError
         The text is not TOML or not valid; the message starts with `source`.
     """
-    try:
-        values = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        raise StudyError(f"{source} is not valid TOML: {problem}.") from None
-    except RecursionError:
-        raise StudyError(f"{source} is not valid TOML: it is nested too deeply.") from None
+    values = parse_toml(text, StudyError, source)
     if not values.get("parameters"):
         raise StudyError(f"{source} has no parameters; allowed is at least one table [[parameters]].")
-    try:
-        return Tolerances.model_validate(values)
-    except ValidationError as invalid:
-        sentences = [_sentence(error) for error in invalid.errors(include_url=False)]
-        raise StudyError("\n".join(f"{source}: {sentence}" for sentence in dict.fromkeys(sentences))) from None
+    return validated(Tolerances, values, StudyError, source, entries={"parameters": "parameter"})
 
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON schema of tolerance files, for editors that complete and check TOML."""
     schema = Tolerances.model_json_schema()
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "Tenodesis tolerances"}
-
-
-def _sentence(error: Any) -> str:
-    """Say what is wrong with one value: its place and key, what it is, and what is allowed."""
-    location = error["loc"]
-    place = ""
-    model: type[BaseModel] = Tolerances
-    if location[:1] == ("parameters",) and len(location) > 1:
-        place, model, location = f"parameter {location[1] + 1}: ", Tolerance, location[2:]
-    key = str(location[0]) if location else ""
-    told = str(error["msg"]).removeprefix("Value error, ").removeprefix("Input should be ").rstrip(".")
-    if error["type"] == "missing":
-        return f"{place}{key} is missing; it is required."
-    if error["type"] == "extra_forbidden":
-        return f"{place}{key} is not a known key; allowed are {', '.join(model.model_fields)}."
-    if not key:
-        return f"{place}{told}."
-    return f"{place}{key} = {error['input']!r}: {'' if error['type'] == 'value_error' else 'it must be '}{told}."

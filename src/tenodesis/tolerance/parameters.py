@@ -68,7 +68,7 @@ class _Number(NamedTuple):
     upper: float
 
 
-def resolve(tolerances: Tolerances, model: Instrument, prototype: Instrument) -> tuple[Parameter, ...]:
+def resolve(tolerances: Tolerances, real_size: Instrument, scaled_up: Instrument) -> tuple[Parameter, ...]:
     """Return what varies, from tolerances and the two instruments they are about.
 
     Raises
@@ -78,7 +78,7 @@ def resolve(tolerances: Tolerances, model: Instrument, prototype: Instrument) ->
         instrument file allows.
     """
     return tuple(
-        _parameter(one, model if one.instrument == "real-size" else prototype) for one in tolerances.parameters
+        _parameter(one, real_size if one.instrument == "real-size" else scaled_up) for one in tolerances.parameters
     )
 
 
@@ -125,9 +125,9 @@ def _told(value: object) -> str:
     return f"{value!r}, no number" if isinstance(value, str) else "no number"
 
 
-def _fields(model: BaseModel, prefix: str = "") -> Iterator[tuple[str, tuple[Any, FieldInfo]]]:
-    for name, field in type(model).model_fields.items():
-        value, key = getattr(model, name), prefix + (field.alias or name)
+def _fields(table: BaseModel, prefix: str = "") -> Iterator[tuple[str, tuple[Any, FieldInfo]]]:
+    for name, field in type(table).model_fields.items():
+        value, key = getattr(table, name), prefix + (field.alias or name)
         if isinstance(value, BaseModel):
             yield from _fields(value, f"{key}.")
         yield key, (value, field)

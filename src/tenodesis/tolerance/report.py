@@ -114,8 +114,8 @@ def _numbers(study: Study) -> dict[str, Any]:
     return {
         "schema": RESULTS_SCHEMA,
         "about": about(),
-        "model": study.model.name,
-        "prototype": study.prototype.name,
+        "model": study.real_size.name,
+        "prototype": study.scaled_up.name,
         "tolerances": study.tolerances.model_dump(exclude_none=True),
         "parameters": {
             name: one._asdict() | {"lower": _number(one.lower), "upper": _number(one.upper)}

@@ -111,8 +111,8 @@ class Response:
 class Study:
     """A tolerance study; :func:`tenodesis.tolerance.study` makes it."""
 
-    model: Instrument
-    prototype: Instrument
+    real_size: Instrument
+    scaled_up: Instrument
     tolerances: Tolerances
     parameters: tuple[Parameter, ...]
     samples: int

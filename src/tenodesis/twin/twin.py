@@ -123,11 +123,10 @@ class Twin:
         self.time_step = time_step
         self.seed = int(seed)
         self.quasi_static = quasi_static
-        self._single = [inst] if len(inst.axes) == 1 else [inst.axis(name) for name in inst.axes]
         # Axes draw from far apart in the same sequence, whose steps are this odd number.
         self._axes = [
             _core.Twin(plant.spec(one, time_step, quasi_static), (int(seed) + (n << 40) * 0x9E3779B97F4A7C15) % 2**64)
-            for n, one in enumerate(self._single)
+            for n, one in enumerate(inst.planar)
         ]
         self._steps = 0
         self._steps_per_tick = plant.steps_per_sample(inst, time_step, quasi_static)
@@ -255,7 +254,7 @@ class Twin:
             raise ValueError("spool_velocity and a controller are both given; allowed is one of them.")
         values = modes = None
         if fault_injection:
-            values = np.zeros((len(rows), count, len(_core.tamper_places())))
+            values = np.zeros((len(rows), count, len(_core.fault_injection_places())))
             modes = np.zeros(values.shape, np.uint8)
             for fault in fault_injection:
                 fault.schedule(self.inst.axes, start, time, values, modes)
@@ -380,7 +379,7 @@ class Twin:
                 rows[n, :, columns] = full if axes == 1 else full[:, n]
         if rows[..., COMMANDS.index("weight")].any():
             refuse_without_rig(self.inst)
-        for n, one in enumerate(self._single):
+        for n, one in enumerate(self.inst.planar):
             if not one.dynamics.hand_stiffness:
                 refuse_beyond_range(one, rows[n, :, 0], self.inst.axes[n] if axes > 1 else "")
         return list(rows)

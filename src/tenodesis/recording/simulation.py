@@ -1,0 +1,168 @@
+"""Record what a twin does: a protocol while it runs, or a run that was simulated before."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tenodesis import twin as twins
+from tenodesis.control import Controller
+from tenodesis.instrument import Instrument
+from tenodesis.instrument.text import to_toml
+from tenodesis.recording import choices, schemas
+from tenodesis.recording.writer import Recorder
+from tenodesis.run import CONTROL, Run
+from tenodesis.simulate import Pretension, Protocol, concatenate, execute
+from tenodesis.simulate.execution import check_controllable
+from tenodesis.twin import Twin
+
+DYNAMIC = "dynamic"
+QUASI_STATIC = "quasi-static"
+"""Modes of a twin, as recordings have them."""
+
+_LEAST_SLACK = 2e-3
+"""Length that the motors let tendons out by, at least, m."""
+
+
+def record(
+    inst: Instrument,
+    protocol: Protocol,
+    path: str | Path,
+    *,
+    controller: Controller | None = None,
+    time_step: float = twins.TIME_STEP,
+    seed: int = 0,
+    quasi_static: bool = False,
+    overwrite: bool = False,
+    progress: Callable[[float, float], object] | None = None,
+) -> Run:
+    """Run a protocol on the twin of an instrument, and record it while it runs.
+
+    A protocol that begins with a pretension phase finds slack tendons: the motors let them out first, which is recorded
+    as well, and a controller homes them; it starts to run after that.
+
+    Parameters
+    ----------
+    inst
+        The instrument.
+    protocol
+        The protocol; all of it is checked before the file is opened.
+    path
+        The file.
+    controller
+        Closes the loop, as for :func:`tenodesis.simulate.execute`; it is reset first.
+    time_step, seed, quasi_static
+        As for :class:`tenodesis.twin.Twin`.
+    overwrite
+        Whether to replace a file that exists.
+    progress
+        Called after every block with the seconds done and those of the whole run. What it raises ends the run; the file
+        holds what was done until then.
+
+    Returns
+    -------
+    Run
+        What was recorded.
+
+    Raises
+    ------
+    ProtocolError
+        The instrument, or the controller, cannot run the protocol, or a tendon does not get tight.
+    RecordingError
+        The file cannot be written, or exists.
+    NoSolutionError
+        The tip was loaded past what it can hold; the file holds the blocks before.
+    ValueError
+        The twin cannot have this time step or seed, or the controller is for other axes or joints.
+    """
+    twin = Twin(inst, time_step=time_step, seed=seed, quasi_static=quasi_static)
+    plan = protocol.plan(inst, time_step)
+    if controller is not None:
+        controller.reset()
+        controller.refuse_another(inst)
+        check_controllable(plan, controller.inst)
+    metadata = metadata_of(
+        inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
+    )
+    with Recorder(path, axes=inst.axes, metadata=metadata, overwrite=overwrite) as recorder:
+        runs = []
+        if isinstance(protocol.phases[0], Pretension):
+            loosened = twin.loosen(_slackening(inst))
+            runs.append(loosened if controller is None else without_control(loosened))
+            recorder.write(runs[0])
+        runs.append(execute(twin, protocol, controller, on_block=recorder.write, progress=progress))
+    return concatenate(runs)
+
+
+def write_run(
+    run: Run,
+    inst: Instrument,
+    path: str | Path,
+    *,
+    protocol: Protocol | None = None,
+    controller: Controller | None = None,
+    time_step: float = twins.TIME_STEP,
+    seed: int = 0,
+    quasi_static: bool = False,
+    overwrite: bool = False,
+) -> None:
+    """Write a run that was simulated before, to the same file that :func:`record` would write while it runs.
+
+    Parameters
+    ----------
+    run
+        The run.
+    inst, protocol, controller
+        What was run: the instrument, the protocol if the run followed one, and the controller if one closed the loop.
+    time_step, seed, quasi_static
+        Of the twin that made the run.
+    path, overwrite
+        As for :func:`record`.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be written, or exists, or the run has other axes than the instrument.
+    """
+    metadata = metadata_of(
+        inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
+    )
+    with Recorder(path, axes=inst.axes, metadata=metadata, overwrite=overwrite) as recorder:
+        recorder.write(run)
+
+
+def metadata_of(
+    inst: Instrument,
+    protocol: Protocol | None = None,
+    *,
+    seed: int = 0,
+    time_step: float = twins.TIME_STEP,
+    quasi_static: bool = False,
+    controller: Controller | None = None,
+) -> dict[str, str]:
+    """Return the metadata of a twin's recording, from which it can be replayed; arguments as for :func:`write_run`."""
+    return (
+        {"instrument": to_toml(inst)}
+        | ({} if protocol is None else {"protocol": protocol.to_toml()})
+        | {
+            "seed": str(seed),
+            "time_step": repr(float(time_step)),
+            "mode": QUASI_STATIC if quasi_static else DYNAMIC,
+        }
+        | ({} if controller is None else choices.described(controller, inst))
+    )
+
+
+def without_control(run: Run) -> Run:
+    """Return a run during which its controller did not run yet: all that would say of itself is NaN."""
+    nothing: dict[str, Any] = {name: np.full(schemas.shape(name, len(run), run.axes), np.nan) for name in CONTROL}
+    return replace(run, **nothing)
+
+
+def _slackening(inst: Instrument) -> float:
+    """Return a length to let the motors out by, m, after which every tendon hangs slack."""
+    axes = [inst.axis(axis) for axis in inst.axes]
+    ratio = inst.mismatch.pretension_ratio / inst.mismatch.stiffness_ratio
+    return max(_LEAST_SLACK, *(1.25 * ratio * axis.pretension / axis.tendon_stiffness for axis in axes))
