@@ -17,7 +17,7 @@ from tenodesis.console.access import AccessControl
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
 
-from .console_guest import Guest, operates, wait
+from .console_guest import Guest, get, operates, wait
 from .console_stand_in import StandIn
 
 pytestmark = pytest.mark.process
@@ -42,14 +42,6 @@ def page(bench: StandIn, tmp_path: Path) -> Iterator[Page]:
 def guarded(bench: StandIn, tmp_path: Path) -> Iterator[Page]:
     with serve(bench.connect, port=0, token="the token", recordings=tmp_path) as served:
         yield served
-
-
-def get(page: Page, path: str = "/", **headers: str) -> http.client.HTTPResponse:
-    connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=10)
-    connection.request("GET", path, headers={name.replace("_", "-"): value for name, value in headers.items()})
-    answer = connection.getresponse()
-    answer.read()
-    return answer
 
 
 def test_the_page_behind_a_token_answers_nothing_without_it(guarded: Page, bench: StandIn) -> None:

@@ -20,7 +20,7 @@ from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.text import to_toml
 
-from .console_guest import CAMERA, Guest, operates, wait
+from .console_guest import CAMERA, Guest, get, operates, wait
 from .console_stand_in import StandIn
 
 pytestmark = pytest.mark.process
@@ -130,7 +130,7 @@ def test_a_file_that_is_too_large_or_never_ends_is_not_kept(page: Page, bench: S
     with Guest(page.port) as guest:
         wait(lambda: operates(bench, guest))
         guest.upload("Motion from a CSV file", "large.csv", b"", size=5_000_000_000)
-        wait(lambda: "large.csv has 5000 MB; allowed are files of up to 8 MB." in guest.told)
+        wait(lambda: "large.csv has 5000 MB; a file must have at most 8 MB." in guest.told)
         (browser,) = page._browsers.values()
         kept: Any = browser.session.client.gui
         guest.upload("Motion from a CSV file", "longer.csv", bytes(1000), size=10, parts=3)
@@ -324,7 +324,7 @@ def recordings(scaled: Instrument, tmp_path: Path) -> Path:
         ("cut.mcap", "only&#58;"),
         ("empty.mcap", "0.0 s, 0 rows, scaled-up, yaw."),
         ("two.mcap", "To replay it, run an instrument with yaw and pitch first"),
-        ("foreign.mcap", "foreign.mcap has yaw and pitch and does not say of which instrument"),
+        ("foreign.mcap", "foreign.mcap has yaw and pitch and does not hold its instrument"),
         ("../secret.mcap", "is not among the recordings"),
     ],
 )
