@@ -1,3 +1,5 @@
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -34,3 +36,26 @@ def any_inst(request: pytest.FixtureRequest) -> Instrument:
     """Every mechanism, and both instruments of the paper."""
     inst: Instrument = request.getfixturevalue(request.param)
     return inst
+
+
+@pytest.fixture
+def tenodesis(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[int, str, str]]:
+    """Run the command line in this process, in a folder of its own; returns exit code, output and errors."""
+    from tenodesis.cli import commands
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "140")
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["tenodesis", *map(str, arguments)])
+        code = 0
+        try:
+            commands.main()
+        except SystemExit as end:
+            code = int(end.code or 0)
+        said = capsys.readouterr()
+        return code, said.out, said.err
+
+    return run

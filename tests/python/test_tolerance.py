@@ -450,7 +450,7 @@ def test_the_folder_is_written_whole_or_not_at_all(
 
 def test_the_command_prints_quantiles_and_what_dominates(tmp_path: Path) -> None:
     app = typer.Typer()
-    tolerance.register(app)
+    app.command("tolerance")(tolerance.study_tolerances)
     app.command()(lambda: None)
     arguments = ["tolerance", "real-size", "scaled-up", "--samples", "16", "--force", "0.4 N", "--out", str(tmp_path)]
     told = CliRunner().invoke(app, arguments)
