@@ -118,7 +118,7 @@ def main() -> None:
     from tenodesis.cli.app import app  # noqa: PLC0415 - typer takes longer than the overview
 
     try:
-        app()
+        app(prog_name="tenodesis")
     except Error as problem:
         from rich.console import Console  # noqa: PLC0415
 

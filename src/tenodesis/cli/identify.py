@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 
 from tenodesis import instrument
-from tenodesis.cli.common import ProgressBar, check_choice, check_outputs, console, say, table, write_text
+from tenodesis.cli.common import ProgressBar, check_choice, check_outputs, console, say, table, write_errors, write_text
 from tenodesis.errors import CommandError
 from tenodesis.identification import report
 from tenodesis.identification.figures import axis_label
@@ -117,6 +117,8 @@ def identify(  # noqa: PLR0917
     runs = range(len(problem.runs))
     written = report.write(problem, found, out, runs=runs, format=format_name, law=chosen, notes=notes)
     if json_file is not None:
+        with write_errors(json_file):
+            json_file.parent.mkdir(parents=True, exist_ok=True)
         write_text(json_file, report.as_text(to_json(found, format=format_name, law=chosen, notes=notes)))
     _print_fit(found, written if json_file is None else [*written, json_file], notes)
 

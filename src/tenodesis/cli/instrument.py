@@ -7,7 +7,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from tenodesis import instrument, scaling, tolerance
+from tenodesis import instrument
 from tenodesis.cli.common import InstrumentFile, console
 
 Kind: TypeAlias = Literal["instrument", "catalogue", "tolerances"]
@@ -19,6 +19,8 @@ def schema(
     ),
 ) -> None:
     """Print the JSON schema of a kind of file, for editors that complete and check TOML."""
+    from tenodesis import scaling, tolerance  # noqa: PLC0415 - instrument files do without them
+
     schemas = {
         "instrument": instrument.json_schema,
         "catalogue": scaling.json_schema,

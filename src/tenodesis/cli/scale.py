@@ -20,6 +20,7 @@ from tenodesis.cli.common import (
     write_errors,
 )
 from tenodesis.errors import CommandError
+from tenodesis.extras import require
 from tenodesis.files import atomic_files
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.text import to_file
@@ -74,6 +75,8 @@ def scale(  # noqa: PLR0917
     overwrite: Overwrite = False,
 ) -> None:
     """Design a scale model of an instrument from stock parts: instrument file, test plan, and how similar it is."""
+    for module in ("moocore", "typst"):
+        require(module, "design")
     model = instrument.load(instrument_file)
     parts = scaling.load(*(catalogue or ()))
     pins = _pins(factor, pin or [])

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from tenodesis import instrument, tolerance
 from tenodesis.cli.common import ProgressBar, console, quantity, say, table
+from tenodesis.extras import require
 from tenodesis.report.content import fixed
 from tenodesis.tolerance.conduct import SAMPLES
 from tenodesis.tolerance.report import write
@@ -45,6 +46,7 @@ def study_tolerances(  # noqa: PLR0917
     ] = None,
 ) -> None:
     """Study what tolerances do to a scale model's loss of angle and similarity, and which of them dominate."""
+    require("SALib", "design")
     model, prototype = instrument.load(real_size), instrument.load(scaled_up)
     given = None if tolerances is None else tolerance.load(tolerances)
     newton = None if force is None else quantity("--force", force, PositiveForce)

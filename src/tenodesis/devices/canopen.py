@@ -17,6 +17,7 @@ from tenodesis.devices.can_layout import COLUMNS, DriveFrames, SensorFrame, layo
 from tenodesis.devices.can_setup import MISSED_HEARTBEATS, Setup
 from tenodesis.devices.device import Bench, Capabilities, Measurement
 from tenodesis.errors import DeviceError
+from tenodesis.extras import require
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import CanOpen
 from tenodesis.run import Array
@@ -274,7 +275,8 @@ class CanOpenDevice(Bench):
         return f"CAN interface {self._settings.interface}, channel {self._settings.channel},"
 
     def _connect(self) -> "can.BusABC":
-        import can  # noqa: PLC0415 - slow to import
+        require("canopen", "devices")
+        import can  # noqa: PLC0415 - slow to import; comes with canopen
 
         options: dict[str, Any] = dict(self._settings.options)
         if self._settings.bitrate is not None:

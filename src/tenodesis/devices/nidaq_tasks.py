@@ -1,7 +1,6 @@
 """The tasks of a data acquisition device, in volts and radians of the motors, by nidaqmx."""
 
 import contextlib
-import importlib
 from collections.abc import Callable, Iterator, Sequence
 from math import inf
 from typing import Any, NamedTuple, Protocol
@@ -9,6 +8,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from tenodesis.errors import DeviceError
+from tenodesis.extras import require
 from tenodesis.instrument.devices import NiDaq, NiDrive
 from tenodesis.run import Array
 
@@ -293,12 +293,9 @@ def _first_line(problem: Exception) -> str:
 
 def _driver() -> Any:
     """Return the package nidaqmx, once it has found the driver."""
-    try:
-        ni = importlib.import_module("nidaqmx")
-        for part in ("system", "constants", "errors", "stream_readers", "stream_writers", "types"):
-            importlib.import_module(f"nidaqmx.{part}")
-    except ImportError:
-        raise DeviceError("nidaq needs the Python package nidaqmx, which is not installed; pip installs it.") from None
+    ni: Any = require("nidaqmx", "devices")
+    for part in ("system", "constants", "errors", "stream_readers", "stream_writers", "types"):
+        require(f"nidaqmx.{part}", "devices")
     try:
         _ = ni.system.System.local().driver_version
     except ni.errors.Error:

@@ -16,6 +16,7 @@ from typing import NamedTuple, Self
 from tenodesis import _core
 from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
 from tenodesis.errors import DeviceError
+from tenodesis.extras import require
 from tenodesis.instrument import Instrument
 
 BAUD_RATE = 3_000_000
@@ -242,7 +243,7 @@ def _open(address: str, baud_rate: int) -> Iterator[int]:
 
 @contextmanager
 def _port(path: str, baud_rate: int) -> Iterator[int]:
-    import serial  # noqa: PLC0415 - only where there is a serial port
+    serial = require("serial", "devices")
 
     try:
         port = serial.Serial(path, baud_rate, timeout=0, exclusive=True)

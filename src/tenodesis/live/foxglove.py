@@ -11,6 +11,7 @@ import numpy as np
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
 from tenodesis.errors import LiveError
+from tenodesis.extras import require
 from tenodesis.live import events as happenings
 from tenodesis.live.events import Tail
 from tenodesis.live.source import Source, start_time
@@ -69,7 +70,7 @@ class Server:
             raise LiveError(f"rate is {rate!r}; allowed is a positive number of Hz.")
         if not 0 <= port < 1 << 16:
             raise LiveError(f"port is {port}; allowed are 1 to 65535, or 0 for any that is free.")
-        foxglove = _sdk()
+        foxglove: Any = require("foxglove", "live")
         self._source = source
         self._stride = 1 if rate is None else max(1, round(1 / (rate * source.time_step)))
         self._tail = None if folder is None else Tail(folder / happenings.FILE, at_end=True)
@@ -159,7 +160,7 @@ class Server:
         return bool(happened)
 
     def _channel(self, topic: str, message_type: str, metadata: dict[str, str]) -> "Channel":
-        foxglove = _sdk()
+        foxglove: Any = require("foxglove", "live")
         definition = schemas.definition(message_type).encode()
         schema = foxglove.Schema(name=message_type, encoding=SchemaEncoding.ROS2, data=definition)
         channel: Channel = foxglove.Channel(
@@ -183,11 +184,3 @@ def warning(host: str) -> str | None:
     if loopback:
         return None
     return f"{host} is not this computer alone: everyone who can reach it can watch the instrument, but not move it."
-
-
-def _sdk() -> Any:
-    try:
-        import foxglove  # noqa: PLC0415 - an extra
-    except ImportError:
-        raise LiveError("foxglove-sdk is not installed, which the Foxglove WebSocket needs.") from None
-    return foxglove

@@ -4,11 +4,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import moocore
 import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.errors import DesignError
+from tenodesis.extras import require
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates, candidates, finer
@@ -245,6 +245,7 @@ def search(lower: Array, refine: Callable[[NDArray[np.int64]], tuple[Array, NDAr
     refine
         Returns the costs of some designs by number, as levels, shape (m, 4), and which of them are allowed after all.
     """
+    moocore = require("moocore", "design")
     costs = lower.copy()
     refined = np.zeros(len(costs), bool)
     pool = np.arange(len(costs))
