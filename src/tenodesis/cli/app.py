@@ -7,7 +7,7 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from tenodesis.cli.commands import COMMANDS, HELP, Command, Group, print_overview
+from tenodesis.cli.commands import ALL, Command, Group, print_overview
 
 _DEFAULT = "list"
 
@@ -27,18 +27,14 @@ class _Stub(TyperCommand):
 class _Commands(TyperGroup):
     """A group of stubs; its help imports none of them."""
 
-    def __init__(self, *, group: Group | None = None, **settings: Any) -> None:
-        super().__init__(**settings)
-        self._group = Group(HELP, {}) if group is None else group
-        for name, command in (COMMANDS if group is None else group.commands).items():
-            if isinstance(command, Group):
-                self.commands[name] = _Commands(
-                    name=name, group=command, help=command.help, no_args_is_help=command.default is None
-                )
-            else:
-                self.commands[name] = _Stub(name, command)
-        if self._group.default is not None:
-            self.commands[_DEFAULT] = _Stub(_DEFAULT, self._group.default, hidden=True)
+    def __init__(self, *, group: Group = ALL, **settings: Any) -> None:
+        super().__init__(**settings | {"help": group.help, "no_args_is_help": group.default is None})
+        self._group = group
+        for name, command in group.commands.items():
+            nested = isinstance(command, Group)
+            self.commands[name] = _Commands(name=name, group=command) if nested else _Stub(name, command)
+        if group.default is not None:
+            self.commands[_DEFAULT] = _Stub(_DEFAULT, group.default, hidden=True)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Name the default command where none is."""
@@ -47,8 +43,7 @@ class _Commands(TyperGroup):
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Print the help from the table of commands."""
         usage = " ".join([ctx.command_path, *self.collect_usage_pieces(ctx)])
-        shown = [(name, Command(command.help or "", "")) for name, command in self.commands.items()]
-        print_overview(usage, self.help or "", [(name, one) for name, one in shown if not self.commands[name].hidden])
+        print_overview(usage, self._group.help, self._group.commands.items())
 
 
 def load(function: str) -> Callable[..., None]:
@@ -65,7 +60,7 @@ def built(name: str, function: Callable[..., None]) -> Any:
     return typer.main.get_command(alone)
 
 
-app = typer.Typer(cls=_Commands, help=HELP, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+app = typer.Typer(cls=_Commands, add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.callback()

@@ -1,15 +1,10 @@
 """The command line: which commands there are; the module of a command is imported when the command runs."""
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from tenodesis.errors import Error
-
-HELP = (
-    "Model, scale, test and control tendon-driven hand-held surgical instruments. Research software, not a medical "
-    "device."
-)
 
 
 class Command(NamedTuple):
@@ -25,7 +20,7 @@ class Group(NamedTuple):
     """A command that has commands of its own."""
 
     help: str
-    commands: "dict[str, Command]"
+    commands: "Mapping[str, Command | Group]"
     default: Command | None = None
     """Runs where no command is named."""
 
@@ -108,12 +103,20 @@ COMMANDS: dict[str, Command | Group] = {
         "List devices, or test one.", DEVICES, Command("List the devices and what each needs.", "devices.list_devices")
     ),
 }
+ALL = Group(
+    "Model, scale, test and control tendon-driven hand-held surgical instruments. Research software, not a medical "
+    "device.",
+    COMMANDS,
+)
 
 
 def main() -> None:
     """Run the command line; what a user can mend ends in one sentence and exit code 1."""
-    if sys.argv[1:] == ["--help"]:
-        print_overview("tenodesis [OPTIONS] COMMAND [ARGS]...", HELP, COMMANDS.items())
+    *words, last = sys.argv
+    group = ALL if len(words) == 1 else COMMANDS.get(" ".join(words[1:]))
+    if last == "--help" and isinstance(group, Group):
+        usage = " ".join(["tenodesis", *words[1:], "[OPTIONS] COMMAND [ARGS]..."])
+        print_overview(usage, group.help, group.commands.items())
         return
     from tenodesis.cli.app import app  # noqa: PLC0415 - typer takes longer than the overview
 
