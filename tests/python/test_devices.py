@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import tenodesis as tn
 from tenodesis import instrument
-from tenodesis.cli import commands
+from tenodesis.cli.app import app
 from tenodesis.devices import registry
 from tenodesis.devices.communication_test import Findings, measure
 from tenodesis.devices.device import Capabilities, Measurement
@@ -207,7 +207,7 @@ def test_a_device_without_any_measurement_is_not_good_enough(inst: Instrument) -
 
 
 def test_devices_are_listed_with_what_they_need() -> None:
-    result = CliRunner().invoke(commands.app, ["devices"], env={"COLUMNS": "200"})
+    result = CliRunner().invoke(app, ["devices"], env={"COLUMNS": "200"})
     assert result.exit_code == 0
     for name in ("twin", "canopen", "nidaq", "serial"):
         assert name in result.output
@@ -227,7 +227,7 @@ def test_a_test_by_command_tells_all_and_fails_by_its_exit_code(
             return measured
 
     monkeypatch.setattr(registry, "make", lambda name, inst, address: Quick(inst, EVEN))
-    result = CliRunner().invoke(commands.app, ["devices", "test", "canopen"], env={"COLUMNS": "200"})
+    result = CliRunner().invoke(app, ["devices", "test", "canopen"], env={"COLUMNS": "200"})
     assert result.exit_code == 1
     for told in ("2001 measurements", "interval, p50", "0.5 ms", "rate", "losses", "The script has ended."):
         assert told in result.output
