@@ -16,9 +16,8 @@ from typer.testing import CliRunner
 import tenodesis as tn
 from tenodesis.cli import identify
 from tenodesis.cli.recording import CommandError
-from tenodesis.errors import IdentificationError
 from tenodesis.files import atomic_file, atomic_files
-from tenodesis.identification import FORMATS, Format, Parameter, Trace, registry, report
+from tenodesis.identification import FORMATS, Format, Parameter, Trace, report
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
@@ -77,14 +76,18 @@ def springs(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     def load(path: Path) -> MeasuredRun:
         stretch, tension, angle = np.loadtxt(path)
         time = STEP * np.arange(stretch.size)
-        return MeasuredRun(path.name, time, {"stretch": stretch, "tension": tension, "angle": angle}, ("dropped 1 row",))
+        return MeasuredRun(
+            path.name, time, {"stretch": stretch, "tension": tension, "angle": angle}, ("dropped 1 row",)
+        )
 
-    def problem(train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None) -> Any:
+    def problem(
+        train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None
+    ) -> Any:
         assert law == "capstan-constant"
         return Springs([*train, *test], instrument)
 
-    monkeypatch.setitem(FORMATS, "tendon-sheath", Format(load, problem))
-    monkeypatch.setattr(identify, "usual", lambda _: registry.Usual("capstan-constant", "linear"))
+    laws = ("none", "coulomb", "capstan", "capstan-constant")
+    monkeypatch.setitem(FORMATS, "tendon-sheath", Format(load, problem, laws, law="capstan-constant"))
     yield
 
 
@@ -335,19 +338,6 @@ def test_notes_that_differ_by_the_files_name_alone_are_one() -> None:
     }
     assert report.grouped(notes) == [("a/0.txt, b/1.txt", "… is as published"), ("a/0.txt, 2.txt", "3 gaps")]
     assert report.grouped({"0.txt": ("0.txt is new.",)}) == [("0.txt", "0.txt is new")]
-
-
-def test_a_format_that_is_not_there_is_said_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(registry._MODULES, "csv", ("formats.nowhere", "models.nowhere"))
-    lazy = registry._lazy("csv", "formats.nowhere", "models.nowhere")
-    with pytest.raises(IdentificationError, match=r"format csv is not available here: .*nowhere"):
-        lazy.load(Path("a.csv"))
-    with pytest.raises(IdentificationError, match="format csv is not available here"):
-        lazy.problem([], [], law="none", instrument=None)
-    with pytest.raises(IdentificationError, match="format csv is not available here"):
-        registry.usual("csv")
-    with pytest.raises(IdentificationError, match="format is 'xls'; allowed are davinci-tool"):
-        registry.usual("xls")
 
 
 def test_held_out_files_leave_parameters_alone(logs: list[Path], tmp_path: Path) -> None:
