@@ -11,17 +11,14 @@ import pytest
 from rich.console import Console
 
 import tenodesis as tn
-from tenodesis import control
+from tenodesis import _core, control
 from tenodesis.cli import commands
-from tenodesis.control import export
 from tenodesis.control.parameters import AXIS, COMMON
 from tenodesis.instrument import Instrument
 
-from .conftest import EXAMPLES, ROOT
+from .conftest import EXAMPLES
 
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
-
-INTERFACE = (ROOT / "include/tenodesis/tenodesis.h").read_text()
 
 
 @pytest.fixture
@@ -55,18 +52,6 @@ def numbers_of(text: str) -> dict[str, list[float]]:
     return found
 
 
-def fields_of(struct: str) -> dict[str, str]:
-    """Return the fields of a struct of the C interface with their comments, in order."""
-    body = re.search(r"typedef struct \{([^}]*)\} " + struct + ";", INTERFACE)
-    assert body is not None
-    return {
-        name: comment or ""
-        for name, comment in re.findall(
-            r"^\s*(?:tenodesis_real|tenodesis_limit) (\w+)(?:\[\w+\])?;(?:\s*/\* (.*) \*/)?", body[1], re.MULTILINE
-        )
-    }
-
-
 def test_a_header_holds_every_number_to_its_last_bit(any_inst: Instrument) -> None:
     parameters = control.parameters(any_inst)
     found = numbers_of(control.header(any_inst))
@@ -82,17 +67,13 @@ def test_a_header_holds_every_number_to_its_last_bit(any_inst: Instrument) -> No
             assert tuple(found[name][2 * n + (name in AXIS) * n :][:2]) == limit or name == "load_cell_range"
 
 
-def test_names_order_and_units_are_those_of_the_c_interface() -> None:
-    common = fields_of("tenodesis_parameters")
-    assert tuple(name for name in common if name != "axis") == COMMON
-    axis = fields_of("tenodesis_axis_parameters")
-    assert tuple(axis) == (*AXIS, "spool_jump", "limit")
-    written = {"1/s^0.5": "share per root second", "rad/rad": "rad per rad of |handle angle|"}
-    for name, unit in export.UNITS.items():
-        comment = {**common, **axis}.get(name, "")
-        assert re.search(rf"(^|, ){re.escape(written.get(unit, unit))}( at the spool)?$", comment), name
-    assert f"#define TENODESIS_VERSION {export.INTERFACE_VERSION}u" in INTERFACE
-    assert set(export.LIMIT_UNITS) <= {*control.FAULTS, "spool_jump"}
+def test_a_header_names_unit_and_meaning_of_each_parameter(scaled: Instrument) -> None:
+    text = control.header(scaled)
+    for rows in (_core.control_parameters(), _core.control_axis_parameters()):
+        for name, unit, meaning in rows:
+            assert re.search(rf"^ *\.{name} = .*, /\* {re.escape(f'{unit}: {meaning}')} \*/$", text, re.MULTILINE), name
+    for name, unit, _ in _core.faults():
+        assert f"/* {name}: {unit}, s */" in text
 
 
 def test_the_example_has_the_header_that_is_exported_today(tenodesis: Command, tmp_path: Path) -> None:
@@ -171,9 +152,9 @@ def test_no_name_of_a_file_breaks_the_header(scaled: Instrument) -> None:
     comment = text[: text.index("#ifndef")]
     assert comment.count("*/") == 1
     assert "#error" not in [line.strip() for line in comment.splitlines()]
-    assert export.identifier("2 nd/Größe.x") == "instrument_2_nd_gr_e_x"
-    assert export.identifier("static") == "instrument_static"
-    assert export.identifier("") == "instrument"
+    assert control.identifier("2 nd/Größe.x") == "instrument_2_nd_gr_e_x"
+    assert control.identifier("static") == "instrument_static"
+    assert control.identifier("") == "instrument"
 
 
 def test_numbers_that_make_no_controller_are_not_exported(scaled: Instrument) -> None:

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 import tenodesis as tn
 from tenodesis.control import Controller, OperatingState, Request
-from tenodesis.devices import serial
 from tenodesis.devices.serial import SerialController
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
@@ -246,7 +245,7 @@ def test_a_board_with_sensors_measures_steps_and_sends_by_itself(tmp_path: Path,
     with sb.qemu(tmp_path, by_instructions=False) as (address, _):
         told = scaled.replace(**{"control.watchdog": 0.5})
         with SerialController(address, told, own_clock=True, **PATIENT) as there:
-            image = serial._image(there)
+            image = there.core.parameters()
         with sb.connected(address) as line:
             parameters = Frame(sb.PARAMETERS, 9, 100, struct.pack("<2I", 0, 0) + image)
             assert sb.answer_to(line, parameters).type == sb.DONE

@@ -165,7 +165,7 @@ def test_a_board_that_is_killed_is_a_fault_and_the_loop_does_not_run_in_circles(
         assert np.isnan(run.estimated_output_angle).all()
         # It waits two periods for each tick that does not come.
         assert 0 < loop.core.missed - missed <= 0.6 / loop.period
-        assert loop.problem == "the line's other end has gone"
+        assert loop.problem == "the line's other end was closed"
         comes_to(loop, reader, "clear", FAULT)
 
 

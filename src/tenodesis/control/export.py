@@ -6,85 +6,20 @@ from pathlib import Path
 
 import numpy as np
 
+from tenodesis import _core
 from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
-from tenodesis.control.parameters import AXIS, COMMON, FAULTS
+from tenodesis.control.parameters import FAULTS
 from tenodesis.files import atomic_file
 from tenodesis.instrument import Instrument
 
-INTERFACE_VERSION = 1
+INTERFACE_VERSION: int = _core.INTERFACE_VERSION
 """TENODESIS_VERSION of the interface that headers are written for."""
 
-UNITS = {
-    "period": "s",
-    "speed_limit": "rad/s",
-    "acceleration_limit": "rad/s^2",
-    "engage_time": "s",
-    "tension_limit": "N",
-    "hold_time": "s",
-    "neutral_speed": "rad/s",
-    "relief": "rad",
-    "proximal_radius": "m",
-    "distal_radius": "m",
-    "handle_length": "m",
-    "end_effector_length": "m",
-    "backbone_length": "m",
-    "backbone_rigidity": "N m^2",
-    "handle_range": "rad",
-    "stiffness": "N/m",
-    "pretension": "N",
-    "sheath_bend": "rad",
-    "sheath_bend_rate": "rad/rad",
-    "spool_radius": "m",
-    "drive_speed": "rad/s",
-    "drive_acceleration": "rad/s^2",
-    "drive_time_constant": "s",
-    "hand_play": "rad",
-    "sheath_play": "m",
-    "play": "m",
-    "length_noise": "m",
-    "smoothing": "s",
-    "reference_std": "m",
-    "forgetting": "1/s^0.5",
-    "slack_tension": "N",
-    "gain": "1/s",
-    "breakaway_time": "s",
-    "position_gain": "1/s",
-    "dead_band": "rad",
-    "tendon_speed": "m/s",
-    "common_speed": "m/s",
-    "common_stroke": "m",
-    "patience": "s",
-    "settle_time": "s",
-    "least_tension": "N",
-    "hand_travel": "rad",
-    "still_time": "s",
-    "homing_speed": "m/s",
-    "homing_gain": "1/s",
-    "homing_stroke": "m",
-    "homing_settle_time": "s",
-    "homing_time": "s",
-    "load_cell_range": "N",
-    "handle_noise": "rad",
-    "spool_noise": "rad",
-    "watch_window": "s",
-}
-"""Units of the numbers by their names in the C interface; of those that are not here, 1."""
-
-LIMIT_UNITS = {
-    "tendon_break": "N",
-    "tendon_slack": "N",
-    "over_tension": "N",
-    "load_cell_stuck": "N",
-    "load_cell_range": "N",
-    "load_cell_drift": "N",
-    "encoder_dropout": "rad",
-    "encoder_jump": "rad/s",
-    "spool_slip": "N",
-    "motor_not_following": "rad",
-    "tick_late": "s",
-    "spool_jump": "rad/s",
-}
-"""Units of the faults' thresholds; of those that are not here, 1."""
+_COMMON, _AXIS = (
+    {name: f"{unit}: {meaning}" for name, unit, meaning in rows}
+    for rows in (_core.control_parameters(), _core.control_axis_parameters())
+)
+_LIMIT_UNITS = {name: unit for name, unit, _ in _core.faults()} | {"spool_jump": _core.SPOOL_JUMP_UNIT}
 
 # Words of C99 and C++20 that Python does not keep for itself as well.
 _RESERVED = frozenset(
@@ -175,7 +110,7 @@ def header(
         f"    .safe_state = TENODESIS_SAFE_{_constant(inst.control.safe_state)},",
         f"    .own_clock = {int(own_clock)},",
         f"    .homed = {int(homed)},",
-        *(f"    .{key} = {_number(numbers.common[key])}, /* {UNITS.get(key, '1')} */" for key in COMMON),
+        *(f"    .{key} = {_number(numbers.common[key])}, /* {text} */" for key, text in _COMMON.items()),
         "    .axis =",
         "        {",
     ]
@@ -183,7 +118,7 @@ def header(
         lines += [
             f"            /* {_comment(axis)} */",
             "            {",
-            *(f"                .{key} = {_number(own[key])}, /* {UNITS.get(key, '1')} */" for key in AXIS),
+            *(f"                .{key} = {_number(own[key])}, /* {text} */" for key, text in _AXIS.items()),
             f"                .spool_jump = {_limit('spool_jump', limits['spool_jump'])}",
             "                .limit =",
             "                    {",
@@ -260,7 +195,7 @@ def _number(value: float) -> str:
 def _limit(key: str, limit: tuple[float, float], comment: str | None = None) -> str:
     threshold, persistence = limit
     label = "" if comment is None else f"{comment}: "
-    return f"{{{_number(threshold)}, {_number(persistence)}}}, /* {label}{LIMIT_UNITS.get(key, '1')}, s */"
+    return f"{{{_number(threshold)}, {_number(persistence)}}}, /* {label}{_LIMIT_UNITS[key]}, s */"
 
 
 def _version() -> str:

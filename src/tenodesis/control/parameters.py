@@ -11,8 +11,9 @@ from tenodesis.instrument import Instrument
 FAULTS = tuple(_core.fault_names())
 """Names of the faults, in the order of their bits."""
 
-COMMON = tuple(_core.control_parameters())
-AXIS = tuple(_core.control_axis_parameters())
+COMMON, AXIS = (
+    tuple(name for name, _, _ in rows) for rows in (_core.control_parameters(), _core.control_axis_parameters())
+)
 
 _USUAL_GAIN = 12.0  # 1/s
 # A tip that swings freely turns an integrating loop unstable at twice its damping ratio times its angular frequency.

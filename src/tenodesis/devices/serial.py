@@ -11,21 +11,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from math import isfinite
 from types import TracebackType
-from typing import NamedTuple, Self, get_args
-
-import numpy as np
+from typing import NamedTuple, Self
 
 from tenodesis import _core
 from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
-from tenodesis.control.export import INTERFACE_VERSION
-from tenodesis.control.parameters import AXIS, COMMON, FAULTS
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
 
 BAUD_RATE = 3_000_000
 """Bits per second of a serial port, unless another is given: a tick of one axis takes 138 bytes, 87 of them back."""
 
-_SIZE = 768  # bytes of tenodesis_parameters in float
 _CONNECT_TIMEOUT = 3.0  # s
 _LONGEST_SILENCE = 4e6  # s
 
@@ -133,7 +128,7 @@ class BoardController(Controller):
         with _open(address, baud_rate) as descriptor:
             self.core = self._link = self._core_type(
                 descriptor,
-                _image(self),
+                self.core.parameters(),
                 timeout,
                 max(timeout, _CONNECT_TIMEOUT),
                 repetitions,
@@ -210,30 +205,6 @@ class StreamedController(BoardController):
         """Return its sensors and motors, as the live loop takes them."""
         assert isinstance(self._link, _core.StreamedController)
         return _core.StreamedDevice(self._link)
-
-
-def _image(controller: Controller) -> bytes:
-    """Return a ``tenodesis_parameters`` of ``tenodesis.h`` in float, as it lies in a board's memory."""
-    parameters = controller.parameters
-    words = [
-        _SIZE,
-        INTERFACE_VERSION,
-        parameters.joint_type,
-        len(parameters.axes),
-        get_args(ObserverName).index(controller.observer),
-        get_args(LawName).index(controller.law),
-        get_args(ActuationName).index(controller.actuation),
-        ("hold", "neutral").index(controller.inst.control.safe_state),
-        int(controller.own_clock),
-        int(controller.homed_at_start),
-    ]
-    reals = [parameters.common[name] for name in COMMON]
-    for axis, limits in zip(parameters.axes, parameters.limits, strict=True):
-        reals += [axis[name] for name in AXIS]
-        for name in ("spool_jump", *FAULTS):
-            reals += limits[name]
-    image = np.array(words, "<u4").tobytes() + np.array(reals).astype("<f4").tobytes()
-    return image.ljust(_SIZE, b"\0")
 
 
 @contextmanager

@@ -362,8 +362,8 @@ def _pretension(context: Context, comparison: Comparison) -> CarePoint:
     return CarePoint(
         5,
         "Pretension must scale too",
-        f"{comparison.real_size.pretension:g} N on the real-size instrument is {fixed(scaled, 1)} N on the scaled-up one; "
-        f"the experiments used {comparison.scaled_up.pretension:g} N. Slack then begins at 80° at "
+        f"{comparison.real_size.pretension:g} N on the real-size instrument is {fixed(scaled, 1)} N on the scaled-up "
+        f"one; the experiments used {comparison.scaled_up.pretension:g} N. Slack then begins at 80° at "
         f"{fixed(meant)} N, scaled down, instead of {fixed(small)} N, and the rms similarity error up to "
         f"{comparison.largest_force:g} N grows from {fixed(similar.rms, 2)}° to {fixed(used.rms, 2)}°. Up to "
         f"{EQUIVALENT_FORCE.value} N, where Fig. 14 was taken, no tendon goes slack and without friction the "

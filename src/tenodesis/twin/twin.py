@@ -254,7 +254,7 @@ class Twin:
             raise ValueError("spool_velocity and a controller are both given; allowed is one of them.")
         values = modes = None
         if fault_injection:
-            values = np.zeros((len(rows), count, len(_core.tamper_places())))
+            values = np.zeros((len(rows), count, len(_core.fault_injection_places())))
             modes = np.zeros(values.shape, np.uint8)
             for fault in fault_injection:
                 fault.schedule(self.inst.axes, start, time, values, modes)

@@ -1,7 +1,7 @@
 #pragma once
-// Work compiled for several vector widths, and run in the widest that this processor has.
+// Work that is compiled for several vector widths and run in the widest that this processor has.
 
-namespace tenodesis::bindings {
+namespace tenodesis::engine {
 
 enum class Vectors { plain, avx2, avx512 };
 
@@ -15,7 +15,7 @@ template <class Work>
 #ifdef __clang__
 #define TENODESIS_AVX512 "avx512f,avx512dq,avx512vl,avx2,fma"
 #else
-// gcc keeps to half the width unless told otherwise.
+// By default gcc uses half the width.
 #define TENODESIS_AVX512 "avx512f,avx512dq,avx512vl,avx2,fma,prefer-vector-width=512"
 #endif
 
@@ -51,4 +51,4 @@ void in_widest_vectors(const Work& work) {
 
 #endif
 
-}  // namespace tenodesis::bindings
+}  // namespace tenodesis::engine

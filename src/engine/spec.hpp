@@ -1,5 +1,5 @@
 #pragma once
-// An instrument axis as Python hands it over: a joint type and a row of numbers.
+// An axis of an instrument as it is given in arrays: a joint type and a row of parameters.
 
 #include <array>
 #include <cmath>
@@ -9,27 +9,24 @@
 
 #include "tenodesis/axis.hpp"
 
-namespace tenodesis::bindings {
+namespace tenodesis::engine {
 
-enum Parameter : std::size_t {
-  proximal_radius,
-  distal_radius,
-  handle_length,
-  end_effector_length,
-  given_stiffness,  // NaN: follows from modulus, diameter and length
-  tendon_modulus,
-  tendon_diameter,
-  tendon_length,
-  pretension,
-  backbone_rigidity,
-  backbone_length,
-  parameter_count,
-};
+/// Parameters of an axis in SI units, in the order of a row; without a given stiffness (NaN), it follows from modulus,
+/// diameter and length.
+#define TENODESIS_SPEC_PARAMETERS(ROW)                                                                      \
+  ROW(proximal_radius)                                                                                      \
+  ROW(distal_radius)                                                                                        \
+  ROW(handle_length)                                                                                        \
+  ROW(end_effector_length) ROW(given_stiffness) ROW(tendon_modulus) ROW(tendon_diameter) ROW(tendon_length) \
+      ROW(pretension) ROW(backbone_rigidity) ROW(backbone_length)
 
-inline constexpr std::array<const char*, parameter_count> parameter_names{
-    "proximal_radius", "distal_radius", "handle_length", "end_effector_length", "given_stiffness", "tendon_modulus",
-    "tendon_diameter", "tendon_length", "pretension",    "backbone_rigidity",   "backbone_length"};
-static_assert(parameter_names.back() != nullptr, "every parameter has a name");
+#define TENODESIS_ROW(name) name,
+enum Parameter : std::size_t { TENODESIS_SPEC_PARAMETERS(TENODESIS_ROW) };
+#undef TENODESIS_ROW
+#define TENODESIS_ROW(name) #name,
+inline constexpr std::array parameter_names{TENODESIS_SPEC_PARAMETERS(TENODESIS_ROW)};
+#undef TENODESIS_ROW
+inline constexpr std::size_t parameter_count = parameter_names.size();
 
 enum class JointType { tendon_gear, tendon_pulley, continuum };
 
@@ -42,7 +39,7 @@ struct Spec {
 template <class S>
 using AnyAxis = std::variant<GearAxis<S>, PulleyAxis<S>, ContinuumAxis<S>>;
 
-/// The axis a spec describes, in whatever number type its parameters come.
+/// The axis that a spec describes, in the number type of its parameters.
 template <class S>
 AnyAxis<S> make_axis(const Spec& spec, const std::array<S, parameter_count>& p) {
   const S stiffness = std::isnan(spec.parameters[given_stiffness])
@@ -74,4 +71,4 @@ AnyAxis<S> make_axis(const Spec& spec, const std::array<S, parameter_count>& p) 
 
 inline AnyAxis<double> make_axis(const Spec& spec) { return make_axis(spec, spec.parameters); }
 
-}  // namespace tenodesis::bindings
+}  // namespace tenodesis::engine

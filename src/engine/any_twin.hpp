@@ -1,5 +1,5 @@
 #pragma once
-// A twin of any mechanism behind one face: commands in, signals out, row by row.
+// A twin of any mechanism behind one interface: commands in, signals out, row by row.
 
 #include <algorithm>
 #include <array>
@@ -14,9 +14,9 @@
 #include "twin_spec.hpp"
 #include "vectors.hpp"
 
-namespace tenodesis::bindings {
+namespace tenodesis::engine {
 
-/// Columns of a command, in the order Python hands them over.
+/// Columns of a row of commands.
 inline constexpr std::array command_names{"handle_angle",
                                           "force",
                                           "radial_force",
@@ -51,7 +51,7 @@ inline constexpr std::array signal_names{"measured_handle_angle",
                                          "sweeps"};
 inline constexpr std::size_t signal_count = signal_names.size();
 
-/// Commands of successive steps, each a row of command_count numbers.
+/// Commands of successive steps, each a row of command_count values.
 struct Commands {
   const double* rows{};
 
@@ -83,11 +83,11 @@ class AnyTwin {
 
   /// Runs over count commands; out holds a row of signals per step.
   virtual Progress run(const Commands& commands, std::size_t count, double* out) = 0;
-  /// Runs and keeps every so-manieth step's chosen signals, one after another in out.
+  /// Runs and keeps the chosen signals of every n-th step, one row of out per signal.
   virtual Progress sample(const Commands& commands, std::size_t count, std::span<const std::size_t> signals,
                           std::size_t every, double* out, std::size_t columns) = 0;
   virtual Progress audit(const Commands& commands, std::size_t count, EnergyTotals& totals) = 0;
-  /// One step of a loop that is closed outside.
+  /// One step, for a loop that is closed by the caller.
   virtual Status step(const Command<double>& command) = 0;
   virtual const Reading<double>& reading() const = 0;
   virtual std::string state() const = 0;
@@ -154,7 +154,7 @@ class TwinOf final : public AnyTwin {
   }
 
   void set_state(const std::string& bytes) override {
-    if (bytes.size() != sizeof(State)) throw std::invalid_argument("the state is of another kind of twin");
+    if (bytes.size() != sizeof(State)) throw std::invalid_argument("the state belongs to another kind of twin");
     std::memcpy(&state_, bytes.data(), sizeof(State));
   }
 
@@ -165,7 +165,7 @@ class TwinOf final : public AnyTwin {
   }
 
  private:
-  /// Steps over commands for as long as that goes well, and keeps what is wanted of each.
+  /// Steps over commands until one fails; calls keep(step, command) after each.
   template <class Keep>
   Progress walk(const Commands& commands, std::size_t count, const Keep& keep) {
     Progress progress;
@@ -208,4 +208,4 @@ inline std::unique_ptr<AnyTwin> make_twin(const TwinSpec& spec, std::uint64_t se
   });
 }
 
-}  // namespace tenodesis::bindings
+}  // namespace tenodesis::engine
