@@ -7,11 +7,11 @@ CXX := c++
 endif
 export CXX
 BIN := .venv/bin
-CORE := $(wildcard include/tenodesis/*.hpp)
-BINDINGS := $(wildcard src/bindings/* src/runtime/*)
-C_INTERFACE := $(wildcard src/c/*) include/tenodesis/tenodesis.h examples/controller.c
+CORE := $(wildcard include/tenodesis/*)
+BINDINGS := $(wildcard src/engine/* src/runtime/* src/bindings/*)
+C_INTERFACE := $(wildcard src/c/*) examples/controller.c
 CPP_TESTS := $(wildcard tests/cpp/*)
-TIDY := -std=c++20 -Iinclude -Iexamples -fno-math-errno
+TIDY := -std=c++20 -Iinclude -Isrc -Iexamples -fno-math-errno
 CPP_FILES := $(CORE) $(C_INTERFACE) $(filter %.cpp %.hpp,$(BINDINGS) $(CPP_TESTS) $(wildcard firmware/*))
 
 .PHONY: demo build test test-cpp test-python firmware bench lint format docs lock clean
@@ -29,7 +29,7 @@ build: .venv/.built
 	$(BIN)/pip install --quiet --no-compile --require-hashes -r requirements.lock
 	@touch $@
 
-.venv/.built: .venv/.deps $(CORE) $(BINDINGS) include/tenodesis/tenodesis.h CMakeLists.txt pyproject.toml
+.venv/.built: .venv/.deps $(CORE) $(BINDINGS) CMakeLists.txt pyproject.toml
 	$(BIN)/pip install --quiet --no-build-isolation --no-deps --editable .
 	@touch $@
 
