@@ -148,8 +148,8 @@ class BoardController(Controller):
     @property
     def problem(self) -> Problem | None:
         """What has gone wrong with the link since it was last set up; a request to clear, or a reset, does that."""
-        name, text = self._link.problem()
-        return Problem(name, text) if name else None
+        problem, text = self._link.problem()
+        return Problem(problem.name.lower(), text) if problem else None
 
     @property
     def link_counts(self) -> LinkCounts:
