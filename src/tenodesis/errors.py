@@ -56,7 +56,7 @@ class StudyError(Error, ValueError):
 
 
 class IdentificationError(Error, ValueError):
-    """Measured data cannot be used, or do not determine the parameters; the message says why."""
+    """Measured data cannot be used, or do not determine what is asked of them; the message says why."""
 
 
 class DeviceError(Error):
@@ -75,5 +75,22 @@ class CommandError(Error):
     """A command is given options that do not go together; the message says which."""
 
 
-class MissingLibraryError(Error, RuntimeError):
-    """A library of an optional extra is not installed; the message says how to install it."""
+class MissingExtraError(Error, ImportError):
+    """An optional dependency is not installed; the message says which extra brings it.
+
+    Parameters
+    ----------
+    module
+        The module that is missing.
+    extra
+        Name of the extra that installs it.
+    """
+
+    def __init__(self, module: str, extra: str) -> None:
+        super().__init__(
+            f"{module} is not installed; it needs the extra [{extra}]: pip install 'tenodesis[{extra}]'.",
+            key="module",
+            value=module,
+            allowed=f"installed with the extra [{extra}]",
+        )
+        self.extra = extra

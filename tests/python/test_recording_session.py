@@ -1,6 +1,5 @@
 """Claims about recorded sessions: a run on file can be run again, to the last bit, from what the file says."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.instrument.text import to_toml
 from tenodesis.recording import Recorder, Recording
 from tenodesis.recording.replay import replay
-from tenodesis.recording.session import record
+from tenodesis.recording.simulation import record, write_run
 from tenodesis.run import MEASURED, Run
 from tenodesis.simulate import Cycles, Hold, Motion, Pretension, Protocol, Ramp, StepLoad
 from tenodesis.twin import Twin
@@ -54,7 +53,7 @@ def test_an_instrument_comes_back_from_its_text(name: Any) -> None:
     assert tn.parse(to_toml(inst)) == inst
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     name=st.text(st.characters(exclude_categories=["C", "Z"]), min_size=1, max_size=20),
     description=st.text(max_size=50),
@@ -124,12 +123,6 @@ def test_a_protocols_text_holds_the_recorded_motion(scaled: Instrument, tmp_path
         np.testing.assert_array_equal(values, again.commands(scaled, 1e-3)[name])
 
 
-@pytest.mark.parametrize("given", [{}, {"file": "a.csv", "data": "time,angle"}])
-def test_a_motion_has_a_file_or_data(given: dict[str, str]) -> None:
-    with pytest.raises(ValueError, match="file and data"):
-        Motion(angle_unit="deg", **given)
-
-
 # Recording and replaying
 
 
@@ -149,6 +142,15 @@ def test_a_recording_is_what_the_twin_did_and_replays_bit_by_bit(
     assert again.exact
     assert same(again.run, run)
     assert {difference.largest for difference in again.differences().values()} == {0.0}
+
+
+def test_a_run_written_afterwards_is_the_same_file(scaled: Instrument, tmp_path: Path) -> None:
+    for name, controller in (("plain", None), ("controlled", tn.control.Controller(scaled))):
+        protocol = Protocol(name="p", phases=SHORT.phases[:2])
+        now, later = tmp_path / f"{name}.mcap", tmp_path / f"{name}-later.mcap"
+        run = record(scaled, protocol, now, controller=controller, seed=3)
+        write_run(run, scaled, later, protocol=protocol, controller=controller, seed=3)
+        assert now.read_bytes() == later.read_bytes()
 
 
 def test_a_weight_recorded_as_its_force_replays_bit_by_bit(scaled: Instrument, tmp_path: Path) -> None:
@@ -193,7 +195,7 @@ def test_a_cut_off_recording_replays_up_to_there(scaled: Instrument, tmp_path: P
     assert replay(recording).exact
 
 
-def test_another_instrument_differs_by_what_is_said(scaled: Instrument, tmp_path: Path) -> None:
+def test_differences_to_another_instrument_are_measured(scaled: Instrument, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     run = record(scaled, SHORT, path)
     other = scaled.replace(pretension=20.0)
@@ -232,11 +234,11 @@ def test_a_benchs_recording_is_compared_by_its_sensors(scaled: Instrument, tmp_p
         ({"commanded_handle_angle": None}, {}, "has no handle angle"),
         ({}, {"seed": "many"}, "metadata seed = 'many': it must be a number"),
         ({}, {"time_step": "nan"}, "time_step is nan"),
-        ({"commanded_handle_angle": np.array([0.0, 2.0, 0.0])}, {}, "within the handle's range"),
-        ({"axes": ("pitch",)}, {}, "has the axes pitch, scaled-up yaw; allowed is an instrument with the same"),
+        ({"commanded_handle_angle": np.array([0.0, 2.0, 0.0])}, {}, "the handle's range"),
+        ({"axes": ("pitch",)}, {}, "has the axes pitch, scaled-up yaw; the instrument must have the same"),
     ],
 )
-def test_what_cannot_be_replayed_is_said(
+def test_what_cannot_be_replayed_is_refused(
     scaled: Instrument, tmp_path: Path, change: dict[str, Any], metadata: dict[str, str], sentence: str
 ) -> None:
     run = replace(
@@ -309,11 +311,9 @@ def test_a_broken_tendon_ends_the_run(scaled: Instrument) -> None:
     twin = Faulty(scaled)
     twin.loosen()
     protocol = Protocol(name="p", phases=(Pretension(travel="8 mm"),))
-    with pytest.raises(ProtocolError) as told:
+    reasons = r"(the antagonist of yaw reads 0 N after the travel of 8 mm|the tip's yaw turned)"
+    with pytest.raises(ProtocolError, match=reasons):
         simulate.execute(twin, protocol)
-    assert re.search(
-        r"(the antagonist of yaw reads 0 N after the travel of 8 mm|the tip's yaw turned)", str(told.value)
-    )
 
 
 def test_load_cells_that_disagree_do_not_pull_the_tip_aside(pulley: Instrument) -> None:
@@ -327,8 +327,10 @@ def test_a_load_cell_out_of_range_ends_the_run(scaled: Instrument) -> None:
 
 
 def test_a_jammed_motor_ends_the_run(scaled: Instrument) -> None:
-    with pytest.raises(ProtocolError, match=r"after the timeout of 30 s with 0\.\d+ mm wound.*jammed"):
-        tightened(scaled.replace(**{"drives.motor_speed": 1e-3}))
+    twin = Twin(scaled.replace(**{"drives.motor_speed": 1e-3}))
+    protocol = Protocol(name="p", phases=(Pretension(tension="35 N", timeout="2 s"),))
+    with pytest.raises(ProtocolError, match=r"after the timeout of 2 s with 0\.\d+ mm wound.*jammed"):
+        simulate.execute(twin, protocol)
 
 
 def test_an_instruments_text_of_another_version_is_refused_in_a_sentence(tmp_path: Path) -> None:

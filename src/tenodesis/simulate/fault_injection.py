@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis import _core
+from tenodesis.errors import ArgumentError
 
-INJECTION_POINTS = tuple(_core.tamper_places())
+INJECTION_POINTS = tuple(_core.fault_injection_places())
 """Signals that a fault can be injected into: sensors, spool velocities on their way to the drives, and the tick."""
 
 InjectionPoint: TypeAlias = Literal[
@@ -27,13 +28,13 @@ _MODES = ("none", "add", "set", "hold")
 
 @dataclass(frozen=True)
 class FaultInjection:
-    """A fault on one signal for a time: a value added, set instead, or the last one held.
+    """A fault on one signal for a time: a value added, a value set instead, or the last value held.
 
-    Of ``tick``, ``hold`` leaves ticks out and ``add`` moves their time, s.
+    On ``tick``, ``hold`` leaves ticks out and ``add`` shifts their time, s.
 
     Raises
     ------
-    ValueError
+    ArgumentError
         There is no such point or mode.
     """
 
@@ -49,9 +50,9 @@ class FaultInjection:
 
     def __post_init__(self) -> None:
         if self.point not in INJECTION_POINTS:
-            raise ValueError(f"point is {self.point!r}; it must be one of {', '.join(INJECTION_POINTS)}.")
+            raise ArgumentError(key="point", value=self.point, allowed=f"one of {', '.join(INJECTION_POINTS)}")
         if self.mode not in _MODES[1:]:
-            raise ValueError(f"mode is {self.mode!r}; it must be one of {', '.join(_MODES[1:])}.")
+            raise ArgumentError(key="mode", value=self.mode, allowed=f"one of {', '.join(_MODES[1:])}")
 
     def schedule(
         self,
@@ -76,11 +77,11 @@ class FaultInjection:
 
         Raises
         ------
-        ValueError
+        ArgumentError
             The instrument has no such axis.
         """
         if self.axis is not None and self.axis not in axes:
-            raise ValueError(f"axis is {self.axis!r}; it must be one of {', '.join(axes)}.")
+            raise ArgumentError(key="axis", value=self.axis, allowed=f"one of {', '.join(axes)}")
         if self.stop <= start:
             return
         during = (time > self.start) & (time <= self.stop)

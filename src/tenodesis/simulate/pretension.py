@@ -1,4 +1,4 @@
-"""Winding until the tendons are tight."""
+"""The closed-loop phase: winding until the tendons are tight."""
 
 import math
 from collections.abc import Iterator
@@ -11,15 +11,14 @@ from pydantic import Field
 from tenodesis.errors import ProtocolError
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array, Run
-from tenodesis.simulate.command import Command, Segment, sampled
-from tenodesis.simulate.phase import Phase
-from tenodesis.simulate.twin import Twin
+from tenodesis.simulate.command import Command, Plant, Segment, sampled
+from tenodesis.simulate.phases import Phase
 from tenodesis.units import Duration, Length, WindingSpeed, WindingTension
 
 _CYCLE = 0.01
 """Time between two commands to the drives, over which the load cells' readings are averaged, s."""
 _SETTLING = 0.1
-"""Time in which what is missing shrinks to a third, once the speed is no longer at its limit, s."""
+"""Time constant of the tension's error, once the speed is no longer at its limit, s."""
 _SETTLED = 0.2
 """Time within the tolerance after which the drives are stopped, s."""
 _STOPPED = 0.2
@@ -46,14 +45,14 @@ class Pretension(Phase):
         default=None, description="Length wound after which to give up; 10 mm and twice the stretch if not given"
     )
 
-    def after(self, held: Command, inst: Instrument) -> Command:
-        """Return the command the phase ends with: the drives at rest."""
+    def end(self, command: Command, inst: Instrument) -> Command:
+        """Return the command that the phase ends with, after a command: the drives at rest."""
         for axis in self._axes(inst):
-            held = held.on(axis, spool_velocity=0.0)
-        return held
+            command = command.on(axis, spool_velocity=0.0)
+        return command
 
-    def run(self, twin: Twin, held: Command) -> Iterator[Run]:
-        """Wind, and yield what a twin says to that in short runs.
+    def run(self, plant: Plant, command: Command) -> Iterator[Run]:
+        """Wind, from a command on, and yield the plant's response in short runs.
 
         Raises
         ------
@@ -61,58 +60,58 @@ class Pretension(Phase):
             A tendon does not get tight within timeout and travel, its load cell reads nothing, or the tip is pulled
             aside.
         """
-        axes = self._axes(twin.inst)
-        insts = [_alone(twin.inst, axis) for axis in axes]
-        wanted = np.array([[inst.pretension if self.tension is None else self.tension] for inst in insts])
-        stretch = wanted / [[inst.tendon_stiffness] for inst in insts]
-        travel = _SLACK + 2 * stretch if self.travel is None else np.full_like(wanted, self.travel)
-        settling = max(_SETTLING, _SLOWNESS * twin.inst.drives.time_constant)
+        axes = self._axes(plant.inst)
+        insts = [plant.inst.planar[axis] for axis in axes]
+        target = np.array([[inst.pretension if self.tension is None else self.tension] for inst in insts])
+        stretch = target / [[inst.tendon_stiffness] for inst in insts]
+        travel = _SLACK + 2 * stretch if self.travel is None else np.full_like(target, self.travel)
+        settling = max(_SETTLING, _SLOWNESS * plant.inst.drives.time_constant)
         gain = np.array([[1 / (inst.tendon_stiffness * settling)] for inst in insts])
-        steps = max(1, round(_CYCLE / twin.time_step))
-        stopped = _STOPPED + twin.inst.drives.time_constant
-        held, elapsed, settled = self.after(held, twin.inst), 0.0, 0.0
+        steps = max(1, round(_CYCLE / plant.time_step))
+        stopped = _STOPPED + plant.inst.drives.time_constant
+        command, elapsed, settled = self.end(command, plant.inst), 0.0, 0.0
         first: Run | None = None
         while settled < _SETTLED + stopped:
-            (commands,) = sampled([Segment(held, held, steps)], steps)
-            run = twin.run(**commands)
+            (commands,) = sampled([Segment(command, command, steps)], steps)
+            run = plant.run(**commands)
             yield run
             first = first or run
-            elapsed += steps * twin.time_step
-            read = _read(run)[axes]
-            missing = wanted - read
-            tight = np.abs(missing) <= self.tolerance
-            settled = settled + steps * twin.time_step if tight.all() else 0.0
-            wound = _turned(first, run, "measured_spool_angle", (-1, 2))[axes] * twin.spool_radius
-            self._refuse_drift(twin.inst, _turned(first, run, "measured_output_angle", (-1,))[axes])
-            over = (wound > travel) & ~tight
-            if over.any():
-                given = f"the travel of {travel[over.any(axis=1)][0, 0] * 1e3:.3g} mm"
-                raise ProtocolError(self._told(twin.inst, over, given, read=read, wanted=wanted, wound=wound))
+            elapsed += steps * plant.time_step
+            tension = _measured_tension(run)[axes]
+            error = target - tension
+            tight = np.abs(error) <= self.tolerance
+            settled = settled + steps * plant.time_step if tight.all() else 0.0
+            wound = _turned(first, run, "measured_spool_angle", (-1, 2))[axes] * plant.spool_radius
+            self._check_tip(plant.inst, _turned(first, run, "measured_output_angle", (-1,))[axes])
+            beyond = (wound > travel) & ~tight
+            if beyond.any():
+                limit = f"the travel of {travel[beyond.any(axis=1)][0, 0] * 1e3:.3g} mm"
+                raise self._not_tight(plant.inst, beyond, limit, tension=tension, target=target, wound=wound)
             if settled < _SETTLED + stopped and elapsed >= self.timeout:
-                given = f"the timeout of {self.timeout:g} s"
-                raise ProtocolError(self._told(twin.inst, ~tight, given, read=read, wanted=wanted, wound=wound))
+                limit = f"the timeout of {self.timeout:g} s"
+                raise self._not_tight(plant.inst, ~tight, limit, tension=tension, target=target, wound=wound)
             speed = self.rate if settled < _SETTLED else 0.0
-            winding = np.clip(missing * gain, -speed, speed) / twin.spool_radius
+            winding = np.clip(error * gain, -speed, speed) / plant.spool_radius
             for axis, velocity in zip(axes, winding, strict=True):
-                held = held.on(axis, spool_velocity=velocity)
+                command = command.on(axis, spool_velocity=velocity)
 
     def _axes(self, inst: Instrument) -> list[int]:
         return list(range(len(inst.axes))) if self.axis is None else [inst.axes.index(self.axis)]
 
-    def _refuse_drift(self, inst: Instrument, turned: Array) -> None:
-        """Refuse to pull the tip aside, which load cells that disagree would do without end."""
+    def _check_tip(self, inst: Instrument, turned: Array) -> None:
+        """Check that the tip (rad, by axis) is not pulled aside, which load cells that disagree would do endlessly."""
         for axis, angle in zip(self._axes(inst), turned, strict=True):
             if abs(angle) > _DRIFT:
                 raise ProtocolError(
                     f"the tip's {inst.axes[axis]} turned by {math.degrees(angle):.3g} deg while its tendons were "
-                    f"wound; allowed is {math.degrees(_DRIFT):.3g} deg: hook both tendons in, or calibrate their load "
-                    "cells"
+                    f"wound; it must be at most {math.degrees(_DRIFT):.3g} deg: hook both tendons in, or calibrate "
+                    "their load cells"
                 )
 
-    def _told(
-        self, inst: Instrument, wrong: NDArray[np.bool_], given: str, *, read: Array, wanted: Array, wound: Array
-    ) -> str:
-        """Say which tendon is not tight, or the first that is not steady, after what it was given."""
+    def _not_tight(
+        self, inst: Instrument, wrong: NDArray[np.bool_], limit: str, *, tension: Array, target: Array, wound: Array
+    ) -> ProtocolError:
+        """Return the error about the first tendon that is not tight at a limit, or else about the first tendon."""
         row, tendon = np.argwhere(wrong)[0] if wrong.any() else (0, 0)
         name = f"the {('agonist', 'antagonist')[tendon]} of {inst.axes[self._axes(inst)[row]]}"
         length = wound[row, tendon]
@@ -120,21 +119,17 @@ class Pretension(Phase):
         advice = "hook it in, or give a larger timeout, rate or tolerance"
         if not np.isnan(length):
             advice = "see whether it is unhooked, broken or jammed, or give a larger timeout, travel, rate or tolerance"
-        return (
-            f"{name} reads {read[row, tendon]:.4g} N after {given}{by_motor}; allowed is "
-            f"{wanted[row, 0]:g} ± {self.tolerance:g} N for {_STOPPED:g} s: {advice}"
+        return ProtocolError(
+            f"{name} reads {tension[row, tendon]:.4g} N after {limit}{by_motor}; it must be "
+            f"{target[row, 0]:g} ± {self.tolerance:g} N for {_STOPPED:g} s: {advice}"
         )
 
 
-def _alone(inst: Instrument, axis: int) -> Instrument:
-    return inst.axis(inst.axes[axis]) if len(inst.axes) > 1 else inst
-
-
-def _read(run: Run) -> Array:
-    """Return the mean tensions the load cells read, by axis and tendon, N."""
+def _measured_tension(run: Run) -> Array:
+    """Return the mean tensions that the load cells read, N, shape (axes, 2)."""
     read = np.full(2, np.nan) if run.measured_tension is None else np.mean(run.measured_tension, axis=0)
     if not np.isfinite(read).all():
-        raise ProtocolError("the load cells read no tension; allowed is a twin or bench that measures both tendons'")
+        raise ProtocolError("the load cells read no tension; both tendons' tension must be measured")
     return read.reshape(-1, 2)
 
 

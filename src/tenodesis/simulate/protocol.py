@@ -1,42 +1,43 @@
-"""Protocols: what is done on the bench, phase by phase."""
+"""Protocols: phases in order, their plan on an instrument, and the files they are read from."""
 
 import math
 from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated, NamedTuple, TypeAlias
 
 import tomli_w
 from pydantic import Field, field_validator
 
 from tenodesis.errors import ProtocolError
+from tenodesis.files import parse_toml, read_text, validated
 from tenodesis.instrument import Instrument, Name
 from tenodesis.instrument.text import with_units
 from tenodesis.run import Array
 from tenodesis.simulate.command import Command, Segment, joined, sampled
-from tenodesis.simulate.cycles import Cycles
-from tenodesis.simulate.hold import Hold
 from tenodesis.simulate.motion import Motion
-from tenodesis.simulate.phase import Setting, Strict
+from tenodesis.simulate.phases import Cycles, Hold, ProtocolModel, Ramp, Start, StepLoad
 from tenodesis.simulate.pretension import Pretension
-from tenodesis.simulate.ramp import Ramp
-from tenodesis.simulate.step_load import StepLoad
 
 AnyPhase: TypeAlias = Pretension | Hold | Cycles | StepLoad | Ramp | Motion
 
 LONGEST = 3600.0
 """Longest run, s."""
 
+_SHIPPED = Path(__file__).parent / "shipped"
+
 
 class Planned(NamedTuple):
-    """A phase on an instrument: what it begins with, and its segments, none if it is closed-loop."""
+    """A phase on an instrument: its label in errors, its initial command, and its segments if it is open-loop."""
 
     phase: AnyPhase
-    called: str
-    held: Command
+    label: str
+    initial: Command
     segments: tuple[Segment, ...]
     seconds: float
 
 
-class Protocol(Strict):
+class Protocol(ProtocolModel):
     """What is done on the bench; the handle begins straight, without load, the drives at rest."""
 
     name: Name = Field(description="What the protocol is called")
@@ -45,13 +46,13 @@ class Protocol(Strict):
 
     @field_validator("phases")
     @classmethod
-    def _some_phases(cls, phases: tuple[AnyPhase, ...]) -> tuple[AnyPhase, ...]:
+    def _check_phases(cls, phases: tuple[AnyPhase, ...]) -> tuple[AnyPhase, ...]:
         if not phases:
-            raise ValueError("allowed are one or more phases")
+            raise ValueError("it must have one or more phases")
         return phases
 
     def to_toml(self) -> str:
-        """Return the text of a protocol file that gives this protocol again, recorded motions within."""
+        """Return the text of a protocol file of this protocol, recorded motions included."""
         phases = [phase.with_data() if isinstance(phase, Motion) else phase for phase in self.phases]
         tables = [{"kind": phase.kind} | with_units(phase, unset=False) for phase in phases]
         return tomli_w.dumps(with_units(self, unset=False) | {"phases": tables}, multiline_strings=True)
@@ -64,7 +65,7 @@ class Protocol(Strict):
         inst
             The instrument.
         time_step
-            Time step, s, to whole ones of which every move is rounded up; closed-loop phases count with their timeout.
+            Time step, s; every move is rounded up to full time steps, and closed-loop phases count with their timeout.
 
         Raises
         ------
@@ -111,8 +112,8 @@ class Protocol(Strict):
         closed = [phase.kind for phase in self.phases if isinstance(phase, Pretension)]
         if closed:
             raise ProtocolError(
-                f"{self.name}: the commands of a {closed[0]} phase follow from what load cells read; "
-                "allowed is to execute the protocol on a twin"
+                f"{self.name}: the commands of a {closed[0]} phase follow from its load cells; "
+                "execute the protocol on a twin instead"
             )
         return joined(list(self.blocks(inst, time_step)))
 
@@ -126,25 +127,75 @@ class Protocol(Strict):
         """
         block_size(time_step, time_step)
         plan: list[Planned] = []
-        held, total = Command.rest(len(inst.axes)), 0.0
+        command, total = Command.rest(len(inst.axes)), 0.0
         for number, phase in enumerate(self.phases, 1):
-            called = f"{self.name}: phase {number} ({phase.kind})"
-            try:
-                planned, held = _planned(phase, called, inst, held, time_step)
-            except ProtocolError as problem:
-                raise ProtocolError(f"{called}: {problem}.") from None
+            label = f"{self.name}: phase {number} ({phase.kind})"
+            with errors_of(label):
+                planned, command = _planned(phase, label, inst, command, time_step)
             plan.append(planned)
             total += planned.seconds
             if total > LONGEST * (1 + 1e-6):
                 raise ProtocolError(
-                    f"{called}: the run lasts {total / 3600:.4g} h by its end; allowed is 1 h in all, since every "
-                    "time step is computed and kept."
+                    f"{label}: the run lasts {total / 3600:.4g} h by its end; it must last at most 1 h in all, since "
+                    "every time step is computed and kept."
                 )
         return plan
 
 
+def shipped() -> tuple[str, ...]:
+    """Return the names of the protocols that come with the package."""
+    return tuple(sorted(file.stem for file in _SHIPPED.glob("*.toml")))
+
+
+def load(name_or_path: str | Path) -> Protocol:
+    """Read a protocol that comes with the package, by name, or a protocol file, by path.
+
+    Raises
+    ------
+    ProtocolError
+        There is no such protocol or file, it cannot be read, or it is not valid.
+    """
+    source = str(name_or_path)
+    path = _SHIPPED / f"{source}.toml" if source in shipped() else Path(name_or_path)
+    text = read_text(path, ProtocolError, source=source, kind="protocol", names=shipped())
+    return parse(text, source, folder=path.parent)
+
+
+def parse(text: str, source: str = "protocol", *, folder: Path | None = None) -> Protocol:
+    """Read a protocol from the text of a protocol file.
+
+    Parameters
+    ----------
+    text
+        The text.
+    source
+        What messages start with.
+    folder
+        Where recorded motions are; the working directory if not given.
+
+    Raises
+    ------
+    ProtocolError
+        The text is not TOML or not a valid protocol.
+    """
+    context = {"file": True, "folder": folder or Path()}
+    values = parse_toml(text, ProtocolError, source)
+    return validated(Protocol, values, ProtocolError, source, context=context, entries={"phases": "phase"})
+
+
+@contextmanager
+def errors_of(label: str) -> Iterator[None]:
+    """Name the phase that an error within is about."""
+    try:
+        yield
+    except ProtocolError as problem:
+        raise ProtocolError(
+            f"{label}: {problem}.", key=problem.key, value=problem.value, allowed=problem.allowed
+        ) from None
+
+
 def block_size(time_step: float, seconds: float) -> int:
-    """Return how many time steps (s) fit into a block of some seconds, one at least.
+    """Return how many time steps (s) fit into a block of some seconds, at least 1.
 
     Raises
     ------
@@ -153,20 +204,25 @@ def block_size(time_step: float, seconds: float) -> int:
     """
     for key, value in (("time_step", time_step), ("seconds", seconds)):
         if not 1e-9 <= value < math.inf:
-            raise ProtocolError(f"{key} is {value!r}; allowed is a time of at least 1e-9 s.")
+            raise ProtocolError(key=key, value=value, allowed="a time of at least 1e-9 s")
     return max(1, math.floor(seconds / time_step * (1 + 1e-9)))
 
 
 def _planned(
-    phase: AnyPhase, called: str, inst: Instrument, held: Command, time_step: float
+    phase: AnyPhase, label: str, inst: Instrument, initial: Command, time_step: float
 ) -> tuple[Planned, Command]:
-    """Return a phase as it is after a command, and the command it ends with."""
+    """Return a phase as it is after an initial command, and the command it ends with."""
     if phase.axis is not None and phase.axis not in inst.axes:
-        raise ProtocolError(f"axis is {phase.axis}; allowed is {' or '.join(inst.axes)}, which {inst.name} has")
+        allowed = " or ".join(inst.axes)
+        raise ProtocolError(
+            f"axis is {phase.axis}; it must be {allowed}, which {inst.name} has",
+            key="axis",
+            value=phase.axis,
+            allowed=allowed,
+        )
     if isinstance(phase, Pretension):
-        return Planned(phase, called, held, (), phase.timeout), phase.after(held, inst)
-    name = phase.axis or inst.axes[0]
-    alone = inst.axis(name) if len(inst.axes) > 1 else inst
-    segments = tuple(phase.segments(Setting(alone, inst.axes.index(name), held, time_step)))
+        return Planned(phase, label, initial, (), phase.timeout), phase.end(initial, inst)
+    axis = 0 if phase.axis is None else inst.axes.index(phase.axis)
+    segments = tuple(phase.segments(Start(inst.planar[axis], axis, initial, time_step)))
     seconds = math.fsum(segment.steps * time_step for segment in segments)
-    return Planned(phase, called, held, segments, seconds), segments[-1].end
+    return Planned(phase, label, initial, segments, seconds), segments[-1].end

@@ -14,8 +14,8 @@ from math import asin, cos, hypot, inf, isnan, nan, pi, sin
 from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
+from tenodesis.extras import require
 from tenodesis.instrument import TendonGear
-from tenodesis.verification import peer
 
 _TIME_STEP = 1e-3  # s
 # The straight joint, at its stiffest, is overdamped at this rate (rad/s): it then creeps to the nearest
@@ -196,7 +196,7 @@ def two_axis_xml(inst: TendonGear, yaw: float, pitch: float, *, gap: float | Non
 
 def _settle(xml: str, loads: tuple[float, ...]) -> list[Settled]:
     """Settle each axis of a model, first unloaded and then under these loads (N, in actuator order)."""
-    mujoco = peer("mujoco", "MuJoCo")
+    mujoco = require("mujoco", "verify")
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     steps = 0
