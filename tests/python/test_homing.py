@@ -1,6 +1,7 @@
 """From slack tendons to their pretension: repeatable, whatever there is of friction, and given up where it must be."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -57,7 +58,7 @@ def home(
     sheath_bend: float = 0.0,
     handle: float = 0.0,
     let_out: Array | float = 0.0,
-    tampering: Sequence[FaultInjection] = (),
+    fault_injection: Sequence[FaultInjection] = (),
 ) -> tuple[Run, Twin]:
     """Loosen an instrument, bend its handle, and home it."""
     twin = Twin(plant, seed=seed)
@@ -73,10 +74,7 @@ def home(
         let_out=let_out,
         controller=controller,
         request=request,
-        fault_injection=[
-            FaultInjection(one.place, one.mode, one.value, one.rate, one.start + twin.time, one.stop)
-            for one in tampering
-        ],
+        fault_injection=[replace(one, start=one.start + twin.time) for one in fault_injection],
     )
     return run, twin
 
