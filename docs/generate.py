@@ -1,7 +1,6 @@
-"""Write what is generated, not typed: tables in docs/, the editor schema, the typed stub of the C++ module."""
+"""Write what is generated, not typed: tables and figures in docs/, and the typed stub of the C++ module."""
 
 import ast
-import json
 import re
 import subprocess
 import sys
@@ -10,9 +9,10 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
+import dimensions
 import picture
 
-from tenodesis import instrument, scaling
+from tenodesis import instrument
 from tenodesis.paper import run
 from tenodesis.paper.context import Context
 
@@ -25,14 +25,10 @@ def main(folder: Path = ROOT) -> None:
     (folder / "docs").mkdir(parents=True, exist_ok=True)
     (folder / "docs/traceability.md").write_text(traceability(), "utf-8")
     package = folder / "src/tenodesis"
-    (package / "instruments").mkdir(parents=True, exist_ok=True)
-    schema = json.dumps(instrument.json_schema(), indent=2, ensure_ascii=False)
-    (package / "instruments/instrument.schema.json").write_text(schema + "\n", "utf-8")
-    (package / "catalogue").mkdir(exist_ok=True)
-    schema = json.dumps(scaling.json_schema(), indent=2, ensure_ascii=False)
-    (package / "catalogue/catalogue.schema.json").write_text(schema + "\n", "utf-8")
+    package.mkdir(parents=True, exist_ok=True)
     (package / "_core.pyi").write_text(stub(), "utf-8")
     picture.draw(folder / "docs/picture.svg")
+    dimensions.draw(folder / "docs/dimensions.svg")
 
 
 def traceability() -> str:

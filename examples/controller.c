@@ -21,7 +21,7 @@ typedef struct {
   double force;        /* at the tip, N */
   double spool[2];     /* rad */
   double speed[2];     /* rad/s */
-  unsigned noise;      /* of the load cells; one that does not even flicker is taken for stuck */
+  unsigned noise;      /* of the load cells; a reading that never flickers counts as stuck */
 } plant;
 
 static void measure(plant* on, const tenodesis_axis_parameters* p, tenodesis_measurement* to) {
@@ -83,7 +83,7 @@ int main(void) {
     instrument.force = time < 1.5 ? 0 : 0.5;
     measure(&instrument, axis, &input.axis[0]);
 
-    /* One reading that is none, an order to forget it, and one to go on. */
+    /* A reading that is not a number, a request to clear the fault, and one to enable again. */
     if (tick == 7000) input.axis[0].handle_angle = (tenodesis_real)NAN;
     if (tick == 7600) input.request = TENODESIS_REQUEST_CLEAR;
     if (tick == 7800) input.request = TENODESIS_REQUEST_ENABLE;

@@ -1,13 +1,13 @@
 #pragma once
-// Stands for the sensors and motors of a board that has them: two tendons of the scaled-up instrument at a straight
-// handle, on spools that do what they are told.
+// Simulates the sensors and motors of a board: two tendons of the scaled-up instrument at a straight handle, on spools
+// that follow their commands exactly.
 
 #include "tenodesis/tenodesis.h"
 
 class Bench {
  public:
   void measure(tenodesis_measurement& measured) {
-    noise_ = -noise_;  // a cell that never flickers is one that is stuck
+    noise_ = -noise_;  // a reading that never flickers counts as stuck
     measured = {};
     for (int i = 0; i < 2; ++i) {
       measured.spool_angle[i] = angle_[i];

@@ -13,10 +13,11 @@ class Clock {
     systick->control = enabled | interrupts | at_processor_clock;
   }
 
-  /// Ticks of the processor's clock. To be asked at least once a turn, 5 ms, which its interrupt wakes a sleeper for.
+  /// Ticks of the processor's clock. Must be called at least once per turn, 5 ms, at which its interrupt wakes the
+  /// processor.
   std::uint64_t ticks() {
     std::uint32_t left = 0;
-    // Whether the value read is of this turn is known only if none has ended since.
+    // The value is of this turn only if no turn has ended since.
     do {
       while (turned()) turns_ += turn;
       left = systick->value;

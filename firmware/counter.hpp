@@ -1,10 +1,10 @@
 #pragma once
-// How many instructions a piece of work takes.
+// Counts the instructions of a piece of work.
 //
-// QEMU has no cycle counter. With `-icount shift=6` its clock stands still but for the instructions it executes, each
-// of which moves it on by 2^6 ns; so SysTick, driven by that clock, counts instructions, the same number in every run
-// whatever the PC is busy with. How many ticks an instruction makes is the board's clock's doing and is measured. On a
-// chip the same code gives processor cycles in the unit of a loop of nops.
+// QEMU has no cycle counter. With `-icount shift=6` its clock advances by 2^6 ns per instruction executed, so that
+// SysTick, driven by that clock, counts instructions reproducibly, whatever the load of the PC. The number of ticks per
+// instruction depends on the board's clock and is measured. On a chip the same code gives processor cycles in the unit
+// of a loop of nops.
 
 #include <cstdint>
 
@@ -13,7 +13,7 @@ class InstructionCounter {
   InstructionCounter() {
     systick->reload = longest;
     systick->control = enabled | at_processor_clock;
-    // The difference of two loops, which is free of what it takes to measure one.
+    // The difference of two loops cancels the cost of measuring.
     ticks_ = ticks_of(nops<2 * loops>) - ticks_of(nops<loops>);
     overhead_ = instructions(ticks_of([] {}));
   }
@@ -42,19 +42,19 @@ class InstructionCounter {
     asm volatile("1: nop\n nop\n nop\n subs %0, #1\n bne 1b" : "+r"(left) : : "cc");
   }
 
-  // A tick is not a whole number of instructions: the last one that has begun counts.
+  // A tick is not an integer number of instructions: rounded up.
   std::uint32_t instructions(std::uint32_t ticks) const {
     return (ticks * (loops * instructions_per_loop) + ticks_ - 1) / ticks_;
   }
 
-  // Clearing the counter starts a tick, so that equal work gives equal ticks.
+  // Clearing the counter starts a tick, so that equal work gives equal counts.
   template <class Work>
   [[gnu::noinline]] static std::uint32_t ticks_of(const Work& work) {
     systick->value = 0;
     while (systick->value == 0) {
     }
     const std::uint32_t before = systick->value;
-    asm volatile("" : : : "memory");  // the compiler is to move no work out of the two readings
+    asm volatile("" : : : "memory");  // no work may be moved past the two readings
     work();
     asm volatile("" : : : "memory");
     return before - systick->value;

@@ -1,6 +1,6 @@
 #pragma once
-// The board's side of the link: frames in, one answer each, and a controller that acts on none of them twice. Knows
-// nothing of lines, clocks and motors, so that it runs on any board, and on a PC under test.
+// The board's side of the link: frames in, an answer to each, and a controller that acts on no frame twice. Independent
+// of lines, clocks and motors, so that it runs on any board, and on a PC under test.
 
 #include "tenodesis/frame.hpp"
 #include "tenodesis/tenodesis.h"
@@ -8,11 +8,11 @@
 namespace tenodesis::link {
 
 static_assert(sizeof(tenodesis_real) == sizeof(float), "what is sent is float");
-static_assert(sizeof(tenodesis_parameters) == parameters_size && most_axes == TENODESIS_AXES);
+static_assert(sizeof(tenodesis_parameters) == sizeof(ControllerParameters) && most_axes == TENODESIS_AXES);
 static_assert(TENODESIS_LAW_ROBUST < 0x10000 && TENODESIS_ACTUATION_DIFFERENTIAL < 0x10000);
 static_assert(sizeof(Counted) == sizeof(tenodesis_counts) && sizeof(Measured) == sizeof(tenodesis_measurement));
 
-/// Bytes to send; none where there is nothing to say.
+/// Bytes to send; may be none.
 struct Bytes {
   const std::uint8_t* data{};
   std::size_t size{};
@@ -25,21 +25,21 @@ class Endpoint {
     for (int k = 0; k < 31 && name[k] != 0; ++k) name_[k] = name[k];
   }
 
-  /// Takes a frame, at a time by the board's clock, ns. The answer stays until the next call of any kind.
+  /// Takes a frame, at a time by the board's clock, ns. The answer is valid until the next call of any kind.
   Bytes take(const Decoder& frame, std::uint64_t now) {
     const Header header = frame.header();
     damaged_ = frame.damaged();
     if (header.version != protocol_version) return refuse(header, Refusal::wrong_version, protocol_version);
     if (header.type == Type::hello) return introduce(header);
     const bool begins = header.type == Type::parameters;
-    // The last action once more: its answer was lost on the way.
+    // The last action again: its answer was lost.
     if (header.sequence == kept_ && header.session == session_ && session_ != 0) return answer_;
     if (!begins && (session_ == 0 || header.session != session_)) return refuse(header, Refusal::no_session, session_);
     if (!after(header.sequence, kept_)) return {};
     return act(header, frame, now);
   }
 
-  /// Stops where the PC has been silent for too long; to be called between frames.
+  /// Stops if the PC has been silent for too long; to be called between frames.
   void watch(std::uint64_t now) {
     const std::uint64_t silence = now - heard_;
     const bool late = silence_ == 0 ? tenodesis_watchdog(&controller_, silence) == 1 : silence > silence_;
@@ -50,7 +50,7 @@ class Endpoint {
   /// Between ticks of a board that streams, s.
   float period() const { return period_; }
 
-  /// A tick of a board that streams, of what it has measured.
+  /// A tick of a board that streams, with its measurements.
   Bytes tick(const tenodesis_measurement (&measured)[most_axes], std::uint64_t now) {
     Step step{now, request_, choice_, {}};
     __builtin_memcpy(step.axis, measured, sizeof step.axis);
@@ -59,13 +59,13 @@ class Endpoint {
     Streamed streamed{kept_, number_, output.tick, {}};
     for (int n = 0; n < axes_; ++n) streamed.axis[n] = {step.axis[n], output.axis[n]};
     const Header header{protocol_version, Type::streamed, session_, ++ticks_};
-    return {streamed_, encode(header, &streamed, Streamed::size(axes_), streamed_)};
+    return {streamed_, encode(header, &streamed, size_with<Streamed>(axes_), streamed_)};
   }
 
-  /// What the motors of an axis are to be told now, rad/s.
+  /// Velocity to be sent to a motor now, rad/s.
   float velocity(int axis, int tendon) const { return resting_ ? 0.0F : sent_[axis][tendon]; }
 
-  /// Ticks of the clock that the last frame took; for the next answer.
+  /// Sets the ticks of the clock that the last frame took, for the next answer.
   void took(std::uint32_t ticks) { busy_ = ticks; }
 
  private:
@@ -74,7 +74,7 @@ class Endpoint {
       case Type::parameters:
         return begin(header, frame, now);
       case Type::step:
-        if (frame.size() != Step::size(axes_)) break;
+        if (frame.size() != size_with<Step>(axes_)) break;
         return step(header, frame, now);
       case Type::reset:
         tenodesis_reset(&controller_);
@@ -133,7 +133,7 @@ class Endpoint {
     held_ = 0;
     session_ = 0;
     tenodesis_parameters parameters;
-    __builtin_memcpy(&parameters, frame.payload() + offsetof(Parameters, image), sizeof parameters);
+    __builtin_memcpy(&parameters, frame.payload() + offsetof(Parameters, controller), sizeof parameters);
     const int found = tenodesis_init(&controller_, &parameters);
     if (found != TENODESIS_OK) return refuse(header, Refusal::bad_parameters, static_cast<std::uint32_t>(found));
     choice_ = {static_cast<std::uint16_t>(parameters.law), static_cast<std::uint16_t>(parameters.actuation)};
@@ -158,7 +158,7 @@ class Endpoint {
     watch(now);
     heard_ = now;
     const Output output = run(frame.message<Step>());
-    return answer(header, Type::output, &output, Output::size(axes_));
+    return answer(header, Type::output, &output, size_with<Output>(axes_));
   }
 
   Output run(const Step& step) {
@@ -191,14 +191,14 @@ class Endpoint {
     return output;
   }
 
-  // What a controller that was stopped may still be asked: nothing that moves a motor.
+  // A controller that was stopped only takes requests that move no motor.
   std::uint32_t without_power(std::uint32_t request) const {
     if (request == TENODESIS_REQUEST_CLEAR && state_ == TENODESIS_FAULT) return request;
     const bool off = request == TENODESIS_REQUEST_DISABLE || request == TENODESIS_REQUEST_CLEAR;
     return off ? TENODESIS_REQUEST_DISABLE : TENODESIS_REQUEST_PAUSE;
   }
 
-  // From now on at rest; the controller hears of it with its next tick. One that is not enabled has nothing to stop.
+  // At rest from now on; the controller pauses with its next tick. A disabled controller has nothing to stop.
   void hold(std::uint32_t why) {
     if (resting_ || state_ == TENODESIS_DISABLED) return;
     held_ = why;
@@ -212,17 +212,17 @@ class Endpoint {
   }
 
   Bytes count(const Header& header, const Decoder& frame) {
-    const auto asked = frame.message<std::uint32_t>();
-    const auto axis = static_cast<int>(asked);
+    const auto number = frame.message<std::uint32_t>();
+    const auto axis = static_cast<int>(number);
     tenodesis_counts counts;
-    if (frame.size() != sizeof asked)
+    if (frame.size() != sizeof number)
       return refuse(header, Refusal::bad_size, static_cast<std::uint32_t>(frame.size()));
-    if (axis < 0 || axis >= axes_) return refuse(header, Refusal::no_such_axis, asked);
+    if (axis < 0 || axis >= axes_) return refuse(header, Refusal::no_such_axis, number);
     tenodesis_read_counts(&controller_, axis, &counts);
     return answer(header, Type::counted, &counts, sizeof counts);
   }
 
-  // An action's answer, kept in case it is lost.
+  // An action's answer, kept for a repetition.
   Bytes answer(const Header& header, Type type, const void* payload, std::size_t size) {
     kept_ = header.sequence;
     const Header own{protocol_version, type, header.session, header.sequence};
@@ -230,7 +230,7 @@ class Endpoint {
     return answer_;
   }
 
-  // What is said without having acted.
+  // An answer that is no action's.
   Bytes aside(const Header& header, Type type, const void* payload, std::size_t size) {
     const Header own{protocol_version, type, header.session, header.sequence};
     return {aside_, encode(own, payload, size, aside_)};
@@ -252,14 +252,14 @@ class Endpoint {
   std::uint64_t silence_{};  // ns; 0: by the controller's own watchdog
   std::uint64_t heard_{};    // when the last tick or keep came, ns
   std::uint32_t state_{};
-  std::uint32_t held_{};  // why the controller is to pause with its next tick
+  std::uint32_t held_{};  // why the controller pauses with its next tick
   bool resting_{};        // motors, until the controller is enabled again
   float sent_[most_axes][2]{};
   bool streaming_{};
   std::uint32_t request_{};  // to be made with the next tick of a board that streams,
   std::uint32_t number_{};   // and the PC's number of it
   Choice choice_{};          // of the PC
-  Choice chosen_{};          // that the controller has been told
+  Choice chosen_{};          // that the controller has
   std::uint32_t ticks_{};
   std::uint32_t busy_{};
   std::uint32_t damaged_{};

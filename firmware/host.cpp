@@ -1,5 +1,5 @@
-// Records a bench run with the controller in the loop, as Fig. 15 has them: the handle is brought to an angle and held,
-// then a load falls on the tip. Usage: host FILE
+// Records a bench run with the controller in the loop, as in Fig. 15: the handle is moved to an angle and held, then a
+// load is applied to the tip. Usage: host FILE
 
 #include <cstdio>
 
@@ -17,11 +17,10 @@ constexpr double approach = 1.5;                // s
 constexpr double loaded_at = 4;                 // s
 constexpr double weight = 10;                   // N; 0.15 N m about the rig's pivot
 constexpr double duration = 10;                 // s
-constexpr double friction_error = 1.3;          // of the plant's friction over what the controller takes it for
+constexpr double friction_error = 1.3;          // of the plant's friction over that of the parameters
 constexpr double stiffness_error = 0.85;        // the same of the tendons' stiffness, as on the paper's bench
 
-/// The instrument that the controller takes it for, but for friction and stiffness, with the bench's drives and noisy
-/// sensors.
+/// The instrument of the parameters, with other friction and stiffness, and with the bench's drives and noisy sensors.
 Plant plant() {
   const tenodesis_axis_parameters& axis = scaled_up.axis[0];
   Plant plant{};

@@ -1,7 +1,6 @@
 #pragma once
 // The controller under test, in float: that of one axis of the scaled-up instrument, with the parameters that
-// `tenodesis export controller` has written. What feeds it, on the PC and on the microcontroller, knows no more of it
-// than this file says.
+// `tenodesis export controller` has written.
 
 #include "scaled_up.h"
 #include "tenodesis/parameters.hpp"
@@ -12,7 +11,7 @@ namespace instrument {
 
 using Input = tenodesis_measurement;
 
-/// Words only, without padding between them, so that two outputs can be compared bit by bit.
+/// Only words, without padding, so that outputs can be compared bit by bit.
 struct Output {
   tenodesis_axis_output axis{};
   std::uint32_t state{}, homed{}, homing{}, faults{}, first_faults{};
@@ -25,7 +24,7 @@ class Direct {
 
   bool ready() const { return ready_; }
 
-  /// One tick, enabled by the first. Not inlined, so that its instructions can be told from its surroundings'.
+  /// One tick, enabled by the first. Not inlined, so that its instructions can be counted separately.
   [[gnu::noinline]] Output step(const Input& measured) {
     using enum tenodesis::Request;
     Controller::Output got;
@@ -60,7 +59,7 @@ class Direct {
   Controller::State state_;
 };
 
-/// The same behind the C interface, which chooses among mechanisms and keeps a flight recorder.
+/// The same through the C interface, which chooses among mechanisms and has a flight recorder.
 class ThroughC {
  public:
   ThroughC() : ready_(tenodesis_init(&controller_, &scaled_up) == TENODESIS_OK) {}

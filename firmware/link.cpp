@@ -1,5 +1,5 @@
-// The controller behind a serial line: the PC uploads its parameters and sends what it measures, or lets the board
-// measure by itself. The protocol is in tenodesis/frame.hpp, what the board makes of it in endpoint.hpp.
+// The controller behind a serial line: the PC uploads its parameters and sends measurements, or lets the board measure
+// by itself. The protocol is in tenodesis/frame.hpp, the board's side of it in endpoint.hpp.
 
 #include <new>
 
@@ -13,12 +13,12 @@ namespace {
 using tenodesis::link::Bytes, tenodesis::link::Decoder, tenodesis::link::Endpoint;
 
 constexpr std::uint32_t divider = 16;  // of the clock: 1.56 Mbit/s, the most that the UART does
-constexpr int bytes_between_looks = 256;
+constexpr int bytes_between_checks = 256;
 
 alignas(Endpoint) unsigned char endpoint_memory[sizeof(Endpoint)];
 alignas(Decoder) unsigned char decoder_memory[sizeof(Decoder)];
 
-// Ticks come once a period of the board's clock.
+// Takes a tick once per period of the board's clock.
 class Streaming {
  public:
   void run(Endpoint& endpoint, const Uart& uart, Clock& clock) {
@@ -48,7 +48,7 @@ std::uint32_t run() {
   const Uart uart(divider);
   Clock clock;
   Streaming streaming;
-  int unlooked = 0;
+  int unchecked = 0;
   for (;;) {
     std::uint8_t byte = 0;
     const bool came = uart.read(byte);
@@ -58,9 +58,9 @@ std::uint32_t run() {
       if (!endpoint.streams()) endpoint.took(static_cast<std::uint32_t>(clock.ticks() - before));
       uart.write(answer.data, answer.size);
     }
-    // Noise without an end must not keep it from stopping.
-    if (came && ++unlooked < bytes_between_looks) continue;
-    unlooked = 0;
+    // Endless noise must not prevent the board from stopping.
+    if (came && ++unchecked < bytes_between_checks) continue;
+    unchecked = 0;
     endpoint.watch(Clock::nanoseconds(clock.ticks()));
     streaming.run(endpoint, uart, clock);
     if (!came && !endpoint.streams()) uart.wait();

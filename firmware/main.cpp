@@ -1,6 +1,6 @@
 // Runs the controller (SUBJECT: instrument::Direct or instrument::ThroughC) on a recorded bench run and checks each of
 // its outputs, bit for bit, against the PC's. Fails when one differs, when a tick takes more than BUDGET instructions,
-// or when the stack has been full.
+// or when the stack was full.
 
 #include <new>
 
@@ -14,7 +14,7 @@ using semihosting::Hex, semihosting::print_line;
 
 namespace {
 
-// Beside the stack, as a program that runs for good would have it.
+// Not on the stack, as in a program that never ends.
 alignas(SUBJECT) unsigned char subject_memory[sizeof(SUBJECT)];
 
 struct Tally {
@@ -65,7 +65,7 @@ std::uint32_t run() {
   const bool ours = file.is_open() && file.read(header) && header.tick_size == sizeof(recording::Tick);
   const Tally tally = ours ? replay(file, header.ticks) : Tally{};
   if (tally.ticks == 0) {
-    print_line("recording.bin is missing, cut short, or of another controller, or the parameters make none");
+    print_line("recording.bin is missing, truncated, or of another controller, or the parameters are not accepted");
     return 1;
   }
   print_line("ticks: ", tally.ticks, ", outputs that differ from the PC's: ", tally.mismatches);

@@ -1,5 +1,5 @@
 #pragma once
-// The file by which the PC tells the microcontroller what the sensors said and what the controller answered.
+// The file of recorded inputs and outputs that the PC writes and the microcontroller replays.
 
 #include <bit>
 #include <cstdint>
@@ -11,7 +11,7 @@ namespace recording {
 
 struct Header {
   std::uint32_t ticks;
-  std::uint32_t tick_size;  ///< so that a file of another controller is not mistaken for one of this
+  std::uint32_t tick_size;  ///< so that a file of another controller is refused
 };
 
 struct Tick {
@@ -19,7 +19,7 @@ struct Tick {
   instrument::Output output;
 };
 
-/// An output's bits, since numbers may compare as equal that are not the same (0 and -0), and the same as not (NaN).
+/// An output's bits, since different values may compare as equal (0 and -0), and equal bits as different (NaN).
 struct Words {
   static constexpr std::uint32_t count = sizeof(instrument::Output) / sizeof(std::uint32_t);
   std::uint32_t word[count];

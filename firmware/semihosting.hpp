@@ -1,6 +1,5 @@
 #pragma once
-// The debugger's services to a program that has neither files nor a console of its own (Arm semihosting, version 3):
-// under QEMU they reach the PC's.
+// Files and console of the PC through the debugger (Arm semihosting, version 3); QEMU provides it.
 
 #include <cstdint>
 
@@ -33,7 +32,7 @@ inline void print(std::uint32_t number, std::uint32_t base = 10) {
   print(first);
 }
 
-/// A number to be printed to the base 16.
+/// A number to be printed in hexadecimal.
 struct Hex {
   std::uint32_t number;
 };
@@ -43,7 +42,7 @@ inline void print(Hex hex) {
   print(hex.number, 16);
 }
 
-/// Texts and numbers, one after the other, and a line's end.
+/// Texts and numbers, one after the other, and an end of line.
 template <class... Parts>
 void print_line(Parts... parts) {
   (print(parts), ...);
@@ -56,7 +55,7 @@ void print_line(Parts... parts) {
   for (;;) detail::request(detail::Operation::exit_with_code, block);
 }
 
-/// A file of the PC's, read from its start on.
+/// A file of the PC, read from its start.
 class File {
  public:
   template <std::size_t size>

@@ -1,4 +1,4 @@
-// From power-up to the program, and what happens on a fault.
+// From reset to the program, and the handler of processor faults.
 
 #include <cstdint>
 
@@ -42,7 +42,7 @@ extern "C" {
 
 }  // extern "C"
 
-/// The processor's own exceptions; no interrupt is enabled.
+/// Vectors of the processor's exceptions; no interrupt is enabled.
 [[gnu::section(".vectors"), gnu::used]] static const struct {
   std::uint32_t* stack{memory::stack_top};
   void (*reset)(){::reset};

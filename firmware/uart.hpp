@@ -1,6 +1,6 @@
 #pragma once
-// UART0 of Arm's MPS2 board (CMSDK), looked at rather than interrupting: it keeps one byte, and QEMU's line waits until
-// that is taken. On a chip a line at full speed needs its DMA, or an interrupt that puts bytes into a ring.
+// UART0 of Arm's MPS2 board (CMSDK), polled: it holds one byte, and QEMU's line waits until that is read. On a chip a
+// line at full speed needs DMA, or an interrupt that fills a ring.
 
 #include <cstddef>
 #include <cstdint>
@@ -11,7 +11,7 @@ class Uart {
     registers->divider = divider;
     registers->control = transmits | receives | receive_interrupts;
     interrupts->enable = bit_of_interrupt;
-    asm volatile("cpsid i");  // wakes, and is not taken: no handler shares data with the program
+    asm volatile("cpsid i");  // interrupts wake the processor, but are not taken: there are no handlers
   }
 
   bool read(std::uint8_t& byte) const {
@@ -28,7 +28,7 @@ class Uart {
     }
   }
 
-  /// Sleeps until a byte comes, or another interrupt that is enabled; at once where one is there.
+  /// Sleeps until a byte, or another enabled interrupt, comes; returns at once if a byte is waiting.
   void wait() const {
     registers->interrupt = receive_interrupt;
     interrupts->clear = bit_of_interrupt;

@@ -5,6 +5,9 @@
 
 namespace tenodesis {
 
+/// Largest number of bending axes of an instrument.
+inline constexpr int most_axes = 2;
+
 /// Axial stiffness of a tendon of circular section, N/m: modulus (Pa) times section over length (m).
 template <class S>
 constexpr S tendon_stiffness(const S& modulus, const S& diameter, const S& length) {

@@ -1,15 +1,14 @@
 #pragma once
-// What the motors should do about the angle that is lost.
+// The compensation laws: spool motion that restores the lost angle.
 //
 // In lengths of tendon: a differential stroke winds the agonist and lets the antagonist out, which moves the tip; a
-// common stroke winds both, which moves their tension.
+// common stroke winds both, which raises their tension.
 //
-// The robust law spends common stroke on knowledge. While both motors wind, every contact slips toward its spool and
-// the observer sees the tip; so it corrects while winding, by less than it winds, so that neither tendon turns back.
-// Letting both out does as well, so that it winds when the mean tension is low and lets out when it is high. Where it
-// stops, every contact is on the same edge of its friction: whichever way a load pushes the tip next, one of the
-// tendons slips at once and tells. While the hand moves, the hand makes the tendons slip, and no common stroke is
-// needed.
+// The robust law uses common strokes for observation. While both motors wind, every contact slips toward its spool and
+// the observer sees the tip; the law corrects while it winds, by less than it winds, so that neither tendon reverses.
+// Letting both out serves as well, so that it winds when the mean tension is low and lets out when it is high. Where it
+// stops, every contact is on the same edge of its friction band: whichever way a load pushes the tip next, one of the
+// tendons slips at once and shows it. While the hand moves, it makes the tendons slip, and no common stroke is needed.
 
 #include "tenodesis/observer.hpp"
 
@@ -19,27 +18,27 @@ enum class ControlLaw : unsigned char {
   off,             ///< the motors stand still
   paper,           ///< eq. 22 as a set point of the spools
   paper_feedback,  ///< the pseudo-error by eq. 19 winds the spools until it is gone
-  exact,           ///< the whole stroke that frictionless theory asks for, slack included, as a set point
-  robust,          ///< knows by common strokes, corrects during them; needs the friction observer
+  exact,           ///< the stroke that theory without friction requires, slack included, as a set point
+  robust,          ///< observes by common strokes and corrects during them; needs the friction observer
 };
 
 template <class S>
 struct CompensatorSettings {
   S gain{};            ///< of the tip's lag, 1/s
-  S breakaway_time{};  ///< in which the friction that holds a tip after the hand has turned is overcome, s
+  S breakaway_time{};  ///< time in which friction is overcome after the hand reverses, s
   S position_gain{};   ///< of a spool's set point, 1/s
   S dead_band{};       ///< of the output angle, rad
-  S speed{};           ///< of a tendon at most, m/s
-  S common_speed{};    ///< of a common stroke at least, m/s
-  S common_stroke{};   ///< at most to either side of where it keeps the tendons tight, m
-  S stroke_share{};    ///< more of it per stroke that keeps them tight
-  S far{};             ///< lag beyond which it is made up without common stroke first, in dead bands
-  S patience{};        ///< for which that is tried, s
-  S settle_time{};     ///< for which the tip must stay within the dead band before the motors rest, s
-  S least_tension{};   ///< that either tendon is to keep in the stem, N
-  S tension_limit{};   ///< above which no tendon is wound, N
-  S hand_travel{};     ///< from which on a hand moves, rad
-  S still_time{};      ///< after which one that does not move is still, s
+  S speed{};           ///< largest speed of a tendon, m/s
+  S common_speed{};    ///< least speed of a common stroke, m/s
+  S common_stroke{};   ///< largest common stroke to either side of the one that keeps the tendons tight, m
+  S stroke_share{};    ///< growth of it per stroke that keeps them tight
+  S far{};             ///< lag that is corrected first without a common stroke, in dead bands
+  S patience{};        ///< time for which that is tried, s
+  S settle_time{};     ///< time for which the tip must stay within the dead band before the motors rest, s
+  S least_tension{};   ///< tension that either tendon is to keep in the stem, N
+  S tension_limit{};   ///< tension above which no tendon is wound, N
+  S hand_travel{};     ///< handle travel above which the hand counts as moving, rad
+  S still_time{};      ///< time without motion after which it counts as still, s
 };
 
 enum class Phase : unsigned char { rest, track, pull, release };
@@ -48,16 +47,16 @@ template <class S>
 struct CompensatorState {
   Phase phase{Phase::track};
   S handle_angle{};           ///< with the observer's play, rad
-  S held_angle{};             ///< where the handle was last still, rad
+  S held_angle{};             ///< handle angle when the hand was last still, rad
   bool moving{};              ///< whether the hand moves
-  S hand{};                   ///< direction that the handle was last moved in
-  S still{};                  ///< time that it has been held, s
+  S hand{};                   ///< direction of the handle's last motion
+  S still{};                  ///< time since that motion, s
   S since{};                  ///< time in this phase, s
   S near{};                   ///< time that the tip has been within the dead band, s
-  Phase stroke{Phase::pull};  ///< the last one
-  int turns{};                ///< of strokes since the motors last stood
-  S tolerance{1};             ///< by which the dead band has grown over strokes that did not end in it
-  S short_of{};               ///< by how much the last stroke ended early for a tendon getting loose, m
+  Phase stroke{Phase::pull};  ///< the last stroke
+  int turns{};                ///< reversals of strokes since the motors last rested
+  S tolerance{1};             ///< factor by which the dead band has grown over strokes that did not end in it
+  S short_of{};               ///< by how much the last stroke ended early because a tendon got loose, m
 };
 
 template <class A>
@@ -70,7 +69,7 @@ struct Compensator {
   ControlLaw law{ControlLaw::off};
   Actuation actuation{Actuation::differential};
 
-  /// Speeds to wind with, m/s; the measurement's spool angles count from home.
+  /// Winding speeds, m/s; spool angles are counted from home.
   Winding<S> wind(const Measurement<S>& measured, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
                   const S& dt, State& state) const {
     switch (law) {
@@ -98,7 +97,7 @@ struct Compensator {
 
   S limited(const S& speed) const { return clamp(speed, -settings.speed, settings.speed); }
 
-  // Near the tension limit a tendon is wound slower, and a little below it, which is what the drives need to stop, not
+  // Near the tension limit a tendon is wound more slowly, and just below it, where the drives still need to stop, not
   // at all.
   Winding<S> guarded(const Measurement<S>& measured, const Winding<S>& wanted) const {
     const auto guard = [&](const S& tension, const S& speed) {
@@ -109,7 +108,8 @@ struct Compensator {
     return {guard(measured.tension[agonist], wanted.agonist), guard(measured.tension[antagonist], wanted.antagonist)};
   }
 
-  // A slack tendon moves the tip no further and tells nothing: near the least tension it is let out slower, then not.
+  // A slack tendon neither moves the tip nor shows where it is: near the least tension it is let out more slowly, then
+  // not at all.
   Winding<S> kept_tight(const FrictionMemory<S>& memory, const Winding<S>& wanted) const {
     const auto keep = [&](int i, const S& speed) {
       const S left = memory.tendon[i].tension[0] - settings.least_tension * S(0.5);
@@ -123,7 +123,7 @@ struct Compensator {
     const Tensions<S> tension{measured.tension[agonist], measured.tension[antagonist]};
     const Law theory = law == ControlLaw::paper ? Law::paper : Law::exact;
     const Result<S> found = compensation_stroke(model.axis, tension, actuation, theory);
-    // Where no stroke gives the angle back, the agonist let out to its end is the most there is.
+    // Where no stroke restores the angle, letting out the agonist until it is slack comes closest.
     const S stroke = found.status == Status::ok ? found.value : -model.axis.pretension / model.axis.stiffness;
     const auto approach = [&](int i, const S& target) {
       const S missing = target - wound(measured, i);
@@ -140,7 +140,7 @@ struct Compensator {
     return {speed, actuation == Actuation::differential ? -speed : S(0)};
   }
 
-  // One motor cannot make both tendons slip the same way: it corrects by what the observer knows.
+  // One motor cannot make both tendons slip the same way: it corrects by the observer's estimate as it is.
   Winding<S> one_motor(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, State& state) const {
     const S lag = observer.lag(memory);
     const S dead = dead_length(memory.output_angle);
@@ -154,36 +154,36 @@ struct Compensator {
                         State& state) const {
     const S lag = observer.lag(memory);
     const S dead = dead_length(memory.output_angle) * state.tolerance;
-    const bool moving = watch_hand(memory.smooth.handle_angle, dt, state);
+    const bool moving = detect_hand_motion(memory.smooth.handle_angle, dt, state);
     const S common = (wound(memory.smooth, agonist) + wound(memory.smooth, antagonist)) * S(0.5);
     const S wanted = wanted_common(memory);
     choose(lag, dead, moving, common - wanted, observer, memory, dt, state);
     if (state.phase == Phase::rest) return {};
     S across = settings.gain * lag;
     if (moving && lag * state.hand > dead) {
-      // The hand has turned and friction holds the tip: that is made up before the tip is late.
+      // The hand has reversed and friction holds the tip: the friction is overcome before the tip lags behind.
       across = across + state.hand * observer.breakaway(memory, state.hand) / settings.breakaway_time;
     }
     if (state.phase == Phase::track) {
-      // A moving hand may need more tension to keep the looser tendon tight, and is not to wait for it until it rests.
+      // A moving hand may need more tension to keep the looser tendon tight, and must not wait for it until it rests.
       const S tightening = wanted > S(0) ? clamp(settings.gain * (wanted - common), S(0), settings.common_speed) : S(0);
       return {tightening + limited(across), tightening - limited(across)};
     }
-    across = clamp(across, -ride * settings.speed, ride * settings.speed);
-    // On target a stroke goes on slowly until the tip has come to rest there.
+    across = clamp(across, -most_share * settings.speed, most_share * settings.speed);
+    // On target a stroke continues slowly until the tip has come to rest there.
     const S least = state.near > S(0) ? settings.common_speed * S(0.25) : settings.common_speed;
-    const S along = larger(least, abs(across) / ride) * (state.phase == Phase::pull ? S(1) : S(-1));
+    const S along = larger(least, abs(across) / most_share) * (state.phase == Phase::pull ? S(1) : S(-1));
     return {along + across, along - across};
   }
 
-  static constexpr int fair_turns = 8;
+  static constexpr int most_turns = 8;
   static constexpr S growth = S(1.25), most_tolerance = S(4);
 
-  // Of the common speed, what the differential one may be at most: neither tendon is to turn back.
-  static constexpr S ride = S(0.8);
+  // Largest share of the differential speed in the common one: neither tendon may reverse.
+  static constexpr S most_share = S(0.8);
 
-  // A hand moves from when it has gone further than noise would take it until it has been still for a while.
-  bool watch_hand(const S& handle_angle, const S& dt, State& state) const {
+  // A hand counts as moving once it has travelled further than noise does, until it has been still for a while.
+  bool detect_hand_motion(const S& handle_angle, const S& dt, State& state) const {
     const S moved = handle_angle - state.handle_angle;
     state.handle_angle = handle_angle;
     if (moved != S(0)) state.hand = moved > S(0) ? S(1) : S(-1);
@@ -229,7 +229,7 @@ struct Compensator {
         return;
       case Phase::pull:
         if (observer.slip_together(memory, S(1)) && near) return turn(Phase::rest, state);
-        // Between slack and the limit there is no room for strokes: what is left is to follow what is known.
+        // Between slack and the limit there is no room for strokes: only tracking is left.
         if (loose && tight) return turn(Phase::track, state);
         if (above > larger(stroke, state.short_of + stroke) || tight) turn_back(Phase::release, S(0), state);
         return;
@@ -240,7 +240,7 @@ struct Compensator {
     }
   }
 
-  // What comes soon after a stroke is left of it: going on the same way spares the tip a turn of its friction.
+  // A lag soon after a stroke is its remainder: continuing the same way spares the tip a reversal of its friction.
   Phase next_stroke(const S& above, const S& stroke, bool loose, const State& state) const {
     if (loose) return Phase::pull;
     const bool soon = state.since < settings.patience;
@@ -248,15 +248,15 @@ struct Compensator {
     return above > S(0) ? Phase::release : Phase::pull;
   }
 
-  // Strokes that do not end within the dead band are not to go on for ever: after some, it grows.
+  // Strokes that do not end within the dead band must not continue for ever: after some, it grows.
   void turn_back(Phase phase, const S& short_of, State& state) const {
     turn(phase, state);
     state.short_of = short_of;
-    if (++state.turns > fair_turns) state.tolerance = smaller(state.tolerance * growth, most_tolerance);
+    if (++state.turns > most_turns) state.tolerance = smaller(state.tolerance * growth, most_tolerance);
   }
 
   static void turn(Phase phase, State& state) {
-    // What wakes the motors is a new load, which deserves the whole accuracy again.
+    // A new load has woken the motors: the full accuracy applies again.
     if (phase == Phase::track || state.phase == Phase::rest) {
       state.tolerance = S(1);
       state.turns = 0;

@@ -1,5 +1,5 @@
 #pragma once
-// What goes into and comes out of the controller of one axis, and what it must know of the instrument.
+// Inputs and outputs of the controller of one axis, and its model of the instrument.
 
 #include <cstdint>
 
@@ -8,24 +8,40 @@
 
 namespace tenodesis {
 
-/// What the proximal sensors of one axis say.
+/// Readings of the proximal sensors of one axis.
 template <class S>
 struct Measurement {
   S handle_angle{};    ///< rad
-  S tension[2]{};      ///< beside the spools, agonist first, N
-  S spool_angle[2]{};  ///< from where both tendons had their pretension at a straight handle, rad; positive winds
+  S tension[2]{};      ///< at the spools, agonist first, N
+  S spool_angle[2]{};  ///< zero where both tendons have their pretension at a straight handle, rad; positive winds
 };
 
-/// What an observer makes of it; a standard deviation covers what the sensors cannot tell as well.
+/// The same measurement in another type that has these fields.
+template <class To, class From>
+constexpr To measurement_as(const From& from) {
+  using S = decltype(To::handle_angle);
+  return {
+      S(from.handle_angle), {S(from.tension[0]), S(from.tension[1])}, {S(from.spool_angle[0]), S(from.spool_angle[1])}};
+}
+
+/// What an observer estimates; the standard deviations include what the sensors cannot see.
 template <class S>
 struct Estimate {
   S output_angle{};        ///< rad
   S output_angle_std{};    ///< rad
   S tip_force{};           ///< tangential at the tip, positive against positive flexion, N
   S tip_force_std{};       ///< N
-  S friction_scale{1};     ///< of the friction there is over that of the parameters
+  S friction_scale{1};     ///< actual friction over that of the parameters
   S friction_scale_std{};  ///< 1
 };
+
+/// The same estimate in another type that has these fields.
+template <class To, class From>
+constexpr To estimate_as(const From& from) {
+  using S = decltype(To::output_angle);
+  return {S(from.output_angle),  S(from.output_angle_std), S(from.tip_force),
+          S(from.tip_force_std), S(from.friction_scale),   S(from.friction_scale_std)};
+}
 
 /// Speeds of the two tendons at the spools, winding positive, m/s.
 template <class S>
@@ -34,7 +50,7 @@ struct Winding {
   S antagonist{};
 };
 
-/// The constants of one axis that observers and compensators go by.
+/// The constants of one axis that observers and compensators use.
 template <class A>
 struct ControlModel {
   using S = A::Scalar;
@@ -47,11 +63,11 @@ struct ControlModel {
   S sheath_bend{};       ///< total bend of the sheath, rad
   S sheath_bend_rate{};  ///< added to it per radian of |handle angle|
 
-  /// Tendon length that the handle has drawn on the agonist and given on the antagonist, m.
+  /// Tendon length that the handle draws on the agonist and lets out on the antagonist, m.
   S drawn(const S& handle_angle) const {
     return axis.proximal.excursion_slope() * axis.proximal.coordinate(handle_angle);
   }
-  /// The same at the tip, for an output angle.
+  /// The same of the tip, for an output angle.
   S taken(const S& output_angle) const { return axis.distal.excursion_slope() * axis.distal.coordinate(output_angle); }
 };
 

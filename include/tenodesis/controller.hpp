@@ -1,8 +1,8 @@
 #pragma once
 // The controller of an instrument: sensors in, spool velocities out, once per tick.
 //
-// watch -> supervisor -> observer -> homing or compensator -> supervisor. A tick reads nothing but its input and its
-// state, and what it sends has passed the supervisor last.
+// watch -> supervisor -> observer -> homing or compensator -> supervisor. A tick depends only on its input and its
+// state, and every velocity passes the supervisor last.
 
 #include "tenodesis/compensator.hpp"
 #include "tenodesis/homing.hpp"
@@ -13,14 +13,14 @@ namespace tenodesis {
 
 enum class ObserverKind : unsigned char {
   paper,     ///< eq. 19 as printed
-  exact,     ///< eq. 19 with slack and with what the motors have wound
-  friction,  ///< follows each contact of both tendons
+  exact,     ///< eq. 19 with slack and motors
+  friction,  ///< tracks each contact of both tendons
 };
 
-/// What one tick is given.
+/// Input of one tick.
 template <class S, int axes>
 struct ControlInput {
-  std::uint64_t time{};  ///< of the measurements, ns; not used by a controller that counts its own ticks
+  std::uint64_t time{};  ///< of the measurements, ns; not used with own_clock
   Request request{Request::none};
   Measurement<S> axis[axes]{};
 };
@@ -29,21 +29,21 @@ template <class S>
 struct AxisOutput {
   S spool_velocity[2]{};  ///< to send to the drives, rad/s
   Estimate<S> estimate{};
-  std::uint32_t faults{};  ///< of this axis that hold now
+  std::uint32_t faults{};  ///< present in this axis
 };
 
-/// What one tick gives.
+/// Output of one tick.
 template <class S, int axes>
 struct ControlOutput {
   AxisOutput<S> axis[axes]{};
   OperatingState state{OperatingState::disabled};
   bool homed{};
   bool homing{};
-  std::uint32_t faults{};        ///< latched in a fault, else those that hold now
-  std::uint32_t first_faults{};  ///< those that led to the fault
+  std::uint32_t faults{};        ///< latched ones in the fault state, otherwise those present
+  std::uint32_t first_faults{};  ///< those that led to the fault state
 };
 
-/// What a controller of one axis remembers.
+/// State of the controller of one axis.
 template <class S>
 struct AxisMemory {
   FrictionMemory<S> friction{};
@@ -51,7 +51,7 @@ struct AxisMemory {
   HomingState<S> homing{};
   WatchState<S> watch{};
   CommandState<S> command{};
-  S zero[2]{};             ///< spool angles that count as zero, rad
+  S zero[2]{};             ///< spool angles at home, rad
   std::uint32_t failed{};  ///< faults to report with the next tick
 };
 
@@ -78,13 +78,14 @@ struct AxisController {
 
   const ControlModel<A>& model() const { return friction.model; }
 
+  /// The measurement with spool angles counted from home.
   Measurement<S> from_zero(const Measurement<S>& measured, const Memory& memory) const {
     Measurement<S> counted = measured;
     for (int i = 0; i < 2; ++i) counted.spool_angle[i] = measured.spool_angle[i] - memory.zero[i];
     return counted;
   }
 
-  /// What the chosen observer says; deviations that it does not know are NaN.
+  /// Estimate of the chosen observer; standard deviations that it does not know are NaN.
   Estimate<S> estimate(const Measurement<S>& measured, const Memory& memory) const {
     if (observer == ObserverKind::friction) return friction.estimate(memory.friction);
     const A& axis = model().axis;
@@ -108,7 +109,7 @@ struct AxisController {
     return estimate;
   }
 
-  /// Velocities that compensate or home, rad/s.
+  /// Spool velocities that compensate or home, rad/s.
   void want(const Measurement<S>& raw, const Measurement<S>& measured, bool home, const S& dt, Memory& memory,
             S (&wanted)[2]) const {
     const Winding<S> winding = home ? homing.wind(raw, dt, memory.homing)
@@ -118,7 +119,7 @@ struct AxisController {
   }
 };
 
-/// One or two axes of one mechanism; A is the axis's type, most_axes how many there is memory for.
+/// One or two axes of one mechanism; A is the axis's type, most_axes the number of axes that there is memory for.
 template <class A, int most_axes = 1>
 struct Controller {
   using S = A::Scalar;
@@ -129,13 +130,14 @@ struct Controller {
   AxisController<A> axis[most_axes]{};
   Supervisor<S> supervisor{};
   int axes{most_axes};
-  bool own_clock{};  ///< ticks come once a period, whatever the input's time
-  bool homed{};      ///< spool angles count from pretension when the controller starts
+  bool own_clock{};  ///< ticks come once per period, whatever the input's time
+  bool homed{};      ///< at the start, spool angles are zero where tendons have pretension
 
-  /// How many axes there are; a bound that the compiler can see.
+  /// Number of axes, with a bound that the compiler can see.
   int count() const { return smaller(axes, most_axes); }
 
-  /// Takes another law and actuation between ticks; false, and nothing changed, where the observer does not do for it.
+  /// Changes law and actuation between ticks; false, and nothing changed, where the law does not work with the
+  /// observer.
   bool choose(ControlLaw law, Actuation actuation, State& state) {
     for (int n = 0; n < count(); ++n)
       if (law == ControlLaw::robust && axis[n].observer != ObserverKind::friction) return false;
@@ -173,7 +175,7 @@ struct Controller {
 
     for (int n = 0; n < count(); ++n) {
       const bool readable = is_readable(measured[n]);
-      // A reading that cannot be is not followed while the watch waits whether it stays.
+      // An implausible reading is not used while the watch waits whether it lasts.
       if (readable) measured[n] = state.axis[n].watch.trusted;
       run(n, input.axis[n], measured[n], readable, dt, state, output.axis[n]);
     }
@@ -194,15 +196,15 @@ struct Controller {
     state.started = true;
     state.time = input.time;
     if (own_clock || first) return supervisor.period;
-    // Time that runs backward is a tick without an end: the watch says so.
+    // Time that runs backward gives no interval, which the watch reports.
     if (input.time <= before) return S(0);
-    // Four seconds and more are too late all the same, and 32 bits are a single instruction to convert.
+    // Four seconds and more are too late in any case, and 32 bits take a single instruction to convert.
     const std::uint64_t passed = input.time - before;
     return S(passed < UINT32_MAX ? static_cast<std::uint32_t>(passed) : UINT32_MAX) * S(1e-9);
   }
 
-  // What a fault has cast doubt on is to be homed again before anything compensates; what only homing can mend must not
-  // stand in the way of clearing.
+  // Where a fault has cast doubt on the spools' zeros, homing must come before compensation; a fault that only homing
+  // can end must not prevent clearing.
   Request allowed(Request request, State& state) const {
     if (request == Request::clear && needs_homing(state.supervisor.faults)) forget_home(state);
     const bool engages = request == Request::enable || request == Request::resume;
@@ -223,7 +225,7 @@ struct Controller {
     if (state.supervisor.operating == before && homing == was_homing) return;
     for (int n = 0; n < count(); ++n) {
       state.axis[n].compensator = {};
-      // What was seen through a fault is not to be believed.
+      // Estimates made during a fault are not trusted.
       if (before == OperatingState::fault) state.axis[n].friction.started = false;
     }
   }
@@ -236,16 +238,16 @@ struct Controller {
   void run(int n, const Measurement<S>& raw, const Measurement<S>& measured, bool readable, const S& dt, State& state,
            AxisOutput<S>& output) const {
     AxisMemory<S>& memory = state.axis[n];
-    const AxisController<A>& one = axis[n];
+    const AxisController<A>& own = axis[n];
     const S step = dt > S(0) ? smaller(dt, S(4) * supervisor.period) : supervisor.period;
     S wanted[2]{};
     if (readable) {
-      if (needs_friction(one)) one.friction.update(measured, step, memory.friction);
+      if (needs_friction(own)) own.friction.update(measured, step, memory.friction);
       if (state.supervisor.operating == OperatingState::enabled)
-        one.want(raw, measured, state.supervisor.homing, step, memory, wanted);
+        own.want(raw, measured, state.supervisor.homing, step, memory, wanted);
     }
-    // Where this tick says nothing, of what was last plausible.
-    output.estimate = one.estimate(readable ? measured : memory.watch.trusted, memory);
+    // An unreadable tick is estimated from the last plausible readings.
+    output.estimate = own.estimate(readable ? measured : memory.watch.trusted, memory);
     output.faults |= supervisor.command(wanted, measured, dt, state.supervisor, memory.command);
     for (int i = 0; i < 2; ++i) output.spool_velocity[i] = memory.command.sent[i];
     if (memory.homing.failed()) {
@@ -255,8 +257,8 @@ struct Controller {
     }
   }
 
-  static bool needs_friction(const AxisController<A>& one) {
-    return one.observer == ObserverKind::friction || one.compensator.law == ControlLaw::robust;
+  static bool needs_friction(const AxisController<A>& own) {
+    return own.observer == ObserverKind::friction || own.compensator.law == ControlLaw::robust;
   }
 
   void finish_homing(const Input& input, State& state) const {

@@ -1,12 +1,11 @@
 #pragma once
-// A spool on a speed-controlled motor: what its speed and acceleration limits, its loop and its gearbox make of a
-// command.
+// A spool on a speed-controlled motor with limits of speed and acceleration, a first-order loop, and backlash.
 
 #include "tenodesis/scalar.hpp"
 
 namespace tenodesis {
 
-/// The constants of a drive; speeds and angles at the spool, whatever the gear ratio.
+/// The constants of a drive; speeds and angles are those at the spool, whatever the gear ratio.
 template <class S>
 struct Drive {
   S spool_radius{};        ///< m
@@ -23,12 +22,12 @@ struct DriveState {
   S spool{};  ///< rad
 };
 
-/// The drive one step later; the tendon's tension (N) keeps the spool on the flank that unwinds.
+/// The drive one step later; the tendon's tension (N) holds the spool on the flank that unwinds.
 template <class S>
 DriveState<S> advance(const Drive<S>& drive, const DriveState<S>& before, const S& command, const S& tension,
                       const S& time_step) {
   const S wanted = clamp(command, -drive.speed_limit, drive.speed_limit);
-  // Backward Euler on the loop, so that a loop faster than the step is followed at once.
+  // Backward Euler on the loop, so that a loop faster than the step follows at once.
   const S acceleration = clamp((wanted - before.speed) / (drive.time_constant + time_step), -drive.acceleration_limit,
                                drive.acceleration_limit);
   DriveState<S> after = before;

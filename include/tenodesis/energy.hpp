@@ -1,7 +1,7 @@
 #pragma once
-// Where the energy of a step goes: what was stored, what was put in, what friction and damping took.
+// The energy balance of a step: stored energy, work put in, losses to friction and damping.
 //
-// All work is the trapezoidal rule's, which for linear springs is exact.
+// All work is integrated by the trapezoidal rule, which for linear springs is exact.
 
 #include "tenodesis/twin.hpp"
 
@@ -16,11 +16,11 @@ struct Energy {
   S load{};      ///< work of the load on the tip
   S friction{};  ///< lost at the contacts
   S damping{};   ///< lost at the tip
-  /// Lost at the contacts by the tensions at the step's end, where the friction law holds: never negative but for
+  /// Lost at the contacts by the tensions at the step's end, where the friction law holds: not negative, except for
   /// rounding.
   S friction_at_end{};
 
-  /// What a step does not account for.
+  /// Error of the balance.
   constexpr S unaccounted(const S& stored_before) const {
     return stored - stored_before - (handle + spools + load - friction - damping);
   }
@@ -34,13 +34,13 @@ T::S stored_energy(const T& twin, const typename T::State& state) {
   S sum = motion + twin.axis.distal.passive_stiffness() * state.output_angle * state.output_angle;
   const S beyond = twin.beyond_stop(state.output_angle);
   sum = sum + twin.body.stop_stiffness * beyond * beyond;
-  for (const auto& one : state.tendon)
+  for (const auto& tendon : state.tendon)
     for (int i = 0; i <= twin.tendon.contacts(); ++i)
-      sum = sum + one.tension[i] * one.tension[i] / twin.tendon.stiffness[i];
+      sum = sum + tendon.tension[i] * tendon.tension[i] / twin.tendon.stiffness[i];
   return sum * S(0.5);
 }
 
-/// The energies of a step between two states; the load is the one at its two ends.
+/// The energies of a step between two states, with the loads at its two ends.
 template <class T>
 Energy<typename T::S> account(const T& twin, const typename T::State& before, const typename T::State& after,
                               const Load<typename T::S>& load_before, const Load<typename T::S>& load_after) {

@@ -1,10 +1,11 @@
 #pragma once
 // Equilibrium of one distal joint between two elastic tendons under load.
 //
-// The branch is the one that grows out of the unloaded position. In the joint's own coordinate the tendons' tension
-// difference is piecewise linear and a gear's demand is convex, so Newton's iteration from the unloaded position runs
-// monotonically toward the nearest root and cannot pass it; a slope that turns before the residual does is the fold
-// beyond which there is no equilibrium. Demands of another shape are followed from no load on.
+// The solution is on the branch that starts at the unloaded position. In the joint's own coordinate the tendons'
+// tension difference is piecewise linear and a gear's demand is convex, so Newton's iteration from the unloaded
+// position converges monotonically to the nearest root and cannot pass it; a slope that changes its sign before the
+// residual does marks the fold, beyond which there is no equilibrium. Demands of another shape are followed from zero
+// load.
 
 #include "tenodesis/axis.hpp"
 
@@ -13,9 +14,9 @@ namespace tenodesis {
 enum class Status : unsigned char {
   ok,
   no_equilibrium,  ///< loaded past the fold: the joint snaps through
-  unreachable,     ///< outside what the mechanism can bend to
+  unreachable,     ///< outside the mechanism's range
   both_slack,      ///< neither tendon holds the joint
-  no_authority,    ///< no stroke of the acting motors gives the angle back
+  no_authority,    ///< no stroke of the acting motors restores the angle
   out_of_range,    ///< handle angle beyond the handle's range
   not_finite,      ///< NaN or infinite input
 };
@@ -36,10 +37,10 @@ struct Tensions {
   constexpr S difference() const { return agonist - antagonist; }
 };
 
-/// The two tendons as the distal joint meets them at a held handle; neither pushes (eqs. 3-8).
+/// The two tendons as seen by the distal joint at a held handle; neither can push (eqs. 3-8).
 template <class S>
 struct TendonPair {
-  S agonist{};     ///< agonist tension at coordinate zero, were it able to push, N
+  S agonist{};     ///< agonist tension at coordinate zero; negative where it would have to push, N
   S antagonist{};  ///< antagonist tension likewise, N
   S rate{};        ///< tension per unit of the coordinate, N
 
@@ -55,8 +56,8 @@ struct TendonPair {
     return {larger(agonist - rate * x, S(0)), larger(antagonist + rate * x, S(0))};
   }
 
-  // Where no tendon pulls yet, the next to do so is the one that the load moves toward. Only a sprung joint can rest
-  // between two slack tendons.
+  // Where both tendons are slack, the load tightens one of them next. Only a joint with a spring can rest between two
+  // slack tendons.
   constexpr S difference_slope(const S& x, bool sprung) const {
     const S first = agonist - rate * x;
     const S second = antagonist + rate * x;
@@ -85,8 +86,8 @@ Balance<S> balance(const J& joint, const TendonPair<S>& pair, const Load<S>& loa
 
 /// Coordinate at which the tendons and the joint's own spring balance without a load.
 ///
-/// Where both tendons pull, they balance between the two places at which either alone would; loose ones leave the
-/// joint to its spring. Without a branch, so that a loop over it becomes vector instructions.
+/// Two tight tendons balance between the two places at which either alone would; with loose tendons only the joint's
+/// spring acts. Without a branch, so that a loop over it becomes vector instructions.
 template <class J, class S>
 S unloaded_coordinate(const J& joint, const TendonPair<S>& pair) {
   const S alone = pair.rate + joint.passive_stiffness() / joint.excursion_slope();
@@ -104,26 +105,26 @@ struct Equilibrium {
   int iterations{};
 };
 
-/// Correction below which Newton's iteration has arrived: the one after is of the order of its square.
+/// Correction below which Newton's iteration has converged: the next is of the order of its square.
 template <Real S>
 inline constexpr S settled = sizeof(S) == 4 ? S(1e-5) : S(1e-11);
 
 inline constexpr int most_iterations = 64;
 
-/// Bound on how often one solve evaluates the balance.
+/// Bound on the number of evaluations of the balance in one solve.
 inline constexpr int most_balances = 8 * most_iterations;
 
 namespace detail {
 
-// How far a coordinate is taken: just short of the limit itself, where a gear's demand is without bound.
+// Largest coordinate tried: just short of the limit itself, where a gear's demand is unbounded.
 template <class J>
 auto reachable(const J& joint) {
   using S = decltype(joint.limit());
   return joint.limit() * (S(1) - settled<S>);
 }
 
-// Root between x0, where the residual has the sign of direction, and x1, where it has not: Newton kept inside by
-// halving.
+// Root between x0, where the residual has the sign of direction, and x1, where it has not: Newton's iteration, kept
+// inside by bisection.
 template <class J, Real S>
 Equilibrium<S> solve_between(const J& joint, const TendonPair<S>& pair, const Load<S>& load, S x0, S x1, S direction,
                              int spent) {
@@ -139,8 +140,7 @@ Equilibrium<S> solve_between(const J& joint, const TendonPair<S>& pair, const Lo
   return {x, abs(x1 - x0) <= settled<S> ? Status::ok : Status::no_equilibrium, spent + most_iterations};
 }
 
-// The share of a load that holds the joint at x: what tendons and spring hold there over what the load asks for. A load
-// that pushes back by itself is held whatever its share.
+// The share of a load that tendons and spring hold at x. A load that pushes back by itself is held whatever its share.
 template <class J, Real S>
 S held_share(const J& joint, const TendonPair<S>& pair, const Load<S>& load, const S& x) {
   const S unloaded = balance(joint, pair, Load<S>{}, x).residual;
@@ -148,8 +148,8 @@ S held_share(const J& joint, const TendonPair<S>& pair, const Load<S>& load, con
   return share < S(0) ? std::numeric_limits<S>::max() : share;
 }
 
-// Follows the branch from no load on, for demands whose shape promises nothing: from the unloaded position the share of
-// the load that is held grows, to all of it at the root, or to a maximum below that, which is the fold.
+// Follows the branch from zero load, for demands of any shape: from the unloaded position the share of the load that is
+// held grows, to 1 at the root, or to a maximum below 1, which is the fold.
 template <class J, Real S>
 Equilibrium<S> solve_by_following(const J& joint, const TendonPair<S>& pair, const Load<S>& load, S start,
                                   S direction) {
@@ -161,7 +161,7 @@ Equilibrium<S> solve_by_following(const J& joint, const TendonPair<S>& pair, con
     const S next = held_share(joint, pair, load, x);
     if (next >= S(1)) return solve_between(joint, pair, load, x - stride, x, direction, 2 * n);
     if (!(next > share)) {
-      // It has passed its maximum within the last two strides: by thirds, whether that is all of the load.
+      // It has passed its maximum within the last two strides: ternary search decides whether the maximum reaches 1.
       S low = n > 1 ? x - stride - stride : start;
       S high = x;
       const S first = low;
@@ -181,14 +181,14 @@ Equilibrium<S> solve_by_following(const J& joint, const TendonPair<S>& pair, con
   return {end, joint.folds() ? Status::no_equilibrium : Status::unreachable, 2 * most_iterations};
 }
 
-// Where the load takes a joint that nothing holds: to the end of the gap between its two slack tendons.
+// With both tendons slack, the load moves the joint to the end of the gap between them.
 template <class J, Real S>
 Equilibrium<S> end_of_gap(const J& joint, const TendonPair<S>& pair, const Load<S>& load) {
   const S ends[2] = {pair.agonist / pair.rate, -pair.antagonist / pair.rate};
   const S bound = reachable(joint);
   S pushes[2];
   for (int k = 0; k < 2; ++k) pushes[k] = -joint.demand(larger(-bound, smaller(ends[k], bound)), load).value;
-  // A load that changes its direction within the gap leaves the joint to itself.
+  // A load that changes its direction within the gap holds the joint nowhere.
   if (!(pushes[0] * pushes[1] > S(0))) return {S(0), Status::both_slack, 0};
   const S end = pushes[0] < S(0) ? ends[0] : ends[1];
   return {end, abs(end) < joint.limit() ? Status::ok : Status::unreachable, 0};
@@ -196,7 +196,7 @@ Equilibrium<S> end_of_gap(const J& joint, const TendonPair<S>& pair, const Load<
 
 }  // namespace detail
 
-/// Equilibrium coordinate on the branch that grows out of the unloaded position.
+/// Equilibrium coordinate on the branch that starts at the unloaded position.
 template <class J, Real S>
 Equilibrium<S> solve(const J& joint, const TendonPair<S>& pair, const Load<S>& load) {
   if (!all_finite(pair.agonist, pair.antagonist, pair.rate, load.force, load.radial_force))
@@ -226,7 +226,7 @@ Equilibrium<S> solve(const J& joint, const TendonPair<S>& pair, const Load<S>& l
     const bool beyond = !(abs(next) < joint.limit());
     if (!stable || (beyond && joint.folds())) return {x, Status::no_equilibrium, n};
     if (beyond) {
-      // With a demand that is not convex the step may only have been too long.
+      // With a demand that is not convex, the step may have been too long.
       const S end = direction * detail::reachable(joint);
       if (balance(joint, pair, load, end).residual * direction > S(0)) return {x, Status::unreachable, n};
       return detail::solve_between(joint, pair, load, x, end, direction, n + 1);
@@ -237,7 +237,7 @@ Equilibrium<S> solve(const J& joint, const TendonPair<S>& pair, const Load<S>& l
   return {x, Status::no_equilibrium, most_iterations};
 }
 
-/// The same with derivatives: solved in plain numbers, then one Newton step in dual ones, which is exact by the
+/// The same with derivatives: solved in real numbers, then one Newton step in dual numbers, which is exact by the
 /// implicit function theorem.
 template <class J, class S>
   requires(!Real<S>)

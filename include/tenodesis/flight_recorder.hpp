@@ -1,5 +1,5 @@
 #pragma once
-// The last moments before a fault, and a few after.
+// Records of the last ticks before a fault, and of a few after it.
 
 namespace tenodesis {
 
@@ -8,12 +8,12 @@ template <class Record, int capacity, int stride = 1, int after = 0>
 struct FlightRecorder {
   static_assert(stride >= 1 && after >= 0 && after < capacity);
 
-  /// Once per tick; the first tick of a fault is kept whatever the stride.
+  /// To be called once per tick; the first tick of a fault is kept whatever the stride.
   void note(const Record& record, bool fault) {
     if (Record* at = place(fault)) *at = record;
   }
 
-  /// The same for a record that is made only if it is kept: where to put it, or null.
+  /// The same for a record that is only made if it is kept: where to write it, or null.
   Record* place(bool fault) {
     if (frozen()) return nullptr;
     const bool starts = fault && !failed_;
@@ -28,7 +28,7 @@ struct FlightRecorder {
     return at;
   }
 
-  /// True once nothing is recorded any more.
+  /// Whether recording has ended.
   bool frozen() const { return failed_ && left_ == 0; }
 
   int size() const { return size_; }
@@ -42,7 +42,7 @@ struct FlightRecorder {
   /// Place of the fault's first tick, -1 without one.
   int fault_place() const { return failed_ ? size_ - 1 - (after - left_) : -1; }
 
-  /// Forgets everything and starts to record anew.
+  /// Discards all records and starts again.
   void rearm() {
     next_ = size_ = wait_ = left_ = 0;
     failed_ = false;

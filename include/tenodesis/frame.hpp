@@ -1,30 +1,32 @@
 #pragma once
 // Frames between a PC and a board with the controller on it, over any line of bytes.
 //
-// On the line: a zero, bytes that are none (consistent overhead byte stuffing), a zero. Stuffed in them: header,
-// payload and the CRC-32 of both, little-endian. A receiver is back in step at the next zero, whatever came before; a
+// On the line: a zero, bytes other than zero (consistent overhead byte stuffing), a zero. They encode header, payload
+// and the CRC-32 of both, little-endian. A receiver is synchronised again at the next zero, whatever came before; a
 // damaged frame is dropped and counted. The CRC has 32 bits rather than 16, since each frame moves motors and a bad
-// line damages thousands a second: of those, one in 4 billion passes for whole rather than one in 65 thousand.
+// line damages thousands a second: of those, one in 4 billion passes the check rather than one in 65 thousand.
 
 #include <cstddef>
 #include <cstdint>
 
+#include "tenodesis/fault.hpp"
+
 namespace tenodesis::link {
 
-/// Raised whenever a message or its meaning changes; header, hello and refusal stay as they are in all versions.
+/// Raised whenever a message or its meaning changes; header, hello and refusal are the same in all versions.
 inline constexpr std::uint8_t protocol_version = 2;
 
 enum class Type : std::uint8_t {
   none = 0,
   // from the PC
-  hello = 1,       ///< who is there? Answered by board; changes nothing
+  hello = 1,       ///< asks for the board's description; changes nothing
   parameters = 2,  ///< starts a session: a fresh controller, disabled
-  step = 3,        ///< one tick: answered by output
-  reset = 4,       ///< the controller as when the session started
-  counts = 5,      ///< what the watch of an axis has counted
+  step = 3,        ///< one tick; answered by output
+  reset = 4,       ///< the controller returns to the start of the session
+  counts = 5,      ///< counts of faults and bad samples of an axis
   stop = 6,        ///< motors to zero; an enabled controller pauses with its next tick
   stream = 7,      ///< the board measures and steps by itself from now on, and sends each tick
-  keep = 8,        ///< keeps a streaming board going; not answered
+  keep = 8,        ///< keeps a streaming board running; not answered
   // from the board
   board = 0x81,
   done = 0x82,  ///< parameters, reset, stop, stream
@@ -39,43 +41,65 @@ enum class Refusal : std::uint32_t {
   wrong_version = 1,   ///< detail: the board's own
   unknown_type = 2,    ///< detail: the type
   bad_size = 3,        ///< detail: the size
-  no_session = 4,      ///< the board does not know this session: it was restarted, or another has begun
+  no_session = 4,      ///< the board does not know this session: it was restarted, or another was started
   bad_parameters = 5,  ///< detail: what tenodesis_init returned
   no_such_axis = 6,    ///< detail: the axis
-  no_sensors = 7,      ///< this board measures nothing by itself
+  no_sensors = 7,      ///< the board has no sensors of its own
 };
 
 struct Header {
   std::uint8_t version{protocol_version};
   Type type{};
   std::uint16_t session{};   ///< chosen by the PC; 0: none
-  std::uint32_t sequence{};  ///< each action's own, one above the last; an answer has its question's
+  std::uint32_t sequence{};  ///< of each action, one above the last; an answer has that of its question
 };
 
 inline constexpr int most_axes = 2;
+
+/// Bytes of a message that ends with an array of all axes and is sent without those that the instrument does not have.
+template <class Message>
+constexpr std::size_t size_with(int axes) {
+  return sizeof(Message) - static_cast<std::size_t>(most_axes - axes) * sizeof(Message::axis[0]);
+}
 
 /// Answer to hello.
 struct Board {
   std::uint32_t interface_version{};  ///< TENODESIS_VERSION
   std::uint32_t real_size{};          ///< bytes of a tenodesis_real
-  std::uint32_t parameters_size{};    ///< bytes of tenodesis_parameters
-  std::uint32_t axes{};               ///< at most
-  std::uint32_t session{};            ///< that goes on; 0: none
-  std::uint32_t last_sequence{};      ///< that was acted on; the next action is one above
+  std::uint32_t parameters_size{};    ///< bytes of its tenodesis_parameters
+  std::uint32_t axes{};               ///< largest number
+  std::uint32_t session{};            ///< current one; 0: none
+  std::uint32_t last_sequence{};      ///< of the last action; the next is one above
   std::uint32_t clock{};              ///< of the processor, Hz
   std::uint32_t sensors{};            ///< 1: it can stream
   char name[32]{};
 };
 
-/// Bytes of the image of a tenodesis_parameters in float.
-inline constexpr std::size_t parameters_size = 768;
+/// tenodesis_parameters in float, whatever tenodesis_real is in this program.
+struct ControllerParameters {
+#define TENODESIS_CHOICE_FIELD(name, meaning) std::uint32_t name{};
+#define TENODESIS_REAL_FIELD(name, unit, bound, meaning) float name{};
+  struct Limit {
+    float threshold{}, persistence{};
+  };
+  struct Axis {
+    TENODESIS_AXIS_PARAMETERS(TENODESIS_REAL_FIELD)
+    Limit spool_jump{};
+    Limit limit[fault_count]{};
+  };
+
+  TENODESIS_CHOICES(TENODESIS_CHOICE_FIELD)
+  TENODESIS_COMMON_PARAMETERS(TENODESIS_REAL_FIELD)
+  Axis axis[most_axes]{};
+#undef TENODESIS_CHOICE_FIELD
+#undef TENODESIS_REAL_FIELD
+};
 
 struct Parameters {
-  /// Without a tick or a keep for so long by the board's clock it stops, ms; 0: as long as the controller's own
-  /// watchdog.
+  /// Time without a tick or a keep, by the board's clock, after which it stops, ms; 0: the controller's own watchdog.
   std::uint32_t silence{};
   std::uint32_t reserved{};
-  std::uint8_t image[parameters_size]{};
+  ControllerParameters controller{};
 };
 
 struct Measured {
@@ -84,21 +108,19 @@ struct Measured {
   float spool_angle[2]{};  // rad
 };
 
-/// TENODESIS_LAW_... and TENODESIS_ACTUATION_...; one that the controller cannot take leaves it as it is.
+/// TENODESIS_LAW_... and TENODESIS_ACTUATION_...; a choice that the controller cannot take is ignored.
 struct Choice {
   std::uint16_t law{}, actuation{};
 
   friend constexpr bool operator==(const Choice&, const Choice&) = default;
 };
 
-/// Cut after the axes there are.
+/// Sent with the instrument's axes only.
 struct Step {
   std::uint64_t time{};     ///< of the measurement, ns
   std::uint32_t request{};  ///< TENODESIS_REQUEST_...
   Choice choice{};
   Measured axis[most_axes]{};
-
-  static constexpr std::size_t size(int axes) { return 16 + static_cast<std::size_t>(axes) * sizeof(Measured); }
 };
 
 struct AxisAnswer {
@@ -115,53 +137,49 @@ struct AxisAnswer {
 
 /// Bits of TickAnswer::flags.
 inline constexpr std::uint32_t homed = 1, homing = 2;
-inline constexpr std::uint32_t silent = 4;  ///< too long without a tick or a keep: it has stopped since the last answer
-inline constexpr std::uint32_t halted = 8;  ///< the same by a stop
+inline constexpr std::uint32_t silent = 4;    ///< has stopped since the last answer: too long without a tick or a keep
+inline constexpr std::uint32_t halted = 8;    ///< has stopped since the last answer: by a stop
 inline constexpr std::uint32_t stopped = 16;  ///< motors at rest until the controller is enabled again
 
 struct TickAnswer {
-  std::uint64_t time{};   ///< of the measurement that it answers, ns
+  std::uint64_t time{};   ///< of the measurement that is answered, ns
   std::uint32_t state{};  ///< TENODESIS_DISABLED ...
   std::uint32_t flags{};
   std::uint32_t faults{};
   std::uint32_t first_faults{};
-  std::uint32_t busy{};     ///< ticks of the board's clock that the frame before took, from its last byte to its answer
+  std::uint32_t busy{};     ///< ticks of the board's clock from the previous frame's last byte to its answer
   std::uint32_t damaged{};  ///< frames that the board has dropped
 };
 
-/// Cut after the axes there are.
+/// Sent with the instrument's axes only.
 struct Output {
   TickAnswer tick{};
   AxisAnswer axis[most_axes]{};
-
-  static constexpr std::size_t size(int axes) { return 32 + static_cast<std::size_t>(axes) * sizeof(AxisAnswer); }
 };
 
-/// A tick that a board has measured itself; its sequence counts ticks. Cut after the axes there are.
+/// A tick that the board has measured by itself; its sequence counts ticks. Sent with the instrument's axes only.
 struct Streamed {
   struct Axis {
     Measured measured{};
     AxisAnswer answer{};
   };
 
-  std::uint32_t kept{};    ///< sequence of the last action of the PC's
+  std::uint32_t kept{};    ///< sequence of the PC's last action
   std::uint32_t number{};  ///< of the last request that arrived
   TickAnswer tick{};
   Axis axis[most_axes]{};
-
-  static constexpr std::size_t size(int axes) { return 40 + static_cast<std::size_t>(axes) * sizeof(Axis); }
 };
 
-/// What the PC wants of a board that streams, said anew with every tick: one that is lost is no harm.
+/// What the PC wants of a streaming board, repeated with every tick, so that a lost frame does no harm.
 struct Keep {
-  std::uint32_t request{};  ///< TENODESIS_REQUEST_...; made once, however often it is said
-  std::uint32_t number{};   ///< of the request; another than the last is another request
+  std::uint32_t request{};  ///< TENODESIS_REQUEST_...; made once, however often it is repeated
+  std::uint32_t number{};   ///< of the request; a new number makes it a new request
   Choice choice{};
   std::uint32_t rest{};  ///< 1: motors at zero until the controller is enabled again
 };
 
 struct Counted {
-  std::uint32_t faults[13]{};
+  std::uint32_t faults[fault_count]{};
   std::uint32_t bad_samples[5]{};
   std::uint32_t late_ticks{};
 };
@@ -171,11 +189,12 @@ struct Refused {
   std::uint32_t detail{};
 };
 
-static_assert(sizeof(Header) == 8 && sizeof(Board) == 64 && sizeof(Parameters) == 8 + parameters_size);
-static_assert(sizeof(Step) == Step::size(most_axes) && sizeof(Output) == Output::size(most_axes));
-static_assert(sizeof(Streamed) == Streamed::size(most_axes) && sizeof(Keep) == 16);
+// Neither compiler may put padding anywhere.
+static_assert(sizeof(Header) == 8 && sizeof(Board) == 64 && sizeof(Parameters) == 8 + sizeof(ControllerParameters));
+static_assert(size_with<Step>(0) == 16 && size_with<Output>(0) == 32 && size_with<Streamed>(0) == 40);
+static_assert(sizeof(Measured) == 20 && sizeof(AxisAnswer) == 40 && sizeof(Keep) == 16);
 static_assert(sizeof(Counted) == 76 && sizeof(Refused) == 8);
-static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "structs are sent as they lie in memory");
+static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "structs are sent as they are in memory");
 
 /// Whether a sequence is after another, on a circle of 2^32.
 constexpr bool after(std::uint32_t one, std::uint32_t other) { return static_cast<std::int32_t>(one - other) > 0; }
@@ -197,7 +216,7 @@ inline constexpr CrcTable crc_table{};
 
 }  // namespace detail
 
-/// CRC-32 of IEEE 802.3; goes on from that of the bytes before.
+/// CRC-32 of IEEE 802.3, continued from that of the previous bytes.
 constexpr std::uint32_t crc(const std::uint8_t* bytes, std::size_t count, std::uint32_t before = 0) {
   std::uint32_t rest = ~before;
   for (std::size_t k = 0; k < count; ++k) rest = (rest >> 8U) ^ detail::crc_table.of[(rest ^ bytes[k]) & 0xFFU];
@@ -208,7 +227,7 @@ inline constexpr std::size_t crc_size = 4;
 inline constexpr std::size_t most_payload = sizeof(Parameters);
 inline constexpr std::size_t most_content = sizeof(Header) + most_payload + crc_size;
 
-/// Most bytes that a payload takes on the line.
+/// Largest number of bytes of an encoded payload.
 constexpr std::size_t encoded_size(std::size_t payload) {
   const std::size_t content = sizeof(Header) + payload + crc_size;
   return content + content / 254 + 1 + 2;
@@ -242,13 +261,13 @@ inline std::size_t encode(const Header& header, const void* payload, std::size_t
   return end;
 }
 
-/// Finds whole frames in what comes down the line, byte by byte.
+/// Finds intact frames in the bytes that are received.
 class Decoder {
  public:
   /// Takes a byte; true where it ends a frame, which then stays until the next byte.
   bool push(std::uint8_t byte) {
     if (byte != 0) {
-      // Beyond the longest frame only its length is of interest: none.
+      // More than the longest frame: only counted, to be dropped.
       if (filled_ < sizeof buffer_) buffer_[filled_] = byte;
       if (filled_ <= sizeof buffer_) ++filled_;
       return false;
@@ -257,16 +276,16 @@ class Decoder {
     filled_ = 0;
     if (filled == 0) return false;
     content_ = filled <= sizeof buffer_ ? unstuff(filled) : 0;
-    const bool whole = content_ >= sizeof(Header) + crc_size && is_sound();
-    if (!whole) ++damaged_;
-    return whole;
+    const bool intact = content_ >= sizeof(Header) + crc_size && is_sound();
+    if (!intact) ++damaged_;
+    return intact;
   }
 
   Header header() const { return read<Header>(0); }
   const std::uint8_t* payload() const { return buffer_ + sizeof(Header); }
   std::size_t size() const { return content_ - sizeof(Header) - crc_size; }
 
-  /// The payload as a message, of which what was not sent is as it starts.
+  /// The payload as a message; fields that were not sent keep their defaults.
   template <class Message>
   Message message() const {
     Message message{};
@@ -285,7 +304,7 @@ class Decoder {
     return value;
   }
 
-  // In place: what is read is never behind what is written. 0 where the stuffing makes no sense.
+  // In place: reading is never behind writing. 0 where the stuffing is invalid.
   std::size_t unstuff(std::size_t filled) {
     std::size_t end = 0;
     std::size_t at = 0;

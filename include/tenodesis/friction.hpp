@@ -9,14 +9,15 @@
 
 namespace tenodesis {
 
-/// What the tension on the pulled side may come to: ratio times that on the held side, plus constant (N), plus drag
-/// (N/m) times the length that slips in the step.
+/// Largest tension on the pulled side: ratio times that on the held side, plus constant (N), plus drag (N/m) times the
+/// length that slips in the step.
 template <class S>
 struct Band {
   S ratio{1};
   S constant{};
   S drag{};
 
+  /// Whether the contact has no friction.
   constexpr bool free() const { return ratio == S(1) && constant == S(0); }
 };
 
@@ -33,7 +34,7 @@ struct Capstan {
   static Band<S> band(const S& exponent, const S&) { return {exp(exponent), S(0), S(0)}; }
 };
 
-/// Capstan friction with a part that does not depend on the load, N: pre-load of a seal or a liner.
+/// Capstan friction with a part (N) that does not depend on the load: pre-load of a seal or a liner.
 template <class S>
 struct CapstanWithConstant {
   static constexpr bool depends_on_speed = false;
@@ -52,16 +53,16 @@ struct Stribeck {
   S constant{};        ///< N
   S static_ratio{1};   ///< static over kinetic friction coefficient
   S stribeck_speed{};  ///< m/s
-  S memory{};          ///< time by which friction lags behind the speed, s; without it a step decides the next
+  S memory{};          ///< time constant with which friction follows the speed, s
 
   Band<S> band(const S& exponent, const S& speed) const {
-    // Beyond it the excess is gone to rounding, and exp would leave its range.
+    // Beyond this ratio the excess vanishes by rounding, and exp would leave its range.
     const S ratio = smaller(abs(speed) / stribeck_speed, S(8));
     const S excess = (static_ratio - S(1)) * exp(-ratio * ratio);
     return {exp(exponent * (S(1) + excess)), constant, S(0)};
   }
 
-  /// The speed that friction goes by, a step later.
+  /// The speed that friction depends on, a step later.
   S speed_after(const S& before, const S& slipped, const S& time_step) const {
     return before + (abs(slipped) / time_step - before) * (time_step / (memory + time_step));
   }

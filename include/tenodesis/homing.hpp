@@ -1,10 +1,10 @@
 #pragma once
-// From slack tendons to their pretension, with both motors and nothing but load cells and spools.
+// Homing: from slack tendons to their pretension, by both motors, load cells and spool encoders.
 //
-// Both motors wind until their tendons are tight, first quickly, then by what each tension lacks. Past the pretension
-// they let out again and come back to it from below, so that every contact ends on the same side of its friction
-// however the tendons lay before: that is what makes it repeatable. A tendon that never gets tight is broken or off its
-// spool; one that gets tight over much too short a stroke is jammed.
+// Both motors wind until their tendons are tight, first quickly, then in proportion to the missing tension. Past the
+// pretension they let out again and approach it from below, so that every contact ends on the same edge of its friction
+// band, whatever the tendons' state before: this makes homing repeatable. A tendon that never gets tight is broken or
+// off its spool; one that gets tight over much too short a stroke is jammed.
 
 #include "tenodesis/control.hpp"
 
@@ -13,13 +13,13 @@ namespace tenodesis {
 template <class S>
 struct HomingSettings {
   S speed{};          ///< of a slack tendon, m/s
-  S gain{};           ///< of a tight one's missing stretch, 1/s
-  S most_stroke{};    ///< to wind before a tendon is tight, m
-  S overshoot{};      ///< of the pretension before the last approach, share of it
-  S tolerance{};      ///< of the pretension, share of it
-  S settle_time{};    ///< for which both tensions must be within it, s
+  S gain{};           ///< of a tight tendon's missing stretch, 1/s
+  S most_stroke{};    ///< largest stroke before a tendon must be tight, m
+  S overshoot{};      ///< before the last approach, share of the pretension
+  S tolerance{};      ///< share of the pretension
+  S settle_time{};    ///< time for which both tensions must be within the tolerance, s
   S most_time{};      ///< of each stage, s
-  S least_stretch{};  ///< while a tension grows by three fifths of the pretension, share of what elasticity takes
+  S least_stretch{};  ///< while a tension grows by 0.6 of the pretension, share of an elastic tendon's stretch
 };
 
 enum class HomingStage : unsigned char { idle, tighten, exceed, release, approach, done, broken, jammed, timed_out };
@@ -28,10 +28,10 @@ template <class S>
 struct HomingState {
   HomingStage stage{HomingStage::idle};
   S time{};         ///< in this stage, s
-  S settled{};      ///< for so long, s
+  S settled{};      ///< time within the tolerance, s
   S tension[2]{};   ///< smoothed, N
   S start[2]{};     ///< spool angle at the beginning, rad
-  S tight_at[2]{};  ///< spool angle when it was first tight, rad
+  S tight_at[2]{};  ///< spool angle when the tendon was first tight, rad
   S tight_by[2]{};  ///< tension then, N
   bool tight[2]{};
   bool judged[2]{};
@@ -57,7 +57,7 @@ struct Homing {
     return state;
   }
 
-  /// Speeds to wind with, m/s; the stage tells how it stands.
+  /// Winding speeds, m/s; the state's stage shows the progress.
   Winding<S> wind(const Measurement<S>& measured, const S& dt, State& state) const {
     const S share = dt / (S(0.005) + dt);
     bool all_tight = true;
@@ -71,14 +71,14 @@ struct Homing {
       all_tight = all_tight && state.tight[i];
       all_near = all_near && abs(missing) <= settings.tolerance * model.axis.pretension;
       const S fastest = state.tight[i] ? settings.speed * S(0.5) : settings.speed;
-      // One that is tight waits for the other: alone it would only bend the tip.
+      // A tight tendon waits for the other: alone it would only bend the tip.
       wanted[i] = state.stage == HomingStage::tighten && state.tight[i]
                       ? S(0)
                       : clamp(settings.gain * missing / model.axis.stiffness, -fastest, fastest);
     }
     state.time = state.time + dt;
     state.settled = all_near ? state.settled + dt : S(0);
-    // Of two axes, the one that is done first holds its tension until the other is.
+    // Of two axes, the first one done holds its tension until the other is.
     if (state.stage == HomingStage::done) return {wanted[agonist], wanted[antagonist]};
     const bool there = state.stage == HomingStage::tighten ? all_tight : state.settled >= settings.settle_time;
     if (there) {
@@ -91,8 +91,8 @@ struct Homing {
     return {wanted[agonist], wanted[antagonist]};
   }
 
-  /// Spool angle that counts as zero: where the tendon would have its pretension all along, rad. As homing leaves it,
-  /// every contact is about to slip toward the spool.
+  /// Spool angle at home, rad: where the tendon would have its pretension along its full length. After homing, every
+  /// contact is about to slip toward the spool.
   S zero(int i, const Measurement<S>& measured) const {
     const S handle = abs(measured.handle_angle);
     const S at_sheath = exp(-model.sheath * (model.sheath_bend + model.sheath_bend_rate * handle));
@@ -122,7 +122,7 @@ struct Homing {
     }
     if (!state.tight[i] && wound > settings.most_stroke) state.stage = HomingStage::broken;
     if (state.tight[i] && state.tension[i] < S(0.05) * pretension) state.stage = HomingStage::broken;
-    // One that is tight from the beginning has less to grow by, or nothing: that is no jam.
+    // A tendon that is tight from the beginning stretches less, or not at all: that is no jam.
     if (state.tight[i] && !state.judged[i] && state.tension[i] - state.tight_by[i] > S(0.6) * pretension) {
       state.judged[i] = true;
       const S stretched = model.spool_radius * (measured.spool_angle[i] - state.tight_at[i]);

@@ -1,38 +1,37 @@
 #pragma once
-// The joint mechanisms: how far a joint's bending draws its tendons, and what moment a tendon or a load makes there.
+// The joint mechanisms: how far bending draws the tendons, and which moments tendons and loads exert.
 //
-// Each mechanism measures its bending in the coordinate in which tendon excursion is linear, whatever the angle does.
-// It answers, at a coordinate x:
+// Each mechanism measures its bending by a coordinate x in which tendon excursion is linear, and provides:
 //   coordinate(angle), angle(x)   between the joint's output angle (rad) and x
 //   excursion_slope()             tendon drawn per unit of x, m
 //   moment_arm(x)                 of one tendon about the output angle, m
 //   tangential_arm(x)             of a force at the tip, square to the end-effector, m
 //   radial_arm(x)                 of a force at the tip, outward along the end-effector, m
 //   passive_stiffness()           moment of the joint's own spring per radian, N·m/rad
-//   demand(x, load)               the tension difference that holds a load, for the equilibrium solve
+//   demand(x, load)               the tension difference that holds a load
 //   tame(load, stiffness)         whether Newton's iteration from the unloaded position cannot pass the first root
-//   folds()                       whether demand outgrows every tension on the way to the limit
+//   folds()                       whether the demand exceeds any tension on the way to the limit
 //   wrap_angle(angle)             total bend of a tendon over the joint, rad
 //   tendon_span()                 length of tendon within the straight joint, m
 //   rig_arm()                     from the pivot of a load rig to the tip of the straight joint, m
 //   limit()                       bound of |x|
-//   values()                      the same joint in plain numbers
-// All lengths come from virtual work on the joint's exact kinematics.
+//   values()                      the same joint in real numbers
+// All arms follow from virtual work on the joint's exact kinematics.
 
 #include "tenodesis/scalar.hpp"
 
 namespace tenodesis {
 
-/// Forces at the tip that turn with it, N. A positive force opposes positive flexion; a radial force pulls outward.
+/// Forces at the tip that rotate with it, N. A positive force opposes positive flexion; a radial force pulls outward.
 template <class S>
 struct Load {
   S force{};
   S radial_force{};
 };
 
-/// Tension difference that a load asks for and its slope by coordinate, both times a positive weight.
+/// Tension difference that a load requires and its slope by the coordinate, both times a positive weight.
 ///
-/// The weight is the mechanism's to choose: with the right one, a Newton step needs a single division.
+/// Each mechanism chooses the weight such that a Newton step needs a single division.
 template <class S>
 struct Demand {
   S value{};
@@ -40,7 +39,7 @@ struct Demand {
   S weight{};
 };
 
-/// Rolling gear pair (eqs. 1, 2, 4, 5); x = sin(angle / 2). The far gear turns twice as far as the line of centres.
+/// Rolling gear pair (eqs. 1, 2, 4, 5); x = sin(angle / 2). The far gear rotates twice as far as the line of centres.
 template <class S>
 struct TendonGear {
   S radius{};  ///< pitch radius, m

@@ -1,10 +1,11 @@
 #pragma once
-// The whole instrument in space: a spherical joint at the port, a prismatic one through it, the bending joints and the
-// roll of the end-effector (Fig. 1: seven joints, with two bending axes), and the handle at the other end of the stem.
+// Kinematics of the instrument in space: a spherical joint at the port, a prismatic joint through it, the bending
+// joints and the roll of the end-effector (Fig. 1: seven joints, with two bending axes), and the handle at the stem's
+// other end.
 //
 // The port is the origin. At zero angles the stem lies along z, tip up; yaw bends the tip toward x and pitch toward y,
-// and so do pan and tilt the stem. A rolling gear pair turns by half its angle about the centre of the fixed gear and
-// by the other half about that of the moving one; every joint mechanism does the like at the ends of its chord.
+// as pan and tilt do with the stem. A rolling gear pair rotates by half its angle about the centre of the fixed gear
+// and by the other half about that of the moving gear; the other mechanisms do the same at the ends of their chords.
 
 #include "tenodesis/rotation.hpp"
 #include "tenodesis/statics.hpp"
@@ -27,7 +28,7 @@ constexpr T chord(const TendonContinuum<S>& joint, const T& angle) {
   return T(joint.backbone_length) * sinc_of_square(angle * angle * T(0.25));
 }
 
-/// Where a body is, m, and how it is turned.
+/// Position, m, and orientation of a body.
 template <class S>
 struct Frame {
   Vector<S> position{};
@@ -38,9 +39,7 @@ struct Frame {
   constexpr Frame moved(const Vector<S>& by) const { return {position + rotation * by, rotation}; }
 };
 
-inline constexpr int most_axes = 2;
-
-/// Coordinates of every joint, rad and m; bending joints from the stem outward. All but the handle's decide the tip.
+/// Coordinates of every joint, rad and m; bending joints from the stem outward. All but the handle's determine the tip.
 template <class S>
 struct Posture {
   static constexpr int coordinates = 5 + most_axes;
@@ -63,7 +62,7 @@ struct Bodies {
   Frame<S> grip;  ///< where the hand acts
 };
 
-/// The constants of the whole instrument, lengths in m.
+/// The constants of the instrument, lengths in m.
 template <class A>
 struct Chain {
   using Scalar = A::Scalar;
@@ -108,7 +107,7 @@ Frame<S> pass(const Frame<S>& on, const J& joint, Direction direction, const S& 
 
 }  // namespace detail
 
-/// Frames of all bodies at a posture, in any number type that the chain's numbers convert to (Fig. 1).
+/// Frames of all bodies at a posture, in any number type that the chain's scalar converts to (Fig. 1).
 template <class A, class S>
 Bodies<S> bodies(const Chain<A>& chain, const Posture<S>& at) {
   Bodies<S> found{};
@@ -176,16 +175,16 @@ auto unloaded_handle(const Chain<A>& chain, int axis, const typename A::Scalar& 
 /// How an inverse ended.
 enum class Reach : unsigned char {
   ok,
-  unreachable,  ///< the port is nearer to the tip than the bending joints let the stem come
-  singular,     ///< two joints turn about one axis there, so that no finite motion changes the rest
+  unreachable,  ///< the tip is too near to the port for the bending joints
+  singular,     ///< two joints have the same axis there
   not_finite,
 };
 
-/// What an inverse found.
+/// Result of an inverse.
 template <class S>
 struct Reached {
   Posture<S> posture{};
-  S residual{};  ///< how far the tip is off, m
+  S residual{};  ///< error of the tip's position, m
   Reach reach{};
 };
 
@@ -203,7 +202,7 @@ template <class S>
 S angle_between(const Vector<S>& a, const Vector<S>& b) {
   const Vector<S> apart = a - b;
   const S square = dot(apart, apart);
-  // A chord depends on the angle's square alone: at none, its slope is none, where that of a root is not defined.
+  // A chord depends only on the angle's square: at zero its slope is zero, where that of a square root is undefined.
   if (!(value_of(square) > ValueOf<S>(0))) return S(0);
   return S(2) * asin(smaller(sqrt(square) * S(0.5), S(1)));
 }
@@ -213,7 +212,7 @@ constexpr S along(Direction direction, const Vector<S>& v) {
   return direction == Direction::yaw ? v.x : v.y;
 }
 
-/// From the stem's distal end to the tip, in the stem's frame; where the end-effector points tells how the joints bend.
+/// From the stem's distal end to the tip, in the stem's frame; the end-effector's direction determines the bending.
 template <class A, class S>
 Vector<S> reach_of(const Chain<A>& chain, const Vector<S>& pointing) {
   Vector<S> from{S(0), S(0), S(1)};
@@ -232,8 +231,8 @@ Vector<S> reach_of(const Chain<A>& chain, const Vector<S>& pointing) {
   return sum + S(chain.end_effector_length()) * pointing;
 }
 
-/// What the joints leave of the way from port to tip, in the stem's frame before it spins: x and y must vanish, z is
-/// the insertion.
+/// Vector from port to tip less the joints' part, in the stem's frame before its spin: x and y must vanish, z is the
+/// insertion.
 template <class A, class S, class V>
 Vector<S> left_over(const Chain<A>& chain, const Frame<V>& goal, const S& pan, const S& tilt, const V& spin) {
   const Vector<V> axis = goal.rotation * Vector<V>{V(0), V(0), V(1)};
@@ -251,7 +250,7 @@ S within_half_turn(const S& angle) {
 
 }  // namespace detail
 
-/// Where an inverse starts from, rad, when it is to stay near a posture.
+/// Start of an inverse, rad, that is to stay near a posture.
 template <class S>
 struct Start {
   bool given{};
@@ -260,13 +259,13 @@ struct Start {
 
 inline constexpr int most_reach_steps = 40, most_reach_halvings = 30;
 inline constexpr double longest_reach_step = 0.5;  // rad
-/// Where else to start from, in pan and tilt (rad), when the first start does not lead to the goal.
+/// Other starts, in pan and tilt (rad), if the first does not lead to the goal.
 inline constexpr double reach_starts[][2] = {{0, 0},     {0.2, 0},    {-0.2, 0},   {0, 0.2},    {0, -0.2},
                                              {0.2, 0.2}, {-0.2, 0.2}, {0.2, -0.2}, {-0.2, -0.2}};
 
 namespace detail {
 
-/// Pan and tilt of the stem, rad, and what they leave of the way to the goal.
+/// Pan and tilt of the stem, rad, and the remaining error.
 template <class S>
 struct Pivot {
   S pan{}, tilt{};
@@ -276,7 +275,7 @@ struct Pivot {
   Reach reach{Reach::unreachable};
 };
 
-/// Newton's method from a start; a step that does not bring the tip nearer is halved.
+/// Newton's method from a start; a step that does not reduce the error is halved.
 template <Real S, class A>
 void aim(const Chain<A>& chain, const Frame<S>& goal, const S& spin, const S& scale, Pivot<S>& at) {
   using D = Dual<S, 2>;
@@ -306,14 +305,14 @@ void aim(const Chain<A>& chain, const Frame<S>& goal, const S& spin, const S& sc
       if (nearer) at.pan = pan, at.tilt = tilt;
     }
     if (nearer) continue;
-    // Rounding is all that is left to gain.
+    // The rest is rounding.
     if (at.residual <= S(64) * fine) at.reach = Reach::ok;
     return;
   }
 }
 
-/// The pivot that reaches a goal. Where several do, the second joint bent by more than 60 deg, it is one on the
-/// straight instrument's side of the singularity if there is one, unless a start tells which.
+/// The pivot that reaches a goal. Where several do (the second joint bent by more than 60 deg), one on the straight
+/// instrument's side of the singularity is preferred, unless a start is given.
 template <Real S, class A>
 Pivot<S> pivot(const Chain<A>& chain, const Frame<S>& goal, const S& spin, const Start<S>& start) {
   const Vector<S>& p = goal.position;
@@ -337,11 +336,11 @@ Pivot<S> pivot(const Chain<A>& chain, const Frame<S>& goal, const S& spin, const
 
 }  // namespace detail
 
-/// Posture that brings the tip to a goal, by Newton's method in pan and tilt alone; all else follows in closed form.
+/// Posture that brings the tip to a goal, by Newton's method in pan and tilt; the rest follows in closed form.
 ///
-/// With two bending axes the chain has one joint more than a goal asks for: the spin is as told. With one, it follows,
-/// within a quarter turn of what is told. The second bending angle is within a quarter turn. The handle is left
-/// straight: what it must do depends on the load.
+/// With two bending axes the chain is redundant, and the spin is as given. With one axis the spin follows, within a
+/// quarter turn of the given one. The second bending angle is within a quarter turn. The handle is left straight: its
+/// angle depends on the load.
 template <Real S, class A>
 Reached<S> inverse(const Chain<A>& chain, const Frame<S>& goal, const S& spin, const Start<S>& start = {}) {
   const Vector<S>& p = goal.position;

@@ -1,19 +1,19 @@
 #pragma once
-// What the proximal sensors say about the tip: where it is, what pushes on it, how strong friction is.
+// Observers: output angle, tip force and friction from the proximal sensors.
 //
-// Without friction a tension is the same all along its tendon, and eq. 19 turns the two into the tip's angle. With
-// friction each contact hides the tension beyond it inside a band, unless the direction in which the tendon slips there
-// is known: then that tension lies on the band's edge. And slip can be seen from outside: what the spool has wound less
-// the stretch of the tendon up to a contact is where the tendon stands there. So tension and slip are followed from the
-// spool to the tip, contact by contact, and each tendon that slips says where the tip is; one that sticks says between
-// which bounds. Two that slip the same way, as when both motors pull together, say it twice, and in how far they
-// disagree lies the friction's strength.
+// Without friction a tension is the same along its tendon, and eq. 19 gives the tip's angle from the two. With friction
+// the tension beyond a contact is only known within a band, unless the direction is known in which the tendon slips
+// there: then that tension lies on the band's edge. Slip is observable: the length wound by the spool less the stretch
+// of the tendon up to a contact is the tendon's position there. So tension and slip are followed from the spool to the
+// tip, contact by contact. A tendon that slips determines the tip's position; a tendon that sticks gives bounds of it.
+// Two tendons that slip the same way, as when both motors wind, determine it twice, and their disagreement reveals how
+// strong friction is.
 
 #include "tenodesis/control.hpp"
 
 namespace tenodesis {
 
-/// eq. 19 as printed: without slack, without what the motors have wound, without friction.
+/// Output angle by eq. 19 as printed: without slack, wound lengths and friction.
 template <class A, class S>
 S paper_output_angle(const ControlModel<A>& model, const Measurement<S>& measured) {
   const A& axis = model.axis;
@@ -23,16 +23,16 @@ S paper_output_angle(const ControlModel<A>& model, const Measurement<S>& measure
   return axis.distal.angle(clamp(x, -most, most));
 }
 
-/// Where a tendon stands at a contact, with play: it counts as slipping only once it has moved by more than noise does.
+/// Position of a tendon at a contact, with play: it counts as slipping only once it has moved by more than noise.
 template <class S>
 struct Slip {
   S dragged{};   ///< position that the play was last dragged to, m
-  S evidence{};  ///< share of a play that it was dragged by just now, negative toward the tip
-  S run{};       ///< plays that it has been dragged one way without turning, up to most_run
+  S evidence{};  ///< share of the play by which it was dragged in this tick, negative toward the tip
+  S run{};       ///< number of plays by which it was dragged without reversing, up to most_run
 };
 
 inline constexpr int most_run = 8;
-/// Plays after which nothing is left of what was there before a turn.
+/// Number of plays after which the state before a reversal is forgotten.
 inline constexpr int firm_run = 4;
 
 template <class S>
@@ -45,7 +45,7 @@ Slip<S> follow(const Slip<S>& before, const S& position, const S& play) {
   return after;
 }
 
-/// Tension beyond a contact, N: on the edge that slip toward the spool (positive evidence) or the tip asks for.
+/// Tension beyond a contact, N: on the edge that belongs to slip toward the spool (positive evidence) or the tip.
 template <class S>
 S beyond(const S& ratio, const S& near, const S& held, const S& evidence) {
   const S low = near / ratio;
@@ -54,17 +54,17 @@ S beyond(const S& ratio, const S& near, const S& held, const S& evidence) {
   return clamp(held + (edge - held) * abs(evidence), low, high);
 }
 
-/// Bounds of the friction scale: a sheath may be bent ten times as far as it was thought to be; a load cell that drifts
-/// looks like more than that.
+/// Bounds of the friction scale: a sheath may be bent ten times as far as assumed; a drifting load cell looks like
+/// more.
 template <Real S>
 inline constexpr S least_scale = S(0.2);
 template <Real S>
 inline constexpr S most_scale = S(12);
 
-/// What the friction observer remembers of one tendon.
+/// State of the friction observer for one tendon.
 template <class S>
 struct TendonMemory {
-  S tension[4]{};     ///< beside the spool, before the handle's joint, in the stem, at the tip, N
+  S tension[4]{};     ///< at the spool, before the handle's joint, in the stem, at the tip, N
   Slip<S> slip[3]{};  ///< at the sheath, at the handle's joint, at the tip
 };
 
@@ -73,11 +73,11 @@ struct FrictionMemory {
   TendonMemory<S> tendon[2]{};
   S handle_angle{};         ///< smoothed, rad
   Measurement<S> smooth{};  ///< with play in the handle angle
-  S tip{};                  ///< tendon length taken by the tip, m
-  S output_angle{};         ///< that goes with it, rad
+  S tip{};                  ///< position of the tip as tendon length, m
+  S output_angle{};         ///< at that position, rad
   S scale{1};               ///< of friction
-  S reference{};            ///< by how much both tendons together are longer than their references, m
-  S compliance{1};          ///< of the tendons over the parameters'
+  S reference{};            ///< excess of both tendons' lengths over their references, m
+  S compliance{1};          ///< of the tendons, relative to the parameters
   S covariance[3][3]{};     ///< of scale, reference, compliance
   S freedom[2]{};           ///< how far the tip may have moved unseen, toward flexion and extension, m
   bool started{};
@@ -85,19 +85,19 @@ struct FrictionMemory {
 
 template <class S>
 struct FrictionSettings {
-  S hand_play{};       ///< half the play that keeps the handle encoder's noise and steps from the tendons, rad
+  S hand_play{};       ///< half the play that rejects the handle encoder's noise and steps, rad
   S sheath_play{};     ///< of a tendon's slip in the sheath, m
-  S length_noise{};    ///< of two tendons' lengths compared over one play of slip, m
-  S play{};            ///< of a slipping tendon, above what noise moves it by, m
-  S smoothing{};       ///< time constant of the measurements, s
+  S length_noise{};    ///< of the difference of two tendon lengths over one play of slip, m
+  S play{};            ///< of a slipping tendon, larger than noise, m
+  S smoothing{};       ///< time constant of the measurement filter, s
   S scale_std{};       ///< of the friction scale at the start
   S reference_std{};   ///< m
   S compliance_std{};  ///< of the compliance at the start
-  S forgetting{};      ///< growth of the three deviations, share of the start's per root second
-  S slack_below{};     ///< N
+  S forgetting{};      ///< growth of the three deviations, share of their start per root second
+  S slack_below{};     ///< tension below which a tendon counts as slack, N
 };
 
-/// Follows both tendons' friction from the spools to the tip.
+/// Tracks both tendons' friction from the spools to the tip.
 template <class A>
 struct FrictionObserver {
   using S = A::Scalar;
@@ -122,19 +122,19 @@ struct FrictionObserver {
     for (int i = 0; i < 2; ++i) follow_to_tip(i, position[i], ratio, memory);
   }
 
-  /// How far the tip lags behind where tendons that do not stretch would hold it, as tendon length, m.
+  /// Lag of the tip behind its position with inextensible tendons, as tendon length, m.
   S lag(const Memory& memory) const { return model.drawn(memory.smooth.handle_angle) - memory.tip; }
 
-  /// Differential stroke that friction takes before the tip moves toward flexion (direction 1) or extension (-1), m.
+  /// Differential stroke needed before the tip breaks away toward flexion (direction 1) or extension (-1), m.
   S breakaway(const Memory& memory, const S& direction) const {
     const Exponents nominal = exponents(memory.smooth.handle_angle, memory.output_angle);
     const S at_tip = exp(memory.scale * nominal.at[2]);
-    const S whole = exp(memory.scale * (nominal.at[0] + nominal.at[1] + nominal.at[2]));
+    const S all = exp(memory.scale * (nominal.at[0] + nominal.at[1] + nominal.at[2]));
     const auto& pulled = memory.tendon[direction > S(0) ? agonist : antagonist];
     const auto& held = memory.tendon[direction > S(0) ? antagonist : agonist];
     const S needed = pulled.tension[3] - held.tension[3];
     const S in_stem = needed - (pulled.tension[2] / at_tip - held.tension[2] * at_tip);
-    const S at_spool = needed - (pulled.tension[0] / whole - held.tension[0] * whole);
+    const S at_spool = needed - (pulled.tension[0] / all - held.tension[0] * all);
     return unit_of(memory) * S(0.5) *
            (model.share[2] * larger(in_stem, S(0)) + (model.share[0] + model.share[1]) * larger(at_spool, S(0)));
   }
@@ -165,8 +165,8 @@ struct FrictionObserver {
     return estimate;
   }
 
-  /// Whether both tendons have been slipping toward the spools (direction 1) or the tip (-1), at sheath and handle, for
-  /// long enough that their tensions lie on their edges.
+  /// Whether both tendons have slipped toward the spools (direction 1) or the tip (-1), at sheath and handle, far
+  /// enough that their tensions lie on the edges of their bands.
   bool slip_together(const Memory& memory, const S& direction) const {
     for (const auto& one : memory.tendon)
       if (slack(one) || one.slip[0].run * direction < S(firm_run) || one.slip[1].run * direction < S(firm_run))
@@ -174,7 +174,7 @@ struct FrictionObserver {
     return true;
   }
 
-  /// Deviation of the tip, as tendon length, m.
+  /// Standard deviation of the tip's position, as tendon length, m.
   S deviation(const Memory& memory) const {
     const auto& tendon = memory.tendon;
     const S unit = unit_of(memory);
@@ -204,7 +204,7 @@ struct FrictionObserver {
              model.vertex * model.axis.distal.wrap_angle(angle)}};
   }
 
-  // Stretch of a whole tendon per newton, m/N.
+  // Stretch of a tendon per newton, m/N.
   S unit_of(const Memory& memory) const { return memory.compliance / model.axis.stiffness; }
 
   S stretch(const TendonMemory<S>& one, const S& unit) const {
@@ -264,7 +264,7 @@ struct FrictionObserver {
     }
   }
 
-  // From the spool past the handle's joint; returns where the tendon stands there.
+  // From the spool past the handle's joint; returns the tendon's position there.
   S follow_to_stem(int i, const S& drawn, const S* ratio, Memory& memory) const {
     auto& one = memory.tendon[i];
     const S unit = unit_of(memory);
@@ -278,7 +278,7 @@ struct FrictionObserver {
     return at_handle;
   }
 
-  // Where a tendon of a tension in the stem has the tip, as tendon length from the agonist's view.
+  // Position of the tip by one tendon and its tension in the stem, as length of the agonist.
   S tip_by(int i, const S& position, const S& stem, const Memory& memory) const {
     const S unit = unit_of(memory);
     const S length = position - stretch_of(2, stem, unit) - stretch_of(3, memory.tendon[i].tension[3], unit);
@@ -323,17 +323,17 @@ struct FrictionObserver {
     one.tension[2] = clamp(stem, one.tension[1] / ratio[1], one.tension[1] * ratio[1]);
     one.slip[2] = follow(one.slip[2], side * memory.tip, settings.play);
     one.tension[3] = beyond(ratio[2], one.tension[2], one.tension[3], one.slip[2].evidence);
-    // Unseen, a tip that goes with a tendon lowers its tension to the lower edge, one that goes against it raises it.
-    const S whole = ratio[0] * ratio[1];
+    // Unobserved motion of the tip with a tendon lowers its tension to the lower edge, motion against it raises it.
+    const S both = ratio[0] * ratio[1];
     const S stretch = model.share[2] * unit;
-    const S with = slack(one) ? std::numeric_limits<S>::max() : stretch * (one.tension[2] - one.tension[0] / whole);
-    const S against = slack(one) ? std::numeric_limits<S>::max() : stretch * (one.tension[0] * whole - one.tension[2]);
+    const S with = slack(one) ? std::numeric_limits<S>::max() : stretch * (one.tension[2] - one.tension[0] / both);
+    const S against = slack(one) ? std::numeric_limits<S>::max() : stretch * (one.tension[0] * both - one.tension[2]);
     const S toward[2] = {i == agonist ? with : against, i == agonist ? against : with};
     for (int n = 0; n < 2; ++n)
       memory.freedom[n] = larger(i == agonist ? toward[n] : smaller(memory.freedom[n], toward[n]), S(0));
   }
 
-  // Variance of what is compared, from that of scale, reference and compliance; gain: its covariance with each.
+  // Variance of the compared lengths from that of scale, reference and compliance; gain: covariance with each.
   static S spread_by(const S* by, const Memory& memory, S* gain) {
     S spread(0);
     for (int n = 0; n < 3; ++n) {
@@ -349,7 +349,7 @@ struct FrictionObserver {
     memory.covariance[0][0] = settings.scale_std * settings.scale_std;
   }
 
-  // What the smoothing lags behind by in a jerk would pass for friction, and a tendon about to hang for a long one.
+  // In a jerk the filter's lag would be taken for friction, and a tendon that is nearly slack for a longer tendon.
   bool calm(const Measurement<S>& measured, const Memory& memory) const {
     for (int i = 0; i < 2; ++i) {
       const S behind = measured.tension[i] - memory.smooth.tension[i];
@@ -359,7 +359,7 @@ struct FrictionObserver {
     return true;
   }
 
-  // Both slip the same way: their two accounts of the tip differ by what is wrong with friction, lengths, stiffness.
+  // Both tendons slip the same way: their two positions of the tip differ by errors of friction, lengths and stiffness.
   void learn(const S* position, const S* ratio, const Exponents& nominal, Memory& memory) const {
     const S first = memory.tendon[agonist].slip[1].evidence;
     const S second = memory.tendon[antagonist].slip[1].evidence;
@@ -382,7 +382,7 @@ struct FrictionObserver {
     S gain[3];
     S spread = spread_by(by, memory, gain);
     if (residual * residual > S(9) * (spread + noise)) {
-      // Too far off for what was known: a sheath that the hand has bent, most likely.
+      // More than the deviations explain: most likely the hand has bent the sheath.
       doubt_scale(memory);
       spread = spread_by(by, memory, gain);
     }

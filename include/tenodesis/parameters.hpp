@@ -1,16 +1,16 @@
 #pragma once
-// A controller from the plain numbers of the C interface, in whatever precision they come.
+// A controller from the parameters of the C interface, in whatever precision they are given.
 
 #include "tenodesis/controller.hpp"
 
 namespace tenodesis {
 
-/// Most that all contacts' exponents may come to: a tendon that keeps less than a fiftieth of its tension tells
-/// nothing.
+/// Largest sum of all contacts' exponents: where friction leaves less than a fiftieth of a tendon's tension, it cannot
+/// be observed.
 template <class S>
 inline constexpr S most_friction = S(4);
 
-/// Time that ticks are told apart in, s: one that may come later would never be late.
+/// Longest interval between ticks that the controller measures, s: a larger limit could never be exceeded.
 template <class S>
 inline constexpr S longest_tick = S(4);
 
@@ -82,33 +82,27 @@ constexpr AxisController<A> axis_controller(const P& p) {
   return axis;
 }
 
-/// Whether the numbers of an axis make sense together; what they mean is beyond a controller to know.
+/// Whether an axis's parameters keep their bounds and fit each other; whether they describe the instrument is for the
+/// caller to know.
 template <class S, class P>
 constexpr bool plausible(const P& p, bool continuum) {
-  // As they will be computed with: what is finite in double precision need not be in single.
-  const auto positive = [](auto... v) { return ((S(v) > S(0) && is_finite(S(v))) && ...); };
-  const auto not_negative = [](auto... v) { return ((S(v) >= S(0) && is_finite(S(v))) && ...); };
-  const S whole = S(p.share_sheath) + S(p.share_handle) + S(p.share_stem) + S(p.share_tip);
+  // In the precision of the controller: what is finite in double need not be in float.
+  const auto positive = [](const S& v) { return v > S(0) && is_finite(v); };
+  const auto not_negative = [](const S& v) { return v >= S(0) && is_finite(v); };
+#define TENODESIS_KEEPS_BOUND(name, unit, bound, meaning) &&bound(S(p.name))
+  const bool in_bounds = true TENODESIS_AXIS_PARAMETERS(TENODESIS_KEEPS_BOUND);
+#undef TENODESIS_KEEPS_BOUND
+  const S shares = S(p.share_sheath) + S(p.share_handle) + S(p.share_stem) + S(p.share_tip);
   const S friction = S(p.sheath_coefficient) * (S(p.sheath_bend) + S(p.sheath_bend_rate) * S(p.handle_range)) +
                      S(p.vertex_coefficient) * (S(p.handle_range) + S(pi));
-  return positive(p.proximal_radius, p.distal_radius, p.handle_range, p.stiffness, p.pretension, p.spool_radius,
-                  p.drive_speed, p.drive_acceleration, p.sheath_play, p.play, p.length_noise, p.friction_scale_std,
-                  p.gain, p.breakaway_time, p.position_gain, p.tendon_speed, p.common_speed, p.common_stroke, p.far_lag,
-                  p.tension_limit, p.homing_speed, p.homing_gain, p.homing_stroke, p.homing_tolerance, p.homing_time,
-                  p.share_stem, p.share_sheath, p.share_handle) &&
-         not_negative(p.handle_length, p.end_effector_length, p.backbone_length, p.backbone_rigidity, p.share_tip,
-                      p.vertex_coefficient, p.sheath_coefficient, p.sheath_bend, p.sheath_bend_rate,
-                      p.drive_time_constant, p.hand_play, p.smoothing, p.reference_std, p.compliance_std, p.forgetting,
-                      p.slack_tension, p.dead_band, p.common_stroke_share, p.patience, p.settle_time, p.least_tension,
-                      p.hand_travel, p.still_time, p.homing_overshoot, p.homing_settle_time, p.homing_least_stretch) &&
-         abs(whole - S(1)) < S(0.01) && (!continuum || S(p.backbone_length) > S(0)) && S(p.handle_range) < S(pi) &&
-         friction <= most_friction<S> && S(p.pretension) < S(p.tension_limit) && S(p.homing_overshoot) < S(1) &&
-         S(p.limit[static_cast<int>(Fault::tick_late)].threshold) <= longest_tick<S>;
+  return in_bounds && abs(shares - S(1)) < S(0.01) && (!continuum || S(p.backbone_length) > S(0)) &&
+         S(p.handle_range) < S(pi) && friction <= most_friction<S> && S(p.pretension) < S(p.tension_limit) &&
+         S(p.homing_overshoot) < S(1) && S(p.limit[static_cast<int>(Fault::tick_late)].threshold) <= longest_tick<S>;
 }
 
 }  // namespace detail
 
-/// Sets a controller up; false, and the controller unusable, if the parameters make no sense.
+/// Sets a controller up; false, and the controller unusable, if the parameters are not plausible.
 template <class A, int most_axes, class P>
 bool configure(const P& p, Controller<A, most_axes>& controller) {
   using S = A::Scalar;

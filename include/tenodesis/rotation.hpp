@@ -1,6 +1,5 @@
 #pragma once
-// Vectors and rotations in space; rotations are unit quaternions, of which a half angle's sine and cosine are all that
-// is needed.
+// Vectors and rotations in space; rotations are unit quaternions, made from sine and cosine of half an angle.
 
 #include "tenodesis/scalar.hpp"
 
@@ -42,7 +41,7 @@ struct Rotation {
   constexpr Rotation inverse() const { return {w, -x, -y, -z}; }
 };
 
-/// Sine and cosine of half an angle, rad; a whole turn more changes the sign of both, and no rotation.
+/// Sine and cosine of half an angle, rad; a full turn more changes the sign of both, which is the same rotation.
 template <class S>
 struct HalfTurn {
   S sine{}, cosine{};

@@ -1,8 +1,8 @@
 #pragma once
 // The number types the core computes in: float, double and dual numbers over them.
 //
-// The functions here need no math library. Build with -fno-math-errno, so that a square root is one instruction
-// instead of a call.
+// These functions need no math library. Build with -fno-math-errno, so that a square root is one instruction instead of
+// a call.
 
 #include <bit>
 #include <compare>
@@ -35,7 +35,7 @@ constexpr bool all_finite(S... v) {
   return (is_finite(v) && ...);
 }
 
-/// The plain value of a number: itself, or what a dual number carries beside its derivatives.
+/// The real value of a number, without a dual number's derivatives.
 template <Real S>
 constexpr S value_of(S v) {
   return v;
@@ -59,9 +59,8 @@ template <Real S, std::size_t N>
 struct Series {
   S coefficient[N];
 
-  // Horner's scheme in t^2 for even and odd terms side by side, which halves the wait for one result; the first term
-  // apart, which keeps their rounding small. By recursion, since a loop within a loop would keep the outer one from
-  // becoming vector code.
+  // Horner's scheme in t^2 for even and odd terms side by side, which halves the latency; the first term apart, which
+  // keeps the rounding small. By recursion, since an inner loop would prevent vectorisation of the outer one.
   template <class T>
   constexpr T operator()(const T& t) const {
     const T square = t * t;
@@ -174,10 +173,10 @@ template <Real S>
 inline S exp(S u) {
   using Bits = std::conditional_t<sizeof(S) == 4, std::int32_t, std::int64_t>;
   constexpr int mantissa = std::numeric_limits<S>::digits - 1;
-  // Adding and taking away so large a number leaves the nearest whole one.
-  constexpr S whole = S(Bits(3) << (mantissa - 1));
-  const S doublings = (u * S(1.4426950408889634074) + whole) - whole;
-  // ln 2 in two parts, the first so short that its multiples are exact.
+  // Adding and subtracting so large a number rounds to the nearest integer.
+  constexpr S large = S(Bits(3) << (mantissa - 1));
+  const S doublings = (u * S(1.4426950408889634074) + large) - large;
+  // ln 2 in two parts; the first has so few bits that its multiples are exact.
   constexpr S ln2_high = sizeof(S) == 4 ? S(0.693359375) : S(6.93147180369123816490e-1);
   constexpr S ln2_low = sizeof(S) == 4 ? S(-2.12194440e-4) : S(1.90821492927058770002e-10);
   const S rest = (u - doublings * ln2_high) - doublings * ln2_low;
@@ -185,11 +184,11 @@ inline S exp(S u) {
   return detail::exp_series<S>(rest) * std::bit_cast<S>(power);
 }
 
-/// Nearest whole number; |u| below 2^22 in float, 2^51 in double.
+/// Nearest integer; |u| below 2^22 in float, 2^51 in double.
 template <Real S>
 inline S round(S u) {
-  constexpr S whole = S(std::int64_t(3) << (std::numeric_limits<S>::digits - 2));
-  return (u + whole) - whole;
+  constexpr S large = S(std::int64_t(3) << (std::numeric_limits<S>::digits - 2));
+  return (u + large) - large;
 }
 
 /// A number between bounds.

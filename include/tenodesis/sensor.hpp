@@ -1,5 +1,5 @@
 #pragma once
-// Sensors: a true value in, what the data acquisition would have stored out.
+// Sensors: from a true value to the reading that the data acquisition stores.
 
 #include <cstdint>
 
@@ -7,7 +7,7 @@
 
 namespace tenodesis {
 
-/// A stream of random numbers, as a function of its seed and a count: copies repeat it, seeds part it.
+/// A stream of random numbers as a function of seed and count: a copy repeats it, another seed gives another stream.
 struct Noise {
   std::uint64_t seed{};
   std::uint64_t count{};
@@ -33,7 +33,7 @@ struct Noise {
   }
 
  private:
-  // Without a call to a library, which a compiler makes of its own builtin where the processor has no instruction.
+  // Without the library call that a compiler's builtin needs where the processor has no such instruction.
   static constexpr int ones(std::uint32_t v) {
     v = v - ((v >> 1U) & 0x55555555U);
     v = (v & 0x33333333U) + ((v >> 2U) & 0x33333333U);
@@ -47,13 +47,13 @@ struct Sensor {
   S gain{1};
   S bias{};
   S noise{};  ///< standard deviation
-  S low{};    ///< range of what can be told apart
+  S low{};    ///< range of the converter
   S high{};
   S resolution{};  ///< one step of the converter
 
   S read(const S& value, Noise& random) const {
     S disturbed = gain * value + bias;
-    // In dual numbers, what is expected of a reading: neither noise nor steps have a slope.
+    // In dual numbers the expected reading: neither noise nor steps have a derivative.
     if constexpr (Real<S>) {
       if (noise > S(0)) disturbed = disturbed + noise * random.template normal<S>();
       disturbed = clamp(round(disturbed / resolution) * resolution, low, high);

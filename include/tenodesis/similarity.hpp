@@ -1,25 +1,25 @@
 #pragma once
-// Elastic similarity: the factors by which forces and tensions carry over from one instrument to another.
+// Elastic similarity: the factors that convert forces and tensions from one instrument to another.
 
 #include "tenodesis/statics.hpp"
 
 namespace tenodesis {
 
-/// Tension that stretches a tendon by the distal radius, k r, N: what tensions are measured in (Table II).
+/// Tension that stretches a tendon by the distal radius, k r, N: the unit of tension (Table II).
 template <class A>
 constexpr auto tension_scale(const A& axis) {
   return axis.stiffness * axis.distal.radius;
 }
 
-/// Factor of tip force, prototype over model, for equal loss of dexterity at an output angle (eq. 17, Table II).
+/// Factor of tip force, scaled-up over real-size, for equal loss of dexterity at an output angle (eq. 17, Table II).
 template <class A, class B, class S>
-Result<S> force_factor(const A& model, const B& prototype, const S& output_angle) {
-  const Result<S> ours = loss_of_dexterity(model, output_angle, S(1));
-  const Result<S> theirs = loss_of_dexterity(prototype, output_angle, S(1));
+Result<S> force_factor(const A& real_size, const B& scaled_up, const S& output_angle) {
+  const Result<S> ours = loss_of_dexterity(real_size, output_angle, S(1));
+  const Result<S> theirs = loss_of_dexterity(scaled_up, output_angle, S(1));
   return {ours.value / theirs.value, ours.status != Status::ok ? ours.status : theirs.status};
 }
 
-/// Tension difference that a tip force of one newton asks of the straight joint, dimensionless (eq. 1).
+/// Tension difference per tip force at the straight joint, dimensionless (eq. 1).
 template <class A>
 auto tension_per_force(const A& axis) {
   const auto straight = axis.distal.coordinate(decltype(axis.stiffness)(0));

@@ -1,8 +1,7 @@
 #pragma once
-// What a held instrument does under load: angles, tensions, transmissibility, stiffness, loss, and how to undo the
-// loss.
+// Statics of an instrument with a held handle: angles, tensions, transmissibility, stiffness, loss and compensation.
 //
-// Every function takes an axis and returns a value with a status; the value means something only when the status is ok.
+// Every function takes an axis and returns a value with a status; the value is valid only if the status is ok.
 
 #include "tenodesis/equilibrium.hpp"
 
@@ -20,11 +19,11 @@ enum class Actuation : unsigned char {
 };
 
 enum class Law : unsigned char {
-  exact,  ///< gives the whole loss back, slack included
+  exact,  ///< restores the full loss, slack included
   paper,  ///< eq. 22 of the paper, whatever the actuation
 };
 
-/// Place of a tendon in an array of two.
+/// Index of a tendon in an array of two.
 inline constexpr int agonist = 0, antagonist = 1;
 
 /// Rounding that a handle angle converted from degrees may carry past the range, rad.
@@ -81,8 +80,7 @@ Result<S> elongation(const A& axis, const Tensions<S>& tension, const Stroke<S>&
 
 /// Handle angle that holds an output angle under load, rad: the inverse of output_angle (eq. 20, slack included).
 ///
-/// An output angle off the branch that grows out of no load has none, nor has one that needs more than the handle's
-/// range.
+/// There is none for an output angle off the branch that starts at zero load, nor beyond the handle's range.
 template <class A, class S>
 Result<S> handle_angle(const A& axis, const S& output_angle, const Load<S>& load, const Stroke<S>& wound = {}) {
   using V = ValueOf<S>;
@@ -94,7 +92,7 @@ Result<S> handle_angle(const A& axis, const S& output_angle, const Load<S>& load
   const Demand<S> demand = axis.distal.demand(x, load);
   const S difference = demand.value / demand.weight;
 
-  // Both taut, the mean tension is what pretension and motors leave; a tendon that would have to push is slack.
+  // With both tendons taut, pretension and motors give the mean tension; a tendon that would have to push is slack.
   const S mean = axis.pretension + axis.stiffness * (wound.agonist + wound.antagonist) * S(0.5);
   Tensions<S> tension{mean + difference * S(0.5), mean - difference * S(0.5)};
   const bool both_taut = tension.agonist >= S(0) && tension.antagonist >= S(0);
@@ -109,12 +107,12 @@ Result<S> handle_angle(const A& axis, const S& output_angle, const Load<S>& load
   const S angle = axis.proximal.angle(proximal);
   if (check_handle(axis, angle) != Status::ok) return {{}, Status::unreachable};
 
-  // The balance has other roots, past a fold or at another branch: the handle angle must lead back.
+  // The balance has other roots, past a fold or on another branch: the handle angle must lead back.
   const Equilibrium<V> back =
       equilibrium(axis.values(), value_of(angle), Load<V>{value_of(load.force), value_of(load.radial_force)},
                   Stroke<V>{value_of(wound.agonist), value_of(wound.antagonist)});
   if (back.status != Status::ok) return {{}, back.status};
-  // Close to the fold an angle turns far for rounding's sake.
+  // Close to the fold, rounding changes the angle a lot.
   constexpr V near = sizeof(V) == 4 ? V(1e-2) : V(1e-5);
   return {angle, abs(back.coordinate - value_of(x)) <= near ? Status::ok : Status::no_equilibrium};
 }
@@ -130,7 +128,7 @@ S torque_transmissibility_at(const A& axis, const S& handle_angle, const S& x) {
 
 /// Torque transmissibility, ratio of output to input moment carried by the tendons (eqs. 2, 10-14).
 ///
-/// The moment of a continuum's own backbone is not counted: it is no part of what the tendons transmit.
+/// The moment of a continuum's backbone is not included: the tendons do not transmit it.
 template <class A, class S>
 Result<S> torque_transmissibility(const A& axis, const S& handle_angle, const Load<S>& load,
                                   const Stroke<S>& wound = {}) {
@@ -172,7 +170,7 @@ Result<S> slack_force(const A& axis, const S& output_angle) {
   return {(S(2) * axis.pretension - unloaded) / (difference(S(1)) - unloaded), Status::ok};
 }
 
-/// Output angle as the proximal sensors tell it without friction, rad (eq. 19, slack and motors included).
+/// Output angle from the proximal sensors without friction, rad (eq. 19, slack and motors included).
 ///
 /// A tendon whose tension is not above slack_below (N) counts as slack and is left out.
 template <class A, class S>
@@ -195,7 +193,7 @@ Result<S> estimate_output_angle(const A& axis, const S& handle_angle, const Tens
 /// Tendon length to wind so that the joint bends as with inextensible tendons, m (eqs. 21, 22 without the spool).
 ///
 /// Counted from the unwound motors. Differential actuation winds it on the agonist and lets it out on the antagonist.
-/// One motor moves one tendon where the handle moves two, so it needs twice what eq. 22 says; see docs/model.md.
+/// One motor moves one tendon where the handle moves two, so it needs twice the stroke of eq. 22; see docs/model.md.
 template <class A, class S>
 Result<S> compensation_stroke(const A& axis, const Tensions<S>& tension, Actuation actuation, Law law) {
   const S difference = tension.difference();

@@ -1,5 +1,5 @@
 #pragma once
-// What the motors may do: states, requests and latched faults, and the last word on every velocity that is sent.
+// The supervisor: operating states, requests, latched faults, and the limits on every velocity that is sent.
 
 #include "tenodesis/control.hpp"
 #include "tenodesis/fault.hpp"
@@ -13,7 +13,7 @@ enum class Request : std::uint8_t {
   none,
   enable,   ///< from disabled, unless a fault is present
   disable,  ///< from enabled and paused
-  pause,    ///< from enabled: motors hold, estimation goes on
+  pause,    ///< from enabled: motors hold, estimation continues
   resume,   ///< from paused
   home,     ///< from disabled, enabled and paused: enabled and homing, until finish_homing
   clear,    ///< from fault to disabled, once no fault is present
@@ -28,19 +28,19 @@ enum class SafeState : std::uint8_t {
 template <class S>
 struct SupervisorState {
   OperatingState operating{OperatingState::disabled};
-  bool homing{};            ///< what is wanted comes from homing
+  bool homing{};            ///< velocities come from homing
   std::uint32_t present{};  ///< faults of this tick
   std::uint32_t first{};    ///< faults that led to the fault state
   std::uint32_t faults{};   ///< those and all since
   S since{};                ///< time in this state, s
 };
 
-/// What one axis was sent.
+/// Velocities sent to one axis.
 template <class S>
 struct CommandState {
   S sent[2]{};               ///< rad/s
-  bool over_tension[2]{};    ///< since the limit was passed, until well below it
-  std::uint32_t withheld{};  ///< ticks in which what was wanted was not finite
+  bool over_tension[2]{};    ///< from above the limit until well below it
+  std::uint32_t withheld{};  ///< ticks in which a wanted velocity was not finite
 };
 
 /// The constants of states and ramps.
@@ -50,12 +50,12 @@ struct Supervisor {
 
   S speed_limit{};         ///< of a spool, rad/s
   S acceleration_limit{};  ///< rad/s^2; speed_limit over it is the longest time to stop
-  S engage_time{};         ///< in which what is wanted is faded in, s
-  S tension_limit{};       ///< beyond which a tendon may only be unwound, N; 0: none
+  S engage_time{};         ///< time over which wanted velocities are faded in, s
+  S tension_limit{};       ///< above it a tendon is only unwound, N; 0: no limit
   SafeState safe_state{SafeState::hold};
-  S hold_time{};      ///< before creeping back, s
+  S hold_time{};      ///< before creeping back to neutral, s
   S neutral_speed{};  ///< rad/s
-  S relief{};         ///< by which a tendon above its limit may be unwound beyond its pretension's place, rad
+  S relief{};         ///< unwinding past neutral allowed to a tendon above its limit, rad
   S period{};         ///< nominal, of ticks, s
 
   bool valid() const {
@@ -65,7 +65,7 @@ struct Supervisor {
                       period);
   }
 
-  /// The state after one tick; faults: those that hold now, of all axes. A fault is stronger than any request.
+  /// The state after one tick; faults: those present in any axis. A fault takes precedence over any request.
   OperatingState advance(Request request, std::uint32_t faults, const S& dt, State& state) const {
     state.present = faults;
     state.since = smaller(state.since + usable(dt), S(100));
@@ -83,14 +83,14 @@ struct Supervisor {
     return state.operating;
   }
 
-  /// Ends homing: the motors hold the pretension until resume engages what compensates.
+  /// Ends homing: the motors hold the pretension until resume engages compensation.
   static void finish_homing(State& state) {
     if (state.homing) turn(OperatingState::paused, state);
   }
 
-  /// Puts what one axis is sent into axis.sent, finite whatever is wanted, rad/s; the mask of faults found on the spot.
+  /// Sets axis.sent, rad/s, which is finite whatever is wanted; returns the mask of faults found in doing so.
   ///
-  /// wanted: rad/s; measured: spool angles and tensions are used.
+  /// wanted: rad/s; of measured, spool angles and tensions are used.
   std::uint32_t command(const S (&wanted)[2], const Measurement<S>& measured, const S& dt, State& state,
                         CommandState<S>& axis) const {
     const std::uint32_t found = all_finite(wanted[0], wanted[1]) ? 0U : bit(Fault::not_a_number);
@@ -101,7 +101,7 @@ struct Supervisor {
       fail(found, state);
     }
     for (int i = 0; i < 2; ++i) {
-      // A tension that is not a number changes nothing here.
+      // A tension that is not a number has no effect here.
       const bool over = is_finite(measured.tension[i]) && measured.tension[i] > tension_limit;
       if (tension_limit > S(0) && over) axis.over_tension[i] = true;
       if (measured.tension[i] < relaxed()) axis.over_tension[i] = false;
@@ -115,7 +115,7 @@ struct Supervisor {
   }
 
  private:
-  // A clock that stands still must not keep the motors running.
+  // A clock that has stopped must not keep the motors running.
   S usable(const S& dt) const { return dt > S(0) && is_finite(dt) ? dt : period; }
 
   S relaxed() const { return S(0.9) * tension_limit; }
@@ -176,10 +176,10 @@ struct Supervisor {
     const Distrust distrust = distrusted(state.faults);
     const S angle = measured.spool_angle[i];
     if (distrust.spool || !is_finite(angle)) return S(0);
-    // Bounded, since a load cell that lies would have it unwound for good.
+    // Bounded, since a wrong load cell would have it unwound without end.
     if (axis.over_tension[i]) return !distrust.tension && angle > -relief ? -neutral_speed : S(0);
     if (safe_state != SafeState::neutral || state.since < hold_time) return S(0);
-    const S rate(5);  // 1/s: slows down before it arrives
+    const S rate(5);  // 1/s: slows down near neutral
     const S creep = clamp(-rate * angle, -neutral_speed, neutral_speed);
     const bool loose = tension_limit > S(0) ? measured.tension[i] < relaxed() : is_finite(measured.tension[i]);
     return creep <= S(0) || (loose && !distrust.tension) ? creep : S(0);

@@ -5,13 +5,13 @@
 // push. At a contact the tendon sticks while the tensions on both sides lie within the friction law's band, else it
 // slides on the band's edge, and only in the direction that edge resists.
 //
-// Who slides which way, and which segments are slack, is guessed from the step before; with that guess the tendon is a
-// chain of linear equations, eliminated from the spool to the tip in one pass, exactly. Where the result contradicts
-// the guess, the guess is revised and the pass repeated. Every equation has the sign pattern of an M-matrix (a contact
-// gives way to its own slip and is urged on by its neighbours'), so that the solution is unique, and a few passes find
-// it. Should they run in circles, contacts are relaxed one after another, which cannot, and after that one
-// contradiction a pass is revised, the first (Murty 1974), which ends at the solution too: relaxation is slow where all
-// of a tendon but its ends floats, held by drag alone. Slip counts from the step's beginning, so that a contact never
+// Which contacts slide, which way, and which segments are slack, is guessed from the previous step; with that guess the
+// tendon is a chain of linear equations, eliminated exactly in one pass from the spool to the tip. Where the result
+// contradicts the guess, the guess is revised and the pass repeated. Every equation has the sign pattern of an M-matrix
+// (its own slip relieves a contact, its neighbours' slip loads it), so that the solution is unique, and a few passes
+// find it. Should the passes cycle, contacts are relaxed one after another, which cannot cycle, and after that only the
+// first contradiction of a pass is revised (Murty 1974), which ends at the solution too: relaxation is slow where all
+// of a tendon but its ends is held by drag alone. Slip is counted from the step's beginning, so that a contact never
 // slides back from where a pass overshot.
 
 #include "tenodesis/friction.hpp"
@@ -28,7 +28,7 @@ struct Row {
   constexpr const T& operator[](int i) const { return at[i]; }
 };
 
-/// The rows of a tendon with a number of contacts known when compiled.
+/// Rows of a tendon whose number of contacts is known at compile time.
 template <int contacts>
 struct Contacts {
   template <class T>
@@ -39,7 +39,7 @@ struct Contacts {
 
 enum class Slide : signed char { toward_tip = -1, none = 0, toward_spool = 1 };
 
-/// What holds at a contact or in a segment for as long as no pass contradicts it.
+/// State of the contacts and segments of a tendon; slide and slack are the guess for the next step.
 template <class S, class Rows>
 struct TendonState {
   Rows::template PerContact<S> slip{};       ///< past each contact toward the spool, m
@@ -48,27 +48,27 @@ struct TendonState {
   Rows::template PerSegment<S> tension{};  ///< N
 };
 
-/// What the end of a tendon does when it gives way by y toward the spool: tension = at_rest - stiffness y.
+/// How the end of a tendon reacts to a displacement y toward the spool: tension = at_rest - stiffness y.
 template <class S>
 struct Reaction {
   S at_rest{};    ///< N
   S stiffness{};  ///< N/m
 };
 
-/// How often a guess may be revised in one step before the tendon is given up on.
+/// Most passes of one step.
 constexpr int most_sweeps(int contacts) { return 96 + 16 * contacts; }
-/// After so many revisions in a row the contacts are relaxed.
+/// Passes after which the contacts are relaxed.
 inline constexpr int hasty_sweeps = 16;
-/// After so many the places are revised one at a time.
+/// Passes after which places are revised one at a time.
 inline constexpr int joint_sweeps = 2 * hasty_sweeps;
-/// Rounds of one relaxation.
+/// Rounds of a relaxation.
 inline constexpr int relaxation_rounds = 512;
 
-/// Drag of every contact as a share of a segment's stiffness: it decides where a slack tendon would slip for nothing.
+/// Drag of every contact as a share of a segment's stiffness: makes the slip of a slack tendon unique.
 template <Real S>
 inline constexpr S least_drag = sizeof(S) == 4 ? S(1e-5) : S(1e-9);
 
-/// Share of the tension scale within which a band or a slack tendon counts as kept.
+/// Tolerance of bands and of slack, as a share of the tension scale.
 template <Real S>
 inline constexpr S friction_tolerance = sizeof(S) == 4 ? S(2e-6) : S(1e-13);
 
@@ -81,23 +81,24 @@ struct Tendon {
   using Slips = Rows::template PerContact<S>;
 
   Lengths stiffness{};  ///< of each segment, N/m
-  S rest_tension{};     ///< of every segment where nothing has moved, N
+  S rest_tension{};     ///< of every segment before any motion, N
 
   int contacts() const { return int(stiffness.size()) - 1; }
 
-  /// Slip of each contact as a line over what the next one gives way.
+  /// Slip of each contact as a linear function of the next contact's slip.
   struct Line {
     Slips at_rest{};
     Slips rate{};
   };
 
-  /// Segment 0 where the spool's angle is given: it has drawn the tendon by pull, m.
+  /// Reaction of segment 0 to a spool that has drawn the tendon by pull, m.
   Reaction<S> held_by_spool(const S& pull) const { return {rest_tension + stiffness[0] * pull, stiffness[0]}; }
 
-  /// One pass toward the tip under the state's guess: how the tip's end reacts, and each slip by the next.
+  /// One pass toward the tip under the state's guess: returns how the tip's end reacts, and in line each slip by the
+  /// next.
   ///
-  /// spool: how segment 0 reacts to the first contact's slip; pull: how far each other segment is drawn longer, m;
-  /// from: slips at the step's beginning.
+  /// spool: how segment 0 reacts to the first contact's slip; pull: lengthening of each other segment, m; from: slips
+  /// at the step's beginning.
   Reaction<S> eliminate(const Bands& band, const Reaction<S>& spool, const Lengths& pull, const Slips& from,
                         const State& state, Line& line) const {
     const int n = contacts();
@@ -109,7 +110,7 @@ struct Tendon {
       S rate(0);
       S stiffness_beyond = k;
       if (state.slide[j] != Slide::none) {
-        // On the edge, the pulled side has ratio times the held one's tension, and more for constant and drag.
+        // On the edge, the pulled side has ratio times the held side's tension, plus constant and drag.
         const bool to_spool = state.slide[j] == Slide::toward_spool;
         const S on_spool = to_spool ? S(1) : band[j].ratio;
         const S on_tip = to_spool ? band[j].ratio : S(1);
@@ -122,7 +123,7 @@ struct Tendon {
           const S tip = rest + k * pull[j + 1];
           slip = (on_spool * end.at_rest - on_tip * tip + constant + band[j].drag * from[j]) * inverse;
           rate = on_tip * k * inverse;
-          // k (1 - rate), without the cancellation that would leave a loose tendon some stiffness.
+          // k (1 - rate), without the cancellation that would give a loose tendon some stiffness.
           stiffness_beyond = k * held_spool * inverse;
         }
       }
@@ -133,7 +134,7 @@ struct Tendon {
     return end;
   }
 
-  /// The pass back: slips and tensions once the end has given way by y, m.
+  /// The pass back: slips and tensions when the end is displaced by y, m.
   void substitute(const Reaction<S>& spool, const Lengths& pull, const Line& line, const S& y, State& state) const {
     const int n = contacts();
     S beyond = y;
@@ -146,8 +147,8 @@ struct Tendon {
     state.tension[0] = spool.at_rest - spool.stiffness * beyond;
   }
 
-  /// Revises what a pass contradicts, or only so many places of it, and returns in how many; slack segments get no
-  /// tension.
+  /// Revises the guess where a pass contradicts it, in so many places at most, and returns their number; slack segments
+  /// get zero tension.
   int revise(const Bands& band, const Slips& from, const S& tolerance, State& state,
              int most = std::numeric_limits<int>::max()) const {
     const int n = contacts();
@@ -171,8 +172,8 @@ struct Tendon {
     return revised;
   }
 
-  /// Projects one contact after another onto its friction law, its neighbours held, from the step's beginning on; where
-  /// that leads is the state, and the next guess.
+  /// Projects one contact after another onto its friction law, with its neighbours held, starting from the step's
+  /// beginning; the result is the state, and the next guess.
   [[gnu::noinline, gnu::cold]] void relax(const Bands& band, const Reaction<S>& spool, const Lengths& pull, const S& y,
                                           const Slips& from, State& state) const {
     const int n = contacts();
@@ -202,7 +203,7 @@ struct Tendon {
     }
   }
 
-  /// By how much the friction law is broken at its worst contact, N.
+  /// Largest violation of the friction law at any contact, N.
   S residual(const Bands& band, const Slips& from, const State& state) const {
     S worst(0);
     for (int j = 0; j < contacts(); ++j) {
@@ -216,14 +217,14 @@ struct Tendon {
       const S to_tip = beyond(tip, spool, larger(-slipped, S(0)));
       const S stuck = larger(larger(to_spool, to_tip), S(0));
       const S off = slipped > S(0) ? abs(to_spool) : slipped < S(0) ? abs(to_tip) : stuck;
-      // What slips between two slack segments meets no friction to be measured by.
+      // Slip between two slack segments meets no friction.
       if (spool > S(0) || tip > S(0)) worst = larger(worst, off);
     }
     return worst;
   }
 
  private:
-  /// Slip of one contact between two sides that react to it.
+  /// Slip of a contact between two sides that react to it.
   static S project(const Band<S>& band, const Reaction<S>& spool, const Reaction<S>& tip, const S& from) {
     const S on_spool = larger(spool.at_rest - spool.stiffness * from, S(0));
     const S on_tip = larger(tip.at_rest + tip.stiffness * from, S(0));
@@ -247,7 +248,7 @@ struct Tendon {
   static Slide slide_of(const Band<S>& band, const S& spool, const S& tip, const S& slipped, const S& tolerance,
                         Slide slide) {
     if (band.free()) return Slide::toward_spool;
-    // What a slack tendon slips by is rounding, and no direction of it is wrong.
+    // The slip of a slack tendon is rounding, and any direction of it is right.
     if (band.constant == S(0) && spool <= tolerance && tip <= tolerance) return slide;
     if (slide == Slide::toward_spool) return slipped < S(0) ? Slide::none : slide;
     if (slide == Slide::toward_tip) return slipped > S(0) ? Slide::none : slide;
@@ -257,7 +258,7 @@ struct Tendon {
   }
 };
 
-/// Settles a tendon whose ends are given: the last segment's end where pull puts it, the spool's end as it reacts.
+/// Solves a tendon with given ends: the last segment's end is displaced by pull, the spool's end reacts.
 ///
 /// Returns the number of passes, or most_sweeps + 1 if every guess was contradicted and the state is a relaxed one.
 template <class S, class Rows>
@@ -277,9 +278,9 @@ int settle(const Tendon<S, Rows>& tendon, const typename Tendon<S, Rows>::Bands&
   return most + 1;
 }
 
-/// Tension beyond one contact, N: as it was while the contact sticks, on the band's edge while it slides.
+/// Tension beyond one contact, N: constant while the contact sticks, on the band's edge while it slides.
 ///
-/// pulled: the tension on the near side now; held: the one beyond before.
+/// pulled: the present tension on the near side; held: the previous tension beyond.
 template <class S>
 S transmit(const Band<S>& band, const S& pulled, const S& held) {
   return clamp(held, larger((pulled - band.constant) / band.ratio, S(0)), pulled * band.ratio + band.constant);

@@ -1,8 +1,8 @@
-/* The controller behind a plain C interface: for firmware, LabVIEW, Simulink and whatever calls C.
+/* The controller behind a plain C interface: for firmware, LabVIEW, Simulink and other programs that call C.
  *
- * Every struct is plain data of fixed layout; the controller itself lives in memory that the caller owns. No call
- * allocates, blocks or keeps a pointer, and none reads past what it was given: sizes are checked, as is whether a
- * controller was initialised. Two controllers share nothing, and one that is copied goes on twice.
+ * Every struct is plain data of fixed layout; the controller itself is kept in memory that the caller owns. No call
+ * allocates, blocks or keeps a pointer, and none reads beyond its arguments: sizes are checked, and whether a
+ * controller was initialised. Controllers share nothing, and a copy of a controller is an independent controller.
  *
  *   tenodesis_controller controller;
  *   tenodesis_init(&controller, &parameters);
@@ -16,6 +16,8 @@
 
 #include <stddef.h>
 #include <stdint.h>
+
+#include "tenodesis/parameter_table.h"
 
 #ifndef TENODESIS_REAL
 #define TENODESIS_REAL float
@@ -33,18 +35,18 @@ typedef TENODESIS_REAL tenodesis_real;
 #define TENODESIS_AXES 2
 #define TENODESIS_FAULTS 13
 #define TENODESIS_RECORDS 111    /* of the flight recorder: 100 before a fault, the fault's, 10 after */
-#define TENODESIS_RECORD_TICKS 4 /* one record per so many ticks: the last 200 ms at 2 kHz */
+#define TENODESIS_RECORD_TICKS 4 /* ticks per record: the last 200 ms at 2 kHz */
 
 #define TENODESIS_STORAGE_WORDS (512u * sizeof(tenodesis_real)) /* 16 KiB in float, 32 KiB in double */
 
-/* What a call returns. */
+/* Return values. */
 enum {
   TENODESIS_OK = 0,
-  TENODESIS_BAD_POINTER = 1,   /* a pointer is null, or not aligned as its type asks */
+  TENODESIS_BAD_POINTER = 1,   /* a pointer is null, or not aligned for its type */
   TENODESIS_NOT_STARTED = 2,   /* the controller was not initialised, or with another build */
   TENODESIS_BAD_VERSION = 3,   /* the parameters are of another version, size or precision */
-  TENODESIS_BAD_PARAMETER = 4, /* a parameter, record or axis is not what is allowed; see tenodesis_init */
-  TENODESIS_BAD_REQUEST = 5    /* there is no such request: the tick was taken without it */
+  TENODESIS_BAD_PARAMETER = 4, /* a parameter, record or axis is out of range; see tenodesis_init */
+  TENODESIS_BAD_REQUEST = 5    /* there is no such request; the tick was taken without it */
 };
 
 enum { TENODESIS_TENDON_GEAR, TENODESIS_TENDON_PULLEY, TENODESIS_CONTINUUM };
@@ -69,21 +71,11 @@ enum {
 };
 enum { TENODESIS_DISABLED, TENODESIS_ENABLED, TENODESIS_PAUSED, TENODESIS_FAULT };
 
-/* Faults: bit 1u << number of a mask. */
+/* Faults, TENODESIS_FAULT_TENDON_BREAK and so on: bit 1u << number of a mask. */
 enum {
-  TENODESIS_FAULT_TENDON_BREAK,
-  TENODESIS_FAULT_TENDON_SLACK,
-  TENODESIS_FAULT_OVER_TENSION,
-  TENODESIS_FAULT_LOAD_CELL_STUCK,
-  TENODESIS_FAULT_LOAD_CELL_RANGE,
-  TENODESIS_FAULT_LOAD_CELL_DRIFT,
-  TENODESIS_FAULT_ENCODER_DROPOUT,
-  TENODESIS_FAULT_ENCODER_JUMP,
-  TENODESIS_FAULT_SPOOL_SLIP,
-  TENODESIS_FAULT_MOTOR_NOT_FOLLOWING,
-  TENODESIS_FAULT_TICK_LATE,
-  TENODESIS_FAULT_NOT_A_NUMBER,
-  TENODESIS_FAULT_HOMING_FAILED
+#define TENODESIS_FAULT_NUMBER(name, NAME, unit, meaning) TENODESIS_FAULT_##NAME,
+  TENODESIS_FAULT_TABLE(TENODESIS_FAULT_NUMBER)
+#undef TENODESIS_FAULT_NUMBER
 };
 
 typedef struct {
@@ -91,98 +83,24 @@ typedef struct {
   tenodesis_real persistence; /* s */
 } tenodesis_limit;
 
+/* Fields, with units and meanings: parameter_table.h. */
+#define TENODESIS_CHOICE_FIELD(name, meaning) uint32_t name;
+#define TENODESIS_REAL_FIELD(name, unit, bound, meaning) tenodesis_real name;
+
 typedef struct {
-  /* joints; what a mechanism does not have is 0 */
-  tenodesis_real proximal_radius;     /* m */
-  tenodesis_real distal_radius;       /* m */
-  tenodesis_real handle_length;       /* m */
-  tenodesis_real end_effector_length; /* m */
-  tenodesis_real backbone_length;     /* m */
-  tenodesis_real backbone_rigidity;   /* N m^2 */
-  tenodesis_real handle_range;        /* largest |handle angle|, rad */
-  /* tendons */
-  tenodesis_real stiffness;    /* of one, N/m */
-  tenodesis_real pretension;   /* N */
-  tenodesis_real share_sheath; /* of a tendon's compliance: from the spool to the sheath's friction */
-  tenodesis_real share_handle; /* on to the handle's joint */
-  tenodesis_real share_stem;   /* on to the tip's joint */
-  tenodesis_real share_tip;    /* beyond */
-  tenodesis_real vertex_coefficient;
-  tenodesis_real sheath_coefficient;
-  tenodesis_real sheath_bend;      /* rad */
-  tenodesis_real sheath_bend_rate; /* rad per rad of |handle angle| */
-  /* drives */
-  tenodesis_real spool_radius;        /* m */
-  tenodesis_real drive_speed;         /* largest, rad/s at the spool */
-  tenodesis_real drive_acceleration;  /* largest, rad/s^2 */
-  tenodesis_real drive_time_constant; /* s */
-  /* friction observer */
-  tenodesis_real hand_play;          /* half the play that keeps the handle encoder's noise out, rad */
-  tenodesis_real sheath_play;        /* slip in the sheath above noise, m */
-  tenodesis_real play;               /* slip at the handle's joint above noise, m */
-  tenodesis_real length_noise;       /* of two tendons' lengths compared, m */
-  tenodesis_real smoothing;          /* time constant of the measurements, s */
-  tenodesis_real friction_scale_std; /* deviations at the start */
-  tenodesis_real reference_std;      /* m */
-  tenodesis_real compliance_std;
-  tenodesis_real forgetting;    /* growth of these deviations, share per root second */
-  tenodesis_real slack_tension; /* N */
-  /* compensator */
-  tenodesis_real gain;           /* 1/s */
-  tenodesis_real breakaway_time; /* s */
-  tenodesis_real position_gain;  /* 1/s */
-  tenodesis_real dead_band;      /* of the output angle, rad */
-  tenodesis_real tendon_speed;   /* largest, m/s */
-  tenodesis_real common_speed;   /* m/s */
-  tenodesis_real common_stroke;  /* m */
-  tenodesis_real common_stroke_share;
-  tenodesis_real far_lag;       /* dead bands */
-  tenodesis_real patience;      /* s */
-  tenodesis_real settle_time;   /* s */
-  tenodesis_real least_tension; /* N */
-  tenodesis_real tension_limit; /* N */
-  tenodesis_real hand_travel;   /* rad */
-  tenodesis_real still_time;    /* s */
-  /* homing */
-  tenodesis_real homing_speed;         /* m/s */
-  tenodesis_real homing_gain;          /* 1/s */
-  tenodesis_real homing_stroke;        /* most to wind before a tendon is tight, m */
-  tenodesis_real homing_overshoot;     /* share of the pretension */
-  tenodesis_real homing_tolerance;     /* share of the pretension */
-  tenodesis_real homing_settle_time;   /* s */
-  tenodesis_real homing_time;          /* most, of each stage, s */
-  tenodesis_real homing_least_stretch; /* share of an elastic tendon's, below which one is jammed */
-  /* watch */
-  tenodesis_real mean_band;                /* share by which friction may move the mean tension */
-  tenodesis_real load_cell_range;          /* N */
-  tenodesis_real handle_noise;             /* rad */
-  tenodesis_real spool_noise;              /* rad */
-  tenodesis_real watch_window;             /* s */
+  TENODESIS_AXIS_PARAMETERS(TENODESIS_REAL_FIELD)
   tenodesis_limit spool_jump;              /* rad/s */
   tenodesis_limit limit[TENODESIS_FAULTS]; /* by number of the fault */
 } tenodesis_axis_parameters;
 
 typedef struct {
-  uint32_t size;    /* sizeof(tenodesis_parameters) */
-  uint32_t version; /* TENODESIS_VERSION */
-  uint32_t joint_type;
-  uint32_t axes; /* 1 or 2 */
-  uint32_t observer;
-  uint32_t law;
-  uint32_t actuation;
-  uint32_t safe_state;
-  uint32_t own_clock;                /* 1: ticks come once a period; 0: the input's time tells */
-  uint32_t homed;                    /* 1: spool angles count from pretension when the controller starts */
-  tenodesis_real period;             /* nominal, of ticks, s */
-  tenodesis_real speed_limit;        /* of a spool, rad/s */
-  tenodesis_real acceleration_limit; /* rad/s^2 */
-  tenodesis_real engage_time;        /* in which motion is faded in, s */
-  tenodesis_real tension_limit;      /* above which a tendon is only unwound, N */
-  tenodesis_real hold_time;          /* before a motor creeps back to neutral, s */
-  tenodesis_real neutral_speed;      /* rad/s */
-  tenodesis_real relief;             /* by which a tendon above its limit may be unwound past its place, rad */
+  TENODESIS_CHOICES(TENODESIS_CHOICE_FIELD)
+  TENODESIS_COMMON_PARAMETERS(TENODESIS_REAL_FIELD)
   tenodesis_axis_parameters axis[TENODESIS_AXES];
 } tenodesis_parameters;
+
+#undef TENODESIS_CHOICE_FIELD
+#undef TENODESIS_REAL_FIELD
 
 typedef struct {
   tenodesis_real handle_angle;   /* rad */
@@ -198,14 +116,14 @@ typedef struct {
 } tenodesis_input;
 
 typedef struct {
-  tenodesis_real spool_velocity[2]; /* rad/s; finite whatever came in */
-  tenodesis_real output_angle;      /* rad; a std that the observer does not know is NaN */
+  tenodesis_real spool_velocity[2]; /* rad/s; finite whatever the input */
+  tenodesis_real output_angle;      /* rad; a standard deviation that the observer does not know is NaN */
   tenodesis_real output_angle_std;
   tenodesis_real tip_force; /* N */
   tenodesis_real tip_force_std;
   tenodesis_real friction_scale;
   tenodesis_real friction_scale_std;
-  uint32_t faults; /* of this axis that hold now */
+  uint32_t faults; /* present in this axis */
   uint32_t reserved;
 } tenodesis_axis_output;
 
@@ -214,12 +132,12 @@ typedef struct {
   uint32_t state; /* TENODESIS_DISABLED ... */
   uint32_t homed;
   uint32_t homing;
-  uint32_t faults;       /* latched in a fault, else those that hold now */
-  uint32_t first_faults; /* those that led to the fault */
+  uint32_t faults;       /* latched ones in the fault state, otherwise those present */
+  uint32_t first_faults; /* those that led to the fault state */
   uint32_t reserved;
 } tenodesis_output;
 
-/* A tick as the flight recorder keeps it. */
+/* A tick in the flight recorder. */
 typedef struct {
   uint64_t time;
   uint32_t state;
@@ -229,42 +147,41 @@ typedef struct {
   tenodesis_real output_angle[TENODESIS_AXES];
 } tenodesis_record;
 
-/* How often each fault was confirmed, and how many samples of each sensor were implausible. */
+/* How often each fault was confirmed, and the number of implausible samples of each sensor. */
 typedef struct {
   uint32_t faults[TENODESIS_FAULTS];
   uint32_t bad_samples[5]; /* handle, agonist and antagonist load cell, agonist and antagonist spool */
   uint32_t late_ticks;
 } tenodesis_counts;
 
-/* Memory of a controller; nothing in it is the caller's business. */
+/* Memory of a controller; its contents are private. */
 typedef struct {
   uint64_t storage[TENODESIS_STORAGE_WORDS];
 } tenodesis_controller;
 
-/* Sets a controller up, disabled. On any error it cannot be stepped, whatever it was before. A parameter must be
- * finite, have the right sign, name a choice there is, and fit the others. */
+/* Sets a controller up, disabled. After an error it cannot be stepped, whatever it was before. Every parameter must be
+ * finite, keep its bound in parameter_table.h, be one of the choices above, and fit the others. */
 int tenodesis_init(tenodesis_controller* controller, const tenodesis_parameters* parameters);
-/* One tick. On any error but TENODESIS_BAD_REQUEST the output says: velocities 0. */
+/* One tick. On any error except TENODESIS_BAD_REQUEST the output is all zero. */
 int tenodesis_step(tenodesis_controller* controller, const tenodesis_input* input, tenodesis_output* output);
-/* As after init, with the same parameters. */
+/* Returns to the state after tenodesis_init. */
 int tenodesis_reset(tenodesis_controller* controller);
-/* Takes another law (TENODESIS_LAW_...) and actuation (TENODESIS_ACTUATION_...) from the next tick on. Where there is
- * none of that number, or the observer does not do for it, nothing changes: TENODESIS_BAD_PARAMETER. A reset keeps it.
- */
+/* Changes law (TENODESIS_LAW_...) and actuation (TENODESIS_ACTUATION_...) from the next tick on. Where there is no such
+ * choice, or the law does not work with the observer, nothing changes: TENODESIS_BAD_PARAMETER. A reset keeps them. */
 int tenodesis_choose(tenodesis_controller* controller, uint32_t law, uint32_t actuation);
-/* Whether motors must stop because no tick came for so long, ns: for a timer of its own. 1: stop, as ever without a
+/* Whether motors must stop (1) because there was no tick for so long, ns; for an independent timer. Always 1 without a
  * controller. */
 int tenodesis_watchdog(const tenodesis_controller* controller, uint64_t since_last_step);
-/* The flight recorder: number of records (none without a controller), and one by its age (0 is the oldest). */
+/* The flight recorder: number of records (0 without a controller), and a record by its age (0 is the oldest). */
 int tenodesis_records(const tenodesis_controller* controller);
 int tenodesis_read_record(const tenodesis_controller* controller, int number, tenodesis_record* record);
 int tenodesis_read_counts(const tenodesis_controller* controller, int axis, tenodesis_counts* counts);
-/* What the robust law is at on an axis: 0 rest, 1 track, 2 pull, 3 release; 0 without such a controller or axis. */
+/* Phase of the robust law on an axis: 0 rest, 1 track, 2 pull, 3 release; 0 without such a controller or axis. */
 uint32_t tenodesis_phase(const tenodesis_controller* controller, int axis);
 /* Version of the library, and the size of its tenodesis_real. */
 uint32_t tenodesis_version(void);
 uint32_t tenodesis_real_size(void);
-/* What a fault is called; "unknown" for a number that is none. */
+/* Name of a fault; "unknown" for other numbers. */
 const char* tenodesis_fault_name(uint32_t number);
 
 #ifdef __cplusplus

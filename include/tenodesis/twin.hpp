@@ -1,116 +1,22 @@
 #pragma once
-// The instrument on its bench, step by step in time: a handle, two spools on drives, two tendons with friction, a tip
-// with inertia under load, and the sensors that see some of it.
+// The digital twin: the instrument on its bench, simulated in time steps: a handle, two spools on drives, two tendons
+// with friction, a tip with inertia under load, and sensors.
 //
-// One tendon runs spool - load cell - sheath - handle joint - stem - tip joint - anchor. A joint is one contact of its
-// whole wrap angle; the length that its bending draws lies on the far side from the stem, so that the stem's tension is
-// the held one whichever joint is moved.
+// A tendon runs spool - load cell - sheath - handle joint - stem - tip joint - anchor. A joint is one contact with its
+// total wrap angle; the length that its bending draws lies on the far side from the stem, so that the stem's tension is
+// on the held side whichever joint is moved.
 //
-// A step is the trapezoidal rule for the tip's inertia around tendons without mass. Their tensions are lines over the
-// tip's coordinate for as long as the guess of who slides holds (tendon.hpp), so that tip and tendons are solved as
-// one.
+// A step is the trapezoidal rule for the tip's inertia, with tendons without mass. Their tensions are linear in the
+// tip's coordinate while the guess of the sliding contacts holds (tendon.hpp), so that tip and tendons are solved
+// together.
 
-#include "tenodesis/drive.hpp"
-#include "tenodesis/sensor.hpp"
-#include "tenodesis/statics.hpp"
-#include "tenodesis/tendon.hpp"
+#include "tenodesis/twin_parts.hpp"
 
 namespace tenodesis {
 
-/// Where friction acts and how strongly; the law says what it makes of it.
-template <class S>
-struct Friction {
-  S vertex{};            ///< friction coefficient at the joints' vertices
-  S sheath{};            ///< friction coefficient in the sheath
-  S sheath_bend{};       ///< total bend of the sheath, rad
-  S sheath_bend_rate{};  ///< added to it per radian of |handle angle|: the sheath bends as the hand moves
-  S viscous{};           ///< of each joint and of the whole sheath, N s/m
-};
-
-/// The tip as a body that turns by the output angle.
-template <class S>
-struct Body {
-  S inertia{};         ///< kg m^2
-  S damping{};         ///< N m s/rad
-  S stop{};            ///< output angle at the mechanical stop, rad
-  S stop_stiffness{};  ///< N m/rad
-};
-
-/// The hand on the handle; without stiffness the handle is where the input says.
-template <class S>
-struct Hand {
-  S stiffness{};  ///< N m/rad
-  S damping{};    ///< N m s/rad
-  S inertia{};    ///< of hand and handle, kg m^2
-};
-
-/// The load rig of Fig. 13: weights on cables turn a bar that pushes the tip sideways through a sliding link.
-template <class S>
-struct Rig {
-  S pulley_radius{};  ///< that the cables act at, m
-  S arm{};            ///< from the bar's pivot to the tip, m
-
-  S force(const S& weight) const { return weight * (pulley_radius / arm); }
-};
-
-template <class S>
-struct Sensors {
-  Sensor<S> handle_encoder{};
-  Sensor<S> output_encoder{};
-  Sensor<S> load_cell[2]{};
-  Sensor<S> motor_encoder{};
-};
-
-/// What is done to one axis in a step; everything as it is at the step's end.
-template <class S>
-struct Command {
-  S handle_angle{};       ///< where the handle is, or where the hand wants it, rad
-  S force{};              ///< tangential at the tip, N
-  S radial_force{};       ///< N
-  S weight{};             ///< on the load rig's cable, one side's more than the other's, N
-  S spool_velocity[2]{};  ///< rad/s
-  S sheath_bend{};        ///< beside the sheath's own, rad
-  S let_out[2]{};         ///< tendon that has come off the spool, or is torn, m
-};
-
-/// What a data acquisition sees of one axis.
-template <class S>
-struct Reading {
-  S handle_angle{};
-  S output_angle{};
-  S tension[2]{};
-  S spool_angle[2]{};
-};
-
-/// Contacts of a tendon beside those of the sheath: the handle's joint and the tip's.
-inline constexpr int joint_contacts = 2;
-
-template <class S, class Rows>
-struct TwinState {
-  S output_angle{};
-  S output_velocity{};
-  S handle_angle{};
-  S handle_velocity{};
-  S handle_moment{};      ///< of the tendons on the handle's joint, against positive handle angles, N m
-  S tip_moment{};         ///< of everything on the tip but its inertia, N m
-  S net_handle_torque{};  ///< of hand and tendons, N m
-  S handle_wanted{};      ///< by the last command, rad
-  Load<S> load{};         ///< by the last command
-  S sheath_bend{};        ///< beside the sheath's own, by the last command, rad
-  S let_out[2]{};         ///< by the last command, m
-  TendonState<S, Rows> tendon[2]{};
-  Rows::template PerContact<S> slip_speed[2]{};  ///< that a law which depends on it goes by, m/s
-  DriveState<S> drive[2]{};
-  Noise noise{};
-  Reading<S> reading{};
-  int until_sample{};
-  int sweeps{};             ///< that the last step took
-  S residual_in_parts{-1};  ///< of the last step's parts at worst; -1: it was taken as a whole
-};
-
-/// How often an angle is corrected in one solve.
+/// Most corrections of an angle in one solve.
 inline constexpr int most_corrections = 64;
-/// Parts that a step at rest is broken into at most.
+/// Most parts that a quasi-static step is divided into.
 inline constexpr int most_parts = 1024;
 
 /// One axis of an instrument on the bench; Law is one of friction.hpp's, Rows the rows of tendon.hpp.
@@ -140,16 +46,16 @@ struct Twin {
   /// At rest, both tendons at pretension and all else at zero.
   State rest(std::uint64_t seed) const {
     State state{};
-    for (auto& one : state.tendon)
-      for (int i = 0; i <= tendon.contacts(); ++i) one.tension[i] = tendon.rest_tension;
-    for (auto& one : state.drive) one.angle = drive.backlash * S(0.5);
+    for (auto& own : state.tendon)
+      for (int i = 0; i <= tendon.contacts(); ++i) own.tension[i] = tendon.rest_tension;
+    for (auto& own : state.drive) own.angle = drive.backlash * S(0.5);
     state.noise.seed = seed;
     state.reading = read(state);
     state.until_sample = steps_per_sample;
     return state;
   }
 
-  /// Advances the state by one step; on any status but ok it stays as it was.
+  /// Advances the state by one step; it is unchanged unless the status is ok.
   Status step(const Command<S>& command, State& state) const {
     if (!all_finite(value_of(command.handle_angle), value_of(command.force), value_of(command.radial_force),
                     value_of(command.weight), value_of(command.spool_velocity[0]), value_of(command.spool_velocity[1]),
@@ -184,10 +90,10 @@ struct Twin {
     return prescribed() ? state.handle_moment : hand_torque(command.handle_angle, state);
   }
 
-  /// What the sensors are expected to read, without noise and steps where S is a dual number.
+  /// Expected readings; in dual numbers without noise and steps.
   Reading<S> expected(State state) const { return read(state); }
 
-  /// By how much a step has broken the friction law at its worst contact, as a share of the tension scale.
+  /// Largest violation of the friction law in a step, as a share of the tension scale.
   S residual(const State& before, const State& after) const {
     if (after.residual_in_parts >= S(0)) return after.residual_in_parts;
     S worst(0);
@@ -199,22 +105,22 @@ struct Twin {
     return worst / tension_scale();
   }
 
-  /// What counts as a tension of ordinary size, N.
+  /// A typical tension, N.
   S tension_scale() const { return tendon.rest_tension + axis.stiffness * axis.distal.excursion_slope() * S(0.1); }
 
-  /// Moment of everything on the tip but its inertia, in the direction that flexes it, N m.
+  /// Moment of everything on the tip except its inertia, positive in flexion, N m.
   S tip_moment(const S& angle, const S& velocity, const S& x, const S& difference, const Load<S>& load) const {
     return difference * axis.distal.moment_arm(x) - axis.distal.passive_stiffness() * angle -
            load.force * axis.distal.tangential_arm(x) + load.radial_force * axis.distal.radial_arm(x) -
            body.damping * velocity - body.stop_stiffness * beyond_stop(angle);
   }
 
-  /// How far an output angle lies beyond the mechanical stop, rad.
+  /// Excess of an output angle over the mechanical stop, rad.
   S beyond_stop(const S& angle) const { return angle - clamp(angle, -body.stop, body.stop); }
 
  private:
   bool prescribed() const { return !(hand.stiffness > S(0)); }
-  // One division in a whole step, since the compiler sees that all ask for the same.
+  // A single division per step, since the compiler sees that all uses are the same.
   S per_second() const { return S(1) / time_step; }
   int handle_segment() const { return tendon.contacts() - 2; }
 
@@ -241,7 +147,7 @@ struct Twin {
       for (int j = 0; j < n; ++j) band[j] = places[place(j)];
     }
     for (int j = 0; j < n; ++j) {
-      // What the whole sheath has of constant and viscous friction is its contacts' to share.
+      // The sheath's contacts share its constant and viscous friction.
       const S share = place(j) == 0 ? S(1) / S(sheath) : S(1);
       band[j].constant = band[j].constant * share;
       band[j].drag = friction.viscous * per_second() * share + least_drag<ValueOf<S>> * axis.stiffness;
@@ -249,7 +155,7 @@ struct Twin {
     return band;
   }
 
-  // What both tendons are to a pass: bands, spool ends and lengths drawn by the handle.
+  // Both tendons in a pass: bands, spool ends and lengths drawn by the handle.
   struct Chain {
     Bands band[2]{};
     Reaction<S> spool[2]{};
@@ -278,9 +184,10 @@ struct Twin {
     return prescribed() ? move_tip(handle_angle, load, before, next) : move_handle(handle_angle, load, before, next);
   }
 
-  // Rare ways are kept out of line, where they cost neither the common one its registers nor the compiler its patience.
+  // Rare branches are kept out of line, where they cost the common one no registers, and compile time.
 
-  // A long way at rest in short ones: a guess on the way of a jump may have no equilibrium where the tendons have one.
+  // Divides a large quasi-static step: a guess within a large step may have no equilibrium although the tendons have
+  // one.
   [[gnu::noinline, gnu::cold]] Status move_in_parts(const S& handle_angle, const Load<S>& load, const State& before,
                                                     State& next) const {
     const State wound = next;
@@ -329,7 +236,7 @@ struct Twin {
     next.sweeps = 0;
     const bool loose = quasi_static && stays_loose(both, load, before, next, tip);
     Status found = loose ? Status::ok : settle(both, load, before, tip, next);
-    // At rest the wrap angle at the tip is the one where it comes to rest; in motion the first guess is near enough.
+    // Quasi-static, the tip's wrap angle is that at the step's end; in motion the first guess is close enough.
     bool agreed = !quasi_static || loose;
     for (int n = 0; !agreed && found == Status::ok && n < most_corrections; ++n) {
       const S angle = tip.angle;
@@ -392,11 +299,11 @@ struct Twin {
       if (revised == 0) return Status::ok;
     }
     tip = start;
-    return settle_in_turns(both, load, before, tip, next);
+    return settle_by_bracketing(both, load, before, tip, next);
   }
 
-  // Between two slack tendons nothing moves a tip without load and spring: it stays where it is, or is taken along by
-  // the tendon that grows tight. Friction may keep parts of a loose tendon tight, which then do move it.
+  // Between two slack tendons, a tip without load and spring stays where it is, or is moved by the tendon that becomes
+  // tight. Friction may keep parts of a loose tendon tight, which then move it.
   [[gnu::noinline, gnu::cold]] bool stays_loose(Chain& both, const Load<S>& load, const State& before, State& next,
                                                 Tip& tip) const {
     if (load.force != S(0) || load.radial_force != S(0) || axis.distal.passive_stiffness() > S(0)) return false;
@@ -423,7 +330,7 @@ struct Twin {
     return false;
   }
 
-  // Settles one tendon for a tip that is where it is.
+  // Solves one tendon with the tip held.
   int settle_alone(Chain& both, int i, const State& before, const Tip& tip, State& next) const {
     const S y = axis.distal.excursion_slope() * tip.x;
     Lengths pull = both.pull[i];
@@ -432,10 +339,10 @@ struct Twin {
     return tenodesis::settle(tendon, both.band[i], pull, both.spool[i], tolerance(), next.tendon[i], both.line[i]);
   }
 
-  // The tip's own equation alone, with both tendons settled anew wherever it tries: slower, but up to a fold the moment
-  // falls with the tip's angle, so that its sign tells on which side the answer lies.
-  [[gnu::noinline, gnu::cold]] Status settle_in_turns(Chain& both, const Load<S>& load, const State& before, Tip& tip,
-                                                      State& next) const {
+  // Solves the tip's equation by bracketing, with both tendons solved for every trial: slower, but up to a fold the
+  // moment falls with the tip's angle, so that its sign shows on which side the solution lies.
+  [[gnu::noinline, gnu::cold]] Status settle_by_bracketing(Chain& both, const Load<S>& load, const State& before,
+                                                           Tip& tip, State& next) const {
     S low = -axis.distal.angle(axis.distal.limit());
     S high = -low;
     for (int turn = 0; turn < most_corrections; ++turn) {
@@ -446,7 +353,7 @@ struct Twin {
         end[i] = tendon.eliminate(both.band[i], both.spool[i], both.pull[i], before.tendon[i].slip, next.tendon[i],
                                   both.line[i]);
       }
-      const S push = push_at(load, before, next, tip);
+      const S push = unbalanced_at(load, before, next, tip);
       if (push == S(0)) return held_at(tip);
       Tip better = tip;
       const bool corrected = correct_tip(end, load, before, better) == Status::ok && better.angle != tip.angle;
@@ -459,13 +366,13 @@ struct Twin {
     return high - low <= settled<ValueOf<S>> ? held_at(tip) : Status::no_equilibrium;
   }
 
-  // At the very end of the joint, where a load drives what nothing holds, tendons have no lever.
+  // At the end of the joint's range tendons have no moment arm: a load that gets there is not held.
   Status held_at(const Tip& tip) const {
     return abs(tip.x) < axis.distal.limit() * S(0.999) ? Status::ok : Status::no_equilibrium;
   }
 
-  // What drives the tip further, by the tendons as they are.
-  S push_at(const Load<S>& load, const State& before, const State& next, const Tip& tip) const {
+  // Unbalanced moment on the tip with the present tensions.
+  S unbalanced_at(const Load<S>& load, const State& before, const State& next, const Tip& tip) const {
     const int last = tendon.contacts();
     const S difference = next.tendon[agonist].tension[last] - next.tendon[antagonist].tension[last];
     if (quasi_static) {
@@ -475,7 +382,7 @@ struct Twin {
     return unbalanced(tip, difference, load, before);
   }
 
-  // By how much the mean moment of the step's two ends exceeds what turning the tip this far takes.
+  // Mean moment of the step's two ends less the moment that accelerates the tip this far.
   S unbalanced(const Tip& tip, const S& difference, const Load<S>& load, const State& before) const {
     const S moment = tip_moment(tip.angle, velocity(before, tip.angle), tip.x, difference, load);
     const S turned = tip.angle - before.output_angle;
@@ -488,7 +395,7 @@ struct Twin {
     return S(2) * per_second() * (angle - before.output_angle) - before.output_velocity;
   }
 
-  // The trapezoidal rule: the mean moment of the step's two ends turns the tip.
+  // The trapezoidal rule: the mean moment of the step's two ends accelerates the tip.
   Status push_tip(const Reaction<S>* end, const Load<S>& load, const State& before, Tip& tip) const {
     const S slope = axis.distal.excursion_slope();
     const S pull = end[agonist].at_rest - end[antagonist].at_rest;
@@ -503,7 +410,7 @@ struct Twin {
       const S correction = unbalanced(tip, pull - rate * tip.x, load, before) / stiffness;
       tip.angle = tip.angle + correction;
       if (!(abs(tip.angle) < S(pi))) return Status::no_equilibrium;
-      // What the slope leaves out is smaller than the inertia by several orders: the next correction would be rounding.
+      // The slope neglects terms orders of magnitude below the inertia: the next correction would be rounding.
       using V = ValueOf<S>;
       constexpr V arrived = sizeof(V) == 4 ? V(1e-5) : V(1e-7);
       if (abs(correction) <= arrived) {
@@ -522,7 +429,7 @@ struct Twin {
     for (int n = 0; n < most_corrections; ++n) {
       const Demand<S> demand = axis.distal.demand(tip.x, load);
       const S slope = rate * demand.weight + demand.slope;
-      // Both tendons slack as guessed: the pass that follows tells.
+      // Both tendons are slack by the guess: the next pass revises it.
       if (slope == S(0)) return Status::ok;
       if (!(slope > S(0))) return Status::no_equilibrium;
       const S correction = ((pull - rate * tip.x) * demand.weight - demand.value) / slope;
@@ -536,7 +443,7 @@ struct Twin {
     return Status::no_equilibrium;
   }
 
-  // Finds the handle angle at which hand and tendons agree, by the secant through the last two tries.
+  // Finds the handle angle at which hand and tendons are balanced, by the secant method.
   [[gnu::noinline]] Status move_handle(const S& wanted, const Load<S>& load, const State& before, State& next) const {
     const S arm = axis.proximal.moment_arm(axis.proximal.coordinate(before.handle_angle));
     const S inertial = quasi_static ? S(0) : S(2) * hand.inertia * per_second() * per_second();

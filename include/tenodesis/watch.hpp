@@ -1,17 +1,17 @@
 #pragma once
-// Watches the sensors, tendons and motors of one axis: a condition that lasts is a fault.
+// Fault detection from the sensors, tendons and motors of one axis: a condition that lasts is a fault.
 //
-// Two tendons check each other. Handle and tip draw on one what they give on the other, so that without friction the
-// mean tension is pretension + stiffness * (mean length wound), wherever handle and tip are and whatever pushes on the
-// tip. A slack tendon cannot push: it carries more than its straight line would, and the mean only rises; when a load
-// has one tendon slack, the other carries at least twice that mean. Friction holds a tendon's tension at the spool
-// within exp(+-E) of any other along it, E being the exponents of all its contacts, so the mean stays within
-// mean_band = exp(E) - 1 of it, as a share. A mean below that is no load's doing: a tendon has broken or come loose, a
-// spool has slipped, a load cell lies. A broken tendon cannot be told from a slack one only while a load, or the tip's
-// stop, makes the other carry both shares.
+// Two tendons check each other. Handle and tip draw on one tendon the length that they let out on the other, so that
+// without friction the mean tension is pretension + stiffness * (mean length wound), whatever the handle, the tip and
+// the load do. A slack tendon cannot push, so that the mean can only be higher than this; when a load makes one tendon
+// slack, the other carries at least twice the mean. Friction keeps a tendon's tension at the spool within exp(+-E) of
+// any other along it, E being the exponents of all its contacts, so the relative error of the mean is at most mean_band
+// = exp(E) - 1. No load can lower the mean further: a tendon has broken or come loose, a spool has slipped, or a load
+// cell is wrong. A broken tendon cannot be distinguished from a slack one only while a load, or the tip's stop, makes
+// the other carry both shares.
 //
-// Within that band there is the moment itself to go by: hand and tip have inertia, so that what they take off the mean
-// takes milliseconds, while a tendon that breaks or a spool that slips takes it off at once.
+// Within that band, timing distinguishes them: hand and tip have inertia, so that they lower the mean over
+// milliseconds, while a tendon that breaks or a spool that slips lowers it at once.
 
 #include "tenodesis/control.hpp"
 #include "tenodesis/drive.hpp"
@@ -19,7 +19,7 @@
 
 namespace tenodesis {
 
-/// A check: what it compares with, and how long that must last to be a fault, s; a threshold of 0 switches it off.
+/// A check: its threshold, and for how long this must be exceeded to be a fault, s; a threshold of 0 switches it off.
 template <class S>
 struct Limit {
   S threshold{};
@@ -28,37 +28,37 @@ struct Limit {
   constexpr bool on() const { return threshold > S(0); }
 };
 
-/// Sensors that may give bad samples.
+/// Sensors, by which bad samples are counted.
 enum class Channel : std::uint8_t { handle, agonist_cell, antagonist_cell, agonist_spool, antagonist_spool };
 
 inline constexpr int channel_count = 5;
 
-/// Places beside the two tendons that a condition may hold at.
+/// Places where a condition may hold: the two tendons, and the handle.
 inline constexpr int at_handle = 2, place_count = 3;
 
-/// What a motor should have done of late.
+/// A model of a motor, which the motor should follow.
 template <class S>
 struct Following {
   S speed{};    ///< of the model, rad/s
-  S fastest{};  ///< of the model of late, rad/s
-  S behind{};   ///< what the spool has turned more than the model of late, rad
+  S fastest{};  ///< recent largest speed of the model, rad/s
+  S behind{};   ///< recent excess of the spool's rotation over the model's, rad
 };
 
 template <class S>
 struct WatchState {
   Measurement<S> trusted{};   ///< the last plausible reading of each sensor
-  bool started{};             ///< there is one
-  bool homed{};               ///< spool angles count from pretension: what they have wound tells the mean tension
-  std::uint32_t confirmed{};  ///< faults that hold
+  bool started{};             ///< whether there is one
+  bool homed{};               ///< spool angles are counted from pretension, so that they determine the mean tension
+  std::uint32_t confirmed{};  ///< faults that are present
   S lasted[fault_count][place_count]{};  ///< for how long each condition has held, s
   S since[place_count]{};                ///< age of the trusted angles: spools, handle, s
-  S stuck_at[2]{};                       ///< tensions that have not been left since, N
-  S usual_shortfall{};                   ///< of the mean tension of late, N
-  S level{};                             ///< the same a moment ago, or before it fell at once, N
-  bool leveled{};                        ///< there was such a moment
+  S stuck_at[2]{};                       ///< tensions at which the readings may be stuck, N
+  S usual_shortfall{};                   ///< recent shortfall of the mean tension, N
+  S level{};                             ///< shortfall a moment ago, or before a sudden fall, N
+  bool leveled{};                        ///< whether level is known
   Following<S> following[2]{};
   std::uint32_t count[fault_count]{};          ///< how often each fault was confirmed
-  std::uint32_t bad_samples[channel_count]{};  ///< readings that were not plausible
+  std::uint32_t bad_samples[channel_count]{};  ///< implausible readings
   std::uint32_t late_ticks{};                  ///< ticks later than one and a half periods
 };
 
@@ -72,35 +72,35 @@ struct Watch {
   Drive<S> drive{};               ///< as the motors should follow
   S pretension{};                 ///< N
   S stiffness{};                  ///< of one tendon, N/m
-  S mean_band{};                  ///< relative half-width that friction may move the mean tension by
+  S mean_band{};                  ///< share by which friction may change the mean tension
   S load_cell_range{};            ///< N
   S handle_range{};               ///< largest |handle angle|, rad
-  S handle_noise{};               ///< by which two readings of a handle at rest may differ, rad
+  S handle_noise{};               ///< largest difference of two readings of a handle at rest, rad
   S spool_noise{};                ///< the same of a spool, rad
-  S window{};                     ///< within which a slip happens, and a motor's lag is looked at, s
+  S window{};                     ///< in which slip and a motor's lag are judged, s
   S period{};                     ///< nominal, of ticks, s
 
   constexpr const Limit<S>& of(Fault fault) const { return limit[static_cast<int>(fault)]; }
 
   bool valid() const {
     bool sound = spool_jump.threshold >= S(0) && spool_jump.persistence >= S(0);
-    for (const auto& one : limit) sound = sound && one.threshold >= S(0) && one.persistence >= S(0);
+    for (const auto& check : limit) sound = sound && check.threshold >= S(0) && check.persistence >= S(0);
     sound = sound && drive.spool_radius > S(0) && drive.speed_limit > S(0) && drive.acceleration_limit > S(0) &&
             drive.time_constant >= S(0) && pretension >= S(0) && stiffness > S(0) && mean_band >= S(0) &&
             load_cell_range > S(0) && handle_range > S(0) && handle_noise >= S(0) && spool_noise >= S(0) &&
             window > S(0) && period > S(0);
-    for (const auto& one : limit) sound = sound && all_finite(one.threshold, one.persistence);
+    for (const auto& check : limit) sound = sound && all_finite(check.threshold, check.persistence);
     return sound && all_finite(spool_jump.threshold, spool_jump.persistence, drive.spool_radius, drive.speed_limit,
                                drive.acceleration_limit, drive.time_constant, pretension, stiffness, mean_band,
                                load_cell_range, handle_range, handle_noise, spool_noise, window, period);
   }
 
-  /// Mask of the faults that hold; commanded: what was sent to the motors in the last tick, rad/s.
+  /// Mask of the faults present; commanded: velocities sent to the motors in the last tick, rad/s.
   std::uint32_t check(const Measurement<S>& measured, const S (&commanded)[2], const S& dt, State& state) const {
     const bool ticked = dt > S(0) && is_finite(dt);
     const bool late = !ticked || watchdog(dt);
     const S elapsed = ticked ? smaller(dt, longest) : S(0);
-    // One sample after a long gap is not yet a condition that has lasted.
+    // One sample after a long gap does not show that a condition has lasted.
     const S step = smaller(elapsed, S(2) * period);
     if (!(elapsed > S(0) && elapsed <= S(1.5) * period)) count(state.late_ticks);
     for (S& age : state.since) age = smaller(age + elapsed, longest);
@@ -108,7 +108,7 @@ struct Watch {
     std::uint32_t found = 0;
     S moved[2]{};
     if (!readable(measured, commanded, state)) {
-      // Nothing says that what was wrong has gone.
+      // Without readings, nothing shows that a fault has gone.
       found = (state.confirmed & ~bit(Fault::tick_late)) | bit(Fault::not_a_number);
     } else {
       if (!state.started) start(measured, state);
@@ -129,12 +129,12 @@ struct Watch {
     return found;
   }
 
-  /// True once the motors must stop because nobody has asked for so long, s; for an interrupt of its own.
+  /// Whether the motors must stop because there was no tick for so long, s; for an interrupt of its own.
   bool watchdog(const S& since_last_step) const {
     return of(Fault::tick_late).on() && !(since_last_step <= of(Fault::tick_late).threshold);
   }
 
-  /// Forgets what was seen, as when spool angles count anew, and keeps the counts.
+  /// Resets all but the counts, as after homing.
   static void restart(State& state) {
     State fresh{};
     fresh.homed = state.homed;
@@ -145,13 +145,13 @@ struct Watch {
   }
 
  private:
-  // Clocks stop here, long before they would lose ticks in rounding.
+  // Clocks saturate here, long before rounding would lose ticks.
   static constexpr S longest = S(100);
 
-  // In which hand and tip, for their inertia, do not take off the mean tension what makes a slip, s.
+  // Time in which hand and tip cannot, because of their inertia, lower the mean tension as a slip does, s.
   static constexpr S moment = S(1e-3);
 
-  // N or rad; smaller readings keep every sum below finite.
+  // N or rad; smaller readings keep every sum finite.
   static constexpr S beyond_any_sensor = S(1e6);
 
   using enum Channel;
@@ -192,8 +192,8 @@ struct Watch {
     for (int i = 0; i < 2; ++i) state.stuck_at[i] = measured.tension[i];
   }
 
-  // Whether an angle can have come so far since it was last trusted. One that cannot is not trusted, and a jump once it
-  // has lasted; a single bad sample has come back by then. Then the new angle is trusted, so that watching goes on.
+  // Whether an angle can have changed so far since it was last trusted. If not, it is not trusted, and is a jump once
+  // this has lasted; a single bad sample has gone by then. Then the new angle is trusted, so that checking continues.
   static std::uint32_t take(int place, const S& reading, const Limit<S>& jump, const S& noise, Channel channel,
                             const S& step, State& state, S& trusted, S& moved) {
     const S change = reading - trusted;
@@ -229,7 +229,7 @@ struct Watch {
   std::uint32_t check_cell(int i, const S& tension, const S& step, State& state, bool& in_range) const {
     const Limit<S>& range = of(Fault::load_cell_range);
     const bool outside = range.on() && (tension >= load_cell_range || tension < -range.threshold);
-    // At the end of its range a cell says nothing of the tendon.
+    // At the end of its range a cell does not measure the tendon.
     const bool over = !outside && tension > of(Fault::over_tension).threshold;
     std::uint32_t found = lasting(Fault::over_tension, i, over, step, state);
     const bool left = abs(tension - state.stuck_at[i]) > of(Fault::load_cell_stuck).threshold;
@@ -258,8 +258,8 @@ struct Watch {
     if (!state.leveled) state.level = shortfall;
     state.leveled = true;
     const S fallen = shortfall - state.level;
-    // What has fallen is compared with what was before, until it comes back or is a fault.
-    // A mean that a slack tendon held above the line, and that comes down to it, has lost nothing.
+    // A fallen mean is compared with the one before until it comes back or is a fault. A mean that a slack tendon had
+    // raised, and that comes down again, has lost nothing.
     const bool fell = of(Fault::spool_slip).on() && fallen > limit_of_slip && shortfall > -band;
     if (!fell) state.level = state.level + fallen * smaller(step / moment, S(1));
     const bool gone = fell || shortfall > band + empty;
@@ -274,14 +274,14 @@ struct Watch {
     const bool slipped = fell || (grown > limit_of_slip && shortfall > band);
     found |= lasting(Fault::spool_slip, 0, slipped && looser >= empty, step, state);
     const S off = abs(shortfall) - band;
-    // A mean above the line may be a slack tendon's; one far below it at a tendon that does not pull has its own name.
+    // A slack tendon may raise the mean; a mean far too low, with a tendon without tension, is a fault of its own.
     const bool judged = looser >= (shortfall > S(0) ? empty : larger(empty, slack));
     found |= lasting(Fault::load_cell_drift, 0, judged && off > of(Fault::load_cell_drift).threshold, step, state);
     return found;
   }
 
-  // Positions are compared rather than speeds, since an encoder's steps make noise of speeds; the window forgets what a
-  // model errs by in the long run.
+  // Positions are compared rather than speeds, since an encoder's steps make speeds noisy; the window forgets the
+  // model's long-term error.
   std::uint32_t check_motor(int i, const S& commanded, const S& moved, bool late, const S& elapsed, const S& step,
                             State& state) const {
     Following<S>& following = state.following[i];
@@ -295,7 +295,7 @@ struct Watch {
     following.speed = model.speed;
     following.fastest = larger(abs(model.speed), following.fastest * kept);
     following.behind = late ? S(0) : (following.behind + moved - model.angle) * kept;
-    // A change of speed puts a loop behind by what its time constant differs from the model's by; half is allowed for.
+    // After a change of speed a loop is behind by the error of its time constant; half of that constant is tolerated.
     const S allowed = of(Fault::motor_not_following).threshold + S(0.5) * drive.time_constant * following.fastest;
     return lasting(Fault::motor_not_following, i, abs(following.behind) > allowed, step, state);
   }

@@ -1,16 +1,18 @@
 #pragma once
-// The equilibrium of many points at once: the core's Newton step over a block of points, in vector instructions.
+// The equilibrium of a block of points: the core's Newton steps in vector instructions.
 //
-// Points that have not arrived monotonically after the block's fixed number of steps go through the core's own solve,
-// which decides what they are.
+// Points that have not converged monotonically after the block's fixed number of steps are solved by the core's own
+// function, which decides their status.
 
 #include <array>
 #include <limits>
 
+#include "engine/vectors.hpp"
 #include "operations.hpp"
-#include "vectors.hpp"
 
 namespace tenodesis::bindings {
+
+using engine::in_widest_vectors;
 
 inline constexpr int block_size = 64;
 inline constexpr int block_steps = 7;
@@ -22,7 +24,7 @@ struct Block {
   std::array<Lane, held_inputs> in;
   Lane agonist, antagonist;  // of the tendon pair
   Lane start, x, first, correction, worst_slope, worst_turn;
-  Lane verdict;  // what the steps have shown of a point; a number, to be computed in vectors like the rest
+  Lane verdict;  // of a point; a real number, to be computed in vectors like the rest
   std::array<Lane, most_outputs> out;
 
   std::array<double, held_inputs> inputs(int i) const {
@@ -32,13 +34,13 @@ struct Block {
   }
 };
 
-/// What a block's Newton steps have shown of a point.
+/// Verdicts on a point after the block's Newton steps.
 inline constexpr double arrived = 0, past_fold = 1, undecided = 2;
 
-// Arrived: the load is tame, and from a start within reach every slope was a stable one, every step in the first one's
-// direction, and the last one settled. Past the fold: Newton cannot have passed a root, and yet a slope turned or a
-// limit was crossed beyond which every tension is outgrown. Everything else, all invalid input included, is for the
-// core's own solve.
+// Arrived: the load is tame, and from a start within range every slope was stable, every step had the first one's
+// direction, and the last step was below the tolerance. Past the fold: Newton's iteration cannot have passed a root,
+// and yet a slope changed its sign, or the joint's limit was crossed. All other points, invalid input included, are
+// left to the core's own solve.
 template <class A>
 [[gnu::always_inline]] inline void judge(const A axis, Block& block) {
   const double limit = axis.distal.limit();

@@ -1,46 +1,34 @@
 // The controller for Python: tick by tick for any plant, or in a closed loop with twins.
 
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/tuple.h>
-#include <nanobind/stl/unique_ptr.h>
-#include <nanobind/stl/vector.h>
 
 #include <algorithm>
 #include <optional>
 #include <utility>
 
-#include "closed_loop.hpp"
-#include "modules.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
+#include "engine/closed_loop.hpp"
+#include "module.hpp"
 
 namespace tenodesis::bindings {
 namespace {
 
-using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Stack = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using OutputStack = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using Requests = nb::ndarray<const std::uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Modes = nb::ndarray<const std::uint8_t, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using namespace engine;
+using Requests = Array<const std::uint8_t, 1>;
+using Modes = Array<const std::uint8_t, 3>;
 
 struct Choices {
   std::uint32_t joint_type, observer, law, actuation, safe_state;
   bool own_clock, homed;
 };
 
-ControlParameters parameters_of(const Choices& choices, const std::vector<double>& common, const Rows& axis_rows,
-                                const Stack& limits) {
+ControlParameters parameters_of(const Choices& choices, const std::vector<double>& common, const In<2>& axis_rows,
+                                const In<3>& limits) {
   ControlParameters p{};
   const std::size_t axes = axis_rows.shape(0);
-  if (axes < 1 || axes > most_axes || common.size() != common_fields.size() ||
-      axis_rows.shape(1) != axis_fields.size() || limits.shape(0) != axes || limits.shape(1) != limit_count ||
-      limits.shape(2) != 2)
-    throw nb::value_error("shapes do not fit");
+  require(axes >= 1 && axes <= most_axes && common.size() == common_parameters.size() &&
+              axis_rows.shape(1) == axis_parameters.size() && limits.shape(0) == axes &&
+              limits.shape(1) == limit_count && limits.shape(2) == 2,
+          "common, axes and limits do not fit");
   p.size = sizeof(p);
   p.version = TENODESIS_VERSION;
   p.joint_type = choices.joint_type;
@@ -51,84 +39,124 @@ ControlParameters parameters_of(const Choices& choices, const std::vector<double
   p.safe_state = choices.safe_state;
   p.own_clock = choices.own_clock ? 1 : 0;
   p.homed = choices.homed ? 1 : 0;
-  for (std::size_t k = 0; k < common.size(); ++k) p.*common_fields[k].member = common[k];
+  for (std::size_t k = 0; k < common.size(); ++k) p.*common_parameters[k].member = common[k];
   for (std::size_t n = 0; n < axes; ++n) {
     AxisParameters& axis = p.axis[n];
-    for (std::size_t k = 0; k < axis_fields.size(); ++k) axis.*axis_fields[k].member = axis_rows(n, k);
+    for (std::size_t k = 0; k < axis_parameters.size(); ++k) axis.*axis_parameters[k].member = axis_rows(n, k);
     for (std::size_t k = 0; k < fault_count; ++k) axis.limit[k] = {limits(n, k, 0), limits(n, k, 1)};
     axis.spool_jump = {limits(n, fault_count, 0), limits(n, fault_count, 1)};
   }
   return p;
 }
 
-/// Per axis: control signals and the axis's own faults; then state, homed, homing, faults, first faults.
-using Answer = std::tuple<std::vector<std::array<double, control_signal_count>>, std::vector<std::uint32_t>, int, bool,
-                          bool, std::uint32_t, std::uint32_t>;
+/// A measurement from a row of an array: handle angle, tensions, spool angles.
+template <class Row>
+Measurement<double> measurement_of(const Row& row, std::size_t n) {
+  return {row(n, 0), {row(n, 1), row(n, 2)}, {row(n, 3), row(n, 4)}};
+}
 
-Answer step(AnyController& controller, std::uint64_t time, int request, const Rows& measured) {
+/// Control signals by axis, faults by axis; state, homed, homing, faults, first faults.
+using Answer = std::tuple<NewRows, std::vector<std::uint32_t>, int, bool, bool, std::uint32_t, std::uint32_t>;
+
+Answer step(AnyController& controller, std::uint64_t time, int request, const In<2>& measured) {
   const auto axes = static_cast<std::size_t>(controller.axes());
-  if (measured.shape(0) != axes || measured.shape(1) != 5) throw nb::value_error("shapes do not fit");
+  require(measured.shape(0) == axes && measured.shape(1) == 5, "measured does not fit the controller's axes");
   AnyInput input{};
   input.time = time;
   input.request = Request(request);
-  for (std::size_t n = 0; n < axes; ++n)
-    input.axis[n] = {measured(n, 0), {measured(n, 1), measured(n, 2)}, {measured(n, 3), measured(n, 4)}};
+  for (std::size_t n = 0; n < axes; ++n) input.axis[n] = measurement_of(measured, n);
   AnyOutput& output = controller.last;
   {
-    // A board takes its time to answer.
+    // A controller on a board takes its time to answer.
     const nb::gil_scoped_release release;
     controller.step(input, output);
   }
-  Answer answer;
+  NewRows signals = new_rows(axes, control_signal_count);
+  std::vector<std::uint32_t> faults;
   for (std::size_t n = 0; n < axes; ++n) {
-    std::get<0>(answer).push_back(control_signals(controller, n));
-    std::get<1>(answer).push_back(output.axis[n].faults);
+    std::ranges::copy(control_signals(controller, n), &signals(n, 0));
+    faults.push_back(output.axis[n].faults);
   }
-  std::get<2>(answer) = static_cast<int>(output.state);
-  std::get<3>(answer) = output.homed;
-  std::get<4>(answer) = output.homing;
-  std::get<5>(answer) = output.faults;
-  std::get<6>(answer) = output.first_faults;
-  return answer;
+  return {signals,       std::move(faults),  static_cast<int>(output.state), output.homed, output.homing,
+          output.faults, output.first_faults};
 }
 
 std::tuple<std::size_t, Status> run_controlled(const std::vector<AnyTwin*>& twins, AnyController& controller,
-                                               const Stack& commands, int steps_per_tick, double time_step,
-                                               std::size_t started, const std::optional<Requests>& requests,
-                                               const std::optional<Stack>& values, const std::optional<Modes>& modes,
-                                               const OutputStack& out, const OutputStack& control) {
+                                               const In<3>& commands, int steps_per_tick, double time_step,
+                                               std::size_t started,
+                                               const std::optional<Array<const std::uint8_t, 1>>& requests,
+                                               const std::optional<In<3>>& values,
+                                               const std::optional<Array<const std::uint8_t, 3>>& modes,
+                                               const Out<3>& out, const Out<3>& control) {
   const std::size_t axes = twins.size();
   const std::size_t count = commands.shape(1);
   const auto fits = [&](const auto& stack, std::size_t columns) {
     return stack.shape(0) == axes && stack.shape(1) == count && stack.shape(2) == columns;
   };
-  if (std::cmp_not_equal(axes, controller.axes()) || !fits(commands, command_count) || !fits(out, signal_count) ||
-      !fits(control, control_signal_count) || steps_per_tick < 1 || (requests && requests->shape(0) != count) ||
-      (values.has_value() != modes.has_value()) ||
-      (values && (!fits(*values, tamper_places.size()) || !fits(*modes, tamper_places.size()))))
-    throw nb::value_error("shapes do not fit");
-  Tampered tampered;
-  if (values) tampered = {values->data(), modes->data(), nullptr};
-  if (requests) tampered.request = requests->data();
+  require(std::cmp_equal(axes, controller.axes()) && fits(commands, command_count) && fits(out, signal_count) &&
+              fits(control, control_signal_count) && steps_per_tick >= 1 &&
+              (!requests || requests->shape(0) == count) && values.has_value() == modes.has_value() &&
+              (!values || (fits(*values, injection_place_count) && fits(*modes, injection_place_count))),
+          "commands, requests, injected faults and outputs do not fit");
+  InjectedSteps injected;
+  if (values) injected = {values->data(), modes->data(), nullptr};
+  if (requests) injected.request = requests->data();
   std::vector<Commands> rows;
   rows.reserve(axes);
   for (std::size_t n = 0; n < axes; ++n) rows.push_back({commands.data() + n * count * command_count});
   const nb::gil_scoped_release release;
   ClosedLoop loop({twins.data(), twins.size()}, controller, steps_per_tick, time_step);
   const Progress progress =
-      loop.run(rows, count, started, tampered, [&](std::size_t i, std::size_t n, const Command<double>& command) {
+      loop.run(rows, count, started, injected, [&](std::size_t i, std::size_t n, const Command<double>& command) {
         std::ranges::copy(twins[n]->signals(command), out.data() + (n * count + i) * signal_count);
         std::ranges::copy(control_signals(controller, n), control.data() + (n * count + i) * control_signal_count);
       });
   return {progress.steps, progress.status};
 }
 
-template <class Fields>
-std::vector<std::string> names_of(const Fields& fields) {
-  std::vector<std::string> names;
-  names.reserve(fields.size());
-  for (const auto& field : fields) names.emplace_back(field.name);
-  return names;
+std::tuple<std::vector<std::uint32_t>, std::vector<std::uint32_t>, std::uint32_t> counts(
+    const AnyController& controller, int axis) {
+  require(axis >= 0 && axis < controller.axes(), "no such axis");
+  const tenodesis_counts found = controller.counts(axis);
+  return {{std::begin(found.faults), std::end(found.faults)},
+          {std::begin(found.bad_samples), std::end(found.bad_samples)},
+          found.late_ticks};
+}
+
+std::tuple<NewRows, int> records(const AnyController& controller) {
+  const auto axes = static_cast<std::size_t>(controller.axes());
+  const auto& recorder = controller.recorder;
+  NewRows rows = new_rows(static_cast<std::size_t>(recorder.size()), 3 + 8 * axes);
+  double* to = rows.data();
+  const auto write = [&](auto... values) { ((*to++ = double(values)), ...); };
+  for (int k = 0; k < recorder.size(); ++k) {
+    const Moment& moment = recorder[k];
+    write(double(moment.time) * 1e-9, moment.state, moment.faults);
+    for (std::size_t n = 0; n < axes; ++n) {
+      const auto& measured = moment.measured[n];
+      write(measured.handle_angle, measured.tension[0], measured.tension[1], measured.spool_angle[0],
+            measured.spool_angle[1], moment.spool_velocity[n][0], moment.spool_velocity[n][1], moment.output_angle[n]);
+    }
+  }
+  return {rows, recorder.fault_place()};
+}
+
+using Row = std::tuple<std::string, std::string, std::string>;
+
+/// Names, units and meanings of a table's rows.
+template <class Table>
+std::vector<Row> rows_of(const Table& table) {
+  std::vector<Row> rows;
+  for (const auto& row : table) rows.emplace_back(row.name, row.unit, row.meaning);
+  return rows;
+}
+
+std::vector<Row> fault_rows() {
+  return {
+#define TENODESIS_ROW(name, NAME, unit, meaning) {#name, unit, meaning},
+      TENODESIS_FAULT_TABLE(TENODESIS_ROW)
+#undef TENODESIS_ROW
+  };
 }
 
 }  // namespace
@@ -137,7 +165,7 @@ void bind_control(nb::module_& m) {
   nb::class_<AnyController>(m, "Controller", "The controller of an instrument, with its state.")
       .def(nb::new_([](std::uint32_t joint_type, std::uint32_t observer, std::uint32_t law, std::uint32_t actuation,
                        std::uint32_t safe_state, bool own_clock, bool homed, const std::vector<double>& common,
-                       const Rows& axes, const Stack& limits, bool single_precision) {
+                       const In<2>& axes, const In<3>& limits, bool single_precision) {
              const ControlParameters p = parameters_of(
                  {joint_type, observer, law, actuation, safe_state, own_clock, homed}, common, axes, limits);
              return single_precision ? make_controller<float>(p) : make_controller<double>(p);
@@ -146,66 +174,46 @@ void bind_control(nb::module_& m) {
            "axes"_a, "limits"_a, "single_precision"_a)
       .def("step", &step, "time"_a, "request"_a, "measured"_a,
            nb::sig("def step(self, time: int, request: int, measured: NDArray[numpy.float64]) -> "
-                   "tuple[list[list[float]], list[int], int, bool, bool, int, int]"),
-           "One tick, time in ns: per axis the control signals and its faults; state, homed, homing, faults, first.")
-      .def("reset", &AnyController::reset, "As when it was made.")
-      .def("watchdog", &AnyController::watchdog, "since_last_step"_a, "Whether the motors must stop, given seconds.")
+                   "tuple[NDArray[numpy.float64], list[int], int, bool, bool, int, int]"),
+           "One tick, time in ns: control signals and faults by axis; state, homed, homing, faults, first faults.")
+      .def("reset", &AnyController::reset, "Return to the initial state.")
+      .def("watchdog", &AnyController::watchdog, "since_last_step"_a,
+           "Whether the motors must stop after so many seconds without a tick.")
       .def(
-          "counts",
-          [](const AnyController& controller, int axis) {
-            if (axis < 0 || axis >= controller.axes()) throw nb::value_error("no such axis");
-            const tenodesis_counts counts = controller.counts(axis);
-            return std::make_tuple(
-                std::vector<std::uint32_t>(std::begin(counts.faults), std::end(counts.faults)),
-                std::vector<std::uint32_t>(std::begin(counts.bad_samples), std::end(counts.bad_samples)),
-                counts.late_ticks);
-          },
-          "axis"_a, "How often each fault was confirmed, bad samples per sensor, late ticks.")
-      .def(
-          "records",
+          "parameters",
           [](const AnyController& controller) {
-            std::vector<std::vector<double>> rows;
-            for (int k = 0; k < controller.recorder.size(); ++k) {
-              const Moment& moment = controller.recorder[k];
-              std::vector<double> row{double(moment.time) * 1e-9, double(moment.state), double(moment.faults)};
-              for (int n = 0; n < controller.axes(); ++n) {
-                const auto& measured = moment.measured[n];
-                row.insert(row.end(), {measured.handle_angle, measured.tension[0], measured.tension[1],
-                                       measured.spool_angle[0], measured.spool_angle[1], moment.spool_velocity[n][0],
-                                       moment.spool_velocity[n][1], moment.output_angle[n]});
-              }
-              rows.push_back(row);
-            }
-            return std::make_tuple(rows, controller.recorder.fault_place());
+            return nb::bytes(&controller.parameters(), sizeof(link::ControllerParameters));
           },
-          "The flight recorder: time, state, faults, then per axis measurement, sent velocities, output angle; and "
-          "which row is the fault's first.");
+          "Its parameters as a board takes them: a tenodesis_parameters in float.")
+      .def("counts", &counts, "axis"_a,
+           "How often each fault was confirmed, bad samples of each sensor, number of late ticks.")
+      .def("records", &records, nb::sig("def records(self) -> tuple[NDArray[numpy.float64], int]"),
+           "The flight recorder, by record: time, state, faults, then per axis measurement, sent velocities, output "
+           "angle; and the row of the fault's first tick, -1 without one.");
 
-  m.def("control_parameters", [] { return names_of(common_fields); }, "Names of the numbers that all axes share.");
-  m.def("control_axis_parameters", [] { return names_of(axis_fields); }, "Names of the numbers of an axis.");
+  m.attr("INTERFACE_VERSION") = TENODESIS_VERSION;
+  m.attr("SPOOL_JUMP_UNIT") = TENODESIS_SPOOL_JUMP_UNIT;
   m.def(
-      "fault_names",
-      [] {
-        std::vector<std::string> names;
-        names.reserve(fault_count);
-        for (int n = 0; n < fault_count; ++n) names.emplace_back(name(Fault(n)));
-        return names;
-      },
-      "Names of the faults, in the order of their bits.");
+      "control_parameters", [] { return rows_of(common_parameters); },
+      "Name, unit and meaning of the parameters that all axes share.");
   m.def(
-      "control_signals",
-      [] { return std::vector<std::string>(control_signal_names.begin(), control_signal_names.end()); },
+      "control_axis_parameters", [] { return rows_of(axis_parameters); },
+      "Name, unit and meaning of an axis's parameters.");
+  m.def("faults", &fault_rows, "Name, unit of the threshold and meaning of each fault, in the order of their bits.");
+  m.def(
+      "control_signals", [] { return list_of(control_signal_names); },
       "Names of the signals that a controller adds to a run.");
   m.def(
-      "tamper_places", [] { return std::vector<std::string>(tamper_places.begin(), tamper_places.end()); },
-      "Places between twin and controller where a fault can be put.");
+      "fault_injection_places", [] { return list_of(fault_injection_places); },
+      "Places between instrument and controller where a fault can be injected.");
   m.def("run_controlled", &run_controlled, "twins"_a, "controller"_a, "commands"_a, "steps_per_tick"_a, "time_step"_a,
         "started"_a, "requests"_a.none(), "values"_a.none(), "modes"_a.none(), "out"_a, "control"_a,
         nb::sig("def run_controlled(twins: Sequence[Twin], controller: Controller, commands: NDArray[numpy.float64], "
                 "steps_per_tick: int, time_step: float, started: int, requests: NDArray[numpy.uint8] | None, values: "
                 "NDArray[numpy.float64] | None, modes: NDArray[numpy.uint8] | None, out: NDArray[numpy.float64], "
                 "control: NDArray[numpy.float64]) -> tuple[int, Status]"),
-        "Step twins and a controller in one loop over rows of commands, axis by axis; returns steps and why no more.");
+        "Step twins and a controller in a closed loop over rows of commands, axis by axis. Returns the steps taken and "
+        "the status of the last.");
 }
 
 }  // namespace tenodesis::bindings

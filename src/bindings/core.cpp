@@ -1,35 +1,23 @@
-// The Python module over the core: arrays in, arrays out, interpreter lock released.
-
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/array.h>
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/tuple.h>
-#include <nanobind/stl/vector.h>
+// The Python module over the core: arrays in, arrays out, interpreter lock released; and the statics.
 
 #include "evaluate.hpp"
-#include "modules.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
+#include "module.hpp"
 
 namespace tenodesis::bindings {
 namespace {
 
-using Input = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Output = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using StatusOutput = nb::ndarray<unsigned char, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using namespace engine;
 
 struct Arguments {
   std::vector<Column> columns;
   std::size_t count{1};
 
-  Arguments(const std::vector<Input>& inputs, int expected) {
-    if (inputs.size() != std::size_t(expected)) throw nb::value_error("wrong number of inputs");
-    for (const Input& input : inputs)
+  Arguments(const std::vector<In<1>>& inputs, int expected) {
+    require(inputs.size() == std::size_t(expected), "wrong number of inputs");
+    for (const In<1>& input : inputs)
       if (input.shape(0) != 1) count = input.shape(0);
-    for (const Input& input : inputs) {
-      if (input.shape(0) != count && input.shape(0) != 1) throw nb::value_error("inputs differ in length");
+    for (const In<1>& input : inputs) {
+      require(input.shape(0) == count || input.shape(0) == 1, "inputs differ in length");
       columns.push_back({input.data(), input.shape(0) != count});
     }
   }
@@ -37,7 +25,7 @@ struct Arguments {
   Points points() const { return {columns, count}; }
 };
 
-// Calls f with the operation of a name, as a type; held ones and direct ones alike.
+// Calls f with the operation of a name as a type, and whether it is a held one.
 template <class F, class... H, class... D>
 bool dispatch(const std::string& name, const F& f, List<H...>, List<D...>) {
   return ((name == H::name && (f.template operator()<H, true>(), true)) || ...) ||
@@ -60,20 +48,20 @@ constexpr int inputs_of() {
 
 /// Arrays that an operation writes: outputs by rows by points, and the status of every point.
 struct Results {
-  Output out;
-  StatusOutput status;
+  Out<3> out;
+  Statuses status;
 };
 
 /// Runs work(operation, points, out, status, begin, end) over threads without the interpreter lock.
 template <class Work>
-void over_points(const std::string& name, const std::vector<Input>& inputs, const Results& results, std::size_t rows,
+void over_points(const std::string& name, const std::vector<In<1>>& inputs, const Results& results, std::size_t rows,
                  int threads, std::size_t least, const Work& work) {
   dispatch(name, [&]<class Operation, bool held>() {
     const Arguments arguments(inputs, inputs_of<Operation, held>());
     const Points points = arguments.points();
-    if (results.out.shape(0) != std::size_t(Operation::outputs) || results.out.shape(1) != rows ||
-        results.out.shape(2) != points.count || results.status.shape(0) != points.count)
-      throw nb::value_error("outputs do not fit operation and inputs");
+    require(results.out.shape(0) == std::size_t(Operation::outputs) && results.out.shape(1) == rows &&
+                results.out.shape(2) == points.count && results.status.shape(0) == points.count,
+            "outputs do not fit operation and inputs");
     std::array<double*, Operation::outputs> out{};
     for (std::size_t k = 0; k < out.size(); ++k) out[k] = results.out.data() + k * rows * points.count;
     if (points.count == 0) return;
@@ -84,8 +72,8 @@ void over_points(const std::string& name, const std::vector<Input>& inputs, cons
   });
 }
 
-void evaluate(const Spec& spec, const std::string& name, const std::vector<Input>& inputs, const Output& out,
-              const StatusOutput& status, int threads) {
+void evaluate(const Spec& spec, const std::string& name, const std::vector<In<1>>& inputs, const Out<3>& out,
+              const Statuses& status, int threads) {
   const AnyAxis<double> any = make_axis(spec);
   over_points(name, inputs, {out, status}, 1, threads, points_per_thread,
               [&]<class Operation, bool held>(const Points& points, std::span<double* const> data, unsigned char* found,
@@ -101,12 +89,11 @@ void evaluate(const Spec& spec, const std::string& name, const std::vector<Input
               });
 }
 
-void gradient(const Spec& spec, const std::string& name, const std::vector<Input>& inputs,
-              const std::vector<std::size_t>& variables, const Output& out, const StatusOutput& status, int threads) {
-  if (variables.empty()) throw nb::value_error("no variables");
-  for (const std::size_t variable : variables)
-    if (variable >= parameter_count + inputs.size()) throw nb::value_error("no such variable");
-  // A derivative costs several times a value, so that fewer of them are worth a thread.
+void gradient(const Spec& spec, const std::string& name, const std::vector<In<1>>& inputs,
+              const std::vector<std::size_t>& variables, const Out<3>& out, const Statuses& status, int threads) {
+  require(!variables.empty(), "no variables");
+  for (const std::size_t variable : variables) require(variable < parameter_count + inputs.size(), "no such variable");
+  // A derivative costs several times as much as a value, so that fewer of them justify a thread.
   over_points(name, inputs, {out, status}, variables.size(), threads, points_per_thread / 8,
               [&]<class Operation, bool held>(const Points& points, std::span<double* const> data, unsigned char* found,
                                               std::size_t begin, std::size_t end) {
@@ -118,16 +105,16 @@ void gradient(const Spec& spec, const std::string& name, const std::vector<Input
 }  // namespace
 
 NB_MODULE(_core, m) {
-  // Instruments keep their spec for as long as they live, which may be longer than the module does.
+  // Instruments may keep their spec for longer than the module exists.
   nb::set_leak_warnings(false);
   m.doc() = "The C++ core over arrays; the package's modules are its interface.";
 
   nb::enum_<Status>(m, "Status", nb::is_arithmetic(), "How a solve ended.")
       .value("OK", Status::ok, "solved")
       .value("NO_EQUILIBRIUM", Status::no_equilibrium, "loaded past the fold: the joint snaps through")
-      .value("UNREACHABLE", Status::unreachable, "outside what the mechanism can bend to")
+      .value("UNREACHABLE", Status::unreachable, "outside the mechanism's range")
       .value("BOTH_SLACK", Status::both_slack, "neither tendon holds the joint")
-      .value("NO_AUTHORITY", Status::no_authority, "no stroke of the acting motors gives the angle back")
+      .value("NO_AUTHORITY", Status::no_authority, "no stroke of the acting motors restores the angle")
       .value("OUT_OF_RANGE", Status::out_of_range, "handle angle beyond the handle's range")
       .value("NOT_FINITE", Status::not_finite, "NaN or infinite input");
 
@@ -136,7 +123,7 @@ NB_MODULE(_core, m) {
       .value("TENDON_PULLEY", JointType::tendon_pulley)
       .value("CONTINUUM", JointType::continuum);
 
-  nb::class_<Spec>(m, "Spec", "One axis of an instrument, as numbers in SI units.")
+  nb::class_<Spec>(m, "Spec", "One axis of an instrument, in SI units.")
       .def(
           "__init__",
           [](Spec* self, JointType type, const std::array<double, parameter_count>& parameters, double range) {
@@ -150,9 +137,7 @@ NB_MODULE(_core, m) {
              new (&spec) Spec{std::get<0>(state), std::get<1>(state), std::get<2>(state)};
            });
 
-  m.def(
-      "parameters", [] { return std::vector<std::string>(parameter_names.begin(), parameter_names.end()); },
-      "Names of a spec's parameters, in their order.");
+  m.def("parameters", [] { return list_of(parameter_names); }, "Names of a spec's parameters, in their order.");
   m.def(
       "tendon_stiffness",
       [](const Spec& spec) { return std::visit([](const auto& axis) { return axis.stiffness; }, make_axis(spec)); },
@@ -160,7 +145,6 @@ NB_MODULE(_core, m) {
   m.def(
       "unloaded_limit",
       [](const Spec& spec) {
-        // How far the handle's range would bend the distal joint without a load, as a share of its limit.
         return std::visit(
             [](const auto& axis) {
               const double pull = axis.proximal.excursion_slope() * axis.proximal.coordinate(axis.handle_range);
@@ -169,7 +153,7 @@ NB_MODULE(_core, m) {
             make_axis(spec));
       },
       "spec"_a, "Unloaded distal coordinate at the end of the handle's range, as a share of the joint's limit.");
-  // Python allocates the results: NumPy does so in huge pages, which a system call per 4 KiB would cost dearly.
+  // Python allocates the results: NumPy uses huge pages, which saves a page fault per 4 KiB.
   m.def("evaluate", &evaluate, "spec"_a, "operation"_a, "inputs"_a, "out"_a, "status"_a, "threads"_a,
         nb::sig("def evaluate(spec: Spec, operation: str, inputs: Sequence[NDArray[numpy.float64]], "
                 "out: NDArray[numpy.float64], status: NDArray[numpy.uint8], threads: int) -> None"),

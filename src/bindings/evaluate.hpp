@@ -8,11 +8,13 @@
 #include <vector>
 
 #include "block.hpp"
-#include "spec.hpp"
+#include "engine/spec.hpp"
 
 namespace tenodesis::bindings {
 
-/// One input: an array of the common length, or a single number that holds for every point.
+using engine::make_axis, engine::parameter_count, engine::Spec;
+
+/// One input: an array of the common length, or a single value for all points.
 struct Column {
   const double* data{};
   bool single{};
@@ -27,13 +29,13 @@ struct Points {
 
 inline constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
-// Below this many points per thread, starting the thread costs more than it saves.
+// With fewer points per thread, starting the thread costs more than it saves.
 inline constexpr std::size_t points_per_thread = 4096;
 
 template <class Work>
 void over_threads(std::size_t count, int threads, std::size_t least, const Work& work) {
   const std::size_t parts = std::clamp<std::size_t>(count / least, 1, std::size_t(std::max(threads, 1)));
-  // Whole blocks per part, so that a point is computed alike whatever the number of threads.
+  // Full blocks per part, so that results do not depend on the number of threads.
   const std::size_t stride = (count / parts + block_size) / block_size * block_size;
   std::vector<std::jthread> pool;
   for (std::size_t begin = stride; begin < count; begin += stride)
@@ -48,7 +50,7 @@ void evaluate_held(const A& axis, const Points& points, std::span<double* const>
   std::array<unsigned char, block_size> found{};
   for (std::size_t k = 0; k < held_inputs; ++k) block.in[k].fill(points.columns[k][begin]);
   for (std::size_t base = begin; base < end; base += block_size) {
-    // The last block keeps valid numbers of the one before where the points end.
+    // The last block is filled up with valid points of the previous one.
     const std::size_t n = std::min<std::size_t>(block_size, end - base);
     for (std::size_t k = 0; k < held_inputs; ++k)
       if (!points.columns[k].single) std::copy_n(points.columns[k].data + base, n, block.in[k].begin());
@@ -71,7 +73,7 @@ void evaluate_direct(const A& axis, const Points& points, std::span<double* cons
   }
 }
 
-/// A held operation as a direct one, in any number type.
+/// A held operation as a direct one, for any number type.
 template <class Held>
 struct Direct {
   static constexpr int inputs = held_inputs;

@@ -1,12 +1,6 @@
-// The whole instrument in space for Python: rows of joint coordinates in, frames, Jacobians and coordinates out.
+// Kinematics for Python: rows of joint coordinates in, frames, Jacobians and coordinates out.
 
 #include "tenodesis/kinematics.hpp"
-
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/tuple.h>
-#include <nanobind/stl/vector.h>
 
 #include <cmath>
 #include <string>
@@ -15,18 +9,12 @@
 #include <vector>
 
 #include "evaluate.hpp"
-#include "modules.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
+#include "module.hpp"
 
 namespace tenodesis::bindings {
 namespace {
 
-using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Table = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Cube = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using Statuses = nb::ndarray<unsigned char, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using namespace engine;
 
 using AnyChain = std::variant<Chain<GearAxis<double>>, Chain<PulleyAxis<double>>, Chain<ContinuumAxis<double>>>;
 
@@ -66,7 +54,7 @@ AnyChain make_chain(const Described& of) {
       make_axis(specs[0]));
 }
 
-/// A chain that remembers what it was made of, so that it can be pickled with its instrument.
+/// A chain with its description.
 struct BoundChain {
   Described described;
   AnyChain chain;
@@ -78,7 +66,7 @@ Posture<double> posture_of(const double* row) {
   return {row[0], row[1], row[2], row[3], {row[4], row[5]}, row[6], {row[7], row[8]}};
 }
 
-/// The same with handle angles that follow the output without a load where they are NaN.
+/// The same, where handle angles that are NaN follow the output without a load.
 template <class A>
 Posture<double> with_handle(const Chain<A>& chain, const double* row) {
   Posture<double> at = posture_of(row);
@@ -92,10 +80,10 @@ Posture<double> with_handle(const Chain<A>& chain, const double* row) {
 
 void write(const Frame<double>& frame, double* out) {
   const auto& [p, r] = frame;
-  // Of a rotation's two quaternions, the one whose first number is not negative.
+  // Of a rotation's two quaternions, the one whose first component is not negative.
   const double sign = r.w < 0 ? -1 : 1;
-  const double numbers[frame_length] = {p.x, p.y, p.z, sign * r.w, sign * r.x, sign * r.y, sign * r.z};
-  std::copy_n(numbers, frame_length, out);
+  const double values[frame_length] = {p.x, p.y, p.z, sign * r.w, sign * r.x, sign * r.y, sign * r.z};
+  std::copy_n(values, frame_length, out);
 }
 
 /// Names of the frames, in the order they are written in.
@@ -136,11 +124,11 @@ void write_frames(const Chain<A>& chain, const Bodies<double>& found, double* ou
   next(found.grip);
 }
 
-void check_rows(const Rows& rows, std::size_t length, std::size_t written) {
+void check_rows(const In<2>& rows, std::size_t length, std::size_t written) {
   if (rows.shape(1) != length || rows.shape(0) != written) throw nb::value_error("arrays do not fit");
 }
 
-void frames(const BoundChain& bound, const Rows& rows, const Cube& out, int threads) {
+void frames(const BoundChain& bound, const In<2>& rows, const Out<3>& out, int threads) {
   check_rows(rows, row_length, out.shape(0));
   std::visit(
       [&](const auto& chain) {
@@ -156,7 +144,7 @@ void frames(const BoundChain& bound, const Rows& rows, const Cube& out, int thre
       bound.chain);
 }
 
-void tip(const BoundChain& bound, const Rows& rows, const Table& out, int threads) {
+void tip(const BoundChain& bound, const In<2>& rows, const Out<2>& out, int threads) {
   check_rows(rows, row_length, out.shape(0));
   if (out.shape(1) != frame_length) throw nb::value_error("out does not fit");
   const nb::gil_scoped_release release;
@@ -170,7 +158,7 @@ void tip(const BoundChain& bound, const Rows& rows, const Table& out, int thread
       bound.chain);
 }
 
-void jacobians(const BoundChain& bound, const Rows& rows, const Cube& out, int threads) {
+void jacobians(const BoundChain& bound, const In<2>& rows, const Out<3>& out, int threads) {
   check_rows(rows, row_length, out.shape(0));
   if (out.shape(1) != 6 || out.shape(2) != tip_coordinates) throw nb::value_error("out does not fit");
   const nb::gil_scoped_release release;
@@ -191,11 +179,11 @@ void jacobians(const BoundChain& bound, const Rows& rows, const Cube& out, int t
       bound.chain);
 }
 
-void inverses(const BoundChain& bound, const Rows& goals, const Rows& told, const Table& out, const Statuses& reach,
+void inverses(const BoundChain& bound, const In<2>& goals, const In<2>& start, const Out<2>& out, const Statuses& reach,
               int threads) {
   check_rows(goals, frame_length, out.shape(0));
   const std::size_t count = goals.shape(0);
-  if (out.shape(1) != tip_coordinates || told.shape(0) != count || told.shape(1) != 3 || reach.shape(0) != count)
+  if (out.shape(1) != tip_coordinates || start.shape(0) != count || start.shape(1) != 3 || reach.shape(0) != count)
     throw nb::value_error("arrays do not fit");
   const nb::gil_scoped_release release;
   std::visit(
@@ -203,7 +191,7 @@ void inverses(const BoundChain& bound, const Rows& goals, const Rows& told, cons
         over_threads(count, threads, points_per_thread / 8, [&](std::size_t begin, std::size_t end) {
           for (std::size_t i = begin; i < std::min(end, count); ++i) {
             const double* g = goals.data() + i * frame_length;
-            const double* t = told.data() + i * 3;
+            const double* t = start.data() + i * 3;
             const Reached<double> found =
                 inverse(chain, Frame<double>{{g[0], g[1], g[2]}, {g[3], g[4], g[5], g[6]}}, t[0],
                         std::isnan(t[1]) ? Start<double>{} : Start<double>{true, t[1], t[2]});
@@ -219,39 +207,39 @@ void inverses(const BoundChain& bound, const Rows& goals, const Rows& told, cons
       bound.chain);
 }
 
-/// A tendon's way over a joint: where the joint starts, how far it bends, and where the tendon runs beside its middle.
-struct Way {
+/// A tendon's path over a joint: the joint's near end, its angle, and the tendon's offset from its middle.
+struct Path {
   Frame<double> near;
   Direction direction{};
   double angle{};
   int side{};  // -1 where the joint points to the handle
   Vector<double> offset;
-  bool own{};  // whether it bends this joint, and ends at it, or runs through its middle plane
+  bool own{};  // whether the tendon bends this joint and ends at it, or passes through its middle plane
 };
 
-/// Puts the points of one tendon over one joint, from its near end to its far end.
+/// Places the points of one tendon over one joint, from the near end to the far end.
 template <class J, class Place>
-void over(const J& joint, const Way& way, const Place& place) {
+void over(const J& joint, const Path& path, const Place& place) {
   constexpr std::size_t points = points_over<J>;
   for (std::size_t k = 0; k < points; ++k) {
-    // Part of a bend at constant curvature is a joint of its own, shorter by its share; a gear pair has ends alone.
+    // A part of an arc is an arc of its own; a gear pair has only two ends.
     const double share = double(k) / double(points - 1);
     Frame<double> carrier, far;
-    detail::pass(way.near, joint, way.direction, share * way.angle, way.side, carrier, far);
-    const Vector<double> middle = way.near.position + share * (far.position - way.near.position);
-    place(middle + far.rotation * way.offset);
+    detail::pass(path.near, joint, path.direction, share * path.angle, path.side, carrier, far);
+    const Vector<double> middle = path.near.position + share * (far.position - path.near.position);
+    place(middle + far.rotation * path.offset);
   }
 }
 
-/// On a pulley it runs from where the stem's side leaves it to its end, a quarter turn on when the joint is straight.
+/// On a pulley the tendon wraps from the stem's side to its end, a quarter turn when the joint is straight.
 template <class Place>
-void over(const TendonPulley<double>&, const Way& way, const Place& place) {
+void over(const TendonPulley<double>&, const Path& path, const Place& place) {
   constexpr std::size_t points = points_over<TendonPulley<double>>;
-  const double sign = way.offset.x + way.offset.y < 0 ? -1 : 1;
-  const double wrap = way.own ? 0.5 * pi - sign * way.side * way.angle : 0;
+  const double sign = path.offset.x + path.offset.y < 0 ? -1 : 1;
+  const double wrap = path.own ? 0.5 * pi - sign * path.side * path.angle : 0;
   for (std::size_t k = 0; k < points; ++k) {
-    const double angle = -sign * way.side * wrap * double(k) / double(points - 1);
-    place(way.near.position + way.near.rotation * (bend(way.direction, angle) * way.offset));
+    const double angle = -sign * path.side * wrap * double(k) / double(points - 1);
+    place(path.near.position + path.near.rotation * (bend(path.direction, angle) * path.offset));
   }
 }
 
@@ -262,16 +250,16 @@ std::size_t path_length(const Chain<A>& chain) {
   return std::size_t(chain.axes) * (points_over<Proximal> + points_over<Distal>);
 }
 
-/// Two tendons of every axis, agonist first, from the handle to where they end; a tendon that ends before the last
-/// joint stays at its end.
+/// Two tendons of every axis, agonist first, from the handle to their ends; the points of a tendon that ends before the
+/// last joint repeat its end.
 template <class A>
 void write_paths(const Chain<A>& chain, const Posture<double>& at, double* out) {
   const Bodies<double> found = bodies(chain, at);
   const std::size_t length = path_length(chain);
   for (int axis = 0; axis < chain.axes; ++axis) {
     for (const double sign : {1.0, -1.0}) {
-      std::vector<Vector<double>> path;
-      const auto place = [&](const Vector<double>& point) { path.push_back(point); };
+      std::vector<Vector<double>> points;
+      const auto place = [&](const Vector<double>& point) { points.push_back(point); };
       const auto offset = [&](double radius) {
         return chain.direction[axis] == Direction::yaw ? Vector<double>{sign * radius, 0, 0}
                                                        : Vector<double>{0, sign * radius, 0};
@@ -280,25 +268,25 @@ void write_paths(const Chain<A>& chain, const Posture<double>& at, double* out) 
         const Frame<double> near =
             i == 0 ? found.stem.moved(-chain.stem_length) : found.handle_far[i - 1].moved(-chain.handle_joint_spacing);
         over(chain.axis[i].proximal,
-             Way{near, chain.direction[i], at.handle[i], -1, offset(chain.axis[axis].proximal.radius), i == axis},
+             Path{near, chain.direction[i], at.handle[i], -1, offset(chain.axis[axis].proximal.radius), i == axis},
              place);
       }
-      std::ranges::reverse(path);
+      std::ranges::reverse(points);
       for (int i = 0; i <= axis; ++i) {
         const Frame<double> near = i == 0 ? found.stem : found.far[i - 1].moved(chain.joint_spacing);
         over(chain.axis[i].distal,
-             Way{near, chain.direction[i], at.bend[i], 1, offset(chain.axis[axis].distal.radius), i == axis}, place);
+             Path{near, chain.direction[i], at.bend[i], 1, offset(chain.axis[axis].distal.radius), i == axis}, place);
       }
-      path.resize(length, path.back());
-      for (const Vector<double>& point : path) {
-        const double numbers[3] = {point.x, point.y, point.z};
-        out = std::copy_n(numbers, 3, out);
+      points.resize(length, points.back());
+      for (const Vector<double>& point : points) {
+        const double coordinates[3] = {point.x, point.y, point.z};
+        out = std::copy_n(coordinates, 3, out);
       }
     }
   }
 }
 
-void tendon_paths(const BoundChain& bound, const Rows& rows, const Cube& out) {
+void tendon_paths(const BoundChain& bound, const In<2>& rows, const Out<3>& out) {
   check_rows(rows, row_length, out.shape(0));
   std::visit(
       [&](const auto& chain) {
@@ -320,7 +308,7 @@ void bind_kinematics(nb::module_& m) {
       .value("SINGULAR", Reach::singular, "two joints turn about one axis there")
       .value("NOT_FINITE", Reach::not_finite, "NaN or infinite input");
 
-  nb::class_<BoundChain>(m, "Chain", "The whole instrument: axes from the stem outward, and lengths between them, m.")
+  nb::class_<BoundChain>(m, "Chain", "The kinematic chain: axes from the stem outward, and lengths between them, m.")
       .def(
           "__init__",
           [](BoundChain* self, const std::vector<Spec>& specs, const std::vector<bool>& pitches, double stem_length,
@@ -352,9 +340,10 @@ void bind_kinematics(nb::module_& m) {
   m.def("chain_frames", &frames, "chain"_a, "rows"_a, "out"_a, "threads"_a, "Write the frames of all bodies.");
   m.def("chain_tip", &tip, "chain"_a, "rows"_a, "out"_a, "threads"_a, "Write the frame of the tip.");
   m.def("chain_jacobian", &jacobians, "chain"_a, "rows"_a, "out"_a, "threads"_a, "Write the tip's Jacobian.");
-  m.def("chain_inverse", &inverses, "chain"_a, "goals"_a, "told"_a, "out"_a, "reach"_a, "threads"_a,
-        "Write the coordinates that bring the tip to its goals, and how each ended; told are spin and the pan and tilt "
-        "to start from, NaN for none.");
+  m.def(
+      "chain_inverse", &inverses, "chain"_a, "goals"_a, "start"_a, "out"_a, "reach"_a, "threads"_a,
+      "Write the coordinates that bring the tip to its goals, and how each solve ended; start: spin, and pan and tilt "
+      "to start from, NaN for none.");
   m.def("chain_paths", &tendon_paths, "chain"_a, "rows"_a, "out"_a, "Write the points of all tendons.");
 }
 

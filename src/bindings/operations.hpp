@@ -1,7 +1,7 @@
 #pragma once
-// The statics functions under one signature: numbers in, numbers and a status out.
+// The functions of statics under one signature: arrays of scalars in, scalars and a status out.
 //
-// A held operation starts from the equilibrium at a held handle, which is solved for many points at once; a direct one
+// A held operation needs the equilibrium at a held handle, which is solved for many points together; a direct operation
 // is evaluated point by point.
 
 #include "tenodesis/statics.hpp"

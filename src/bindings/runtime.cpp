@@ -1,46 +1,35 @@
 // The live loop for Python: made, started, commanded and watched; nothing here is on the way of a tick.
 
-#include "../runtime/runtime.hpp"
+#include "runtime/runtime.hpp"
 
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/tuple.h>
-#include <nanobind/stl/vector.h>
-
-#include "../runtime/mailbox_device.hpp"
-#include "../runtime/twin_device.hpp"
-#include "modules.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
+#include "module.hpp"
+#include "runtime/mailbox_device.hpp"
+#include "runtime/twin_device.hpp"
 
 namespace tenodesis::bindings {
 namespace {
 
-using runtime::MailboxDevice, runtime::OrderKind, runtime::RingReader, runtime::Row, runtime::Runtime,
-    runtime::Settings, runtime::TwinDevice;
-using Stack = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Output = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using namespace engine;
+using runtime::MailboxDevice, runtime::OrderKind, runtime::Problem, runtime::RingReader, runtime::Runtime,
+    runtime::TwinDevice;
 
 constexpr double nanoseconds = 1e9;
 
 std::uint64_t in_nanoseconds(double seconds) {
-  if (!all_finite(seconds) || seconds < 0 || seconds >= 1e6)
-    throw nb::value_error("a time is 0 s or more, and below 1e6 s");
+  require(all_finite(seconds) && seconds >= 0 && seconds < 1e6, "a time must be at least 0 s and below 1e6 s");
   return static_cast<std::uint64_t>(seconds * nanoseconds);
 }
 
 Runtime* make_runtime(runtime::Device& device, AnyController& controller, const std::string& ring,
                       std::size_t ring_capacity, const std::vector<double>& handle_range, double period, double speed,
                       double late_bound, bool real_time) {
-  if (device.axes() != controller.axes() || handle_range.size() != std::size_t(device.axes()))
-    throw nb::value_error("device and controller differ in their axes");
-  if (!all_finite(period, speed, late_bound) || period <= 0 || period >= 1 || speed < 0 || (speed > 0 && speed < 0.1) ||
-      speed > 100 || late_bound <= 0 || ring_capacity < 16 || ring_capacity > (1u << 24))
-    throw nb::value_error("a period, speed, bound or capacity is out of range");
-  Settings settings;
+  require(device.axes() == controller.axes() && handle_range.size() == std::size_t(device.axes()),
+          "device, controller and handle ranges differ in the number of axes");
+  require(all_finite(period, speed, late_bound) && period > 0 && period < 1 &&
+              (speed == 0 || (speed >= 0.1 && speed <= 100)) && late_bound > 0 && ring_capacity >= 16 &&
+              ring_capacity <= (1u << 24),
+          "period, speed, late_bound or ring_capacity is out of range");
+  runtime::Settings settings;
   settings.period = period;
   settings.speed = speed;
   settings.late_bound = late_bound;
@@ -49,46 +38,42 @@ Runtime* make_runtime(runtime::Device& device, AnyController& controller, const 
   return new Runtime(device, controller, settings, ring, ring_capacity);
 }
 
+// A value that is not finite is only injected, as what a broken sensor reads: NaN.
 bool give_order(Runtime& loop, int kind, int a, int b, int axis, double value, std::uint64_t ticks) {
-  if (kind < 0 || kind > static_cast<int>(OrderKind::drop) || !std::isfinite(value))
-    throw nb::value_error("there is no such order, or its value is not finite");
-  const bool tampers = OrderKind(kind) == OrderKind::tamper;
-  if (tampers && (a < 0 || std::size_t(a) >= tamper_places.size())) throw nb::value_error("no such place");
+  require(kind >= 0 && kind < runtime::order_count, "there is no such order");
+  if (OrderKind(kind) == OrderKind::inject) {
+    require(a >= 0 && std::size_t(a) < injection_place_count && b >= 0 && b <= static_cast<int>(InjectionMode::hold),
+            "there is no such place or mode of a fault");
+    require(std::isfinite(value) || (std::size_t(a) != at_tick && InjectionMode(b) == InjectionMode::set),
+            "value must be finite");
+  } else {
+    require(std::isfinite(value), "value must be finite");
+  }
   return loop.order({OrderKind(kind), a, b, axis, value, ticks});
 }
 
-// A value that is not a number is how a sensor is made to say so.
-bool tamper_not_a_number(Runtime& loop, int place, int axis, std::uint64_t ticks) {
-  if (place < 0 || std::size_t(place) + 1 >= tamper_places.size()) throw nb::value_error("no such place");
-  return loop.order({OrderKind::tamper, place, static_cast<int>(Tampering::set), axis,
-                     std::numeric_limits<double>::quiet_NaN(), ticks});
-}
-
-std::size_t play(Runtime& loop, const Stack& rows) {
-  if (rows.shape(1) > most_axes || rows.shape(2) != 3) throw nb::value_error("shapes do not fit");
-  // All of them first: of a motion that cannot be played nothing is.
-  for (std::size_t k = 0; k < rows.shape(0); ++k)
-    for (std::size_t n = 0; n < rows.shape(1); ++n)
-      if (!all_finite(rows(k, n, 0), rows(k, n, 1), rows(k, n, 2))) throw nb::value_error("a command is not finite");
-  std::size_t taken = 0;
-  for (; taken < rows.shape(0); ++taken) {
-    Row row;
-    for (std::size_t n = 0; n < rows.shape(1); ++n)
-      row.bench[n] = {rows(taken, n, 0), rows(taken, n, 1), rows(taken, n, 2)};
-    if (!loop.play(row)) break;
+std::size_t play(Runtime& loop, const In<3>& rows) {
+  require(rows.shape(1) <= most_axes && rows.shape(2) == 3, "rows must have the shape (n, axes, 3)");
+  // A motion is played only if all of it can be.
+  require(std::all_of(rows.data(), rows.data() + rows.size(), [](double value) { return std::isfinite(value); }),
+          "rows must be finite");
+  for (std::size_t k = 0; k < rows.shape(0); ++k) {
+    runtime::PlayedTick tick;
+    for (std::size_t n = 0; n < rows.shape(1); ++n) tick.bench[n] = {rows(k, n, 0), rows(k, n, 1), rows(k, n, 2)};
+    if (!loop.play(tick)) return k;
   }
-  return taken;
+  return rows.shape(0);
 }
 
-/// p50, p99 and worst, s, and how many there were.
-std::tuple<double, double, double, std::uint64_t> told(const runtime::Durations& durations) {
+/// Median, 99th percentile and worst, s, and their number.
+std::tuple<double, double, double, std::uint64_t> summary(const runtime::Durations& durations) {
   return {double(durations.percentile(0.5)) / nanoseconds, double(durations.percentile(0.99)) / nanoseconds,
           double(durations.worst()) / nanoseconds, durations.count()};
 }
 
-void post(MailboxDevice& box, std::uint64_t time, const Rows& measured) {
+void post(MailboxDevice& box, std::uint64_t time, const In<2>& measured) {
   const auto axes = static_cast<std::size_t>(box.axes());
-  if (measured.shape(0) != axes || measured.shape(1) != 6) throw nb::value_error("shapes do not fit");
+  require(measured.shape(0) == axes && measured.shape(1) == 6, "measured does not fit the device's axes");
   MailboxDevice::Sensed sensed;
   sensed.input.time = time;
   for (std::size_t n = 0; n < axes; ++n) {
@@ -98,7 +83,7 @@ void post(MailboxDevice& box, std::uint64_t time, const Rows& measured) {
   box.post(sensed);
 }
 
-std::tuple<bool, std::vector<std::vector<double>>> take(MailboxDevice& box, double timeout) {
+std::tuple<bool, NewRows> take(MailboxDevice& box, double timeout) {
   const std::uint64_t most = in_nanoseconds(timeout);
   MailboxDevice::Answer answer;
   bool came = false;
@@ -106,16 +91,14 @@ std::tuple<bool, std::vector<std::vector<double>>> take(MailboxDevice& box, doub
     const nb::gil_scoped_release release;
     came = box.take(answer, most);
   }
-  std::vector<std::vector<double>> speed;
-  speed.reserve(static_cast<std::size_t>(box.axes()));
-  for (int n = 0; n < box.axes(); ++n)
-    speed.push_back({came ? answer.speed[n][0] : 0.0, came ? answer.speed[n][1] : 0.0});
+  NewRows speed = new_rows(static_cast<std::size_t>(box.axes()), 2);
+  if (came) std::copy_n(&answer.speed[0][0], speed.size(), speed.data());
   return {came, speed};
 }
 
 std::tuple<std::size_t, std::uint64_t, std::uint64_t> read(const RingReader& ring, std::uint64_t cursor,
-                                                           const Output& out) {
-  if (out.shape(1) != ring.columns()) throw nb::value_error("shapes do not fit");
+                                                           const Out<2>& out) {
+  require(out.shape(1) == ring.columns(), "out does not fit the columns of a record");
   std::uint64_t lost = 0;
   std::size_t count = 0;
   {
@@ -125,14 +108,26 @@ std::tuple<std::size_t, std::uint64_t, std::uint64_t> read(const RingReader& rin
   return {count, cursor, lost};
 }
 
-template <class Names>
-std::vector<std::string> names_of(const Names& names) {
-  return {names.begin(), names.end()};
-}
-
 }  // namespace
 
 void bind_runtime(nb::module_& m) {
+  nb::enum_<Problem>(m, "LoopProblem", nb::is_arithmetic(),
+                     "Why the live loop stopped the motors, or refused an order.")
+      .value("NONE", Problem::none)
+      .value("TIP_LOST", Problem::tip_lost, "the load was more than the tip can hold, and was not applied")
+      .value("LATE", Problem::late, "a tick came later than the bound")
+      .value("NO_MEASUREMENT", Problem::no_measurement, "no measurement for longer than the bound")
+      .value("OPERATOR_GONE", Problem::operator_gone, "the operator's lease ran out");
+  nb::enum_<OrderKind>(m, "Order", nb::is_arithmetic(), "What the live loop can be ordered to do.")
+      .value("REQUEST", OrderKind::request, "a: a request to the controller")
+      .value("LAW", OrderKind::law, "a: law, b: actuation")
+      .value("HAND", OrderKind::hand, "value: handle angle, rad; axis")
+      .value("FORCE", OrderKind::force, "value: force at the tip, N; axis")
+      .value("RADIAL", OrderKind::radial, "value: radial force at the tip, N; axis")
+      .value("SPEED", OrderKind::speed, "value: simulated over real time; 0: as fast as possible")
+      .value("INJECT", OrderKind::inject, "a fault; a: place, b: mode, axis, value, ticks: for how long")
+      .value("DROP", OrderKind::drop, "the rest of a played motion");
+
   const nb::class_<runtime::Device> device(m, "LiveDevice", "What the live loop reads and writes.");
   nb::class_<TwinDevice, runtime::Device>(m, "TwinDevice", "The twins of an instrument's axes as a device.")
       .def(nb::init<std::vector<AnyTwin*>, double, int>(), "twins"_a, "time_step"_a, "steps_per_tick"_a,
@@ -141,8 +136,9 @@ void bind_runtime(nb::module_& m) {
       .def(nb::init<int>(), "axes"_a)
       .def("post", &post, "time"_a, "measured"_a,
            nb::sig("def post(self, time: int, measured: NDArray[numpy.float64]) -> None"),
-           "Hand over a measurement: its time in ns; per axis handle angle, tensions, spool angles, output angle.")
-      .def("take", &take, "timeout"_a, "The spool velocities that answer the last post, and whether any came in time.")
+           "Post a measurement: its time in ns; per axis handle angle, tensions, spool angles, output angle.")
+      .def("take", &take, "timeout"_a, nb::sig("def take(self, timeout: float) -> tuple[bool, NDArray[numpy.float64]]"),
+           "Whether an answer to the last post came within so many seconds, and its spool velocities by axis.")
       .def_prop_ro("stopped", &MailboxDevice::stopped, "Whether the loop has ended.");
 
   nb::class_<Runtime>(m, "Runtime", "The live loop, a thread of its own.")
@@ -152,50 +148,58 @@ void bind_runtime(nb::module_& m) {
       .def("start", &Runtime::start, "Begin.")
       .def("finish", &Runtime::finish, nb::call_guard<nb::gil_scoped_release>(), "End, motors at rest.")
       .def("run_ticks", &Runtime::run_ticks, "count"_a, nb::call_guard<nb::gil_scoped_release>(),
-           "Take so many ticks as fast as they go, here.")
+           "Take so many ticks as fast as possible, on this thread.")
       .def("order", &give_order, "kind"_a, "a"_a = 0, "b"_a = 0, "axis"_a = 0, "value"_a = 0.0, "ticks"_a = 0,
-           "Ask something of it; false where too much is asked already.")
-      .def("tamper_not_a_number", &tamper_not_a_number, "place"_a, "axis"_a, "ticks"_a, "Make a sensor say no number.")
+           "Give an order, by number of its kind; false where too many orders wait already.")
+      .def(
+          "tamper_not_a_number",
+          [](Runtime& loop, int place, int axis, std::uint64_t ticks) {
+            return give_order(loop, static_cast<int>(OrderKind::inject), place, static_cast<int>(InjectionMode::set),
+                              axis, std::numeric_limits<double>::quiet_NaN(), ticks);
+          },
+          "place"_a, "axis"_a, "ticks"_a, "Inject NaN; order does so, too.")
       .def("play", &play, "rows"_a, nb::sig("def play(self, rows: NDArray[numpy.float64]) -> int"),
-           "Queue ticks of a played motion, per axis handle angle, force, radial force; returns how many were taken.")
+           "Queue ticks of a motion, per axis handle angle, force, radial force; returns how many were taken.")
       .def(
           "lease", [](Runtime& loop, double seconds) { loop.lease(in_nanoseconds(seconds)); }, "seconds"_a,
-          "The operator is there for so long; 0: there is none.")
-      .def("stop", &Runtime::stop, "Motors to zero with the next tick, until a request sets them free.")
-      .def("forget_timing", &Runtime::forget_timing, "Count anew from the next tick on.")
-      .def_prop_ro("pending_rows", &Runtime::pending_rows)
+          "The operator is present for so many seconds more; 0: is absent.")
+      .def("stop", &Runtime::stop, "Motors to zero with the next tick, until a request releases them.")
+      .def("forget_timing", &Runtime::forget_timing, "Reset the timing with the next tick.")
+      .def_prop_ro("pending_rows", &Runtime::pending_ticks, "Ticks of a motion that are still to be played.")
       .def_prop_ro("running", &Runtime::running)
       .def_prop_ro("ticks", &Runtime::ticks)
       .def_prop_ro("late", &Runtime::late)
       .def_prop_ro("missed", &Runtime::missed)
       .def_prop_ro("speed", &Runtime::speed)
-      .def_prop_ro("problem", [](const Runtime& loop) { return static_cast<int>(loop.problem()); })
+      .def_prop_ro("problem", &Runtime::problem, "The first problem since the motors were released.")
       .def_prop_ro("refused", &Runtime::refused)
       .def_prop_ro(
-          "compute", [](const Runtime& loop) { return told(loop.compute()); },
-          "Of a tick: p50, p99, worst, s, and how many.")
+          "compute", [](const Runtime& loop) { return summary(loop.compute()); },
+          "Time of a tick: median, 99th percentile, worst, s, and number of ticks.")
       .def_prop_ro(
-          "control", [](const Runtime& loop) { return told(loop.control()); }, "Of the controller alone.")
-      .def_prop_ro("lateness", [](const Runtime& loop) { return told(loop.lateness()); }, "By which ticks began late.");
+          "control", [](const Runtime& loop) { return summary(loop.control()); }, "The same of the controller alone.")
+      .def_prop_ro(
+          "lateness", [](const Runtime& loop) { return summary(loop.lateness()); },
+          "The same of the delay with which ticks began.");
 
-  nb::class_<RingReader>(m, "RingReader", "Reads a loop's records from any process.")
+  nb::class_<RingReader>(m, "RingReader", "Reads a live loop's records, from any process.")
       .def(nb::init<const std::string&>(), "path"_a)
       .def("read", &read, "cursor"_a, "out"_a,
            nb::sig("def read(self, cursor: int, out: NDArray[numpy.float64]) -> tuple[int, int, int]"),
            "Copy records from the cursor on; returns how many, the cursor after them, and how many were lost.")
       .def_prop_ro("columns", &RingReader::columns)
       .def_prop_ro("capacity", &RingReader::capacity)
-      .def_prop_ro("written", &RingReader::written, "Records there have been.")
+      .def_prop_ro("written", &RingReader::written, "Number of records written so far.")
       .def_prop_ro(
           "silence",
           [](const RingReader& ring) {
             const std::uint64_t alive = ring.alive(), time = runtime::now();
             return time > alive ? double(time - alive) / nanoseconds : 0.0;
           },
-          "Time since the loop last said that it lives, s.");
+          "Time since the loop last reported that it is alive, s.");
 
-  m.def("tick_columns", [] { return names_of(runtime::tick_columns); }, "Columns of a record before its axes'.");
-  m.def("bench_columns", [] { return names_of(runtime::bench_columns); }, "Columns of an axis before its signals.");
+  m.def("tick_columns", [] { return list_of(runtime::tick_columns); }, "Columns of a record before its axes'.");
+  m.def("bench_columns", [] { return list_of(runtime::bench_columns); }, "Columns of an axis before its signals.");
 }
 
 }  // namespace tenodesis::bindings

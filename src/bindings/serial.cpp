@@ -1,51 +1,48 @@
-// Boards with the controller on them, for Python: opened, asked what they are, and watched.
+// Controllers on boards for Python.
 
-#include "../runtime/serial_controller.hpp"
-#include "../runtime/streamed_controller.hpp"
+#include "runtime/serial_controller.hpp"
+#include "runtime/streamed_controller.hpp"
 
-#include <nanobind/nanobind.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/tuple.h>
-#include <nanobind/stl/vector.h>
 
-#include "modules.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
+#include "module.hpp"
 
 namespace tenodesis::bindings {
 namespace {
 
-using runtime::BoardController, runtime::Image, runtime::SerialController, runtime::StreamedController;
-using runtime::StreamedDevice;
+using namespace engine;
+
+using runtime::BoardController, runtime::LinkProblem, runtime::SerialController, runtime::StreamedController,
+    runtime::StreamedDevice;
 
 bool is_wait(double seconds) { return seconds > 0 && seconds < 1e4; }
 
 template <class Kind>
 Kind* make(int descriptor, const nb::bytes& parameters, double timeout, double connect_timeout, int repetitions,
            std::uint32_t silence) {
-  Image image{};
-  if (parameters.size() != image.size() || !is_wait(timeout) || !is_wait(connect_timeout) || repetitions < 0 ||
-      repetitions > 1000)
-    throw nb::value_error("no link is made of these numbers");
-  std::memcpy(image.data(), parameters.c_str(), image.size());
+  link::ControllerParameters image{};
+  require(parameters.size() == sizeof image, "parameters have another size than the board takes");
+  std::memcpy(&image, parameters.c_str(), sizeof image);
+  require(is_wait(timeout) && is_wait(connect_timeout) && repetitions >= 0 && repetitions <= 1000,
+          "timeout, connect_timeout or repetitions is out of range");
   const nb::gil_scoped_release release;
   return new Kind(descriptor, image, {timeout, connect_timeout, repetitions, silence});
 }
 
-std::optional<std::tuple<std::uint64_t, std::vector<std::vector<double>>>> hear(StreamedDevice& device,
-                                                                                double timeout) {
-  if (!is_wait(timeout)) throw nb::value_error("no time to wait");
+std::optional<std::tuple<std::uint64_t, NewRows>> read(StreamedDevice& device, double timeout) {
+  require(is_wait(timeout), "timeout is out of range");
   AnyInput input{};
   {
     const nb::gil_scoped_release release;
     if (!device.read(input, static_cast<std::uint64_t>(timeout * 1e9))) return std::nullopt;
   }
-  std::vector<std::vector<double>> rows;
+  NewRows rows = new_rows(static_cast<std::size_t>(device.axes()), 5);
+  double* to = rows.data();
   for (int n = 0; n < device.axes(); ++n) {
     const auto& from = input.axis[n];
-    rows.push_back({from.handle_angle, from.tension[0], from.tension[1], from.spool_angle[0], from.spool_angle[1]});
+    for (const double value :
+         {from.handle_angle, from.tension[0], from.tension[1], from.spool_angle[0], from.spool_angle[1]})
+      *to++ = value;
   }
   return std::make_tuple(input.time, rows);
 }
@@ -55,18 +52,28 @@ void rest(StreamedDevice& device) { device.write({}, {}); }
 }  // namespace
 
 void bind_serial(nb::module_& m) {
+  nb::enum_<LinkProblem>(m, "LinkProblem", nb::is_arithmetic(), "What has gone wrong with a board.")
+      .value("NONE", LinkProblem::none)
+      .value("LINK_LOST", LinkProblem::link_lost, "no answer in time")
+      .value("LINK_CLOSED", LinkProblem::link_closed, "the other end of the line was closed")
+      .value("DAMAGED_FRAMES", LinkProblem::damaged_frames, "too many in a row")
+      .value("STALE_ANSWERS", LinkProblem::stale_answers, "only answers to earlier questions")
+      .value("WRONG_VERSION", LinkProblem::wrong_version, "another version of the protocol, or of the C interface")
+      .value("BOARD_RESTARTED", LinkProblem::board_restarted, "the board does not know the session")
+      .value("REFUSED", LinkProblem::refused, "the board refused a question")
+      .value("WRONG_TICK", LinkProblem::wrong_tick, "the answer is another tick's")
+      .value("BAD_ANSWER", LinkProblem::bad_answer, "of a wrong size, or with an unknown state")
+      .value("NOT_A_NUMBER", LinkProblem::not_a_number, "a velocity is not a number")
+      .value("BEYOND_LIMIT", LinkProblem::beyond_limit, "a velocity is above the instrument's speed limit");
+
   nb::class_<BoardController, AnyController>(m, "BoardController", "A controller on a board behind a line of bytes.")
       .def("reset", &BoardController::reset, nb::call_guard<nb::gil_scoped_release>(),
-           "As when it was made; sets the link up anew where it was lost.")
+           "Return to the initial state; sets the link up again where it was lost.")
       .def("close", &BoardController::close, nb::call_guard<nb::gil_scoped_release>(),
-           "Tell the board to stop, and let go of the line.")
+           "Stop the board and close the line.")
       .def(
-          "problem",
-          [](const BoardController& own) {
-            return std::make_tuple(std::string(runtime::link_problem_names[static_cast<std::size_t>(own.problem())]),
-                                   own.why());
-          },
-          "Name of what has gone wrong with the link, empty where nothing has, and what is known of it.")
+          "problem", [](const BoardController& own) { return std::make_tuple(own.problem(), own.why()); },
+          "The link's problem and its description.")
       .def(
           "board",
           [](const BoardController& own) {
@@ -85,18 +92,18 @@ void bind_serial(nb::module_& m) {
           "Answers, repeated questions, damaged frames, stale answers, frames that the board dropped.")
       .def("busy", &BoardController::busy, "Ticks of the board's clock that the tick before the last took.")
       .def("stopped", &BoardController::stopped, "Whether the board has stopped and waits to be enabled.");
-  nb::class_<SerialController, BoardController>(m, "SerialController", "One that is sent a measurement per tick.")
+  nb::class_<SerialController, BoardController>(m, "SerialController", "A board that is sent a measurement per tick.")
       .def(nb::new_(&make<SerialController>), "descriptor"_a, "parameters"_a, "timeout"_a, "connect_timeout"_a,
            "repetitions"_a, "silence"_a);
   nb::class_<StreamedController, BoardController>(m, "StreamedController",
-                                                  "One that measures by itself and sends its ticks.")
+                                                  "A board that measures by itself and sends its ticks.")
       .def(nb::new_(&make<StreamedController>), "descriptor"_a, "parameters"_a, "timeout"_a, "connect_timeout"_a,
            "repetitions"_a, "silence"_a);
   nb::class_<StreamedDevice, runtime::Device>(m, "StreamedDevice", "Sensors and motors of such a board.")
       .def(nb::init<StreamedController&>(), "board"_a, nb::keep_alive<1, 2>())
-      .def("read", &hear, "timeout"_a,
+      .def("read", &read, "timeout"_a,
            "Its next tick, without a loop: time in ns; per axis handle angle, tensions, spool angles.")
-      .def("rest", &rest, "Tell the board that motors are to rest, and that somebody listens.")
+      .def("rest", &rest, "Have the motors rest, and keep the board streaming.")
       .def("overtaken", &StreamedDevice::overtaken, "Ticks that were lost before the last.");
 }
 

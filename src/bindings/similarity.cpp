@@ -1,36 +1,26 @@
-// Many scale models of one instrument judged at once, over the same points of its working range.
+// Many scale models of one instrument, evaluated over the same points of its working range.
 
 #include "tenodesis/similarity.hpp"
-
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/vector.h>
 
 #include <string>
 
 #include "evaluate.hpp"
-#include "modules.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
+#include "module.hpp"
 
 namespace tenodesis::bindings {
 namespace {
 
-using Numbers = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Table = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using namespace engine;
 
-/// What is found of a scale model.
+/// Results of a scale model.
 enum Finding : std::size_t {
-  largest_error,  // rad, over the points that the instrument holds; a tip that snaps through counts as at its stop
+  largest_error,  // rad, over the points where the instrument has an equilibrium; a snapped tip is at its stop
   rms_error,      // rad, likewise
   snapped,        // share of the points at which the scale model snaps through
   force_scale,
   scaled_pretension,  // N, as given or as scaled
   model_stiffness,    // N/m, of one tendon
-  largest_tension,    // N, with that of a tip that has snapped through
+  largest_tension,    // N, including tips that have snapped through
   tension_per_tip_force,
   rig_lever,  // m
   unloaded_share,
@@ -43,7 +33,7 @@ inline constexpr std::array<const char*, finding_count> finding_names{
     "largest_tension", "tension_per_force", "rig_arm", "unloaded_limit", "joints_span"};
 static_assert(finding_names.back() != nullptr, "every finding has a name");
 
-/// An instrument, the points its scale models are judged at, and what it does there.
+/// An instrument, the points at which its scale models are evaluated, and its own output angles there.
 struct Target {
   Spec spec;
   std::vector<double> handle, force, expected;  // rad, N, rad
@@ -55,15 +45,15 @@ double tension_scale_of(const Spec& spec) {
   return std::visit([](const auto& axis) { return tension_scale(axis); }, make_axis(spec));
 }
 
-/// What the instrument does where it is judged; its working range is where it has an equilibrium.
+/// Output angles of the instrument at the points, where it must have an equilibrium.
 std::vector<double> held_angles(const Spec& spec, const std::vector<double>& handle, const std::vector<double>& force) {
-  if (handle.size() != force.size()) throw nb::value_error("handle angles and forces differ in number");
+  require(handle.size() == force.size(), "handle angles and forces differ in number");
   std::vector<double> angles(handle.size());
   std::visit(
       [&](const auto& axis) {
         for (std::size_t i = 0; i < angles.size(); ++i) {
           const auto at = equilibrium(axis, handle[i], Load<double>{force[i], 0}, Stroke<double>{});
-          if (at.status != Status::ok) throw nb::value_error("a point is not held");
+          if (at.status != Status::ok) throw nb::value_error("there is no equilibrium at a point");
           angles[i] = axis.distal.angle(at.coordinate);
         }
       },
@@ -79,7 +69,7 @@ void judge_over_points(const Target& target, const A& axis, double factor, doubl
   double largest = 0, squares = 0, tension = 0, lost = 0;
   const double rate = axis.stiffness * axis.distal.excursion_slope();
   for (std::size_t base = 0; base < target.handle.size(); base += block_size) {
-    // The last block keeps valid numbers of the one before where the points end.
+    // The last block is filled up with valid points of the previous one.
     const std::size_t n = std::min<std::size_t>(block_size, target.handle.size() - base);
     for (std::size_t i = 0; i < n; ++i) {
       block.in[held_handle_angle][i] = target.handle[base + i];
@@ -122,11 +112,11 @@ void judge_one(const Target& target, const A& model, B axis, double pretension, 
   judge_over_points(target, axis, factor.value, out);
 }
 
-/// Writes what is found of every row of parameters, whatever pretension they have; NaN scales the instrument's.
-void judge_designs(const Target& target, const Rows& rows, const Numbers& pretensions, const Table& out, int threads) {
-  if (rows.shape(1) != parameter_count || out.shape(1) != finding_count || out.shape(0) != rows.shape(0) ||
-      pretensions.shape(0) != rows.shape(0))
-    throw nb::value_error("rows, pretensions and findings do not fit");
+/// Writes the findings of every row of parameters with the given pretensions; NaN scales the instrument's.
+void judge_designs(const Target& target, const In<2>& rows, const In<1>& pretensions, const Out<2>& out, int threads) {
+  require(rows.shape(1) == parameter_count && out.shape(1) == finding_count && out.shape(0) == rows.shape(0) &&
+              pretensions.shape(0) == rows.shape(0),
+          "rows, pretensions and findings do not fit");
   const std::size_t count = rows.shape(0);
   if (count == 0) return;
   const nb::gil_scoped_release release;
@@ -149,10 +139,8 @@ void judge_designs(const Target& target, const Rows& rows, const Numbers& preten
 
 void bind_similarity(nb::module_& m) {
   m.def("tension_scale", &tension_scale_of, "spec"_a, "Tension that stretches a tendon by the distal radius, N.");
-  m.def(
-      "findings", [] { return std::vector<std::string>(finding_names.begin(), finding_names.end()); },
-      "Names of what is found of a scale model, in their order.");
-  nb::class_<Target>(m, "SimilarityTarget", "An instrument and the points that its scale models are judged at.")
+  m.def("findings", [] { return list_of(finding_names); }, "Names of the findings of a scale model, in their order.");
+  nb::class_<Target>(m, "SimilarityTarget", "An instrument, and the points at which its scale models are evaluated.")
       .def(
           "__init__",
           [](Target* self, const Spec& spec, std::vector<double> handle, std::vector<double> force, double at_angle,
@@ -164,7 +152,7 @@ void bind_similarity(nb::module_& m) {
       .def("judge", &judge_designs, "rows"_a, "pretension"_a, "out"_a, "threads"_a,
            nb::sig("def judge(self, rows: NDArray[numpy.float64], pretension: NDArray[numpy.float64], out: "
                    "NDArray[numpy.float64], threads: int) -> None"),
-           "Write what is found of every row of parameters, by row and finding; NaN scales the pretension.");
+           "Write the findings of every row of parameters, by row and finding; NaN scales the pretension.");
 }
 
 }  // namespace tenodesis::bindings

@@ -1,23 +1,15 @@
 // One tendon of any number of contacts for Python.
 
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/tuple.h>
-#include <nanobind/stl/vector.h>
-
 #include <cstdint>
 #include <vector>
 
-#include "modules.hpp"
+#include "module.hpp"
 #include "tenodesis/tendon.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
 
 namespace tenodesis::bindings {
 namespace {
 
-/// A row whose length is known when a tendon is made.
+/// A row whose length is set when a tendon is made.
 template <class T>
 struct VectorRow {
   std::vector<T> at;
@@ -34,9 +26,6 @@ struct AnyContacts {
   using PerSegment = VectorRow<T>;
 };
 
-using Column = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Output = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-
 struct AnyTendon {
   Tendon<double, AnyContacts> tendon;
   VectorRow<Band<double>> band;
@@ -48,11 +37,11 @@ struct AnyTendon {
             double rest_tension)
       : viscous(drag) {
     const std::size_t n = exponent.size();
-    if (n == 0 || stiffness.size() != n + 1) throw nb::value_error("a tendon has one segment more than contacts");
+    require(n > 0 && stiffness.size() == n + 1, "a tendon has one segment more than contacts");
     tendon.stiffness.at = stiffness;
     tendon.rest_tension = rest_tension;
     const CapstanWithConstant<double> law{constant};
-    for (const double one : exponent) band.at.push_back(law.band(one, 0));
+    for (const double each : exponent) band.at.push_back(law.band(each, 0));
     state.slip.at.assign(n, 0);
     state.slide.at.assign(n, Slide::none);
     state.slack.at.assign(n + 1, false);
@@ -61,10 +50,10 @@ struct AnyTendon {
     line.rate.at.assign(n, 0);
   }
 
-  /// Steps over prescribed ends: the spool's, as wound length or as tension, and the tip's, as length drawn.
+  /// Steps over prescribed ends: the spool's as wound length or as tension, the tip's as length drawn.
   ///
   /// out: proximal and distal tension, wound length, loss to friction (J) and residual (N) of each step.
-  int run(const Column& spool, const Column& drawn, bool by_tension, double time_step, const Output& out) {
+  int run(const In<1>& spool, const In<1>& drawn, bool by_tension, double time_step, const Out<2>& out) {
     const std::size_t count = spool.shape(0);
     const int n = tendon.contacts();
     if (drawn.shape(0) != count || out.shape(0) != 5 || out.shape(1) != count)
@@ -92,22 +81,20 @@ struct AnyTendon {
   }
 };
 
-void transmit_all(const Column& tension, double exponent, double gain, double held, const Output& out) {
+void transmit_all(const In<1>& tension, double exponent, double gain, double held, const Out<2>& out) {
   if (out.shape(0) != 1 || out.shape(1) != tension.shape(0)) throw nb::value_error("out does not fit");
   const Band<double> band = Capstan<double>::band(exponent, 0);
   const nb::gil_scoped_release release;
   for (std::size_t i = 0; i < tension.shape(0); ++i) {
-    // A load cell's zero may read as a push, which no tendon does.
+    // A load cell's noise may be negative, but no tendon can push.
     held = transmit(band, larger(tension.data()[i], 0.0), held);
     out.data()[i] = gain * held;
   }
 }
 
-using Sources = nb::ndarray<std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-
-/// Which bound a value that moves only where a band pushes it was pushed by last: k + 1 for upper[k], -(k + 1) for
-/// lower[k], 0 while it is where it started.
-void play(const Column& lower, const Column& upper, double start, const Sources& source) {
+/// By which bound a value that only moves where a band pushes it was last pushed: k + 1 for upper[k], -(k + 1) for
+/// lower[k], 0 before the first.
+void play(const In<1>& lower, const In<1>& upper, double start, const Array<std::int64_t, 1>& source) {
   const std::size_t count = lower.shape(0);
   if (upper.shape(0) != count || source.shape(0) != count) throw nb::value_error("arrays do not fit");
   const nb::gil_scoped_release release;
@@ -137,8 +124,8 @@ void bind_tendon(nb::module_& m) {
            "Step over prescribed ends; out: proximal and distal tension, wound length, friction loss, residual. "
            "Returns the most sweeps.")
       .def_prop_ro(
-          "tension", [](const AnyTendon& one) { return one.state.tension.at; }, "Tension of every segment, N.")
-      .def_prop_ro("slip", [](const AnyTendon& one) { return one.state.slip.at; }, "Slip past every contact, m.");
+          "tension", [](const AnyTendon& own) { return own.state.tension.at; }, "Tension of every segment, N.")
+      .def_prop_ro("slip", [](const AnyTendon& own) { return own.state.slip.at; }, "Slip past every contact, m.");
   m.def("transmit", &transmit_all, "tension"_a, "exponent"_a, "gain"_a, "held"_a, "out"_a,
         nb::sig("def transmit(tension: NDArray[numpy.float64], exponent: float, gain: float, held: float, "
                 "out: NDArray[numpy.float64]) -> None"),

@@ -1,35 +1,19 @@
-// The digital twin for Python: one alone, and many side by side over threads.
-
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/array.h>
-#include <nanobind/stl/string.h>
-#include <nanobind/stl/tuple.h>
-#include <nanobind/stl/unique_ptr.h>
-#include <nanobind/stl/vector.h>
+// The digital twin for Python: a single one, and many of them over threads.
 
 #include <algorithm>
 #include <atomic>
 #include <thread>
 
-#include "any_twin.hpp"
-#include "modules.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
+#include "engine/any_twin.hpp"
+#include "module.hpp"
 
 namespace tenodesis::bindings {
 namespace {
 
-using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Stack = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using Output = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using OutputStack = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using Seeds = nb::ndarray<const std::uint64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Told = nb::ndarray<std::int64_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using namespace engine;
 
-Commands commands_of(const Rows& rows) {
-  if (rows.shape(1) != command_count) throw nb::value_error("a command has another number of columns");
+Commands commands_of(const In<2>& rows) {
+  require(rows.shape(1) == command_count, "a command has another number of columns");
   return {rows.data()};
 }
 
@@ -43,17 +27,17 @@ TwinSpec with_row(const TwinSpec& spec, const double* row) {
   return own;
 }
 
-/// Runs one twin per row of parameters, from rest, over its own commands or the ones that all share.
-void run_many(const TwinSpec& spec, const Rows& parameters, const Stack& commands, const Seeds& seeds,
-              const std::vector<std::size_t>& signals, std::size_t every, const OutputStack& out, const Told& told,
-              int threads) {
+/// Runs one twin per row of parameters, from rest, over its own commands or common ones.
+void run_many(const TwinSpec& spec, const In<2>& parameters, const In<3>& commands,
+              const Array<const std::uint64_t, 1>& seeds, const std::vector<std::size_t>& signals, std::size_t every,
+              const Out<3>& out, const Array<std::int64_t, 2>& outcome, int threads) {
   const std::size_t runs = parameters.shape(0);
   const std::size_t count = commands.shape(1);
   if (parameters.shape(1) != row_count || commands.shape(2) != command_count ||
       (commands.shape(0) != runs && commands.shape(0) != 1) || seeds.shape(0) != runs || out.shape(0) != runs ||
-      out.shape(1) != signals.size() || every == 0 || out.shape(2) != count / every || told.shape(0) != runs ||
-      told.shape(1) != 2)
-    throw nb::value_error("shapes do not fit");
+      out.shape(1) != signals.size() || every == 0 || out.shape(2) != count / every || outcome.shape(0) != runs ||
+      outcome.shape(1) != 2)
+    throw nb::value_error("parameters, commands, seeds and outputs do not fit");
   for (const std::size_t signal : signals)
     if (signal >= signal_count) throw nb::value_error("no such signal");
   const nb::gil_scoped_release release;
@@ -64,8 +48,8 @@ void run_many(const TwinSpec& spec, const Rows& parameters, const Stack& command
       const double* own = commands.data() + (commands.shape(0) == 1 ? 0 : i * count * command_count);
       double* kept = out.data() + i * out.shape(1) * out.shape(2);
       const Progress progress = twin->sample({own}, count, signals, every, kept, out.shape(2));
-      told.data()[2 * i] = std::int64_t(progress.steps);
-      told.data()[2 * i + 1] = std::int64_t(progress.status);
+      outcome.data()[2 * i] = std::int64_t(progress.steps);
+      outcome.data()[2 * i + 1] = std::int64_t(progress.status);
     }
   };
   std::vector<std::jthread> pool;
@@ -73,15 +57,10 @@ void run_many(const TwinSpec& spec, const Rows& parameters, const Stack& command
   work();
 }
 
-template <class Names>
-std::vector<std::string> listed(const Names& names) {
-  return {names.begin(), names.end()};
-}
-
 }  // namespace
 
 void bind_twin(nb::module_& m) {
-  nb::class_<TwinSpec>(m, "TwinSpec", "A twin of one axis, as numbers in SI units.")
+  nb::class_<TwinSpec>(m, "TwinSpec", "A twin of one axis, in SI units.")
       .def(
           "__init__",
           [](TwinSpec* self, const Spec& axis, const TwinRow& row, bool speed_dependent, int sheath_contacts,
@@ -96,7 +75,7 @@ void bind_twin(nb::module_& m) {
       .def(nb::new_([](const TwinSpec& spec, std::uint64_t seed) { return make_twin(spec, seed); }), "spec"_a, "seed"_a)
       .def(
           "run",
-          [](AnyTwin& twin, const Rows& commands, const Output& out) {
+          [](AnyTwin& twin, const In<2>& commands, const Out<2>& out) {
             const std::size_t count = commands.shape(0);
             if (out.shape(0) != count || out.shape(1) != signal_count) throw nb::value_error("out does not fit");
             const Commands rows = commands_of(commands);
@@ -106,10 +85,10 @@ void bind_twin(nb::module_& m) {
           },
           "commands"_a, "out"_a,
           nb::sig("def run(self, commands: NDArray[numpy.float64], out: NDArray[numpy.float64]) -> tuple[int, Status]"),
-          "Step over rows of commands; a row of signals per step in out. Returns the steps taken and why no more were.")
+          "Step over rows of commands; a row of signals per step in out. Returns the steps taken and the last status.")
       .def(
           "audit",
-          [](AnyTwin& twin, const Rows& commands) {
+          [](AnyTwin& twin, const In<2>& commands) {
             EnergyTotals totals;
             const Commands rows = commands_of(commands);
             Progress progress;
@@ -132,16 +111,17 @@ void bind_twin(nb::module_& m) {
             return nb::bytes(bytes.data(), bytes.size());
           },
           [](AnyTwin& twin, const nb::bytes& bytes) { twin.set_state({bytes.c_str(), bytes.size()}); },
-          "The whole state, as bytes.")
-      .def_prop_ro("handle_wanted", &AnyTwin::handle_wanted, "Where the handle was last told to be, rad.")
+          "The state, as bytes.")
+      .def_prop_ro("handle_wanted", &AnyTwin::handle_wanted, "Handle angle of the last command, rad.")
       .def(
-          "signals", [](const AnyTwin& twin, const Rows& command) { return twin.signals(commands_of(command)[0]); },
+          "signals", [](const AnyTwin& twin, const In<2>& command) { return twin.signals(commands_of(command)[0]); },
           "command"_a, nb::sig("def signals(self, command: NDArray[numpy.float64]) -> list[float]"),
           "The signals as they stand.");
 
-  m.def("twin_parameters", [] { return listed(twin_parameter_names); }, "Names of a twin's numbers, in their order.");
-  m.def("twin_commands", [] { return listed(command_names); }, "Names of a command's columns.");
-  m.def("twin_signals", [] { return listed(signal_names); }, "Names of the signals a step writes, in their order.");
+  m.def(
+      "twin_parameters", [] { return list_of(twin_parameter_names); }, "Names of a twin's parameters, in their order.");
+  m.def("twin_commands", [] { return list_of(command_names); }, "Names of a command's columns.");
+  m.def("twin_signals", [] { return list_of(signal_names); }, "Names of the signals a step writes, in their order.");
   m.def("most_sheath_contacts", [] { return most_sheath_contacts; }, "How many contacts a twin's sheath can have.");
   m.def(
       "rig_arm",
@@ -160,12 +140,13 @@ void bind_twin(nb::module_& m) {
             make_axis(spec));
       },
       "spec"_a, "Shares of a tendon's length that lie in the handle's joint and in the tip's.");
-  m.def("run_many", &run_many, "spec"_a, "parameters"_a, "commands"_a, "seeds"_a, "signals"_a, "every"_a, "out"_a,
-        "told"_a, "threads"_a,
-        nb::sig("def run_many(spec: TwinSpec, parameters: NDArray[numpy.float64], commands: NDArray[numpy.float64], "
-                "seeds: NDArray[numpy.uint64], signals: Sequence[int], every: int, out: NDArray[numpy.float64], told: "
-                "NDArray[numpy.int64], threads: int) -> None"),
-        "Run one twin per row of parameters (a twin's, then its axis's); told: steps taken and status of each.");
+  m.def(
+      "run_many", &run_many, "spec"_a, "parameters"_a, "commands"_a, "seeds"_a, "signals"_a, "every"_a, "out"_a,
+      "outcome"_a, "threads"_a,
+      nb::sig("def run_many(spec: TwinSpec, parameters: NDArray[numpy.float64], commands: NDArray[numpy.float64], "
+              "seeds: NDArray[numpy.uint64], signals: Sequence[int], every: int, out: NDArray[numpy.float64], outcome: "
+              "NDArray[numpy.int64], threads: int) -> None"),
+      "Run one twin per row of parameters (a twin's, then its axis's); outcome: steps taken and status of each.");
 }
 
 }  // namespace tenodesis::bindings

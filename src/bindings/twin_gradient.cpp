@@ -1,29 +1,20 @@
-// What a twin's sensors are expected to read, and the derivatives of that by what the twin is made of.
-
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-#include <nanobind/stl/tuple.h>
-#include <nanobind/stl/vector.h>
+// Expected readings of a twin's sensors, and their derivatives by the twin's parameters.
 
 #include <tuple>
 
-#include "any_twin.hpp"
-#include "modules.hpp"
-
-namespace nb = nanobind;
-using namespace nb::literals;
+#include "engine/any_twin.hpp"
+#include "module.hpp"
 
 namespace tenodesis::bindings {
 namespace {
 
-using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Output = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+using namespace engine;
 
-/// Sensor readings that are told, in order.
+/// Readings that are written: handle encoder, output encoder, both load cells.
 inline constexpr int reading_count = 4;
 
 template <class S>
-std::array<S, reading_count> told(const Reading<S>& reading) {
+std::array<S, reading_count> readings_of(const Reading<S>& reading) {
   return {reading.handle_angle, reading.output_angle, reading.tension[0], reading.tension[1]};
 }
 
@@ -32,7 +23,7 @@ inline constexpr std::size_t directions_at_once = 4;
 /// Steps over commands and writes each reading and its derivatives in the given directions, by reading, 1 + direction
 /// and step; the handle is where its encoder reads the command, if it is to be taken off its offset.
 ///
-/// Twin's numbers are counted before the axis's.
+/// Variables count the twin's parameters, then the axis's.
 template <std::size_t N>
 Progress differentiate(const TwinSpec& spec, const Commands& commands, std::size_t count, bool as_read,
                        std::span<const std::size_t> variables, std::size_t first, double* out, std::size_t rows) {
@@ -65,7 +56,7 @@ Progress differentiate(const TwinSpec& spec, const Commands& commands, std::size
       if (as_read) command.handle_angle = command.handle_angle - row[handle_encoder_offset];
       const Status status = twin.step(command, state);
       if (status != Status::ok) return {i, status};
-      const auto reading = told(twin.expected(state));
+      const auto reading = readings_of(twin.expected(state));
       for (std::size_t k = 0; k < reading.size(); ++k) {
         out[k * rows * count + i] = reading[k].value;
         for (std::size_t d = 0; d < variables.size(); ++d)
@@ -76,8 +67,8 @@ Progress differentiate(const TwinSpec& spec, const Commands& commands, std::size
   });
 }
 
-std::tuple<std::size_t, Status> gradient(const TwinSpec& spec, const Rows& commands, bool as_read,
-                                         const std::vector<std::size_t>& variables, const Output& out) {
+std::tuple<std::size_t, Status> gradient(const TwinSpec& spec, const In<2>& commands, bool as_read,
+                                         const std::vector<std::size_t>& variables, const Out<3>& out) {
   const std::size_t count = commands.shape(0);
   const std::size_t rows = 1 + variables.size();
   if (commands.shape(1) != command_count || out.shape(0) != reading_count || out.shape(1) != rows ||
@@ -104,8 +95,9 @@ void bind_twin_gradient(nb::module_& m) {
   m.def("twin_gradient", &gradient, "spec"_a, "commands"_a, "as_read"_a, "variables"_a, "out"_a,
         nb::sig("def twin_gradient(spec: TwinSpec, commands: NDArray[numpy.float64], as_read: bool, variables: "
                 "Sequence[int], out: NDArray[numpy.float64]) -> tuple[int, Status]"),
-        "Write what handle encoder, output encoder and both load cells are expected to read, and the derivatives by "
-        "numbers of twin and then axis, by reading, 1 + variable and step. Returns the steps taken and why no more.");
+        "Write the expected readings of handle encoder, output encoder and both load cells, and their derivatives by "
+        "parameters of twin and then axis, by reading, 1 + variable and step. Returns the steps taken and the last "
+        "status.");
 }
 
 }  // namespace tenodesis::bindings

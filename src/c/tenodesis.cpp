@@ -17,7 +17,7 @@ constexpr int after_fault = 10;
 
 using Recorder = FlightRecorder<tenodesis_record, TENODESIS_RECORDS, TENODESIS_RECORD_TICKS, after_fault>;
 
-// What the caller's memory holds.
+// Contents of the caller's memory.
 struct Session {
   template <class A>
   struct Of {
@@ -40,9 +40,8 @@ struct Session {
 static_assert(sizeof(Session) <= sizeof(tenodesis_controller), "TENODESIS_STORAGE_WORDS is too small");
 static_assert(alignof(Session) <= alignof(tenodesis_controller));
 static_assert(std::is_trivially_copyable_v<Session> && std::is_trivially_destructible_v<Session>,
-              "the caller copies it and forgets it");
+              "the caller may copy it, and need not destroy it");
 static_assert(fault_count == TENODESIS_FAULTS);
-static_assert(static_cast<int>(Fault::homing_failed) == TENODESIS_FAULT_HOMING_FAILED);
 static_assert(static_cast<int>(ControlLaw::robust) == TENODESIS_LAW_ROBUST);
 static_assert(static_cast<int>(Actuation::differential) == TENODESIS_ACTUATION_DIFFERENTIAL);
 static_assert(static_cast<int>(ObserverKind::friction) == TENODESIS_OBSERVER_FRICTION);
@@ -53,24 +52,31 @@ static_assert(channel_count == 5);
 
 // Layouts that are the same for every compiler: no padding, in either precision.
 constexpr std::size_t words(std::size_t reals, std::size_t integers) { return reals * sizeof(S) + integers * 4; }
-static_assert(sizeof(tenodesis_axis_parameters) == words(59 + 2 * (TENODESIS_FAULTS + 1), 0));
-static_assert(sizeof(tenodesis_parameters) == words(8, 10) + TENODESIS_AXES * sizeof(tenodesis_axis_parameters));
+#define TENODESIS_ROW(...) +1
+constexpr std::size_t choice_count = TENODESIS_CHOICES(TENODESIS_ROW);
+constexpr std::size_t common_count = TENODESIS_COMMON_PARAMETERS(TENODESIS_ROW);
+constexpr std::size_t axis_count = TENODESIS_AXIS_PARAMETERS(TENODESIS_ROW);
+#undef TENODESIS_ROW
+static_assert(sizeof(tenodesis_axis_parameters) == words(axis_count + 2 * (TENODESIS_FAULTS + 1), 0));
+static_assert(sizeof(tenodesis_parameters) ==
+              words(common_count, choice_count) + TENODESIS_AXES * sizeof(tenodesis_axis_parameters));
 static_assert(sizeof(tenodesis_input) == words(5 * TENODESIS_AXES, 4));
 static_assert(sizeof(tenodesis_axis_output) == words(8, 2));
 static_assert(sizeof(tenodesis_output) == TENODESIS_AXES * sizeof(tenodesis_axis_output) + words(0, 6));
 static_assert(sizeof(tenodesis_record) == words(8 * TENODESIS_AXES, 4));
 static_assert(sizeof(tenodesis_counts) == words(0, TENODESIS_FAULTS + 6));
 
-// "tenodesi", with the version, the precision and the size: memory of another build is not ours.
+// "tenodesi", with version, precision and size: memory of another build is not accepted.
 constexpr std::uint64_t mark = 0x74656e6f64657369U ^ (std::uint64_t(TENODESIS_VERSION) << 8U) ^ sizeof(S) ^
                                (std::uint64_t(sizeof(Session)) << 32U);
 
+// Neither null nor misaligned.
 template <class... T>
 bool good(const T*... pointer) {
   return ((pointer != nullptr && reinterpret_cast<std::uintptr_t>(pointer) % alignof(T) == 0) && ...);
 }
 
-// Whether init has made a session here, without looking at what may be none.
+// Whether tenodesis_init has made a session here; reads nothing but the mark.
 bool holds_session(const tenodesis_controller* controller) {
   std::uint64_t found{};
   static_assert(offsetof(Session, mark) == 0);
@@ -138,9 +144,7 @@ void record(const ControlInput<S, TENODESIS_AXES>& in, const ControlOutput<S, TE
   kept->state = static_cast<std::uint32_t>(out.state);
   kept->faults = out.faults;
   for (int n = 0; n < TENODESIS_AXES; ++n) {
-    const Measurement<S>& from = in.axis[n];
-    kept->measured[n] = {
-        from.handle_angle, {from.tension[0], from.tension[1]}, {from.spool_angle[0], from.spool_angle[1]}};
+    kept->measured[n] = measurement_as<tenodesis_measurement>(in.axis[n]);
     for (int i = 0; i < 2; ++i) kept->spool_velocity[n][i] = out.axis[n].spool_velocity[i];
     kept->output_angle[n] = out.axis[n].estimate.output_angle;
   }
@@ -173,10 +177,7 @@ int tenodesis_step(tenodesis_controller* controller, const tenodesis_input* inpu
   in.time = input->time;
   in.request = known ? Request(input->request) : Request::none;
   const int axes = with(*session, [](const auto& own) { return own.controller.axes; });
-  for (int n = 0; n < axes; ++n) {
-    const tenodesis_measurement& from = input->axis[n];
-    in.axis[n] = {from.handle_angle, {from.tension[0], from.tension[1]}, {from.spool_angle[0], from.spool_angle[1]}};
-  }
+  for (int n = 0; n < axes; ++n) in.axis[n] = measurement_as<Measurement<S>>(input->axis[n]);
   ControlOutput<S, TENODESIS_AXES> out{};
   with(*session, [&](auto& own) { return own.controller.step(in, own.state, out); });
   put(out, *output);
@@ -206,7 +207,7 @@ int tenodesis_choose(tenodesis_controller* controller, uint32_t law, uint32_t ac
 int tenodesis_watchdog(const tenodesis_controller* controller, uint64_t since_last_step) {
   const Session* session = good(controller) ? session_of(controller) : nullptr;
   if (session == nullptr) return 1;
-  // 32 bits are a single instruction to convert, and no tick may take that long.
+  // 32 bits take a single instruction to convert, and no tick may take that long.
   static_assert(longest_tick<double> < UINT32_MAX * 1e-9);
   const S since = S(static_cast<std::uint32_t>(smaller<std::uint64_t>(since_last_step, UINT32_MAX))) * S(1e-9);
   return with(*session, [&](const auto& own) { return own.controller.axis[0].watch.watchdog(since); }) ? 1 : 0;

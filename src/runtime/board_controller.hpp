@@ -1,6 +1,6 @@
 #pragma once
-// What any controller on a board is to the PC: its parameters, what it answers and what that is worth. Whatever fails
-// there is a fault, motors at rest, until the link is set up anew by a clear or a reset.
+// The PC's side of a controller on a board: its parameters, its answers and their checks. Any failure is a fault, with
+// motors at rest, until the link is set up again by a clear or a reset.
 
 #include <cmath>
 #include <cstring>
@@ -11,14 +11,14 @@
 
 namespace tenodesis::runtime {
 
-using bindings::AnyController;
-using bindings::AnyInput;
-using bindings::AnyOutput;
-using bindings::most_axes;
+using engine::AnyController;
+using engine::AnyInput;
+using engine::AnyOutput;
 
 class BoardController : public AnyController {
  public:
   int axes() const override { return axes_; }
+  const link::ControllerParameters& parameters() const override { return parameters_; }
   Phase phase(int axis) const override { return phase_[axis]; }
 
   tenodesis_counts counts(int axis) const override {
@@ -34,16 +34,16 @@ class BoardController : public AnyController {
   }
 
   bool watchdog(double since_last_step) const override {
-    const auto limit = word<float>(limits_word + 2 * static_cast<std::size_t>(Fault::tick_late));
+    const float limit = parameters_.axis[0].limit[static_cast<int>(Fault::tick_late)].threshold;
     return limit > 0 && !(float(since_last_step) <= limit);
   }
 
-  /// Goes with the next tick, and into the parameters that a session set up anew begins with.
+  /// Takes effect with the next tick, and in the parameters of a new session.
   bool choose(ControlLaw law, Actuation actuation) override {
     const std::scoped_lock guard(mutex_);
-    if (law == ControlLaw::robust && word<std::uint32_t>(observer_word) != TENODESIS_OBSERVER_FRICTION) return false;
-    put_word(law_word, static_cast<std::uint32_t>(law));
-    put_word(actuation_word, static_cast<std::uint32_t>(actuation));
+    if (law == ControlLaw::robust && parameters_.observer != TENODESIS_OBSERVER_FRICTION) return false;
+    parameters_.law = static_cast<std::uint32_t>(law);
+    parameters_.actuation = static_cast<std::uint32_t>(actuation);
     return true;
   }
 
@@ -53,7 +53,7 @@ class BoardController : public AnyController {
   const LinkCounts& link_counts() const { return link_.counts(); }
   /// Ticks of the board's clock that the tick before the last took.
   std::uint32_t busy() const { return busy_; }
-  /// Whether the board says that it has stopped by itself, or by being told, and waits to be enabled.
+  /// Whether the board has stopped, by itself or on request, and waits to be enabled.
   bool stopped() const { return (flags_ & link::stopped) != 0; }
 
   void close() {
@@ -62,23 +62,21 @@ class BoardController : public AnyController {
   }
 
  protected:
-  BoardController(int descriptor, const Image& image, const LinkSettings& settings)
-      : image_(image), link_(descriptor, settings), axes_(static_cast<int>(word<std::uint32_t>(axes_word))) {
+  BoardController(int descriptor, const link::ControllerParameters& parameters, const LinkSettings& settings)
+      : parameters_(parameters), link_(descriptor, settings), axes_(static_cast<int>(parameters.axes)) {
     if (axes_ < 1 || axes_ > most_axes) throw std::invalid_argument("the parameters make no controller");
     link_.fail(LinkProblem::link_lost, "there was no handshake yet");
-    link_.start(image_);
+    link_.start(parameters_);
   }
 
-  const Image& image() const { return image_; }
   SerialLink& link() { return link_; }
   std::mutex& mutex() const { return mutex_; }
 
   link::Choice choice() const {
-    return {static_cast<std::uint16_t>(word<std::uint32_t>(law_word)),
-            static_cast<std::uint16_t>(word<std::uint32_t>(actuation_word))};
+    return {static_cast<std::uint16_t>(parameters_.law), static_cast<std::uint16_t>(parameters_.actuation)};
   }
 
-  /// Whether motors may do what a board has answered; what may not is the link's problem from now on.
+  /// Whether motors may do what a board has answered; if not, the link has a problem.
   bool is_sound(const link::Output& answer) {
     if (answer.tick.state > TENODESIS_FAULT)
       return link_.fail(LinkProblem::bad_answer, "the board is in state " + std::to_string(answer.tick.state) +
@@ -102,14 +100,13 @@ class BoardController : public AnyController {
       const link::AxisAnswer& from = answer.axis[n];
       auto& to = output.axis[n];
       for (int i = 0; i < 2; ++i) to.spool_velocity[i] = from.spool_velocity[i];
-      to.estimate = {from.output_angle,  from.output_angle_std, from.tip_force,
-                     from.tip_force_std, from.friction_scale,   from.friction_scale_std};
+      to.estimate = estimate_as<Estimate<double>>(from);
       to.faults = from.faults;
       phase_[n] = Phase(from.phase);
     }
   }
 
-  /// Without an answer nothing is known of the tip, and nothing moves.
+  /// Without an answer the tip is unknown, and motors are at rest.
   void stop(AnyOutput& output) {
     constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
     const std::uint32_t fault =
@@ -124,68 +121,30 @@ class BoardController : public AnyController {
     std::ranges::fill(phase_, Phase::rest);
   }
 
-  void note(const AnyInput& input, const AnyOutput& output) {
-    bindings::Moment moment{};
-    moment.time = input.time;
-    moment.state = output.state;
-    moment.faults = output.faults;
-    for (int n = 0; n < most_axes; ++n) {
-      moment.measured[n] = input.axis[n];
-      for (int i = 0; i < 2; ++i) moment.spool_velocity[n][i] = output.axis[n].spool_velocity[i];
-      moment.output_angle[n] = output.axis[n].estimate.output_angle;
-    }
-    const bool fault = output.state == OperatingState::fault;
-    if (!fault && recorder.fault_place() >= 0) recorder.rearm();
-    recorder.note(moment, fault);
-  }
-
   void forget() {
-    const AnyOutput rest{};
-    last = rest;
-    asked = Request::none;
+    AnyController::forget();
     std::ranges::fill(phase_, Phase::track);
-    recorder.rearm();
   }
 
  private:
-  // Where numbers lie in an image of parameters, in words.
-  static constexpr std::size_t axes_word = 3, observer_word = 4, law_word = 5, actuation_word = 6, common_word = 10,
-                               speed_limit_word = common_word + 1;
-  static constexpr std::size_t limits_word =
-      common_word + bindings::common_fields.size() + bindings::axis_fields.size() + 2;
-  static_assert((common_word + bindings::common_fields.size() +
-                 most_axes * (bindings::axis_fields.size() + 2 * bindings::limit_count)) *
-                    sizeof(float) ==
-                link::parameters_size);
-
-  template <class T>
-  T word(std::size_t at) const {
-    T value{};
-    std::memcpy(&value, image_.data() + at * sizeof value, sizeof value);
-    return value;
-  }
-  void put_word(std::size_t at, std::uint32_t value) {
-    std::memcpy(image_.data() + at * sizeof value, &value, sizeof value);
-  }
-
   bool is_sound(const link::AxisAnswer& axis) {
     if (axis.phase > static_cast<std::uint32_t>(Phase::release))
       return link_.fail(LinkProblem::bad_answer,
                         "the board is in phase " + std::to_string(axis.phase) + " of compensation");
-    // What the ramps add in float may be off by a rounding.
-    const float most = word<float>(speed_limit_word) * (1 + 4 * std::numeric_limits<float>::epsilon());
+    // Ramps in float may exceed the limit by rounding.
+    const float most = parameters_.speed_limit * (1 + 4 * std::numeric_limits<float>::epsilon());
     for (const float velocity : axis.spool_velocity) {
       if (!std::isfinite(velocity))
         return link_.fail(LinkProblem::not_a_number, "the board sent a velocity that is not a number");
       if (std::abs(velocity) > most)
         return link_.fail(LinkProblem::beyond_limit, "the board sent a velocity of " + std::to_string(velocity) +
-                                                         " rad/s; allowed is at most " + std::to_string(most));
+                                                         " rad/s; it must be at most " + std::to_string(most));
     }
     return true;
   }
 
-  Image image_;
-  mutable std::mutex mutex_;  // whoever asks for counts or closes is another thread than ticks
+  link::ControllerParameters parameters_;
+  mutable std::mutex mutex_;  // other threads than that of the ticks ask for counts and close
   mutable SerialLink link_;
   int axes_;
   std::array<Phase, most_axes> phase_{Phase::track, Phase::track};

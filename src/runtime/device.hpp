@@ -1,28 +1,29 @@
 #pragma once
-// What the live loop reads sensors from and sends speeds to.
+// What the live loop reads measurements from and sends velocities to.
 
 #include <array>
 #include <cstdint>
+#include <limits>
 
-#include "../bindings/any_controller.hpp"
-#include "../bindings/any_twin.hpp"
+#include "engine/any_controller.hpp"
+#include "engine/any_twin.hpp"
 
 namespace tenodesis::runtime {
 
-using bindings::AnyInput;
-using bindings::most_axes;
-using bindings::signal_count;
+using engine::AnyInput;
+
+inline constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 
 /// What is done to one axis of a simulated bench.
 struct Bench {
-  double handle_angle{};  ///< where the hand has it, rad
+  double handle_angle{};  ///< where the hand holds it, rad
   double force{};         ///< tangential at the tip, N
   double radial_force{};  ///< N
 };
 
 using Benches = std::array<Bench, most_axes>;
 using Velocities = double[most_axes][2];
-using Signals = std::array<double, signal_count>;
+using Signals = std::array<double, engine::signal_count>;
 
 class Device {
  public:
@@ -32,17 +33,17 @@ class Device {
   Device& operator=(const Device&) = delete;
 
   virtual int axes() const = 0;
-  /// Whether time and motors are of a computer's making.
+  /// Whether time and motors are simulated.
   virtual bool simulated() const = 0;
   /// Whether `read` waits for the device; otherwise the loop keeps time.
   virtual bool clocked() const = 0;
-  /// The newest measurement; false where none has come within so many ns, and the input holds the one before.
+  /// The newest measurement; false where none has come within so many ns, and the input holds the previous one.
   virtual bool read(AnyInput& input, std::uint64_t timeout) = 0;
-  /// Measurements that came before the last one read, and were not.
+  /// Measurements that were lost before the last one read.
   virtual std::uint64_t overtaken() const { return 0; }
-  /// Sends speeds, rad/s at the spools; false where the bench cannot be what was asked, and is as before.
+  /// Sends velocities, rad/s at the spools; false where the bench cannot carry its load, and is as before.
   virtual bool write(const Velocities& speed, const Benches& bench) = 0;
-  /// What is known of an axis after that; NaN where it is not.
+  /// An axis's signals after that; NaN where they are not known.
   virtual Signals signals(int axis) const = 0;
   virtual void stop() noexcept = 0;
 };

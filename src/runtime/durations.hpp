@@ -1,6 +1,8 @@
 #pragma once
-// How long things took: counted in classes a sixteenth of an octave wide, so that any number of them takes the same
-// memory and a percentile is right to 5 %.
+// Monotonic time, and a histogram of durations in classes a sixteenth of an octave wide: any number of them takes the
+// same memory, and a percentile is right to 6 %.
+
+#include <time.h>
 
 #include <algorithm>
 #include <array>
@@ -10,7 +12,14 @@
 
 namespace tenodesis::runtime {
 
-/// One thread notes, any thread reads; all in ns.
+/// Time of the monotonic clock, ns.
+inline std::uint64_t now() {
+  timespec time{};
+  ::clock_gettime(CLOCK_MONOTONIC, &time);
+  return static_cast<std::uint64_t>(time.tv_sec) * 1'000'000'000 + static_cast<std::uint64_t>(time.tv_nsec);
+}
+
+/// Durations in ns; one thread notes them, any thread reads.
 class Durations {
  public:
   void note(std::uint64_t duration) {
@@ -22,7 +31,7 @@ class Durations {
   std::uint64_t count() const { return total_.load(std::memory_order_relaxed); }
   std::uint64_t worst() const { return worst_.load(std::memory_order_relaxed); }
 
-  /// The duration that a share of all does not exceed, at most 6 % too long; 0 of none.
+  /// The duration that a share of all does not exceed, at most 6 % too long; 0 where there are none.
   std::uint64_t percentile(double share) const {
     const auto wanted = static_cast<std::uint64_t>(share * double(count()));
     std::uint64_t seen = 0;
@@ -34,7 +43,7 @@ class Durations {
   }
 
   void clear() {
-    for (auto& one : counts_) one.store(0, std::memory_order_relaxed);
+    for (auto& count : counts_) count.store(0, std::memory_order_relaxed);
     total_.store(0, std::memory_order_relaxed);
     worst_.store(0, std::memory_order_relaxed);
   }

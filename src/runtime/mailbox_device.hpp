@@ -1,23 +1,22 @@
 #pragma once
-// A device whose sensors and motors are served elsewhere, by a thread that may be slow: it posts what it has measured
-// and takes what the controller answers. The live loop waits for a post no longer than it is told.
+// A device whose sensors and motors are served by another thread, which may be slow: it posts what it has measured and
+// takes what the controller answers. The live loop waits for a post no longer than a given time.
 
 #include <semaphore.h>
-#include <time.h>
 
 #include <atomic>
 #include <bit>
 #include <cerrno>
 #include <cstring>
-#include <limits>
 
 #include "device.hpp"
+#include "durations.hpp"
 
 namespace tenodesis::runtime {
 
-/// A value that one thread writes and another reads whole, without either waiting for the other.
+/// A value that one thread writes and another reads undivided, without either waiting for the other.
 template <class T>
-class Posted {
+class SharedValue {
   static_assert(std::is_trivially_copyable_v<T> && sizeof(T) % sizeof(std::uint64_t) == 0);
   static constexpr std::size_t words = sizeof(T) / sizeof(std::uint64_t);
 
@@ -31,8 +30,8 @@ class Posted {
     stamp_.store(stamp + 2, std::memory_order_release);
   }
 
-  /// Which value it was, counted from 1; 0 of none.
-  /// 0 too where the writer is held up half-way: a reader of higher priority would wait for it in vain.
+  /// The number of the value, counted from 1; 0 where there is none, and where the writer is held up half-way: a
+  /// reader of higher priority would wait for it in vain.
   std::uint64_t get(T& value) const {
     for (int tries = 0; tries < 100; ++tries) {
       const std::uint64_t stamp = stamp_.load(std::memory_order_acquire);
@@ -52,23 +51,17 @@ class Posted {
   std::atomic<std::uint64_t> stamp_;
 };
 
-/// Counts what has come; waits for more, but not for ever.
-class Bell {
+/// Wakes a thread that waits for another.
+class Wakeup {
  public:
-  Bell() { ::sem_init(&semaphore_, 0, 0); }
-  ~Bell() { ::sem_destroy(&semaphore_); }
-  Bell(const Bell&) = delete;
-  Bell& operator=(const Bell&) = delete;
+  Wakeup() { ::sem_init(&semaphore_, 0, 0); }
+  ~Wakeup() { ::sem_destroy(&semaphore_); }
+  Wakeup(const Wakeup&) = delete;
+  Wakeup& operator=(const Wakeup&) = delete;
 
-  void ring() { ::sem_post(&semaphore_); }
+  void notify() { ::sem_post(&semaphore_); }
 
-  static std::uint64_t now() {
-    timespec time{};
-    ::clock_gettime(CLOCK_MONOTONIC, &time);
-    return static_cast<std::uint64_t>(time.tv_sec) * 1'000'000'000 + static_cast<std::uint64_t>(time.tv_nsec);
-  }
-
-  /// False where it has not rung by a time, ns of the monotonic clock. A ring that nobody waited for counts too.
+  /// False where nothing was notified until a time, ns of the monotonic clock; what was notified before counts.
   bool wait_until(std::uint64_t time) {
     const timespec until{time_t(time / 1'000'000'000), long(time % 1'000'000'000)};
     while (::sem_clockwait(&semaphore_, CLOCK_MONOTONIC, &until) != 0)
@@ -89,7 +82,7 @@ class MailboxDevice final : public Device {
     double output_angle[most_axes]{};
   };
   struct Answer {
-    std::uint64_t measurement{};  ///< that it answers, counted from 1
+    std::uint64_t measurement{};  ///< number of the measurement that it answers, from 1
     Velocities speed{};
   };
 
@@ -99,11 +92,11 @@ class MailboxDevice final : public Device {
   void post(const Sensed& sensed) {
     sensed_.set(sensed);
     ++posted_;
-    came_.ring();
+    came_.notify();
   }
-  /// The answer to the last post; false where there is none within so many ns.
+  /// The answer to the last post; false where none comes within so many ns.
   bool take(Answer& answer, std::uint64_t timeout) {
-    const std::uint64_t until = Bell::now() + timeout;
+    const std::uint64_t until = now() + timeout;
     while (true) {
       if (answer_.get(answer) != 0 && answer.measurement >= posted_) return true;
       if (!answered_.wait_until(until)) return false;
@@ -116,7 +109,7 @@ class MailboxDevice final : public Device {
   bool clocked() const override { return true; }
 
   bool read(AnyInput& input, std::uint64_t timeout) override {
-    const std::uint64_t until = Bell::now() + timeout;
+    const std::uint64_t until = now() + timeout;
     std::uint64_t number = sensed_.get(last_);
     while ((number == read_ || number == 0) && came_.wait_until(until)) number = sensed_.get(last_);
     const bool fresh = number != read_ && number != 0;
@@ -136,13 +129,13 @@ class MailboxDevice final : public Device {
     Answer answer{read_, {}};
     std::memcpy(answer.speed, speed, sizeof(Velocities));
     answer_.set(answer);
-    answered_.ring();
+    answered_.notify();
     return true;
   }
 
   Signals signals(int axis) const override {
     Signals known;
-    known.fill(std::numeric_limits<double>::quiet_NaN());
+    known.fill(unknown);
     const auto& measured = last_.input.axis[axis];
     known[0] = measured.handle_angle;
     known[1] = last_.output_angle[axis];
@@ -157,14 +150,14 @@ class MailboxDevice final : public Device {
     const Answer rest{std::numeric_limits<std::uint64_t>::max(), {}};
     answer_.set(rest);
     stopped_.store(true, std::memory_order_release);
-    answered_.ring();
+    answered_.notify();
   }
 
  private:
   int axes_;
-  Posted<Sensed> sensed_;
-  Posted<Answer> answer_;
-  Bell came_, answered_;
+  SharedValue<Sensed> sensed_;
+  SharedValue<Answer> answer_;
+  Wakeup came_, answered_;
   std::uint64_t posted_{};              // by the serving thread
   std::uint64_t read_{}, overtaken_{};  // by the loop
   Sensed last_{};

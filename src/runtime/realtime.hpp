@@ -1,5 +1,5 @@
 #pragma once
-// What a thread asks of the operating system so that it is on time, and what it was not granted.
+// Real-time scheduling and locked memory, requested from the operating system.
 
 #include <pthread.h>
 #include <sched.h>
@@ -12,7 +12,7 @@
 
 namespace tenodesis::runtime {
 
-/// Asks for real-time scheduling of this thread and for memory that stays; returns a sentence per refusal.
+/// Requests real-time scheduling of this thread and locked memory; returns a sentence per refusal.
 inline std::vector<std::string> ask_for_real_time(int priority) {
   std::vector<std::string> refused;
   sched_param wanted{};
@@ -26,7 +26,7 @@ inline std::vector<std::string> ask_for_real_time(int priority) {
   return refused;
 }
 
-/// Gives real-time scheduling of this thread up, which would starve others if it never slept.
+/// Returns this thread to ordinary scheduling: in real time it would starve others if it never slept.
 inline void yield_real_time() {
   const sched_param ordinary{};
   ::pthread_setschedparam(::pthread_self(), SCHED_OTHER, &ordinary);

@@ -1,6 +1,6 @@
 #pragma once
 // A ring of records in shared memory: one writer that never waits, any number of readers in any process, who see each
-// record whole or learn that they were too slow for it.
+// record undivided or learn that they were too slow for it.
 
 #include <fcntl.h>
 #include <sys/mman.h>
@@ -17,7 +17,7 @@
 
 namespace tenodesis::runtime {
 
-/// A file's memory, shared with whoever maps it too.
+/// A file in memory, shared with all processes that map it.
 class SharedMemory {
  public:
   static SharedMemory create(const std::string& path, std::size_t size) {
@@ -64,7 +64,7 @@ class SharedMemory {
     data_ = mapped;
   }
 
-  // Memory that is only promised would end the loop where it turns out not to be there.
+  // Memory that is not reserved would end the loop where it turns out to be missing.
   static bool reserve(int file, std::size_t size) {
     errno = ::posix_fallocate(file, 0, static_cast<off_t>(size));
     return errno == 0;
@@ -78,8 +78,8 @@ class SharedMemory {
   std::size_t size_{};
 };
 
-/// Where things are in the memory, in words of 8 bytes. A slot is its stamp and then the record; the stamp is odd while
-/// the record is written, and tells which one it is.
+/// Layout of the memory in words of 8 bytes. A slot is its stamp and then the record; the stamp is odd while the record
+/// is written, and gives the record's number.
 struct RingLayout {
   static constexpr std::uint64_t magic = 0x31474e4952444e54;  // "TNDRING1"
   enum Word : std::size_t { magic_word, columns_word, capacity_word, written_word, alive_word };
@@ -117,8 +117,8 @@ class RingWriter {
     shared(words[RingLayout::written_word]).store(++written_, std::memory_order_release);
   }
 
-  /// Says that the writer lives, though it may write nothing.
-  void beat(std::uint64_t nanoseconds) {
+  /// Shows readers that the writer is alive, though it may write nothing.
+  void report_alive(std::uint64_t nanoseconds) {
     shared(memory_.words()[RingLayout::alive_word]).store(nanoseconds, std::memory_order_relaxed);
   }
 
@@ -147,7 +147,7 @@ class RingReader {
   std::uint64_t written() const { return word(RingLayout::written_word).load(std::memory_order_acquire); }
   std::uint64_t alive() const { return word(RingLayout::alive_word).load(std::memory_order_relaxed); }
 
-  /// Copies record `number`; false where it is not yet, or no longer, there.
+  /// Copies record `number`; false where it is not yet written, or overwritten.
   bool copy(std::uint64_t number, double* to) const {
     std::uint64_t* slot = memory_.words() + layout_.slot(number);
     const std::uint64_t stamp = 2 * number + 2;
@@ -158,13 +158,14 @@ class RingReader {
     return shared(slot[0]).load(std::memory_order_relaxed) == stamp;
   }
 
-  /// Copies up to `most` records from the cursor on, moves it, and returns how many; adds those that were lost.
+  /// Copies up to `most` records from the cursor on, moves it, and returns how many; counts in `lost` those
+  /// overwritten.
   std::size_t read(std::uint64_t& cursor, std::size_t most, double* to, std::uint64_t& lost) const {
     std::size_t count = 0;
     while (count < most) {
       const std::uint64_t end = written();
       if (cursor >= end) break;
-      // A quarter is left to the writer, who goes on while we copy.
+      // A quarter is left to the writer, which continues meanwhile.
       if (end - cursor > layout_.capacity) {
         const std::uint64_t oldest = end - layout_.capacity + layout_.capacity / 4;
         lost += oldest - cursor;

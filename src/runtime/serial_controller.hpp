@@ -1,5 +1,5 @@
 #pragma once
-// A controller on a board, as any other: a tick is sent to it over a line and its answer waited for.
+// A controller on a board: each tick is sent to it over a line, and its answer waited for.
 
 #include "board_controller.hpp"
 
@@ -7,21 +7,21 @@ namespace tenodesis::runtime {
 
 class SerialController final : public BoardController {
  public:
-  SerialController(int descriptor, const Image& image, const LinkSettings& settings)
-      : BoardController(descriptor, image, settings) {}
+  SerialController(int descriptor, const link::ControllerParameters& parameters, const LinkSettings& settings)
+      : BoardController(descriptor, parameters, settings) {}
 
   void step(const AnyInput& input, AnyOutput& output) override {
     const std::scoped_lock guard(mutex());
     const bool clears = input.request == Request::clear;
-    const bool linked = link().problem() == LinkProblem::none || (clears && link().resume(image()));
+    const bool linked = link().problem() == LinkProblem::none || (clears && link().resume(parameters()));
     if (!linked || !tick(input, output)) stop(output);
-    note(input, output);
+    record(input, output);
   }
 
   void reset() override {
     const std::scoped_lock guard(mutex());
     if (link().problem() != LinkProblem::none)
-      link().start(image());
+      link().start(parameters());
     else
       link().ask(link::Type::reset, nullptr, 0, link::Type::done, 0);
     forget();
@@ -30,13 +30,9 @@ class SerialController final : public BoardController {
  private:
   bool tick(const AnyInput& input, AnyOutput& output) {
     link::Step step{input.time, static_cast<std::uint32_t>(input.request), choice(), {}};
-    for (int n = 0; n < axes(); ++n) {
-      const auto& from = input.axis[n];
-      step.axis[n] = {float(from.handle_angle),
-                      {float(from.tension[0]), float(from.tension[1])},
-                      {float(from.spool_angle[0]), float(from.spool_angle[1])}};
-    }
-    if (!link().ask(link::Type::step, &step, link::Step::size(axes()), link::Type::output, link::Output::size(axes())))
+    for (int n = 0; n < axes(); ++n) step.axis[n] = measurement_as<link::Measured>(input.axis[n]);
+    if (!link().ask(link::Type::step, &step, link::size_with<link::Step>(axes()), link::Type::output,
+                    link::size_with<link::Output>(axes())))
       return false;
     const auto answer = link().message<link::Output>();
     if (answer.tick.time != step.time)

@@ -1,5 +1,5 @@
 #pragma once
-// A line of bytes to a board: a serial port or a socket, which is waited for no longer than until a moment.
+// A line of bytes to a board: a serial port or a socket, with a deadline for each wait.
 
 #include <fcntl.h>
 #include <poll.h>
@@ -24,12 +24,12 @@ class SerialLine {
 
   enum class Found : unsigned char {
     frame,    ///< in the decoder
-    damaged,  ///< one was dropped
-    nothing,  ///< until the moment
-    closed,   ///< there will be no more
+    damaged,  ///< a frame was dropped
+    nothing,  ///< until the deadline
+    closed,   ///< and nothing more will come
   };
 
-  /// Keeps a descriptor of its own of what is open.
+  /// Keeps a duplicate of the open descriptor.
   explicit SerialLine(int descriptor) : descriptor_(::fcntl(descriptor, F_DUPFD_CLOEXEC, 0)) {
     const int flags = descriptor_ < 0 ? -1 : ::fcntl(descriptor_, F_GETFL);
     if (flags < 0 || ::fcntl(descriptor_, F_SETFL, flags | O_NONBLOCK) < 0) {
@@ -51,20 +51,20 @@ class SerialLine {
     descriptor_ = -1;
   }
 
-  /// False where not all bytes have gone until then.
+  /// False where not all bytes were sent by the deadline.
   bool send(std::span<const std::uint8_t> bytes, Moment until) {
     while (is_open() && !bytes.empty()) {
       const ssize_t sent = write(bytes);
       if (sent > 0) {
         bytes = bytes.subspan(static_cast<std::size_t>(sent));
-      } else if ((sent < 0 && !is_passing(errno)) || !wait(POLLOUT, until)) {
+      } else if ((sent < 0 && !is_temporary(errno)) || !wait(POLLOUT, until)) {
         return false;
       }
     }
     return bytes.empty();
   }
 
-  /// The next frame; bytes behind it stay for the next call. Noise without an end does not keep it beyond the moment.
+  /// The next frame; bytes behind it stay for the next call. Returns by the deadline even if noise never ends.
   Found receive(link::Decoder& decoder, Moment until) {
     while (is_open()) {
       while (taken_ < filled_) {
@@ -79,30 +79,30 @@ class SerialLine {
         if (Clock::now() >= until) return Found::nothing;
         continue;
       }
-      // A terminal says of an empty line, too, that it has read nothing.
+      // A terminal reads 0 bytes from an idle line, too.
       const bool ended = got == 0 && (is_socket_ || hung_up_);
-      if (ended || (got < 0 && !is_passing(errno))) return Found::closed;
+      if (ended || (got < 0 && !is_temporary(errno))) return Found::closed;
       if (!wait(POLLIN, until)) return Found::nothing;
     }
     return Found::closed;
   }
 
  private:
-  static bool is_passing(int problem) { return problem == EAGAIN || problem == EINTR; }
+  static bool is_temporary(int problem) { return problem == EAGAIN || problem == EINTR; }
 
-  // A socket whose other end has gone would otherwise end the program by a signal.
+  // A socket whose other end was closed would otherwise end the program by a signal.
   ssize_t write(std::span<const std::uint8_t> bytes) const {
     return is_socket_ ? ::send(descriptor_, bytes.data(), bytes.size(), MSG_NOSIGNAL)
                       : ::write(descriptor_, bytes.data(), bytes.size());
   }
 
-  bool wait(short what, Moment until) {
+  bool wait(short event, Moment until) {
     const auto left = std::chrono::duration_cast<std::chrono::nanoseconds>(until - Clock::now()).count();
     if (left <= 0) return false;
     const timespec time{static_cast<time_t>(left / 1'000'000'000), static_cast<long>(left % 1'000'000'000)};
-    pollfd one{descriptor_, what, 0};
-    const int ready = ::ppoll(&one, 1, &time, nullptr);
-    hung_up_ = ready > 0 && (one.revents & what) == 0;
+    pollfd line{descriptor_, event, 0};
+    const int ready = ::ppoll(&line, 1, &time, nullptr);
+    hung_up_ = ready > 0 && (line.revents & event) == 0;
     return ready > 0 || (ready < 0 && errno == EINTR);
   }
 

@@ -1,5 +1,5 @@
 #pragma once
-// The PC's side of the link to a board: questions, their answers, and what has gone wrong between.
+// The PC's side of the link to a board: questions, answers, and the problems of the link.
 
 #include <algorithm>
 #include <array>
@@ -9,30 +9,26 @@
 #include <random>
 #include <string>
 
-#include "../bindings/any_controller.hpp"
+#include "engine/any_controller.hpp"
 #include "serial_line.hpp"
 
 namespace tenodesis::runtime {
 
-/// What has gone wrong with a board; the first of them stays until the link is set up anew.
+/// What has gone wrong with a board; the first problem stays until the link is set up again.
 enum class LinkProblem : unsigned char {
   none,
   link_lost,        ///< no answer in time
-  link_closed,      ///< the line's other end has gone
-  damaged_frames,   ///< more than are bearable in a row
-  stale_answers,    ///< answers of the past only
+  link_closed,      ///< the other end of the line was closed
+  damaged_frames,   ///< too many in a row
+  stale_answers,    ///< only answers to earlier questions
   wrong_version,    ///< another version of the protocol, or of the C interface
-  board_restarted,  ///< it does not know the session
-  refused,          ///< it says that it cannot
+  board_restarted,  ///< the board does not know the session
+  refused,          ///< the board refused a question
   wrong_tick,       ///< the answer is another tick's
-  bad_answer,       ///< of a size or with a state that there is not
-  not_a_number,     ///< a velocity
-  beyond_limit,     ///< a velocity above the instrument's speed limit
+  bad_answer,       ///< of a wrong size, or with an unknown state
+  not_a_number,     ///< a velocity is not a number
+  beyond_limit,     ///< a velocity is above the instrument's speed limit
 };
-
-inline constexpr std::array link_problem_names{
-    "",        "link_lost",  "link_closed", "damaged_frames", "stale_answers", "wrong_version", "board_restarted",
-    "refused", "wrong_tick", "bad_answer",  "not_a_number",   "beyond_limit"};
 
 struct LinkSettings {
   double timeout{};          ///< of a question with all its repetitions, s
@@ -42,35 +38,31 @@ struct LinkSettings {
 };
 
 struct LinkCounts {
-  std::uint64_t answers{};        ///< that were used
-  std::uint64_t repetitions{};    ///< questions asked again
+  std::uint64_t answers{};        ///< used
+  std::uint64_t repetitions{};    ///< questions sent again
   std::uint64_t damaged{};        ///< frames dropped here
-  std::uint64_t stale{};          ///< answers to what was asked before, or by others
+  std::uint64_t stale{};          ///< answers to earlier or others' questions
   std::uint64_t board_damaged{};  ///< frames that the board has dropped
 };
-
-using Image = std::array<std::uint8_t, link::parameters_size>;
 
 class SerialLink {
  public:
   SerialLink(int descriptor, const LinkSettings& settings) : line_(descriptor), settings_(settings) {}
 
-  /// Sets a session up with these parameters, whatever went before.
-  bool start(const Image& image) {
+  /// Starts a new session with these parameters.
+  bool start(const link::ControllerParameters& controller) {
     problem_ = LinkProblem::none;
     if (!hello(settings_.connect_timeout)) return false;
     session_ = other_than(board_.session);
-    link::Parameters parameters{};
-    parameters.silence = settings_.silence;
-    std::ranges::copy(image, std::begin(parameters.image));
+    const link::Parameters parameters{settings_.silence, 0, controller};
     return ask(link::Type::parameters, &parameters, sizeof parameters, link::Type::done, 0, settings_.connect_timeout);
   }
 
-  /// After a problem: goes on with the session where the board still has it, its motors stopped.
-  bool resume(const Image& image) {
+  /// After a problem: continues the session where the board still has it, with its motors stopped.
+  bool resume(const link::ControllerParameters& controller) {
     problem_ = LinkProblem::none;
     if (!hello(settings_.timeout)) return false;
-    if (board_.session != session_) return start(image);
+    if (board_.session != session_) return start(controller);
     return ask(link::Type::stop, nullptr, 0, link::Type::done, 0);
   }
 
@@ -78,23 +70,23 @@ class SerialLink {
     return ask(question, payload, size, answer, answer_size, settings_.timeout);
   }
 
-  /// Says something that is not answered, and returns its number. What the line cannot take at once is lost.
-  std::uint32_t tell(link::Type what, const void* payload, std::size_t size) {
-    send({link::protocol_version, what, session_, ++sequence_}, payload, size, SerialLine::Clock::now());
+  /// Sends a message that is not answered, and returns its number. What the line cannot take at once is lost.
+  std::uint32_t notify(link::Type type, const void* payload, std::size_t size) {
+    send({link::protocol_version, type, session_, ++sequence_}, payload, size, SerialLine::Clock::now());
     return sequence_;
   }
 
-  /// Has the board send its ticks, of so many bytes, from now on.
-  bool listen(std::size_t tick_size) {
+  /// Asks the board to send its ticks, of so many bytes, from now on.
+  bool start_streaming(std::size_t tick_size) {
     tick_size_ = tick_size;
     early_count_ = 0;
-    heard();
+    note_received();
     return ask(link::Type::stream, nullptr, 0, link::Type::done, 0);
   }
 
   /// The next tick that the board sends by itself, and its number, one above `last` if none was lost; false where none
   /// has come until then, or the link has failed.
-  bool hear(link::Streamed& streamed, std::uint32_t& number, std::uint32_t last, SerialLine::Moment until) {
+  bool receive(link::Streamed& streamed, std::uint32_t& number, std::uint32_t last, SerialLine::Moment until) {
     for (std::size_t k = 0; k < early_count_; ++k) {
       if (!link::after(early_[k].number, last)) continue;
       number = early_[k].number;
@@ -105,30 +97,30 @@ class SerialLink {
     for (;;) {
       switch (line_.receive(decoder_, until)) {
         case Found::nothing:
-          return wait_on();
+          return keep_waiting();
         case Found::closed:
-          return fail(LinkProblem::link_closed, "the line's other end has gone");
+          return fail(LinkProblem::link_closed, "the line's other end was closed");
         case Found::damaged:
           ++counts_.damaged;
           if (++damaged_in_a_row_ > most_damaged)
             return fail(LinkProblem::damaged_frames,
-                        std::to_string(damaged_in_a_row_) + " frames came damaged and no tick whole");
+                        std::to_string(damaged_in_a_row_) + " frames came damaged and no tick intact");
           break;
         case Found::frame:
           if (is_tick() && link::after(decoder_.header().sequence, last)) {
-            heard();
+            note_received();
             ++counts_.answers;
             number = decoder_.header().sequence;
             streamed = message<link::Streamed>();
             return true;
           }
-          if (!is_bearable()) return false;
+          if (!is_acceptable()) return false;
       }
-      if (SerialLine::Clock::now() >= until) return wait_on();
+      if (SerialLine::Clock::now() >= until) return keep_waiting();
     }
   }
 
-  /// Of the last answer.
+  /// The last answer.
   template <class Message>
   Message message() const {
     return decoder_.message<Message>();
@@ -141,7 +133,7 @@ class SerialLink {
     return false;
   }
 
-  /// Tells the motors to stop, without waiting whether it is heard, and lets go of the line.
+  /// Sends a stop, without waiting for its answer, and closes the line.
   void close() {
     if (!line_.is_open()) return;
     send({link::protocol_version, link::Type::stop, session_, ++sequence_}, nullptr, 0, moment(settings_.timeout));
@@ -150,7 +142,7 @@ class SerialLink {
   }
 
   LinkProblem problem() const { return problem_; }
-  /// By any thread, also while an answer is waited for.
+  /// What is known of the problem; by any thread, also while an answer is waited for.
   std::string why() const {
     const std::scoped_lock guard(why_mutex_);
     return why_;
@@ -174,8 +166,8 @@ class SerialLink {
     return chosen;
   }
 
-  void heard() {
-    heard_at_ = SerialLine::Clock::now();
+  void note_received() {
+    received_at_ = SerialLine::Clock::now();
     damaged_in_a_row_ = 0;
   }
 
@@ -185,15 +177,15 @@ class SerialLink {
            decoder_.size() == tick_size_;
   }
 
-  // Without a tick: patient, but not for ever.
-  bool wait_on() {
-    const double silent = std::chrono::duration<double>(SerialLine::Clock::now() - heard_at_).count();
+  // Without a tick: false, and a problem after the timeout.
+  bool keep_waiting() {
+    const double silent = std::chrono::duration<double>(SerialLine::Clock::now() - received_at_).count();
     if (silent <= settings_.timeout) return false;
     return fail(LinkProblem::link_lost, "the board has sent no tick for " + std::to_string(silent) + " s");
   }
 
-  // A frame that is no new tick: the past, an answer to what was not asked, or a board that has another session.
-  bool is_bearable() {
+  // A frame that is no new tick: an earlier tick, an answer that nobody waits for, or a board that has another session.
+  bool is_acceptable() {
     const link::Header got = decoder_.header();
     if (got.version != link::protocol_version) return another_version(std::to_string(got.version));
     if (got.type == link::Type::refused && got.session == session_) return refuse(message<link::Refused>());
@@ -206,7 +198,7 @@ class SerialLink {
     return true;
   }
 
-  // A tick that comes while an answer is waited for is kept for whoever hears next.
+  // A tick that comes while an answer is waited for is kept for the next call of receive.
   bool keep_early() {
     if (!is_tick()) return false;
     if (early_count_ < early_.size()) early_[early_count_++] = {decoder_.header().sequence, message<link::Streamed>()};
@@ -218,7 +210,7 @@ class SerialLink {
     return line_.send({sent_.data(), encoded}, until);
   }
 
-  // Asked with a number that no hello before had, so that its answer is none of theirs.
+  // With a random number, so that the answer to an earlier hello is not taken for its own.
   bool hello(double timeout) {
     const std::uint32_t number = std::random_device{}();
     const link::Header header{link::protocol_version, link::Type::hello, 0, number};
@@ -226,12 +218,12 @@ class SerialLink {
     board_ = message<link::Board>();
     board_.name[sizeof board_.name - 1] = 0;
     sequence_ = board_.last_sequence;
-    if (board_.real_size != sizeof(float) || board_.parameters_size != link::parameters_size ||
+    if (board_.real_size != sizeof(float) || board_.parameters_size != sizeof(link::ControllerParameters) ||
         board_.interface_version != interface_version)
       return fail(LinkProblem::wrong_version, "the board has version " + std::to_string(board_.interface_version) +
-                                                  " of the C interface with numbers of " +
-                                                  std::to_string(board_.real_size) + " bytes; allowed is version " +
-                                                  std::to_string(interface_version) + " with 4");
+                                                  " of the C interface with reals of " +
+                                                  std::to_string(board_.real_size) + " bytes; it must be version " +
+                                                  std::to_string(interface_version) + " with 4 bytes");
     return true;
   }
 
@@ -241,59 +233,60 @@ class SerialLink {
     return converse(header, payload, size, answer, answer_size, timeout);
   }
 
-  // What one question has led to.
-  struct Course {
+  // Frames that came while one answer was waited for.
+  struct Useless {
     int damaged{};
     int stale{};
   };
 
-  // Asks until there is an answer; the board takes a repetition for one, by its sequence.
+  // Asks until there is an answer; the board recognises a repetition by its sequence number.
   bool converse(const link::Header& header, const void* payload, std::size_t size, link::Type answer,
                 std::size_t answer_size, double timeout) {
     const int attempts = settings_.repetitions + 1;
     const Moment end = moment(timeout);
-    Course course;
+    Useless useless;
     for (int attempt = 1; attempt <= attempts; ++attempt) {
       if (attempt > 1) ++counts_.repetitions;
       const bool last = attempt == attempts;
       const Moment until = last ? end : std::min(end, moment(timeout / attempts));
       send(header, payload, size, until);
-      switch (await(header, until, last, course)) {
+      switch (await(header, until, last, useless)) {
         case Found::frame:
           return judge(header, answer, answer_size);
         case Found::closed:
-          return fail(LinkProblem::link_closed, "the line's other end has gone");
+          return fail(LinkProblem::link_closed, "the line's other end was closed");
         case Found::damaged:
         case Found::nothing:
           break;
       }
-      if (course.damaged > most_damaged) break;
+      if (useless.damaged > most_damaged) break;
     }
-    const std::string asked =
-        what(header.type) + ", in " + std::to_string(attempts) + " attempts within " + std::to_string(timeout) + " s";
-    if (course.damaged > 0)
+    const std::string asked = name_of(header.type) + ", in " + std::to_string(attempts) + " attempts within " +
+                              std::to_string(timeout) + " s";
+    if (useless.damaged > 0)
       return fail(LinkProblem::damaged_frames,
-                  std::to_string(course.damaged) + " frames came damaged and no answer whole to " + asked);
-    if (course.stale >= attempts)
+                  std::to_string(useless.damaged) + " frames came damaged and no intact answer to " + asked);
+    if (useless.stale >= attempts)
       return fail(LinkProblem::stale_answers,
-                  std::to_string(course.stale) + " answers of the past came and none to " + asked);
+                  std::to_string(useless.stale) + " answers to earlier questions came and none to " + asked);
     return fail(LinkProblem::link_lost, "the board did not answer " + asked);
   }
 
-  // The frame that answers, or why there is none; a damaged one may have been it, so that it is worth asking again.
-  Found await(const link::Header& header, Moment until, bool last, Course& course) {
+  // The frame that answers, or why there is none; a damaged frame may have been the answer, so that the question is
+  // repeated.
+  Found await(const link::Header& header, Moment until, bool last, Useless& useless) {
     for (;;) {
       const Found found = line_.receive(decoder_, until);
       if (found == Found::damaged) {
         ++counts_.damaged;
-        if (++course.damaged > most_damaged || !last) return found;
+        if (++useless.damaged > most_damaged || !last) return found;
       } else if (found == Found::frame && keep_early()) {
         continue;
       } else if (found != Found::frame || answers(header)) {
         return found;
       } else {
         ++counts_.stale;
-        ++course.stale;
+        ++useless.stale;
       }
     }
   }
@@ -308,7 +301,7 @@ class SerialLink {
     if (got.version != link::protocol_version) return another_version(std::to_string(got.version));
     if (got.type == link::Type::refused) return refuse(message<link::Refused>());
     if (got.type != answer || decoder_.size() != answer_size)
-      return fail(LinkProblem::bad_answer, "the board answered " + what(header.type) + " with a frame of type " +
+      return fail(LinkProblem::bad_answer, "the board answered " + name_of(header.type) + " with a frame of type " +
                                                std::to_string(static_cast<int>(got.type)) + " and " +
                                                std::to_string(decoder_.size()) + " bytes");
     ++counts_.answers;
@@ -316,7 +309,7 @@ class SerialLink {
   }
 
   bool another_version(const std::string& version) {
-    return fail(LinkProblem::wrong_version, "the board speaks version " + version + " of the protocol; allowed is " +
+    return fail(LinkProblem::wrong_version, "the board has version " + version + " of the protocol; it must be " +
                                                 std::to_string(link::protocol_version));
   }
 
@@ -332,7 +325,8 @@ class SerialLink {
       case link::Refusal::no_sensors:
         return fail(LinkProblem::refused, "the board measures nothing by itself");
       case link::Refusal::bad_parameters:
-        return fail(LinkProblem::refused, "the board makes no controller of the parameters (code " + detail + ")");
+        return fail(LinkProblem::refused,
+                    "the board cannot make a controller from the parameters (code " + detail + ")");
       default:
         return fail(LinkProblem::refused, "the board refused (" +
                                               std::to_string(static_cast<std::uint32_t>(refused.why)) + ", detail " +
@@ -340,7 +334,7 @@ class SerialLink {
     }
   }
 
-  static std::string what(link::Type question) {
+  static std::string name_of(link::Type question) {
     switch (question) {
       case link::Type::hello:
         return "a hello";
@@ -373,7 +367,7 @@ class SerialLink {
   std::array<Early, 64> early_{};  // ticks that came while an answer was waited for
   std::size_t early_count_{};
   std::size_t tick_size_{};
-  SerialLine::Moment heard_at_;
+  SerialLine::Moment received_at_;
   int damaged_in_a_row_{};
   std::array<std::uint8_t, link::encoded_size(link::most_payload)> sent_{};
 };

@@ -1,161 +1,151 @@
 #pragma once
-// A board with sensors and motors of its own: it ticks by its own clock, and the loop follows what it sends. What the
-// loop wants of it goes back with every tick; where the loop stops hearing it, it stops hearing the loop, and rests.
+// A board with sensors and motors of its own: it ticks by its own clock, and the loop follows the ticks that it sends.
+// What the loop wants of it is sent back with every tick; where the loop receives no more ticks, the board receives no
+// more messages, and stops.
 
 #include <thread>
 
 #include "board_controller.hpp"
 #include "device.hpp"
+#include "queue.hpp"
 
 namespace tenodesis::runtime {
 
 class StreamedController final : public BoardController {
  public:
-  StreamedController(int descriptor, const Image& image, const LinkSettings& settings)
-      : BoardController(descriptor, image, settings) {
+  StreamedController(int descriptor, const link::ControllerParameters& parameters, const LinkSettings& settings)
+      : BoardController(descriptor, parameters, settings) {
     if (problem() == LinkProblem::none) begin();
   }
 
-  /// The next tick of the board's; false where none has come within so many ns, and the input holds the one before.
-  bool hear(AnyInput& input, std::uint64_t timeout) {
+  /// The board's next tick; false where none has come within so many ns, and the input holds the previous one.
+  bool receive(AnyInput& input, std::uint64_t timeout) {
     const auto until = SerialLine::Clock::now() + std::chrono::nanoseconds(timeout);
-    const bool fresh = hear(until);
-    // A line that has failed answers at once, and the loop is not to run in circles.
+    const bool fresh = receive(until);
+    // A line that has failed returns at once, and the loop must not spin.
     if (!fresh && problem() != LinkProblem::none) std::this_thread::sleep_until(until);
-    input.time = heard_.tick.time;
-    for (int n = 0; n < axes(); ++n) {
-      const link::Measured& from = heard_.axis[n].measured;
-      input.axis[n] = {
-          from.handle_angle, {from.tension[0], from.tension[1]}, {from.spool_angle[0], from.spool_angle[1]}};
-    }
+    input.time = received_.tick.time;
+    for (int n = 0; n < axes(); ++n) input.axis[n] = measurement_as<Measurement<double>>(received_.axis[n].measured);
     return fresh;
   }
 
   /// Ticks that were lost before the last.
   std::uint64_t overtaken() const { return overtaken_; }
 
-  /// What the board has answered already; a request goes to it with what it is told next.
+  /// What the board has answered already; a request goes to it with the next message.
   void step(const AnyInput& input, AnyOutput& output) override {
     const std::scoped_lock guard(mutex());
-    if (problem() != LinkProblem::none && input.request == Request::clear && link().resume(image())) begin();
+    if (problem() != LinkProblem::none && input.request == Request::clear && link().resume(parameters())) begin();
     if (problem() == LinkProblem::none) {
       ask(input.request);
       put(answer_, output);
     } else {
       stop(output);
     }
-    note(input, output);
+    record(input, output);
   }
 
-  /// Lets the motors do what the board wants of them, or have them rest where the loop wants something else. But for
-  /// what stops, one message is under way at a time: a slow board would hear of the rest late, and take it for new.
-  void tell(const Velocities& speed) {
+  /// Lets the board drive its motors as it has answered, or stops them where the loop wants other velocities. One
+  /// message is under way at a time, except for what stops: a slow board would receive the others late, and take them
+  /// for new ones.
+  void send(const Velocities& speed) {
     const std::scoped_lock guard(mutex());
     if (problem() != LinkProblem::none || !unanswered_) return;
     unanswered_ = false;
-    if (heard_.number == keep_.number) next_request();
+    if (received_.number == keep_.number && waiting_.first() != Request::none) set_request(waiting_.pop());
     const bool rested = keep_.rest != 0;
     keep_.rest = 0;
     for (int n = 0; n < axes(); ++n)
       for (int i = 0; i < 2; ++i)
         if (speed[n][i] != double(answer_.axis[n].spool_velocity[i])) keep_.rest = 1;
     keep_.choice = choice();
-    const bool arrived = heard_.kept == told_ || number_ - told_at_ >= longest_way;
+    const bool arrived = received_.kept == sent_ || number_ - sent_at_ >= longest_way;
     if (!arrived && !urgent_ && (keep_.rest == 0 || rested)) return;
     urgent_ = false;
-    told_ = link().tell(link::Type::keep, &keep_, sizeof keep_);
-    told_at_ = number_;
+    sent_ = link().notify(link::Type::keep, &keep_, sizeof keep_);
+    sent_at_ = number_;
   }
 
-  /// Has the motors rest and the board be silent.
+  /// Stops the motors and the board's ticks.
   void rest() {
     const std::scoped_lock guard(mutex());
-    link().tell(link::Type::stop, nullptr, 0);
+    link().notify(link::Type::stop, nullptr, 0);
   }
 
   void reset() override {
     const std::scoped_lock guard(mutex());
-    if (link().start(image())) begin();
+    if (link().start(parameters())) begin();
     forget();
   }
 
-  const link::Measured& measured(int axis) const { return heard_.axis[axis].measured; }
+  const link::Measured& measured(int axis) const { return received_.axis[axis].measured; }
 
  private:
-  static constexpr std::uint32_t longest_way = 16;  // ticks in which a message arrives, if it does
+  static constexpr std::uint32_t longest_way = 16;  // ticks until a message that arrives has arrived
 
   void begin() {
-    heard_ = {};
+    received_ = {};
     answer_ = {};
     keep_ = {};
-    waiting_count_ = 0;
+    waiting_.clear();
     number_ = 0;
     overtaken_ = 0;
     unanswered_ = urgent_ = false;
-    told_at_ = 0 - longest_way;
-    link().listen(link::Streamed::size(axes()));
+    sent_at_ = 0 - longest_way;
+    link().start_streaming(link::size_with<link::Streamed>(axes()));
   }
 
-  bool hear(SerialLine::Moment until) {
+  bool receive(SerialLine::Moment until) {
     const std::scoped_lock guard(mutex());
     if (problem() != LinkProblem::none) return false;
     std::uint32_t number = 0;
     link::Streamed streamed{};
-    if (!link().hear(streamed, number, number_, until)) return false;
+    if (!link().receive(streamed, number, number_, until)) return false;
     const link::Output answer{streamed.tick, {streamed.axis[0].answer, streamed.axis[1].answer}};
     if (!is_later(streamed.tick.time) || !is_sound(answer)) {
-      link().tell(link::Type::stop, nullptr, 0);
+      link().notify(link::Type::stop, nullptr, 0);
       return false;
     }
     overtaken_ = number - number_ - 1;
     number_ = number;
-    heard_ = streamed;
+    received_ = streamed;
     answer_ = answer;
     unanswered_ = true;
     return true;
   }
 
   bool is_later(std::uint64_t time) {
-    if (time > heard_.tick.time) return true;
+    if (time > received_.tick.time) return true;
     return link().fail(LinkProblem::wrong_tick, "the board sent a tick of " + std::to_string(time) +
-                                                    " ns after that of " + std::to_string(heard_.tick.time) + " ns");
+                                                    " ns after that of " + std::to_string(received_.tick.time) + " ns");
   }
 
-  // One at a time, until the board says that it has it; what stops does not wait.
+  // Sent one at a time, until the board confirms that it has arrived; a request that stops does not wait.
   void ask(Request request) {
-    if (request == Request::none) return;
     if (request == Request::pause || request == Request::disable) {
-      waiting_count_ = 0;
-      say(request);
+      waiting_.clear();
+      set_request(request);
       urgent_ = true;
-      return;
+    } else if (request != Request::none) {
+      waiting_.push(request);
     }
-    if (waiting_count_ == waiting_.size()) --waiting_count_;
-    waiting_[waiting_count_++] = request;
   }
 
-  void next_request() {
-    if (waiting_count_ == 0) return;
-    say(waiting_[0]);
-    std::copy(waiting_.begin() + 1, waiting_.end(), waiting_.begin());
-    --waiting_count_;
-  }
-
-  void say(Request request) {
+  // A new number makes it a new request to the board.
+  void set_request(Request request) {
     keep_.request = static_cast<std::uint32_t>(request);
     ++keep_.number;
   }
 
-  link::Streamed heard_{};
-  link::Output answer_{};   // of it
-  std::uint32_t number_{};  // of it
+  link::Streamed received_{};  // the last tick
+  link::Output answer_{};      // in it
+  std::uint32_t number_{};     // of it
   std::uint64_t overtaken_{};
-  bool unanswered_{};                 // the tick that was heard last
-  bool urgent_{};                     // what is to be told stops motors
-  std::uint32_t told_{}, told_at_{};  // what was told last, and with which tick
-  link::Keep keep_{};                 // what the board is told
-  std::array<Request, 8> waiting_{};
-  std::size_t waiting_count_{};
+  bool unanswered_{};                 // the last tick
+  bool urgent_{};                     // what is to be sent stops motors
+  std::uint32_t sent_{}, sent_at_{};  // the last message, and with which tick it was sent
+  link::Keep keep_{};                 // what is sent to the board
+  RequestQueue waiting_;
 };
 
 /// Sensors and motors of such a board, as the loop sees them.
@@ -166,16 +156,15 @@ class StreamedDevice final : public Device {
   int axes() const override { return board_.axes(); }
   bool simulated() const override { return false; }
   bool clocked() const override { return true; }
-  bool read(AnyInput& input, std::uint64_t timeout) override { return board_.hear(input, timeout); }
+  bool read(AnyInput& input, std::uint64_t timeout) override { return board_.receive(input, timeout); }
   std::uint64_t overtaken() const override { return board_.overtaken(); }
 
   bool write(const Velocities& speed, const Benches& /*bench*/) override {
-    board_.tell(speed);
+    board_.send(speed);
     return true;
   }
 
   Signals signals(int axis) const override {
-    constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
     const link::Measured& from = board_.measured(axis);
     Signals known;
     known.fill(unknown);

@@ -1,5 +1,5 @@
 #pragma once
-// The digital twin as a device: each write is one tick of its time.
+// The digital twin as a device: each write advances it by one tick.
 
 #include <cmath>
 #include <utility>
@@ -11,8 +11,8 @@ namespace tenodesis::runtime {
 
 class TwinDevice final : public Device {
  public:
-  /// The twins outlive it; steps_per_tick of them make a tick.
-  TwinDevice(std::vector<bindings::AnyTwin*> twins, double time_step, int steps_per_tick)
+  /// The twins must outlive it; a tick is so many of their steps.
+  TwinDevice(std::vector<engine::AnyTwin*> twins, double time_step, int steps_per_tick)
       : twins_(std::move(twins)), time_step_(time_step), steps_per_tick_(steps_per_tick) {}
 
   int axes() const override { return static_cast<int>(twins_.size()); }
@@ -21,16 +21,12 @@ class TwinDevice final : public Device {
 
   bool read(AnyInput& input, std::uint64_t /*timeout*/) override {
     input.time = static_cast<std::uint64_t>(std::llround(double(steps_ + 1) * time_step_ * 1e9));
-    for (std::size_t n = 0; n < twins_.size(); ++n) {
-      const Reading<double>& reading = twins_[n]->reading();
-      input.axis[n] = {reading.handle_angle,
-                       {reading.tension[0], reading.tension[1]},
-                       {reading.spool_angle[0], reading.spool_angle[1]}};
-    }
+    for (std::size_t n = 0; n < twins_.size(); ++n)
+      input.axis[n] = measurement_as<Measurement<double>>(twins_[n]->reading());
     return true;
   }
 
-  // A load that a tip cannot hold is not taken: the step is made with the one before.
+  // A load that a tip cannot hold is not applied: the step is made with the previous one.
   bool write(const Velocities& speed, const Benches& bench) override {
     bool taken = true;
     for (int k = 0; k < steps_per_tick_; ++k) {
@@ -64,7 +60,7 @@ class TwinDevice final : public Device {
     return true;
   }
 
-  std::vector<bindings::AnyTwin*> twins_;
+  std::vector<engine::AnyTwin*> twins_;
   double time_step_;
   int steps_per_tick_;
   std::uint64_t steps_{};

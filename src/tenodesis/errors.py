@@ -73,3 +73,24 @@ class ReportError(Error):
 
 class CommandError(Error):
     """A command is given options that do not go together; the message says which."""
+
+
+class MissingExtraError(Error, ImportError):
+    """An optional dependency is not installed; the message says which extra brings it.
+
+    Parameters
+    ----------
+    module
+        The module that is missing.
+    extra
+        Name of the extra that installs it.
+    """
+
+    def __init__(self, module: str, extra: str) -> None:
+        super().__init__(
+            f"{module} is not installed; it needs the extra [{extra}]: pip install 'tenodesis[{extra}]'.",
+            key="module",
+            value=module,
+            allowed=f"installed with the extra [{extra}]",
+        )
+        self.extra = extra

@@ -122,7 +122,7 @@ auto a_tick(const tenodesis_parameters& parameters, const typename A::Scalar* in
   if (!configure(parameters, controller)) return S(0);
   auto state = controller.start();
   ControlInput<S, axes> input{};
-  for (auto& one : input.axis) one = {in[0], {in[1], in[2]}, {in[3], in[4]}};
+  for (auto& each : input.axis) each = {in[0], {in[1], in[2]}, {in[3], in[4]}};
   ControlOutput<S, axes> output{};
   for (int tick = 0; tick < 3; ++tick) {
     input.request = tick == 0 ? Request::home : Request::resume;
@@ -130,7 +130,7 @@ auto a_tick(const tenodesis_parameters& parameters, const typename A::Scalar* in
     controller.step(input, state, output);
   }
   S sum(0);
-  for (const auto& one : output.axis) sum = sum + one.spool_velocity[0] + one.estimate.output_angle;
+  for (const auto& each : output.axis) sum = sum + each.spool_velocity[0] + each.estimate.output_angle;
   return sum;
 }
 

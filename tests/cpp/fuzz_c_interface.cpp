@@ -1,6 +1,6 @@
 // Random structs, random calls in random order, on random memory: whatever comes in, no call crashes, reads or writes
-// past what it was given, or computes what the language leaves undefined (built with the sanitizers that tell), and
-// nothing but finite velocities within the limit comes out. Usage: fuzz_c_interface [ROUNDS [SEED]]
+// past what it was given, or computes what the language leaves undefined (built with the sanitizers that detect it),
+// and nothing but finite velocities within the limit comes out. Usage: fuzz_c_interface [ROUNDS [SEED]]
 
 #include <algorithm>
 #include <array>
@@ -40,17 +40,17 @@ bool same(const tenodesis_output& a, const tenodesis_output& b) {
   bool all = a.state == b.state && a.homed == b.homed && a.homing == b.homing && a.faults == b.faults &&
              a.first_faults == b.first_faults;
   for (int n = 0; n < TENODESIS_AXES; ++n) {
-    const auto& one = a.axis[n];
+    const auto& each = a.axis[n];
     const auto& other = b.axis[n];
-    all = all && same(one.spool_velocity[0], other.spool_velocity[0]) &&
-          same(one.spool_velocity[1], other.spool_velocity[1]) && same(one.output_angle, other.output_angle) &&
-          same(one.output_angle_std, other.output_angle_std) && same(one.tip_force, other.tip_force) &&
-          same(one.friction_scale, other.friction_scale) && one.faults == other.faults;
+    all = all && same(each.spool_velocity[0], other.spool_velocity[0]) &&
+          same(each.spool_velocity[1], other.spool_velocity[1]) && same(each.output_angle, other.output_angle) &&
+          same(each.output_angle_std, other.output_angle_std) && same(each.tip_force, other.tip_force) &&
+          same(each.friction_scale, other.friction_scale) && each.faults == other.faults;
   }
   return all;
 }
 
-/// The least of a plant that lets homing and laws run: frictionless tendons that the motors wind as they are told.
+/// The simplest plant that lets homing and laws run: frictionless tendons, and motors that follow exactly.
 struct Plant {
   Real handle{}, spool[TENODESIS_AXES][2]{}, speed[TENODESIS_AXES][2]{};
   int moving{};  ///< ticks that the hand has moved for: it waits for homing
@@ -86,7 +86,7 @@ class Fuzz {
 
   void round() {
     ++seen_.rounds;
-    // Of its own size on the heap, so that a byte past it is told.
+    // Of its exact size on the heap, so that an access beyond it is detected.
     const auto controller = std::make_unique<tenodesis_controller>();
     if (chance(0.3)) scramble(*controller);
     for (int call = 0; call < 12; ++call) any_call(*controller);
@@ -218,8 +218,8 @@ class Fuzz {
     }
     input.time = chance(0.5) ? random_() : below<std::uint64_t>(1000000000);
     input.request = below(8U);
-    for (auto& one : input.axis) {
-      one = {any_number(), {any_number(), any_number()}, {any_number(), any_number()}};
+    for (auto& each : input.axis) {
+      each = {any_number(), {any_number(), any_number()}, {any_number(), any_number()}};
     }
     return input;
   }
@@ -342,9 +342,9 @@ class Fuzz {
   void check_numbers(const tenodesis_parameters& p, const tenodesis_input& input, const tenodesis_output& output) {
     bool readable = true;
     for (unsigned n = 0; n < p.axes; ++n) {
-      const auto& one = input.axis[n];
+      const auto& each = input.axis[n];
       for (const Real number :
-           {one.handle_angle, one.tension[0], one.tension[1], one.spool_angle[0], one.spool_angle[1]})
+           {each.handle_angle, each.tension[0], each.tension[1], each.spool_angle[0], each.spool_angle[1]})
         readable = readable && std::isfinite(number);
     }
     if (readable) return;

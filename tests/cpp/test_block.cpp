@@ -1,6 +1,6 @@
 // Claims about the block solve: for every mechanism and any input, it finds what the point-by-point solve finds.
 
-#include "../../src/bindings/block.hpp"
+#include "bindings/block.hpp"
 
 #include <random>
 

@@ -45,13 +45,13 @@ class Readings {
     if (tick % 1000 == 900) input.request = TENODESIS_REQUEST_CLEAR;
     if (tick % 1000 == 700) input.request = TENODESIS_REQUEST_PAUSE;
     for (int n = 0; n < two; ++n) {
-      auto& one = input.axis[n];
-      one.handle_angle = Number(0.5 * std::sin(tick * 0.002));
+      auto& each = input.axis[n];
+      each.handle_angle = Number(0.5 * std::sin(tick * 0.002));
       for (int i = 0; i < 2; ++i) {
         const double load = i == 0 ? 3 : -3;
         const double noise = std::uniform_real_distribution<>(-0.05, 0.05)(random_);
-        one.tension[i] = Number(25 - 5 * n + load + noise) + stiffness * radius * spool_[n][i];
-        one.spool_angle[i] = spool_[n][i];
+        each.tension[i] = Number(25 - 5 * n + load + noise) + stiffness * radius * spool_[n][i];
+        each.spool_angle[i] = spool_[n][i];
       }
     }
     if (tick % 1000 == bad_tick) input.axis[0].tension[1] = std::numeric_limits<Number>::quiet_NaN();
@@ -86,14 +86,14 @@ bool same(const tenodesis_output& c, const ControlOutput<Number, two>& cpp) {
   bool all = c.state == static_cast<unsigned>(cpp.state) && c.homed == unsigned(cpp.homed) &&
              c.homing == unsigned(cpp.homing) && c.faults == cpp.faults && c.first_faults == cpp.first_faults;
   for (int n = 0; n < two; ++n) {
-    const auto& one = c.axis[n];
+    const auto& each = c.axis[n];
     const auto& other = cpp.axis[n];
     const auto& e = other.estimate;
-    all = all && same(one.spool_velocity[0], other.spool_velocity[0]) &&
-          same(one.spool_velocity[1], other.spool_velocity[1]) && same(one.output_angle, e.output_angle) &&
-          same(one.output_angle_std, e.output_angle_std) && same(one.tip_force, e.tip_force) &&
-          same(one.tip_force_std, e.tip_force_std) && same(one.friction_scale, e.friction_scale) &&
-          same(one.friction_scale_std, e.friction_scale_std) && one.faults == other.faults;
+    all = all && same(each.spool_velocity[0], other.spool_velocity[0]) &&
+          same(each.spool_velocity[1], other.spool_velocity[1]) && same(each.output_angle, e.output_angle) &&
+          same(each.output_angle_std, e.output_angle_std) && same(each.tip_force, e.tip_force) &&
+          same(each.tip_force_std, e.tip_force_std) && same(each.friction_scale, e.friction_scale) &&
+          same(each.friction_scale_std, e.friction_scale_std) && each.faults == other.faults;
   }
   return all;
 }
@@ -106,11 +106,11 @@ bool same(const tenodesis_output& a, const tenodesis_output& b) {
   as.faults = b.faults;
   as.first_faults = b.first_faults;
   for (int n = 0; n < two; ++n) {
-    const auto& one = b.axis[n];
-    as.axis[n] = {{one.spool_velocity[0], one.spool_velocity[1]},
-                  {one.output_angle, one.output_angle_std, one.tip_force, one.tip_force_std, one.friction_scale,
-                   one.friction_scale_std},
-                  one.faults};
+    const auto& each = b.axis[n];
+    as.axis[n] = {{each.spool_velocity[0], each.spool_velocity[1]},
+                  {each.output_angle, each.output_angle_std, each.tip_force, each.tip_force_std, each.friction_scale,
+                   each.friction_scale_std},
+                  each.faults};
   }
   return same(a, as);
 }
@@ -319,22 +319,22 @@ void reset_is_a_fresh_start() {
 
 void a_copy_goes_on_by_itself() {
   const tenodesis_parameters p = parameters(TENODESIS_TENDON_PULLEY, 1);
-  tenodesis_controller one;
-  CLAIM(tenodesis_init(&one, &p) == TENODESIS_OK);
+  tenodesis_controller original;
+  CLAIM(tenodesis_init(&original, &p) == TENODESIS_OK);
   Readings readings;
   tenodesis_output output;
   for (int tick = 0; tick < 500; ++tick) {
     const tenodesis_input input = readings.at(tick);
-    tenodesis_step(&one, &input, &output);
+    tenodesis_step(&original, &input, &output);
     readings.follow(output);
   }
-  tenodesis_controller copy = one;
+  tenodesis_controller copy = original;
   const tenodesis_input input = readings.at(500);
   tenodesis_output of_copy;
   tenodesis_step(&copy, &input, &of_copy);
-  CLAIM(tenodesis_records(&one) == TENODESIS_RECORDS && tenodesis_reset(&copy) == TENODESIS_OK &&
-        tenodesis_records(&one) == TENODESIS_RECORDS);
-  tenodesis_step(&one, &input, &output);
+  CLAIM(tenodesis_records(&original) == TENODESIS_RECORDS && tenodesis_reset(&copy) == TENODESIS_OK &&
+        tenodesis_records(&original) == TENODESIS_RECORDS);
+  tenodesis_step(&original, &input, &output);
   CLAIM(same(output, of_copy));
 }
 
@@ -409,7 +409,22 @@ void faults_have_names() {
   CLAIM(std::strcmp(tenodesis_fault_name(UINT32_MAX), "unknown") == 0);
 }
 
+// Parameters and headers that were written for this version must keep their meaning.
+void the_layout_of_version_1_is_unchanged() {
+  constexpr std::size_t real = sizeof(tenodesis_real);
+  using Axis = tenodesis_axis_parameters;
+  static_assert(TENODESIS_VERSION == 1);
+  CLAIM(offsetof(tenodesis_parameters, homed) == 36 && offsetof(tenodesis_parameters, relief) == 40 + 7 * real);
+  CLAIM(sizeof(tenodesis_parameters) == 40 + 182 * real);
+  CLAIM(offsetof(Axis, handle_range) == 6 * real && offsetof(Axis, sheath_bend_rate) == 16 * real);
+  CLAIM(offsetof(Axis, slack_tension) == 30 * real && offsetof(Axis, still_time) == 45 * real);
+  CLAIM(offsetof(Axis, homing_least_stretch) == 53 * real && offsetof(Axis, watch_window) == 58 * real);
+  CLAIM(offsetof(Axis, spool_jump) == 59 * real && offsetof(Axis, limit) == 61 * real);
+  CLAIM(TENODESIS_FAULT_ENCODER_JUMP == 7 && TENODESIS_FAULT_HOMING_FAILED == TENODESIS_FAULTS - 1);
+}
+
 int main() {
+  the_layout_of_version_1_is_unchanged();
   sizes_are_those_that_the_header_promises();
   for (const unsigned axes : {1U, 2U}) {
     const auto check = [&](unsigned observer, unsigned law) {

@@ -11,10 +11,10 @@
 #include <thread>
 #include <vector>
 
-#include "../../src/runtime/durations.hpp"
-#include "../../src/runtime/queue.hpp"
-#include "../../src/runtime/ring.hpp"
 #include "claim.hpp"
+#include "runtime/durations.hpp"
+#include "runtime/queue.hpp"
+#include "runtime/ring.hpp"
 
 using namespace tenodesis::runtime;
 
@@ -34,9 +34,9 @@ void percentiles_are_right_to_a_sixteenth() {
   std::ranges::sort(all);
   for (const double share : {0.0, 0.1, 0.5, 0.9, 0.99, 0.9999}) {
     const auto exact = double(all[std::size_t(share * double(all.size()))]);
-    const auto told = double(durations.percentile(share));
-    CLAIM(told >= exact);
-    CLAIM(told <= exact * (1 + 1.0 / 16) + 1);
+    const auto estimate = double(durations.percentile(share));
+    CLAIM(estimate >= exact);
+    CLAIM(estimate <= exact * (1 + 1.0 / 16) + 1);
   }
   CLAIM(durations.worst() == all.back());
   CLAIM(durations.count() == all.size());
@@ -67,18 +67,18 @@ void a_queue_keeps_the_order_and_refuses_what_does_not_fit() {
   });
   bool in_order = true;
   for (std::uint64_t i = 0; i < count;) {
-    std::uint64_t one = 0;
-    if (!between.pop(one)) {
+    std::uint64_t item = 0;
+    if (!between.pop(item)) {
       std::this_thread::yield();
       continue;
     }
-    in_order = in_order && one == i++;
+    in_order = in_order && item == i++;
   }
   giver.join();
   CLAIM(in_order);
 }
 
-// Every number of a record is the record's own, so that a torn one shows.
+// All values of a record are equal, so that a torn record is noticed.
 void a_reader_never_sees_a_torn_record_and_knows_what_it_missed() {
   const std::string path = place("ring");
   constexpr std::uint64_t count = 100'000;
@@ -97,20 +97,20 @@ void a_reader_never_sees_a_torn_record_and_knows_what_it_missed() {
     });
     std::vector<double> rows(columns * 16);
     std::uint64_t cursor = 0, lost = 0, seen = 0;
-    bool whole = true, in_order = true;
+    bool undivided = true, in_order = true;
     double last = -1;
     while (cursor < count) {
       const std::size_t got = reader.read(cursor, 16, rows.data(), lost);
       for (std::size_t i = 0; i < got; ++i) {
         const double* row = rows.data() + i * columns;
-        whole = whole && std::all_of(row, row + columns, [&](double one) { return one == row[0]; });
+        undivided = undivided && std::all_of(row, row + columns, [&](double item) { return item == row[0]; });
         in_order = in_order && row[0] > last;
         last = row[0];
       }
       seen += got;
     }
     writing.join();
-    CLAIM(whole);
+    CLAIM(undivided);
     CLAIM(in_order);
     CLAIM(seen + lost == count);
     CLAIM(seen > 0);

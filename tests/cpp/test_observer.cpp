@@ -281,8 +281,9 @@ void no_finite_reading_makes_the_tip_or_the_friction_not_a_number(const A& axis)
     FrictionMemory<S> memory{};
     for (int n = 0; n < 20000; ++n) {
       const double size = std::pow(10, 3 * any(random));
-      const auto one = [&] { return S(size * any(random)); };
-      const Measurement<S> measured{S(double(axis.handle_range) * any(random)), {one(), one()}, {one(), one()}};
+      const auto any_value = [&] { return S(size * any(random)); };
+      const Measurement<S> measured{
+          S(double(axis.handle_range) * any(random)), {any_value(), any_value()}, {any_value(), any_value()}};
       observer.update(measured, S(dt), memory);
       const auto estimate = observer.estimate(memory);
       CLAIM(all_finite(memory.scale, memory.compliance, memory.reference, memory.tip, memory.output_angle));

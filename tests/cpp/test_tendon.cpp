@@ -40,7 +40,7 @@ struct Pulled {
 
   S scale() const {
     S most = tendon.rest_tension;
-    for (const S one : state.tension.at) most = larger(most, one);
+    for (const S each : state.tension.at) most = larger(most, each);
     return most;
   }
 
@@ -143,7 +143,7 @@ struct BruteForce {
 
 void sliding_tensions_differ_by_the_capstan_ratio_both_ways() {
   for (const double exponent : {0.01, 0.3, 1.0, 3.0}) {
-    Pulled<double, 1> one({exponent}, 0, 0);
+    Pulled<double, 1> pulled_tendon({exponent}, 0, 0);
     const double ratio = std::exp(exponent);
     double wound = 0;
     int slid = 0;
@@ -151,12 +151,12 @@ void sliding_tensions_differ_by_the_capstan_ratio_both_ways() {
       const int steps = way > 0 ? 2000 : 1000;
       const double step = (way > 0 ? 5e-3 : 8e-3) / 1000;
       for (int i = 0; i < steps; ++i) {
-        one.wind(wound += way * step * (way > 0 ? 1 : 0.5));
-        const double slipped = one.state.slip[0] - one.from[0];
-        if (slipped == 0 || one.proximal() == 0) continue;
+        pulled_tendon.wind(wound += way * step * (way > 0 ? 1 : 0.5));
+        const double slipped = pulled_tendon.state.slip[0] - pulled_tendon.from[0];
+        if (slipped == 0 || pulled_tendon.proximal() == 0) continue;
         ++slid;
         CLAIM(slipped * way > 0);
-        CLAIM_NEAR(one.proximal() / one.distal() / (way > 0 ? ratio : 1 / ratio), 1.0, 1e-9);
+        CLAIM_NEAR(pulled_tendon.proximal() / pulled_tendon.distal() / (way > 0 ? ratio : 1 / ratio), 1.0, 1e-9);
       }
     }
     CLAIM(slid > 1000);
@@ -164,94 +164,96 @@ void sliding_tensions_differ_by_the_capstan_ratio_both_ways() {
 }
 
 void nothing_is_transmitted_inside_the_band() {
-  Pulled<double, 1> one({0.5}, 0, 0);
-  one.pull(100);
-  const double held = one.distal();
-  const double slip = one.state.slip[0];
+  Pulled<double, 1> pulled_tendon({0.5}, 0, 0);
+  pulled_tendon.pull(100);
+  const double held = pulled_tendon.distal();
+  const double slip = pulled_tendon.state.slip[0];
   CLAIM_NEAR(held, 100 * std::exp(-0.5), 1e-6);
   // Down to just inside the other bound, back up, and down again.
   const double lowest = held * std::exp(-0.5);
   for (int i = 0; i <= 300; ++i) {
     const double share = std::fabs(i % 200 - 100.0) / 100;
-    one.pull(lowest * 1.0001 + share * (99.99 - lowest * 1.0001));
-    CLAIM(one.distal() == held);
-    CLAIM(one.state.slip[0] == slip);
+    pulled_tendon.pull(lowest * 1.0001 + share * (99.99 - lowest * 1.0001));
+    CLAIM(pulled_tendon.distal() == held);
+    CLAIM(pulled_tendon.state.slip[0] == slip);
   }
-  one.pull(lowest * 0.99);
-  CLAIM(one.distal() < held);
-  CLAIM_NEAR(one.distal(), held * 0.99, 1e-6);
+  pulled_tendon.pull(lowest * 0.99);
+  CLAIM(pulled_tendon.distal() < held);
+  CLAIM_NEAR(pulled_tendon.distal(), held * 0.99, 1e-6);
 }
 
 void a_constant_part_adds_to_the_pulled_side_whatever_the_load() {
   for (const double exponent : {0.0, 0.4}) {
     const double ratio = std::exp(exponent);
-    Pulled<double, 1> one({exponent}, 1.5, 0);
+    Pulled<double, 1> pulled_tendon({exponent}, 1.5, 0);
     double before = pretension;
     for (const double tension : {40.0, 80.0, 120.0}) {
-      one.pull(tension);
-      CLAIM_NEAR(tension - ratio * one.distal(), 1.5, 1e-6);
-      CLAIM(one.distal() > before);
-      before = one.distal();
+      pulled_tendon.pull(tension);
+      CLAIM_NEAR(tension - ratio * pulled_tendon.distal(), 1.5, 1e-6);
+      CLAIM(pulled_tendon.distal() > before);
+      before = pulled_tendon.distal();
     }
     for (const double tension : {30.0, 10.0, 0.0}) {
-      one.pull(tension);
-      CLAIM_NEAR(one.distal() - ratio * tension, 1.5, 1e-6);
+      pulled_tendon.pull(tension);
+      CLAIM_NEAR(pulled_tendon.distal() - ratio * tension, 1.5, 1e-6);
     }
   }
 }
 
 void a_viscous_part_adds_in_proportion_to_speed() {
   for (const double exponent : {0.0, 0.4}) {
-    Pulled<double, 1> one({exponent}, 0, 200);
+    Pulled<double, 1> pulled_tendon({exponent}, 0, 200);
     const double ratio = std::exp(exponent);
     double wound = 0;
     for (const double speed : {0.02, 0.05, -0.05, -0.02}) {
-      for (int i = 0; i < 60; ++i) one.wind(wound += speed * time_step);
-      const double slipped = one.state.slip[0] - one.from[0];
+      for (int i = 0; i < 60; ++i) pulled_tendon.wind(wound += speed * time_step);
+      const double slipped = pulled_tendon.state.slip[0] - pulled_tendon.from[0];
       CLAIM(slipped * speed > 0);
-      const double pulled = speed > 0 ? one.proximal() : one.distal();
-      const double held = speed > 0 ? one.distal() : one.proximal();
+      const double pulled = speed > 0 ? pulled_tendon.proximal() : pulled_tendon.distal();
+      const double held = speed > 0 ? pulled_tendon.distal() : pulled_tendon.proximal();
       CLAIM_NEAR(pulled - ratio * held, 200 * std::fabs(slipped) / time_step, 1e-6);
     }
     // At rest what is left of it fades.
-    for (int i = 0; i < 2000; ++i) one.wind(wound);
-    CLAIM(std::fabs(one.proximal() - one.distal()) <= (ratio - 1) * larger(one.proximal(), one.distal()) + 1e-9);
+    for (int i = 0; i < 2000; ++i) pulled_tendon.wind(wound);
+    CLAIM(std::fabs(pulled_tendon.proximal() - pulled_tendon.distal()) <=
+          (ratio - 1) * larger(pulled_tendon.proximal(), pulled_tendon.distal()) + 1e-9);
   }
 }
 
 void a_tendon_goes_slack_and_tightens_again_where_it_did() {
   for (const double exponent : {0.0, 0.3}) {
-    Pulled<double, 3> one({exponent, exponent, exponent}, 0, 0);
+    Pulled<double, 3> pulled_tendon({exponent, exponent, exponent}, 0, 0);
     const double slack_at = -pretension / total_stiffness;
     const double step = 1e-6;
     double wound = 0;
     const auto go = [&](double to) {
-      double before = one.proximal();
+      double before = pulled_tendon.proximal();
       int against = 0;
       while (std::fabs(to - wound) > step / 2) {
         const double way = to > wound ? 1 : -1;
-        one.wind(wound += way * step);
-        if ((one.proximal() - before) * way < -1e-9) ++against;
-        before = one.proximal();
-        if (wound < slack_at - step) CLAIM(one.scale() == pretension && one.proximal() == 0 && one.distal() == 0);
-        if (wound > slack_at + step) CLAIM(one.proximal() > 0);
+        pulled_tendon.wind(wound += way * step);
+        if ((pulled_tendon.proximal() - before) * way < -1e-9) ++against;
+        before = pulled_tendon.proximal();
+        if (wound < slack_at - step)
+          CLAIM(pulled_tendon.scale() == pretension && pulled_tendon.proximal() == 0 && pulled_tendon.distal() == 0);
+        if (wound > slack_at + step) CLAIM(pulled_tendon.proximal() > 0);
       }
       CLAIM(against == 0);
     };
     go(-1.5e-3);
     go(1e-3);
-    const double first = one.proximal();
+    const double first = pulled_tendon.proximal();
     go(-1e-3);
     go(1e-3);
-    CLAIM_NEAR(one.proximal(), first, 1e-6);
+    CLAIM_NEAR(pulled_tendon.proximal(), first, 1e-6);
   }
 }
 
 void a_constant_part_leaves_the_far_end_taut_where_the_spool_lets_go() {
-  Pulled<double, 1> one({0.3}, 2, 0);
-  one.wind(-5e-3);
-  CLAIM(one.proximal() == 0);
-  CLAIM_NEAR(one.distal(), 2, 1e-6);
+  Pulled<double, 1> pulled_tendon({0.3}, 2, 0);
+  pulled_tendon.wind(-5e-3);
+  CLAIM(pulled_tendon.proximal() == 0);
+  CLAIM_NEAR(pulled_tendon.distal(), 2, 1e-6);
 }
 
 template <int n>
@@ -280,14 +282,14 @@ void without_friction_the_tendon_is_one_spring() {
 void one_contact_transmits_what_a_tendon_pulled_by_tension_does() {
   std::mt19937 random(3);  // NOLINT(cert-msc32-c,cert-msc51-cpp,bugprone-random-generator-seed): the same on every run
   std::uniform_real_distribution<double> pick(0, 100);
-  Pulled<double, 1> one({0.4}, 0.5, 0);
-  Band<double> band = one.band[0];
+  Pulled<double, 1> pulled_tendon({0.4}, 0.5, 0);
+  Band<double> band = pulled_tendon.band[0];
   double held = pretension;
   for (int i = 0; i < 2000; ++i) {
     const double tension = i % 50 == 7 ? 0 : pick(random);
-    one.pull(tension);
+    pulled_tendon.pull(tension);
     held = transmit(band, tension, held);
-    CLAIM_NEAR(one.distal(), held, 1e-6);
+    CLAIM_NEAR(pulled_tendon.distal(), held, 1e-6);
   }
 }
 
@@ -305,7 +307,7 @@ void random_motions_agree_with_brute_force(const Motion& motion, int steps, unsi
     return std::uniform_real_distribution<double>(low, high)(random);
   };
   std::array<double, n> exponents{};
-  for (double& one : exponents) one = random() % 5 == 0 ? 0 : between(0, 0.6);
+  for (double& each : exponents) each = random() % 5 == 0 ? 0 : between(0, 0.6);
   Pulled<double, n> ours(exponents, motion.constant, motion.viscous);
   BruteForce<n> theirs(ours);
   double wound = 0, drawn = 0, way = 1;
@@ -349,7 +351,7 @@ template <int n>
 void small_steps_take_few_sweeps_and_float_follows_double() {
   std::mt19937 random(5);  // NOLINT(cert-msc32-c,cert-msc51-cpp,bugprone-random-generator-seed): the same on every run
   std::array<double, n> exponents{};
-  for (double& one : exponents) one = std::uniform_real_distribution<double>(0, 0.4)(random);
+  for (double& each : exponents) each = std::uniform_real_distribution<double>(0, 0.4)(random);
   Pulled<double, n> wide(exponents, 0.1, 0);
   Pulled<float, n> narrow(exponents, 0.1, 0);
   double wound = 0, way = 1;

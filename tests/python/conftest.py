@@ -1,4 +1,5 @@
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -55,3 +56,26 @@ def refused(key: str, value: Any = ..., kind: type[Error] = ArgumentError) -> It
     if value is not ...:
         np.testing.assert_equal(caught.value.value, value)
     assert str(caught.value).endswith(".")
+
+
+@pytest.fixture
+def tenodesis(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[int, str, str]]:
+    """Run the command line in this process, in a folder of its own; returns exit code, output and errors."""
+    from tenodesis.cli import commands
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "140")
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["tenodesis", *map(str, arguments)])
+        code = 0
+        try:
+            commands.main()
+        except SystemExit as end:
+            code = int(end.code or 0)
+        said = capsys.readouterr()
+        return code, said.out, said.err
+
+    return run

@@ -464,7 +464,7 @@ def test_a_load_shrinks_the_workspace_by_what_it_takes_of_the_output_angle():
 def test_models_are_written_whole_by_the_command_line_and_not_over_others(tmp_path, monkeypatch):
     from typer.testing import CliRunner
 
-    from tenodesis.cli.commands import app
+    from tenodesis.cli.app import app
 
     monkeypatch.chdir(tmp_path)
     runner = CliRunner()

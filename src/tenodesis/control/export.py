@@ -1,4 +1,4 @@
-"""A controller's numbers as a C header, for a program without Python: firmware, LabVIEW, Simulink."""
+"""A controller's parameters as a C header, for a program without Python: firmware, LabVIEW, Simulink."""
 
 import keyword
 import re
@@ -6,87 +6,22 @@ from pathlib import Path
 
 import numpy as np
 
+from tenodesis import _core
 from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
-from tenodesis.control.parameters import AXIS, COMMON, FAULTS
+from tenodesis.control.parameters import FAULTS
 from tenodesis.files import atomic_file
 from tenodesis.instrument import Instrument
 
-INTERFACE_VERSION = 1
-"""TENODESIS_VERSION of the interface that headers are written for."""
+INTERFACE_VERSION: int = _core.INTERFACE_VERSION
+"""TENODESIS_VERSION of the C interface that headers are written for."""
 
-UNITS = {
-    "period": "s",
-    "speed_limit": "rad/s",
-    "acceleration_limit": "rad/s^2",
-    "engage_time": "s",
-    "tension_limit": "N",
-    "hold_time": "s",
-    "neutral_speed": "rad/s",
-    "relief": "rad",
-    "proximal_radius": "m",
-    "distal_radius": "m",
-    "handle_length": "m",
-    "end_effector_length": "m",
-    "backbone_length": "m",
-    "backbone_rigidity": "N m^2",
-    "handle_range": "rad",
-    "stiffness": "N/m",
-    "pretension": "N",
-    "sheath_bend": "rad",
-    "sheath_bend_rate": "rad/rad",
-    "spool_radius": "m",
-    "drive_speed": "rad/s",
-    "drive_acceleration": "rad/s^2",
-    "drive_time_constant": "s",
-    "hand_play": "rad",
-    "sheath_play": "m",
-    "play": "m",
-    "length_noise": "m",
-    "smoothing": "s",
-    "reference_std": "m",
-    "forgetting": "1/s^0.5",
-    "slack_tension": "N",
-    "gain": "1/s",
-    "breakaway_time": "s",
-    "position_gain": "1/s",
-    "dead_band": "rad",
-    "tendon_speed": "m/s",
-    "common_speed": "m/s",
-    "common_stroke": "m",
-    "patience": "s",
-    "settle_time": "s",
-    "least_tension": "N",
-    "hand_travel": "rad",
-    "still_time": "s",
-    "homing_speed": "m/s",
-    "homing_gain": "1/s",
-    "homing_stroke": "m",
-    "homing_settle_time": "s",
-    "homing_time": "s",
-    "load_cell_range": "N",
-    "handle_noise": "rad",
-    "spool_noise": "rad",
-    "watch_window": "s",
-}
-"""Units of the numbers by their names in the C interface; of those that are not here, 1."""
+_COMMON, _AXIS = (
+    {name: f"{unit}: {meaning}" for name, unit, meaning in rows}
+    for rows in (_core.control_parameters(), _core.control_axis_parameters())
+)
+_LIMIT_UNITS = {name: unit for name, unit, _ in _core.faults()} | {"spool_jump": _core.SPOOL_JUMP_UNIT}
 
-LIMIT_UNITS = {
-    "tendon_break": "N",
-    "tendon_slack": "N",
-    "over_tension": "N",
-    "load_cell_stuck": "N",
-    "load_cell_range": "N",
-    "load_cell_drift": "N",
-    "encoder_dropout": "rad",
-    "encoder_jump": "rad/s",
-    "spool_slip": "N",
-    "motor_not_following": "rad",
-    "tick_late": "s",
-    "spool_jump": "rad/s",
-}
-"""Units of the faults' thresholds; of those that are not here, 1."""
-
-# Words of C99 and C++20 that Python does not keep for itself as well.
+# Words of C99 and C++20 that are no keywords in Python.
 _RESERVED = frozenset(
     re.findall(
         r"\w+",
@@ -115,8 +50,7 @@ def header(
 ) -> str:
     """Return a C header that defines an instrument's ``tenodesis_parameters``.
 
-    Every number is written such that it is the same in double precision, and in single the one that Python's
-    controller computes with.
+    Every value is exact in double precision, and in single precision the one that Python's controller computes with.
 
     Parameters
     ----------
@@ -127,19 +61,19 @@ def header(
     observer, law, actuation, homed, own_clock
         As of :class:`~tenodesis.control.Controller`.
     source
-        What the header says it was written from; by default the instrument's name.
+        The source that the header names; by default the instrument's name.
 
     Raises
     ------
     ValueError
-        The name is none in C, there is no such choice, or the numbers make no controller.
+        The name is not valid in C, there is no such choice, or the parameters make no controller.
     """
-    # A controller's own checks, in the precision that overflows first.
+    # Applies the controller's own checks, in the precision that overflows first.
     controller = Controller(inst, observer, law, actuation, homed=homed, precision="single", own_clock=own_clock)
-    numbers = controller.parameters
+    parameters = controller.parameters
     name = identifier(inst.name) if name is None else _checked(name)
     guard = f"TENODESIS_PARAMETERS_{name.upper()}_H"
-    told = ", ".join(
+    choices = ", ".join(
         [
             f"observer {observer}",
             f"law {law}",
@@ -153,7 +87,7 @@ def header(
         " *",
         f" * Written by tenodesis {_version()} from {_comment(inst.name if source is None else source)},",
         f" * for version {INTERFACE_VERSION} of the C interface:",
-        f" * {told}.",
+        f" * {choices}.",
         " */",
         f"#ifndef {guard}",
         f"#define {guard}",
@@ -175,15 +109,15 @@ def header(
         f"    .safe_state = TENODESIS_SAFE_{_constant(inst.control.safe_state)},",
         f"    .own_clock = {int(own_clock)},",
         f"    .homed = {int(homed)},",
-        *(f"    .{key} = {_number(numbers.common[key])}, /* {UNITS.get(key, '1')} */" for key in COMMON),
+        *(f"    .{key} = {_number(parameters.common[key])}, /* {text} */" for key, text in _COMMON.items()),
         "    .axis =",
         "        {",
     ]
-    for axis, own, limits in zip(inst.axes, numbers.axes, numbers.limits, strict=True):
+    for axis, own, limits in zip(inst.axes, parameters.axes, parameters.limits, strict=True):
         lines += [
             f"            /* {_comment(axis)} */",
             "            {",
-            *(f"                .{key} = {_number(own[key])}, /* {UNITS.get(key, '1')} */" for key in AXIS),
+            *(f"                .{key} = {_number(own[key])}, /* {text} */" for key, text in _AXIS.items()),
             f"                .spool_jump = {_limit('spool_jump', limits['spool_jump'])}",
             "                .limit =",
             "                    {",
@@ -213,7 +147,7 @@ def export_header(
     ValueError
         As :func:`header`.
     OSError
-        The file cannot be written; one that was there is as it was.
+        The file cannot be written; an existing file is unchanged.
     """
     text = header(
         inst, name, observer=observer, law=law, actuation=actuation, homed=homed, own_clock=own_clock, source=source
@@ -224,7 +158,7 @@ def export_header(
 
 
 def identifier(text: str) -> str:
-    """Return a name for C that is like a text: ``scaled-up`` becomes ``scaled_up``."""
+    """Return a name in C for a text: ``scaled-up`` becomes ``scaled_up``."""
     name = re.sub(r"[^a-z0-9]+", "_", text.lower(), flags=re.ASCII).strip("_")
     return name if name and not name[0].isdigit() and not _is_reserved(name) else f"instrument_{name}".rstrip("_")
 
@@ -236,8 +170,8 @@ def _is_reserved(name: str) -> bool:
 def _checked(name: str) -> str:
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name, re.ASCII) or _is_reserved(name):
         raise ValueError(
-            f"name is {name!r}; allowed are letters, digits and underscores from a letter on, no word of C or C++, and "
-            "nothing that begins with tenodesis_."
+            f"name is {name!r}; it must be letters, digits and underscores, beginning with a letter, no word of C or "
+            "C++, and must not begin with tenodesis_."
         )
     return name
 
@@ -247,20 +181,20 @@ def _constant(choice: str) -> str:
 
 
 def _comment(text: str) -> str:
-    """Return a text that neither ends a comment nor a line."""
+    """Return a text that ends neither a comment nor a line."""
     return " ".join(text.replace("*/", "* /").replace("/*", "/ *").split())
 
 
 def _number(value: float) -> str:
     if not np.isfinite(np.float32(value)):
-        raise ValueError(f"{value:g} is no number in single precision.")
+        raise ValueError(f"{value:g} is not finite in single precision.")
     return f"TENODESIS_C({float(value)!r})"
 
 
 def _limit(key: str, limit: tuple[float, float], comment: str | None = None) -> str:
     threshold, persistence = limit
     label = "" if comment is None else f"{comment}: "
-    return f"{{{_number(threshold)}, {_number(persistence)}}}, /* {label}{LIMIT_UNITS.get(key, '1')}, s */"
+    return f"{{{_number(threshold)}, {_number(persistence)}}}, /* {label}{_LIMIT_UNITS[key]}, s */"
 
 
 def _version() -> str:

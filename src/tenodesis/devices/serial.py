@@ -11,27 +11,23 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from math import isfinite
 from types import TracebackType
-from typing import NamedTuple, Self, get_args
-
-import numpy as np
+from typing import NamedTuple, Self
 
 from tenodesis import _core
 from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
-from tenodesis.control.export import INTERFACE_VERSION
-from tenodesis.control.parameters import AXIS, COMMON, FAULTS
-from tenodesis.errors import DeviceError
+from tenodesis.errors import ArgumentError, DeviceError
+from tenodesis.extras import require
 from tenodesis.instrument import Instrument
 
 BAUD_RATE = 3_000_000
 """Bits per second of a serial port, unless another is given: a tick of one axis takes 138 bytes, 87 of them back."""
 
-_SIZE = 768  # bytes of tenodesis_parameters in float
 _CONNECT_TIMEOUT = 3.0  # s
 _LONGEST_SILENCE = 4e6  # s
 
 
 class Board(NamedTuple):
-    """What a board says of itself."""
+    """Name, versions and clock of a board."""
 
     name: str
     protocol_version: int
@@ -43,7 +39,7 @@ class Board(NamedTuple):
 
 
 class LinkCounts(NamedTuple):
-    """What has come over the link and what has not."""
+    """Numbers of frames over the link, by what became of them."""
 
     answers: int
     repetitions: int
@@ -51,13 +47,13 @@ class LinkCounts(NamedTuple):
     damaged: int
     """Frames from the board that came damaged."""
     stale: int
-    """Answers that nobody waited for any more."""
+    """Answers that came too late."""
     board_damaged: int
     """Frames to the board that came damaged."""
 
 
 class Problem(NamedTuple):
-    """What has gone wrong with a link."""
+    """A failure of a link."""
 
     name: str
     """As ``link_lost``, ``wrong_version`` or ``not_a_number``."""
@@ -86,7 +82,7 @@ class BoardController(Controller):
     Raises
     ------
     ValueError
-        A choice is not allowed, or the numbers make no controller.
+        An option is not valid, or the parameters make no controller.
     DeviceError
         There is no such port, no board behind it, or one of another version.
     """
@@ -124,16 +120,16 @@ class BoardController(Controller):
             own_clock=own_clock,
         )
         if not (isfinite(timeout) and 0 < timeout < 1e4):
-            raise ValueError(f"timeout is {timeout!r}; allowed is a time above 0 and below 10 000 s.")
+            raise ArgumentError(key="timeout", value=timeout, allowed="a time above 0 and below 10 000 s")
         if not 0 <= repetitions <= 1000:
-            raise ValueError(f"repetitions is {repetitions!r}; allowed is a number from 0 to 1000.")
+            raise ArgumentError(key="repetitions", value=repetitions, allowed="a number from 0 to 1000")
         if silence is not None and not 1e-3 <= silence <= _LONGEST_SILENCE:
-            raise ValueError(f"silence is {silence!r}; allowed is a time of 0.001 s or more, or None.")
+            raise ArgumentError(key="silence", value=silence, allowed="a time of 0.001 s or more, or None")
         self.address = address
         with _open(address, baud_rate) as descriptor:
             self.core = self._link = self._core_type(
                 descriptor,
-                _image(self),
+                self.core.parameters(),
                 timeout,
                 max(timeout, _CONNECT_TIMEOUT),
                 repetitions,
@@ -142,22 +138,22 @@ class BoardController(Controller):
         if self.problem is not None:
             problem = self.problem.text
             self._link.close()
-            raise DeviceError(f"{address}: {problem}; allowed is {self._needs}.")
+            raise DeviceError(f"{address}: {problem}; it must be {self._needs}.")
 
     @property
     def board(self) -> Board:
-        """What the board says of itself."""
+        """Name, versions and clock of the board."""
         return Board(*self._link.board())
 
     @property
     def problem(self) -> Problem | None:
         """What has gone wrong with the link since it was last set up; a request to clear, or a reset, does that."""
-        name, text = self._link.problem()
-        return Problem(name, text) if name else None
+        problem, text = self._link.problem()
+        return Problem(problem.name.lower(), text) if problem else None
 
     @property
     def link_counts(self) -> LinkCounts:
-        """What has come over the link and what has not."""
+        """Numbers of frames over the link, by what became of them."""
         return LinkCounts(*self._link.link_counts())
 
     @property
@@ -171,7 +167,7 @@ class BoardController(Controller):
         return self._link.stopped()
 
     def close(self) -> None:
-        """Tell the board to stop, and let go of it; a second time does nothing."""
+        """Stop the board, and release it; a second time does nothing."""
         self._link.close()
 
     def __enter__(self) -> Self:
@@ -194,8 +190,8 @@ class SerialController(BoardController):
 class StreamedController(BoardController):
     """A controller on a board with sensors and motors of its own, which ticks by itself; options as of its base.
 
-    A step asks nothing of the board: it gives what the tick that was heard last has answered. What it is asked goes to
-    the board with what it is told next.
+    A step sends nothing to the board: it returns the answer of the newest tick that was received. Requests go to the
+    board with the next frame.
 
     Raises
     ------
@@ -212,33 +208,9 @@ class StreamedController(BoardController):
         return _core.StreamedDevice(self._link)
 
 
-def _image(controller: Controller) -> bytes:
-    """Return a ``tenodesis_parameters`` of ``tenodesis.h`` in float, as it lies in a board's memory."""
-    parameters = controller.parameters
-    words = [
-        _SIZE,
-        INTERFACE_VERSION,
-        parameters.joint_type,
-        len(parameters.axes),
-        get_args(ObserverName).index(controller.observer),
-        get_args(LawName).index(controller.law),
-        get_args(ActuationName).index(controller.actuation),
-        ("hold", "neutral").index(controller.inst.control.safe_state),
-        int(controller.own_clock),
-        int(controller.homed_at_start),
-    ]
-    reals = [parameters.common[name] for name in COMMON]
-    for axis, limits in zip(parameters.axes, parameters.limits, strict=True):
-        reals += [axis[name] for name in AXIS]
-        for name in ("spool_jump", *FAULTS):
-            reals += limits[name]
-    image = np.array(words, "<u4").tobytes() + np.array(reals).astype("<f4").tobytes()
-    return image.ljust(_SIZE, b"\0")
-
-
 @contextmanager
 def _open(address: str, baud_rate: int) -> Iterator[int]:
-    """Give the descriptor of an open line; whoever wants to keep it makes a copy."""
+    """Yield the descriptor of an open line, which is closed afterwards; a copy stays open."""
     scheme, found, rest = address.partition("://")
     if not found:
         with _port(address, baud_rate) as descriptor:
@@ -250,10 +222,8 @@ def _open(address: str, baud_rate: int) -> Iterator[int]:
     elif scheme == "socket" and host and port.isdecimal() and int(port) < 2**16:
         line = None
     else:
-        raise ValueError(
-            f"address is {address!r}; allowed are socket://HOST:PORT, unix://PATH and a serial port such as "
-            "/dev/ttyACM0."
-        )
+        allowed = "socket://HOST:PORT, unix://PATH or a serial port such as /dev/ttyACM0"
+        raise ArgumentError(key="address", value=address, allowed=allowed)
     try:
         if line is None:
             line = socket.create_connection((host.strip("[]"), int(port)), _CONNECT_TIMEOUT)
@@ -263,7 +233,7 @@ def _open(address: str, baud_rate: int) -> Iterator[int]:
             line.connect(target)
     except OSError as problem:
         raise DeviceError(
-            f"{address} does not answer ({problem.strerror or problem}); allowed is where a board listens."
+            f"{address} does not answer ({problem.strerror or problem}); a board must listen there."
         ) from None
     with line:
         yield line.fileno()
@@ -271,8 +241,7 @@ def _open(address: str, baud_rate: int) -> Iterator[int]:
 
 @contextmanager
 def _port(path: str, baud_rate: int) -> Iterator[int]:
-    import serial  # noqa: PLC0415 - only where there is a serial port
-
+    serial = require("serial", "devices")
     try:
         port = serial.Serial(path, baud_rate, timeout=0, exclusive=True)
     except (OSError, ValueError) as problem:

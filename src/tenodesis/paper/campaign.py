@@ -1,36 +1,37 @@
-"""The robust law over states, friction errors and noise seeds, and where its targets are met: the statistics table."""
+"""The campaign: statistics of the robust law over held states, friction errors and noise seeds, against its targets."""
 
 from collections.abc import Callable, Sequence
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tenodesis import similarity, statics
 from tenodesis.control.parameters import tension_limit
 from tenodesis.instrument import Instrument
-from tenodesis.paper import compensated_run as bench
-from tenodesis.paper.compensated import FRICTION_ERRORS
+from tenodesis.paper import step_response
 from tenodesis.paper.context import Context
+from tenodesis.paper.fig15_compensated import FRICTION_ERRORS, friction_label
 from tenodesis.report.content import Section, Table, fixed, named
 from tenodesis.twin import TIME_STEP
 
-Array = NDArray[np.float64]
-
 TITLE = "The robust law over states, friction errors and seeds"
-SEEDS = 20
-"""Noise seeds of the step load."""
-SEEDS_ELSEWHERE = 4
-"""One seed in so many for the conditions beyond the step load itself."""
+SEED_DIVISOR = 4
+"""By how much fewer seeds the conditions beyond the step load itself have."""
 _BEFORE, _AFTER = 4.0, 10.0  # s
 _SHARE_OF_SLACK = 0.9
 _LOW_PRETENSION = 0.4
 _BEND, _BENDING = np.pi / 2, 2.0  # rad, s
+_ONE_SCALE = (
+    "the controller does not measure the bend, and its one friction scale stands for the sheath and the joints alike; "
+    "it is compared with the scale of the sheath in the file. A changed scale is found in the next strokes, and these "
+    "come when a tendon slips or the tip is off: a change of the sheath after the motors have come to rest is not "
+    "observable"
+)
 
 
 class Condition(NamedTuple):
-    """What is varied: a plant, what its controller is told, and the load by state."""
+    """A condition of the campaign: the plant, the model of its controller, and the load by state."""
 
     key: str
     name: str
@@ -40,9 +41,9 @@ class Condition(NamedTuple):
     identified: bool = True
     """Whether the controller knows the tendons' true stiffness."""
     bend: tuple[float, float] = (0.0, 0.0)
-    """Bend of the sheath beside its own before the load and two seconds after, rad."""
-    bound: str = ""
-    """What bounds it where targets are missed."""
+    """Additional bend of the sheath before the load and two seconds after, rad."""
+    limit: str = ""
+    """The reason where targets are missed."""
 
 
 class Trial(NamedTuple):
@@ -50,21 +51,21 @@ class Trial(NamedTuple):
 
     state: float
     error: float
-    """Of the friction that the controller was told."""
-    outcome: bench.Outcome
+    """Of the friction that the controller assumes, as a share of the true friction."""
+    response: step_response.Response
     excursion: float
-    """How much farther off than with the motors held from the load on, deg."""
+    """How much larger the largest error is than with the motors stopped when the load comes, deg."""
     scale_error: float
     """Error of the friction found, as a share of the true one; NaN where there is none."""
 
 
-class Figure(NamedTuple):
-    """A figure of the campaign: what it is, its target and how it follows from the trials."""
+class Metric(NamedTuple):
+    """A statistic of the campaign: its names, its target and how it follows from the trials."""
 
     key: str
     heading: str
     unit: str
-    told: str
+    description: str
     of: Callable[[Sequence[Trial]], float]
     target: Callable[[Instrument], float] | None
     decimals: int = 2
@@ -74,80 +75,80 @@ def _rms(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-FIGURES = (
-    Figure(
+METRICS = (
+    Metric(
         "final_error_rms",
         "final error, RMS [°]",
         "deg",
         "RMS of the final tip error against eq. 18",
-        lambda trials: _rms([one.outcome.final for one in trials]),
+        lambda trials: _rms([trial.response.final for trial in trials]),
         lambda _: 0.3,
     ),
-    Figure(
+    Metric(
         "final_error_worst",
         "worst [°]",
         "deg",
         "Largest final tip error against eq. 18",
-        lambda trials: max(abs(one.outcome.final) for one in trials),
+        lambda trials: max(abs(trial.response.final) for trial in trials),
         lambda _: 0.7,
     ),
-    Figure(
+    Metric(
         "time",
         "time to within 1° [s]",
         "s",
         "Longest time from the load until the tip stays within 1 deg, none if it does not",
-        lambda trials: max(one.outcome.settled for one in trials),
+        lambda trials: max(trial.response.settling_time for trial in trials),
         lambda _: 3.0,
     ),
-    Figure(
+    Metric(
         "excursion",
         "excursion [°]",
         "deg",
-        "How much farther off the tip goes than with the motors held from the load on, at most",
-        lambda trials: max(one.excursion for one in trials),
+        "How much larger the largest error is than with the motors stopped when the load comes, at most",
+        lambda trials: max(trial.excursion for trial in trials),
         lambda _: 1.0,
     ),
-    Figure(
+    Metric(
         "tension",
         "highest tension [N]",
         "N",
         "Highest tension",
-        lambda trials: max(one.outcome.highest for one in trials),
+        lambda trials: max(trial.response.highest_tension for trial in trials),
         tension_limit,
         1,
     ),
-    Figure(
+    Metric(
         "observer_error_rms",
         "observer at rest, RMS [°]",
         "deg",
         "RMS error of the observer at rest",
-        lambda trials: _rms([one.outcome.observed for one in trials]),
+        lambda trials: _rms([trial.response.observer_error for trial in trials]),
         lambda _: 0.3,
     ),
-    Figure(
+    Metric(
         "friction_error",
         "friction scale, worst [%]",
         "%",
         "Largest error of the friction scale found",
-        lambda trials: 100 * max(abs(one.scale_error) for one in trials),
+        lambda trials: 100 * max(abs(trial.scale_error) for trial in trials),
         lambda _: 10.0,
         1,
     ),
-    Figure(
+    Metric(
         "rest",
         "motors at rest after [s]",
         "s",
         "Longest time from the load until the motors stand, none if they do not",
-        lambda trials: max(one.outcome.rest for one in trials),
+        lambda trials: max(trial.response.rest_time for trial in trials),
         None,
     ),
 )
 
 
 def conditions(context: Context) -> list[Condition]:
-    """Return what the campaign goes through, the step load of Fig. 15 first."""
+    """Return the conditions of the campaign, the step load of Fig. 15 first."""
     inst = context.tested
-    force = bench.load(inst)
+    force = step_response.step_force(inst)
     loose = inst.replace(pretension=_LOW_PRETENSION * inst.pretension)
 
     def same(_: float) -> float:
@@ -160,15 +161,15 @@ def conditions(context: Context) -> list[Condition]:
             f"{_SHARE_OF_SLACK:g} of the load that slackens a tendon",
             inst,
             lambda state: _SHARE_OF_SLACK * float(statics.slack_force(inst, state)),
-            bound="the tension limit leaves the drives little to stop in",
+            limit="the tension limit leaves the drives little room to stop",
         ),
         Condition(
             "low_pretension",
             f"T<sub>o</sub> = {loose.pretension:g} N",
             loose,
             same,
-            bound="the tip is back after two or three strokes, as short as the pretension is low, in which friction "
-            "has hardly shown; the observer’s own deviation of the scale is 0.2 to 0.3 there",
+            limit="the tip is back after two or three strokes, which are short at a low pretension and show little of "
+            "the friction; the observer’s own standard deviation of the scale is 0.2 to 0.3 there",
         ),
         Condition(
             "bending",
@@ -176,7 +177,7 @@ def conditions(context: Context) -> list[Condition]:
             inst,
             same,
             bend=(0.0, _BEND),
-            bound=_ONE_SCALE,
+            limit=_ONE_SCALE,
         ),
         Condition(
             "straightening",
@@ -184,21 +185,21 @@ def conditions(context: Context) -> list[Condition]:
             inst,
             same,
             bend=(_BEND, 0.0),
-            bound=_ONE_SCALE,
+            limit=_ONE_SCALE,
         ),
         Condition(
             "nominal_stiffness",
-            f"controller told the nominal stiffness, {inst.mismatch.stiffness_ratio:g} of it true",
+            f"controller assumes the nominal stiffness, the true stiffness is {inst.mismatch.stiffness_ratio:g} of it",
             inst,
             same,
             identified=False,
-            bound="the compliance is learned beside friction from the same strokes",
+            limit="the compliance is estimated together with friction from the same strokes",
         ),
     ]
     if inst.mismatch.stiffness_ratio == 1:
         found.pop()
     if context.scaled is not None and inst.name != context.inst.name:
-        real = context.inst if len(context.inst.axes) == 1 else context.inst.axis(context.inst.axes[0])
+        real = context.inst.planar[0]
         factor = float(similarity.compare(real, inst).factors["force"])
         found.append(
             Condition(
@@ -206,53 +207,50 @@ def conditions(context: Context) -> list[Condition]:
                 f"{named(real)} under {force / factor:.2g} N, as by similarity",
                 real,
                 lambda _: force / factor,
-                bound="with straight joints friction is the sheath’s alone, less than 2 % of the tension, and the few "
-                "strokes that bring the tip back hardly tell it",
+                limit="with straight joints friction is the sheath’s alone, less than 2 % of the tension, and hardly "
+                "observable in the few strokes that bring the tip back",
             )
         )
     return found
 
 
-_ONE_SCALE = (
-    "nobody tells the controller of the bend, and its one friction scale stands for the sheath and the joints alike; "
-    "it is compared with that of the sheath as the file has it. A changed scale is found by the next strokes, "
-    "and these come when a tendon slips or the tip is off: what the sheath changes after the motors have come to rest, "
-    "nothing tells"
-)
-
-
 def trials(condition: Condition, seeds: int) -> list[Trial]:
-    """Run a condition over its states, friction errors and so many seeds."""
+    """Run a condition over its states, friction errors and a number of noise seeds."""
     inst = condition.inst
     start, end = condition.bend
     time = np.arange(1, round((_BEFORE + _AFTER) / TIME_STEP) + 1) * TIME_STEP
     bend = start + (end - start) * np.clip((time - _BEFORE) / _BENDING, 0, 1)
-    told = {error: bench.known(inst, 1 + error, condition.identified) for error in FRICTION_ERRORS}
-    motions = {state: bench.held(inst, state, condition.load(state), _BEFORE, _AFTER) for state in bench.states(inst)}
+    models = {error: step_response.controller_model(inst, 1 + error, condition.identified) for error in FRICTION_ERRORS}
+    motions = {
+        state: step_response.held_motion(inst, state, condition.load(state), _BEFORE, _AFTER)
+        for state in step_response.held_states(inst)
+    }
 
     def work(case: tuple[float, float, int]) -> Trial:
         state, error, seed = case
-        motion = motions[state]
-        worked, stood = (
-            bench.outcome(
-                bench.apply(inst, told[error], motion, "robust", seed=seed, paused=paused, sheath_bend=bend), motion
+        motion, model = motions[state], models[error]
+        enabled, stopped = (
+            step_response.response(
+                step_response.simulate_motion(
+                    inst, model, motion, "robust", seed=seed, paused=paused, sheath_bend=bend
+                ),
+                motion,
             )
             for paused in (False, True)
         )
-        found = worked.scale * (1 + error) - 1 if inst.friction.law != "none" else np.nan
-        return Trial(state, error, worked, worked.farthest - stood.farthest, found)
+        found = enabled.friction_scale * (1 + error) - 1 if inst.friction.law != "none" else np.nan
+        return Trial(state, error, enabled, enabled.largest - stopped.largest, found)
 
-    cases = list(product(motions, FRICTION_ERRORS, range(seeds)))
-    return [one for one in bench.together(work, cases) if one is not None]
+    return list(step_response.in_parallel(work, product(motions, FRICTION_ERRORS, range(seeds))).values())
 
 
-def section(context: Context, seeds: int = SEEDS) -> Section:
-    """Compute the campaign with so many noise seeds, a quarter of them beyond the step load itself."""
-    inst = context.tested
-    if bench.refusal(inst) is not None or not seeds:
-        why = f"{named(inst)} cannot be compensated" if seeds else "no noise seeds were asked for"
+def section(context: Context) -> Section:
+    """Compute the campaign with the context's noise seeds, a quarter of them beyond the step load itself."""
+    inst, seeds = context.tested, context.seeds
+    if not seeds or not step_response.can_compensate(inst):
+        why = f"{named(inst)} cannot be compensated" if seeds else "the number of noise seeds is 0"
         return Section("campaign", TITLE, f"<p>Not run: {why}.</p>")
-    few = max(1, seeds // SEEDS_ELSEWHERE)
+    few = max(1, seeds // SEED_DIVISOR)
     rows, missed, lost = [], [], []
     main: list[Trial] = []
     for n, condition in enumerate(conditions(context)):
@@ -261,98 +259,85 @@ def section(context: Context, seeds: int = SEEDS) -> Section:
             lost.append(condition.name)
             continue
         main = main or found
-        cells = []
-        failed = []
-        for figure in FIGURES:
-            value, met = _judge(figure, condition.inst, found)
-            if np.isnan(value):
-                cells.append(_shown(figure, value))
-                continue
-            context.add(
-                f"campaign.{condition.key}.{figure.key}",
-                value,
-                figure.unit,
-                f"{figure.told}, robust law, {_plain(condition.name)}",
-            )
-            cells.append(_shown(figure, value) + ("" if figure.target is None else " met" if met else " missed"))
-            if not met:
-                failed.append(f"{figure.heading.partition(' [')[0]} {_shown(figure, value)}")
-        rows.append([f"{condition.name} ({len(found)} runs)", *cells])
+        row, failed = _row(context, condition, found)
+        rows.append(row)
         if failed:
-            because = f": {condition.bound}" if condition.bound and context.is_paper else ""
+            because = f": {condition.limit}" if condition.limit and context.is_paper else ""
             missed.append(f"<li>{condition.name} ({'; '.join(failed)}){because}.</li>")
     if not rows:
         text = f"<p>Not run: in none of the states does {named(inst)} hold the load.</p>"
         return Section("campaign", TITLE, text)
-    tables = [
-        Table(
-            f"The robust law over {len(bench.states(inst))} states, the friction told wrong by −30 %, 0 and +30 %, and "
-            f"{seeds} noise seeds ({few} in all rows but the first)",
-            ["condition", *(_target(figure, inst) for figure in FIGURES)],
-            rows,
-        )
-    ]
-    tables.append(_by_state(main))
-    return Section("campaign", TITLE, _text(main, missed, lost) + bench.caveat(inst), [], tables)
+    table = Table(
+        f"The robust law over {len(step_response.held_states(inst))} states, errors of −30 %, 0 and +30 % in the "
+        f"friction that the controller assumes, and {seeds} noise seeds ({few} in all rows but the first)",
+        [
+            "condition",
+            *(m.heading + ("" if m.target is None else f", target {m.target(inst):g}") for m in METRICS),
+        ],
+        rows,
+    )
+    text = _text(main, missed, lost) + step_response.caveat(inst)
+    return Section("campaign", TITLE, text, [], [table, _by_state(main)])
 
 
-def _plain(text: str) -> str:
-    return text.replace("<sub>o</sub>", "o")
+def _row(context: Context, condition: Condition, found: Sequence[Trial]) -> tuple[list[str], list[str]]:
+    """Return the cells of a condition, and the metrics that miss their targets."""
+    cells, failed = [f"{condition.name} ({len(found)} runs)"], []
+    for metric in METRICS:
+        value = metric.of(found)
+        shown = _shown(metric, value)
+        if np.isnan(value):
+            cells.append(shown)
+            continue
+        name = condition.name.replace("<sub>o</sub>", "o")
+        key, about = f"campaign.{condition.key}.{metric.key}", f"{metric.description}, robust law, {name}"
+        context.add(key, value, metric.unit, about)
+        met = metric.target is None or value <= metric.target(condition.inst)
+        cells.append(shown + ("" if metric.target is None else " met" if met else " missed"))
+        if not met:
+            failed.append(f"{metric.heading.partition(' [')[0]} {shown}")
+    return cells, failed
 
 
-def _shown(figure: Figure, value: float) -> str:
-    return "never" if np.isinf(value) else fixed(value, figure.decimals)
-
-
-def _judge(figure: Figure, inst: Instrument, found: Sequence[Trial]) -> tuple[float, bool]:
-    value = figure.of(found)
-    return value, figure.target is None or bool(value <= figure.target(inst))
-
-
-def _target(figure: Figure, inst: Instrument) -> str:
-    return figure.heading + ("" if figure.target is None else f", target {figure.target(inst):g}")
+def _shown(metric: Metric, value: float) -> str:
+    return "never" if np.isinf(value) else fixed(value, metric.decimals)
 
 
 def _by_state(main: Sequence[Trial]) -> Table:
     rows = []
-    for state, error in dict.fromkeys((one.state, one.error) for one in main):
-        part = [one for one in main if (one.state, one.error) == (state, error)]
-        told = f"{100 * error:+.0f} %".replace("-", "−") if error else "right"
+    for state, error in dict.fromkeys((trial.state, trial.error) for trial in main):
+        part = [trial for trial in main if (trial.state, trial.error) == (state, error)]
         rows.append(
             [
-                f"{np.degrees(state):.4g}°, {told}",
-                *(_shown(figure, figure.of(part)) for figure in FIGURES),
-                fixed(max(abs(one.outcome.before) for one in part)),
+                f"{np.degrees(state):.4g}°, {friction_label(error)}",
+                *(_shown(metric, metric.of(part)) for metric in METRICS),
+                fixed(max(abs(trial.response.before) for trial in part)),
             ]
         )
     return Table(
-        "The step load by state and the friction told",
-        [
-            "state, friction",
-            *(figure.heading for figure in FIGURES),
-            "error before the load, worst [°]",
-        ],
+        "The step load by state and error of the assumed friction",
+        ["state, friction", *(metric.heading for metric in METRICS), "error before the load, worst [°]"],
         rows,
     )
 
 
 def _text(main: Sequence[Trial], missed: Sequence[str], lost: Sequence[str]) -> str:
     text = (
-        f"<p>Each run: handle to its angle, the load at {_BEFORE:g} s, {_AFTER:g} s under it, the controller at work "
-        "from the start. Every run is made twice: with the motors at work, and paused from the load on, which is the "
-        "load’s own drop; the excursion is how much farther from eq. 18 the tip goes in the first than in the second, "
-        "to either side, negative if it stays nearer. The time is the last moment at which the tip is 1° off. The "
-        "tension is the true one at the spools, its target the controller’s limit.</p>"
+        f"<p>Each run: handle to its angle, the load at {_BEFORE:g} s, {_AFTER:g} s under it, the controller enabled "
+        "from the start. Every run is made twice: with the motors enabled, and with the motors stopped when the load "
+        "comes, which shows the load’s own effect. The excursion is the largest error of the first run minus that of "
+        "the second, negative if the first stays nearer to eq. 18. The time is the last moment at which the tip is 1° "
+        "off. The tension is the true tension at the spools, its target the controller’s limit.</p>"
     )
-    restless = sum(np.isinf(one.outcome.rest) for one in main)
-    if restless:
+    moving = sum(np.isinf(trial.response.rest_time) for trial in main)
+    if moving:
         text += (
-            f"<p>In {restless} of the {len(main)} runs of the first row the motors are at work in the last second "
-            "still, or again: where a stroke ends, the tip is found to lie two dead bands off once more, or too little "
-            "is known of it, and another stroke begins.</p>"
+            f"<p>In {moving} of the {len(main)} runs of the first row the motors still move in the last second, or "
+            "move again: at the end of a stroke the tip is found two dead bands off once more, or its estimate is too "
+            "uncertain, and another stroke begins.</p>"
         )
     if lost:
         text += f"<p>Not run, since the joint does not hold the load: {'; '.join(lost)}.</p>"
     if not missed:
         return text + "<p>All targets are met.</p>"
-    return text + f"<p>Targets missed, and what bounds them:</p><ul>{''.join(missed)}</ul>"
+    return text + f"<p>Missed targets and the reasons:</p><ul>{''.join(missed)}</ul>"

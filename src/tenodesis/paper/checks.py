@@ -1,62 +1,87 @@
 """The independent checks of the report: SciPy's root finder and the same joint built in MuJoCo."""
 
-from collections.abc import Callable, Sequence
+import html
+from collections.abc import Sequence
 
 import numpy as np
 
 from tenodesis import statics
+from tenodesis.errors import MissingExtraError
 from tenodesis.instrument import Instrument, TendonGear
 from tenodesis.paper.context import Context
 from tenodesis.report import style
-from tenodesis.report.content import CarePoint, Plot, Section, Table, fixed, named, number
+from tenodesis.report.content import CarePoint, Chart, Column, Plot, Section, fixed, named, number
 from tenodesis.verification import mujoco_peer, scipy_peer
 
-Progress = Callable[[], None]
-
 SCIPY_POINTS = 10_000
+_TITLE = "Independent verification"
 _ANGLES = 9  # handle angles, and
 _FORCES = 9  # forces, of the grid that MuJoCo settles
 _POSES = (-60.0, -40.0, 40.0, 60.0)  # output angles of each axis in the two-axis check, deg
 
 
-def section(context: Context, progress: Progress) -> Section:
+def section(context: Context) -> Section:
     """Compare the statics with code that shares nothing with them."""
-    pair = (("instrument", context.inst), ("scale_model", context.scaled))
-    instruments = [(role, inst) for role, inst in pair if isinstance(inst, TendonGear)]
-    if not isinstance(context.inst, TendonGear):
+    inst = context.inst
+    if not isinstance(inst, TendonGear):
         return Section(
             "verification",
-            "Independent verification",
+            _TITLE,
             "<p>SciPy and MuJoCo check the tendon-gear joint; for the other mechanisms see the tests.</p>",
         )
-    try:
-        rows = [
-            [named(inst), *_scipy(context, role, inst), *_mujoco(context, role, inst, progress)]
-            for role, inst in instruments
-        ]
-        independence, plots = _axes(context, context.inst, progress)
-        care = _radial(context, context.inst)
-    except RuntimeError as absent:
-        return Section("verification", "Independent verification", f"<p>Not run: {absent}</p>")
-    table = Table(
+    text = "<p>SciPy solves the paper's equations as printed with its own root finder."
+    pair = (("instrument", inst), ("scale_model", context.scaled))
+    instruments = {role: each for role, each in pair if isinstance(each, TendonGear)}
+    table = context.table(
         "Largest difference of the output angle [°]; MuJoCo's load cases with an equilibrium, those of them with a "
-        "slack tendon, and points on which ours and a peer disagree whether there is one",
-        [
-            "instrument",
+        "slack tendon, and points on which ours and the other code disagree whether there is an equilibrium",
+        "instrument",
+        Column(
             f"SciPy, {SCIPY_POINTS} random points",
-            "MuJoCo, settled",
-            "cases",
-            "slack",
+            "verification.scipy.{role}",
+            "deg",
+            "Largest difference from SciPy's root finder, {role}",
+            form=number,
+        ),
+        Column(
             "disputed",
-        ],
-        rows,
+            "verification.scipy.{role}.disputed",
+            "1",
+            "Points on whose solvability SciPy disagrees, {role}",
+            digits=0,
+        ),
+        Column(
+            "MuJoCo, settled",
+            "verification.mujoco.{role}",
+            "deg",
+            "Largest difference from the joint settled in MuJoCo, {role}",
+            form=number,
+            optional=True,
+        ),
+        *(
+            Column(name, f"verification.mujoco.{{role}}.{name}", "1", about, digits=0, optional=True)
+            for name, about in (
+                ("cases", "Load cases with an equilibrium settled in MuJoCo, {role}"),
+                ("slack", "Those of them with a slack tendon, {role}"),
+                ("disputed", "Cases on whose stability MuJoCo disagrees, {role}"),
+            )
+        ),
     )
-    text = (
-        "<p>SciPy solves the paper's equations as printed with its own root finder. MuJoCo knows no equation: two "
-        "bodies roll on each other by a joint equality, strings run through sites and only pull, and the tip is "
-        "wherever the mechanism comes to rest.</p>"
-    )
-    return Section("verification", "Independent verification", text + independence, plots, [table], care)
+    try:
+        settled = {role: _mujoco(context, each) for role, each in instruments.items()}
+        independence, plots = _axes(context, inst)
+        care = _radial(context, inst)
+    except MissingExtraError as missing:
+        settled, plots, care = {}, [], []
+        independence = f"<p>The check against MuJoCo is left out: {html.escape(str(missing))}</p>"
+    else:
+        text += (
+            " MuJoCo knows no equation: two bodies roll on each other by a joint equality, strings run through sites "
+            "and only pull, and the tip is wherever the mechanism comes to rest."
+        )
+    for role, each in instruments.items():
+        table.row(named(each), *_scipy(each), *settled.get(role, [np.nan] * 4), role=role)
+    return Section("verification", _TITLE, f"{text}</p>{independence}", plots, [table], care)
 
 
 def _heavy(inst: Instrument) -> float:
@@ -65,7 +90,8 @@ def _heavy(inst: Instrument) -> float:
     return slack or float(0.5 / statics.loss_of_dexterity(inst, 0.0, 1.0))
 
 
-def _scipy(context: Context, role: str, inst: TendonGear) -> list[str]:
+def _scipy(inst: TendonGear) -> tuple[float, float]:
+    """Return the largest difference, deg, and the number of points on whose solvability both disagree."""
     random = np.random.default_rng(1)
     end = statics.reach(inst)
     handle = random.uniform(-end, end, SCIPY_POINTS)
@@ -73,16 +99,11 @@ def _scipy(context: Context, role: str, inst: TendonGear) -> list[str]:
     ours = statics.output_angle(inst, handle, force)
     theirs = scipy_peer.output_angle(inst, handle, force)
     largest = np.degrees(np.fmax.reduce(np.abs(ours - theirs)))
-    key = f"verification.scipy.{role}"
-    context.add(key, largest, "deg", f"Largest difference from SciPy's root finder, {role}")
-    disputed = int(np.sum(np.isnan(ours) != np.isnan(theirs)))
-    context.add(
-        f"{key}.disputed", disputed, "1", f"Points of which SciPy says otherwise that they are solvable, {role}"
-    )
-    return [number(largest)]
+    return float(largest), float(np.sum(np.isnan(ours) != np.isnan(theirs)))
 
 
-def _mujoco(context: Context, role: str, inst: TendonGear, progress: Progress) -> list[str]:
+def _mujoco(context: Context, inst: TendonGear) -> tuple[float, float, float, float]:
+    """Return the largest difference, deg, the cases with an equilibrium, those with slack, and the disputed cases."""
     end = statics.reach(inst)
     limit = _heavy(inst)
     differences, slack, disputed = [0.0], 0, 0
@@ -94,22 +115,15 @@ def _mujoco(context: Context, role: str, inst: TendonGear, progress: Progress) -
             if np.isfinite(ours.output_angle) and np.isfinite(theirs.output_angle):
                 differences.append(abs(ours.output_angle - theirs.output_angle))
                 slack += min(ours.agonist, ours.antagonist) == 0
-            progress()
-    largest = float(np.degrees(max(differences)))
-    key = f"verification.mujoco.{role}"
-    context.add(key, largest, "deg", f"Largest difference from the joint settled in MuJoCo, {role}")
-    context.add(f"{key}.cases", len(differences) - 1, "1", f"Load cases with an equilibrium settled in MuJoCo, {role}")
-    context.add(f"{key}.slack", slack, "1", f"Those of them with a slack tendon, {role}")
-    context.add(f"{key}.disputed", disputed, "1", f"Cases of which MuJoCo says otherwise that they are stable, {role}")
-    disputed += int(context.results[f"verification.scipy.{role}.disputed"].value)
-    return [number(largest), str(len(differences) - 1), str(slack), str(disputed)]
+            context.progress("MuJoCo")
+    return float(np.degrees(max(differences))), len(differences) - 1, slack, disputed
 
 
 def mujoco_cases(inst: Instrument, scaled: Instrument | None) -> int:
     """Return how often the section reports progress, so that a bar can show its share."""
     if not isinstance(inst, TendonGear):
         return 0
-    grids = sum(isinstance(one, TendonGear) for one in (inst, scaled))
+    grids = sum(isinstance(each, TendonGear) for each in (inst, scaled))
     if len(inst.axes) < 2:
         return grids * _ANGLES * _FORCES
     poses, forces = len(_POSES), len(_axis_forces(inst))
@@ -117,14 +131,15 @@ def mujoco_cases(inst: Instrument, scaled: Instrument | None) -> int:
     return grids * _ANGLES * _FORCES + (poses**2 + 2 * poses) + ((poses * forces) ** 2 + 2 * poses * forces)
 
 
-def _axes(context: Context, inst: TendonGear, progress: Progress) -> tuple[str, list[Plot]]:
+def _axes(context: Context, inst: TendonGear) -> tuple[str, list[Plot]]:
     """Measure how far one axis moves because the other is moved and loaded, and draw it."""
     if len(inst.axes) < 2:
         return "", []
     forces = _axis_forces(inst)
     share = min(1.0, float(np.degrees(inst.output_range)) / max(_POSES))
     poses = [share * pose for pose in _POSES]
-    found = mujoco_peer.axis_independence(inst, [float(np.radians(pose)) for pose in poses], forces, progress)
+    angles = [float(np.radians(pose)) for pose in poses]
+    found = mujoco_peer.axis_independence(inst, angles, forces, lambda: context.progress("MuJoCo"))
     unloaded = context.add(
         "axes.unloaded_coupling",
         abs(np.degrees(found.unloaded.change)),
@@ -139,16 +154,15 @@ def _axes(context: Context, inst: TendonGear, progress: Progress) -> tuple[str, 
     )
     worst = found.loaded
     fig, (axis,) = style.figure(height=3.4)
-    pitch = np.linspace(0.0, max(poses), 7)
+    chart = Chart(fig)
+    pitch = chart.keep("pitch output angle, unloaded [deg]", np.linspace(0.0, max(poses), 7))
     handle = statics.handle_angle(inst, np.radians(pitch))
-    curves = {"pitch output angle, unloaded [deg]": pitch}
     yaw = float(statics.handle_angle(inst, np.radians(40.0 * share)))
     for force, color in zip((0.0, *forces), (style.INK, *style.LOADS), strict=False):
         settled = [mujoco_peer.settle_two_axis(inst, yaw, float(other), force, force).yaw for other in handle]
         change = np.degrees(np.array(settled) - settled[0])
         label = "no load" if force == 0 else f"{force:.2g} N on both axes"
-        curves[f"change of yaw, {label} [deg]"] = change
-        axis.plot(pitch, change, "o-", ms=4, color=color, label=label)
+        chart.curve(axis, pitch, f"change of yaw, {label} [deg]", change, "o-", ms=4, color=color, label=label)
     axis.set(xlabel="unloaded pitch output angle [deg]", ylabel="change of yaw angle [deg]")
     axis.legend(loc="upper left")
     text = (
@@ -157,13 +171,11 @@ def _axes(context: Context, inst: TendonGear, progress: Progress) -> tuple[str, 
         f"{number(unloaded, 2)}° without a load: the geometry is independent indeed. Under load it is not: up to "
         f"<b>{fixed(loaded, 1)}°</b> ({worst.axis}, at {np.degrees(worst.yaw):.0f}°/{np.degrees(worst.pitch):.0f}° and "
         f"{worst.force_yaw:.2g} N on both axes), because flexing pitch shortens the lever of the load on yaw, by cos "
-        f"θ<sub>pitch</sub>, and turns part of the pitch load into a radial force on it.</p>"
+        f"θ<sub>pitch</sub>, and turns part of the pitch load into a radial force on yaw.</p>"
     ).replace("-", "−")
-    plot = Plot(
+    plot = chart.plot(
         "axis_independence",
         f"Change of the yaw angle, set to {40 * share:.0f}° without load, as pitch is flexed; {named(inst)}, MuJoCo.",
-        fig,
-        curves,
     )
     return text, [plot]
 
@@ -174,7 +186,7 @@ def _axis_forces(inst: Instrument) -> Sequence[float]:
 
 
 def _radial(context: Context, inst: TendonGear) -> list[CarePoint]:
-    """Let MuJoCo decide between the radial term as printed and by virtual work."""
+    """Compare the radial term as printed and by virtual work with MuJoCo."""
     force, radial = 0.07 * _heavy(inst), 3.3 * _heavy(inst)
     unloaded = min(70.0, 0.9 * float(np.degrees(inst.output_range)))
     handle = float(statics.handle_angle(inst, np.radians(unloaded)))

@@ -1,31 +1,26 @@
-"""The report: one HTML file that needs nothing beside it."""
+"""The page of the report: one HTML file that needs nothing beside it."""
 
 import re
 from collections.abc import Mapping, Sequence
-from importlib import resources
 
-import jinja2
 import numpy as np
 from markupsafe import Markup
 
 from tenodesis.instrument import Instrument
-from tenodesis.paper.context import Context
-from tenodesis.paper.loss import shown_force
-from tenodesis.report import style
+from tenodesis.paper.context import Context, shown_force
+from tenodesis.report import page
 from tenodesis.report.content import Section, fixed
 from tenodesis.units import in_unit
 
-_TEMPLATE = "report.html.j2"
-
 
 def headlines(context: Context) -> list[tuple[str, str]]:
-    """Return the few numbers that stand first, with what they are."""
+    """Return the few results at the top of the page, each with its meaning."""
     results = context.results
     chosen = [
         ("loss.flexural_stiffness.straight", "flexural stiffness, straight", 3),
         ("tension.slack_force.flexed", "load at which a tendon goes slack", 2),
         ("transmissibility.straight", "torque transmissibility, straight", 3),
-        ("axes.loaded_coupling", "yaw and pitch disturb each other by up to", 1),
+        ("axes.loaded_coupling", "largest coupling of yaw and pitch", 1),
     ]
     flexed, force = np.degrees(context.inst.output_range), shown_force(context.inst)
     chosen.insert(0, (f"loss.at_{flexed:.4g}deg.{force:g}N", f"lost under {force:g} N at {flexed:.4g}°", 1))
@@ -37,22 +32,19 @@ def headlines(context: Context) -> list[tuple[str, str]]:
     ]
 
 
-def render(context: Context, sections: Sequence[Section], drawings: Mapping[str, str], about: Mapping[str, str]) -> str:
+def render(context: Context, sections: Sequence[Section], drawings: Mapping[str, Markup]) -> str:
     """Return the report as HTML; drawings are the figures as SVG, by name."""
-    text = (resources.files("tenodesis.paper") / _TEMPLATE).read_text("utf-8")
-    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    template = environment.from_string(text)
-    care = sorted((point for section in sections for point in section.care), key=lambda point: point.number)
-    return template.render(
+    return page.render(
+        __package__,
+        "report.html.j2",
         inst=context.inst,
         scaled=context.scaled,
         headlines=headlines(context),
         dimensions=[_dimensions(inst) for inst in (context.inst, context.scaled) if inst is not None],
         sections=sections,
-        drawings={name: Markup(style.inlined(name, svg)) for name, svg in drawings.items()},
-        care=care,
+        drawings=drawings,
+        care=sorted((point for section in sections for point in section.care), key=lambda point: point.number),
         published=[result for result in context.results.values() if result.published is not None],
-        about=about,
         marked=_marked,
     )
 

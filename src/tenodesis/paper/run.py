@@ -1,53 +1,62 @@
-"""One run of the bench: compute every section, then write all files or none."""
+"""One run of the report: compute every section, then write all files or none."""
 
-import csv
 import json
-import math
-import platform
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from tenodesis import instrument as instruments
-from tenodesis import statics
 from tenodesis.errors import ReportError
 from tenodesis.files import atomic_files
 from tenodesis.instrument import Instrument
 from tenodesis.paper import (
     campaign,
     checks,
-    compensated,
-    compensated_cycles,
-    compensation,
-    designing,
-    hysteresis,
-    input_output,
-    loss,
+    compensation_laws,
+    fig7_input_output,
+    fig8_tension,
+    fig9_transmissibility,
+    fig11_loss,
+    fig14_compensated,
+    fig14_cycles,
+    fig15_compensated,
+    fig15_step_load,
     report,
-    scaling,
-    step_load,
-    tension,
-    transmissibility,
-    working_space,
+    scale_model_design,
+    tables_1_2_scale_model,
+    workspace,
 )
-from tenodesis.paper.context import Context
-from tenodesis.recording.simulation import record
+from tenodesis.paper.context import SEEDS, Context
+from tenodesis.recording.simulation import write_run
 from tenodesis.report import style
-from tenodesis.report.content import Plot, Section
+from tenodesis.report.content import Section
+from tenodesis.report.page import about, json_number, write_columns, write_figure
 
 RESULTS_SCHEMA = 1
 """Version of the layout of results.json."""
 
-_DRAWINGS = ("svg", "png")
+SECTIONS: tuple[tuple[str, Callable[[Context], Section]], ...] = (
+    ("input and output", fig7_input_output.section),
+    ("tension", fig8_tension.section),
+    ("transmissibility", fig9_transmissibility.section),
+    ("loss", fig11_loss.section),
+    ("compensation", compensation_laws.section),
+    ("workspace", workspace.section),
+    ("scale model", tables_1_2_scale_model.section),
+    ("scale-model design", scale_model_design.section),
+    ("flexion and extension", fig14_cycles.section),
+    ("step load", fig15_step_load.section),
+    ("compensated step load", fig15_compensated.section),
+    ("compensated cycles", fig14_compensated.section),
+    ("campaign", campaign.section),
+    ("checks", checks.section),
+)
+"""The sections of the report in order, each with its name in the progress bar."""
 
 
 def steps(inst: Instrument, scaled: Instrument | None) -> int:
     """Return how often a run reports progress."""
-    return 14 + checks.mujoco_cases(inst, scaled)
+    return len(SECTIONS) + 1 + checks.mujoco_cases(inst, scaled)
 
 
 def run(
@@ -57,20 +66,20 @@ def run(
     progress: Callable[[str], None] = lambda _: None,
     recordings: bool = True,
     *,
-    seeds: int = campaign.SEEDS,
+    seeds: int = SEEDS,
 ) -> Context:
-    """Compute the bench for an instrument and write report, figures, curves and results.
+    """Compute the report for an instrument and write it with its figures, curves and results.
 
     Parameters
     ----------
     inst
         The instrument.
     scaled
-        Its scale model, of the same joint type; without one the report leaves similarity out.
+        Its scale model, of the same joint type; without it the report leaves similarity out.
     out
         Folder for report.html, results.json, figures/, curves/ and recordings/; made if absent.
     progress
-        Called with the name of what is being worked on.
+        Called with the name of what is being computed.
     recordings
         Whether the twin's experiments are recorded as well.
     seeds
@@ -86,120 +95,63 @@ def run(
     ReportError
         The folder cannot be written.
     """
-    context = Context(_within_reach(inst), scaled, _is_paper(inst, scaled))
-    # A folder that cannot be written is said before a minute of work, not after it.
-    with _written(out), atomic_files(out):
+    context = Context.of(inst, scaled, seeds=seeds, progress=progress)
+    # A folder that cannot be written is reported before a minute of work, not after it.
+    with _report_errors(out), atomic_files(out):
         pass
     with style.applied():
-        return _run(context, out, progress, recordings, seeds)
+        sections = []
+        for name, section in SECTIONS:
+            progress(name)
+            sections.append(section(context))
+        progress("writing")
+        if not recordings:
+            context.recordings.clear()
+        write(context, sections, out)
+    return context
+
+
+def write(context: Context, sections: Sequence[Section], out: Path) -> None:
+    """Write the report on sections into a folder, all files or none.
+
+    Raises
+    ------
+    ReportError
+        The folder cannot be written.
+    """
+    with _report_errors(out), atomic_files(out, last="report.html") as new:
+        for folder in ("figures", "curves", "recordings"):
+            (new / folder).mkdir()
+        drawings = {}
+        for plot in (plot for section in sections for plot in section.plots):
+            drawings[plot.name] = write_figure(plot, new / "figures")
+            write_columns(plot.curves, new / "curves" / f"{plot.name}.csv")
+        for name, done in context.recordings.items():
+            path = new / "recordings" / f"{name}.mcap"
+            write_run(done.run, done.inst, path, protocol=done.protocol, seed=done.seed)
+        (new / "results.json").write_text(json.dumps(_results(context), indent=1, ensure_ascii=False) + "\n", "utf-8")
+        (new / "report.html").write_text(report.render(context, sections, drawings), "utf-8")
 
 
 @contextmanager
-def _written(out: Path) -> Iterator[None]:
-    """Say of what fails within that a folder cannot be written."""
+def _report_errors(out: Path) -> Iterator[None]:
+    """Turn an error of the file system into a sentence that names the folder."""
     try:
         yield
     except OSError as problem:
         raise ReportError(f"{out} cannot be written: {problem.strerror or problem}.") from problem
 
 
-def _within_reach(inst: Instrument) -> Instrument:
-    """Return an instrument whose working range ends where the handle's range does, if it ends before."""
-    reached = statics.output_angle(inst, np.array([inst.handle_range]))[0]
-    return inst.replace(output_range=reached) if reached < inst.output_range else inst
-
-
-def _run(context: Context, out: Path, progress: Callable[[str], None], recordings: bool, seeds: int) -> Context:
-    sections: list[Section] = []
-    for name, section in (
-        ("input and output", input_output.section),
-        ("tension", tension.section),
-        ("transmissibility", transmissibility.section),
-        ("loss", loss.section),
-        ("compensation", compensation.section),
-        ("workspace", working_space.section),
-        ("scale model", scaling.section),
-        ("scale-model design", designing.section),
-        ("flexion and extension", hysteresis.section),
-        ("step load", step_load.section),
-        ("compensated step load", compensated.section),
-        ("compensated cycles", compensated_cycles.section),
-        ("campaign", partial(campaign.section, seeds=seeds)),
-    ):
-        progress(name)
-        sections.append(section(context))
-    sections.append(checks.section(context, lambda: progress("MuJoCo")))
-    progress("writing")
-    if not recordings:
-        context.recordings.clear()
-    with _written(out):
-        _write(context, sections, out)
-    return context
-
-
-def about() -> dict[str, str]:
-    """Return the versions a report was made with."""
-    from tenodesis import __version__  # noqa: PLC0415
-
-    return {"tenodesis": __version__, "python": platform.python_version(), "numpy": np.__version__}
-
-
-def _is_paper(inst: Instrument, scaled: Instrument | None) -> bool:
-    return inst == instruments.load("real-size") and scaled == instruments.load("scaled-up")
-
-
-def _write(context: Context, sections: list[Section], out: Path) -> None:
-    """Write everything beside its place first, and move it there when all of it is written."""
-    with atomic_files(out, last="report.html") as new:
-        for folder in ("figures", "curves", "recordings"):
-            (new / folder).mkdir()
-        drawings: dict[str, str] = {}
-        for plot in (plot for section in sections for plot in section.plots):
-            drawings[plot.name] = _draw(plot, new / "figures")
-            _write_curves(plot, new / "curves" / f"{plot.name}.csv")
-        for file_name, session in context.recordings.items():
-            record(session.inst, session.protocol, new / "recordings" / f"{file_name}.mcap", seed=session.seed)
-        (new / "results.json").write_text(json.dumps(_results(context), indent=1, ensure_ascii=False) + "\n", "utf-8")
-        (new / "report.html").write_text(report.render(context, sections, drawings, about()), "utf-8")
-
-
-def _draw(plot: Plot, folder: Path) -> str:
-    """Write a figure as SVG and PNG and return the SVG."""
-    for kind in _DRAWINGS:
-        metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {}
-        plot.figure.savefig(folder / f"{plot.name}.{kind}", dpi=200, metadata=metadata)
-        # Where things are on the page has been found for all kinds, and takes as long as drawing them.
-        plot.figure.set_layout_engine("none")
-    return (folder / f"{plot.name}.svg").read_text("utf-8")
-
-
-def _write_curves(plot: Plot, path: Path) -> None:
-    columns = {heading: np.atleast_1d(np.asarray(values, float)) for heading, values in plot.curves.items()}
-    length = max(column.size for column in columns.values())
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(columns)
-        for i in range(length):
-            writer.writerow(
-                "" if i >= column.size or math.isnan(column[i]) else f"{column[i]:.9g}" for column in columns.values()
-            )
-
-
 def _results(context: Context) -> dict[str, Any]:
     entries = {}
     for key, result in sorted(context.results.items()):
-        entry: dict[str, Any] = {
-            "value": result.value if math.isfinite(result.value) else None,
-            "unit": result.unit,
-            "description": result.description,
-        }
+        entries[key] = {"value": json_number(result.value), "unit": result.unit, "description": result.description}
         if result.published is not None:
-            entry |= {
+            entries[key] |= {
                 "published": result.published.value,
                 "residual": result.residual,
                 "source": result.published.source,
             }
-        entries[key] = entry
     return {
         "schema": RESULTS_SCHEMA,
         "about": about(),

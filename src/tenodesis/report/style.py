@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 INK = "#1b2733"
 MUTED = "#6b7785"
@@ -44,7 +45,7 @@ _STYLE: Any = {
 
 
 def colors(count: int) -> list[str]:
-    """Return a colour for each of so many curves, the first for the one without a load."""
+    """Return a colour for each of `count` curves, the first of which has no load."""
     fixed = [INK, *LOADS]
     if count <= len(fixed):
         return fixed[:count]
@@ -59,13 +60,19 @@ def figure(columns: int = 1, *, width: float = 7.0, height: float = 4.1) -> tupl
 
 
 def applied() -> AbstractContextManager[None]:
-    """Return the context in which figures are made and saved, so that nobody else's are touched."""
+    """Return the context in which figures are made and saved; figures made outside it keep their own style."""
     return mpl.rc_context(_STYLE)
 
 
 def legend_above(axis: Axes, columns: int) -> None:
     """Put an axis's legend above it, where no curve runs."""
     axis.legend(loc="lower left", bbox_to_anchor=(0, 1), borderaxespad=0.3, ncols=columns)
+
+
+def legend_outside(fig: Figure, *entries: tuple[str, str, str]) -> None:
+    """Put a legend above all panels of a figure; an entry is a name, a colour and a line style."""
+    handles = [Line2D([], [], color=color, ls=line, label=name) for name, color, line in entries]
+    fig.legend(handles=handles, loc="outside upper left", ncols=len(entries))
 
 
 def inlined(name: str, svg: str) -> str:

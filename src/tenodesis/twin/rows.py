@@ -1,6 +1,6 @@
 """Rows of the core: the commands that go in, what is checked before a run, and the signals that come out."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -73,7 +73,11 @@ def lost(status: Status, where: str) -> Exception:
 
 
 def as_run(
-    time: Array, axes: tuple[str, ...], commands: Sequence[Array], outs: Sequence[Array], controls: Sequence[Array] = ()
+    time: Array,
+    axes: tuple[str, ...],
+    commanded: Mapping[str, Array],
+    outs: Sequence[Array],
+    controls: Sequence[Array] = (),
 ) -> Run:
     """Return rows of the core as a run.
 
@@ -83,22 +87,27 @@ def as_run(
         Time of each row, s, shape (n,).
     axes
         Names of the axes.
-    commands, outs, controls
-        By axis, commands, the twin's signals and the controller's, each of shape (n, columns).
+    commanded
+        Signals of the commands, shaped as in the run.
+    outs, controls
+        By axis, the twin's signals and the controller's, each of shape (n, columns).
     """
+    controlled = {name: _of_axes(controls, _columns(CONTROL, name)) for name in _CONTROLLED} if controls else {}
+    simulated = {name: _of_axes(outs, _columns(SIGNALS, name)) for name in _MEASURED_AND_TRUE}
+    return Run(time, axes, **{**commanded, **controlled, **simulated})
 
-    def signal(stack: Sequence[Array], columns: int | slice) -> Array:
-        per_axis = [rows[:, columns] for rows in stack]
-        return per_axis[0] if len(stack) == 1 else np.stack(per_axis, 1)
 
-    given = {
-        "commanded_handle_angle": signal(commands, ARGUMENTS["handle_angle"]),
-        "radial_force": signal(commands, ARGUMENTS["radial_force"]),
-        "commanded_spool_velocity": signal(commands, ARGUMENTS["spool_velocity"]),
+def commanded(commands: Sequence[Array]) -> dict[str, Array]:
+    """Return the commands of each axis, each of shape (n, columns), as signals of a run."""
+    return {
+        f"{prefix}{name}": _of_axes(commands, ARGUMENTS[name])
+        for prefix, name in (("commanded_", "handle_angle"), ("", "radial_force"), ("commanded_", "spool_velocity"))
     }
-    controlled = {name: signal(controls, _columns(CONTROL, name)) for name in _CONTROLLED} if controls else {}
-    simulated = {name: signal(outs, _columns(SIGNALS, name)) for name in _MEASURED_AND_TRUE}
-    return Run(time, axes, **(given | controlled | simulated))
+
+
+def _of_axes(stack: Sequence[Array], columns: int | slice) -> Array:
+    per_axis = [rows[:, columns] for rows in stack]
+    return per_axis[0] if len(stack) == 1 else np.stack(per_axis, 1)
 
 
 def _columns(names: Sequence[str], name: str) -> int | slice:

@@ -26,6 +26,7 @@ from tenodesis.twin.rows import (
     check_handle_range,
     check_rig,
     check_seed,
+    commanded,
     lost,
 )
 
@@ -217,7 +218,7 @@ class Twin:
         count = rows[0].shape[0]
         time = np.arange(self._steps + 1, self._steps + 1 + count, dtype=np.float64) * self.time_step
         if controller is None:
-            return as_run(time, self.inst.axes, rows, self._step_axes(rows))
+            return as_run(time, self.inst.axes, commanded(rows), self._step_axes(rows))
         controller.check_instrument(self.inst)
         steps, status, outs, control = run_closed_loop(
             self._axes,
@@ -233,7 +234,7 @@ class Twin:
         self._steps += steps
         if status != Status.OK:
             raise lost(status, f"step {steps} ({self.time:.6g} s)")
-        return as_run(time, self.inst.axes, rows, outs, control)
+        return as_run(time, self.inst.axes, commanded(rows), outs, control)
 
     def _step_axes(self, rows: list[Array]) -> list[Array]:
         """Step every axis over its commands and return its signals; a lost step leaves the twin as it was."""

@@ -1,0 +1,211 @@
+#pragma once
+// A twin of any mechanism behind one interface: commands in, signals out, row by row.
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <memory>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+
+#include "tenodesis/energy.hpp"
+#include "twin_spec.hpp"
+#include "vectors.hpp"
+
+namespace tenodesis::engine {
+
+/// Columns of a row of commands.
+inline constexpr std::array command_names{"handle_angle",
+                                          "force",
+                                          "radial_force",
+                                          "weight",
+                                          "agonist_spool_velocity",
+                                          "antagonist_spool_velocity",
+                                          "sheath_bend",
+                                          "agonist_let_out",
+                                          "antagonist_let_out"};
+inline constexpr std::size_t command_count = command_names.size();
+
+/// Signals that a step writes, in order.
+inline constexpr std::array signal_names{"measured_handle_angle",
+                                         "measured_output_angle",
+                                         "measured_tension.agonist",
+                                         "measured_tension.antagonist",
+                                         "measured_spool_angle.agonist",
+                                         "measured_spool_angle.antagonist",
+                                         "handle_angle",
+                                         "handle_torque",
+                                         "output_angle",
+                                         "output_velocity",
+                                         "tension.agonist",
+                                         "tension.antagonist",
+                                         "distal_tension.agonist",
+                                         "distal_tension.antagonist",
+                                         "spool_angle.agonist",
+                                         "spool_angle.antagonist",
+                                         "spool_velocity.agonist",
+                                         "spool_velocity.antagonist",
+                                         "force",
+                                         "sweeps"};
+inline constexpr std::size_t signal_count = signal_names.size();
+
+/// Commands of successive steps, each a row of command_count values.
+struct Commands {
+  const double* rows{};
+
+  Command<double> operator[](std::size_t i) const {
+    const double* row = rows + i * command_count;
+    return {row[0], row[1], row[2], row[3], {row[4], row[5]}, row[6], {row[7], row[8]}};
+  }
+};
+
+/// How far a run came.
+struct Progress {
+  std::size_t steps{};
+  Status status{Status::ok};
+};
+
+struct EnergyTotals {
+  std::array<double, 7> values{};  // stored before, stored after, handle, spools, load, friction, damping
+  double least_friction{};         // the smallest loss in any step, by the tensions at its end
+  double worst_residual{};
+  int most_sweeps{};
+};
+
+class AnyTwin {
+ public:
+  virtual ~AnyTwin() = default;
+  AnyTwin() = default;
+  AnyTwin(const AnyTwin&) = delete;
+  AnyTwin& operator=(const AnyTwin&) = delete;
+
+  /// Runs over count commands; out holds a row of signals per step.
+  virtual Progress run(const Commands& commands, std::size_t count, double* out) = 0;
+  /// Runs and keeps the chosen signals of every n-th step, one row of out per signal.
+  virtual Progress sample(const Commands& commands, std::size_t count, std::span<const std::size_t> signals,
+                          std::size_t every, double* out, std::size_t columns) = 0;
+  virtual Progress audit(const Commands& commands, std::size_t count, EnergyTotals& totals) = 0;
+  /// One step, for a loop that is closed by the caller.
+  virtual Status step(const Command<double>& command) = 0;
+  virtual const Reading<double>& reading() const = 0;
+  virtual std::string state() const = 0;
+  virtual void set_state(const std::string& bytes) = 0;
+  virtual double handle_wanted() const = 0;
+  virtual std::array<double, signal_count> signals(const Command<double>& command) const = 0;
+};
+
+template <class T>
+class TwinOf final : public AnyTwin {
+ public:
+  using State = T::State;
+  static_assert(std::is_trivially_copyable_v<State>);
+
+  TwinOf(const T& twin, std::uint64_t seed) : twin_(twin), state_(twin.rest(seed)) {}
+
+  Progress run(const Commands& commands, std::size_t count, double* out) override {
+    return walk(commands, count, [&](std::size_t i, const Command<double>& command) {
+      std::ranges::copy(signals_of(command), out + i * signal_count);
+    });
+  }
+
+  Progress sample(const Commands& commands, std::size_t count, std::span<const std::size_t> signals, std::size_t every,
+                  double* out, std::size_t columns) override {
+    return walk(commands, count, [&](std::size_t i, const Command<double>& command) {
+      if ((i + 1) % every != 0) return;
+      const auto row = signals_of(command);
+      for (std::size_t k = 0; k < signals.size(); ++k) out[k * columns + i / every] = row[signals[k]];
+    });
+  }
+
+  Progress audit(const Commands& commands, std::size_t count, EnergyTotals& totals) override {
+    Progress progress;
+    totals.values[0] = stored_energy(twin_, state_);
+    totals.values[1] = totals.values[0];
+    for (std::size_t i = 0; i < count; ++i) {
+      const State before = state_;
+      const Command<double> command = commands[i];
+      progress.status = twin_.step(command, state_);
+      if (progress.status != Status::ok) return progress;
+      progress.steps = i + 1;
+      const Energy<double> energy = account(twin_, before, state_, before.load, state_.load);
+      totals.values[1] = energy.stored;
+      totals.values[2] += energy.handle;
+      totals.values[3] += energy.spools;
+      totals.values[4] += energy.load;
+      totals.values[5] += energy.friction;
+      totals.values[6] += energy.damping;
+      totals.least_friction = std::min(totals.least_friction, energy.friction_at_end);
+      totals.worst_residual = std::max(totals.worst_residual, twin_.residual(before, state_));
+      totals.most_sweeps = std::max(totals.most_sweeps, state_.sweeps);
+    }
+    return progress;
+  }
+
+  Status step(const Command<double>& command) override { return twin_.step(command, state_); }
+
+  const Reading<double>& reading() const override { return state_.reading; }
+
+  std::string state() const override {
+    std::string bytes(sizeof(State), '\0');
+    std::memcpy(bytes.data(), &state_, sizeof(State));
+    return bytes;
+  }
+
+  void set_state(const std::string& bytes) override {
+    if (bytes.size() != sizeof(State)) throw std::invalid_argument("the state belongs to another kind of twin");
+    std::memcpy(&state_, bytes.data(), sizeof(State));
+  }
+
+  double handle_wanted() const override { return state_.handle_wanted; }
+
+  std::array<double, signal_count> signals(const Command<double>& command) const override {
+    return signals_of(command);
+  }
+
+ private:
+  /// Steps over commands until one fails; calls keep(step, command) after each.
+  template <class Keep>
+  Progress walk(const Commands& commands, std::size_t count, const Keep& keep) {
+    Progress progress;
+    in_widest_vectors([&] {
+      for (std::size_t i = 0; i < count; ++i) {
+        const Command<double> command = commands[i];
+        progress.status = twin_.step(command, state_);
+        if (progress.status != Status::ok) return;
+        keep(i, command);
+        progress.steps = i + 1;
+      }
+    });
+    return progress;
+  }
+
+  std::array<double, signal_count> signals_of(const Command<double>& command) const {
+    const auto& tendon = state_.tendon;
+    const auto& drive = state_.drive;
+    const auto& reading = state_.reading;
+    const int last = twin_.tendon.contacts();
+    return {reading.handle_angle,          reading.output_angle,
+            reading.tension[agonist],      reading.tension[antagonist],
+            reading.spool_angle[agonist],  reading.spool_angle[antagonist],
+            state_.handle_angle,           twin_.handle_torque(command, state_),
+            state_.output_angle,           state_.output_velocity,
+            tendon[agonist].tension[0],    tendon[antagonist].tension[0],
+            tendon[agonist].tension[last], tendon[antagonist].tension[last],
+            drive[agonist].spool,          drive[antagonist].spool,
+            drive[agonist].speed,          drive[antagonist].speed,
+            twin_.load_of(command).force,  double(state_.sweeps)};
+  }
+
+  T twin_;
+  State state_;
+};
+
+inline std::unique_ptr<AnyTwin> make_twin(const TwinSpec& spec, std::uint64_t seed) {
+  return with_twin(spec, [&]<class T>(const T& twin) -> std::unique_ptr<AnyTwin> {
+    return std::make_unique<TwinOf<T>>(twin, seed);
+  });
+}
+
+}  // namespace tenodesis::engine

@@ -1,0 +1,74 @@
+#pragma once
+// Faults injected between an instrument and its controller: into what the sensors read, what the drives are sent, and
+// the tick itself.
+
+#include <algorithm>
+#include <array>
+
+#include "tenodesis/control.hpp"
+
+namespace tenodesis::engine {
+
+/// Places where a fault can be injected, per axis; the tick is common to all axes, and its fault is the first axis's.
+inline constexpr std::array fault_injection_places{
+    "handle_angle",           "tension.agonist",        "tension.antagonist",        "spool_angle.agonist",
+    "spool_angle.antagonist", "spool_velocity.agonist", "spool_velocity.antagonist", "tick"};
+inline constexpr std::size_t injection_place_count = fault_injection_places.size();
+
+/// The first of each kind of place.
+enum InjectionPlace : std::size_t {
+  at_handle_angle = 0,
+  at_tension = 1,
+  at_spool_angle = 3,
+  at_velocity = 5,
+  at_tick = 7
+};
+
+enum class InjectionMode : unsigned char {
+  none,
+  add,   ///< adds a value to the signal; seconds to the tick's time
+  set,   ///< replaces the signal by a value, NaN included
+  hold,  ///< repeats the last value; leaves the tick out
+};
+
+struct Injection {
+  InjectionMode mode{};
+  double value{};
+};
+
+/// The signal path from sensors to controller to drives; remembers the last value of each signal, for holding it.
+class FaultInjector {
+ public:
+  /// The value that arrives when one is sent.
+  double pass(std::size_t axis, std::size_t place, double value, const Injection& fault) {
+    double& last = last_[axis][place];
+    if (fault.mode == InjectionMode::hold) return last;
+    if (fault.mode == InjectionMode::set) return last = fault.value;
+    return last = fault.mode == InjectionMode::add ? value + fault.value : value;
+  }
+
+  /// The same for all sensors of an axis; fault_at gives the fault of a place.
+  template <class FaultAt>
+  Measurement<double> pass(std::size_t axis, const Measurement<double>& read, const FaultAt& fault_at) {
+    const auto arrives = [&](std::size_t place, double value) { return pass(axis, place, value, fault_at(place)); };
+    Measurement<double> measured{};
+    measured.handle_angle = arrives(at_handle_angle, read.handle_angle);
+    for (std::size_t i = 0; i < 2; ++i) {
+      measured.tension[i] = arrives(at_tension + i, read.tension[i]);
+      measured.spool_angle[i] = arrives(at_spool_angle + i, read.spool_angle[i]);
+    }
+    return measured;
+  }
+
+  /// Shifts the time of a tick, ns; false where the tick is left out.
+  static bool pass_tick(const Injection& fault, double& time) {
+    if (fault.mode == InjectionMode::add) time = std::max(0.0, time + fault.value * 1e9);
+    if (fault.mode == InjectionMode::set) time = std::max(0.0, fault.value * 1e9);
+    return fault.mode != InjectionMode::hold;
+  }
+
+ private:
+  double last_[most_axes][injection_place_count]{};
+};
+
+}  // namespace tenodesis::engine

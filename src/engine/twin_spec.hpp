@@ -1,0 +1,151 @@
+#pragma once
+// A twin as it is given in arrays: an axis, a row of parameters, and the choices that are types in the core.
+
+#include <array>
+#include <cstddef>
+#include <string>
+#include <variant>
+
+#include "spec.hpp"
+#include "tenodesis/twin.hpp"
+
+namespace tenodesis::engine {
+
+/// Parameters of a twin beside its axis, in SI units and the order of a row; handle_length_share is that of the tendon
+/// between spool and handle joint.
+#define TENODESIS_TWIN_PARAMETERS(ROW)                                                                               \
+  ROW(vertex_coefficient)                                                                                            \
+  ROW(sheath_coefficient)                                                                                            \
+  ROW(sheath_bend)                                                                                                   \
+  ROW(sheath_bend_rate)                                                                                              \
+  ROW(viscous) ROW(constant) ROW(static_ratio) ROW(stribeck_speed) ROW(memory) ROW(handle_length_share)              \
+      ROW(stiffness_ratio) ROW(pretension_ratio) ROW(tip_inertia) ROW(tip_damping) ROW(output_stop)                  \
+          ROW(stop_stiffness) ROW(hand_stiffness) ROW(hand_damping) ROW(hand_inertia) ROW(spool_radius)              \
+              ROW(spool_speed_limit) ROW(spool_acceleration_limit) ROW(drive_time_constant) ROW(backlash)            \
+                  ROW(rig_pulley_radius) ROW(encoder_noise) ROW(encoder_range) ROW(encoder_resolution)               \
+                      ROW(handle_encoder_offset) ROW(output_encoder_offset) ROW(motor_encoder_resolution)            \
+                          ROW(load_cell_noise) ROW(load_cell_range) ROW(load_cell_resolution)                        \
+                              ROW(agonist_load_cell_gain) ROW(antagonist_load_cell_gain) ROW(agonist_load_cell_bias) \
+                                  ROW(antagonist_load_cell_bias) ROW(time_step)
+
+#define TENODESIS_ROW(name) name,
+enum TwinParameter : std::size_t { TENODESIS_TWIN_PARAMETERS(TENODESIS_ROW) };
+#undef TENODESIS_ROW
+#define TENODESIS_ROW(name) #name,
+inline constexpr std::array twin_parameter_names{TENODESIS_TWIN_PARAMETERS(TENODESIS_ROW)};
+#undef TENODESIS_ROW
+inline constexpr std::size_t twin_parameter_count = twin_parameter_names.size();
+
+using TwinRow = std::array<double, twin_parameter_count>;
+
+struct TwinSpec {
+  Spec axis;
+  bool speed_dependent{};  ///< the Stribeck law
+  int sheath_contacts{1};
+  int steps_per_sample{1};
+  bool quasi_static{};
+  TwinRow row{};
+};
+
+/// A row whose length is set when a twin is made.
+template <class T, int capacity>
+struct LongRow {
+  T at[capacity]{};
+  int length{capacity};
+
+  int size() const { return length; }
+  T& operator[](int i) { return at[i]; }
+  const T& operator[](int i) const { return at[i]; }
+};
+
+inline constexpr int most_sheath_contacts = 32;
+
+struct LongContacts {
+  template <class T>
+  using PerContact = LongRow<T, most_sheath_contacts + joint_contacts>;
+  template <class T>
+  using PerSegment = LongRow<T, most_sheath_contacts + joint_contacts + 1>;
+};
+
+/// Fills in the constants of a twin from its row; length: of a tendon, m.
+template <class T, class S = T::S>
+void fill(T& twin, const TwinSpec& spec, const std::array<S, twin_parameter_count>& row, const S& length) {
+  twin.axis.stiffness = twin.axis.stiffness * row[stiffness_ratio];
+  twin.axis.pretension = twin.axis.pretension * row[pretension_ratio];
+  twin.friction = {row[vertex_coefficient], row[sheath_coefficient], row[sheath_bend], row[sheath_bend_rate],
+                   row[viscous]};
+  twin.body = {row[tip_inertia], row[tip_damping], row[output_stop], row[stop_stiffness]};
+  twin.hand = {row[hand_stiffness], row[hand_damping], row[hand_inertia]};
+  twin.drive = {row[spool_radius], row[spool_speed_limit], row[spool_acceleration_limit], row[drive_time_constant],
+                row[backlash]};
+  twin.rig = {row[rig_pulley_radius], twin.axis.distal.rig_arm()};
+  const auto encoder = [&](const S& offset) {
+    return Sensor<S>{S(1),
+                     offset,
+                     row[encoder_noise],
+                     -row[encoder_range] * S(0.5),
+                     row[encoder_range] * S(0.5),
+                     row[encoder_resolution]};
+  };
+  const auto load_cell = [&](const S& gain, const S& bias) {
+    return Sensor<S>{
+        gain, bias, row[load_cell_noise], -row[load_cell_range], row[load_cell_range], row[load_cell_resolution]};
+  };
+  const S turns(1e9);  // a motor's encoder has no end
+  twin.sensors = {encoder(row[handle_encoder_offset]),
+                  encoder(row[output_encoder_offset]),
+                  {load_cell(row[agonist_load_cell_gain], row[agonist_load_cell_bias]),
+                   load_cell(row[antagonist_load_cell_gain], row[antagonist_load_cell_bias])},
+                  {S(1), S(0), S(0), -turns, turns, row[motor_encoder_resolution]}};
+  twin.time_step = row[time_step];
+  twin.steps_per_sample = spec.steps_per_sample;
+  twin.quasi_static = spec.quasi_static;
+
+  if constexpr (requires { twin.tendon.stiffness.length; })
+    twin.tendon.stiffness.length = spec.sheath_contacts + joint_contacts + 1;
+  // Compliance by length, from the spool: the sheath in the handle, its joint, the stem, the tip's joint.
+  const int sheath = spec.sheath_contacts;
+  const S in_handle = row[handle_length_share] / S(sheath + 1);
+  const S at_handle = twin.axis.proximal.tendon_span() / length;
+  const S at_tip = twin.axis.distal.tendon_span() / length;
+  const S in_stem = S(1) - row[handle_length_share] - at_handle - at_tip;
+  for (int i = 0; i < sheath; ++i) twin.tendon.stiffness[i] = twin.axis.stiffness / in_handle;
+  twin.tendon.stiffness[sheath] = twin.axis.stiffness / (in_handle + at_handle);
+  twin.tendon.stiffness[sheath + 1] = twin.axis.stiffness / in_stem;
+  twin.tendon.stiffness[sheath + 2] = twin.axis.stiffness / at_tip;
+  twin.tendon.rest_tension = twin.axis.pretension;
+}
+
+/// Calls work(twin) with the twin that a spec describes, in the number type of its parameters.
+template <class S, class Work>
+auto with_twin(const TwinSpec& spec, const std::array<S, parameter_count>& parameters,
+               const std::array<S, twin_parameter_count>& row, const Work& work) {
+  const AnyAxis<S> any = make_axis(spec.axis, parameters);
+  return std::visit(
+      [&]<class A>(const A& axis) {
+        const auto with_law = [&]<class Law>(const Law& law) {
+          const auto with_rows = [&]<class Rows>() {
+            Twin<A, Rows, Law> twin{};
+            twin.axis = axis;
+            twin.law = law;
+            fill(twin, spec, row, parameters[tendon_length]);
+            return work(twin);
+          };
+          return spec.sheath_contacts == 1 ? with_rows.template operator()<Contacts<1 + joint_contacts>>()
+                                           : with_rows.template operator()<LongContacts>();
+        };
+        // The other laws are these with some parameters zero, to the last bit.
+        return spec.speed_dependent
+                   ? with_law(Stribeck<S>{row[constant], row[static_ratio], row[stribeck_speed], row[memory]})
+                   : with_law(CapstanWithConstant<S>{row[constant]});
+      },
+      any);
+}
+
+/// The same in double precision.
+template <class Work>
+auto with_twin(const TwinSpec& spec, const Work& work) {
+  return with_twin(spec, spec.axis.parameters, spec.row, work);
+}
+
+}  // namespace tenodesis::engine

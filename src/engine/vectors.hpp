@@ -1,0 +1,54 @@
+#pragma once
+// Work that is compiled for several vector widths and run in the widest that this processor has.
+
+namespace tenodesis::engine {
+
+enum class Vectors { plain, avx2, avx512 };
+
+template <class Work>
+[[gnu::flatten]] void run_plain(const Work& work) {
+  work();
+}
+
+#if defined(__x86_64__) && defined(__GNUC__)
+
+#ifdef __clang__
+#define TENODESIS_AVX512 "avx512f,avx512dq,avx512vl,avx2,fma"
+#else
+// By default gcc uses half the width.
+#define TENODESIS_AVX512 "avx512f,avx512dq,avx512vl,avx2,fma,prefer-vector-width=512"
+#endif
+
+template <class Work>
+[[gnu::target("avx2,fma"), gnu::flatten]] void run_avx2(const Work& work) {
+  work();
+}
+template <class Work>
+[[gnu::target(TENODESIS_AVX512), gnu::flatten]] void run_avx512(const Work& work) {
+  work();
+}
+
+inline Vectors widest_vectors() {
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
+    return Vectors::avx512;
+  return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") ? Vectors::avx2 : Vectors::plain;
+}
+
+template <class Work>
+void in_widest_vectors(const Work& work) {
+  static const Vectors widest = widest_vectors();
+  if (widest == Vectors::avx512) return run_avx512(work);
+  if (widest == Vectors::avx2) return run_avx2(work);
+  run_plain(work);
+}
+
+#else
+
+template <class Work>
+void in_widest_vectors(const Work& work) {
+  run_plain(work);
+}
+
+#endif
+
+}  // namespace tenodesis::engine
