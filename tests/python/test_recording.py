@@ -15,7 +15,7 @@ from mcap_ros2.decoder import DecoderFactory
 from mcap_ros2.writer import Writer as StockWriter
 from rich.console import Console
 
-from tenodesis.errors import RecordingError
+from tenodesis.errors import MissingExtraError, RecordingError
 from tenodesis.recording import Recorder, Recording
 from tenodesis.recording.decode import Misfit
 from tenodesis.recording.schemas import JOINT_STATE, WRENCH, definition
@@ -331,7 +331,7 @@ def test_tables_are_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pyt
 def test_without_pandas_tables_say_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     recording = Recording.open(recorded(tmp_path / "run.mcap", a_run(2)))
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(RecordingError, match=r"tenodesis\[tables\]"):
+    with pytest.raises(MissingExtraError, match=r"tenodesis\[tables\]"):
         recording.to_pandas()
     recording.to_csv(tmp_path / "run.csv")
 
