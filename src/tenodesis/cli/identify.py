@@ -22,7 +22,7 @@ from tenodesis.identification.figures import axis_label
 from tenodesis.identification.fit import LEAST_REPLICATES, STARTS, fit
 from tenodesis.identification.formats import MeasuredRun, load_all
 from tenodesis.identification.goodness import unexplained, worse_held_out
-from tenodesis.identification.problem import Problem, WithGroups
+from tenodesis.identification.problem import Problem
 from tenodesis.identification.registry import FORMATS
 from tenodesis.identification.results import Fit, to_json
 from tenodesis.identification.split import LEAST_SHARE, FittedPart, split
@@ -149,7 +149,7 @@ def chosen_parameters(problem: Problem, text: str) -> list[str]:
         A name stands for none.
     """
     names = [one.name for one in problem.parameters]
-    groups = problem.groups if isinstance(problem, WithGroups) else {}
+    groups = problem.groups
     found: list[str] = []
     for word in (part.strip() for part in text.split(",")):
         if word in names:

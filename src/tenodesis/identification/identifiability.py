@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from tenodesis.identification.problem import Parameter, Problem, WithAdvice
+from tenodesis.identification.problem import Parameter, Problem
 from tenodesis.identification.uncertainty import Uncertainty
 from tenodesis.run import Array
 
@@ -163,7 +163,7 @@ def _combination(
         )
         rest = f"only {known} is" if known else f"changing {moves} together hardly changes the readings"
         sentence = f"{_listed(names)} are not identifiable separately from the recordings: {rest}."
-    advice = problem.advice(names) if isinstance(problem, WithAdvice) else None
+    advice = problem.advice(names)
     if advice is None and len(taking) == 1:
         advice = f"A protocol would identify it in which {taking[0].meaning} changes the readings."
     elif advice is None:

@@ -96,7 +96,7 @@ def to_markdown(rows: Sequence[LawRow]) -> str:
 
 
 def _independent(problem: Problem, one: Fit, train: Sequence[int]) -> float:
-    """Return how many independent samples the residuals of the training runs are worth."""
+    """Return the effective number of independent samples among the residuals of the training runs."""
     values = np.array([one.values[parameter.name] for parameter in problem.parameters])
     residuals = [problem.residuals(values, run) for run in train]
     return float(sum(r.size / correlation_samples(autocorrelation(r)) for r in residuals))

@@ -31,7 +31,7 @@ from tenodesis.identification.datasets.friction_laws import band, held, hysteres
 from tenodesis.identification.formats.measured import MeasuredRun, Source, checksum
 from tenodesis.identification.formats.raw import Raw, Unit
 from tenodesis.identification.formats.table import read_rows
-from tenodesis.identification.problem import Parameter, Trace
+from tenodesis.identification.problem import Parameter, Problem, Trace
 from tenodesis.identification.registry import Format
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
@@ -230,7 +230,7 @@ class Signs(NamedTuple):
     """Whether the jaw turns with the spindle's sensor (1) or against it (-1)."""
 
 
-class Tool:
+class Tool(Problem):
     """A tool with its recordings.
 
     Parameters
@@ -277,14 +277,10 @@ class Tool:
         self._kinematics = _kinematics(self._thin[: len(train)], self.signs)[0 if offset == "shared" else 1 :]
         self.parameters = (*self._kinematics, *LAWS[law])
         self._names = tuple(one.name for one in self.parameters)
-
-    @property
-    def groups(self) -> dict[str, tuple[str, ...]]:
-        """Names of parameters by group."""
-        return {
-            "friction": tuple(one.name for one in LAWS[self.law]),
+        self.groups = {
+            "friction": tuple(one.name for one in LAWS[law]),
             "stiffness": ("compliance",),
-            "kinematics": tuple(one.name for one in self.parameters if one.name in ("offset", "ratio")),
+            "kinematics": tuple(name for name in self._names if name in ("offset", "ratio")),
         }
 
     def residuals(self, values: Array, run: int) -> Array:
