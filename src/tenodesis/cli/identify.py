@@ -254,7 +254,7 @@ def _say_parameters(found: Fit) -> None:
     table.add_column("unit", no_wrap=True)
     for heading in ("95 % interval", "bootstrap") if found.bootstrap else ("std", "95 % interval"):
         table.add_column(heading, justify="right", min_width=9 if heading != "std" else None)
-    table.add_column("identifiable", min_width=4)
+    table.add_column("identi-\nfiable", min_width=4)
     for one in (one for one in found.parameters if one.name in found.free):
         row = report.shown(found, one)
         spread = (row.interval, row.bootstrap) if found.bootstrap else (row.std, row.interval)
