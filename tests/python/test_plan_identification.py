@@ -14,8 +14,7 @@ from typer.testing import CliRunner
 import tenodesis as tn
 from tenodesis import simulate
 from tenodesis.cli import plan_identification
-from tenodesis.cli.recording import CommandError
-from tenodesis.errors import IdentificationError
+from tenodesis.errors import CommandError, IdentificationError
 from tenodesis.identification import FORMATS
 from tenodesis.identification.experiment import OPTIMISTIC, Plan, plan, report
 from tenodesis.identification.experiment import candidates as blocks
@@ -261,7 +260,7 @@ def test_friction_is_not_wanted_of_an_instrument_without_it() -> None:
 @pytest.fixture
 def app() -> Iterator[typer.Typer]:
     made = typer.Typer(pretty_exceptions_enable=False)
-    plan_identification.register(made)
+    made.command()(plan_identification.plan_identification)
     made.command()(lambda: None)
     yield made
 
