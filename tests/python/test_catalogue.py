@@ -310,7 +310,7 @@ CELL = '[[load_cells]]\nname = "cell"\nrange = "1 N"\n'
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("a =", "not valid TOML"),
         ("rope = 1", "rope is not a known key; it must be one of name,"),
@@ -365,10 +365,10 @@ CELL = '[[load_cells]]\nname = "cell"\nrange = "1 N"\n'
         ('include = "ropes"', "include = 'ropes': it must be a list."),
     ],
 )
-def test_a_bad_catalogue_is_refused_in_one_sentence(write: Any, text: str, told: str) -> None:
+def test_a_bad_catalogue_is_refused_in_one_sentence(write: Any, text: str, message: str) -> None:
     with pytest.raises(DesignError) as refused:
         load(write(text))
-    assert told in str(refused.value)
+    assert message in str(refused.value)
     assert "own.toml" in str(refused.value)
     assert str(refused.value).endswith(".")
 

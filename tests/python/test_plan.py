@@ -251,7 +251,7 @@ def test_what_a_workshop_must_not_overlook_is_a_warning() -> None:
         forces=(0.03, 0.5),
     )  # fmt: skip
     said = "\n".join(plan.content(bad).warnings).replace("\u00a0", " ")
-    for told in (
+    for message in (
         r"Pretension is 25 N, 40 % below the similar 41\.3 N",
         r"The weights for 0\.03 N real-size are off by [+−]\d+\.\d+ %, more than 2 %",
         r"The rope breaks at 2\.10 × the largest tension; 3 × is required",
@@ -259,7 +259,7 @@ def test_what_a_workshop_must_not_overlook_is_a_warning() -> None:
         r"No encoder of the catalogue fits a distal radius of 7\.5 mm",
         r"neither holds the load",
     ):
-        assert re.search(told, said), told
+        assert re.search(message, said), message
 
 
 @pytest.fixture(scope="module")

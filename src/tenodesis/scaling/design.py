@@ -21,7 +21,7 @@ from tenodesis.scaling.sweep import ERROR_STEP, RELATIVE_STEP, Progress, Sweep, 
 from tenodesis.scaling.transfer_friction import carry_friction
 from tenodesis.scaling.weights import WeightSelection, select_weights
 from tenodesis.similarity import Comparison, compare
-from tenodesis.similarity.parameters import alone, field_of, value_of
+from tenodesis.similarity.parameters import field_of, value_of
 
 Preference: TypeAlias = Literal["similarity", "resolution", "size", "margin", "balanced"]
 PREFERENCES: tuple[Preference, ...] = get_args(Preference)
@@ -260,7 +260,7 @@ def design(
         raise ArgumentError(key="combinations", value=combinations, allowed="an integer from 1 to 10**9")
     given = parse(pins or {})
     parts = narrowed(catalogues.load() if catalogue is None else catalogue, given)
-    return Front(sweep(alone(real_size), parts, given, combinations=combinations, progress=progress))
+    return Front(sweep(real_size.planar[0], parts, given, combinations=combinations, progress=progress))
 
 
 def name_of(real_size: Instrument) -> str:

@@ -13,7 +13,6 @@ from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.similarity.frictionless import ErrorStatistics
 from tenodesis.similarity.pair import Pair
-from tenodesis.similarity.parameters import alone
 
 SPEED = float(np.radians(10))
 """Speed of the real-size handle, rad/s."""
@@ -122,7 +121,7 @@ def path_at_rest(reach: float) -> Path:
 
 def nominal(inst: Instrument, time_step: float) -> Instrument:
     """Return the first axis without mismatch, sampled at every step, with a handle that follows its command exactly."""
-    return alone(inst).replace(
+    return inst.planar[0].replace(
         mismatch=None, **{"dynamics.hand_stiffness": None, "sensors.sampling_rate": 1 / time_step}
     )
 
