@@ -146,18 +146,18 @@ def test_what_the_core_judges_is_what_the_comparison_says(any_inst: Instrument) 
         error = comparison.error()
         found = np.empty((1, len(FINDINGS)))
         target.judge(np.array([scaled_up.spec.__getstate__()[1]]), np.array([np.nan]), found, 1)
-        message = dict(zip(FINDINGS, found[0], strict=True))
-        assert np.degrees(message["largest_error"]) == pytest.approx(error.largest_snapped, rel=1e-9, abs=1e-9)
-        assert message["force_factor"] == pytest.approx(comparison.force_factor(), rel=1e-12)
-        assert message["pretension"] == pytest.approx(comparison.scaled_pretension, rel=1e-12)
-        assert message["rig_arm"] == pytest.approx(scaled_up.rig_arm, rel=1e-12)
-        scaled = scaled_up.replace(pretension=message["pretension"])
-        held = tn.statics.tensions(scaled, span.fine.handle_angle, span.fine.force * message["force_factor"])
+        judged = dict(zip(FINDINGS, found[0], strict=True))
+        assert np.degrees(judged["largest_error"]) == pytest.approx(error.largest_snapped, rel=1e-9, abs=1e-9)
+        assert judged["force_factor"] == pytest.approx(comparison.force_factor(), rel=1e-12)
+        assert judged["pretension"] == pytest.approx(comparison.scaled_pretension, rel=1e-12)
+        assert judged["rig_arm"] == pytest.approx(scaled_up.rig_arm, rel=1e-12)
+        scaled = scaled_up.replace(pretension=judged["pretension"])
+        held = tn.statics.tensions(scaled, span.fine.handle_angle, span.fine.force * judged["force_factor"])
         largest = np.nanmax(held)
-        if message["snapped"]:
-            assert message["largest_tension"] >= largest * (1 - 1e-9), "at the stop, tendons are strained as well"
+        if judged["snapped"]:
+            assert judged["largest_tension"] >= largest * (1 - 1e-9), "at the stop, tendons are strained as well"
         else:
-            assert message["largest_tension"] == pytest.approx(largest, rel=1e-9)
+            assert judged["largest_tension"] == pytest.approx(largest, rel=1e-9)
 
 
 def test_costs_at_few_points_are_lower_bounds(standard: scaling.Front) -> None:

@@ -147,16 +147,16 @@ CHANGES: dict[str, Any] = {
 def test_an_error_of_one_group_of_friction_is_put_down_to_that_group(rough: Instrument, name: str) -> None:
     inst = rough.replace(**{"friction.law": "capstan-constant", "friction.static_ratio": None})
     scaled_up = inst.replace(**CHANGES[name](inst, 0.1))
-    message: list[tuple[float, float]] = []
+    reported: list[tuple[float, float]] = []
     force = 0.1 * float(tn.statics.slack_force(inst, 0.0))
     comparison = tn.similarity.compare(inst, scaled_up)
     causes = comparison.causes(
-        friction=True, forces=[0.0, force], progress=lambda done, total: message.append((done, total))
+        friction=True, forces=[0.0, force], progress=lambda done, total: reported.append((done, total))
     )
     assert causes.worst == name
     assert causes.remainder_rms < 0.02 * causes.error_rms
     assert all(cause.rms == 0 for cause in causes.causes if cause.name != name)
-    assert message[-1][0] == message[-1][1]
+    assert reported[-1][0] == reported[-1][1]
 
 
 def test_causes_with_friction_add_up_to_the_error_of_the_papers_pair(real: Instrument, scaled: Instrument) -> None:

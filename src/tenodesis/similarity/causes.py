@@ -213,9 +213,9 @@ def _changes(inst: Instrument) -> dict[str, dict[str, float]]:
 
 def _at_rest(path: _Path, groups: Mapping[str, float], ratio: float, error: loops.LoopError) -> Array:
     inst = path.make.instrument(groups)
-    strokes = loops.path_at_rest(float(error.handle_angle.max()))
-    nominal = loops.nominal(inst, strokes.time_step)
-    return loops.loops(nominal, strokes, strokes.handle_angle, path.force(inst, ratio, error.force), quasi_static=True)
+    motion = loops.motion_at_rest(float(error.handle_angle.max()))
+    nominal = loops.nominal(inst, motion.time_step)
+    return loops.loops(nominal, motion, motion.handle_angle, path.force(inst, ratio, error.force), quasi_static=True)
 
 
 def _load(path: _Path, force: Array) -> dict[str, tuple[float, float]]:
