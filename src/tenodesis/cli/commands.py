@@ -1,171 +1,154 @@
-"""The command line."""
+"""The command line: which commands there are; the module of a command is imported when the command runs."""
 
-import json
-import re
 import sys
-from pathlib import Path
-from typing import Annotated
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
 
-import typer
-from rich import box
-from rich.console import Console
-from rich.markup import escape
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
+from tenodesis.errors import Error
 
-from tenodesis import instrument, scaling, tolerance
-from tenodesis.cli import console as console_command
-from tenodesis.cli import (
-    devices,
-    export_controller,
-    export_model,
-    foxglove,
-    identify,
-    plan_identification,
-    recording,
-    scale,
-    transfer,
+
+class Command(NamedTuple):
+    """A command of the command line."""
+
+    help: str
+    """First line of its docstring, which a test holds."""
+    function: str
+    """MODULE.FUNCTION within this package"""
+
+
+class Group(NamedTuple):
+    """A command that has commands of its own."""
+
+    help: str
+    commands: "Mapping[str, Command | Group]"
+    default: Command | None = None
+    """Runs where no command is named."""
+
+
+EXPORTS = {
+    "recording": Command(
+        "Write a recording's signals as a table, with a column for each signal of each axis or tendon, in SI units.",
+        "recording.export_recording",
+    ),
+    "controller": Command(
+        "Write a controller's parameters as a C header, for tenodesis_init.", "export.export_controller"
+    ),
+    "urdf": Command(
+        "Write an instrument as a URDF robot: links, joints, mimics; no tendons. The file says what it does not carry.",
+        "export.export_urdf",
+    ),
+    "mjcf": Command(
+        "Write an instrument as a MuJoCo model: bodies, tied joints, tendons. The file says what it does not carry.",
+        "export.export_mjcf",
+    ),
+}
+DEVICES = {
+    "test": Command(
+        "Measure a device's rate, jitter and losses, with the motors at rest; exit code 1 if the controller needs "
+        "more.",
+        "devices.test_device",
+    ),
+}
+COMMANDS: dict[str, Command | Group] = {
+    "bench": Command(
+        "Compute every figure and table of the paper for an instrument and write out/report.html.", "bench.bench"
+    ),
+    "schema": Command(
+        "Print the JSON schema of a kind of file, for editors that complete and check TOML.", "instrument.schema"
+    ),
+    "check": Command("Check an instrument file and print its values in SI units.", "instrument.check"),
+    "record": Command(
+        "Run a protocol on the twin of an instrument and record it, with --law under a controller.",
+        "recording.record",
+    ),
+    "info": Command(
+        "Print what recordings hold: what made them, their topics, their signals' ranges, and what happened besides.",
+        "recording.info",
+    ),
+    "replay": Command(
+        "Run a recording's commands again and print how the twin differs from the recording.", "recording.replay"
+    ),
+    "scale": Command(
+        "Design a scale model of an instrument from stock parts: instrument file, test plan, and how similar it is.",
+        "scale.scale",
+    ),
+    "transfer": Command(
+        "Carry a recording of a scaled-up instrument to real-size units, and its friction to the real-size file.",
+        "transfer.transfer",
+    ),
+    "tolerance": Command(
+        "Study what tolerances do to a scale model's loss of angle and similarity, and which of them dominate.",
+        "tolerance.study_tolerances",
+    ),
+    "identify": Command(
+        "Identify a model from recordings: parameters with intervals, errors on held-out runs, and the instrument "
+        "file.",
+        "identify.identify",
+    ),
+    "plan-identification": Command(
+        "Propose the bench protocol that makes parameters identifiable, and predict how well they will be known.",
+        "plan_identification.plan_identification",
+    ),
+    "console": Command(
+        "Open the live instrument in the browser: move its handle, push on its tip, switch the compensation on and "
+        "off.",
+        "live.live_console",
+    ),
+    "foxglove": Command(
+        "Show a live instrument to Foxglove: the recordings' topics over a WebSocket, to watch and nothing else.",
+        "live.foxglove",
+    ),
+    "export": Group("Write what other programs read.", EXPORTS),
+    "devices": Group(
+        "List devices, or test one.", DEVICES, Command("List the devices and what each needs.", "devices.list_devices")
+    ),
+}
+ALL = Group(
+    "Model, scale, test and control tendon-driven hand-held surgical instruments. Research software, not a medical "
+    "device.",
+    COMMANDS,
 )
-from tenodesis.cli import tolerance as tolerance_command
-from tenodesis.errors import CommandError, Error, InstrumentError
-from tenodesis.instrument import Instrument
-from tenodesis.paper import run as bench_run
-from tenodesis.paper.context import Context
-from tenodesis.paper.run import steps
-
-app = typer.Typer(
-    help="Model, scale, test and control tendon-driven hand-held surgical instruments. Research software, not a "
-    "medical device.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
-console = Console()
-errors = Console(stderr=True, highlight=False, soft_wrap=True)
-
-
-@app.callback()
-def _root() -> None:
-    """Keep commands by name even while there are few."""
-
-
-@app.command()
-def bench(
-    instrument_file: Annotated[
-        str,
-        typer.Argument(metavar="INSTRUMENT", help="Instrument file, or the name of one that is shipped."),
-    ] = "real-size",
-    scaled_up: Annotated[
-        str | None,
-        typer.Option(help="Its scale model: file or name. Default: scaled-up, for real-size."),
-    ] = None,
-    axis: Annotated[
-        str | None,
-        typer.Option(help="Axis to compute, where yaw and pitch have values of their own. Default: the first."),
-    ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for report, figures, curves and results.")] = Path("out"),
-) -> None:
-    """Compute every figure and table of the paper for an instrument and write out/report.html."""
-    inst = instrument.load(instrument_file)
-    if scaled_up is None and instrument_file == "real-size":
-        scaled_up = "scaled-up"
-    scaled = None if scaled_up is None else instrument.load(scaled_up)
-    if scaled is not None and scaled.joint_type != inst.joint_type:
-        raise InstrumentError(
-            f"{scaled.name} has joint_type {scaled.joint_type}, {inst.name} {inst.joint_type}; "
-            "allowed is a scale model of the same joint type."
-        )
-    if axis is not None or inst.overrides:
-        inst = inst.axis(axis or inst.axes[0])
-    with Progress(
-        TextColumn("{task.description:<16}"),
-        BarColumn(),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-    ) as bar:
-        task = bar.add_task("", total=steps(inst, scaled))
-        context = bench_run(inst, scaled, out, lambda name: bar.update(task, advance=1, description=name))
-    console.print(_summary(context))
-    console.print(
-        f"Report: [bold]{out / 'report.html'}[/bold]  (figures/, curves/, recordings/ and results.json beside it)"
-    )
-
-
-@app.command()
-def schema(
-    of: Annotated[
-        str, typer.Argument(metavar="KIND", help="Kind of file: instrument, catalogue or tolerances.")
-    ] = "instrument",
-) -> None:
-    """Print the JSON schema of a kind of file, for editors that complete and check TOML."""
-    schemas = {
-        "instrument": instrument.json_schema,
-        "catalogue": scaling.json_schema,
-        "tolerances": tolerance.json_schema,
-    }
-    if of not in schemas:
-        raise CommandError(f"KIND is {of!r}; allowed are {', '.join(schemas)}.")
-    typer.echo(json.dumps(schemas[of](), indent=2, ensure_ascii=False))
-
-
-@app.command()
-def check(
-    instrument_file: Annotated[str, typer.Argument(metavar="INSTRUMENT", help="Instrument file or shipped name.")],
-) -> None:
-    """Check an instrument file and print what it comes to, in SI units."""
-    inst: Instrument = instrument.load(instrument_file)
-    table = Table("key", "value", "source", title=f"{escape(inst.name)}: {inst.joint_type}, {' and '.join(inst.axes)}")
-    for key, value, quantity in inst.quantities():
-        table.add_row(key, f"{value:.6g} {quantity.unit}", escape(inst.sources.get(key, "")))
-    for axis, own in inst.overrides.items():
-        for key, value, quantity in inst.axis(axis).quantities():
-            if key in own:
-                table.add_row(f"{axis}: {key}", f"{value:.6g} {quantity.unit}", "")
-    console.print(table)
-
-
-recording.register(app)
-scale.register(app)
-transfer.register(app)
-tolerance_command.register(app)
-identify.register(app)
-plan_identification.register(app)
-console_command.register(app)
-devices.register(app)
-foxglove.register(app)
-export_controller.register(recording.exports)
-export_model.register(recording.exports)
 
 
 def main() -> None:
     """Run the command line; what a user can mend ends in one sentence and exit code 1."""
+    *words, last = sys.argv
+    group = ALL if len(words) == 1 else COMMANDS.get(" ".join(words[1:]))
+    if last == "--help" and isinstance(group, Group):
+        usage = " ".join(["tenodesis", *words[1:], "[OPTIONS] COMMAND [ARGS]..."])
+        print_overview(usage, group.help, group.commands.items())
+        return
+    from tenodesis.cli.app import app  # noqa: PLC0415 - typer takes longer than the overview
+
     try:
-        app()
+        app(prog_name="tenodesis")
     except Error as problem:
+        from rich.console import Console  # noqa: PLC0415
+
+        errors = Console(stderr=True, highlight=False, soft_wrap=True)
         errors.print(f"tenodesis: {problem}", markup=False, style="red")
         sys.exit(1)
 
 
-_BRIEF = (
-    r"loss\.at_\d+deg\.|tension\.slack_force|transmissibility\.straight|table1\.stiffness|table2\.(force|tension)|"
-    r"similarity\..*\.(rms|largest)$|care\.[167]|verification\.\w+\.\w+$|axes"
-)
-"""What the summary shows, by a result's name; the report has all."""
+def print_overview(usage: str, text: str, commands: Iterable[tuple[str, Command | Group]]) -> None:
+    """Print the help of a group of commands, as typer prints that of a command, without what that loads."""
+    from rich.console import Console  # noqa: PLC0415
+    from rich.padding import Padding  # noqa: PLC0415
+    from rich.panel import Panel  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415
+    from rich.text import Text  # noqa: PLC0415
 
+    def panel(title: str, rows: Iterable[tuple[str, ...]]) -> Panel:
+        table = Table(box=None, show_header=False, expand=True, pad_edge=False, highlight=False)
+        table.add_column(style="bold cyan", no_wrap=True)
+        table.add_column(ratio=10)
+        for name, told in rows:
+            table.add_row(name, Text(told))
+        return Panel(table, title=title, title_align="left", border_style="dim")
 
-def _summary(context: Context) -> Table:
-    """Return the report's numbers in brief, beside those that the paper prints."""
-    title = f"{escape(context.inst.name)}: summary, by name in results.json"
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
-    table.add_column("result", overflow="fold")
-    for heading in ("computed", "published", "residual"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for key, result in context.results.items():
-        if not re.match(_BRIEF, key):
-            continue
-        unit = {"1": "", "deg": "°"}.get(result.unit, f" {result.unit}")
-        published = "" if result.published is None else f"{result.published.value:g}{unit}"
-        residual = "" if result.residual is None else f"{result.residual:+.2g}{unit}"
-        table.add_row(key, f"{result.value:.5g}{unit}", published, residual)
-    return table
+    console = Console(highlight=False)
+    console.print(Padding(Text.assemble((" Usage: ", "yellow"), (usage, "bold")), (1, 0)))
+    console.print(Padding(Text(text), (0, 1, 1, 1)))
+    console.print(panel("Options", [("--help", "Show this message and exit.")]))
+    console.print(panel("Commands", [(name, command.help) for name, command in commands]))
+    console.print()

@@ -4,19 +4,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import Annotated
 
 import numpy as np
 import typer
-from rich import box
-from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from tenodesis import instrument
-from tenodesis.cli.common import PatientBar, check_outputs
+from tenodesis.cli.common import ProgressBar, check_choice, check_outputs, console, say, table, write_errors, write_text
 from tenodesis.errors import CommandError
-from tenodesis.files import atomic_file
 from tenodesis.identification import report
 from tenodesis.identification.figures import axis_label
 from tenodesis.identification.fit import LEAST_REPLICATES, STARTS, fit
@@ -28,14 +24,7 @@ from tenodesis.identification.results import Fit, to_json
 from tenodesis.identification.split import LEAST_SHARE, FittedPart, split
 from tenodesis.identification.uncertainty import LossName
 
-console = Console()
-
 _BEND = "sheath_bend"
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to an app."""
-    app.command()(identify)
 
 
 def identify(  # noqa: PLR0917
@@ -76,11 +65,8 @@ def identify(  # noqa: PLR0917
     ] = 0,
     seed: Annotated[int, typer.Option(help="Seed of starts and bootstrap.", min=0)] = 0,
     loss: Annotated[
-        str | None,
-        typer.Option(
-            help=f"{', '.join(get_args(LossName))}; the latter against outliers. Default: the format's.",
-            show_default=False,
-        ),
+        LossName | None,
+        typer.Option(help="soft_l1 against outliers. Default: the format's.", show_default=False),
     ] = None,
 ) -> None:
     """Identify a model from recordings: parameters with intervals, errors on held-out runs, and the instrument file."""
@@ -90,16 +76,11 @@ def identify(  # noqa: PLR0917
     outputs += [] if json_file is None else [("--json", json_file)]
     given = [] if instrument_file is None else [Path(instrument_file)]
     check_outputs(outputs, [*logs, *tests, *given])
-    for option, value, allowed in (
-        ("--format", format_name, tuple(FORMATS)),
-        ("--law", law, (None, *(FORMATS[format_name].laws if format_name in FORMATS else ()))),
-        ("--loss", loss, (None, *get_args(LossName))),
-    ):
-        if value not in allowed:
-            names = ", ".join(name for name in allowed if name)
-            raise CommandError(f"{option} is {value}; allowed are {names}.")
+    check_choice("--format", format_name, FORMATS)
+    if law is not None:
+        check_choice("--law", law, FORMATS[format_name].laws)
     if 0 < bootstrap < LEAST_REPLICATES:
-        raise CommandError(f"--bootstrap is {bootstrap}; allowed is 0 for none, or at least {LEAST_REPLICATES}.")
+        raise CommandError(key="--bootstrap", value=bootstrap, allowed=f"0 for none, or at least {LEAST_REPLICATES}")
     share, part = _split(train_until, train_from)
     inst = None if instrument_file is None else instrument.load(instrument_file)
     kind = FORMATS[format_name]
@@ -115,7 +96,7 @@ def identify(  # noqa: PLR0917
         problem = build(measured[:count], measured[count:])
     else:
         problem = split(measured[:count], measured[count:], share, part, build)
-    with PatientBar(console, "starts and replicates") as bar:
+    with ProgressBar("starts and replicates") as bar:
         found = fit(
             problem,
             None if parameters is None else chosen_parameters(problem, parameters),
@@ -124,7 +105,7 @@ def identify(  # noqa: PLR0917
             starts=starts,
             bootstrap=bootstrap,
             seed=seed,
-            loss=_loss(loss) or kind.loss,
+            loss=loss or kind.loss,
             progress=bar,
         )
     held_out = [one for one in found.files if one.split == "test"]
@@ -136,8 +117,10 @@ def identify(  # noqa: PLR0917
     runs = range(len(problem.runs))
     written = report.write(problem, found, out, runs=runs, format=format_name, law=chosen, notes=notes)
     if json_file is not None:
-        _write(json_file, report.as_text(to_json(found, format=format_name, law=chosen, notes=notes)))
-    _tell(found, written if json_file is None else [*written, json_file], notes)
+        with write_errors(json_file):
+            json_file.parent.mkdir(parents=True, exist_ok=True)
+        write_text(json_file, report.as_text(to_json(found, format=format_name, law=chosen, notes=notes)))
+    _print_fit(found, written if json_file is None else [*written, json_file], notes)
 
 
 def chosen_parameters(problem: Problem, text: str) -> list[str]:
@@ -160,23 +143,25 @@ def chosen_parameters(problem: Problem, text: str) -> list[str]:
             meant = [name for name in names if word and word in name.replace(".", "_").split("_")]
         if not meant:
             allowed = ", ".join([*names, *(f"{group} (group)" for group in groups)])
-            raise CommandError(f"--fit names {word!r}, which is no parameter of this model; allowed are {allowed}.")
+            raise CommandError(
+                f"--fit names {word!r}, which is no parameter of this model; it must be one of {allowed}.",
+                key="--fit",
+                value=word,
+                allowed=f"one of {allowed}",
+            )
         found += meant
     return list(dict.fromkeys(found))
-
-
-def _loss(name: str | None) -> LossName | None:
-    return next((one for one in get_args(LossName) if one == name), None)
 
 
 def _split(until: float | None, from_: float | None) -> tuple[float | None, FittedPart]:
     """Return the share at which recordings are split, None where they are not, and which part is fitted."""
     if until is not None and from_ is not None:
-        raise CommandError("--train-until and --train-from are both given; allowed is one of them.")
+        raise CommandError("--train-until and --train-from are both given; give one of them.")
     share = until if from_ is None else from_
     if share is not None and not LEAST_SHARE <= share <= 1 - LEAST_SHARE:
         option = "--train-until" if from_ is None else "--train-from"
-        raise CommandError(f"{option} is {share:g}; allowed is {LEAST_SHARE:g} to {1 - LEAST_SHARE:g}.")
+        allowed = f"between {LEAST_SHARE:g} and {1 - LEAST_SHARE:g}"
+        raise CommandError(f"{option} is {share:g}; it must be {allowed}.", key=option, value=share, allowed=allowed)
     return share, "until" if from_ is None else "from"
 
 
@@ -185,10 +170,12 @@ def _check_files(logs: Sequence[Path], tests: Sequence[Path]) -> None:
     for what, paths in (("LOG", logs), ("--test", tests)):
         for path in paths:
             if not path.exists():
-                raise CommandError(f"{what} is {path}, which does not exist; allowed is the path of a recording.")
+                raise CommandError(
+                    f"{what} is {path}, which does not exist; it must be the path of a recording.", key=what, value=path
+                )
             place = path.resolve()
             if place in seen:
-                raise CommandError(f"{path} is given as {seen[place]} and as {what}; allowed is once.")
+                raise CommandError(f"{path} is given as {seen[place]} and as {what}; give it once.")
             seen[place] = what
 
 
@@ -198,7 +185,7 @@ def _check_different(measured: Sequence[MeasuredRun]) -> None:
         same_bytes = bool(one.checksum) and one.checksum == other.checksum
         same_columns = one.columns.keys() == other.columns.keys() and np.array_equal(one.time, other.time)
         if same_bytes or (same_columns and all(np.array_equal(one[name], other[name]) for name in one.columns)):
-            raise CommandError(f"{one.name} and {other.name} hold the same samples; allowed is a recording once.")
+            raise CommandError(f"{one.name} and {other.name} hold the same samples; give a recording once.")
 
 
 def _extrapolated(one: MeasuredRun, trained: Sequence[MeasuredRun]) -> tuple[str, ...]:
@@ -212,58 +199,45 @@ def _extrapolated(one: MeasuredRun, trained: Sequence[MeasuredRun]) -> tuple[str
     return (f"held out at a sheath bend of {bend:.4g} deg, fitted at {told} deg: extrapolation",)
 
 
-def _write(path: Path, text: str) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_file(path) as new:
-            new.write_text(text, "utf-8")
-    except OSError as problem:
-        raise CommandError(f"{path} cannot be written: {problem.strerror or problem}.") from None
-
-
-def _tell(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, ...]]) -> None:
+def _print_fit(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, ...]]) -> None:
     for names, sentence in report.grouped(notes):
-        _say(f"{names}: {sentence}.")
-    _say_parameters(found)
+        say(f"{names}: {sentence}.")
+    _print_parameters(found)
     keys = list(dict.fromkeys(key for one in found.files for key in one.rmse))
-    errors = Table(title="rmse, measured minus model", title_justify="left", box=box.SIMPLE_HEAD)
+    errors = table("rmse, measured minus model")
     errors.add_column("run", overflow="fold")
     errors.add_column("use")
     for key in keys:
         errors.add_column(escape(axis_label(key)), justify="right")
     for run in found.files:
-        numbers = (f"{run.rmse[key]:.4g}" if key in run.rmse else "" for key in keys)
-        errors.add_row(escape(run.name), "fitted" if run.split == "train" else "held out", *numbers)
+        values = (f"{run.rmse[key]:.4g}" if key in run.rmse else "" for key in keys)
+        errors.add_row(escape(run.name), "fitted" if run.split == "train" else "held out", *values)
     for name, rmse in (("fitted", found.train_rmse), ("held out", found.test_rmse)):
         if rmse:
             errors.add_row("all", name, *(f"{rmse[key]:.4g}" if key in rmse else "" for key in keys))
     console.print(errors)
     for sentence in (*found.identifiability.statements, *found.warnings):
-        _say(sentence)
-    _say(
+        say(sentence)
+    say(
         f"{found.same_optimum} of {found.starts} starts came to this optimum; {found.evaluations} evaluations in "
         f"{found.seconds:.3g} s."
     )
-    _say(f"Written: {', '.join(str(path) for path in written)}")
+    say(f"Written: {', '.join(str(path) for path in written)}")
 
 
-def _say_parameters(found: Fit) -> None:
-    table = Table(title="parameters", title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("parameter", no_wrap=True)
-    table.add_column("value", justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
+def _print_parameters(found: Fit) -> None:
+    parameters = table("parameters", padding=(0, 1, 0, 0))
+    parameters.add_column("parameter", no_wrap=True)
+    parameters.add_column("value", justify="right", no_wrap=True)
+    parameters.add_column("unit", no_wrap=True)
     for heading in ("95 % interval", "bootstrap") if found.bootstrap else ("std", "95 % interval"):
-        table.add_column(heading, justify="right", min_width=9 if heading != "std" else None)
-    table.add_column("identifiable", min_width=4)
+        parameters.add_column(heading, justify="right", min_width=9 if heading != "std" else None)
+    parameters.add_column("identifiable", min_width=4)
     for one in (one for one in found.parameters if one.name in found.free):
         row = report.shown(found, one)
         spread = (row.interval, row.bootstrap) if found.bootstrap else (row.std, row.interval)
-        table.add_row(one.name, row.value, row.unit, *spread, row.identifiable)
-    console.print(table)
+        parameters.add_row(one.name, row.value, row.unit, *spread, row.identifiable)
+    console.print(parameters)
     held = [one.name for one in found.parameters if one.name not in found.free]
     if held:
-        _say(f"Held: {', '.join(held)}.")
-
-
-def _say(sentence: str) -> None:
-    console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+        say(f"Held: {', '.join(held)}.")

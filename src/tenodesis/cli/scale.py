@@ -1,20 +1,26 @@
 """The command that designs a scale model: ``tenodesis scale``."""
 
 import csv
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 import typer
-from rich import box
-from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 from tenodesis import instrument, scaling
+from tenodesis.cli.common import (
+    Overwrite,
+    ProgressBar,
+    console,
+    refuse_existing,
+    say,
+    table,
+    value_errors,
+    write_errors,
+)
 from tenodesis.errors import CommandError
+from tenodesis.extras import require
 from tenodesis.files import atomic_files
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.text import to_file
@@ -23,17 +29,10 @@ from tenodesis.scaling import Catalogue, Design, Front, Objectives, figures, pla
 from tenodesis.scaling.design import PREFERENCES, Preference
 from tenodesis.scaling.sweep import Progress as Report
 
-console = Console()
-
 _SHOWN = 10
 _TRIED = 20
 _HEADING = """Scale model of {}, designed by tenodesis scale; plan.html says what to build and to hang.
 The tip's inertia and damping, and the ropes' true modulus, are to be measured once it stands."""
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to an app."""
-    app.command()(scale)
 
 
 def scale(  # noqa: PLR0917
@@ -60,9 +59,9 @@ def scale(  # noqa: PLR0917
             show_default=False,
         ),
     ] = None,
-    prefer: Annotated[
-        str, typer.Option(help=f"Which design of the front to take: best in {', '.join(PREFERENCES)}.")
-    ] = "similarity",
+    prefer: Annotated[Preference, typer.Option(help="Which design of the front to take: the best in this.")] = (
+        "similarity"
+    ),
     pick: Annotated[
         int | None, typer.Option(help="Row of front.csv to take instead, from 1 on.", show_default=False)
     ] = None,
@@ -73,26 +72,30 @@ def scale(  # noqa: PLR0917
         ),
     ] = scaling.COMBINATIONS,
     out: Annotated[Path, typer.Option(help="Folder for instrument file, plan and front.")] = Path("prototype"),
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Design a scale model of an instrument from stock parts: instrument file, test plan, and how similar it is."""
+    for module in ("moocore", "typst"):
+        require(module, "design")
     model = instrument.load(instrument_file)
     parts = scaling.load(*(catalogue or ()))
     pins = _pins(factor, pin or [])
     files = ["scaled-up.toml", "plan.html", "plan.pdf", "front.csv", "front.svg", "front.png"]
-    existing = [out / file for file in files if (out / file).exists()]
-    if existing and not overwrite:
-        raise CommandError(f"{existing[0]} exists already; allowed is another --out, or --overwrite.")
-    with _bar() as report:
+    refuse_existing([out / file for file in files], overwrite)
+    with ProgressBar("", None) as bar:
+
+        def report(doing: str, done: int, total: int) -> None:
+            bar(done, total, f"{doing:<20}")
+
         front = _front(model, parts, pins, combinations, report)
         chosen, design = _chosen(front, prefer, pick)
         free = _front(model, parts, {}, combinations, report) if pins else None
         report("writing the plan", 0, 1)
         _write(out, files, front, design, free)
         report("writing the plan", 1, 1)
-    _tell(front, chosen, design, free)
+    _print_front(front, chosen, design, free)
     picture = "a picture of the front without pins" if pins else "its picture"
-    _say(f"{out / files[0]}, {out / 'plan.html'}, {out / 'plan.pdf'}, {out / 'front.csv'} and {picture} are written.")
+    say(f"{out / files[0]}, {out / 'plan.html'}, {out / 'plan.pdf'}, {out / 'front.csv'} and {picture} are written.")
 
 
 def _pins(factor: float | None, pins: Sequence[str]) -> dict[str, Any]:
@@ -100,36 +103,28 @@ def _pins(factor: float | None, pins: Sequence[str]) -> dict[str, Any]:
     for pin in pins:
         key, equals, value = pin.partition("=")
         if not equals or not key.strip() or not value.strip():
-            raise CommandError(f"--pin is {pin!r}; allowed is KEY=VALUE, like 'overall_length=1 m'.")
+            raise CommandError(key="--pin", value=pin, allowed="KEY=VALUE, like 'overall_length=1 m'")
         if key.strip() in given:
-            raise CommandError(f"--pin names {key.strip()} twice; allowed is once.")
+            raise CommandError(f"--pin names {key.strip()} twice; name it once.")
         given[key.strip()] = value.strip()
     if factor is not None and "factor" in given:
-        raise CommandError(f"--factor is {factor:g} and --pin names factor as well; allowed is one of them.")
+        raise CommandError(f"--factor is {factor:g} and --pin names factor as well; give one of them.")
     return scaling.parse_pins(given, file=True) | ({} if factor is None else scaling.parse_pins({"factor": factor}))
 
 
 def _front(model: Instrument, parts: Catalogue, pins: dict[str, Any], combinations: int, report: Report) -> Front:
-    try:
+    with value_errors():
         return scaling.design(model, parts, pins=pins, combinations=combinations, progress=report)
-    except scaling.DesignError:
-        raise
-    except ValueError as problem:
-        raise CommandError(str(problem)) from None
 
 
-def _chosen(front: Front, prefer: str, pick: int | None) -> tuple[int, Design]:
+def _chosen(front: Front, prefer: Preference, pick: int | None) -> tuple[int, Design]:
     """Return the index of the design to take, and the design: the first whose test forces can be hung."""
     if pick is not None:
         if not 1 <= pick <= len(front):
-            raise CommandError(f"--pick is {pick}; allowed is a row of the front, from 1 to {len(front)}.")
+            raise CommandError(key="--pick", value=pick, allowed=f"a row of the front, from 1 to {len(front)}")
         return pick - 1, front[pick - 1]
-    try:
-        ranked = front.ranked(cast(Preference, prefer))
-    except ValueError as problem:
-        raise CommandError(f"--{problem}") from None
     problems = []
-    for index in ranked[:_TRIED]:
+    for index in front.ranked(prefer)[:_TRIED]:
         try:
             return index, front[index]
         except scaling.DesignError as problem:
@@ -139,16 +134,11 @@ def _chosen(front: Front, prefer: str, pick: int | None) -> tuple[int, Design]:
 
 def _write(out: Path, files: Sequence[str], front: Front, design: Design, free: Front | None) -> None:
     """Write everything beside its place first, and move it there when all of it is written."""
-    try:
-        with atomic_files(out) as new:
-            (new / files[0]).write_text(
-                to_file(design.scaled_up, comment=_HEADING.format(design.real_size.name)), "utf-8"
-            )
-            plan.write(design, new)
-            _write_front(front, new / "front.csv")
-            _draw_front(free or front, design.objectives, new)
-    except OSError as problem:
-        raise CommandError(f"{out} cannot be written: {problem.strerror or problem}.") from None
+    with write_errors(out), atomic_files(out) as new:
+        (new / files[0]).write_text(to_file(design.scaled_up, comment=_HEADING.format(design.real_size.name)), "utf-8")
+        plan.write(design, new)
+        _write_front(front, new / "front.csv")
+        _draw_front(free or front, design.objectives, new)
 
 
 def _write_front(front: Front, path: Path) -> None:
@@ -167,18 +157,18 @@ def _draw_front(front: Front, chosen: Objectives, folder: Path) -> None:
         figure.savefig(folder / "front.png", dpi=200)
 
 
-def _tell(front: Front, chosen: int, design: Design, free: Front | None) -> None:
+def _print_front(front: Front, chosen: int, design: Design, free: Front | None) -> None:
     title = (
         f"{escape(front.real_size.name)}: {front.examined} scale models judged, "
         f"{front.feasible} meet every constraint, {len(front)} on the front"
     )
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1))
+    designs = table(title)
     headings = ("row", "error", "resolution", "length", "margin", "made of")
     for heading in headings:
         if heading == "made of":
-            table.add_column(heading, overflow="fold")
+            designs.add_column(heading, overflow="fold")
         else:
-            table.add_column(heading, justify="right", no_wrap=True, min_width=len(heading) + 1)
+            designs.add_column(heading, justify="right", no_wrap=True, min_width=len(heading) + 1)
     for index in _representatives(front, chosen):
         one = front.objectives[index]
         row = [
@@ -189,19 +179,19 @@ def _tell(front: Front, chosen: int, design: Design, free: Front | None) -> None
             f"{one.tension_margin:.3g}",
             escape(front.described(index)),
         ]
-        table.add_row(*row, style="bold" if index == chosen else None)
-    console.print(table)
-    _say(
+        designs.add_row(*row, style="bold" if index == chosen else None)
+    console.print(designs)
+    say(
         "Error: largest similarity error over the working range. Resolution: least force on the real instrument. "
         "Margin: breaking load over the largest tension."
     )
     factors = design.comparison.factors
-    _say(
+    say(
         f"Row {chosen + 1} is taken: {design.scaled_up.name}, length x {factors['length']:.4g}, force x "
         f"{factors['force']:.4g}, tension x {factors['tension']:.4g}; pretension {design.scaled_up.pretension:.4g} N."
     )
     if free is not None:
-        _say(f"Without the pins, {scaling.rivals_text(free, design.objectives)}")
+        say(f"Without the pins, {scaling.rivals_text(free, design.objectives)}")
 
 
 def _representatives(front: Front, chosen: int) -> list[int]:
@@ -209,15 +199,3 @@ def _representatives(front: Front, chosen: int) -> list[int]:
     best = {chosen, *(front.best(prefer) for prefer in PREFERENCES)}
     step = max(len(front) // max(_SHOWN - len(best), 1), 1)
     return sorted(best | set(list(range(0, len(front), step))[: max(_SHOWN - len(best), 0)]))
-
-
-def _say(sentence: str) -> None:
-    console.print(sentence, markup=False, highlight=False, soft_wrap=True)
-
-
-@contextmanager
-def _bar() -> Iterator[Report]:
-    columns = (TextColumn("{task.description:<20}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
-    with Progress(*columns, TimeElapsedColumn(), console=console, transient=True) as bar:
-        task = bar.add_task("", total=1)
-        yield lambda doing, done, whole: bar.update(task, description=doing, completed=done, total=max(whole, 1))

@@ -6,26 +6,16 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich import box
-from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from tenodesis import instrument
+from tenodesis.cli.common import console, refuse_existing, say, table, value_errors, warn, write_text
 from tenodesis.errors import CommandError
-from tenodesis.files import atomic_file
 from tenodesis.instrument.text import to_file
 from tenodesis.recording import Recording
 from tenodesis.scaling.transfer import Carried, carry
 from tenodesis.scaling.transfer_factors import KEYS, QUANTITY
 from tenodesis.scaling.transfer_friction import carry_friction
-
-console = Console()
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command to an app."""
-    app.command()(transfer)
 
 
 def transfer(  # noqa: PLR0917
@@ -52,74 +42,59 @@ def transfer(  # noqa: PLR0917
     given = None if scaled_up is None else instrument.load(scaled_up)
     path = log.with_name(f"{log.stem}-{Path(to).stem}.mcap") if out is None else out
     _refuse([("--out", path), ("--instrument-out", instrument_out)], (log, to, scaled_up), overwrite=overwrite)
-    try:
+    with value_errors():
         carried = carry(Recording.open(log), model, scaled_up=given, time_factor=time_factor)
-    except ValueError as problem:
-        raise CommandError(str(problem)) from problem
-    rubbing = None
+    with_friction = None
     if instrument_out is not None:
         source = log.name if scaled_up is None else scaled_up
-        rubbing = to_file(carry_friction(carried.scaled_up, model, source=source, time_factor=time_factor))
+        with_friction = to_file(carry_friction(carried.scaled_up, model, source=source, time_factor=time_factor))
     carried.write(path, overwrite=overwrite)
-    if instrument_out is not None and rubbing is not None:
-        _write(instrument_out, rubbing)
-    _tell(carried)
-    _say(f"{path}: {log} in units of {model.name}, {carried.run.time[-1]:.6g} s, {len(carried.run)} rows.")
+    if instrument_out is not None and with_friction is not None:
+        write_text(instrument_out, with_friction)
+    _print_factors(carried)
+    say(f"{path}: {log} in units of {model.name}, {carried.run.time[-1]:.6g} s, {len(carried.run)} rows.")
     if instrument_out is not None:
-        _say(f"{instrument_out}: {model.name} with the friction of {carried.scaled_up.name}.")
+        say(f"{instrument_out}: {model.name} with the friction of {carried.scaled_up.name}.")
 
 
-def _tell(carried: Carried) -> None:
+def _print_factors(carried: Carried) -> None:
     """Print the factors and what they were used for, what came out, and the warnings."""
     title = f"{escape(carried.scaled_up.name)} over {escape(carried.real_size.name)}"
-    table = Table("factor", title=title, title_justify="left", box=box.SIMPLE_HEAD)
+    factors = table(title)
+    factors.add_column("factor")
     for axis in carried.factors:
-        table.add_column(axis, justify="right")
-    table.add_column("divides", overflow="fold")
-    there = carried.run.signals()
+        factors.add_column(axis, justify="right")
+    factors.add_column("divides", overflow="fold")
+    signals = carried.run.signals()
     for key in (*KEYS, "output_velocity"):
-        used = ["time"] if key == "time" else [name for name in there if QUANTITY.get(name) == key]
-        table.add_row(key, *(f"{own[key]:.5g}" for own in carried.factors.values()), ", ".join(used))
-    console.print(table)
-    same = [name for name in there if name not in QUANTITY]
-    _say(f"as it was: {', '.join(same) or 'nothing'}.")
+        used = ["time"] if key == "time" else [name for name in signals if QUANTITY.get(name) == key]
+        factors.add_row(key, *(f"{own[key]:.5g}" for own in carried.factors.values()), ", ".join(used))
+    console.print(factors)
+    same = [name for name in signals if name not in QUANTITY]
+    say(f"unchanged: {', '.join(same) or 'nothing'}.")
     for what, size in (("force", carried.largest_force), ("tension", carried.largest_tension)):
         if not math.isnan(size):
-            _say(f"largest {what} on {carried.real_size.name}: {size:.4g} N.")
+            say(f"largest {what} on {carried.real_size.name}: {size:.4g} N.")
     error = carried.similarity_error()
     if not math.isnan(error):
-        _say(f"largest similarity error up to that force, without friction: {error:.2g} deg.")
+        say(f"largest similarity error up to that force, without friction: {error:.2g} deg.")
     for sentence in carried.warnings:
-        console.print(f"warning: {sentence}", markup=False, highlight=False, soft_wrap=True, style="yellow")
+        warn(sentence)
 
 
 def _refuse(
     outputs: Iterable[tuple[str, Path | None]], inputs: Iterable[Path | str | None], *, overwrite: bool
 ) -> None:
     """Refuse to write into no folder, over an input, over the other output, or unasked over any file."""
-    taken = {Path(one).resolve() for one in inputs if one is not None}
+    taken = {Path(path).resolve() for path in inputs if path is not None}
     for option, path in outputs:
         if path is None:
             continue
         if path.resolve() in taken:
-            raise CommandError(f"{option} is {path}, which is in use already; allowed is another path.")
-        if path.exists() and not overwrite:
-            raise CommandError(f"{path} exists already; allowed is another path, or --overwrite.")
+            raise CommandError(f"{option} is {path}, which is an input or another output; give another path.")
+        refuse_existing([path], overwrite)
         if not path.parent.is_dir():
-            raise CommandError(f"{option} is {path}, but there is no folder {path.parent}; allowed is one that exists.")
+            raise CommandError(f"{option} is {path}, but there is no folder {path.parent}; it must exist.")
         if path.is_dir():
-            raise CommandError(f"{option} is {path}, which is a folder; allowed is a file.")
+            raise CommandError(f"{option} is {path}, which is a folder; it must be a file.")
         taken.add(path.resolve())
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    try:
-        with atomic_file(path) as new:
-            new.write_text(text, "utf-8")
-    except OSError as problem:
-        raise CommandError(f"{path} cannot be written: {problem.strerror or problem}.") from None
-
-
-def _say(sentence: str) -> None:
-    console.print(sentence, markup=False, highlight=False, soft_wrap=True)

@@ -10,13 +10,13 @@ from functools import cache
 from importlib import resources
 from pathlib import Path
 from textwrap import shorten
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
-import typst
 from markupsafe import Markup, escape
 
 from tenodesis.errors import DesignError
+from tenodesis.extras import require
 from tenodesis.files import atomic_files
 from tenodesis.report import style
 from tenodesis.report.content import fixed
@@ -164,13 +164,18 @@ def pdf(plan: Plan) -> bytes:
         "colors": _colors(),
     }
     template = (resources.files("tenodesis.scaling") / "plan.typ").read_bytes()
-    return typst.compile(template, sys_inputs={"data": json.dumps(data)}, font_paths=_fonts())
+    compiled: bytes = require("typst", "design").compile(
+        template, sys_inputs={"data": json.dumps(data)}, font_paths=_fonts()
+    )
+    return compiled
 
 
 @cache
-def _fonts() -> typst.Fonts:
+def _fonts() -> Any:
     """Return the fonts that come with matplotlib, so that the PDF is the same on every machine."""
-    return typst.Fonts(include_system_fonts=False, font_paths=[Path(mpl.get_data_path()) / "fonts/ttf"])
+    return require("typst", "design").Fonts(
+        include_system_fonts=False, font_paths=[Path(mpl.get_data_path()) / "fonts/ttf"]
+    )
 
 
 def _colors() -> dict[str, str]:

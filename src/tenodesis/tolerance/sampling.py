@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from tenodesis.extras import require
 from tenodesis.run import Array
 from tenodesis.tolerance.parameters import Parameter
 
@@ -65,7 +66,7 @@ def scheme(parameters: Sequence[Parameter], samples: int, seed: int) -> Array:
     numpy.ndarray
         Values in SI units, shape (samples * (parameters + 2), parameters).
     """
-    from SALib.sample import sobol  # noqa: PLC0415  # takes a second
+    sobol = require("SALib.sample.sobol", "design")
 
     deviations = sobol.sample(_problem(parameters), samples, calc_second_order=False, seed=seed)
     return _nominal(parameters) + np.asarray(deviations, np.float64)
@@ -73,7 +74,7 @@ def scheme(parameters: Sequence[Parameter], samples: int, seed: int) -> Array:
 
 def levels(parameters: Sequence[Parameter], probabilities: Sequence[float]) -> Array:
     """Return the parameters' quantiles, SI units, shape (probabilities, parameters)."""
-    from SALib.util import scale_samples  # noqa: PLC0415
+    scale_samples = require("SALib.util", "design").scale_samples
 
     shares = np.tile(np.asarray(probabilities, np.float64)[:, np.newaxis], (1, len(parameters)))
     return _nominal(parameters) + np.asarray(scale_samples(shares, _problem(parameters)), np.float64)
@@ -81,7 +82,7 @@ def levels(parameters: Sequence[Parameter], probabilities: Sequence[float]) -> A
 
 def estimate(parameters: Sequence[Parameter], values: Array, seed: int) -> Indices:
     """Return the Sobol indices of a response, given for every row of the scheme."""
-    from SALib.analyze import sobol  # noqa: PLC0415
+    sobol = require("SALib.analyze.sobol", "design")
 
     found = sobol.analyze(
         _problem(parameters),
