@@ -18,7 +18,7 @@ from tenodesis import scaling
 from tenodesis.errors import DesignError
 from tenodesis.scaling import catalogue, plan, plan_text
 from tenodesis.scaling.candidates import Wheel
-from tenodesis.scaling.catalogue import Constraints
+from tenodesis.scaling.catalogue_file import Constraints
 from tenodesis.scaling.parts import Weight
 from tenodesis.scaling.plan import Plan
 from tenodesis.scaling.weights import select_weights

@@ -13,9 +13,10 @@ from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.scaling import catalogue as catalogues
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates, Wheel
-from tenodesis.scaling.catalogue import Catalogue, Encoder, LoadCell, Rod, Rope, Spool
+from tenodesis.scaling.catalogue import Catalogue
 from tenodesis.scaling.judge import tip_force
 from tenodesis.scaling.limits import limits
+from tenodesis.scaling.parts import Encoder, LoadCell, Rod, Rope, Spool
 from tenodesis.scaling.pins import narrowed, parse
 from tenodesis.scaling.sweep import ERROR_STEP, RELATIVE_STEP, Progress, Sweep, exact_costs, sweep
 from tenodesis.scaling.transfer_friction import carry_friction
