@@ -59,8 +59,8 @@ def make(name: str, inst: Instrument, address: str | None = None) -> Device:
 def _canopen(inst: Instrument) -> Device:
     if inst.devices.canopen is None:
         raise _without_table("canopen", inst)
-    require("canopen", "devices")
     require("can", "devices")
+    require("canopen", "devices")
     from tenodesis.devices.canopen import CanOpenDevice  # noqa: PLC0415 - its libraries are an extra
 
     return CanOpenDevice(inst, inst.devices.canopen)
