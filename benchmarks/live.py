@@ -27,7 +27,7 @@ def made(folder: Path, name: str, **choices: object) -> LiveLoop:
     (folder / folders.INSTRUMENT).write_text(to_toml(inst), "utf-8")
     loop = LiveLoop(inst, folder, Choices(**choices))  # type: ignore[arg-type]
     has = loop.capabilities
-    folders.tell(folder, folders.About(inst, has.name, loop.period, has.simulated, has.distal_encoder, "", 0))
+    folders.write(folder, folders.About(inst, has.name, loop.period, has.simulated, has.distal_encoder, "", 0))
     return loop
 
 

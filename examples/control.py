@@ -11,9 +11,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import tenodesis as tn
-from tenodesis.recording.outcome import outcome, tip_error
 from tenodesis.recording.replay import replay
 from tenodesis.recording.simulation import record
+from tenodesis.recording.summary import outcome, tip_error
 
 # 1. The instrument on its bench, and what is done there: the tip bent by 60 deg, then 1 N pushes it back.
 inst = tn.load("scaled-up")

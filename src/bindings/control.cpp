@@ -201,14 +201,6 @@ void bind_control(nb::module_& m) {
       "Name, unit and meaning of an axis's parameters.");
   m.def("faults", &fault_rows, "Name, unit of the threshold and meaning of each fault, in the order of their bits.");
   m.def(
-      "fault_names",
-      [] {
-        std::vector<std::string> names;
-        for (const Row& row : fault_rows()) names.push_back(std::get<0>(row));
-        return names;
-      },
-      "Names of the faults, in the order of their bits.");
-  m.def(
       "control_signals", [] { return list_of(control_signal_names); },
       "Names of the signals that a controller adds to a run.");
   m.def(

@@ -12,7 +12,8 @@ namespace {
 
 using namespace engine;
 
-using runtime::BoardController, runtime::SerialController, runtime::StreamedController, runtime::StreamedDevice;
+using runtime::BoardController, runtime::LinkProblem, runtime::SerialController, runtime::StreamedController,
+    runtime::StreamedDevice;
 
 bool is_wait(double seconds) { return seconds > 0 && seconds < 1e4; }
 
@@ -51,18 +52,28 @@ void rest(StreamedDevice& device) { device.write({}, {}); }
 }  // namespace
 
 void bind_serial(nb::module_& m) {
+  nb::enum_<LinkProblem>(m, "LinkProblem", nb::is_arithmetic(), "What has gone wrong with a board.")
+      .value("NONE", LinkProblem::none)
+      .value("LINK_LOST", LinkProblem::link_lost, "no answer in time")
+      .value("LINK_CLOSED", LinkProblem::link_closed, "the other end of the line was closed")
+      .value("DAMAGED_FRAMES", LinkProblem::damaged_frames, "too many in a row")
+      .value("STALE_ANSWERS", LinkProblem::stale_answers, "only answers to earlier questions")
+      .value("WRONG_VERSION", LinkProblem::wrong_version, "another version of the protocol, or of the C interface")
+      .value("BOARD_RESTARTED", LinkProblem::board_restarted, "the board does not know the session")
+      .value("REFUSED", LinkProblem::refused, "the board refused a question")
+      .value("WRONG_TICK", LinkProblem::wrong_tick, "the answer is another tick's")
+      .value("BAD_ANSWER", LinkProblem::bad_answer, "of a wrong size, or with an unknown state")
+      .value("NOT_A_NUMBER", LinkProblem::not_a_number, "a velocity is not a number")
+      .value("BEYOND_LIMIT", LinkProblem::beyond_limit, "a velocity is above the instrument's speed limit");
+
   nb::class_<BoardController, AnyController>(m, "BoardController", "A controller on a board behind a line of bytes.")
       .def("reset", &BoardController::reset, nb::call_guard<nb::gil_scoped_release>(),
            "Return to the initial state; sets the link up again where it was lost.")
       .def("close", &BoardController::close, nb::call_guard<nb::gil_scoped_release>(),
            "Stop the board and close the line.")
       .def(
-          "problem",
-          [](const BoardController& own) {
-            return std::make_tuple(std::string(runtime::link_problem_names[static_cast<std::size_t>(own.problem())]),
-                                   own.why());
-          },
-          "Name of the link's problem, empty without one, and a description.")
+          "problem", [](const BoardController& own) { return std::make_tuple(own.problem(), own.why()); },
+          "The link's problem and its description.")
       .def(
           "board",
           [](const BoardController& own) {

@@ -30,10 +30,6 @@ enum class LinkProblem : unsigned char {
   beyond_limit,     ///< a velocity is above the instrument's speed limit
 };
 
-inline constexpr std::array link_problem_names{
-    "",        "link_lost",  "link_closed", "damaged_frames", "stale_answers", "wrong_version", "board_restarted",
-    "refused", "wrong_tick", "bad_answer",  "not_a_number",   "beyond_limit"};
-
 struct LinkSettings {
   double timeout{};          ///< of a question with all its repetitions, s
   double connect_timeout{};  ///< the same while a session is set up, s

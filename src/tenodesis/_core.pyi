@@ -19,13 +19,13 @@ class Status(enum.IntEnum):
     """loaded past the fold: the joint snaps through"""
 
     UNREACHABLE = 2
-    """outside what the mechanism can bend to"""
+    """outside the mechanism's range"""
 
     BOTH_SLACK = 3
     """neither tendon holds the joint"""
 
     NO_AUTHORITY = 4
-    """no stroke of the acting motors gives the angle back"""
+    """no stroke of the acting motors restores the angle"""
 
     OUT_OF_RANGE = 5
     """handle angle beyond the handle's range"""
@@ -43,7 +43,7 @@ class JointType(enum.Enum):
     CONTINUUM = 2
 
 class Spec:
-    """One axis of an instrument, as numbers in SI units."""
+    """One axis of an instrument, in SI units."""
 
     def __init__(self, joint_type: JointType, parameters: Sequence[float], handle_range: float) -> None: ...
 
@@ -101,7 +101,7 @@ def play(lower: NDArray[numpy.float64], upper: NDArray[numpy.float64], start: fl
     """
 
 class TwinSpec:
-    """A twin of one axis, as numbers in SI units."""
+    """A twin of one axis, in SI units."""
 
     def __init__(self, axis: Spec, row: Sequence[float], speed_dependent: bool, sheath_contacts: int, steps_per_sample: int, quasi_static: bool) -> None: ...
 
@@ -112,7 +112,7 @@ class Twin:
 
     def run(self, commands: NDArray[numpy.float64], out: NDArray[numpy.float64]) -> tuple[int, Status]:
         """
-        Step over rows of commands; a row of signals per step in out. Returns the steps taken and why no more were.
+        Step over rows of commands; a row of signals per step in out. Returns the steps taken and the last status.
         """
 
     def audit(self, commands: NDArray[numpy.float64]) -> tuple[int, Status, list[float], float, float, int]:
@@ -122,20 +122,20 @@ class Twin:
 
     @property
     def state(self) -> bytes:
-        """The whole state, as bytes."""
+        """The state, as bytes."""
 
     @state.setter
     def state(self, arg: bytes, /) -> None: ...
 
     @property
     def handle_wanted(self) -> float:
-        """Where the handle was last told to be, rad."""
+        """Handle angle of the last command, rad."""
 
     def signals(self, command: NDArray[numpy.float64]) -> list[float]:
         """The signals as they stand."""
 
 def twin_parameters() -> list[str]:
-    """Names of a twin's numbers, in their order."""
+    """Names of a twin's parameters, in their order."""
 
 def twin_commands() -> list[str]:
     """Names of a command's columns."""
@@ -154,14 +154,14 @@ def joint_shares(spec: Spec) -> tuple[float, float]:
     Shares of a tendon's length that lie in the handle's joint and in the tip's.
     """
 
-def run_many(spec: TwinSpec, parameters: NDArray[numpy.float64], commands: NDArray[numpy.float64], seeds: NDArray[numpy.uint64], signals: Sequence[int], every: int, out: NDArray[numpy.float64], told: NDArray[numpy.int64], threads: int) -> None:
+def run_many(spec: TwinSpec, parameters: NDArray[numpy.float64], commands: NDArray[numpy.float64], seeds: NDArray[numpy.uint64], signals: Sequence[int], every: int, out: NDArray[numpy.float64], outcome: NDArray[numpy.int64], threads: int) -> None:
     """
-    Run one twin per row of parameters (a twin's, then its axis's); told: steps taken and status of each.
+    Run one twin per row of parameters (a twin's, then its axis's); outcome: steps taken and status of each.
     """
 
 def twin_gradient(spec: TwinSpec, commands: NDArray[numpy.float64], as_read: bool, variables: Sequence[int], out: NDArray[numpy.float64]) -> tuple[int, Status]:
     """
-    Write what handle encoder, output encoder and both load cells are expected to read, and the derivatives by numbers of twin and then axis, by reading, 1 + variable and step. Returns the steps taken and why no more.
+    Write the expected readings of handle encoder, output encoder and both load cells, and their derivatives by parameters of twin and then axis, by reading, 1 + variable and step. Returns the steps taken and the last status.
     """
 
 class Controller:
@@ -169,32 +169,44 @@ class Controller:
 
     def __init__(self, joint_type: int, observer: int, law: int, actuation: int, safe_state: int, own_clock: bool, homed: bool, common: Sequence[float], axes: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], limits: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], single_precision: bool) -> None: ...
 
-    def step(self, time: int, request: int, measured: NDArray[numpy.float64]) -> tuple[list[list[float]], list[int], int, bool, bool, int, int]:
+    def step(self, time: int, request: int, measured: NDArray[numpy.float64]) -> tuple[NDArray[numpy.float64], list[int], int, bool, bool, int, int]:
         """
-        One tick, time in ns: per axis the control signals and its faults; state, homed, homing, faults, first.
+        One tick, time in ns: control signals and faults by axis; state, homed, homing, faults, first faults.
         """
 
     def reset(self) -> None:
-        """As when it was made."""
+        """Return to the initial state."""
 
     def watchdog(self, since_last_step: float) -> bool:
-        """Whether the motors must stop, given seconds."""
+        """Whether the motors must stop after so many seconds without a tick."""
+
+    def parameters(self) -> bytes:
+        """Its parameters as a board takes them: a tenodesis_parameters in float."""
 
     def counts(self, axis: int) -> tuple[list[int], list[int], int]:
         """
-        How often each fault was confirmed, bad samples per sensor, late ticks.
+        How often each fault was confirmed, bad samples of each sensor, number of late ticks.
         """
 
-    def records(self) -> tuple[list[list[float]], int]:
+    def records(self) -> tuple[NDArray[numpy.float64], int]:
         """
-        The flight recorder: time, state, faults, then per axis measurement, sent velocities, output angle; and which row is the fault's first.
+        The flight recorder, by record: time, state, faults, then per axis measurement, sent velocities, output angle; and the row of the fault's first tick, -1 without one.
         """
 
-def control_parameters() -> list[str]:
-    """Names of the numbers that all axes share."""
+INTERFACE_VERSION: int = 1
 
-def control_axis_parameters() -> list[str]:
-    """Names of the numbers of an axis."""
+SPOOL_JUMP_UNIT: str = 'rad/s'
+
+def control_parameters() -> list[tuple[str, str, str]]:
+    """Name, unit and meaning of the parameters that all axes share."""
+
+def control_axis_parameters() -> list[tuple[str, str, str]]:
+    """Name, unit and meaning of an axis's parameters."""
+
+def faults() -> list[tuple[str, str, str]]:
+    """
+    Name, unit of the threshold and meaning of each fault, in the order of their bits.
+    """
 
 def fault_names() -> list[str]:
     """Names of the faults, in the order of their bits."""
@@ -202,13 +214,59 @@ def fault_names() -> list[str]:
 def control_signals() -> list[str]:
     """Names of the signals that a controller adds to a run."""
 
-def tamper_places() -> list[str]:
-    """Places between twin and controller where a fault can be put."""
+def fault_injection_places() -> list[str]:
+    """
+    Places between instrument and controller where a fault can be injected.
+    """
 
 def run_controlled(twins: Sequence[Twin], controller: Controller, commands: NDArray[numpy.float64], steps_per_tick: int, time_step: float, started: int, requests: NDArray[numpy.uint8] | None, values: NDArray[numpy.float64] | None, modes: NDArray[numpy.uint8] | None, out: NDArray[numpy.float64], control: NDArray[numpy.float64]) -> tuple[int, Status]:
     """
-    Step twins and a controller in one loop over rows of commands, axis by axis; returns steps and why no more.
+    Step twins and a controller in a closed loop over rows of commands, axis by axis. Returns the steps taken and the status of the last.
     """
+
+class LoopProblem(enum.IntEnum):
+    """Why the live loop stopped the motors, or refused an order."""
+
+    NONE = 0
+
+    TIP_LOST = 1
+    """the load was more than the tip can hold, and was not applied"""
+
+    LATE = 2
+    """a tick came later than the bound"""
+
+    NO_MEASUREMENT = 3
+    """no measurement for longer than the bound"""
+
+    OPERATOR_GONE = 4
+    """the operator's lease ran out"""
+
+class Order(enum.IntEnum):
+    """What the live loop can be ordered to do."""
+
+    REQUEST = 0
+    """a: a request to the controller"""
+
+    LAW = 1
+    """a: law, b: actuation"""
+
+    HAND = 2
+    """value: handle angle, rad; axis"""
+
+    FORCE = 3
+    """value: force at the tip, N; axis"""
+
+    RADIAL = 4
+    """value: radial force at the tip, N; axis"""
+
+    SPEED = 5
+    """value: simulated over real time; 0: as fast as possible"""
+
+    INJECT = 6
+    """a fault; a: place, b: mode, axis, value, ticks: for how long"""
+
+    DROP = 7
+    """the rest of a played motion"""
 
 class LiveDevice:
     """What the live loop reads and writes."""
@@ -225,12 +283,12 @@ class MailboxDevice(LiveDevice):
 
     def post(self, time: int, measured: NDArray[numpy.float64]) -> None:
         """
-        Hand over a measurement: its time in ns; per axis handle angle, tensions, spool angles, output angle.
+        Post a measurement: its time in ns; per axis handle angle, tensions, spool angles, output angle.
         """
 
-    def take(self, timeout: float) -> tuple[bool, list[list[float]]]:
+    def take(self, timeout: float) -> tuple[bool, NDArray[numpy.float64]]:
         """
-        The spool velocities that answer the last post, and whether any came in time.
+        Whether an answer to the last post came within so many seconds, and its spool velocities by axis.
         """
 
     @property
@@ -249,30 +307,33 @@ class Runtime:
         """End, motors at rest."""
 
     def run_ticks(self, count: int) -> None:
-        """Take so many ticks as fast as they go, here."""
+        """Take so many ticks as fast as possible, on this thread."""
 
     def order(self, kind: int, a: int = 0, b: int = 0, axis: int = 0, value: float = 0.0, ticks: int = 0) -> bool:
-        """Ask something of it; false where too much is asked already."""
+        """
+        Give an order, by number of its kind; false where too many orders wait already.
+        """
 
     def tamper_not_a_number(self, place: int, axis: int, ticks: int) -> bool:
-        """Make a sensor say no number."""
+        """Inject NaN; order does so, too."""
 
     def play(self, rows: NDArray[numpy.float64]) -> int:
         """
-        Queue ticks of a played motion, per axis handle angle, force, radial force; returns how many were taken.
+        Queue ticks of a motion, per axis handle angle, force, radial force; returns how many were taken.
         """
 
     def lease(self, seconds: float) -> None:
-        """The operator is there for so long; 0: there is none."""
+        """The operator is present for so many seconds more; 0: is absent."""
 
     def stop(self) -> None:
-        """Motors to zero with the next tick, until a request sets them free."""
+        """Motors to zero with the next tick, until a request releases them."""
 
     def forget_timing(self) -> None:
-        """Count anew from the next tick on."""
+        """Reset the timing with the next tick."""
 
     @property
-    def pending_rows(self) -> int: ...
+    def pending_rows(self) -> int:
+        """Ticks of a motion that are still to be played."""
 
     @property
     def running(self) -> bool: ...
@@ -290,25 +351,28 @@ class Runtime:
     def speed(self) -> float: ...
 
     @property
-    def problem(self) -> int: ...
+    def problem(self) -> LoopProblem:
+        """The first problem since the motors were released."""
 
     @property
     def refused(self) -> list[str]: ...
 
     @property
     def compute(self) -> tuple[float, float, float, int]:
-        """Of a tick: p50, p99, worst, s, and how many."""
+        """
+        Time of a tick: median, 99th percentile, worst, s, and number of ticks.
+        """
 
     @property
     def control(self) -> tuple[float, float, float, int]:
-        """Of the controller alone."""
+        """The same of the controller alone."""
 
     @property
     def lateness(self) -> tuple[float, float, float, int]:
-        """By which ticks began late."""
+        """The same of the delay with which ticks began."""
 
 class RingReader:
-    """Reads a loop's records from any process."""
+    """Reads a live loop's records, from any process."""
 
     def __init__(self, path: str) -> None: ...
 
@@ -325,11 +389,11 @@ class RingReader:
 
     @property
     def written(self) -> int:
-        """Records there have been."""
+        """Number of records written so far."""
 
     @property
     def silence(self) -> float:
-        """Time since the loop last said that it lives, s."""
+        """Time since the loop last reported that it is alive, s."""
 
 def tick_columns() -> list[str]:
     """Columns of a record before its axes'."""
@@ -337,19 +401,55 @@ def tick_columns() -> list[str]:
 def bench_columns() -> list[str]:
     """Columns of an axis before its signals."""
 
+class LinkProblem(enum.IntEnum):
+    """What has gone wrong with a board."""
+
+    NONE = 0
+
+    LINK_LOST = 1
+    """no answer in time"""
+
+    LINK_CLOSED = 2
+    """the other end of the line was closed"""
+
+    DAMAGED_FRAMES = 3
+    """too many in a row"""
+
+    STALE_ANSWERS = 4
+    """only answers to earlier questions"""
+
+    WRONG_VERSION = 5
+    """another version of the protocol, or of the C interface"""
+
+    BOARD_RESTARTED = 6
+    """the board does not know the session"""
+
+    REFUSED = 7
+    """the board refused a question"""
+
+    WRONG_TICK = 8
+    """the answer is another tick's"""
+
+    BAD_ANSWER = 9
+    """of a wrong size, or with an unknown state"""
+
+    NOT_A_NUMBER = 10
+    """a velocity is not a number"""
+
+    BEYOND_LIMIT = 11
+    """a velocity is above the instrument's speed limit"""
+
 class BoardController(Controller):
     """A controller on a board behind a line of bytes."""
 
     def reset(self) -> None:
-        """As when it was made; sets the link up anew where it was lost."""
+        """Return to the initial state; sets the link up again where it was lost."""
 
     def close(self) -> None:
-        """Tell the board to stop, and let go of the line."""
+        """Stop the board and close the line."""
 
-    def problem(self) -> tuple[str, str]:
-        """
-        Name of what has gone wrong with the link, empty where nothing has, and what is known of it.
-        """
+    def problem(self) -> tuple[LinkProblem, str]:
+        """The link's problem and its description."""
 
     def board(self) -> tuple[str, int, int, int, bool]:
         """
@@ -368,12 +468,12 @@ class BoardController(Controller):
         """Whether the board has stopped and waits to be enabled."""
 
 class SerialController(BoardController):
-    """One that is sent a measurement per tick."""
+    """A board that is sent a measurement per tick."""
 
     def __init__(self, descriptor: int, parameters: bytes, timeout: float, connect_timeout: float, repetitions: int, silence: int) -> None: ...
 
 class StreamedController(BoardController):
-    """One that measures by itself and sends its ticks."""
+    """A board that measures by itself and sends its ticks."""
 
     def __init__(self, descriptor: int, parameters: bytes, timeout: float, connect_timeout: float, repetitions: int, silence: int) -> None: ...
 
@@ -382,13 +482,13 @@ class StreamedDevice(LiveDevice):
 
     def __init__(self, board: StreamedController) -> None: ...
 
-    def read(self, timeout: float) -> tuple[int, list[list[float]]] | None:
+    def read(self, timeout: float) -> tuple[int, Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]] | None:
         """
         Its next tick, without a loop: time in ns; per axis handle angle, tensions, spool angles.
         """
 
     def rest(self) -> None:
-        """Tell the board that motors are to rest, and that somebody listens."""
+        """Have the motors rest, and keep the board streaming."""
 
     def overtaken(self) -> int:
         """Ticks that were lost before the last."""
@@ -397,16 +497,16 @@ def tension_scale(spec: Spec) -> float:
     """Tension that stretches a tendon by the distal radius, N."""
 
 def findings() -> list[str]:
-    """Names of what is found of a scale model, in their order."""
+    """Names of the findings of a scale model, in their order."""
 
 class SimilarityTarget:
-    """An instrument and the points that its scale models are judged at."""
+    """An instrument, and the points at which its scale models are evaluated."""
 
     def __init__(self, spec: Spec, handle_angle: Sequence[float], force: Sequence[float], at_angle: float, stop: float) -> None: ...
 
     def judge(self, rows: NDArray[numpy.float64], pretension: NDArray[numpy.float64], out: NDArray[numpy.float64], threads: int) -> None:
         """
-        Write what is found of every row of parameters, by row and finding; NaN scales the pretension.
+        Write the findings of every row of parameters, by row and finding; NaN scales the pretension.
         """
 
 class Reach(enum.IntEnum):
@@ -426,7 +526,7 @@ class Reach(enum.IntEnum):
 
 class Chain:
     """
-    The whole instrument: axes from the stem outward, and lengths between them, m.
+    The kinematic chain: axes from the stem outward, and lengths between them, m.
     """
 
     def __init__(self, specs: Sequence[Spec], pitches: Sequence[bool], stem_length: float, joint_spacing: float, handle_joint_spacing: float) -> None: ...
@@ -451,9 +551,9 @@ def chain_tip(chain: Chain, rows: Annotated[NDArray[numpy.float64], dict(shape=(
 def chain_jacobian(chain: Chain, rows: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu')], threads: int) -> None:
     """Write the tip's Jacobian."""
 
-def chain_inverse(chain: Chain, goals: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], told: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')], reach: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu')], threads: int) -> None:
+def chain_inverse(chain: Chain, goals: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], start: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu')], reach: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu')], threads: int) -> None:
     """
-    Write the coordinates that bring the tip to its goals, and how each ended; told are spin and the pan and tilt to start from, NaN for none.
+    Write the coordinates that bring the tip to its goals, and how each solve ended; start: spin, and pan and tilt to start from, NaN for none.
     """
 
 def chain_paths(chain: Chain, rows: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], out: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu')]) -> None:

@@ -260,7 +260,7 @@ void a_fault_of_one_axis_stops_both() {
     moved = moved || output.axis[0].spool_velocity[0] != S(0);
   }
   CLAIM(moved);
-  for (const auto& axis : output.axis) CLAIM(axis.spool_velocity[0] == S(0) && axis.spool_velocity[1] == S(0));
+  for (const auto& each : output.axis) CLAIM(each.spool_velocity[0] == S(0) && each.spool_velocity[1] == S(0));
   CLAIM(output.first_faults == bit(Fault::not_a_number));
 }
 

@@ -1,14 +1,23 @@
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 
 import tenodesis as tn
+from tenodesis.errors import ArgumentError, Error
 from tenodesis.instrument import Instrument
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
+
+# No test depends on luck: the same examples every time, and no verdict by the clock.
+settings.register_profile("repeatable", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("repeatable")
 
 
 @pytest.fixture(scope="session")
@@ -36,6 +45,17 @@ def any_inst(request: pytest.FixtureRequest) -> Instrument:
     """Every mechanism, and both instruments of the paper."""
     inst: Instrument = request.getfixturevalue(request.param)
     return inst
+
+
+@contextmanager
+def refused(key: str, value: Any = ..., kind: type[Error] = ArgumentError) -> Iterator[None]:
+    """Expect an error about this key and value, whatever its wording."""
+    with pytest.raises(kind) as caught:
+        yield
+    assert caught.value.key == key
+    if value is not ...:
+        np.testing.assert_equal(caught.value.value, value)
+    assert str(caught.value).endswith(".")
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ import os
 import re
 import shutil
 from collections.abc import Iterator, Sequence
-from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +15,10 @@ from typer.testing import CliRunner
 
 import tenodesis as tn
 from tenodesis.cli import identify
-from tenodesis.errors import CommandError, IdentificationError
+from tenodesis.errors import CommandError
 from tenodesis.files import atomic_file, atomic_files
 from tenodesis.identification import FORMATS, Format, Parameter, Trace, report
 from tenodesis.identification.formats.measured import MeasuredRun
-from tenodesis.identification.registry import Formats
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 
@@ -89,7 +87,7 @@ def springs(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         return Springs([*train, *test], instrument)
 
     laws = ("none", "coulomb", "capstan", "capstan-constant")
-    monkeypatch.setitem(FORMATS, "tendon-sheath", Format(load, problem, laws, "capstan-constant", "linear"))
+    monkeypatch.setitem(FORMATS, "tendon-sheath", Format(load, problem, laws, law="capstan-constant"))
     yield
 
 
@@ -337,12 +335,6 @@ def test_notes_that_differ_by_the_files_name_alone_are_one() -> None:
     }
     assert report.grouped(notes) == [("a/0.txt, b/1.txt", "… is as published"), ("a/0.txt, 2.txt", "3 gaps")]
     assert report.grouped({"0.txt": ("0.txt is new.",)}) == [("0.txt", "0.txt is new")]
-
-
-def test_a_format_that_cannot_be_imported_is_one_sentence() -> None:
-    formats = Formats({"csv": EntryPoint("csv", "tenodesis.identification.nowhere:FORMAT", "formats")})
-    with pytest.raises(IdentificationError, match=r"format csv is not available here: .*nowhere"):
-        formats["csv"]
 
 
 def test_held_out_files_leave_parameters_alone(logs: list[Path], tmp_path: Path) -> None:

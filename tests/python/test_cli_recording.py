@@ -118,7 +118,7 @@ def test_a_controller_may_be_told_another_instrument(tenodesis: Command, tmp_pat
     text = (ROOT / "instruments" / "scaled-up.toml").read_text("utf-8")
     (tmp_path / "told.toml").write_text(text.replace("stiffness_ratio = 0.85", "").replace("50 GPa", "42.5 GPa"))
     tenodesis("record", "short.toml", "--law", "robust", "--controller-instrument", "told.toml", "--out", "run.mcap")
-    assert "told another instrument (scaled-up)" in tenodesis("info", "run.mcap")[1]
+    assert "made for another instrument (scaled-up)" in tenodesis("info", "run.mcap")[1]
     assert "bit by bit" in tenodesis("replay", "run.mcap")[1]
     assert Recording.open("run.mcap").metadata["controller_instrument"].count("42500000000.0")
 
@@ -191,12 +191,15 @@ def test_a_controller_that_cannot_be_is_refused_in_a_sentence(
         (("record", "short.toml", "--axis", "pitch"), "scaled-up has no axis 'pitch'; it has yaw"),
         (("info", "absent.mcap"), "absent.mcap cannot be read: there is no such file"),
         (("info", "far.toml"), "far.toml is no MCAP file"),
-        (("info", "other.mcap"), "other.mcap holds nothing of a recording"),
-        (("replay", "other.mcap"), "other.mcap holds nothing of a recording"),
+        (("info", "other.mcap"), "other.mcap holds no topic of a recording"),
+        (("replay", "other.mcap"), "other.mcap holds no topic of a recording"),
         (("replay", "run.mcap", "--out", "run.mcap"), "run.mcap exists already"),
-        (("replay", "run.mcap", "--plot", "x.gif"), "x.gif has the extension '.gif'; allowed are .png, .svg, .pdf"),
+        (
+            ("replay", "run.mcap", "--plot", "x.gif"),
+            "x.gif has the extension '.gif'; it must be one of .png, .svg, .pdf",
+        ),
         (("replay", "run.mcap", "--plot", "nowhere/x.png"), "nowhere/x.png cannot be written: No such file"),
-        (("replay", "run.mcap", "--instrument", "real-size"), "allowed is an instrument with the same"),
+        (("replay", "run.mcap", "--instrument", "real-size"), "the instrument must have the same"),
         (
             ("export", "recording", "run.mcap", "--to", "x.xls"),
             "x.xls has the extension '.xls'; it must be one of .csv, .par",
@@ -291,7 +294,7 @@ def test_info_tells_the_events_faults_and_gaps_of_a_live_recording(tenodesis: Co
     assert ["hand", "browser 1", "42", "0.01 s", "0.02 s"] in table
     assert ["stop", "[red]stop button[/red]", "1", "0.03 s", "0.03 s"] in table
     assert ["ticks_missed", "runtime", "2", "0.06 s", "0.07 s"] in table
-    assert any(row[:3] == ["7", "not told", "1"] for row in table)
+    assert any(row[:3] == ["7", "unknown", "1"] for row in table)
 
 
 def test_info_of_a_recording_broken_off_says_so_and_of_one_that_is_not_live_nothing(
@@ -309,7 +312,7 @@ def test_info_of_a_recording_broken_off_says_so_and_of_one_that_is_not_live_noth
         "28: 1 after 0 s, 2 after 0.001 s, 3 after 0.002 s, 4 after 0.003 s, 2 times more"
     )
     assert told["lost rows"].endswith("2 times more, 7 after 0.006 s")
-    assert told["ended"] == "not told: the recording was broken off"
+    assert told["ended"] == "unknown: the recording was broken off"
     assert told["faults"] == "none"
 
 

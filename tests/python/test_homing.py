@@ -1,15 +1,17 @@
 """From slack tendons to their pretension: repeatable, whatever there is of friction, and given up where it must be."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 import tenodesis as tn
-from tenodesis.control import FAULTS, Controller, FaultInjection, OperatingState, Request, parameters
+from tenodesis.control import FAULTS, Controller, OperatingState, Request, parameters
 from tenodesis.instrument import Instrument
 from tenodesis.run import Run
+from tenodesis.simulate import FaultInjection
 from tenodesis.twin import TIME_STEP, Twin
 
 Array = NDArray[np.float64]
@@ -56,7 +58,7 @@ def home(
     sheath_bend: float = 0.0,
     handle: float = 0.0,
     let_out: Array | float = 0.0,
-    tampering: Sequence[FaultInjection] = (),
+    fault_injection: Sequence[FaultInjection] = (),
 ) -> tuple[Run, Twin]:
     """Loosen an instrument, bend its handle, and home it."""
     twin = Twin(plant, seed=seed)
@@ -72,10 +74,7 @@ def home(
         let_out=let_out,
         controller=controller,
         request=request,
-        fault_injection=[
-            FaultInjection(one.place, one.mode, one.value, one.rate, one.start + twin.time, one.stop)
-            for one in tampering
-        ],
+        fault_injection=[replace(one, start=one.start + twin.time) for one in fault_injection],
     )
     return run, twin
 

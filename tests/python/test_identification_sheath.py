@@ -116,7 +116,7 @@ def test_what_is_held_out_of_a_recording_does_not_reach_the_fit() -> None:
 
 
 def test_a_recording_is_split_where_something_is_left_on_either_side() -> None:
-    with pytest.raises(IdentificationError, match=r"the share to split at is 1; allowed is 0\.05 to 0\.95"):
+    with pytest.raises(IdentificationError, match=r"share is 1.0; it must be 0\.05 to 0\.95"):
         split([recording()], [], 1.0, "until", lambda train, test: Sheath([*train, *test]))
 
 
@@ -185,6 +185,7 @@ def measured() -> MeasuredRun:
     return FORMATS["tendon-sheath"].load(path)
 
 
+@pytest.mark.data
 def test_one_exponent_and_one_gain_give_the_measured_distal_tension(measured: MeasuredRun) -> None:
     found = fit(Sheath([measured], law="capstan"), train=[0], starts=3)
     print(f"{found.values}: {found.train_rmse['tension_N']:.4f} N")
@@ -194,6 +195,7 @@ def test_one_exponent_and_one_gain_give_the_measured_distal_tension(measured: Me
     assert found.values["exponent"] == pytest.approx(0.058 * 11.7, rel=0.15)
 
 
+@pytest.mark.data
 def test_friction_of_the_measured_sheath_grows_with_a_power_of_the_tension_below_one(measured: MeasuredRun) -> None:
     found = fit(Sheath([measured]), train=[0], starts=3, loss=DEFAULT_LOSS)
     print(f"{found.values}: {found.train_rmse['tension_N']:.4f} N")
@@ -203,6 +205,7 @@ def test_friction_of_the_measured_sheath_grows_with_a_power_of_the_tension_below
     assert 2 / 3 < low < high < 1
 
 
+@pytest.mark.data
 def test_either_half_of_the_measured_recording_predicts_the_other(measured: MeasuredRun) -> None:
     # The halves are unlike: pulls end at 7.7 N in the first and at 13.8 N in the second.
     for fitted in get_args(FittedPart):
@@ -215,6 +218,7 @@ def test_either_half_of_the_measured_recording_predicts_the_other(measured: Meas
         assert power.test_rmse["tension_N"] < 0.8 * capstan.test_rmse["tension_N"]
 
 
+@pytest.mark.data
 def test_no_friction_is_a_law_to_compare_with(measured: MeasuredRun) -> None:
     found = fit(Sheath([measured], law="none"), train=[0], starts=2, loss=DEFAULT_LOSS)
     assert found.train_rmse["tension_N"] > 4 * 0.15

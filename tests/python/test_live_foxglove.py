@@ -30,6 +30,8 @@ from tenodesis.recording.schemas import topics
 from .live_loop import LiveLoop, Played
 from .test_recording import a_run
 
+pytestmark = pytest.mark.process
+
 MESSAGE = struct.Struct("<BIQ")
 FIRST = 10
 """Rows that open the channels."""
@@ -267,10 +269,10 @@ def test_a_bad_address_port_or_rate_is_one_sentence(scaled: Instrument) -> None:
     with pytest.raises(LiveError, match=r"cannot listen on no-such-host\.invalid"):
         Server(source, "no-such-host.invalid", 0)
     for port in (-1, 65536):
-        with pytest.raises(LiveError, match=f"port is {port}; allowed"):
+        with pytest.raises(LiveError, match=f"port is {port}; it must be"):
             Server(source, port=port)
     for rate in (0.0, -1.0, np.nan, np.inf):
-        with pytest.raises(LiveError, match=r"rate is .*; allowed is a positive number"):
+        with pytest.raises(LiveError, match=r"rate is .*; it must be above 0 Hz"):
             Server(source, port=0, rate=rate)
 
 
@@ -309,7 +311,7 @@ def test_the_one_instrument_that_runs_is_found(
     for name in ("tenodesis-1", "tenodesis-2"):
         (tmp_path / name / "1").mkdir(parents=True)
         loops.append(LiveLoop(tmp_path / name / "1", scaled, ring="ring"))
-        loops[-1].tell_folder()
+        loops[-1].describe_folder()
     loops[0].ticks(1)
     assert live_commands._running() == tmp_path / "tenodesis-1" / "1"
     for loop in loops:

@@ -46,6 +46,7 @@ def test_the_shipped_wrist_is_said_to_be_synthetic() -> None:
     assert "synthetic" in wrist.description
     phase = wrist.phases[0]
     assert isinstance(phase, Motion)
+    assert phase.file is not None
     assert phase.file.read_text().startswith("# Synthetic")
     assert len(phase.samples.times) < 1000
 

@@ -55,7 +55,7 @@ def test_a_protocol_in_blocks_is_the_run_of_its_commands_at_once(scaled: Instrum
     assert set(CONTROL) <= run.signals().keys()
 
 
-def test_the_robust_law_gives_back_what_a_load_takes(scaled: Instrument) -> None:
+def test_the_robust_law_restores_the_angle_that_a_load_takes(scaled: Instrument) -> None:
     without = simulate.execute(Twin(scaled), one(PUSHED))
     run = simulate.execute(Twin(scaled), one(PUSHED), Controller(scaled))
     aim = tn.statics.output_angle(scaled, without["handle_angle"][-1])
@@ -108,7 +108,7 @@ def test_a_fault_while_homing_ends_the_homing_and_not_the_run(scaled: Instrument
     assert run["force"][-1] == 1
 
 
-def test_homing_that_outlasts_its_phase_is_said(scaled: Instrument) -> None:
+def test_homing_that_outlasts_its_phase_ends_the_run(scaled: Instrument) -> None:
     with pytest.raises(
         ProtocolError, match=r"^test: phase 1 \(pretension\): .* not homed within the timeout of 0\.2 s"
     ):

@@ -28,7 +28,7 @@ class Springs:
     def __post_init__(self) -> None:
         self.wound = np.zeros((len(self.inst.axes), 2))
 
-    def run(self, *, handle_angle: Array, force: Array, radial_force: Array, spool_velocity: Array) -> Run:
+    def run(self, *, handle_angle: Array, force: Array, radial_force: Array, spool_velocity: Array, **_: Any) -> Run:
         time: Array = self.time + self.time_step * np.arange(1.0, len(force) + 1)
         velocity = spool_velocity.reshape(len(force), -1, 2)
         wound = self.wound + self.time_step * self.spool_radius * np.cumsum(velocity, axis=0)
@@ -60,19 +60,19 @@ def test_every_shipped_protocol_runs_on_every_mechanism(any_inst: Instrument, na
     assert np.abs(run.commanded_handle_angle).max() <= any_inst.handle_range
 
 
-def test_executing_gives_one_run_of_all_commands_and_tells_block_by_block(scaled: Instrument) -> None:
+def test_executing_gives_one_run_of_all_commands_and_reports_block_by_block(scaled: Instrument) -> None:
     protocol = simulate.load("cycles")
     seen: list[Run] = []
-    told: list[tuple[float, float]] = []
-    run = simulate.execute(Springs(scaled), protocol, on_block=seen.append, progress=lambda *times: told.append(times))
+    times: list[tuple[float, float]] = []
+    run = simulate.execute(Springs(scaled), protocol, on_block=seen.append, progress=lambda *at: times.append(at))
     expected = protocol.commands(scaled, DT)
     np.testing.assert_array_equal(run.commanded_handle_angle, expected["handle_angle"])
     np.testing.assert_array_equal(run.commanded_spool_velocity, expected["spool_velocity"])
     np.testing.assert_allclose(np.diff(run.time), DT)
     assert sum(len(block) for block in seen) == len(run)
     assert max(len(block) for block in seen) == 1000
-    assert told == sorted(told)
-    assert told[-1] == pytest.approx((protocol.duration(scaled),) * 2)
+    assert times == sorted(times)
+    assert times[-1] == pytest.approx((protocol.duration(scaled),) * 2)
 
 
 def test_pretension_winds_every_tendon_to_what_the_instrument_asks(any_inst: Instrument) -> None:
@@ -110,9 +110,9 @@ def test_pretension_holds_handle_and_load_where_they_were(scaled: Instrument) ->
 
 def test_a_tendon_that_does_not_get_tight_ends_the_run(scaled: Instrument) -> None:
     twin = Springs(scaled, hooked=np.array([1.0, 0.0]))
-    with pytest.raises(ProtocolError) as told:
+    with pytest.raises(ProtocolError) as problem:
         simulate.execute(twin, one(Hold(duration=0.1), Pretension(timeout="1 s", rate="20 mm/s")))
-    assert str(told.value) == (
+    assert str(problem.value) == (
         "test: phase 2 (pretension): the antagonist of yaw reads 0 N after the timeout of 1 s; it must be "
         "25 ± 0.5 N for 0.2 s: hook it in, or give a larger timeout, rate or tolerance."
     )

@@ -1,6 +1,5 @@
 """Claims about recorded sessions: a run on file can be run again, to the last bit, from what the file says."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -54,7 +53,7 @@ def test_an_instrument_comes_back_from_its_text(name: Any) -> None:
     assert tn.parse(to_toml(inst)) == inst
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     name=st.text(st.characters(exclude_categories=["C", "Z"]), min_size=1, max_size=20),
     description=st.text(max_size=50),
@@ -122,12 +121,6 @@ def test_a_protocols_text_holds_the_recorded_motion(scaled: Instrument, tmp_path
     file.unlink()
     for name, values in protocol.commands(scaled, 1e-3).items():
         np.testing.assert_array_equal(values, again.commands(scaled, 1e-3)[name])
-
-
-@pytest.mark.parametrize("given", [{}, {"file": "a.csv", "data": "time,angle"}])
-def test_a_motion_has_a_file_or_data(given: dict[str, str]) -> None:
-    with pytest.raises(ValueError, match="file and data"):
-        Motion(angle_unit="deg", **given)
 
 
 # Recording and replaying
@@ -202,7 +195,7 @@ def test_a_cut_off_recording_replays_up_to_there(scaled: Instrument, tmp_path: P
     assert replay(recording).exact
 
 
-def test_another_instrument_differs_by_what_is_said(scaled: Instrument, tmp_path: Path) -> None:
+def test_differences_to_another_instrument_are_measured(scaled: Instrument, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     run = record(scaled, SHORT, path)
     other = scaled.replace(pretension=20.0)
@@ -242,10 +235,10 @@ def test_a_benchs_recording_is_compared_by_its_sensors(scaled: Instrument, tmp_p
         ({}, {"seed": "many"}, "metadata seed = 'many': it must be a number"),
         ({}, {"time_step": "nan"}, "time_step is nan"),
         ({"commanded_handle_angle": np.array([0.0, 2.0, 0.0])}, {}, "the handle's range"),
-        ({"axes": ("pitch",)}, {}, "has the axes pitch, scaled-up yaw; allowed is an instrument with the same"),
+        ({"axes": ("pitch",)}, {}, "has the axes pitch, scaled-up yaw; the instrument must have the same"),
     ],
 )
-def test_what_cannot_be_replayed_is_said(
+def test_what_cannot_be_replayed_is_refused(
     scaled: Instrument, tmp_path: Path, change: dict[str, Any], metadata: dict[str, str], sentence: str
 ) -> None:
     run = replace(
@@ -318,11 +311,9 @@ def test_a_broken_tendon_ends_the_run(scaled: Instrument) -> None:
     twin = Faulty(scaled)
     twin.loosen()
     protocol = Protocol(name="p", phases=(Pretension(travel="8 mm"),))
-    with pytest.raises(ProtocolError) as told:
+    reasons = r"(the antagonist of yaw reads 0 N after the travel of 8 mm|the tip's yaw turned)"
+    with pytest.raises(ProtocolError, match=reasons):
         simulate.execute(twin, protocol)
-    assert re.search(
-        r"(the antagonist of yaw reads 0 N after the travel of 8 mm|the tip's yaw turned)", str(told.value)
-    )
 
 
 def test_load_cells_that_disagree_do_not_pull_the_tip_aside(pulley: Instrument) -> None:
@@ -336,8 +327,10 @@ def test_a_load_cell_out_of_range_ends_the_run(scaled: Instrument) -> None:
 
 
 def test_a_jammed_motor_ends_the_run(scaled: Instrument) -> None:
-    with pytest.raises(ProtocolError, match=r"after the timeout of 30 s with 0\.\d+ mm wound.*jammed"):
-        tightened(scaled.replace(**{"drives.motor_speed": 1e-3}))
+    twin = Twin(scaled.replace(**{"drives.motor_speed": 1e-3}))
+    protocol = Protocol(name="p", phases=(Pretension(tension="35 N", timeout="2 s"),))
+    with pytest.raises(ProtocolError, match=r"after the timeout of 2 s with 0\.\d+ mm wound.*jammed"):
+        simulate.execute(twin, protocol)
 
 
 def test_an_instruments_text_of_another_version_is_refused_in_a_sentence(tmp_path: Path) -> None:

@@ -67,7 +67,7 @@ def _results(findings: Findings) -> Table:
         results.add_row("round trip, p50", f"{np.quantile(findings.round_trips, 0.5) * 1e3:.4g} ms", "")
     results.add_row("reads without a measurement", str(findings.missed), "")
     results.add_row("measured twice", str(findings.twice), "")
-    for kind, count in sorted(findings.told.items()):
+    for kind, count in sorted(findings.counted.items()):
         results.add_row(escape(f"{kind}, by the device"), str(count), "")
     for sensor, count in findings.blind.items():
         if count:

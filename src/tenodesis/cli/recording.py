@@ -28,14 +28,12 @@ from tenodesis.control import Controller
 from tenodesis.control.controller import ActuationName, LawName, ObserverName
 from tenodesis.errors import CommandError
 from tenodesis.instrument import Instrument
-from tenodesis.instrument.text import to_toml
 from tenodesis.live import account
-from tenodesis.recording import Recorder, Recording, choices, tables
-from tenodesis.recording.outcome import outcome
+from tenodesis.recording import Recording, tables
 from tenodesis.recording.replay import Replay
 from tenodesis.recording.replay import replay as run_again
 from tenodesis.recording.simulation import record as record_run
-from tenodesis.recording.summary import describe
+from tenodesis.recording.summary import describe, outcome
 from tenodesis.run import Run
 from tenodesis.units import Duration, in_unit
 
@@ -144,14 +142,7 @@ def replay(
     if not again.exact:
         _print_outcome(again.run, again.inst)
     if out is not None:
-        metadata = {
-            **recording.metadata,
-            **choices.carried(recording, again.inst),
-            "instrument": to_toml(again.inst),
-            "replay_of": str(file),
-        }
-        with Recorder(out, axes=again.run.axes, metadata=metadata, overwrite=overwrite) as recorder:
-            recorder.write(again.run)
+        again.write(out, overwrite=overwrite)
         say(f"{out}: the replay, {again.run.time[-1]:.6g} s, {len(again.run)} rows, {file_size(out)}.")
     if plot is not None:
         from tenodesis.report.replay import plot as draw  # noqa: PLC0415
@@ -206,7 +197,7 @@ def _controller(
         homed=not isinstance(protocol.phases[0], simulate.Pretension),
         period=max(time_step, 1 / inst.sensors.sampling_rate),
     )
-    controller.refuse_another(inst)
+    controller.check_instrument(inst)
     return controller
 
 

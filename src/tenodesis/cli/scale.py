@@ -191,7 +191,7 @@ def _print_front(front: Front, chosen: int, design: Design, free: Front | None) 
         f"{factors['force']:.4g}, tension x {factors['tension']:.4g}; pretension {design.scaled_up.pretension:.4g} N."
     )
     if free is not None:
-        say(f"Without the pins, {scaling.told_better(free, design.objectives)}")
+        say(f"Without the pins, {scaling.rivals_text(free, design.objectives)}")
 
 
 def _representatives(front: Front, chosen: int) -> list[int]:

@@ -1,4 +1,4 @@
-"""A controller's numbers as a C header, for a program without Python: firmware, LabVIEW, Simulink."""
+"""A controller's parameters as a C header, for a program without Python: firmware, LabVIEW, Simulink."""
 
 import keyword
 import re
@@ -13,7 +13,7 @@ from tenodesis.files import atomic_file
 from tenodesis.instrument import Instrument
 
 INTERFACE_VERSION: int = _core.INTERFACE_VERSION
-"""TENODESIS_VERSION of the interface that headers are written for."""
+"""TENODESIS_VERSION of the C interface that headers are written for."""
 
 _COMMON, _AXIS = (
     {name: f"{unit}: {meaning}" for name, unit, meaning in rows}
@@ -21,7 +21,7 @@ _COMMON, _AXIS = (
 )
 _LIMIT_UNITS = {name: unit for name, unit, _ in _core.faults()} | {"spool_jump": _core.SPOOL_JUMP_UNIT}
 
-# Words of C99 and C++20 that Python does not keep for itself as well.
+# Words of C99 and C++20 that are no keywords in Python.
 _RESERVED = frozenset(
     re.findall(
         r"\w+",
@@ -50,8 +50,7 @@ def header(
 ) -> str:
     """Return a C header that defines an instrument's ``tenodesis_parameters``.
 
-    Every number is written such that it is the same in double precision, and in single the one that Python's
-    controller computes with.
+    Every value is exact in double precision, and in single precision the one that Python's controller computes with.
 
     Parameters
     ----------
@@ -62,19 +61,19 @@ def header(
     observer, law, actuation, homed, own_clock
         As of :class:`~tenodesis.control.Controller`.
     source
-        What the header says it was written from; by default the instrument's name.
+        The source that the header names; by default the instrument's name.
 
     Raises
     ------
     ValueError
-        The name is none in C, there is no such choice, or the numbers make no controller.
+        The name is not valid in C, there is no such choice, or the parameters make no controller.
     """
-    # A controller's own checks, in the precision that overflows first.
+    # Applies the controller's own checks, in the precision that overflows first.
     controller = Controller(inst, observer, law, actuation, homed=homed, precision="single", own_clock=own_clock)
-    numbers = controller.parameters
+    parameters = controller.parameters
     name = identifier(inst.name) if name is None else _checked(name)
     guard = f"TENODESIS_PARAMETERS_{name.upper()}_H"
-    told = ", ".join(
+    choices = ", ".join(
         [
             f"observer {observer}",
             f"law {law}",
@@ -88,7 +87,7 @@ def header(
         " *",
         f" * Written by tenodesis {_version()} from {_comment(inst.name if source is None else source)},",
         f" * for version {INTERFACE_VERSION} of the C interface:",
-        f" * {told}.",
+        f" * {choices}.",
         " */",
         f"#ifndef {guard}",
         f"#define {guard}",
@@ -110,11 +109,11 @@ def header(
         f"    .safe_state = TENODESIS_SAFE_{_constant(inst.control.safe_state)},",
         f"    .own_clock = {int(own_clock)},",
         f"    .homed = {int(homed)},",
-        *(f"    .{key} = {_number(numbers.common[key])}, /* {text} */" for key, text in _COMMON.items()),
+        *(f"    .{key} = {_number(parameters.common[key])}, /* {text} */" for key, text in _COMMON.items()),
         "    .axis =",
         "        {",
     ]
-    for axis, own, limits in zip(inst.axes, numbers.axes, numbers.limits, strict=True):
+    for axis, own, limits in zip(inst.axes, parameters.axes, parameters.limits, strict=True):
         lines += [
             f"            /* {_comment(axis)} */",
             "            {",
@@ -148,7 +147,7 @@ def export_header(
     ValueError
         As :func:`header`.
     OSError
-        The file cannot be written; one that was there is as it was.
+        The file cannot be written; an existing file is unchanged.
     """
     text = header(
         inst, name, observer=observer, law=law, actuation=actuation, homed=homed, own_clock=own_clock, source=source
@@ -159,7 +158,7 @@ def export_header(
 
 
 def identifier(text: str) -> str:
-    """Return a name for C that is like a text: ``scaled-up`` becomes ``scaled_up``."""
+    """Return a name in C for a text: ``scaled-up`` becomes ``scaled_up``."""
     name = re.sub(r"[^a-z0-9]+", "_", text.lower(), flags=re.ASCII).strip("_")
     return name if name and not name[0].isdigit() and not _is_reserved(name) else f"instrument_{name}".rstrip("_")
 
@@ -171,8 +170,8 @@ def _is_reserved(name: str) -> bool:
 def _checked(name: str) -> str:
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name, re.ASCII) or _is_reserved(name):
         raise ValueError(
-            f"name is {name!r}; allowed are letters, digits and underscores from a letter on, no word of C or C++, and "
-            "nothing that begins with tenodesis_."
+            f"name is {name!r}; it must be letters, digits and underscores, beginning with a letter, no word of C or C++, "
+            "and must not begin with tenodesis_."
         )
     return name
 
@@ -182,13 +181,13 @@ def _constant(choice: str) -> str:
 
 
 def _comment(text: str) -> str:
-    """Return a text that neither ends a comment nor a line."""
+    """Return a text that ends neither a comment nor a line."""
     return " ".join(text.replace("*/", "* /").replace("/*", "/ *").split())
 
 
 def _number(value: float) -> str:
     if not np.isfinite(np.float32(value)):
-        raise ValueError(f"{value:g} is no number in single precision.")
+        raise ValueError(f"{value:g} is not finite in single precision.")
     return f"TENODESIS_C({float(value)!r})"
 
 

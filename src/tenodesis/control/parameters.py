@@ -1,4 +1,4 @@
-"""The controller's numbers, by the names they have in the C interface, from an instrument."""
+"""The controller's parameters for an instrument, by their names in the C interface."""
 
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from tenodesis import _core, plant
 from tenodesis.instrument import Instrument
 
-FAULTS = tuple(_core.fault_names())
+FAULTS = tuple(name for name, _, _ in _core.faults())
 """Names of the faults, in the order of their bits."""
 
 COMMON, AXIS = (
@@ -16,7 +16,7 @@ COMMON, AXIS = (
 )
 
 _USUAL_GAIN = 12.0  # 1/s
-# A tip that swings freely turns an integrating loop unstable at twice its damping ratio times its angular frequency.
+# An integrating loop becomes unstable at twice the damping ratio of a free tip times its angular frequency.
 _GAIN_PER_SWING = 0.23
 _STROKE_TIME = 0.25  # s
 _USUAL_LIMIT = 80.0  # N
@@ -24,16 +24,16 @@ _FAULT_OVER_LIMIT = 1.25
 
 
 class Parameters(NamedTuple):
-    """Numbers of a controller: those all axes share, and per axis its own and its limits."""
+    """Parameters of a controller: those that all axes share, and per axis its own and its limits."""
 
     joint_type: int
     common: dict[str, float]
     axes: tuple[dict[str, float], ...]
     limits: tuple[dict[str, tuple[float, float]], ...]
-    """Threshold and persistence (s) by fault, and of the spools' jumps."""
+    """Threshold and persistence (s) of each fault, and of the spools' jumps."""
 
     def rows(self) -> tuple[list[float], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the numbers in the core's order."""
+        """Return common, axes' and limits' values in the core's order."""
         return (
             [self.common[name] for name in COMMON],
             np.array([[axis[name] for name in AXIS] for axis in self.axes]),
@@ -42,7 +42,7 @@ class Parameters(NamedTuple):
 
 
 def parameters(inst: Instrument, period: float | None = None) -> Parameters:
-    """Return the controller's numbers for an instrument; period: of its ticks, s, by default a sampling period."""
+    """Return the controller's parameters; period: of its ticks, s, by default the instrument's sampling period."""
     single = [inst] if len(inst.axes) == 1 else [inst.axis(name) for name in inst.axes]
     tick = 1 / inst.sensors.sampling_rate if period is None else period
     first = single[0]

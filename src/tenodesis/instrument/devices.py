@@ -1,4 +1,4 @@
-"""What an instrument file says of the devices that serve its bench: wiring and calibration, table devices."""
+"""Table devices of an instrument file: wiring and calibration of the devices of its bench."""
 
 import math
 from collections.abc import Iterator
@@ -39,12 +39,12 @@ class Axis(FileTable, Generic[Drive]):
 
     @property
     def drives(self) -> tuple[Drive, Drive]:
-        """Agonist and antagonist."""
+        """Drives of agonist and antagonist."""
         return self.agonist, self.antagonist
 
 
 class CanSource(FileTable):
-    """Where a node of the bus keeps what a sensor says: an object that its PDOs can carry."""
+    """The object of a node that holds a sensor's reading, and that its PDOs can carry."""
 
     node: NodeId = Field(description="Node that has the sensor: a drive, or a CiA 401 or 404 module")
     object: ObjectIndex = Field(description="Index of the object, such as 0x6401")
@@ -55,14 +55,14 @@ class CanSource(FileTable):
 class CanAngle(CanSource):
     """An angle's sensor."""
 
-    gain: AnglePerCount = Field(description="Angle that one count stands for, or 1 of f32")
+    gain: AnglePerCount = Field(description="Angle per count, or per 1 of f32")
     offset: Angle = Field(default=0.0, description="Angle at count 0")
 
 
 class CanTension(CanSource):
     """A load cell."""
 
-    gain: TensionPerCount = Field(description="Tension that one count stands for, or 1 of f32")
+    gain: TensionPerCount = Field(description="Tension per count, or per 1 of f32")
     offset: SignedForce = Field(default=0.0, description="Tension at count 0")
 
 
@@ -74,7 +74,7 @@ class CanDrive(FileTable):
 
 
 class CanAxis(Axis[CanDrive]):
-    """What serves one bending axis on the CAN bus."""
+    """The sensors and drives of one bending axis on the CAN bus."""
 
     handle_angle: CanAngle = Field(description="Encoder of the handle")
     agonist_tension: CanTension = Field(description="Load cell of the agonist tendon")
@@ -83,7 +83,7 @@ class CanAxis(Axis[CanDrive]):
 
     @property
     def sources(self) -> dict[str, CanAngle | CanTension]:
-        """Where sensors are, by what they measure."""
+        """The sensors' objects, by what they measure."""
         named: dict[str, CanAngle | CanTension | None] = {
             "handle angle": self.handle_angle,
             "agonist tension": self.agonist_tension,
@@ -94,7 +94,7 @@ class CanAxis(Axis[CanDrive]):
 
 
 class CanCounter(FileTable):
-    """An object of each drive, u16, that counts its measurements: one that stands still tells the past."""
+    """An object of each drive, u16, that counts its measurements: if it stands still, readings are old."""
 
     object: ObjectIndex = Field(description="Index of the object")
     sub: SubIndex = Field(default=0, description="Its sub-index")
@@ -103,44 +103,44 @@ class CanCounter(FileTable):
 class CanOpen(FileTable):
     """A CAN bus with a CiA 402 drive per tendon; SYNC comes once per sampling period of the table sensors."""
 
-    interface: str = Field(default="socketcan", description="Interface, by python-can's name for it")
+    interface: str = Field(default="socketcan", description="Interface, by its name in python-can")
     channel: str = Field(default="can0", description="Channel of that interface")
     bitrate: int | None = Field(
         default=None, ge=10_000, le=8_000_000, strict=True, description="Bits per second, if it is not set elsewhere"
     )
-    options: dict[str, str | int | float | bool] = Field(default={}, description="What else the interface is told")
+    options: dict[str, str | int | float | bool] = Field(default={}, description="Further options of the interface")
     mode: CanMode = Field(
         default="cyclic-velocity",
         description="Mode of the drives: cyclic-velocity, profile-velocity or cyclic-position",
     )
     velocity_unit: MotorSpeed | None = Field(
-        default=None, description="Motor speed that 1 of a target velocity stands for; without it one count per second"
+        default=None, description="Motor speed per 1 of target velocity; without it one count per second"
     )
     zero: Literal["keep", "here"] = Field(
         default="keep", description="Where positions count from: as the drives have it, or from where they are opened"
     )
-    counter: CanCounter | None = Field(default=None, description="What a drive counts its measurements by")
+    counter: CanCounter | None = Field(default=None, description="Counter of a drive's measurements")
     master: NodeId = Field(default=127, description="Node id of this computer")
     heartbeat: Annotated[Time, Field(ge=1e-3, le=1.0)] = Field(
         default=0.01, description="Time between heartbeats, both ways; three of them missed are a loss"
     )
-    yaw: CanAxis | None = Field(default=None, description="What serves yaw")
-    pitch: CanAxis | None = Field(default=None, description="What serves pitch")
+    yaw: CanAxis | None = Field(default=None, description="Sensors and drives of yaw")
+    pitch: CanAxis | None = Field(default=None, description="Sensors and drives of pitch")
 
     @model_validator(mode="after")
     def _nodes(self) -> Self:
         if self.yaw is None and self.pitch is None:
-            raise ValueError("neither yaw nor pitch is given; allowed are one or both, as the instrument has axes")
+            raise ValueError("neither yaw nor pitch is given; give one table for each axis of the instrument")
         seen: dict[int, str] = {self.master: "master"}
         for place, drive in self.drives():
             if drive.node in seen:
                 raise ValueError(
-                    f"{place}.node is {drive.node}, which is {seen[drive.node]} already; allowed is a node of its own"
+                    f"{place}.node is {drive.node}, which is {seen[drive.node]} already; it must be another one"
                 )
             seen[drive.node] = place
         for axis in filter(None, (self.yaw, self.pitch)):
             if any(source.node == self.master for source in axis.sources.values()):
-                raise ValueError(f"a sensor's node is {self.master}, which is master; allowed is another node")
+                raise ValueError(f"a sensor's node is {self.master}, which is master; it must be another node")
         return self
 
     def drives(self) -> Iterator[tuple[str, CanDrive]]:
@@ -178,7 +178,7 @@ class NiDrive(FileTable):
 
 
 class NiAxis(Axis[NiDrive]):
-    """What serves one bending axis."""
+    """The sensors and drives of one bending axis."""
 
     handle_angle: NiAngle = Field(description="Encoder of the handle")
     agonist_tension: NiTension = Field(description="Load cell of the agonist tendon")
@@ -195,14 +195,15 @@ class NiAxis(Axis[NiDrive]):
 class NiDaq(FileTable):
     """A data acquisition device of National Instruments, at the sampling rate of the table sensors."""
 
-    device: Channel = Field(default="Dev1", description="Name of the device, as its driver has it")
+    device: Channel = Field(default="Dev1", description="Name of the device in its driver")
     wiring: Literal["differential", "single-ended", "default"] = Field(
         default="differential", description="How analogue inputs are wired"
     )
     input_limit: Voltage = Field(default=10.0, description="Range of the analogue inputs to either side")
     output_limit: Voltage = Field(default=10.0, description="Largest speed command to either side")
     ahead: Annotated[int, Field(ge=1, le=100, strict=True)] = Field(
-        default=6, description="Speed commands that wait in the device: each delays by a sample, none stops it"
+        default=6,
+        description="Speed commands buffered in the device: each delays by a sample; out of them, it stops",
     )
     alive: Channel | None = Field(
         default=None, description="Digital line that changes with every command, for a relay that needs it to"
@@ -210,24 +211,24 @@ class NiDaq(FileTable):
     watchdog: Time | None = Field(
         default=0.025, description="Time without a command after which a device that can sets the outputs by itself"
     )
-    yaw: NiAxis | None = Field(default=None, description="What serves yaw")
-    pitch: NiAxis | None = Field(default=None, description="What serves pitch")
+    yaw: NiAxis | None = Field(default=None, description="Sensors and drives of yaw")
+    pitch: NiAxis | None = Field(default=None, description="Sensors and drives of pitch")
 
     @model_validator(mode="after")
     def _channels(self) -> Self:
         axes = [axis for axis in (self.yaw, self.pitch) if axis is not None]
         if not axes:
-            raise ValueError("neither yaw nor pitch is given; allowed are one or both, as the instrument has axes")
+            raise ValueError("neither yaw nor pitch is given; give one table for each axis of the instrument")
         used = [one.channel for axis in axes for one in axis.inputs]
         used += [name for axis in axes for drive in axis.drives for name in (drive.speed, drive.counter)]
         twice = next((name for name in used if used.count(name) > 1), None)
         if twice is not None:
-            raise ValueError(f"channel {twice!r} is given twice; allowed is a channel of its own for each")
+            raise ValueError(f"channel {twice!r} is given twice; each signal must have a channel of its own")
         for axis in axes:
             for drive in axis.drives:
                 if not math.fabs(drive.standstill) < self.output_limit:
                     raise ValueError(
-                        f"standstill of {drive.speed} is {drive.standstill:g} V; allowed is less than output_limit, "
+                        f"standstill of {drive.speed} is {drive.standstill:g} V; it must be below output_limit, "
                         f"{self.output_limit:g} V"
                     )
         return self
@@ -247,12 +248,12 @@ class Serial(FileTable):
     )
     sensors: Literal["twin", "board"] = Field(
         default="twin",
-        description="What the controller measures and moves: the twin, or sensors and motors of the board itself",
+        description="Plant of the controller: the twin, or sensors and motors of the board itself",
     )
 
 
 class Devices(FileTable):
-    """The devices that a bench is served by; one table for each that there is."""
+    """The devices of a bench; one table each."""
 
     canopen: CanOpen | None = Field(default=None, description="CiA 402 drives on a CAN bus")
     nidaq: NiDaq | None = Field(default=None, description="Data acquisition by nidaqmx")

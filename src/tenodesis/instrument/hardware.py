@@ -1,6 +1,7 @@
-"""What the twin needs to know of an instrument beyond its statics: friction, inertia, drives, sensors, mismatch."""
+"""Tables of an instrument file beyond the statics: friction, dynamics, drives, sensors, mismatch, control, geometry."""
 
 import math
+from itertools import pairwise
 from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import Field, model_validator
@@ -23,15 +24,18 @@ from tenodesis.units import (
     LoadCellRange,
     MotorAcceleration,
     MotorSpeed,
+    PivotRange,
     Rate,
     Ratio,
     Share,
     SheathBend,
     SignedForce,
     SlipSpeed,
+    Spacing,
     StopAngle,
     TendonSpeedLimit,
     Time,
+    TurnRange,
     Viscosity,
 )
 
@@ -43,7 +47,7 @@ FrictionLaw: TypeAlias = Literal["none", "capstan", "capstan-constant", "stribec
 
 
 class Friction(FileTable):
-    """Friction between a tendon and what it bends around; without this table there is none."""
+    """Friction between a tendon and the surfaces it bends around; without this table there is none."""
 
     law: FrictionLaw = Field(default="none", description="none, capstan, capstan-constant or stribeck")
     vertex_coefficient: Coefficient = Field(default=0.0, description="Friction coefficient at the joints' vertices")
@@ -55,8 +59,8 @@ class Friction(FileTable):
         default=None,
         description="Share of a tendon's compliance between spool and handle joint; without it, by the handle's length",
     )
-    constant: Force = Field(default=0.0, description="Load-independent friction of each joint and of the whole sheath")
-    viscous: Viscosity = Field(default=0.0, description="Viscous friction of each joint and of the whole sheath")
+    constant: Force = Field(default=0.0, description="Load-independent friction of each joint and of the sheath")
+    viscous: Viscosity = Field(default=0.0, description="Viscous friction of each joint and of the sheath")
     static_ratio: Annotated[float, Field(ge=1, le=10)] = Field(
         default=1.0, description="Static over kinetic coefficient of the Stribeck law"
     )
@@ -64,13 +68,13 @@ class Friction(FileTable):
     memory: Time = Field(default=5e-3, description="Time by which friction lags behind the slip speed")
 
     @model_validator(mode="after")
-    def _of_its_law(self) -> Self:
+    def _consistent(self) -> Self:
         if self.law == "none" and (self.vertex_coefficient or self.sheath_coefficient or self.constant):
-            raise ValueError('law is "none", but coefficients are given; allowed is another law or no coefficients')
+            raise ValueError('law is "none", but coefficients are given; give another law or no coefficients')
         if self.law in ("none", "capstan") and self.constant:
-            raise ValueError(f'constant is {self.constant:g} N, which law "{self.law}" does not know')
+            raise ValueError(f'constant is {self.constant:g} N, which law "{self.law}" does not have')
         if self.law != "stribeck" and self.static_ratio != 1:
-            raise ValueError(f'static_ratio is {self.static_ratio:g}, which only law "stribeck" knows')
+            raise ValueError(f'static_ratio is {self.static_ratio:g}, which only law "stribeck" has')
         bend = self.sheath_bend + self.sheath_bend_per_handle_angle * math.pi
         exponents = {
             "vertex_coefficient": self.vertex_coefficient * self.static_ratio * math.pi,
@@ -80,8 +84,8 @@ class Friction(FileTable):
             if exponent > MOST_EXPONENT:
                 raise ValueError(
                     f"{key} is {getattr(self, key):g}, which with static_ratio and bend makes a friction exponent of "
-                    f"{exponent:.3g} at one contact; allowed is up to {MOST_EXPONENT:g}: a smaller coefficient or "
-                    "bend, or more sheath_contacts"
+                    f"{exponent:.3g} at one contact; it must be at most {MOST_EXPONENT:g}: give a smaller coefficient "
+                    "or bend, or more sheath_contacts"
                 )
         return self
 
@@ -90,16 +94,17 @@ class Dynamics(FileTable):
     """Inertia and damping of tip and hand."""
 
     tip_inertia: Inertia | None = Field(
-        default=None, description="Inertia by the output angle; without it the unloaded tip swings at 20 Hz"
+        default=None,
+        description="Inertia about the output angle; without it the unloaded tip has 20 Hz",
     )
     tip_damping: Damping | None = Field(
-        default=None, description="Viscous damping by the output angle; without it a fifth of the critical one"
+        default=None, description="Viscous damping of the output angle; without it a fifth of critical damping"
     )
     output_stop: StopAngle | None = Field(
         default=None, description="Output angle of the mechanical stop; without it a third beyond the working range"
     )
     hand_stiffness: HandStiffness = Field(
-        default=0.0, description="Stiffness of the hand on the handle; 0: the handle is where it is told to be"
+        default=0.0, description="Stiffness of the hand on the handle; 0: the handle is at its commanded angle"
     )
     hand_damping: Damping = Field(default=0.05, description="Damping of the hand on the handle")
     hand_inertia: Inertia = Field(default=2e-3, description="Inertia of hand and handle")
@@ -122,51 +127,92 @@ class Sensors(FileTable):
 
     sampling_rate: Rate = Field(default=2000.0, description="Samples per second")
     encoder_bits: Bits = Field(default=12, description="Bits of the converter of a joint encoder")
-    encoder_range: EncoderRange = Field(default=2 * math.pi, description="Angle that the converter's range stands for")
+    encoder_range: EncoderRange = Field(default=2 * math.pi, description="Angle over the converter's range")
     encoder_noise: AngleError = Field(default=math.radians(0.03), description="Standard deviation of an encoder")
-    load_cell_range: LoadCellRange = Field(default=200.0, description="Largest tension a load cell can tell")
+    load_cell_range: LoadCellRange = Field(default=200.0, description="Largest tension a load cell can measure")
     load_cell_bits: Bits = Field(default=16, description="Bits of the converter of a load cell")
     load_cell_noise: Force = Field(default=0.03, description="Standard deviation of a load cell")
 
 
 class Mismatch(FileTable):
-    """How the instrument on the bench differs from what its file says, and its sensors from the truth."""
+    """Differences of the instrument on the bench from its file, and of its sensors from the truth."""
 
     stiffness_ratio: Ratio = Field(default=1.0, description="True over nominal stiffness of the tendons")
     pretension_ratio: Ratio = Field(default=1.0, description="True over nominal pretension")
-    handle_encoder_offset: Angle = Field(default=0.0, description="What the handle's encoder says too much")
-    output_encoder_offset: Angle = Field(default=0.0, description="What the distal encoder says too much")
+    handle_encoder_offset: Angle = Field(default=0.0, description="Offset of the handle's encoder")
+    output_encoder_offset: Angle = Field(default=0.0, description="Offset of the distal encoder")
     load_cell_gain: tuple[Ratio, Ratio] = Field(default=(1.0, 1.0), description="Gains of the load cells")
-    load_cell_bias: tuple[SignedForce, SignedForce] = Field(
-        default=(0.0, 0.0), description="What the load cells say too much"
-    )
+    load_cell_bias: tuple[SignedForce, SignedForce] = Field(default=(0.0, 0.0), description="Bias of the load cells")
 
 
 class Control(FileTable):
-    """What the controller is to aim at, and when it is to stop; all that is left out follows from the instrument."""
+    """Gains, limits and times of the controller; what is left out follows from the instrument."""
 
-    dead_band: AngleError = Field(default=math.radians(0.1), description="Output angle that is as good as on target")
+    dead_band: AngleError = Field(default=math.radians(0.1), description="Angle error that is not corrected")
     gain: Gain | None = Field(
-        default=None, description="Of the tip's lag; without it 12/s, or less for a tip that swings slower than 8 Hz"
+        default=None, description="Gain on the tip's lag; without it 12/s, or less for a tip below 8 Hz"
     )
-    position_gain: Gain = Field(default=4.0, description="Of a spool's set point, for the laws that have one")
+    position_gain: Gain = Field(default=4.0, description="Gain on a spool's set point, for the laws that have one")
     tendon_speed: TendonSpeedLimit | None = Field(
-        default=None, description="Largest speed of a tendon at its spool; without it half of what the drive can do"
+        default=None, description="Largest speed of a tendon at its spool; without it half of the drive's"
     )
     tension_limit: Force | None = Field(
         default=None, description="Tension above which no tendon is wound; without it 80 N, or 3 pretensions if more"
     )
     least_tension: Share = Field(default=0.15, description="Tension that both tendons keep, over the pretension")
     common_stroke: Share = Field(default=0.4, description="Change of tension by a common stroke, over the pretension")
-    friction_uncertainty: Share = Field(default=0.4, description="Deviation of the friction scale before it is known")
+    friction_uncertainty: Share = Field(default=0.4, description="Initial deviation of the friction scale")
     stiffness_uncertainty: Annotated[float, Field(ge=0, le=1)] = Field(
-        default=0.25, description="Deviation of the tendons' compliance before it is known"
+        default=0.25, description="Initial deviation of the tendons' compliance"
     )
     reference_uncertainty: LengthDeviation = Field(
-        default=5e-6, description="Deviation of a tendon's length at its pretension"
+        default=5e-6, description="Standard deviation of a tendon's length at its pretension"
     )
-    mean_band: Share = Field(default=0.3, description="Share by which friction may move the mean tension")
+    mean_band: Share = Field(default=0.3, description="Share by which friction may change the mean tension")
     watchdog: Time = Field(default=0.025, description="Time without a tick after which the motors stop")
     safe_state: SafeState = Field(default="hold", description="What motors do after a fault: hold, or creep to neutral")
     homing_speed: HomingSpeed = Field(default=5e-3, description="Speed at which slack tendons are wound")
-    homing_stroke: Length = Field(default=0.03, description="Length to wind before a tendon counts as broken")
+    homing_stroke: Length = Field(default=0.03, description="Length wound after which a tendon counts as broken")
+
+
+class Geometry(FileTable):
+    """Lengths along the instrument and limits of its joints; what is left out follows from the rest."""
+
+    stem_length: Length | None = Field(
+        default=None, description="Between the joints' ends nearest to the stem; by default the rest of overall_length"
+    )
+    joint_spacing: Spacing | None = Field(
+        default=None, description="Between two distal joints, from end to end; by default a distal joint's diameter"
+    )
+    handle_joint_spacing: Spacing | None = Field(
+        default=None, description="Between two proximal joints, from end to end; by default a proximal joint's diameter"
+    )
+    jaw_length: Length | None = Field(
+        default=None, description="Length of the jaws, for drawings; by default 0.4 of end_effector_length"
+    )
+    insertion: Length | None = Field(
+        default=None, description="Stem beyond the port at rest; by default half of stem_length"
+    )
+    least_insertion: Length | None = Field(
+        default=None, description="Smallest length of stem beyond the port; by default 0.2 of stem_length"
+    )
+    most_insertion: Length | None = Field(
+        default=None, description="Largest length of stem beyond the port; by default 0.8 of stem_length"
+    )
+    pivot_range: PivotRange = Field(
+        default=math.radians(60), description="Largest pan and largest tilt of the stem about the port, to either side"
+    )
+    spin_range: TurnRange = Field(default=math.pi, description="Largest spin of the stem about itself, to either side")
+    roll_range: TurnRange = Field(default=math.pi, description="Largest roll of the end-effector, to either side")
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        given = [
+            (key, getattr(self, key))
+            for key in ("least_insertion", "insertion", "most_insertion")
+            if getattr(self, key) is not None
+        ]
+        for (low, less), (high, more) in pairwise(given):
+            if less > more:
+                raise ValueError(f"{low} is {less:g} m and {high} is {more:g} m; {low} must be at most {high}")
+        return self

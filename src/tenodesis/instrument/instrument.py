@@ -18,8 +18,7 @@ from tenodesis import _core
 from tenodesis.errors import InstrumentError
 from tenodesis.files import FileTable, validated
 from tenodesis.instrument.devices import Devices
-from tenodesis.instrument.geometry import Geometry
-from tenodesis.instrument.hardware import Control, Drives, Dynamics, Friction, Mismatch, Sensors
+from tenodesis.instrument.hardware import Control, Drives, Dynamics, Friction, Geometry, Mismatch, Sensors
 from tenodesis.units import (
     STIFFNESS,
     Angle,
@@ -46,7 +45,7 @@ def _printable(name: str) -> str:
 
 
 Name = Annotated[str, AfterValidator(_printable)]
-"""What an instrument or a protocol is called."""
+"""Name of an instrument or a protocol."""
 
 AxisName = Literal["yaw", "pitch"]
 
@@ -56,7 +55,7 @@ _FARTHEST_STOP = 2.9  # rad; half a turn is the end of every mechanism
 
 
 class Conditions(FileTable):
-    """The conditions an instrument is tested under; all optional, SI units."""
+    """Conditions under which an instrument is tested, all optional."""
 
     forces: tuple[PositiveForce, ...] = Field(default=(), max_length=12, description="Tangential tip forces, N")
     cycles: int | None = Field(default=None, ge=1, strict=True, description="Cycles of flexion and extension")
@@ -197,7 +196,7 @@ class Instrument(FileTable):
             held = {} if held is None and table in fields else held
             if inner and isinstance(held, BaseModel | dict):
                 own = dict(held) if isinstance(held, dict) else held.model_dump(exclude_unset=True)
-                values[table] = {name: one for name, one in (own | {inner: value}).items() if one is not None}
+                values[table] = {name: item for name, item in (own | {inner: value}).items() if item is not None}
             else:
                 values[key] = value
         return {key: value for key, value in values.items() if value is not None}
@@ -211,7 +210,9 @@ class Instrument(FileTable):
         allowed = [key for key, _, _ in self.quantities()]
         foreign = [key for key in values if key not in {*allowed, "tendon_length"}]
         if foreign:
-            raise ValueError(f"overrides.{axis}: {foreign[0]} is not a known key; allowed are {', '.join(allowed)}")
+            raise ValueError(
+                f"overrides.{axis}: {foreign[0]} is not a known key; it must be one of {', '.join(allowed)}"
+            )
         bare = [key for key, value in values.items() if in_file and isinstance(value, int | float)]
         if bare:
             raise ValueError(f"overrides.{axis}.{bare[0]} = {values[bare[0]]!r}: it has no unit")
@@ -246,19 +247,19 @@ class Instrument(FileTable):
         if self.pretension / stiffness >= (self.tendon_length or self.overall_length):
             raise ValueError(
                 f"pretension is {self.pretension:g} N, which would stretch tendons of {stiffness:.3g} N/m by more than "
-                "their length; allowed is less pretension or a stiffer tendon"
+                "their length; give less pretension or a stiffer tendon"
             )
         if self.breaking_load is not None and self.pretension >= self.breaking_load:
             raise ValueError(
                 f"pretension is {self.pretension:g} N, at which a tendon of {self.breaking_load:g} N breaking_load has "
-                "broken; allowed is less pretension or a stronger tendon"
+                "broken; give less pretension or a stronger tendon"
             )
         reach = _core.unloaded_limit(self.spec)
         if not reach < 1:
             raise ValueError(
                 f"handle_range is {math.degrees(self.handle_range):.4g} deg, which would bend the distal joint "
                 f"{reach:.4g} times as far as it can (for gears, R/r sin(handle_range / 2) must stay below 1); "
-                "allowed is a smaller handle_range or a larger distal radius"
+                "give a smaller handle_range or a larger distal radius"
             )
         for axis, values in self.overrides.items():
             self._check_override(axis, values, in_file=bool(info.context and info.context.get("file")))

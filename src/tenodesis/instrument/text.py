@@ -1,4 +1,4 @@
-"""Instruments, and other models of quantities, as the text of a file that gives them again to the last bit."""
+"""Instruments and other tables of quantities written as files that are read back to the last bit."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,7 +11,7 @@ from tenodesis.units import in_unit, quantity_of
 
 
 def to_toml(inst: Instrument) -> str:
-    """Return the text of an instrument file, defaults included, from which :func:`tenodesis.parse` gives `inst` again.
+    """Return the text of an instrument file, defaults included, which :func:`tenodesis.parse` reads back as `inst`.
 
     Numbers among the overrides come back as text with their unit.
     """
@@ -28,16 +28,16 @@ _READABLE = {"m": "mm", "Pa": "GPa", "rad": "deg", "s": "ms", "rad/s": "deg/s", 
 
 
 def to_file(inst: Instrument, *, comment: str = "") -> str:
-    """Return the text of an instrument file to be read and edited by people.
+    """Return the text of an instrument file for people to read and edit.
 
-    It has what the instrument was given and no defaults, in the units of drawings, to nine digits.
+    It has the values that were given, no defaults, in the units of drawings, to nine digits.
 
     Parameters
     ----------
     inst
         The instrument, one axis.
     comment
-        What the file begins with.
+        Comment at the beginning of the file.
     """
     values = {key: value for key, value in _readable(with_units(inst, unset=False)).items() if value not in ({}, [])}
     lines = "".join(f"# {line}\n" for line in comment.splitlines())
@@ -46,9 +46,9 @@ def to_file(inst: Instrument, *, comment: str = "") -> str:
 
 def _readable(value: Any) -> Any:
     if isinstance(value, dict):
-        return {key: one if key == "sources" else _readable(one) for key, one in value.items()}
+        return {key: item if key == "sources" else _readable(item) for key, item in value.items()}
     if isinstance(value, list):
-        return [_readable(one) for one in value]
+        return [_readable(item) for item in value]
     number, _, unit = value.partition(" ") if isinstance(value, str) else ("", "", "")
     try:
         shown = float(number) * in_unit(_READABLE.get(unit, unit), unit)
@@ -58,14 +58,14 @@ def _readable(value: Any) -> Any:
 
 
 def with_units(model: BaseModel, *, unset: bool = True) -> dict[str, Any]:
-    """Return the values of a model by key, as its file has them; those of quantities are text with their SI unit.
+    """Return the values of a table by key, as in a file; quantities are text with their SI unit.
 
     Parameters
     ----------
     model
         The model.
     unset
-        Whether to return defaults as well.
+        Whether to include defaults.
     """
     values: dict[str, Any] = {}
     for name, field in type(model).model_fields.items():

@@ -40,7 +40,7 @@ class Client(Connection):
     folder
         The runtime's folder.
     origin
-        In whose name.
+        Name of the client, as others see it.
 
     Raises
     ------
@@ -92,12 +92,12 @@ class Client(Connection):
         return self._reader.alive
 
     def latest(self) -> dict[str, Any]:
-        """Return the newest tick's signals by name, numbers or arrays by axis and tendon; empty before the first."""
+        """Return the newest tick's signals by name, scalars or arrays by axis and tendon; empty before the first."""
         row = self._reader.newest()
         return {} if row is None else signals_of(row, self.axes)
 
     def history(self, seconds: float, rows: int = 500) -> dict[str, Array]:
-        """Return the signals of the last seconds by name, time among them, at most so many rows."""
+        """Return the signals of the last seconds by name, with ``time`` (s), thinned to at most `rows` rows."""
         with self._history_lock:
             self._keep()
             table = np.array(self._kept) if self._kept else np.empty((0, self._reader.columns))
@@ -127,7 +127,7 @@ class Client(Connection):
             self._lock.release()
 
     def close(self) -> None:
-        """Let go of the runtime; if this one operates, the controller pauses."""
+        """Close the connection; if it holds the lease, the controller pauses."""
         with self._lock:
             self._closed = True
             self._drop()

@@ -173,8 +173,8 @@ def _command(
 class Commands:
     """What a runtime can be commanded: each method sends its command, unless a class carries it out itself.
 
-    Commands that move the instrument or change what it does are the operator's: of whoever does not hold the lease
-    they raise LiveError, as does every command that the runtime cannot take.
+    Commands that move the instrument or change what it does need the operator's lease. LiveError is raised without it,
+    and for every command that the runtime cannot carry out.
     """
 
     def send(self, command: Command, arguments: Mapping[str, Any]) -> Any:

@@ -1,4 +1,4 @@
-"""The folder of a live runtime: what is in it, and how it is told."""
+"""The folder of a live runtime: its files, and the one that describes the runtime."""
 
 import json
 from pathlib import Path
@@ -11,13 +11,13 @@ from tenodesis.instrument import Instrument, load
 RING = "ring"
 """The ticks, in shared memory."""
 SOCKET = "control.sock"
-"""Where it takes orders."""
+"""Where it takes commands."""
 INSTRUMENT = "instrument.toml"
 _SESSION = "session.json"
 
 
 class About(NamedTuple):
-    """What a runtime runs."""
+    """The description of a runtime."""
 
     inst: Instrument
     device: str
@@ -30,8 +30,8 @@ class About(NamedTuple):
     pid: int
 
 
-def tell(folder: Path, about: About) -> None:
-    """Write what a runtime runs; the instrument file is in the folder already.
+def write(folder: Path, about: About) -> None:
+    """Write the description of a runtime; the instrument file is in the folder already.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def tell(folder: Path, about: About) -> None:
 
 
 def read(folder: Path) -> About:
-    """Return what the runtime of a folder runs.
+    """Return the description of the runtime of a folder.
 
     Raises
     ------

@@ -180,7 +180,7 @@ class ProtocolRunner:
                 self._loop.stop()
         state = ProtocolState.DONE if why is None else ProtocolState.ENDED
         self._status = ProtocolStatus(self._name, *player.progress, state, why)
-        self._journal.tell("protocol_ended", "runtime", protocol=self._name, why=why or "done")
+        self._journal.write("protocol_ended", "runtime", protocol=self._name, why=why or "done")
         if self._records:
             self._records = False
             self._recorder.stop_soon()

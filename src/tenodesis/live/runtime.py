@@ -63,7 +63,7 @@ class Runtime:
     def start(self) -> None:
         """Begin to tick."""
         self.loop.start()
-        self.journal.tell("started", "runtime", law=self.loop.law, actuation=self.loop.actuation)
+        self.journal.write("started", "runtime", law=self.loop.law, actuation=self.loop.actuation)
         self._upkeep.start()
 
     def finish(self) -> None:
@@ -74,7 +74,7 @@ class Runtime:
         self.protocols.end("the runtime has ended")
         # What it writes down is the last that the recorder reads; a thread that is held up has nothing to add.
         self._upkeep.join(1.0)
-        self.journal.tell("ended", "runtime")
+        self.journal.write("ended", "runtime")
         self.recorder.stop()
         self.journal.close()
 
@@ -84,7 +84,7 @@ class Runtime:
             return
         with suppress(LiveError):
             self.loop.request("pause")
-        self.journal.tell("operator_gone", origin)
+        self.journal.write("operator_gone", origin)
 
     def status(self) -> Status:
         """Return the state of the runtime."""
@@ -153,14 +153,14 @@ class Runtime:
         if (state, faults) != self._state:
             self._state = (state, faults)
             first = fault_names(int(tick["first_faults"]))
-            self.journal.tell("state", "runtime", state=state, faults=faults, first_faults=first)
+            self.journal.write("state", "runtime", state=state, faults=faults, first_faults=first)
         trouble = (bool(tick["stopped"]), self._problem())
         if trouble != self._trouble:
             self._trouble = trouble
-            self.journal.tell("problem", "runtime", stopped=trouble[0], text=trouble[1])
+            self.journal.write("problem", "runtime", stopped=trouble[0], text=trouble[1])
         operator = self.lease.origin
         if self._operator is not None and operator is None:
-            self.journal.tell("no_operator", "runtime", before=self._operator)
+            self.journal.write("no_operator", "runtime", before=self._operator)
         self._operator = operator
         self._write_missed()
 
@@ -170,7 +170,7 @@ class Runtime:
             self._missed = (missed, written)
         elif missed > known and time.monotonic() - written >= _MISSED_EVERY:
             self._missed = (missed, time.monotonic())
-            self.journal.tell("ticks_missed", "runtime", ticks=missed - known, in_all=missed)
+            self.journal.write("ticks_missed", "runtime", ticks=missed - known, in_all=missed)
 
 
 def _state(tick: dict[str, Any]) -> RuntimeState:

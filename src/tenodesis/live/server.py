@@ -109,7 +109,7 @@ class Server:
             out = min(others, key=lambda client: (client.spoken, client.heard))
             self._clients.discard(out)
             out.disconnect()
-            self.runtime.journal.tell_often("sent_away", out.origin)
+            self.runtime.journal.write_merged("sent_away", out.origin)
 
 
 class _ClientHandler(Commands):
@@ -175,7 +175,7 @@ class _ClientHandler(Commands):
             raise LiveError(f"{self.origin} only watches; {held}.")
         result = command.call(self, command.decode(message))
         if command.needs_lease:
-            write = runtime.journal.tell_often if command.streamed else runtime.journal.tell
+            write = runtime.journal.write_merged if command.streamed else runtime.journal.write
             write(command.name, self.origin, **{key: message[key] for key in command.parameters if key in message})
         return command.result.dump_python(result, mode="json")
 
@@ -191,7 +191,7 @@ class _ClientHandler(Commands):
         before, operates = lease.origin, lease.held_by(self)
         acquired = lease.acquire(self, self.origin, force=force) is None
         if acquired and not operates:
-            self._runtime.journal.tell("operator", self.origin, before=before)
+            self._runtime.journal.write("operator", self.origin, before=before)
         return acquired
 
     def release(self) -> None:
@@ -202,7 +202,7 @@ class _ClientHandler(Commands):
 
     def stop(self) -> None:
         self._runtime.protocols.stop()
-        self._runtime.journal.tell_often("stop", self.origin)
+        self._runtime.journal.write_merged("stop", self.origin)
 
     def hand(self, angles: ArrayLike) -> None:
         self._runtime.protocols.refuse_while_playing()
@@ -327,7 +327,7 @@ def _made(given: argparse.Namespace) -> Server:
 def _served(given: argparse.Namespace, inst: Instrument, loop: LiveLoop) -> Server:
     capabilities = loop.capabilities
     started = datetime.now(UTC).isoformat(timespec="milliseconds")
-    folders.tell(
+    folders.write(
         given.folder,
         folders.About(
             inst,

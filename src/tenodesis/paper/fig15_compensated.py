@@ -28,7 +28,7 @@ FRICTION_ERRORS = (-0.3, 0.0, 0.3)
 _EVERY = slice(None, None, 20)  # samples that are drawn
 _FROM, _UNTIL = BEFORE - 1, BEFORE + 6  # s
 _LAWS: tuple[LawName, ...] = ("off", "paper", "exact")
-_DRAWN = {
+_DRAWN: dict[LawName, tuple[str, str, str]] = {
     "off": ("no compensation", style.MUTED, ":"),
     "paper": ("eq. 22, both motors", style.ANTAGONIST, "-"),
     "robust": ("robust law", style.AGONIST, "-"),

@@ -55,7 +55,7 @@ def section(context: Context) -> Section:
         f"<p>Gears of standard modules, the paper's rope and lengths up to 1 m allow {free.examined} scale models. "
         f"Judged up to the paper's {TIP_FORCE.value:g} N, {len(free)} of them are beaten by no other in similarity "
         "error, force resolution, size and tension margin together. For the paper's own scaled-up instrument: "
-        f"{scaling.told_better(free, own)} With standard ropes and up to {max(model.conditions.forces):g} N on the "
+        f"{scaling.rivals_text(free, own)} With standard ropes and up to {max(model.conditions.forces):g} N on the "
         f"real-size instrument, slack included, {stock.examined} were judged.</p>"
     )
     largest = max(scaled.conditions.forces) / designs["paper"].comparison.factors["force"]

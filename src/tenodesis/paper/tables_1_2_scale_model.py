@@ -66,8 +66,8 @@ def _dimensions(context: Context, comparison: Comparison) -> Table:
         context.add(f"table1.stiffness.{role}", inst.tendon_stiffness, "N/m", about, STIFFNESS.get(inst.name))
     rows = []
     for key, name, unit, si_unit in _SHOWN:
-        values = [getattr(inst, key, None) for inst in pair]
-        if None in values:
+        values = [getattr(inst, key) for inst in pair if getattr(inst, key, None) is not None]
+        if len(values) < len(pair):
             continue
         shown = [number(value * in_unit(unit, si_unit), 5) for value in values]
         label = f"{name} [{unit.replace('*', '·').replace('^2', '²')}]"
@@ -96,7 +96,7 @@ def _factors(context: Context, comparison: Comparison) -> Table:
     angles = {f"{np.degrees(angle):.4g}": angle for angle in (share * context.inst.output_range for share in shares)}
     low, middle, high = angles
     force = float(comparison.force_factor(angles[middle]))
-    entries = [
+    entries: list[tuple[str, str, float, str, str]] = [
         (
             f"force for equal Θ at {at}°",
             f"force_factor.at_{at}deg",
@@ -132,7 +132,10 @@ def _factors(context: Context, comparison: Comparison) -> Table:
         )
         for at, angle in angles.items()
     ]
-    rows = [[shown, *_factor(context, f"table2.{key}", *entry)] for shown, key, *entry in entries]
+    rows = [
+        [shown, *_factor(context, f"table2.{key}", value, about, published)]
+        for shown, key, value, about, published in entries
+    ]
     return Table("Table II: scale factors", ["variable", "factor", "published", "residual"], rows)
 
 

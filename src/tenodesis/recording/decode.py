@@ -57,7 +57,7 @@ class MisfitError(Error):
 
 
 def decode(factory: DecoderFactory, schema: Schema, encoding: str, messages: Sequence[Message]) -> Decoded:
-    """Return a topic's messages as arrays; topics of a file share the factory, which keeps what it made.
+    """Return a topic's messages as arrays; the topics of a file share the factory, which keeps its decoders.
 
     Raises
     ------

@@ -7,23 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from tenodesis import twin as twins
 from tenodesis.control import Controller
 from tenodesis.instrument import Instrument
-from tenodesis.instrument.text import to_toml
-from tenodesis.recording import choices, schemas
+from tenodesis.recording import schemas
+from tenodesis.recording.metadata import metadata_of
 from tenodesis.recording.writer import Recorder
-from tenodesis.run import CONTROL, Run
-from tenodesis.simulate import Pretension, Protocol, concatenate, execute
+from tenodesis.run import CONTROL, Run, concatenate
+from tenodesis.simulate import Pretension, Protocol, execute
 from tenodesis.simulate.execution import check_controllable
-from tenodesis.twin import Twin
-
-DYNAMIC = "dynamic"
-QUASI_STATIC = "quasi-static"
-"""Modes of a twin, as recordings have them."""
+from tenodesis.twin import TIME_STEP, Twin
 
 _LEAST_SLACK = 2e-3
-"""Length that the motors let tendons out by, at least, m."""
+"""Length by which the motors let tendons out, at least, m."""
 
 
 def record(
@@ -32,7 +27,7 @@ def record(
     path: str | Path,
     *,
     controller: Controller | None = None,
-    time_step: float = twins.TIME_STEP,
+    time_step: float = TIME_STEP,
     seed: int = 0,
     quasi_static: bool = False,
     overwrite: bool = False,
@@ -81,7 +76,7 @@ def record(
     plan = protocol.plan(inst, time_step)
     if controller is not None:
         controller.reset()
-        controller.refuse_another(inst)
+        controller.check_instrument(inst)
         check_controllable(plan, controller.inst)
     metadata = metadata_of(
         inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
@@ -103,7 +98,7 @@ def write_run(
     *,
     protocol: Protocol | None = None,
     controller: Controller | None = None,
-    time_step: float = twins.TIME_STEP,
+    time_step: float = TIME_STEP,
     seed: int = 0,
     quasi_static: bool = False,
     overwrite: bool = False,
@@ -133,36 +128,13 @@ def write_run(
         recorder.write(run)
 
 
-def metadata_of(
-    inst: Instrument,
-    protocol: Protocol | None = None,
-    *,
-    seed: int = 0,
-    time_step: float = twins.TIME_STEP,
-    quasi_static: bool = False,
-    controller: Controller | None = None,
-) -> dict[str, str]:
-    """Return the metadata of a twin's recording, from which it can be replayed; arguments as for :func:`write_run`."""
-    return (
-        {"instrument": to_toml(inst)}
-        | ({} if protocol is None else {"protocol": protocol.to_toml()})
-        | {
-            "seed": str(seed),
-            "time_step": repr(float(time_step)),
-            "mode": QUASI_STATIC if quasi_static else DYNAMIC,
-        }
-        | ({} if controller is None else choices.described(controller, inst))
-    )
-
-
 def without_control(run: Run) -> Run:
-    """Return a run during which its controller did not run yet: all that would say of itself is NaN."""
-    nothing: dict[str, Any] = {name: np.full(schemas.shape(name, len(run), run.axes), np.nan) for name in CONTROL}
-    return replace(run, **nothing)
+    """Return a run with the signals of a controller that did not run yet, all NaN."""
+    absent: dict[str, Any] = {name: np.full(schemas.shape(name, len(run), run.axes), np.nan) for name in CONTROL}
+    return replace(run, **absent)
 
 
 def _slackening(inst: Instrument) -> float:
     """Return a length to let the motors out by, m, after which every tendon hangs slack."""
-    axes = [inst.axis(axis) for axis in inst.axes]
     ratio = inst.mismatch.pretension_ratio / inst.mismatch.stiffness_ratio
-    return max(_LEAST_SLACK, *(1.25 * ratio * axis.pretension / axis.tendon_stiffness for axis in axes))
+    return max(_LEAST_SLACK, *(1.25 * ratio * axis.pretension / axis.tendon_stiffness for axis in inst.planar))

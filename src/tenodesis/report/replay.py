@@ -29,7 +29,7 @@ def plot(replay: Replay, path: str | Path) -> None:
     """
     path = Path(path)
     if path.suffix not in FORMATS:
-        raise RecordingError(f"{path} has the extension {path.suffix!r}; allowed are {', '.join(FORMATS)}.")
+        raise RecordingError(f"{path} has the extension {path.suffix!r}; it must be one of {', '.join(FORMATS)}.")
     names, axes = replay.compared(), replay.run.axes
     with style.applied():
         fig = Figure(figsize=(7.0 * len(axes), 0.6 + 2.6 * len(names)), layout="constrained")

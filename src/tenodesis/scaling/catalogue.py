@@ -1,4 +1,4 @@
-"""What the workshop has and what the design must keep to: catalogues, merged from files."""
+"""Catalogues, merged from files: the parts at hand and the constraints of a design."""
 
 from collections.abc import Mapping
 from functools import reduce
@@ -10,7 +10,19 @@ from pydantic import Field
 from tenodesis.errors import DesignError
 from tenodesis.files import FileTable, read_text
 from tenodesis.scaling.catalogue_file import CatalogueFile, Constraints, parse
-from tenodesis.scaling.parts import KINDS, Encoder, Gears, LoadCell, Part, Pulley, Rod, Rope, Spool, Weight, expanded
+from tenodesis.scaling.parts import (
+    KINDS,
+    CataloguePart,
+    Encoder,
+    Gears,
+    LoadCell,
+    Pulley,
+    Rod,
+    Rope,
+    Spool,
+    Weight,
+    expanded,
+)
 
 __all__ = [
     "NEEDED",
@@ -31,7 +43,7 @@ __all__ = [
 ]
 
 STANDARD = "standard"
-"""The shipped catalogue that is meant where none is named."""
+"""The shipped catalogue that is used by default."""
 
 _ALWAYS = ("ropes", "load_cells", "spools", "weights")
 NEEDED: Mapping[str, tuple[str, ...]] = {
@@ -69,7 +81,7 @@ class Catalogue(FileTable):
             A list is empty, or there is no such joint type.
         """
         if joint_type not in NEEDED:
-            raise DesignError(f"joint_type is {joint_type!r}; allowed are {', '.join(NEEDED)}.")
+            raise DesignError(key="joint_type", value=joint_type, allowed=f"one of {', '.join(NEEDED)}")
         for kind in NEEDED[joint_type]:
             held = self.gears.modules if kind == "gears" and self.gears else getattr(self, kind)
             if not held:
@@ -80,12 +92,12 @@ class Catalogue(FileTable):
 
 
 def shipped() -> tuple[str, ...]:
-    """Return the names of the catalogues that come with the package."""
+    """Return the names of the shipped catalogues."""
     return tuple(sorted(file.stem for file in _SHIPPED.glob("*.toml")))
 
 
 def load(*names_or_paths: str | Path) -> Catalogue:
-    """Read and merge catalogues that come with the package, by name, and catalogue files, by path.
+    """Read and merge shipped catalogues, by name, and catalogue files, by path.
 
     Parts of all files are joined; a part that several have is the last one's. Of gears and constraints, a later
     file's values replace an earlier one's key by key. What a file includes comes before it.
@@ -121,7 +133,7 @@ def _read(name_or_path: str | Path, folder: Path, chain: tuple[Path, ...]) -> Ca
     source = f"{wanted} (included by {chain[-1].name})" if chain else wanted
     text = read_text(path, DesignError, source=source, kind="catalogue", names=shipped())
     if path.resolve() in chain:
-        raise DesignError(f"{source}: it includes itself; allowed are catalogues that do not include one another.")
+        raise DesignError(f"{source}: it includes itself; catalogues must not include one another.")
     file = parse(text, source)
     own = Catalogue(
         name=file.name or path.stem,
@@ -147,7 +159,7 @@ def _merged(earlier: Catalogue, later: Catalogue) -> Catalogue:
     )
 
 
-_P = TypeVar("_P", bound=Part)
+_P = TypeVar("_P", bound=CataloguePart)
 _T = TypeVar("_T", bound=FileTable)
 
 

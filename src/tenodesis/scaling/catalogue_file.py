@@ -1,4 +1,4 @@
-"""Catalogue files."""
+"""Catalogue files: their tables, and one sentence for each error in a file."""
 
 from collections.abc import Mapping
 from typing import Annotated, Self
@@ -43,31 +43,31 @@ class Constraints(FileTable):
     end_effector_length: _Lengths | None = Field(default=None, description="End-effector length, least and most")
     handle_length: _Lengths | None = Field(default=None, description="Handle length, least and most")
     print_bed: tuple[Length, Length] | None = Field(
-        default=None, description="What the largest wheel must lie on: width and depth"
+        default=None, description="Print bed that the largest wheel must fit on: width and depth"
     )
     spool_torque: Moment | None = Field(
-        default=None, description="Largest torque that the drive of a spool is to hold a tendon with"
+        default=None, description="Largest torque of a spool's drive while it holds a tendon"
     )
     similarity_error: SimilarityError | None = Field(
-        default=None, description="Largest difference in output angle that is still a scale model"
+        default=None, description="Largest difference in output angle of a scale model"
     )
     tension_margin: _Margin = Field(default=1.5, description="Least breaking load over the largest tension")
     load_cell_margin: _Margin = Field(default=1.2, description="Least range of a load cell over the largest tension")
     largest_force: PositiveForce | None = Field(
-        default=None, description="Force on the real-size tip to test up to; without it the largest of its conditions"
+        default=None, description="Largest force on the real-size tip; without it the largest of its conditions"
     )
     test_forces: tuple[PositiveForce, ...] = Field(
-        default=(), max_length=12, description="Forces on the real-size tip to test at; without them its conditions'"
+        default=(), max_length=12, description="Test forces on the real-size tip; without them those of its conditions"
     )
     cable_pulley_radius: Length = Field(default=15e-3, description="Radius the weight cables act at")
     cable_mass: Mass = Field(default=0.05, description="Least mass on each weight cable, which keeps it taut")
-    force_tolerance: _Tolerance = Field(default=0.02, description="Share by which a hung force may be off")
+    force_tolerance: _Tolerance = Field(default=0.02, description="Largest relative error of a force set by weights")
 
 
 class CatalogueFile(FileTable):
-    """What a catalogue file may say; everything is optional, so that a file can add to others."""
+    """A catalogue file; every key is optional, so that a file can add to others."""
 
-    name: Name | None = Field(default=None, description="What the catalogue is called; without it the file's name")
+    name: Name | None = Field(default=None, description="Name of the catalogue; without it the file's name")
     description: str = Field(default="", max_length=200, description="One line about the catalogue")
     include: tuple[str, ...] = Field(
         default=(), description="Catalogues this one builds on: names of shipped ones, or paths relative to this file"
@@ -80,7 +80,7 @@ class CatalogueFile(FileTable):
     encoders: tuple[Encoder, ...] = Field(default=(), description="Joint encoders at hand")
     spools: tuple[SpoolTable, ...] = Field(default=(), description="Spools at hand")
     weights: tuple[WeightTable, ...] = Field(default=(), description="Weights at hand")
-    constraints: Constraints = Field(default=Constraints(), description="What the design must keep to")
+    constraints: Constraints = Field(default=Constraints(), description="Constraints of the design")
     sources: Mapping[str, str] = Field(
         default={}, description='Where values other than parts\' are from, by key such as "constraints.factor"'
     )
@@ -90,10 +90,10 @@ class CatalogueFile(FileTable):
         for kind in KINDS:
             again = twice([part.key for part in expanded(getattr(self, kind))])
             if again:
-                raise ValueError(f"{kind} has {again!r} twice; allowed is every part once")
+                raise ValueError(f"{kind} has {again!r} twice; it must have every part once")
         for key in self.sources:
             if key not in _SOURCE_KEYS:
-                raise ValueError(f"sources.{key} names no key; allowed are {', '.join(_SOURCE_KEYS)}")
+                raise ValueError(f"sources.{key} names no key; keys are {', '.join(_SOURCE_KEYS)}")
         return self
 
 

@@ -1,4 +1,4 @@
-"""What a scale model is worth: its similarity error, resolution, length and margin over the working range."""
+"""The costs of a scale model: similarity error, force resolution, length and tension margin over the working range."""
 
 from collections.abc import Mapping
 from functools import cached_property
@@ -20,20 +20,20 @@ from tenodesis.threads import threads
 from tenodesis.units import STANDARD_GRAVITY
 
 FINDINGS = tuple(_core.findings())
-"""What the core finds of a scale model, in its order."""
+"""Results of the core for a scale model, in its order."""
 
 COARSE = (8, 8)
-"""Handle angles and forces that every combination is judged at."""
+"""Number of handle angles and of forces at which every combination is judged."""
 
 
 class Points(NamedTuple):
-    """Handle angles (rad) and forces (N) of the real-size instrument, flat."""
+    """Handle angles (rad) and forces (N) on the real-size instrument, each of shape (n,)."""
 
     handle_angle: Array
     force: Array
 
     def target(self, real_size: Instrument) -> _core.SimilarityTarget:
-        """Return what the core judges scale models by: equal loss of dexterity at mid-range."""
+        """Return the reference by which the core judges scale models: equal loss of dexterity at mid-range."""
         at_angle = real_size.output_range / 2
         return _core.SimilarityTarget(
             real_size.spec, self.handle_angle.tolist(), self.force.tolist(), at_angle, real_size.output_stop
@@ -41,17 +41,17 @@ class Points(NamedTuple):
 
 
 class WorkingRange(NamedTuple):
-    """All points of the grid that the instrument holds, and a few of them that reach as far."""
+    """All points of the grid that the instrument holds, and a few of them with the same extent."""
 
     fine: Points
     coarse: Points
 
 
 def working_range(real_size: Instrument, largest_force: float) -> WorkingRange:
-    """Return where an instrument is judged, up to a force (N) and over its range of output angles.
+    """Return the points at which scale models are judged, up to a force (N) and over the range of output angles.
 
-    The few points are some of the many, up to the largest force held at each of their handle angles, and that of the
-    largest tension, so that no error or tension over them is larger than over all.
+    The few points are among the many: up to the largest force held at each of their handle angles, and the point of
+    the largest tension. Errors and tensions over them are lower bounds of those over all.
     """
     reach = statics.reach(real_size)
     handle = np.linspace(-reach, reach, GRID[0])
@@ -60,16 +60,16 @@ def working_range(real_size: Instrument, largest_force: float) -> WorkingRange:
     rows, columns = np.nonzero(held)
     chosen = [
         (row, column)
-        for row in _spread(np.unique(rows), COARSE[0])
-        for column in _spread(columns[rows == row], COARSE[1])
+        for row in _evenly(np.unique(rows), COARSE[0])
+        for column in _evenly(columns[rows == row], COARSE[1])
     ]
-    # In place of one of the points without a force, of which there are plenty.
+    # Replaces one of the many points without a force.
     chosen[COARSE[1] * (COARSE[0] // 2)] = _most_strained(real_size, handle, force)
     few = tuple(np.array(chosen).T)
     return WorkingRange(Points(handle[rows], force[columns]), Points(handle[few[0]], force[few[1]]))
 
 
-def _spread(numbers: Array, count: int) -> list[int]:
+def _evenly(numbers: Array, count: int) -> list[int]:
     return [int(numbers[round(at)]) for at in np.linspace(0, numbers.size - 1, count)]
 
 
@@ -81,7 +81,7 @@ def _most_strained(real_size: Instrument, handle: Array, force: Array) -> tuple[
 
 
 class Judge:
-    """Finds what there is to know of scale models by number; see :class:`Sweep` for the costs."""
+    """Computes parameters, results and costs of scale models by number; see :class:`Sweep` for the costs."""
 
     def __init__(self, found: Candidates, catalogue: Catalogue, span: WorkingRange) -> None:
         self._candidates = found
@@ -92,7 +92,7 @@ class Judge:
         self._breaking_load = np.array([rope.breaking_load for rope in found.ropes])
         self._spools = [_nearest_spool(found.real_size, catalogue, pair[0]) for pair in found.pairs]
         resolutions = [cell.resolution for cell in self._cells]
-        # Of the cells whose range suffices, the finest, so that more tension never makes a finer one of it.
+        # The finest of the cells with a sufficient range, so that more tension never selects a finer one.
         self._finest = [min(range(n, len(self._cells)), key=resolutions.__getitem__) for n in range(len(self._cells))]
 
     @cached_property
@@ -104,7 +104,7 @@ class Judge:
         return self._span.fine.target(self._candidates.real_size)
 
     def columns(self, numbers: NDArray[np.int64], *, fine: bool = False) -> dict[str, Array]:
-        """Return parameters and findings of scale models by name, over few points of the working range or all."""
+        """Return parameters and results of scale models by name, over few points of the working range or all."""
         columns = self._candidates.columns(numbers)
         rows = self._candidates.rows(columns)
         found = np.empty((numbers.size, len(FINDINGS)))
@@ -119,11 +119,11 @@ class Judge:
         return columns | dict(zip(FINDINGS, found.T, strict=True)) | extra
 
     def spool(self, number: int) -> Spool:
-        """Return the spool of a scale model: that which turns most nearly as far as the real one's."""
+        """Return the spool of a scale model: the one whose angles are closest to those of the real-size spool."""
         return self._spools[int(np.unravel_index(number, self._candidates.shape)[0])]
 
     def load_cell(self, largest_tension: float) -> LoadCell:
-        """Return the finest load cell whose range suits a tension (N)."""
+        """Return the finest load cell with a sufficient range for a tension (N)."""
         return self._cells[int(self._cell(np.array([largest_tension]))[0])]
 
     def _cell(self, largest_tension: Array) -> NDArray[np.int64]:
@@ -152,14 +152,9 @@ class Judge:
 
 
 def tip_force(tension_resolution: Any, columns: Mapping[str, Any]) -> Any:
-    """Return the force at the real-size tip (N) that two load cells can just tell.
+    """Return the smallest force at the real-size tip (N) that two load cells of a resolution (N) detect.
 
-    Parameters
-    ----------
-    tension_resolution
-        Resolution of a load cell, N.
-    columns
-        Tension difference per tip force and force factor, as the core finds them.
+    `columns` holds the tension difference per tip force and the force factor, by name.
     """
     return sqrt(2) * tension_resolution / columns["tension_per_force"] / columns["force_factor"]
 

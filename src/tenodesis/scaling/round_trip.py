@@ -6,7 +6,7 @@ import numpy as np
 
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
-from tenodesis.scaling.transfer import transfer
+from tenodesis.scaling.transfer import carry
 from tenodesis.simulate import Cycles, Protocol, execute
 from tenodesis.twin import TIME_STEP, Twin
 
@@ -60,7 +60,7 @@ def round_trip(
     """
     cycles = Cycles(output_amplitude=amplitude, symmetric=True, speed=SPEED, count=2, force=force)
     run = execute(Twin(scaled_up, seed=seed), Protocol(name="cycles", phases=(cycles,)))
-    carried = transfer(run, real_size, scaled_up=scaled_up)
+    carried = carry(run, real_size, scaled_up=scaled_up).run
     time = np.arange(1, int(carried.time[-1] / TIME_STEP)) * TIME_STEP
     handle, load = (np.interp(time, carried.time, carried[name]) for name in ("commanded_handle_angle", "force"))
     direct = Twin(real_size, seed=seed).run(handle, load)["output_angle"]

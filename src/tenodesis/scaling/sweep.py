@@ -1,4 +1,4 @@
-"""Judge every scale model that parts and lengths allow, and find the front."""
+"""Judge every scale model that parts and lengths allow, and find the Pareto front."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -20,42 +20,42 @@ from tenodesis.similarity.parameters import RADII
 _CHUNK = 65_536
 _REFINED_AT_ONCE = 4096
 RANGES = ("factor", "overall_length", "end_effector_length", "handle_length")
-"""Constraints that are ranges."""
+"""Constraints that are a range."""
 
 ERROR_STEP = 0.01
-"""Similarity errors, deg, that a bench cannot tell apart."""
+"""Resolution of similarity errors on a bench, deg."""
 
 RELATIVE_STEP = 0.01
-"""Relative difference of resolutions, lengths and margins that is none."""
+"""Relative difference of resolutions, lengths and margins that does not count."""
 
 _WIDER = 4.0
 _TRIED = 50_000
 
 Progress = Callable[[str, int, int], object]
-"""Called with what is being done, how much of it is done, and how much there is."""
+"""Called with the name of the step, the amount done and the total."""
 
 
 class Stage(NamedTuple):
-    """Scale models judged over few points: all of them, those that may meet every limit, and bounds of their costs."""
+    """Scale models judged at few points: the numbers of those that may meet every limit, and lower bounds of costs."""
 
     candidates: Candidates
-    held: NDArray[np.int64]
+    feasible: NDArray[np.int64]
     lower: Array
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """The scale models of an instrument that no other one beats in everything.
+    """The Pareto front of an instrument's scale models, and the stages of the search.
 
-    `costs` are similarity error (deg), force resolution (N, real-size), overall length (m) and one over the tension
-    margin, of the designs on the front over the whole working range, in the order of the error; `numbers` are theirs
-    among the candidates of the last stage. The first stage takes every part and few lengths, the last one the parts
-    that the first front is made of and more lengths.
+    `costs` (shape (n, 4)) are similarity error (deg), force resolution (N, real-size), overall length (m) and one over
+    the tension margin, of the n designs on the front over the full working range, sorted by the error; `numbers` (n,)
+    are their numbers among the candidates of the last stage. The first stage takes every part and few lengths, the
+    last one the parts of the first front and more lengths.
     """
 
     real_size: Instrument
     catalogue: Catalogue
-    tests: Forces
+    forces: Forces
     range: WorkingRange
     stages: tuple[Stage, ...]
     numbers: NDArray[np.int64]
@@ -63,7 +63,7 @@ class Sweep:
 
     @property
     def candidates(self) -> Candidates:
-        """The scale models that the front's numbers count."""
+        """The scale models to which the front's numbers refer."""
         return self.stages[-1].candidates
 
     @property
@@ -73,11 +73,11 @@ class Sweep:
 
     @property
     def feasible(self) -> int:
-        """How many of them meet every limit at the points they were judged at."""
-        return sum(stage.held.size for stage in self.stages)
+        """How many of them meet every limit at the few points."""
+        return sum(stage.feasible.size for stage in self.stages)
 
     def judge(self, stage: Stage) -> "Judge":
-        """Return what finds out about the scale models of a stage."""
+        """Return the judge of the scale models of a stage."""
         return Judge(stage.candidates, self.catalogue, self.range)
 
 
@@ -89,55 +89,44 @@ def sweep(
     combinations: int = COMBINATIONS,
     progress: Progress = lambda *_: None,
 ) -> Sweep:
-    """Judge every scale model of an instrument by the full frictionless model, and find the front.
+    """Judge the scale models of a one-axis instrument by the full frictionless model, and find the Pareto front.
 
-    Parameters
-    ----------
-    real_size
-        The real-size instrument, one axis.
-    catalogue
-        Parts and constraints, narrowed to what is pinned.
-    pins
-        What is pinned, in SI units.
-    combinations
-        About how many scale models to judge.
-    progress
-        Called as the work goes on.
+    The catalogue is narrowed to the pins (SI units); about `combinations` scale models are judged.
 
     Raises
     ------
     DesignError
         No scale model meets the constraints.
     """
-    tests = forces_of(real_size, catalogue)
-    span = working_range(real_size, tests.largest)
+    forces = forces_of(real_size, catalogue)
+    span = working_range(real_size, forces.largest)
     found = candidates(real_size, catalogue, pins, combinations)
-    judged = _Judged(catalogue, span, tests, progress)
-    first, tally = judged.stage(found, "judging parts")
-    if not first.held.size:
+    searching = _Search(catalogue, span, forces, progress)
+    first, tally = searching.stage(found, "judging parts")
+    if not first.feasible.size:
         raise contradiction(real_size, catalogue, pins, tally, span)
-    numbers, costs = judged.front(first)
+    numbers, costs = searching.front(first)
     if not numbers.size:
         raise DesignError(
-            f"no scale model of {len(found)} meets every limit over the whole working range, though {first.held.size} "
-            "do at the few points that all are judged at; allowed are wider limits."
+            f"none of {len(found)} scale models meets every limit over the full working range, though "
+            f"{first.feasible.size} do at the few points at which all are judged; use wider limits."
         )
     closer = finer(found, catalogue, numbers, combinations)
     if len(closer) <= numbers.size:
-        return Sweep(real_size, catalogue, tests, span, (first,), numbers, costs)
-    last, _ = judged.stage(closer, "judging lengths")
-    return Sweep(real_size, catalogue, tests, span, (first, last), *judged.front(last))
+        return Sweep(real_size, catalogue, forces, span, (first,), numbers, costs)
+    last, _ = searching.stage(closer, "judging lengths")
+    return Sweep(real_size, catalogue, forces, span, (first, last), *searching.front(last))
 
 
-class _Judged:
-    """Judges candidates and finds their front, telling how far it is."""
+class _Search:
+    """Judges candidates and finds their front, reporting progress."""
 
-    def __init__(self, catalogue: Catalogue, span: WorkingRange, tests: Forces, progress: Progress) -> None:
+    def __init__(self, catalogue: Catalogue, span: WorkingRange, forces: Forces, progress: Progress) -> None:
         self._catalogue, self._span, self._progress = catalogue, span, progress
-        self._limits = limits(catalogue, tests)
+        self._limits = limits(catalogue, forces)
 
     def stage(self, found: Candidates, doing: str) -> tuple[Stage, Tally]:
-        """Judge all candidates over few points."""
+        """Judge all candidates at few points."""
         judge = Judge(found, self._catalogue, self._span)
         tally = Tally(self._limits)
         numbers, costs = [], []
@@ -150,7 +139,7 @@ class _Judged:
         return Stage(found, np.concatenate(numbers), np.concatenate(costs)), tally
 
     def front(self, stage: Stage) -> tuple[NDArray[np.int64], Array]:
-        """Return numbers and costs of the front over the whole working range, in the order of the error."""
+        """Return numbers and costs of the front over the full working range, sorted by the error."""
         judge = Judge(stage.candidates, self._catalogue, self._span)
         exact = stage.lower.copy()
         refined = 0
@@ -160,7 +149,7 @@ class _Judged:
             allowed = np.empty(rows.size, bool)
             for part in np.array_split(np.arange(rows.size), -(-rows.size // _REFINED_AT_ONCE)):
                 some = rows[part]
-                exact[some], allowed[part] = exact_costs(judge, self._limits, stage.held[some])
+                exact[some], allowed[part] = exact_costs(judge, self._limits, stage.feasible[some])
                 refined += some.size
                 self._progress("refining the front", refined, refined + rows.size)
             return levels(exact[rows]), allowed
@@ -168,11 +157,11 @@ class _Judged:
         best = search(levels(stage.lower), refine)
         by_level = np.column_stack([levels(exact[best])[:, 0], exact[best, 1:]])
         best = best[np.lexsort(by_level.T[::-1])]
-        return stage.held[best], exact[best]
+        return stage.feasible[best], exact[best]
 
 
 def exact_costs(judge: Judge, bounds: tuple[Limit, ...], numbers: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
-    """Return costs of scale models over the whole working range, (n, 4), and whether they meet every limit there."""
+    """Return costs of scale models over the full working range, (n, 4), and whether they meet every limit there."""
     columns = judge.columns(numbers, fine=True)
     return judge.costs(columns), np.all([limit.met(columns) for limit in bounds], axis=0)
 
@@ -180,9 +169,9 @@ def exact_costs(judge: Judge, bounds: tuple[Limit, ...], numbers: NDArray[np.int
 def contradiction(
     real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any], tally: Tally, span: WorkingRange
 ) -> DesignError:
-    """Return the error that says which two constraints contradict each other, if it is two.
+    """Return the error that names the two constraints that contradict each other, if there are two.
 
-    A limit that nothing meets stands against one of the ranges, if it can be met with that range wider.
+    A limit that nothing meets contradicts a range if it can be met with that range wider.
     """
     limit = tally.unmeetable()
     if limit is None:
@@ -195,8 +184,8 @@ def contradiction(
         judge = Judge(found, wider, span)
         if any(limit.met(judge.columns(chunk)).any() for chunk in found.chunks(_CHUNK)):
             return DesignError(
-                f"{limit.key} and {key} contradict each other: {limit.asks}, and {asked}; {tally.nearest(limit)}, but "
-                f"another {key} would do."
+                f"{limit.key} and {key} contradict each other: {limit.requires}, and {asked}; {tally.nearest(limit)}, "
+                f"but another {key} can meet it."
             )
     return tally.contradiction()
 
@@ -204,53 +193,42 @@ def contradiction(
 def _widened(
     real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any]
 ) -> Iterator[tuple[str, str, Catalogue, Mapping[str, Any]]]:
-    """Yield, one range or pin at a time, its key, what it asks, and catalogue and pins without it."""
+    """Yield, one range or pin at a time, its key, its text, and catalogue and pins without it."""
     for key in pins:
         if key in (*RADII, "pretension"):
             free = {name: value for name, value in pins.items() if name != key}
             yield key, f"{key} is pinned", catalogue, free
     ranges = {key: getattr(catalogue.constraints, key) for key in RANGES}
-    # What is pinned is the likelier to be asked too much of.
+    # A pinned value is the more likely cause.
     for key, asked in sorted(ranges.items(), key=lambda item: item[1] is None or item[1][0] != item[1][1]):
         if asked is not None:
             unit, scale = ("", 1.0) if key == "factor" else (" mm", 1e3)
             low, high = (f"{scale * bound:g}" for bound in asked)
-            told = f"{key} is {low}{unit}" if low == high else f"{key} is {low} to {high}{unit}"
+            text = f"{key} is {low}{unit}" if low == high else f"{key} is {low} to {high}{unit}"
             for wider in (None, (asked[0] / _WIDER, asked[1] * _WIDER)):
                 constraints = catalogue.constraints.model_copy(update={key: wider})
-                yield key, told, catalogue.model_copy(update={"constraints": constraints}), pins
+                yield key, text, catalogue.model_copy(update={"constraints": constraints}), pins
 
 
 def levels(costs: Array) -> Array:
-    """Return costs as numbers of steps that can be told apart.
-
-    Parameters
-    ----------
-    costs
-        Similarity error (deg), force resolution (N), overall length (m) and one over the tension margin; shape (n, 4).
-    """
+    """Return costs, shape (n, 4) as in :class:`Sweep`, as integer numbers of steps that a bench can resolve."""
     relative = np.round(np.log(costs[:, 1:]) / np.log1p(RELATIVE_STEP))
     return np.column_stack([np.round(costs[:, 0] / ERROR_STEP), relative])
 
 
 def search(lower: Array, refine: Callable[[NDArray[np.int64]], tuple[Array, NDArray[np.bool_]]]) -> NDArray[np.int64]:
-    """Return the numbers of the designs on the front; of equal designs, the first.
+    """Return the numbers of the designs on the Pareto front; of equal designs, the first.
 
-    Exact, though few designs are refined: one whose lower bounds are beaten by a refined one is beaten itself.
-
-    Parameters
-    ----------
-    lower
-        Lower bounds of the costs, as levels, shape (n, 4).
-    refine
-        Returns the costs of some designs by number, as levels, shape (m, 4), and which of them are allowed after all.
+    `lower` are lower bounds of the costs, as levels, shape (n, 4); `refine` returns the exact levels of some designs by
+    number, shape (m, 4), and which of them meet every limit. The front is exact although few designs are refined: a
+    design whose lower bounds are dominated is dominated itself.
     """
     moocore = require("moocore", "design")
     costs = lower.copy()
     refined = np.zeros(len(costs), bool)
     pool = np.arange(len(costs))
     while pool.size:
-        # Refined ones first: of equal rows the first is kept, and an equal bound promises nothing better.
+        # Refined designs first: of equal rows the first is kept, and an equal lower bound is no better.
         pool = pool[np.argsort(~refined[pool], kind="stable")]
         front: NDArray[np.int64] = pool[moocore.is_nondominated(costs[pool])]
         new = front[~refined[front]]

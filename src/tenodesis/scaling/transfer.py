@@ -95,17 +95,6 @@ class Carried:
             recorder.write(self.run)
 
 
-def transfer(
-    source: Recording | Run,
-    real_size: Instrument,
-    *,
-    scaled_up: Instrument | None = None,
-    time_factor: float | None = None,
-) -> Run:
-    """Return the signals of a recording or run in real-size units; arguments and errors as for :func:`carry`."""
-    return carry(source, real_size, scaled_up=scaled_up, time_factor=time_factor).run
-
-
 def carry(
     source: Recording | Run,
     real_size: Instrument,

@@ -128,18 +128,9 @@ def nominal(inst: Instrument, time_step: float) -> Instrument:
 
 
 def loops(inst: Instrument, path: Path, handle_angle: Array, forces: Array, *, quasi_static: bool) -> Array:
-    """Return the output angles after loading, rad, by force and step; NaN after the tip was lost.
+    """Return the output angles of a one-axis instrument after loading, rad, shape (forces, steps); NaN once lost.
 
-    Parameters
-    ----------
-    inst
-        The instrument, of one axis.
-    path
-        Time step, loading and share of the force.
-    handle_angle
-        Handle angle by step, rad, instead of the path's.
-    forces
-        Constant force per run, N.
+    The handle angles (rad, by step) replace those of the path; the forces (N) are constant, one per run.
     """
     batch = twin.run_many(
         [inst] * forces.size,

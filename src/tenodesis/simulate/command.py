@@ -58,9 +58,9 @@ class Command(NamedTuple):
 
 @dataclass(frozen=True)
 class Segment:
-    """A part of a phase: every command goes linearly from start to end, the last step being at the end.
+    """A part of a phase: every command goes linearly from start to end, where the last step is.
 
-    With a path, that gives the handle angle of one axis after 1 to `steps` steps.
+    A path, if there is one, gives the handle angle of one axis instead.
     """
 
     start: Command
@@ -70,7 +70,7 @@ class Segment:
     path: AngleByStep | None = None
 
     def sample(self, first: int, last: int) -> dict[str, Array]:
-        """Return the commands after step `first` until step `last`, as the twin takes them: one axis has no axis."""
+        """Return the commands from step `first` + 1 to step `last`; a single axis has no dimension of its own."""
         done = np.arange(first + 1, last + 1)
         columns = {
             name: between(start, end, done / self.steps)
@@ -113,7 +113,7 @@ def joined(blocks: Sequence[dict[str, Array]]) -> dict[str, Array]:
 
 
 class Plant(Protocol):
-    """What a protocol is run on: a twin, or a bench."""
+    """What a protocol is run on: a twin, or whatever takes commands as it does."""
 
     @property
     def inst(self) -> Instrument:
@@ -132,7 +132,7 @@ class Plant(Protocol):
 
 
 class ControllablePlant(Plant, Protocol):
-    """What a protocol is run on with a controller in the loop."""
+    """A plant that can be run with a controller in the loop, which moves the spools itself."""
 
     def run(
         self,
@@ -140,8 +140,8 @@ class ControllablePlant(Plant, Protocol):
         handle_angle: Array,
         force: Array,
         radial_force: Array,
-        spool_velocity: ArrayLike = 0.0,
+        spool_velocity: Array,
         controller: Controller | None = None,
         request: ArrayLike = 0,
     ) -> Run:
-        """Go on as :meth:`Plant.run`; a controller gets a request at each step, and moves the spools itself."""
+        """Go on as :meth:`Plant.run`; a controller gets a request at each step."""

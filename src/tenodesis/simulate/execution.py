@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import cast, overload
 
 import numpy as np
 
@@ -19,9 +18,6 @@ _BLOCK = 1.0
 
 _HOMING_BLOCK = 0.01
 """Time between two checks whether homing is done, s."""
-
-_OnBlock = Callable[[Run], object] | None
-_OnProgress = Callable[[float, float], object] | None
 
 
 class Loop:
@@ -41,7 +37,7 @@ class Loop:
     """
 
     def __init__(self, plant: ControllablePlant, controller: Controller) -> None:
-        controller.refuse_another(plant.inst)
+        controller.check_instrument(plant.inst)
         self.plant, self.controller = plant, controller
 
     @property
@@ -98,47 +94,29 @@ class Loop:
             yield self.run(**commands)
 
 
-@overload
-def execute(
-    plant: Plant,
-    protocol: Protocol,
-    controller: None = None,
-    *,
-    on_block: _OnBlock = None,
-    progress: _OnProgress = None,
-) -> Run: ...
-@overload
 def execute(
     plant: ControllablePlant,
     protocol: Protocol,
-    controller: Controller | None,
-    *,
-    on_block: _OnBlock = None,
-    progress: _OnProgress = None,
-) -> Run: ...
-def execute(
-    plant: Plant,
-    protocol: Protocol,
     controller: Controller | None = None,
     *,
-    on_block: _OnBlock = None,
-    progress: _OnProgress = None,
+    on_block: Callable[[Run], object] | None = None,
+    progress: Callable[[float, float], object] | None = None,
 ) -> Run:
     """Run a protocol on a plant whose handle is straight, without load, the drives at rest.
 
-    With a controller the motors are its own. A pretension phase is then its homing, whether or not it was homed before:
-    all axes at once, to the pretension, at the speed and within the stroke that its instrument's table control has;
-    after that it resumes if it is one that starts enabled. A fault ends nothing: the motors hold, the protocol goes on,
-    and the run says so.
+    A controller moves the motors itself. A pretension phase is then its homing, whether or not it was homed before: all
+    axes at once, to the pretension, at the speed and within the stroke of the table control of its instrument; after
+    that it resumes if it starts enabled. After a fault the motors hold and the protocol goes on; the run has the fault
+    among its signals.
 
     Parameters
     ----------
     plant
-        The twin, or whatever takes commands as it does.
+        The twin, or a bench.
     protocol
         The protocol; all of it is checked before the first command.
     controller
-        Closes the loop, on from the state it is in.
+        Closes the loop, from its present state on.
     on_block
         Called with every block, 1 s of a run at most.
     progress
@@ -153,7 +131,7 @@ def execute(
         The controller is for other axes or joints.
     """
     plan = protocol.plan(plant.inst, plant.time_step)
-    loop = None if controller is None else Loop(cast(ControllablePlant, plant), controller)
+    loop = None if controller is None else Loop(plant, controller)
     if loop is not None:
         check_controllable(plan, loop.controller.inst)
     total = sum(planned.seconds for planned in plan)

@@ -28,9 +28,9 @@ _MODES = ("none", "add", "set", "hold")
 
 @dataclass(frozen=True)
 class FaultInjection:
-    """A fault on one signal for a time: a value added, set instead, or the last one held.
+    """A fault on one signal for a time: a value added, a value set instead, or the last value held.
 
-    Of ``tick``, ``hold`` leaves ticks out and ``add`` moves their time, s.
+    On ``tick``, ``hold`` leaves ticks out and ``add`` shifts their time, s.
 
     Raises
     ------

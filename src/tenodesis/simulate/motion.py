@@ -45,7 +45,7 @@ class Motion(Loaded):
     angle_column: str = Field(default="angle", description="Column of angles")
     angle_unit: Literal["deg", "rad"] = Field(description="Unit of that column")
     scale: float = Field(default=1.0, strict=True, description="Handle angle by recorded angle")
-    offset: Angle = Field(default=0.0, description="Handle angle where the recorded one is nought")
+    offset: Angle = Field(default=0.0, description="Handle angle where the recorded one is 0")
     limit: bool = Field(default=False, strict=True, description="Cut off what is beyond the ranges; else an error")
 
     @field_validator("file")
@@ -73,7 +73,7 @@ class Motion(Loaded):
         return type(self)(**{**given, "data": data})
 
     def segments(self, start: Start) -> Iterator[Segment]:
-        """Yield the way to the first sample, and the motion."""
+        """Yield the move to the first sample, and the motion."""
         from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - slow to load, and seldom needed
 
         angles = self._handle_angles(start)

@@ -123,12 +123,12 @@ class Hold(OpenLoop):
     duration: Duration = Field(description="How long")
 
     def segments(self, start: Start) -> Iterator[Segment]:
-        """Yield the one segment there is."""
+        """Yield its one segment."""
         yield start.segment(start.command, start.command, self.duration)
 
 
 class Ramp(OpenLoop):
-    """What is given goes there linearly from where it is; the rest stays, and all of it stays there afterwards."""
+    """The given commands go linearly to the given values; the others stay, and all stay there afterwards."""
 
     kind: Literal["ramp"] = "ramp"
     duration: Duration = Field(description="How long")
@@ -146,7 +146,7 @@ class Ramp(OpenLoop):
         return self
 
     def segments(self, start: Start) -> Iterator[Segment]:
-        """Yield the one segment there is."""
+        """Yield its one segment."""
         if self.handle_angle is not None:
             check_handle_angle(start.inst, "handle_angle", self.handle_angle)
         end = start.command.on(
@@ -160,7 +160,7 @@ class Ramp(OpenLoop):
 
 
 class Cycles(Loaded):
-    """Flexion and extension: the handle goes from one angle to another and back, some times.
+    """Flexion and extension: the handle goes from one angle to another and back, `count` times.
 
     The duration of a stroke is rounded up to full time steps, so that the handle is at either end exactly.
     """
@@ -201,7 +201,7 @@ class Cycles(Loaded):
         return near, far
 
     def segments(self, start: Start) -> Iterator[Segment]:
-        """Yield the way to the first cycle, and the cycles."""
+        """Yield the move to the first cycle, and the cycles."""
         near, far = self.ends(start.inst)
         yield from self.approached(start, near)
         seconds = self.period / 2 if self.period is not None else abs(far - near) / (self.speed or 1.0)
@@ -215,9 +215,9 @@ class Cycles(Loaded):
 
 
 class StepLoad(Moving):
-    """The handle is held; a load comes after a delay, lasts, and is taken off again if a release is given.
+    """The handle is held; after a delay a load is applied, held, and removed again if a release is given.
 
-    Taken off means back to the force there was before; without a release the load stays for the phases that follow.
+    After the release the force is what it was before; without a release the load stays for the phases that follow.
     """
 
     kind: Literal["step-load"] = "step-load"
@@ -238,7 +238,7 @@ class StepLoad(Moving):
         return self
 
     def segments(self, start: Start) -> Iterator[Segment]:
-        """Yield the way to the handle angle, the wait, the load, and its release."""
+        """Yield the move to the handle angle, the delay, the load, and its release."""
         angle = self._angle(start)
         free = start.command.on(start.axis, handle_angle=angle)
         loaded = free.on(start.axis, force=self.tip_force(start.inst))

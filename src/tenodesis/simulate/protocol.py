@@ -1,14 +1,16 @@
-"""Protocols: what is done on the bench, phase by phase."""
+"""Protocols: phases in order, their plan on an instrument, and the files they are read from."""
 
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated, NamedTuple, TypeAlias
 
 import tomli_w
 from pydantic import Field, field_validator
 
 from tenodesis.errors import ProtocolError
+from tenodesis.files import parse_toml, read_text, validated
 from tenodesis.instrument import Instrument, Name
 from tenodesis.instrument.text import with_units
 from tenodesis.run import Array
@@ -21,6 +23,8 @@ AnyPhase: TypeAlias = Pretension | Hold | Cycles | StepLoad | Ramp | Motion
 
 LONGEST = 3600.0
 """Longest run, s."""
+
+_SHIPPED = Path(__file__).parent / "shipped"
 
 
 class Planned(NamedTuple):
@@ -136,6 +140,47 @@ class Protocol(ProtocolModel):
                     "every time step is computed and kept."
                 )
         return plan
+
+
+def shipped() -> tuple[str, ...]:
+    """Return the names of the protocols that come with the package."""
+    return tuple(sorted(file.stem for file in _SHIPPED.glob("*.toml")))
+
+
+def load(name_or_path: str | Path) -> Protocol:
+    """Read a protocol that comes with the package, by name, or a protocol file, by path.
+
+    Raises
+    ------
+    ProtocolError
+        There is no such protocol or file, it cannot be read, or it is not valid.
+    """
+    source = str(name_or_path)
+    path = _SHIPPED / f"{source}.toml" if source in shipped() else Path(name_or_path)
+    text = read_text(path, ProtocolError, source=source, kind="protocol", names=shipped())
+    return parse(text, source, folder=path.parent)
+
+
+def parse(text: str, source: str = "protocol", *, folder: Path | None = None) -> Protocol:
+    """Read a protocol from the text of a protocol file.
+
+    Parameters
+    ----------
+    text
+        The text.
+    source
+        What messages start with.
+    folder
+        Where recorded motions are; the working directory if not given.
+
+    Raises
+    ------
+    ProtocolError
+        The text is not TOML or not a valid protocol.
+    """
+    context = {"file": True, "folder": folder or Path()}
+    values = parse_toml(text, ProtocolError, source)
+    return validated(Protocol, values, ProtocolError, source, context=context, entries={"phases": "phase"})
 
 
 @contextmanager

@@ -1,10 +1,21 @@
-"""What a held instrument does under load, without friction.
+"""The paper's equations 1 to 22: what an instrument whose handle is held does under load, without friction.
 
-Angles in rad, forces in N, lengths in m. Every function takes numbers or arrays, which broadcast as in NumPy, and
-returns a float for numbers and an array for arrays. Functions act on an instrument's first axis; ``inst.axis("pitch")``
-is the other one. A single point without a solution raises :class:`tenodesis.NoSolutionError`; in an array it becomes
-NaN, and :func:`equilibrium` tells why. Input that is not finite, or a handle angle beyond the handle's range, raises
-``ValueError`` in either case.
+=====================  =========================================================
+Equations 1-8          :func:`tensions`; of eq. 8, :func:`slack_force`
+Equations 9, 18        :func:`output_angle`; with status, :func:`equilibrium`
+Equations 10-14        :func:`torque_transmissibility`
+Equations 15, 16       :func:`flexural_stiffness`
+Equation 17            :func:`loss_of_dexterity`
+Equation 19            :func:`estimate_output_angle`
+Equation 20            :func:`handle_angle`
+Equations 21, 22       :func:`compensation_stroke`
+=====================  =========================================================
+
+Angles in rad, forces in N, lengths in m. Every function takes numbers or arrays of any shapes that broadcast as in
+NumPy; it returns a float where all are numbers, and otherwise an array of the shape that they broadcast to. Functions
+act on an instrument's first axis; ``inst.axis("pitch")`` is the other one. A single point without a solution raises
+:class:`tenodesis.NoSolutionError`; in an array it becomes NaN, and :func:`equilibrium` gives the reason. Input that is
+not finite, or a handle angle beyond the handle's range, raises ``ValueError`` in either case.
 """
 
 import inspect
@@ -15,8 +26,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tenodesis._core import Status
+from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument
-from tenodesis.statics.query import INPUTS, FloatOrArray, ask, refuse_unsolved, shaped, solve, variable
+from tenodesis.statics.query import INPUTS, FloatOrArray, check_solved, prepare, shaped, solve, variable
 
 Wound: TypeAlias = ArrayLike | tuple[ArrayLike, ArrayLike]
 """Tendon length wound in by the motors, m: the agonist's, or a pair of agonist's and antagonist's."""
@@ -136,11 +148,11 @@ def equilibrium(
     ValueError
         An input is not finite or beyond the handle's range.
     """
-    query = ask("equilibrium", inst, locals())
+    query = prepare("equilibrium", inst, locals())
     outputs, status = solve(query)
     angle, agonist, antagonist = (shaped(output[0], query.shape) for output in outputs)
-    told = Status(int(status[0])) if query.shape == () else status.reshape(query.shape)
-    return Equilibrium(angle, agonist, antagonist, told)
+    reason = Status(int(status[0])) if query.shape == () else status.reshape(query.shape)
+    return Equilibrium(angle, agonist, antagonist, reason)
 
 
 def flexural_stiffness(inst: Instrument, output_angle: ArrayLike) -> FloatOrArray:
@@ -193,7 +205,7 @@ def estimate_output_angle(
     *,
     slack_below: ArrayLike = 0.0,
 ) -> FloatOrArray:
-    """Return the output angle that handle and tensions tell without friction (eq. 19, slack and motor aware), rad.
+    """Return the output angle estimated from handle angle and tensions (eq. 19, slack and motor aware), rad.
 
     Parameters
     ----------
@@ -236,15 +248,15 @@ def compensation_stroke(
     actuation
         "agonist": one motor winds the agonist; "differential": it winds, and the antagonist's lets out the same.
     law
-        "exact": gives the whole loss back, slack included; "paper": eq. 22 as printed, whatever the actuation, which
-        with one motor gives back half.
+        "exact": restores all of the lost angle, slack included; "paper": eq. 22 as printed, whatever the actuation,
+        which restores half of it with one motor.
 
     Raises
     ------
     ValueError
         An input is not finite, or actuation or law is unknown.
     NoSolutionError
-        At a single point the agonist's motor alone cannot give the angle back.
+        At a single point the agonist's motor alone cannot restore the angle.
     """
     return _evaluate("compensation_stroke", inst, locals())[0]
 
@@ -281,14 +293,14 @@ def gradient(
     name = function if isinstance(function, str) else getattr(function, "__name__", str(function))
     if name not in INPUTS or name == "equilibrium":
         allowed = ", ".join(key for key in INPUTS if key != "equilibrium")
-        raise ValueError(f"function is {name!r}; allowed are {allowed}.")
+        raise ArgumentError(key="function", value=name, allowed=f"one of {allowed}")
     if isinstance(wrt, str) or not wrt:
-        raise ValueError(f"wrt is {wrt!r}; allowed is a list of names.")
+        raise ArgumentError(key="wrt", value=wrt, allowed="a list of names")
     bound = inspect.signature(globals()[name]).bind(inst, *args, **kwargs)
     bound.apply_defaults()
-    query = ask(name, inst, bound.arguments)
+    query = prepare(name, inst, bound.arguments)
     outputs, status = solve(query, [variable(name, inst, key) for key in wrt])
-    refuse_unsolved(query, status)
+    check_solved(query, status)
     derivatives = [[shaped(row, query.shape) for row in output] for output in outputs]
     rows = [Tensions(*pair) for pair in zip(*derivatives, strict=True)] if name == "tensions" else derivatives[0]
     return dict(zip(wrt, rows, strict=True))
@@ -301,7 +313,7 @@ def reach(inst: Instrument) -> float:
 
 
 def _evaluate(name: str, inst: Instrument, arguments: dict[str, Any]) -> list[FloatOrArray]:
-    query = ask(name, inst, arguments)
+    query = prepare(name, inst, arguments)
     outputs, status = solve(query)
-    refuse_unsolved(query, status)
+    check_solved(query, status)
     return [shaped(output[0], query.shape) for output in outputs]

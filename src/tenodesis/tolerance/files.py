@@ -1,4 +1,4 @@
-"""Tolerance files: which keys of which instrument vary, by how much, and where that is from."""
+"""Tolerance files: which keys of which instrument vary, by how much, and the source of that."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeAlias
@@ -29,7 +29,7 @@ Width = Annotated[str | float, BeforeValidator(_written)]
 
 
 class Tolerance(FileTable):
-    """How far one number of an instrument file may be from what the file says."""
+    """Tolerance of one value of an instrument file."""
 
     key: str = Field(description="Key of the instrument file; within a table with a dot, friction.vertex_coefficient")
     distribution: DistributionName = Field(description="uniform, triangular or normal, about the file's value")
@@ -37,12 +37,12 @@ class Tolerance(FileTable):
         default=None, description='Of a uniform or triangular distribution: "0.1 mm", or "5 %" of the file\'s value'
     )
     standard_deviation: Width | None = Field(default=None, description="Of a normal distribution, written alike")
-    instrument: InstrumentName = Field(default="scaled-up", description="Which instrument it is of")
+    instrument: InstrumentName = Field(default="scaled-up", description="The instrument that it applies to")
     source: str = Field(default="", max_length=200, description="Where it is from")
 
     @property
     def width_key(self) -> str:
-        """Which of the two widths the distribution has."""
+        """Key of the width that the distribution has."""
         return _WIDTH_OF[self.distribution]
 
     @property
@@ -60,7 +60,7 @@ class Tolerance(FileTable):
             if key != self.width_key and getattr(self, key) is not None:
                 raise ValueError(
                     f"{key} of {self.key} is given, which a {self.distribution} distribution does not have; "
-                    f"allowed is {self.width_key}"
+                    f"it has {self.width_key}"
                 )
         return self
 
@@ -68,18 +68,18 @@ class Tolerance(FileTable):
 class Tolerances(FileTable):
     """The tolerances of a study."""
 
-    name: Name = Field(default="tolerances", description="What they are called in the report")
+    name: Name = Field(default="tolerances", description="Name in the report")
     description: str = Field(default="", max_length=200, description="One line about them")
     parameters: tuple[Tolerance, ...] = Field(max_length=50, description="One table per key that varies")
 
     @model_validator(mode="after")
     def _some_and_each_once(self) -> Self:
         if not self.parameters:
-            raise ValueError("parameters is empty; allowed is at least one table [[parameters]]")
+            raise ValueError("parameters is empty; it must have at least one table [[parameters]]")
         seen: set[tuple[str, str]] = set()
         for one in self.parameters:
             if (one.key, one.instrument) in seen:
-                raise ValueError(f"{one.key} of {one.instrument} is given twice; allowed is once")
+                raise ValueError(f"{one.key} of {one.instrument} is given twice; it must be given once")
             seen.add((one.key, one.instrument))
         return self
 

@@ -1,7 +1,8 @@
 """Samples and sensitivity indices, by SALib."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -14,17 +15,31 @@ CONFIDENCE = 0.95
 _RESAMPLES = 200
 
 
-class Estimate(NamedTuple):
-    """Sensitivity indices by parameter, with half widths of their confidence intervals."""
+CLOSE = 0.1
+"""Half width of the confidence intervals up to which indices count as converged."""
+
+
+@dataclass(frozen=True)
+class Indices:
+    """Sobol indices of a response by parameter, with half widths of their 95 % confidence intervals.
+
+    A first index is the share of the variance that would vanish if this parameter alone were known, a total index the
+    share that remains if it alone is unknown.
+    """
 
     first: Array
     first_half_width: Array
     total: Array
     total_half_width: Array
 
+    @property
+    def converged(self) -> bool:
+        """Whether every total index is known within a tenth."""
+        return bool(self.total_half_width.max() <= CLOSE)
+
 
 def _problem(parameters: Sequence[Parameter]) -> dict[str, Any]:
-    """Return SALib's description, of deviations from the nominal value since it takes no negative triangles."""
+    """Return SALib's description of deviations from the nominal values; its triangles must not be negative."""
     described = [_described(one) for one in parameters]
     return {
         "num_vars": len(parameters),
@@ -65,7 +80,7 @@ def levels(parameters: Sequence[Parameter], probabilities: Sequence[float]) -> A
     return _nominal(parameters) + np.asarray(scale_samples(shares, _problem(parameters)), np.float64)
 
 
-def estimate(parameters: Sequence[Parameter], values: Array, seed: int) -> Estimate:
+def estimate(parameters: Sequence[Parameter], values: Array, seed: int) -> Indices:
     """Return the Sobol indices of a response, given for every row of the scheme."""
     sobol = require("SALib.analyze.sobol", "design")
 
@@ -78,7 +93,7 @@ def estimate(parameters: Sequence[Parameter], values: Array, seed: int) -> Estim
         # SALib takes zero for no seed.
         seed=seed + 1,
     )
-    return Estimate(*(np.asarray(found[key], np.float64) for key in ("S1", "S1_conf", "ST", "ST_conf")))
+    return Indices(*(np.asarray(found[key], np.float64) for key in ("S1", "S1_conf", "ST", "ST_conf")))
 
 
 def _nominal(parameters: Sequence[Parameter]) -> Array:

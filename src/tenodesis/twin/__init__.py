@@ -2,7 +2,8 @@
 
 from tenodesis.plant import TIME_STEP
 from tenodesis.twin.batch import Batch, run_many
+from tenodesis.twin.loop import LoopController, SignalFault
 from tenodesis.twin.rows import as_run
-from tenodesis.twin.twin import ClosesLoop, Energy, Injection, State, Twin
+from tenodesis.twin.twin import Energy, State, Twin
 
-__all__ = ["TIME_STEP", "Batch", "ClosesLoop", "Energy", "Injection", "State", "Twin", "as_run", "run_many"]
+__all__ = ["TIME_STEP", "Batch", "Energy", "LoopController", "SignalFault", "State", "Twin", "as_run", "run_many"]

@@ -4,42 +4,46 @@ Angles in rad, forces in N, time in s. Commands are what holds at the end of eac
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from tenodesis import _core, plant
 from tenodesis._core import Status
+from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array, Run, concatenate
-from tenodesis.twin.commands import (
+from tenodesis.twin.loop import LoopController, SignalFault, run_closed_loop
+from tenodesis.twin.rows import (
     ARGUMENTS,
     COMMANDS,
     PER_TENDON,
+    SIGNALS,
     TENDONS,
+    as_run,
+    check_finite,
+    check_handle_range,
+    check_rig,
     check_seed,
+    commanded,
     lost,
-    refuse_beyond_range,
-    refuse_not_finite,
-    refuse_without_rig,
 )
-from tenodesis.twin.rows import CONTROL, SIGNALS, as_run
 
 _LOOSENING_BLOCK = 0.05  # s
 
 
 class State(NamedTuple):
-    """The whole state of a twin, to be kept and set again; its bytes suit this version of the core only."""
+    """The complete state of a twin, to be kept and set again; its bytes suit this version of the core only."""
 
     kind: str
-    """What twin it is of; only another of that kind can be set to it."""
+    """The kind of twin, to which alone it can be set."""
     time: float
     axes: tuple[bytes, ...]
 
 
 class Energy(NamedTuple):
-    """Where the energy of a stretch of time went, J, with what the steps' friction law left over."""
+    """Energy balance over a stretch of time, J, and how well the steps kept the friction law."""
 
     stored_before: float
     stored_after: float
@@ -50,11 +54,11 @@ class Energy(NamedTuple):
     load: float
     """Work of the load on the tip."""
     friction: float
-    """Lost to friction."""
+    """Dissipated by friction."""
     damping: float
-    """Lost to damping."""
+    """Dissipated by damping."""
     least_friction: float
-    """Smallest loss to friction in any step, by the tensions at its end, where the law holds."""
+    """Smallest dissipation by friction in any step, by the tensions at its end, where the law holds."""
     residual: float
     """Largest residual of the friction law in any step, as a share of the tension scale."""
     sweeps: int
@@ -72,36 +76,13 @@ class Energy(NamedTuple):
         return self.stored_after - self.stored_before - put_in
 
 
-class ClosesLoop(Protocol):
-    """What the twin needs of a controller that closes its loop, as :class:`tenodesis.control.Controller` has it."""
-
-    @property
-    def core(self) -> _core.Controller:
-        """The controller of the core."""
-
-    def refuse_another(self, inst: Instrument) -> None:
-        """Raise ValueError for an instrument that the controller is not made for."""
-
-    def take_request(self) -> int:
-        """Return the request that is pending, and forget it."""
-
-
-class Injection(Protocol):
-    """A fault on a signal between twin and controller, as :class:`tenodesis.simulate.FaultInjection` has it."""
-
-    def schedule(
-        self, axes: tuple[str, ...], start: float, time: Array, values: Array, modes: NDArray[np.uint8]
-    ) -> None:
-        """Write values and modes by axis, step and signal, as the core takes them; `start` is the first step's, s."""
-
-
 class Twin:
     """The digital twin of an instrument, at rest with a straight handle and pretensioned tendons at first.
 
     Parameters
     ----------
     inst
-        The instrument; its tables friction, dynamics, drives, sensors and mismatch say what it is made of.
+        The instrument; its tables friction, dynamics, drives, sensors and mismatch are those of the twin.
     time_step
         Time step, s.
     seed
@@ -112,7 +93,8 @@ class Twin:
     Raises
     ------
     ValueError
-        The time step is too large for the tip's swing or no whole part of the sampling period, or the seed is invalid.
+        The time step is too long for the tip's oscillation or does not divide the sampling period, or the seed is
+        invalid.
     """
 
     def __init__(
@@ -125,8 +107,10 @@ class Twin:
         self.quasi_static = quasi_static
         # Axes draw from far apart in the same sequence, whose steps are this odd number.
         self._axes = [
-            _core.Twin(plant.spec(one, time_step, quasi_static), (int(seed) + (n << 40) * 0x9E3779B97F4A7C15) % 2**64)
-            for n, one in enumerate(inst.planar)
+            _core.Twin(
+                plant.spec(planar, time_step, quasi_static), (int(seed) + (n << 40) * 0x9E3779B97F4A7C15) % 2**64
+            )
+            for n, planar in enumerate(inst.planar)
         ]
         self._steps = 0
         self._steps_per_tick = plant.steps_per_sample(inst, time_step, quasi_static)
@@ -144,7 +128,7 @@ class Twin:
 
     @property
     def cores(self) -> list[_core.Twin]:
-        """The twins of the core, one per axis; whoever steps them leaves :attr:`time` behind."""
+        """The twins of the core, one per axis; :attr:`time` does not follow if these are stepped directly."""
         return self._axes
 
     @property
@@ -159,15 +143,20 @@ class Twin:
 
     @property
     def state(self) -> State:
-        """The whole state; setting it puts the twin back there."""
+        """The complete state; setting it puts the twin back there."""
         return State(self._kind, self.time, tuple(axis.state for axis in self._axes))
 
     @state.setter
     def state(self, state: State) -> None:
         if not isinstance(state, State):
-            raise TypeError(f"state is {state!r}; allowed is what a twin's state was.")
+            raise TypeError(f"state is {state!r}; it must be the state of a twin.")
         if state.kind != self._kind:
-            raise ValueError(f"state is of a twin with {state.kind}; allowed is one with {self._kind}.")
+            raise ArgumentError(
+                f"state is of a twin with {state.kind}; it must be of one with {self._kind}.",
+                key="state",
+                value=state.kind,
+                allowed=self._kind,
+            )
         for axis, kept in zip(self._axes, state.axes, strict=True):
             axis.state = kept
         self._steps = round(state.time / self.time_step)
@@ -182,16 +171,16 @@ class Twin:
         spool_velocity: ArrayLike = 0.0,
         sheath_bend: ArrayLike = 0.0,
         let_out: ArrayLike = 0.0,
-        controller: ClosesLoop | None = None,
+        controller: LoopController | None = None,
         request: ArrayLike = 0,
-        fault_injection: Sequence[Injection] = (),
+        fault_injection: Sequence[SignalFault] = (),
     ) -> Run:
         """Step over arrays of commands, on from the present state.
 
         Parameters
         ----------
         handle_angle
-            Handle angle, or where the hand wants it if it has a stiffness, rad, shape (n,); with two axes (n, 2).
+            Handle angle, or the hand's aim if the hand has a stiffness, rad, shape (n,); with two axes (n, 2).
         force
             Tangential force at the tip, N, turning with it; positive opposes positive flexion. As handle_angle, or a
             number.
@@ -203,13 +192,13 @@ class Twin:
             Spool velocities asked of the drives, rad/s, agonist and antagonist: shape (n, 2), or (2,); with two axes
             (n, 2, 2), axis before tendon.
         sheath_bend
-            Bend of the sheath beside its own, rad; as handle_angle, or a number.
+            Bend of the sheath in addition to the instrument's, rad; as handle_angle, or a number.
         let_out
-            Length of tendon that has come off its spool, m, as spool_velocity; half a metre stands for a torn one.
+            Length of tendon that has slipped off its spool, m, as spool_velocity; half a metre for a torn one.
         controller
-            Closes the loop: what the sensors say goes to it, and its spool velocities to the drives.
+            Closes the loop: it is given the sensors' readings, and the drives its spool velocities.
         request
-            What the controller is asked at each step, numbers of :class:`tenodesis.control.Request`; shape (n,).
+            Request to the controller at each step, values of :class:`tenodesis.control.Request`; shape (n,).
         fault_injection
             Faults on the signals between the twin and the controller.
 
@@ -223,60 +212,43 @@ class Twin:
         ValueError
             A command is not finite or beyond the handle's range; nothing has been done then.
         NoSolutionError
-            The tip was loaded past what it can hold; the twin stands where it stood before.
+            The load on the tip is more than it can hold; the twin is then in its state before the call.
         """
         rows = self._commands(handle_angle, force, radial_force, weight, spool_velocity, sheath_bend, let_out)
         count = rows[0].shape[0]
+        time = np.arange(self._steps + 1, self._steps + 1 + count, dtype=np.float64) * self.time_step
+        if controller is None:
+            return as_run(time, self.inst.axes, commanded(rows), self._step_axes(rows))
+        controller.check_instrument(self.inst)
+        steps, status, outs, control = run_closed_loop(
+            self._axes,
+            rows,
+            controller,
+            np.asarray(request),
+            fault_injection,
+            axes=self.inst.axes,
+            first_step=self._steps,
+            steps_per_tick=self._steps_per_tick,
+            time_step=self.time_step,
+        )
+        self._steps += steps
+        if status != Status.OK:
+            raise lost(status, f"step {steps} ({self.time:.6g} s)")
+        return as_run(time, self.inst.axes, commanded(rows), outs, control)
+
+    def _step_axes(self, rows: list[Array]) -> list[Array]:
+        """Step every axis over its commands and return its signals; a lost step leaves the twin as it was."""
         before = self.state
-        if controller is not None:
-            return self._controlled(controller, rows, np.asarray(request), fault_injection)
         outs = []
         for name, axis, row in zip(self.inst.axes, self._axes, rows, strict=True):
-            out = np.empty((count, len(SIGNALS)))
+            out = np.empty((len(row), len(SIGNALS)))
             steps, status = axis.run(row, out)
             if status != Status.OK:
                 self.state = before
                 raise lost(status, f"step {steps} ({name}, {self.time + steps * self.time_step:.6g} s)")
             outs.append(out)
-        time = np.arange(self._steps + 1, self._steps + 1 + count, dtype=np.float64) * self.time_step
-        self._steps += count
-        return as_run(time, self.inst.axes, rows, outs)
-
-    def _controlled(
-        self, controller: ClosesLoop, rows: list[Array], request: NDArray[Any], fault_injection: Sequence[Injection]
-    ) -> Run:
-        """Step with the controller in the loop; if the tip is lost, twin and controller stay where it was."""
-        controller.refuse_another(self.inst)
-        count = rows[0].shape[0]
-        start = self._steps * self.time_step
-        time = np.arange(self._steps + 1, self._steps + 1 + count, dtype=np.float64) * self.time_step
-        if any(np.any(row[:, ARGUMENTS["spool_velocity"]]) for row in rows):
-            raise ValueError("spool_velocity and a controller are both given; allowed is one of them.")
-        values = modes = None
-        if fault_injection:
-            values = np.zeros((len(rows), count, len(_core.fault_injection_places())))
-            modes = np.zeros(values.shape, np.uint8)
-            for fault in fault_injection:
-                fault.schedule(self.inst.axes, start, time, values, modes)
-        outs = np.empty((len(rows), count, len(SIGNALS)))
-        control = np.empty((len(rows), count, len(CONTROL)))
-        steps, status = _core.run_controlled(
-            self._axes,
-            controller.core,
-            np.stack(rows),
-            self._steps_per_tick,
-            self.time_step,
-            self._steps,
-            _requests(controller, request, count),
-            values,
-            modes,
-            outs,
-            control,
-        )
-        self._steps += steps
-        if status != Status.OK:
-            raise lost(status, f"step {steps} ({self.time:.6g} s)")
-        return as_run(time, self.inst.axes, rows, list(outs), list(control))
+        self._steps += len(rows[0])
+        return outs
 
     def step(
         self,
@@ -287,7 +259,7 @@ class Twin:
         weight: ArrayLike = 0.0,
         spool_velocity: ArrayLike = 0.0,
     ) -> Run:
-        """Advance by one step and return its signals, without the row; arguments and errors as for :meth:`run`."""
+        """Advance by one step and return its signals, without their first dimension; otherwise as :meth:`run`."""
         run = self.run(
             np.asarray(handle_angle, float)[np.newaxis],
             np.asarray(force, float)[np.newaxis],
@@ -308,9 +280,9 @@ class Twin:
         weight: ArrayLike = 0.0,
         spool_velocity: ArrayLike = 0.0,
     ) -> Energy:
-        """Step over arrays of commands and return where the energy went; of one axis, otherwise as :meth:`run`."""
+        """Step over arrays of commands and return the energy balance; of one axis, otherwise as :meth:`run`."""
         if len(self._axes) != 1:
-            raise ValueError(f"{self.inst.name} has two axes; allowed is one: the twin of inst.axis(name).")
+            raise ArgumentError(f"{self.inst.name} has two axes; it must have one: make the twin of inst.axis(name).")
         (rows,) = self._commands(handle_angle, force, radial_force, weight, spool_velocity)
         before = self.state
         steps, status, energies, least, residual, sweeps = self._axes[0].audit(rows)
@@ -322,9 +294,9 @@ class Twin:
         return Energy(stored_before, stored_after, handle, spools, load, friction, damping, least, residual, sweeps)
 
     def loosen(self, length: float = 2e-3) -> Run:
-        """Let both motors out by a length (m) at a third of their speed, without load, and return that run.
+        """Unwind both spools by a length (m) at a third of their speed, without load, and return that run.
 
-        The handle stays where it was last told to be.
+        The handle stays at its last commanded angle.
 
         Raises
         ------
@@ -332,30 +304,30 @@ class Twin:
             The length is not positive.
         """
         if not 0 < length < 1:
-            raise ValueError(f"length is {length!r}; allowed is a length above 0 and below 1 m.")
+            raise ArgumentError(key="length", value=length, allowed="a length above 0 and below 1 m")
         drives = self.inst.drives
         speed = drives.motor_speed / drives.gear_ratio / 3
-        started = self._spools()
+        start = self._spool_angles()
         runs = []
-        # The drives take their time to get up to speed, and to stop.
+        # The drives need time to accelerate and to stop.
         expected = length / drives.spool_radius / speed + 2 * speed * drives.gear_ratio / drives.motor_acceleration
         for _ in range(2 * round(expected / _LOOSENING_BLOCK) + 20):
-            unwinding = (started - self._spools()).min() * drives.spool_radius < length
+            unwinding = (start - self._spool_angles()).min() * drives.spool_radius < length
             runs.append(self._hold(-speed if unwinding else 0.0))
             if not unwinding and np.abs(runs[-1]["spool_velocity"][-1]).max() < 1e-6 * speed:
                 break
         return concatenate(runs)
 
-    def _spools(self) -> Array:
-        """Return where the spools are, rad, in whatever order."""
+    def _spool_angles(self) -> Array:
+        """Return the spools' angles, rad, shape (axes, 2)."""
         columns = slice(SIGNALS.index("spool_angle.agonist"), SIGNALS.index("spool_angle.antagonist") + 1)
         return np.array([axis.signals(np.zeros((1, len(COMMANDS))))[columns] for axis in self._axes])
 
     def _hold(self, velocity: float) -> Run:
-        """Run for a block with the handle where it was last wanted, no load, and all spools at a velocity (rad/s)."""
+        """Run for a block, unloaded, the handle at its last commanded angle, all spools at a velocity (rad/s)."""
         count = max(1, round(_LOOSENING_BLOCK / self.time_step))
-        wanted = np.array([axis.handle_wanted for axis in self._axes])
-        handle = np.tile(wanted, (count, 1)) if len(self._axes) > 1 else np.full(count, wanted[0])
+        aim = np.array([axis.handle_wanted for axis in self._axes])
+        handle = np.tile(aim, (count, 1)) if len(self._axes) > 1 else np.full(count, aim[0])
         return self.run(handle, spool_velocity=np.full((*handle.shape, len(TENDONS)), velocity))
 
     def _commands(self, *arguments: ArrayLike) -> list[Array]:
@@ -367,30 +339,20 @@ class Twin:
         rows = np.zeros((axes, count, len(COMMANDS)))
         for (name, columns), array in zip(ARGUMENTS.items(), arrays, strict=False):
             per_tendon = name in PER_TENDON
-            wanted = (*base, 2) if per_tendon else base
+            shape = (*base, 2) if per_tendon else base
             # A number per step holds for both axes.
             given = array[:, np.newaxis] if axes == 2 and not per_tendon and array.shape == (count,) else array
             try:
-                full = np.broadcast_to(given, wanted)
+                full = np.broadcast_to(given, shape)
             except ValueError:
-                raise ValueError(f"{name} has shape {array.shape}; allowed is {wanted}, or a number.") from None
-            refuse_not_finite(name, array)
+                problem = f"{name} has shape {array.shape}; it must be {shape}, or a number."
+                raise ArgumentError(problem, key=name, value=array.shape, allowed=str(shape)) from None
+            check_finite(name, array)
             for n in range(axes):
                 rows[n, :, columns] = full if axes == 1 else full[:, n]
         if rows[..., COMMANDS.index("weight")].any():
-            refuse_without_rig(self.inst)
-        for n, one in enumerate(self.inst.planar):
-            if not one.dynamics.hand_stiffness:
-                refuse_beyond_range(one, rows[n, :, 0], self.inst.axes[n] if axes > 1 else "")
+            check_rig(self.inst)
+        for n, planar in enumerate(self.inst.planar):
+            if not planar.dynamics.hand_stiffness:
+                check_handle_range(planar, rows[n, :, 0], self.inst.axes[n] if axes > 1 else "")
         return list(rows)
-
-
-def _requests(controller: ClosesLoop, request: NDArray[Any], count: int) -> NDArray[np.uint8] | None:
-    """Return the requests of each step; what was asked of the controller before comes with the first."""
-    asked = controller.take_request()
-    if not asked and not request.any():
-        return None
-    requests = np.array(np.broadcast_to(request, (count,)), np.uint8)
-    if count and not requests[0]:
-        requests[0] = asked
-    return requests

@@ -3,6 +3,8 @@
 This is the one place besides the core that states them: a check must not share what it checks.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import elementwise
@@ -10,6 +12,8 @@ from scipy.optimize import elementwise
 from tenodesis.instrument import TendonGear
 
 Array = NDArray[np.float64]
+
+_elementwise: Any = elementwise  # the stubs do not know functions of several arguments
 
 
 def residual(theta_d: Array, inst: TendonGear, handle_angle: Array, force: Array) -> Array:
@@ -31,7 +35,7 @@ def brackets(inst: TendonGear, handle_angle: ArrayLike, force: ArrayLike) -> tup
     unloaded = np.arcsin(inst.proximal_gear_radius / inst.distal_gear_radius * np.sin(handle / 2))
     sign = np.where(load < 0, -1.0, 1.0)
     far = -sign * (np.pi / 2 - 1e-9)
-    peak = elementwise.find_minimum(
+    peak = _elementwise.find_minimum(
         lambda theta, h, f, s: -s * residual(theta, inst, h, f),
         (np.minimum(far, unloaded), (far + unloaded) / 2, np.maximum(far, unloaded)),
         args=(handle, load, sign),
@@ -44,7 +48,7 @@ def output_angle(inst: TendonGear, handle_angle: ArrayLike, force: ArrayLike) ->
     """Return the output angle at a held handle under load (eq. 9), rad; NaN where there is no equilibrium."""
     handle, load = np.broadcast_arrays(np.asarray(handle_angle, float), np.asarray(force, float))
     peak, unloaded, solvable = brackets(inst, handle, load)
-    root = elementwise.find_root(
+    root = _elementwise.find_root(
         lambda theta, h, f: residual(theta, inst, h, f),
         (peak, unloaded),
         args=(handle, load),

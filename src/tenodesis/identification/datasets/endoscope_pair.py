@@ -155,7 +155,7 @@ def _bend(path: Path) -> float:
             f"{path.name}: the name {stem!r} leaves open which number is the sheath's bend; {advice}"
         )
     if not found or not 0 <= float(found[0]) <= MOST_BEND:
-        raise IdentificationError(f"{path.name}: the name {stem!r} gives no sheath bend; {advice}")
+        raise IdentificationError(f"{path.name}: the name {stem!r} is no sheath bend; {advice}")
     return float(found[0])
 
 

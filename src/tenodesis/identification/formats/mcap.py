@@ -39,10 +39,6 @@ _SECONDS = CLOCKS[:1]
 """Stamps count nanoseconds, whatever their magnitude."""
 
 
-_TOPICS = frozenset(topic.name for axes in (("",), ("yaw", "pitch")) for topic in schemas.topics(axes))
-"""Every topic that a recording may have."""
-
-
 class _Signals(NamedTuple):
     """Signals of the first axis over time, each (n,) or per tendon (n, 2)."""
 
@@ -116,7 +112,7 @@ def _recorded(path: Path) -> _Signals | None:
     run = recording.run
     notes = [] if recording.damage is None else [recording.damage]
     notes += [f"{topic} is left out: {reason}" for topic, reason in recording.left_out.items()]
-    longest = max((info.messages for name, info in recording.topics.items() if name in _TOPICS), default=0)
+    longest = max((info.messages for name, info in recording.topics.items() if name in schemas.TOPICS), default=0)
     if recording.damage is None and longest > len(run):
         notes.append(f"topics do not end together: the first {len(run)} of up to {longest} rows are taken")
     found = {name: run.signals()[name] for name in _SIGNALS if name in run.signals()}
@@ -170,7 +166,7 @@ def _decoded(files: Sequence[Path], notes: list[str]) -> dict[str, list[Decoded]
         for number, messages in contents.messages.items():
             channel = contents.channels[number]
             schema = contents.schemas.get(channel.schema_id)
-            if channel.topic not in _TOPICS or schema is None:
+            if channel.topic not in schemas.TOPICS or schema is None:
                 continue
             try:
                 found = decode(factory, schema, channel.message_encoding, messages)
@@ -187,7 +183,7 @@ def _decoded(files: Sequence[Path], notes: list[str]) -> dict[str, list[Decoded]
 
 def _contents(file: Path) -> container.Contents:
     if bag.is_sqlite(file):
-        return bag.scan(file, _TOPICS)
+        return bag.scan(file, schemas.TOPICS)
     try:
         data = file.read_bytes()
     except OSError as problem:

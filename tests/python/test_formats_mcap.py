@@ -1,6 +1,5 @@
-"""Recordings of instruments as MCAP, bags of ROS 2 and CSV: the same run whatever file it comes from."""
+"""Recordings of instruments as MCAP and ROS 2 bags: the same run whatever file it comes from."""
 
-import csv
 import sqlite3
 from collections.abc import Callable
 from pathlib import Path
@@ -11,17 +10,11 @@ from mcap_ros2.writer import Writer
 
 import tenodesis as tn
 from tenodesis.errors import IdentificationError
-from tenodesis.identification import FORMATS
 from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.recording import Recording, container, schemas
 from tenodesis.recording.simulation import record
-from tenodesis.run import Array
-from tenodesis.simulate import Cycles, Protocol
 
-PROTOCOL = Protocol(
-    name="formats",
-    phases=(Cycles(amplitude=np.radians(20), symmetric=True, speed=np.radians(60), count=1, force=0.5),),
-)
+from .recording_files import PROTOCOL, read, same
 
 
 @pytest.fixture(scope="module")
@@ -34,36 +27,6 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def recorded(log: Path) -> InstrumentRun:
     return read(log)
-
-
-def read(path: Path, kind: str | None = None) -> InstrumentRun:
-    loaded = FORMATS[kind or ("csv" if path.suffix == ".csv" else "mcap")].load(path)
-    assert isinstance(loaded, InstrumentRun)
-    return loaded
-
-
-def same(one: InstrumentRun, other: InstrumentRun, tolerance: float = 0.0) -> bool:
-    assert set(one.columns) == set(other.columns)
-    columns = [(one.time, other.time), *((one[name], other[name]) for name in one.columns)]
-    return all(np.allclose(a, b, rtol=0, atol=tolerance) for a, b in columns)
-
-
-def table(path: Path, columns: dict[str, Array], separator: str = ",", cell: Callable[[float], str] = repr) -> Path:
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file, delimiter=separator)
-        writer.writerow(columns)
-        for row in np.column_stack([*columns.values()]).tolist():
-            writer.writerow("" if np.isnan(value) else cell(value) for value in row)
-    return path
-
-
-def headed(run: InstrumentRun, **changes: Array | None) -> dict[str, Array]:
-    """Return a run under its columns' own names."""
-    found: dict[str, Array | None] = {"time": run.time, **run.columns} | changes
-    return {name: values for name, values in found.items() if values is not None}
-
-
-# MCAP and bags
 
 
 def test_a_recording_has_every_column_and_its_instrument(recorded: InstrumentRun, log: Path) -> None:
@@ -82,7 +45,7 @@ def test_what_a_real_instrument_lacks_is_left_out(log: Path, tmp_path: Path) -> 
     assert "measured_output_angle" not in loaded.columns
     assert np.array_equal(loaded["handle_angle"], loaded["measured_handle_angle"])
     assert "no force was recorded: the tip is taken to be free" in loaded.notes
-    assert any("the handle is where its encoder says" in note for note in loaded.notes)
+    assert any("the handle angle is that of its encoder" in note for note in loaded.notes)
     assert loaded.instrument is None
 
 
@@ -144,7 +107,7 @@ def test_a_bag_in_parts_with_clocks_of_their_own_is_brought_together(log: Path, 
 
 
 def test_a_folder_without_recordings_and_a_file_that_is_none_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(IdentificationError, match=r"holds no MCAP file and no .db3 file; allowed is"):
+    with pytest.raises(IdentificationError, match=r"holds no MCAP file and no .db3 file; it must be"):
         read(tmp_path, "mcap")
     (tmp_path / "bag_0.db3.zstd").write_bytes(b"")
     with pytest.raises(IdentificationError, match=r"\(bag_0.db3.zstd is compressed: unpack it first\)"):
@@ -250,7 +213,7 @@ def test_a_bag_in_sqlite_that_is_none_is_refused(plain: Path, tmp_path: Path, mo
 
 def test_a_bag_in_sqlite_that_is_packed_or_torn_is_refused(plain: Path, tmp_path: Path) -> None:
     packed = {"/tendons/measured_js": lambda all_: [one._replace(data=b"\x28\xb5\x2f\xfd" + one.data) for one in all_]}
-    with pytest.raises(IdentificationError, match="holds compressed messages; allowed are plain ones"):
+    with pytest.raises(IdentificationError, match="holds compressed messages; they must be plain"):
         read(as_sqlite(plain, tmp_path / "packed.db3", edit=packed), "mcap")
     torn = as_sqlite(plain, tmp_path / "torn.db3")
     data = bytearray(torn.read_bytes())
@@ -281,7 +244,7 @@ def test_a_bag_in_sqlite_with_a_bad_page_is_read_up_to_it_and_says_so(plain: Pat
 def test_two_kinds_of_files_in_a_bag_are_refused(plain: Path, tmp_path: Path) -> None:
     as_sqlite(plain, tmp_path / "run.db3")
     (tmp_path / "run.mcap").write_bytes(plain.read_bytes())
-    with pytest.raises(IdentificationError, match=r"holds run.mcap and run.db3, .*; allowed is a bag of one kind"):
+    with pytest.raises(IdentificationError, match=r"holds run.mcap and run.db3, .*; it must be a bag of one kind"):
         read(tmp_path, "mcap")
 
 
@@ -350,188 +313,3 @@ def test_topics_that_end_apart_are_said(log: Path, tmp_path: Path) -> None:
     loaded = read(path)
     assert len(loaded) == 1400
     assert "topics do not end together: the first 1400 of up to 1500 rows are taken" in loaded.notes
-
-
-# CSV
-
-
-def test_an_export_is_the_recording(recorded: InstrumentRun, log: Path, tmp_path: Path) -> None:
-    path = tmp_path / "run.csv"
-    Recording.open(log).to_csv(path)
-    loaded = read(path)
-    assert same(loaded, recorded)
-    assert loaded.instrument is None
-
-
-def test_headings_may_be_the_columns_names_with_units(recorded: InstrumentRun, tmp_path: Path) -> None:
-    columns = headed(recorded)
-    columns["handle_angle [deg]"] = np.degrees(columns.pop("handle_angle"))
-    columns["time [ms]"] = 1e3 * columns.pop("time")
-    assert same(read(table(tmp_path / "run.csv", columns)), recorded, 1e-9)
-
-
-def test_a_map_beside_the_file_names_columns_units_and_signs(recorded: InstrumentRun, tmp_path: Path) -> None:
-    columns = {"t": 1e3 * recorded.time, "theta": -np.degrees(recorded["handle_angle"])}
-    columns |= {"F1": 1e3 * recorded["tension_agonist"], "F2": recorded["tension_antagonist"], "junk": recorded.time}
-    path = table(tmp_path / "bench.csv", columns, ";", lambda value: repr(value).replace(".", ","))
-    (tmp_path / "bench.csv.columns.toml").write_text(
-        'time = { column = "t", unit = "ms" }\n'
-        'handle_angle = { column = "theta", unit = "deg", factor = -1 }\n'
-        'tension_agonist = { column = "F1", unit = "mN" }\n'
-        'tension_antagonist = { column = "F2", unit = "N" }\n'
-    )
-    loaded = read(path)
-    assert set(loaded.columns) == {"handle_angle", "tension_agonist", "tension_antagonist"}
-    for name in loaded.columns:
-        assert loaded[name] == pytest.approx(recorded[name], abs=1e-9)
-    assert "columns by bench.csv.columns.toml" in loaded.notes
-
-
-def test_one_map_serves_all_files_of_a_folder_that_have_none_of_their_own(
-    recorded: InstrumentRun, tmp_path: Path
-) -> None:
-    columns = {"t": recorded.time, "theta": np.degrees(recorded["handle_angle"])}
-    columns |= {"F1": recorded["tension_agonist"], "F2": recorded["tension_antagonist"]}
-    shared = (
-        'time = { column = "t", unit = "s" }\n'
-        'handle_angle = { column = "theta", unit = "deg" }\n'
-        'tension_agonist = { column = "F1", unit = "N" }\n'
-        'tension_antagonist = { column = "F2", unit = "N" }\n'
-    )
-    (tmp_path / "columns.toml").write_text(shared)
-    runs = [read(table(tmp_path / name, columns)) for name in ("first.csv", "second.csv", "own.csv")]
-    assert all("columns by columns.toml" in run.notes for run in runs)
-    assert runs[1]["handle_angle"] == pytest.approx(recorded["handle_angle"], abs=1e-12)
-    (tmp_path / "own.csv.columns.toml").write_text(shared.replace('"F1"', '"F2"'))
-    own = read(tmp_path / "own.csv")
-    assert "columns by own.csv.columns.toml" in own.notes
-    assert np.array_equal(own["tension_agonist"], own["tension_antagonist"])
-
-
-def test_quoted_headings_and_a_byte_order_mark_are_read(recorded: InstrumentRun, tmp_path: Path) -> None:
-    path = table(tmp_path / "run.csv", headed(recorded))
-    head, rest = path.read_text().split("\n", 1)
-    quoted = ", ".join(f'"{name.strip()}"' for name in head.split(","))
-    path.write_text(f"\ufeff{quoted}\n{rest}", encoding="utf-8")
-    assert same(read(path), recorded)
-
-
-@pytest.mark.parametrize(
-    ("line", "reason"),
-    [
-        ('handle = { column = "t", unit = "rad" }', "handle is no column; allowed are time, handle_angle"),
-        ('time = "t"', "allowed is a table like"),
-        ('time = { column = "x", unit = "s" }', "column is 'x'; allowed are 't'"),
-        ('time = { column = "t", unit = "N" }', "the unit of time is 'N'"),
-        ('time = { column = "t", unit = "quux" }', "the unit of time is 'quux'"),
-        ('time = { column = "t", unit = "s", factor = 0 }', "factor is 0"),
-        ("time = ", "is no TOML"),
-        ('time = { column = "t", unit = "s" }', "lacks handle_angle, tension_agonist, tension_antagonist"),
-    ],
-)
-def test_a_map_that_is_wrong_is_refused_with_the_reason(tmp_path: Path, line: str, reason: str) -> None:
-    path = table(tmp_path / "run.csv", {"t": np.arange(5.0), "a": np.arange(5.0)})
-    (tmp_path / "run.csv.columns.toml").write_text(line)
-    with pytest.raises(IdentificationError, match=reason.replace("(", r"\(")):
-        read(path)
-
-
-def test_a_wrong_unit_is_told_by_the_magnitude_and_said(recorded: InstrumentRun, tmp_path: Path) -> None:
-    columns = headed(recorded, handle_angle=np.degrees(recorded["handle_angle"]))
-    columns |= {name: 1e3 * recorded[name] for name in ("tension_agonist", "tension_antagonist")}
-    loaded = read(table(tmp_path / "run.csv", columns))
-    assert same(loaded, recorded, 1e-9)
-    assert any("handle_angle taken as deg, not rad" in note for note in loaded.notes)
-    assert any("tension_agonist taken as mN, not N" in note for note in loaded.notes)
-
-
-def test_a_handle_said_to_be_in_degrees_that_is_in_radians_is_told(recorded: InstrumentRun, tmp_path: Path) -> None:
-    columns = headed(recorded)
-    columns["handle_angle [deg]"] = columns.pop("handle_angle")
-    loaded = read(table(tmp_path / "run.csv", columns))
-    assert same(loaded, recorded, 1e-9)
-    assert any("handle_angle taken as rad, not deg: its values have a spread of 0." in note for note in loaded.notes)
-
-
-def test_a_handle_may_turn_far(recorded: InstrumentRun, tmp_path: Path) -> None:
-    columns = headed(recorded, handle_angle=4.5 * recorded["handle_angle"])
-    loaded = read(table(tmp_path / "run.csv", columns))
-    assert loaded["handle_angle"] == pytest.approx(4.5 * recorded["handle_angle"], abs=1e-12)
-
-
-def test_tensions_that_may_be_in_two_units_are_refused_with_what_to_do(recorded: InstrumentRun, tmp_path: Path) -> None:
-    # 15 N in gram-force, which would be 1.5 N in mN
-    tension = {f"tension_{one}": 160 * recorded[f"tension_{one}"] for one in ("agonist", "antagonist")}
-    with pytest.raises(IdentificationError, match=r"cannot be in N and may be mN or gram-force; .* \[N\]'"):
-        read(table(tmp_path / "run.csv", headed(recorded, **tension)))
-
-
-def test_an_implausible_column_is_refused(recorded: InstrumentRun, tmp_path: Path) -> None:
-    columns = headed(recorded, handle_angle=1e6 * recorded["handle_angle"])
-    with pytest.raises(IdentificationError, match=r"handle_angle .* fits no unit"):
-        read(table(tmp_path / "run.csv", columns))
-
-
-def test_headings_that_say_nothing_are_told_with_what_is_allowed(tmp_path: Path) -> None:
-    path = table(tmp_path / "run.csv", {"t": np.arange(5.0), "a": np.arange(5.0)})
-    with pytest.raises(IdentificationError, match=r"headings are 't', 'a'; allowed are .* run.csv.columns.toml"):
-        read(path)
-    (tmp_path / "empty.csv").write_text("")
-    with pytest.raises(IdentificationError, match="is empty"):
-        read(tmp_path / "empty.csv")
-    with pytest.raises(IdentificationError, match="cannot be read"):
-        read(tmp_path / "none.csv")
-
-
-def test_corrupt_rows_are_dropped_and_said(recorded: InstrumentRun, tmp_path: Path) -> None:
-    time, tension = recorded.time.copy(), recorded["tension_agonist"].copy()
-    time[500] = time[400]
-    tension[700], tension[900] = np.nan, 150.0
-    columns = headed(recorded, time=time, tension_agonist=tension)
-    path = table(tmp_path / "run.csv", {name: np.insert(values, 51, values[50]) for name, values in columns.items()})
-    loaded = read(path)
-    assert len(loaded) == len(recorded) - 3
-    for word in ("not numbers", "duplicates", "clock ran back", "outliers of tension_agonist"):
-        assert any(word in note for note in loaded.notes)
-
-
-def test_an_encoder_that_slips_for_a_sample_is_dropped_and_said(recorded: InstrumentRun, tmp_path: Path) -> None:
-    output = recorded["measured_output_angle"].copy()
-    output[500] += np.radians(90)
-    tension = recorded["tension_agonist"].copy()
-    tension[600], tension[700] = 1e6, 200  # the greater does not hide the lesser
-    loaded = read(table(tmp_path / "run.csv", headed(recorded, measured_output_angle=output, tension_agonist=tension)))
-    assert len(loaded) == len(recorded) - 3
-    assert any("dropped 1 row: outliers of measured_output_angle" in note for note in loaded.notes)
-    assert any("dropped 2 rows: outliers of tension_agonist" in note for note in loaded.notes)
-
-
-def test_a_sensor_that_was_not_recorded_is_left_out(recorded: InstrumentRun, tmp_path: Path) -> None:
-    nothing = np.full(len(recorded), np.nan)
-    loaded = read(table(tmp_path / "run.csv", headed(recorded, measured_output_angle=nothing)))
-    assert "measured_output_angle" not in loaded.columns
-    assert len(loaded) == len(recorded)
-
-
-def test_a_handle_that_rests_and_too_few_samples_are_refused(recorded: InstrumentRun, tmp_path: Path) -> None:
-    still = headed(recorded, handle_angle=np.zeros(len(recorded)))
-    with pytest.raises(IdentificationError, match="no excitation: handle_angle"):
-        read(table(tmp_path / "still.csv", still))
-    short = {name: values[:50] for name, values in headed(recorded).items()}
-    with pytest.raises(IdentificationError, match="too few"):
-        read(table(tmp_path / "short.csv", short))
-
-
-def test_a_saturated_load_cell_is_said_and_a_slack_tendon_is_none(recorded: InstrumentRun, tmp_path: Path) -> None:
-    tension = recorded["tension_agonist"].copy()
-    tension[300:340] = tension.max() + 5
-    loaded = read(table(tmp_path / "run.csv", headed(recorded, tension_agonist=tension)))
-    assert any("saturated: tension_agonist" in note for note in loaded.notes)
-    slack = recorded["tension_agonist"].copy()
-    slack[300:600] = 0
-    loaded = read(table(tmp_path / "slack.csv", headed(recorded, tension_agonist=slack)))
-    assert len(loaded) == len(recorded)
-    slack[1000:1040] = slack.max() + 5
-    loaded = read(table(tmp_path / "both.csv", headed(recorded, tension_agonist=slack)))
-    assert len(loaded) == len(recorded) - 40
-    assert any("saturated: tension_agonist" in note for note in loaded.notes)

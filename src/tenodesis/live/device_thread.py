@@ -1,4 +1,4 @@
-"""Between a device that Python serves and the live loop: what is measured is posted, what is answered is sent."""
+"""Between a device that Python serves and the live loop: posts measurements, sends the answers to the motors."""
 
 import logging
 import threading
@@ -8,15 +8,15 @@ import numpy as np
 from tenodesis import _core
 from tenodesis.devices.device import Device
 from tenodesis.errors import DeviceError
-from tenodesis.run import Array
 
 _log = logging.getLogger(__name__)
 
 
-class Pump:
+class DeviceThread:
     """A thread that serves a device; the loop waits for it no longer than two ticks.
 
-    Where no answer comes within the patience, the motors are told to stop, and where the device fails, they are.
+    Where no answer comes in time, the motors are commanded to rest; where the device fails, it is closed, which stops
+    them.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Pump:
         self._period = period
         self._ending = threading.Event()
         self.problem: str | None = None
-        """Why the device is served no more."""
+        """Why the device is not served any more."""
         self.unanswered = 0
         """Measurements to which no answer came in time."""
         self._thread = threading.Thread(target=self._serve, name="device", daemon=True)
@@ -61,17 +61,15 @@ class Pump:
                 if measured is None:
                     self._device.write(rest)
                     continue
-                rows = np.column_stack(
-                    [measured.handle_angle, measured.tension, measured.spool_angle, measured.output_angle]
-                )
-                self._box.post(measured.time, np.ascontiguousarray(rows, float))
-                came, speed = self._box.take(4 * self._period)
-                self.unanswered += not came
-                self._device.write(_finite(np.array(speed)) if came else rest)
+                self._box.post(measured.time, measured.rows)
+                answered, velocity = self._box.take(4 * self._period)
+                self.unanswered += not answered
+                speed = np.array(velocity)
+                self._device.write(speed if answered and np.isfinite(speed).all() else rest)
         except DeviceError as problem:
             self.problem = str(problem)
         except Exception as problem:
-            # Whatever a driver raises must leave motors at rest and be told, not end a thread unseen.
+            # Whatever a driver raises must leave motors at rest and be reported, not end a thread unseen.
             _log.exception("the device failed")
             self.problem = f"the device failed: {problem}"
         finally:
@@ -80,7 +78,3 @@ class Pump:
             except Exception as problem:
                 _log.exception("the device could not be closed")
                 self.problem = self.problem or f"the device could not be closed: {problem}"
-
-
-def _finite(speed: Array) -> Array:
-    return speed if np.isfinite(speed).all() else np.zeros_like(speed)
