@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 import tenodesis as tn
 from tenodesis.control import Controller, OperatingState, Request
-from tenodesis.devices import serial
 from tenodesis.devices.serial import SerialController
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument

@@ -170,8 +170,8 @@ def _is_reserved(name: str) -> bool:
 def _checked(name: str) -> str:
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name, re.ASCII) or _is_reserved(name):
         raise ValueError(
-            f"name is {name!r}; it must be letters, digits and underscores, beginning with a letter, no word of C or C++, "
-            "and must not begin with tenodesis_."
+            f"name is {name!r}; it must be letters, digits and underscores, beginning with a letter, no word of C or "
+            "C++, and must not begin with tenodesis_."
         )
     return name
 
