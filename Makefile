@@ -7,21 +7,25 @@ CXX := c++
 endif
 export CXX
 BIN := .venv/bin
+PYTEST := $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 CORE := $(wildcard include/tenodesis/*)
-BINDINGS := $(wildcard src/engine/* src/runtime/* src/bindings/*)
-C_INTERFACE := $(wildcard src/c/*) examples/controller.c
+EXTENSION := $(wildcard src/bindings/* src/engine/* src/runtime/*)
 CPP_TESTS := $(wildcard tests/cpp/*)
 TIDY := -std=c++20 -Iinclude -Isrc -Iexamples -fno-math-errno
-CPP_FILES := $(CORE) $(C_INTERFACE) $(filter %.cpp %.hpp,$(BINDINGS) $(CPP_TESTS) $(wildcard firmware/*))
+CPP_FILES := $(filter %.h %.hpp %.cpp,$(CORE) $(EXTENSION) $(CPP_TESTS) $(wildcard src/c/* firmware/*)) examples/controller.c
+SCHEMAS := src/tenodesis/instruments/instrument.schema.json src/tenodesis/catalogue/catalogue.schema.json
 
-.PHONY: demo build test test-cpp test-python firmware bench lint format docs lock clean
+.PHONY: help demo build test test-all test-cpp firmware bench lint format docs lock clean
 
-demo: build
+help: ## Say what each target does
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "  make %-10s %s\n", $$1, $$2}'
+
+demo: build ## Install into .venv, build, and run the bench: out/report.html
 	$(BIN)/tenodesis bench
 	@echo "Open $(CURDIR)/out/report.html"
 	@echo "Move the instrument yourself, in the browser: $(BIN)/tenodesis console"
 
-build: .venv/.built
+build: .venv/.built $(SCHEMAS) ## Install into .venv and build
 
 .venv/.deps: requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=...")'
@@ -29,59 +33,57 @@ build: .venv/.built
 	$(BIN)/pip install --quiet --no-compile --require-hashes -r requirements.lock
 	@touch $@
 
-.venv/.built: .venv/.deps $(CORE) $(BINDINGS) CMakeLists.txt pyproject.toml
+.venv/.built: .venv/.deps $(CORE) $(EXTENSION) CMakeLists.txt pyproject.toml
 	$(BIN)/pip install --quiet --no-build-isolation --no-deps --editable .
 	@touch $@
 
-test: test-cpp test-python
+# For editors, which complete and check TOML files by them.
+src/tenodesis/instruments/instrument.schema.json: .venv/.built $(wildcard src/tenodesis/instrument/*.py)
+	$(BIN)/tenodesis schema instrument > $@
+src/tenodesis/catalogue/catalogue.schema.json: .venv/.built $(wildcard src/tenodesis/scaling/*.py)
+	$(BIN)/tenodesis schema catalogue > $@
 
-test-cpp: .venv/.deps
+test: test-cpp build ## Run what is run after each change: minutes
+	$(PYTEST)
+
+test-all: test-cpp build ## Run every test: also slow ones, processes and browsers, measured data where it is there
+	$(PYTEST) -m ""
+
+test-cpp: .venv/.deps ## Build and run the tests of the C++ core alone
 	$(BIN)/cmake -S . -B build/cpp -G Ninja -DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja > /dev/null
 	$(BIN)/cmake --build build/cpp
-	$(BIN)/ctest --test-dir build/cpp --output-on-failure
+	$(BIN)/ctest --test-dir build/cpp --output-on-failure --parallel $$(nproc)
 
-test-python: build
-	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
-
-# The controller on a microcontroller; says which Debian packages it needs.
-firmware: build
+firmware: build ## Build the controller for a Cortex-M4F and run it in QEMU; names the Debian packages it needs
 	$(MAKE) -C firmware run
 
-bench: build
-	$(BIN)/python benchmarks/accuracy.py
-	$(BIN)/python benchmarks/statics.py
-	$(BIN)/python benchmarks/twin.py
-	$(BIN)/python benchmarks/control.py
-	$(BIN)/python benchmarks/faults.py
-	$(BIN)/python benchmarks/scaling.py
-	$(BIN)/python benchmarks/identification.py
-	$(BIN)/python benchmarks/live.py
+bench: build ## Run the benchmarks, each against a named peer
+	for name in startup accuracy statics twin control faults scaling identification live; do \
+	  $(BIN)/python benchmarks/$$name.py || exit; done
 
-lint: build
+lint: build ## Check style, types, layers and C++
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 	$(BIN)/clang-format --dry-run -Werror $(CPP_FILES)
 	flags="$$($(BIN)/python -c 'import nanobind, sysconfig; print("-isystem", nanobind.include_dir(), "-isystem", sysconfig.get_paths()["include"])')"; \
-	  printf '%s\n' $(wildcard src/bindings/*.cpp) $(filter tests/cpp/test_%.cpp,$(CPP_TESTS)) | \
-	  xargs -P 2 -I {} $(BIN)/clang-tidy --quiet {} -- $(TIDY) $$flags
-	$(BIN)/clang-tidy --quiet src/c/tenodesis.cpp tests/cpp/fuzz_c_interface.cpp -- $(TIDY)
+	  printf '%s\n' $(wildcard src/bindings/*.cpp src/c/*.cpp tests/cpp/test_*.cpp tests/cpp/fuzz_*.cpp) | \
+	  xargs -P $$(nproc) -I {} $(BIN)/clang-tidy --quiet {} -- $(TIDY) $$flags
 
-format: build
+format: build ## Format Python and C++
 	$(BIN)/ruff check --fix --quiet .
 	$(BIN)/ruff format .
 	$(BIN)/clang-format -i $(CPP_FILES)
 
-# What is generated rather than written: the tables in docs/, the editor schema, the typed stub of the C++ module, the
-# example's controller.
-docs: build
+docs: build ## Regenerate what is generated: tables in docs/, the C++ module's typed stub, the example's controller
 	$(BIN)/tenodesis export controller scaled-up --own-clock --overwrite --out examples/scaled_up.h
 	$(BIN)/python docs/generate.py
 
-lock: .venv/.deps
+lock: .venv/.deps ## Pin all dependencies anew
 	$(BIN)/pip install --quiet uv
-	$(BIN)/uv pip compile pyproject.toml --quiet --extra cluster --extra tables --extra verify --group dev --generate-hashes --no-emit-index-url \
+	$(BIN)/uv pip compile pyproject.toml --quiet --extra all --group dev --generate-hashes --no-emit-index-url \
 	  --universal --python-version 3.11 --custom-compile-command "make lock" -o requirements.lock
 
-clean:
+clean: ## Remove .venv, build and out
 	rm -rf .venv build out

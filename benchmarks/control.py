@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import tenodesis as tn
-from tenodesis.bench import campaign
-from tenodesis.bench import compensated_run as bench
-from tenodesis.bench.content import Context
 from tenodesis.control import Controller
 from tenodesis.instrument import Instrument
+from tenodesis.paper import campaign, step_response
+from tenodesis.paper.context import Context
 from tenodesis.twin import Twin
 
 Array = NDArray[np.float64]
@@ -29,7 +28,7 @@ TARGET = 1e-6  # s
 OUTPUTS = (0.0, 33.0, 67.0, 80.0)  # deg, Fig. 15
 
 
-def chunks(inst: Instrument, motion: bench.Held, controller: Controller | None) -> Array:
+def chunks(inst: Instrument, motion: step_response.Motion, controller: Controller | None) -> Array:
     """Time that each chunk of a run takes, s, shape (chunks,)."""
     twin = Twin(inst, seed=1)
     taken = []
@@ -59,20 +58,22 @@ def ticks(inst: Instrument) -> None:
     controller less without it, less what the call itself takes, over the chunk's ticks.
     """
     print(f"{inst.name}, one axis, friction + robust + supervisor, double, ticks of 0.5 ms, chunks of {CHUNK}:")
-    calls = overhead(inst, Controller(bench.known(inst))) - overhead(inst, None)
+    calls = overhead(inst, Controller(step_response.controller_model(inst))) - overhead(inst, None)
     for output in OUTPUTS:
-        motion = bench.held(inst, float(np.radians(output)), bench.load(inst), BEFORE, AFTER)
+        motion = step_response.held_motion(
+            inst, float(np.radians(output)), step_response.step_force(inst), BEFORE, AFTER
+        )
         alone, both = [], []
         for _ in range(ROUNDS):
             alone.append(chunks(inst, motion, None))
-            both.append(chunks(inst, motion, Controller(bench.known(inst))))
+            both.append(chunks(inst, motion, Controller(step_response.controller_model(inst))))
         step = np.min(alone, axis=0) / CHUNK
         tick = (np.min(both, axis=0) - np.min(alone, axis=0) - calls) / CHUNK
         ratio = tick / step.mean()
-        told = "reached" if np.median(tick) <= TARGET else "MISSED"
+        verdict = "reached" if np.median(tick) <= TARGET else "MISSED"
         print(
             f"  held at {output:<4g}° p50 {1e9 * np.median(tick):4.0f} ns   mean {1e9 * tick.mean():4.0f} ns   worst "
-            f"{1e9 * tick.max():4.0f} ns   target p50 {1e9 * TARGET:g} ns {told}   over a step of the twin of "
+            f"{1e9 * tick.max():4.0f} ns   target p50 {1e9 * TARGET:g} ns {verdict}   over a step of the twin of "
             f"{1e9 * step.mean():.0f} ns: p50 {np.median(ratio):.2f}x   mean {ratio.mean():.2f}x   worst "
             f"{ratio.max():.2f}x"
         )
@@ -81,20 +82,18 @@ def ticks(inst: Instrument) -> None:
 def accuracy(seeds: int) -> None:
     """The campaign of the bench report."""
     context = Context(tn.load("real-size"), tn.load("scaled-up"), is_paper=True)
-    few = max(1, seeds // campaign.SEEDS_ELSEWHERE)
-    print(
-        f"the robust law over 4 states, friction told wrong by -30, 0 and +30 %, {seeds} seeds, {few} beyond the first:"
-    )
+    few = max(1, seeds // campaign.SEED_DIVISOR)
+    print(f"the robust law over 4 states, friction errors of -30, 0 and +30 %, {seeds} seeds, {few} beyond the first:")
     for n, condition in enumerate(campaign.conditions(context)):
         start = time.perf_counter()
         trials = campaign.trials(condition, few if n else seeds)
         spent = time.perf_counter() - start
         print(f"  {condition.key.replace('_', ' ')}: {len(trials)} runs, {spent:.1f} s")
-        for figure in campaign.FIGURES:
-            value = figure.of(trials)
-            target = None if figure.target is None else figure.target(condition.inst)
-            told = "" if target is None else f"   target {target:g} {'reached' if value <= target else 'MISSED'}"
-            print(f"    {figure.heading:<28} {value:8.3f}{told}")
+        for metric in campaign.METRICS:
+            value = metric.of(trials)
+            target = None if metric.target is None else metric.target(condition.inst)
+            verdict = "" if target is None else f"   target {target:g} {'reached' if value <= target else 'MISSED'}"
+            print(f"    {metric.heading:<28} {value:8.3f}{verdict}")
 
 
 def main() -> None:

@@ -1,7 +1,7 @@
-"""How often normal work is taken for a fault, over hours of it on the twin, and how long that takes.
+"""False alarms: how often normal work on the twin is reported as a fault, over hours, and the computing time.
 
-Hands as a surgeon's, loads up to 90 % of what makes a tendon slack, a sheath that bends by up to a quarter turn;
-controllers that know the instrument, that are wrong about it, and that follow every law.
+Hand motions like a surgeon's, loads up to 90 % of the slack force, a sheath that bends by up to a quarter turn;
+controllers with the right instrument and with wrong ones, under every law.
 """
 
 import argparse
@@ -18,20 +18,20 @@ from numpy.typing import NDArray
 import tenodesis as tn
 from tenodesis.control import FAULTS, Controller, OperatingState, parameters
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Run
+from tenodesis.run import Run
 from tenodesis.twin import TIME_STEP, Twin
 
 Array = NDArray[np.float64]
 
 HOURS = 10.0
-CHUNK = 60.0  # s of work between two looks at the clock
+CHUNK = 60.0  # s of work between two readings of the clock
 FASTEST = 2.0  # Hz
 MOST_BEND = np.pi / 2  # rad
-LOAD = 0.9  # of what makes a tendon slack
+LOAD = 0.9  # of the slack force
 
 
 class Work(NamedTuple):
-    """What is done to an instrument, per step: rad, N, rad."""
+    """Inputs of an instrument per step: rad, N, rad, each of shape (n,)."""
 
     handle_angle: Array
     force: Array
@@ -39,13 +39,13 @@ class Work(NamedTuple):
 
 
 class Setting(NamedTuple):
-    """A controller and what it is wrong about."""
+    """A controller and the errors of its instrument."""
 
     observer: str = "friction"
     law: str = "robust"
     actuation: str = "differential"
     friction: float = 1.0
-    """Of the instrument's, what the controller is told."""
+    """Coefficients that the controller assumes, over the true ones."""
     stiffness: float = 1.0
 
 
@@ -63,8 +63,8 @@ SETTINGS = (
 )
 
 
-def told(inst: Instrument, friction: float = 1.0, stiffness: float = 1.0) -> Instrument:
-    """Return what a controller is told of an instrument: its true stiffness and friction, times factors."""
+def assumed(inst: Instrument, friction: float = 1.0, stiffness: float = 1.0) -> Instrument:
+    """Return the instrument that a controller assumes: true stiffness and friction times factors."""
     true = inst.mismatch.stiffness_ratio
     return inst.replace(
         tendon_stiffness=inst.tendon_stiffness * true * stiffness,
@@ -77,7 +77,7 @@ def told(inst: Instrument, friction: float = 1.0, stiffness: float = 1.0) -> Ins
 
 
 def work(inst: Instrument, random: np.random.Generator, seconds: float) -> Work:
-    """Return normal work: motions, holds and sudden stops, under loads that come, sway and go."""
+    """Return normal work: motions, holds and sudden stops under varying loads."""
     count = round(seconds / TIME_STEP)
     reach = float(tn.statics.handle_angle(inst, inst.output_range))
     most = LOAD * float(tn.statics.slack_force(inst, inst.output_range))
@@ -103,7 +103,7 @@ def _hand(random: np.random.Generator, t: Array, before: float, most: float) -> 
     frequency = random.uniform(0.1, FASTEST, 3)[:, np.newaxis]
     size = random.dirichlet(np.ones(3))[:, np.newaxis] * random.uniform(0, 0.7) * most
     phase = random.uniform(0, 2 * np.pi, (3, 1))
-    # Cut off wherever it is at the end: a sudden stop if it is held next.
+    # It ends at any velocity: a sudden stop if a hold follows.
     swaying = size * (np.sin(2 * np.pi * frequency * t + phase) - np.sin(phase))
     return np.asarray(np.clip(before + swaying.sum(0), -most, most))
 
@@ -129,20 +129,20 @@ def _moved(t: Array, start: float, end: float, span: float) -> Array:
     return start + (end - start) * u**3 * (10 - 15 * u + 6 * u * u)
 
 
-class Told(NamedTuple):
-    """What a stretch of work came to."""
+class Outcome(NamedTuple):
+    """Faults in a chunk of work."""
 
     ticks: int
     true_faults: list[str]
-    """That the twin confirms: a law has had a tendon hang, or pulled it beyond its limit."""
+    """Confirmed by the twin: a tendon was slack, or beyond its limit."""
     false_faults: list[str]
     computing: float
     """s"""
 
 
-def watched(inst: Instrument, setting: Setting, seed: int, seconds: float) -> Iterator[Told]:
-    """Yield what each chunk of work came to; after a fault the controller and the twin start anew."""
-    known = told(inst, setting.friction, setting.stiffness)
+def watched(inst: Instrument, setting: Setting, seed: int, seconds: float) -> Iterator[Outcome]:
+    """Yield the outcome of each chunk of work; after a fault controller and twin start again."""
+    known = assumed(inst, setting.friction, setting.stiffness)
     choices: Mapping[str, Any] = {key: getattr(setting, key) for key in ("observer", "law", "actuation")}
     random = np.random.default_rng(seed)
     twin, controller = Twin(inst, seed=seed), Controller(known, **choices)
@@ -151,7 +151,7 @@ def watched(inst: Instrument, setting: Setting, seed: int, seconds: float) -> It
     while left > 0:
         done = work(inst, random, min(CHUNK, left))
         left -= CHUNK
-        # Chunks start from rest, wherever the last one ended.
+        # A chunk starts from rest at the end of the one before.
         eased = 0.5 * (1 - np.cos(np.pi * np.arange(1, 2001) / 2001))
         columns = [np.concatenate([a + (b[0] - a) * eased, b]) for a, b in zip(start, done, strict=True)]
         began = time.perf_counter()
@@ -159,22 +159,22 @@ def watched(inst: Instrument, setting: Setting, seed: int, seconds: float) -> It
         spent = time.perf_counter() - began
         start = np.array([column[-1] for column in columns])
         failed = np.flatnonzero(run["operating_state"] == OperatingState.FAULT)
-        told_of: dict[bool, list[str]] = {True: [], False: []}
+        faults: dict[bool, list[str]] = {True: [], False: []}
         if failed.size:
             row = int(failed[0])
             mask = int(run["faults"][row])
             found = [name for n, name in enumerate(FAULTS) if mask >> n & 1]
-            told_of[all(confirmed(known, run, name, row) for name in found)].append("+".join(found))
+            faults[all(confirmed(known, run, name, row) for name in found)].append("+".join(found))
             twin, controller = Twin(inst, seed=seed), Controller(known, **choices)
             start = np.zeros(3)
-        yield Told(len(run), told_of[True], told_of[False], spent)
+        yield Outcome(len(run), faults[True], faults[False], spent)
 
 
 def confirmed(inst: Instrument, run: Run, fault: str, row: int) -> bool:
-    """Return whether the tendons themselves are as a fault of a run's row says."""
+    """Return whether the true tensions confirm a fault at a row of a run."""
     limits = parameters(inst).limits[0]
     if fault not in ("tendon_slack", "over_tension"):
-        # Both tendons hang: that one is broken cannot be told from it.
+        # Both tendons are slack, which a broken tendon cannot be distinguished from.
         return fault == "tendon_break" and bool(run["tension"][row].max() < limits["tendon_slack"][0])
     threshold, persistence = limits[fault]
     tension = run["tension"][max(0, row - round(0.98 * persistence / TIME_STEP)) : row + 1]
@@ -194,7 +194,7 @@ def main() -> None:
     total, computing, worst = 0, 0.0, 0.0
     sums = {"true": Counter[str](), "false": Counter[str]()}
 
-    def run(case: tuple[int, tuple[Instrument, Setting]]) -> list[Told]:
+    def run(case: tuple[int, tuple[Instrument, Setting]]) -> list[Outcome]:
         return list(watched(*case[1], seed=case[0], seconds=each))
 
     started = time.perf_counter()
@@ -212,7 +212,7 @@ def main() -> None:
             for kind, counted in names.items():
                 sums[kind] += counted
             print(
-                f"  {inst.name:<10} {setting.law:<14} {setting.actuation:<12} friction told x{setting.friction:<4g} "
+                f"  {inst.name:<10} {setting.law:<14} {setting.actuation:<12} friction assumed x{setting.friction:<4g} "
                 f"stiffness x{setting.stiffness:<5.3g} {ticks * TIME_STEP / 3600:6.3f} h   "
                 f"{names['false'].total()} false {dict(names['false']) or ''}   {dict(names['true']) or ''}",
                 flush=True,
@@ -221,7 +221,7 @@ def main() -> None:
     print(
         f"{simulated / 3600:.2f} simulated hours, {total / 1e6:.1f} M ticks, {sums['false'].total()} false faults "
         f"({sums['false'].total() / simulated * 3600:.3g} per hour; target 0); the "
-        f"laws had tendons hang or pulled them beyond their limit {sums['true'].total()} times: {dict(sums['true'])}\n"
+        f"laws made tendons slack or exceeded their limit {sums['true'].total()} times: {dict(sums['true'])}\n"
         f"  twin and controller over real time: mean {simulated / computing:.0f}x   worst "
         f"{1 / worst:.0f}x   ({time.perf_counter() - started:.0f} s in all on {os.cpu_count()} cores)"
     )

@@ -23,11 +23,11 @@ import tenodesis as tn
 from tenodesis.identification import FORMATS, fit
 from tenodesis.identification.differences import scales
 from tenodesis.identification.formats.instrument_run import TENDONS, InstrumentRun, checked
-from tenodesis.identification.models.twin import TwinProblem, problem
+from tenodesis.identification.twin_model.problem import TwinProblem, problem
 from tenodesis.instrument import Instrument
-from tenodesis.protocols import Cycles, Pretension, Protocol
-from tenodesis.recording.session import record
-from tenodesis.signals import Array
+from tenodesis.recording.simulation import record
+from tenodesis.run import Array
+from tenodesis.simulate import Cycles, Pretension, Protocol
 
 STEP = 5e-4
 SEEDS = 100

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import tenodesis as tn
-from tenodesis.instrument_text import to_toml
+from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
 from tenodesis.live.loop import Choices, LiveLoop
 from tenodesis.live.record import Reader
@@ -27,7 +27,7 @@ def made(folder: Path, name: str, **choices: object) -> LiveLoop:
     (folder / folders.INSTRUMENT).write_text(to_toml(inst), "utf-8")
     loop = LiveLoop(inst, folder, Choices(**choices))  # type: ignore[arg-type]
     has = loop.capabilities
-    folders.tell(folder, folders.About(inst, has.name, loop.period, has.simulated, has.distal_encoder, "", 0))
+    folders.write(folder, folders.About(inst, has.name, loop.period, has.simulated, has.distal_encoder, "", 0))
     return loop
 
 

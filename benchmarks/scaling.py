@@ -12,8 +12,8 @@ import numpy as np
 import tenodesis as tn
 from tenodesis import scaling
 from tenodesis.instrument import TendonGear
-from tenodesis.scaling.range import working_range
-from tenodesis.signals import Array
+from tenodesis.run import Array
+from tenodesis.scaling.judge import working_range
 
 ROOT = Path(__file__).parents[1]
 PEERS = 300
@@ -23,21 +23,23 @@ SECONDS_TARGET = 10.0
 RATIO_TARGET = 20.0
 
 
-def judged_in_python(model: TendonGear, prototype: TendonGear, handle: Array, force: Array, expected: Array) -> float:
+def judged_in_python(
+    real_size: TendonGear, scaled_up: TendonGear, handle: Array, force: Array, expected: Array
+) -> float:
     """Return the largest similarity error of one scale model, deg."""
-    comparison = tn.similarity.compare(model, prototype)
+    comparison = tn.similarity.compare(real_size, scaled_up)
     found = tn.statics.output_angle(
-        prototype.replace(pretension=model.pretension * comparison.tension_factor),
+        scaled_up.replace(pretension=real_size.pretension * comparison.tension_factor),
         handle,
         force * comparison.force_factor(),
     )
-    stop = -prototype.output_stop * np.sign(force)
+    stop = -scaled_up.output_stop * np.sign(force)
     return float(np.degrees(np.abs(np.where(np.isnan(found), stop, found) - expected).max()))
 
 
 def main() -> None:
-    model = tn.load("real-size").axis("yaw")
-    assert isinstance(model, TendonGear)
+    real_size = tn.load("real-size").axis("yaw")
+    assert isinstance(real_size, TendonGear)
     parts = scaling.load()
     cores = tn.threads.threads()
     fronts = {}
@@ -46,14 +48,14 @@ def main() -> None:
         tn.set_threads(threads)
         for _ in range(ROUNDS):
             start = time.perf_counter()
-            fronts[threads] = scaling.design(model, parts)
+            fronts[threads] = scaling.design(real_size, parts)
             seconds.setdefault(threads, []).append(time.perf_counter() - start)
     front = fronts[cores]
     same = np.array_equal(fronts[1].sweep.numbers, front.sweep.numbers) and np.array_equal(
         fronts[1].sweep.costs, front.sweep.costs
     )
     points = front.sweep.range.coarse.force.size
-    print(f"{front.examined} scale models of {model.name}, {points} points each; {len(front)} on the front")
+    print(f"{front.examined} scale models of {real_size.name}, {points} points each; {len(front)} on the front")
     for threads, times in seconds.items():
         mean, worst = np.mean(times), max(times)
         print(f"  on {threads} cores, catalogue to front   mean {mean:5.2f} s   worst {worst:5.2f} s", end="")
@@ -69,16 +71,18 @@ def main() -> None:
     tn.set_threads(1)
     scaled = tn.load("scaled-up")
     assert isinstance(scaled, TendonGear)
-    span = working_range(model, max(model.conditions.forces)).coarse
-    expected = tn.statics.output_angle(model, span.handle_angle, span.force)
+    span = working_range(real_size, max(real_size.conditions.forces)).coarse
+    expected = tn.statics.output_angle(real_size, span.handle_angle, span.force)
     ratios = []
     for _ in range(ROUNDS):
         start = time.perf_counter()
         for length in np.linspace(0.05, 0.25, PEERS):
-            judged_in_python(model, scaled.replace(end_effector_length=length), span.handle_angle, span.force, expected)
+            judged_in_python(
+                real_size, scaled.replace(end_effector_length=length), span.handle_angle, span.force, expected
+            )
         peer = (time.perf_counter() - start) / PEERS
         start = time.perf_counter()
-        front = scaling.design(model, parts)
+        front = scaling.design(real_size, parts)
         ratios.append(peer / ((time.perf_counter() - start) / front.examined))
     tn.set_threads(cores)
     mean, worst = np.mean(ratios), min(ratios)

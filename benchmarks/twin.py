@@ -1,6 +1,6 @@
-"""How fast the twin steps, as ratios against MuJoCo measured in the same run, and what its steps cost in accuracy.
+"""Speed of the twin, as ratios against MuJoCo measured in the same run, and the error of its time step.
 
-Peer: MuJoCo on the same instrument without friction, which is all that its model of the instrument has; ours carries
+Peer: MuJoCo on the same instrument without friction, which its model cannot represent; the twin has
 full friction, drives and sensors.
 """
 
@@ -41,7 +41,7 @@ def seconds(call: Callable[[], object]) -> float:
 
 
 def motions(inst: Instrument) -> dict[str, tuple[Array, Array]]:
-    """Handle angle and force of a few ways to use the instrument."""
+    """Handle angle (rad) and force (N), shape (n,), of some typical motions."""
     t = np.arange(1, STEPS + 1) * TIME_STEP
     reach = float(tn.statics.handle_angle(inst, inst.output_range))
     slack = float(tn.statics.slack_force(inst, 0.0))
@@ -55,9 +55,9 @@ def motions(inst: Instrument) -> dict[str, tuple[Array, Array]]:
 
 
 def single(inst: Instrument) -> None:
-    """Steps per second of one axis on one core: with every signal kept, and stepping alone against MuJoCo's in turns.
+    """Steps per second of one axis on one core: with every signal kept, and stepping alone against MuJoCo, alternately.
 
-    MuJoCo steps alone too, in its leanest set-up, without sensors or outputs.
+    MuJoCo also steps alone, in its fastest configuration, without sensors or outputs.
     """
     tn.set_threads(1)
     smooth = inst.replace(friction=None, mismatch=None)
@@ -86,7 +86,7 @@ def single(inst: Instrument) -> None:
 
 
 def sweeps(inst: Instrument) -> None:
-    """How many passes over the tendons a step takes."""
+    """Passes over the tendons per step."""
     print(f"{inst.name}, passes a step:")
     for name, (handle, force) in motions(inst).items():
         many = run_many(inst, handle, force, signals=("sweeps",))["sweeps"][0]

@@ -93,7 +93,7 @@ def _sequence(page: Any) -> list[Image.Image]:
     hand = page.locator("xpath=(//label[.='Handle yaw, °']/following::input[not(@type='hidden')])[1]")
     do(lambda: time.sleep(0.5), 1)
     do(lambda: hand.fill("25"), 7)
-    do(page.get_by_role("button", name="Put the load on at once").click, 7)
+    do(page.get_by_role("button", name="Apply the load as a step").click, 7)
     do(lambda: tab("Law"), 1)
     do(lambda: law("robust"), 9)
     return frames

@@ -1,7 +1,6 @@
-"""Write what is generated, not typed: tables in docs/, the editor schema, the typed stub of the C++ module."""
+"""Write what is generated, not typed: tables and figures in docs/, and the typed stub of the C++ module."""
 
 import ast
-import json
 import re
 import subprocess
 import sys
@@ -10,11 +9,12 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
+import dimensions
 import picture
 
-from tenodesis import instrument, scaling
-from tenodesis.bench import run
-from tenodesis.bench.content import Context
+from tenodesis import instrument
+from tenodesis.paper import run
+from tenodesis.paper.context import Context
 
 ROOT = Path(__file__).parents[1]
 EQUATIONS = range(1, 23)
@@ -25,14 +25,10 @@ def main(folder: Path = ROOT) -> None:
     (folder / "docs").mkdir(parents=True, exist_ok=True)
     (folder / "docs/traceability.md").write_text(traceability(), "utf-8")
     package = folder / "src/tenodesis"
-    (package / "instruments").mkdir(parents=True, exist_ok=True)
-    schema = json.dumps(instrument.json_schema(), indent=2, ensure_ascii=False)
-    (package / "instruments/instrument.schema.json").write_text(schema + "\n", "utf-8")
-    (package / "catalogue").mkdir(exist_ok=True)
-    schema = json.dumps(scaling.json_schema(), indent=2, ensure_ascii=False)
-    (package / "catalogue/catalogue.schema.json").write_text(schema + "\n", "utf-8")
+    package.mkdir(parents=True, exist_ok=True)
     (package / "_core.pyi").write_text(stub(), "utf-8")
     picture.draw(folder / "docs/picture.svg")
+    dimensions.draw(folder / "docs/dimensions.svg")
 
 
 def traceability() -> str:
@@ -110,11 +106,14 @@ def _equations(text: str) -> list[int]:
 
 
 def _python_functions() -> Iterator[tuple[str, str]]:
-    for module in ("statics", "similarity.comparison"):
+    for module in ("statics.equations", "similarity.comparison"):
         tree = ast.parse((ROOT / f"src/tenodesis/{module.replace('.', '/')}.py").read_text("utf-8"))
         for node in ast.walk(tree):
             if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
-                yield f"tenodesis.{module}.{node.name}", (ast.get_docstring(node) or "").split("\n\n")[0]
+                yield (
+                    f"tenodesis.{module.partition('.')[0]}.{node.name}",
+                    (ast.get_docstring(node) or "").split("\n\n")[0],
+                )
 
 
 def _core_functions() -> Iterator[tuple[str, str]]:

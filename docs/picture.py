@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
 import tenodesis as tn
-from tenodesis.bench import style
 from tenodesis.instrument import TendonGear
+from tenodesis.report import style
 
 FORCE = 1.0
 SHOWN = 23.0  # mm of the end-effector: all of it would leave no room to see the joint

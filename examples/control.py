@@ -11,14 +11,14 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import tenodesis as tn
-from tenodesis.recording.outcome import outcome, tip_error
 from tenodesis.recording.replay import replay
-from tenodesis.recording.session import record
+from tenodesis.recording.simulation import record
+from tenodesis.recording.summary import outcome, tip_error
 
 # 1. The instrument on its bench, and what is done there: the tip bent by 60 deg, then 1 N pushes it back.
 inst = tn.load("scaled-up")
-step_load = tn.protocols.StepLoad(output_angle="60 deg", delay="0.5 s", force="1 N", duration="3 s")
-protocol = tn.protocols.Protocol(name="push", phases=(step_load,))
+step_load = tn.simulate.StepLoad(output_angle="60 deg", delay="0.5 s", force="1 N", duration="3 s")
+protocol = tn.simulate.Protocol(name="push", phases=(step_load,))
 
 # 2. Who moves the motors: nobody, eq. 22 as the paper has it, and the robust law, which goes by the friction observer.
 controllers = {

@@ -3,29 +3,40 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from tenodesis import control, kinematics, protocols, similarity, statics, tendon, twin
-from tenodesis.errors import (
-    DesignError,
-    IdentificationError,
-    InstrumentError,
-    NoSolutionError,
-    ProtocolError,
-    RecordingError,
-    StudyError,
-)
-from tenodesis.instrument import Continuum, Instrument, TendonGear, TendonPulley, load, parse, shipped
-from tenodesis.recording import Recorder, Recording
-from tenodesis.signals import Run
-from tenodesis.threads import set_threads
+from tenodesis.version import __version__
 
 if TYPE_CHECKING:
-    from tenodesis import identification, scaling, tolerance
-
-__version__ = "0.1.0"
+    from tenodesis import (
+        control,
+        identification,
+        kinematics,
+        scaling,
+        similarity,
+        simulate,
+        statics,
+        tendon,
+        tolerance,
+        twin,
+    )
+    from tenodesis.errors import (
+        DesignError,
+        Error,
+        IdentificationError,
+        InstrumentError,
+        NoSolutionError,
+        ProtocolError,
+        RecordingError,
+        StudyError,
+    )
+    from tenodesis.instrument import Continuum, Instrument, TendonGear, TendonPulley, load, parse, shipped
+    from tenodesis.recording import Recorder, Recording
+    from tenodesis.run import Run
+    from tenodesis.threads import set_threads
 
 __all__ = [
     "Continuum",
     "DesignError",
+    "Error",
     "IdentificationError",
     "Instrument",
     "InstrumentError",
@@ -38,27 +49,50 @@ __all__ = [
     "StudyError",
     "TendonGear",
     "TendonPulley",
+    "__version__",
     "control",
     "identification",
     "kinematics",
     "load",
     "parse",
-    "protocols",
     "scaling",
     "set_threads",
     "shipped",
     "similarity",
+    "simulate",
     "statics",
     "tendon",
     "tolerance",
     "twin",
 ]
 
-_LATE = ("identification", "scaling", "tolerance")
+_HOME = {
+    "errors": (
+        "DesignError",
+        "Error",
+        "IdentificationError",
+        "InstrumentError",
+        "NoSolutionError",
+        "ProtocolError",
+        "RecordingError",
+        "StudyError",
+    ),
+    "instrument": ("Continuum", "Instrument", "TendonGear", "TendonPulley", "load", "parse", "shipped"),
+    "recording": ("Recorder", "Recording"),
+    "run": ("Run",),
+    "threads": ("set_threads",),
+}
+_MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:
-    """Return a subpackage that is only loaded when it is asked for, for the libraries it needs."""
-    if name in _LATE:
+    """Import what is asked for when it is asked for, so that `import tenodesis` loads no library."""
+    if name in _MODULE_OF:
+        return getattr(import_module(f"tenodesis.{_MODULE_OF[name]}"), name)
+    if name in __all__:
         return import_module(f"tenodesis.{name}")
     raise AttributeError(f"module 'tenodesis' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

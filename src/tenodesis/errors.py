@@ -1,37 +1,96 @@
-"""What the package raises when it is asked for something it cannot give."""
+"""What the package raises when it is asked for something it cannot give: one family of exceptions that carry data."""
 
 
-class InstrumentError(ValueError):
+class Error(Exception):
+    """Base of all exceptions of this package that a user can mend.
+
+    Parameters
+    ----------
+    problem
+        The sentence, or what is wrong with the value of `key`.
+    key
+        Name of the argument, option or key of a file that is wrong, empty if it is none.
+    value
+        What it is.
+    allowed
+        What it must be, as the end of a sentence: "a time above 0 s", "one of yaw and pitch".
+    """
+
+    def __init__(self, problem: str = "", *, key: str = "", value: object = None, allowed: str = "") -> None:
+        super().__init__(problem)
+        self.problem, self.key, self.value, self.allowed = problem, key, value, allowed
+
+    def __str__(self) -> str:
+        """Return the sentence that names key, value and what is allowed."""
+        if self.problem or not self.key:
+            return self.problem
+        return f"{self.key} is {self.value!r}; it must be {self.allowed}."
+
+
+class ArgumentError(Error, ValueError):
+    """An argument of a function has a value that it must not have."""
+
+
+class InstrumentError(Error, ValueError):
     """An instrument file or a changed instrument is not valid; the message names key, value and what is allowed."""
 
 
-class NoSolutionError(ValueError):
+class NoSolutionError(Error, ValueError):
     """The instrument has no solution at a single point asked for; in arrays such points are NaN instead."""
 
 
-class RecordingError(Exception):
+class RecordingError(Error):
     """A recording cannot be written or read; the message names the file, the cause and what remains readable."""
 
 
-class ProtocolError(ValueError):
+class ProtocolError(Error, ValueError):
     """A protocol is not valid, or an instrument cannot run it; the message names phase, key and what is allowed."""
 
 
-class DesignError(ValueError):
+class DesignError(Error, ValueError):
     """A catalogue is not valid, or there is no scale model within the constraints; the message says why."""
 
 
-class StudyError(ValueError):
+class StudyError(Error, ValueError):
     """A tolerance study cannot be carried out; the message says why."""
 
 
-class IdentificationError(ValueError):
-    """Measured data cannot be used, or do not tell what is asked of them; the message says why."""
+class IdentificationError(Error, ValueError):
+    """Measured data cannot be used, or do not determine what is asked of them; the message says why."""
 
 
-class DeviceError(Exception):
+class DeviceError(Error):
     """A device cannot be opened, or has stopped doing what it is for; the message says what to do."""
 
 
-class LiveError(Exception):
+class LiveError(Error):
     """The live instrument does not do what is asked of it; the message says why."""
+
+
+class ReportError(Error):
+    """A report cannot be written; the message names the folder and the cause."""
+
+
+class CommandError(Error):
+    """A command is given options that do not go together; the message says which."""
+
+
+class MissingExtraError(Error, ImportError):
+    """An optional dependency is not installed; the message says which extra brings it.
+
+    Parameters
+    ----------
+    module
+        The module that is missing.
+    extra
+        Name of the extra that installs it.
+    """
+
+    def __init__(self, module: str, extra: str) -> None:
+        super().__init__(
+            f"{module} is not installed; it needs the extra [{extra}]: pip install 'tenodesis[{extra}]'.",
+            key="module",
+            value=module,
+            allowed=f"installed with the extra [{extra}]",
+        )
+        self.extra = extra

@@ -1,4 +1,4 @@
-"""One tendon with friction: what comes out at its far end, by the core's own return mapping.
+"""One tendon with friction between spool and tip, by the core's return mapping.
 
 Tensions in N, lengths in m, stiffness in N/m; friction exponents are coefficient times wrap angle.
 """
@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core
-from tenodesis.hardware import MOST_EXPONENT
+from tenodesis.errors import ArgumentError
+from tenodesis.instrument.hardware import MOST_EXPONENT
 
 Array = NDArray[np.float64]
 
 
-class Pull(NamedTuple):
-    """What a tendon did, one value per step."""
+class TendonRun(NamedTuple):
+    """Tensions, length, loss and residual of a tendon, one value per step, each of shape (n,)."""
 
     proximal: Array
     """Tension at the spool, N."""
@@ -39,13 +40,18 @@ def transmit(tension: ArrayLike, exponent: float, gain: float = 1.0, initial: fl
     Parameters
     ----------
     tension
-        Proximal tension, N, shape (n,); below zero counts as slack.
+        Proximal tension, N, shape (n,); negative values count as slack.
     exponent
         Friction coefficient times wrap angle, dimensionless.
     gain
         Gain of the distal load cell over the proximal one.
     initial
         Distal tension before the first sample, N; by default the first proximal one.
+
+    Returns
+    -------
+    array
+        Distal tension, N, shape (n,).
 
     Raises
     ------
@@ -69,7 +75,7 @@ class Tendon:
     Parameters
     ----------
     stiffness
-        Stiffness of the whole tendon, N/m, shared out evenly over its segments, or of every segment, from the spool.
+        Stiffness of the entire tendon, N/m, all segments alike, or of every segment, from the spool.
     exponents
         Friction exponent of every contact, from the spool.
     constant
@@ -96,35 +102,38 @@ class Tendon:
     ) -> None:
         contacts = _series("exponents", exponents)
         if not contacts.size:
-            raise ValueError("exponents is empty; allowed is at least one contact.")
+            raise ArgumentError(key="exponents", value=exponents, allowed="one exponent per contact, at least one")
         for index, exponent in enumerate(contacts):
             _check(f"exponents[{index}]", float(exponent), 0.0, MOST_EXPONENT)
         given = np.atleast_1d(np.asarray(stiffness, float))
         segments = np.full(contacts.size + 1, given[0] * (contacts.size + 1)) if np.ndim(stiffness) == 0 else given
         if segments.size != contacts.size + 1:
-            raise ValueError(
-                f"stiffness has {segments.size} segments and exponents {contacts.size} contacts; allowed is one "
-                "segment more than contacts, or one number for the whole tendon."
+            raise ArgumentError(
+                f"stiffness has {segments.size} segments and exponents {contacts.size} contacts; it must be one "
+                "segment more than contacts, or one number for the entire tendon.",
+                key="stiffness",
+                value=stiffness,
+                allowed=f"{contacts.size + 1} stiffnesses, or one",
             )
-        for index, one in enumerate(segments):
-            _check(f"stiffness[{index}]", float(one), 1e-6, 1e15)
+        for index, segment in enumerate(segments):
+            _check(f"stiffness[{index}]", float(segment), 1e-6, 1e15)
         for name, value in (("constant", constant), ("viscous", viscous), ("pretension", pretension)):
             _check(name, value, 0.0, 1e9)
         self._core = _core.Tendon(segments.tolist(), contacts.tolist(), constant, viscous, pretension)
         self.most_sweeps = 0
-        """Most passes that a step has taken."""
+        """Largest number of passes that a step has taken."""
 
     @property
     def tensions(self) -> Array:
-        """Tension of every segment now, from the spool, N."""
+        """Tension of every segment now, from the spool, N, shape (contacts + 1,)."""
         return np.array(self._core.tension)
 
     @property
     def slips(self) -> Array:
-        """Length that has slipped past every contact toward the spool, m."""
+        """Length that has slipped past every contact toward the spool, m, shape (contacts,)."""
         return np.array(self._core.slip)
 
-    def wind(self, wound: ArrayLike, drawn: ArrayLike = 0.0, *, time_step: float = 1e-3) -> Pull:
+    def wind(self, wound: ArrayLike, drawn: ArrayLike = 0.0, *, time_step: float = 1e-3) -> TendonRun:
         """Step over lengths wound in at the spool while the far end is drawn away.
 
         Parameters
@@ -143,35 +152,35 @@ class Tendon:
         """
         return self._run("wound", wound, drawn, time_step, by_tension=False)
 
-    def pull(self, tension: ArrayLike, drawn: ArrayLike = 0.0, *, time_step: float = 1e-3) -> Pull:
+    def pull(self, tension: ArrayLike, drawn: ArrayLike = 0.0, *, time_step: float = 1e-3) -> TendonRun:
         """Step over tensions at the spool (N, shape (n,)) while the far end is drawn away.
 
         Other parameters and errors are those of :meth:`wind`; tensions must not be negative.
         """
         return self._run("tension", tension, drawn, time_step, by_tension=True)
 
-    def _run(self, name: str, spool: ArrayLike, drawn: ArrayLike, time_step: float, *, by_tension: bool) -> Pull:
+    def _run(self, name: str, spool: ArrayLike, drawn: ArrayLike, time_step: float, *, by_tension: bool) -> TendonRun:
         series = _series(name, spool)
         if by_tension and series.size and series.min() < 0:
             at = int(np.argmin(series))
-            raise ValueError(f"{name}[{at}] is {series[at]:g} N; allowed is a tension of at least 0 N.")
+            raise ArgumentError(key=f"{name}[{at}]", value=float(series[at]), allowed="a tension of at least 0 N")
         tip = _series("drawn", np.broadcast_to(np.asarray(drawn, float), series.shape).copy())
         _check("time_step", time_step, 1e-9, 1e6)
         out = np.empty((5, series.size))
         self.most_sweeps = max(self.most_sweeps, self._core.run(series, tip, by_tension, time_step, out))
-        return Pull(*out)
+        return TendonRun(*out)
 
 
 def _series(name: str, values: ArrayLike) -> Array:
     array = np.ascontiguousarray(values, dtype=float)
     if array.ndim != 1:
-        raise ValueError(f"{name} has shape {array.shape}; allowed is a row of numbers.")
+        raise ArgumentError(f"{name} has shape {array.shape}; it must be (n,).", key=name, value=array.shape)
     wrong = np.flatnonzero(~np.isfinite(array))
     if wrong.size:
-        raise ValueError(f"{name}[{wrong[0]}] is {array[wrong[0]]}; allowed is a finite number.")
+        raise ArgumentError(key=f"{name}[{wrong[0]}]", value=float(array[wrong[0]]), allowed="a finite number")
     return array
 
 
 def _check(name: str, value: float, low: float, high: float) -> None:
     if not (np.isfinite(value) and low <= value <= high):
-        raise ValueError(f"{name} is {value!r}; allowed is a number from {low:g} to {high:g}.")
+        raise ArgumentError(key=name, value=value, allowed=f"a number from {low:g} to {high:g}")

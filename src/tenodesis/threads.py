@@ -2,6 +2,8 @@
 
 import os
 
+from tenodesis.errors import ArgumentError
+
 MOST_THREADS = 1024
 
 _threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
@@ -17,7 +19,7 @@ def set_threads(count: int) -> None:
     """
     global _threads  # noqa: PLW0603
     if not isinstance(count, int) or not 1 <= count <= MOST_THREADS:
-        raise ValueError(f"count is {count!r}; allowed is a whole number from 1 to {MOST_THREADS}.")
+        raise ArgumentError(key="count", value=count, allowed=f"a whole number from 1 to {MOST_THREADS}")
     _threads = count
 
 

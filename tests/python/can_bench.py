@@ -4,22 +4,32 @@ import itertools
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import pi
 from typing import Any
+from unittest.mock import patch
 
 import can
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
+from tenodesis.control import Controller, OperatingState
+from tenodesis.devices import can_setup
 from tenodesis.devices.canopen import CanOpenDevice
-from tenodesis.devices.settings import CanOpen
-from tenodesis.devices.simulated.bench import SimulatedBench
+from tenodesis.devices.simulated.bench import SimulatedBench, TwinPlant
+from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
+from tenodesis.instrument.devices import CanOpen
+from tenodesis.run import Array
+from tenodesis.twin import Twin
 
 RATE = 500.0  # Hz
 TIMEOUT = 5.0  # s: of an answer that comes, however busy the machine
 SPEED_UNIT = 1e-4  # rad/s
 HEARTBEAT = 4e-3  # s
 AGONIST, ANTAGONIST, SENSORS = 1, 2, 10
+TICKS = 300
+SPEED = 0.5  # rad/s
 COUNTER = (0x2101, 0)
 
 _channels = (f"tenodesis test {n}" for n in itertools.count())
@@ -108,7 +118,10 @@ def simulated(
     """A simulated bench that runs."""
     bus = can.Bus(interface=settings.interface, channel=settings.channel, **settings.options)
     try:
-        with SimulatedBench(inst, settings, bus, clock=clock, **options) as bench:
+        with (
+            patch.object(can_setup, "_ANSWER_TIME", TIMEOUT),
+            SimulatedBench(inst, settings, bus, clock=clock, **options) as bench,
+        ):
             yield bench
     finally:
         bus.shutdown()
@@ -135,7 +148,7 @@ def served(
 @contextmanager
 def reopened(device: CanOpenDevice) -> Iterator[None]:
     """A device is opened again on a bus of which answers to other than SYNC are waited for."""
-    bus = device._bus
+    bus = device._can.bus
     assert isinstance(bus, Prompt)
     device.open()
     bus.prompt = True
@@ -148,3 +161,52 @@ def tick(device: CanOpenDevice, clock: Clock, speed: float = 0.5) -> NDArray[np.
     measured = device.read(TIMEOUT)
     device.write(np.full((len(device.capabilities.axes), 2), speed))
     return None if measured is None else measured.spool_angle
+
+
+def motion(time: float) -> tuple[float, float]:
+    """The hand bends the handle by 20 deg in 0.3 s, then the tip is loaded."""
+    return np.radians(20) * (1 - np.cos(pi * min(time, 0.3) / 0.3)) / 2, 0.5 if time > 0.4 else 0.0
+
+
+def until(condition: Callable[[], bool]) -> bool:
+    """Whether the simulated bench, a thread of its own, comes to that."""
+    end = time.monotonic() + 10
+    while not condition() and time.monotonic() < end:
+        time.sleep(1e-3)
+    return condition()
+
+
+def at_rest(bench: SimulatedBench) -> bool:
+    return until(lambda: not bench.velocity.any() and all(drive.velocity == 0 for drive in bench.drives.values()))
+
+
+def moves(bench: SimulatedBench) -> bool:
+    return until(lambda: bool(np.abs(bench.velocity).max() > 0.9 * SPEED))
+
+
+def stops(device: CanOpenDevice, bench: SimulatedBench, named: str, act: Callable[[], object]) -> None:
+    """What is done fails by that name, leaves all motors at rest, and nothing moves one afterwards."""
+    with pytest.raises(DeviceError, match=named):
+        act()
+    assert at_rest(bench)
+    with pytest.raises(DeviceError, match=named):
+        device.write(np.full((1, 2), SPEED))
+    with pytest.raises(DeviceError, match=named):
+        device.read(TIMEOUT)
+    assert at_rest(bench)
+
+
+def in_process(inst: Instrument, lag: int, ticks: int = TICKS) -> tuple[Array, Array]:
+    """Output angles and commands of the twin in process, its commands late by so many ticks and rounded as frames."""
+    plant, controller = TwinPlant(Twin(inst), motion), Controller(inst)
+    waiting = [np.zeros((1, 2)) for _ in range(1 + lag)]
+    tips, commands = [], []
+    for n in range(ticks):
+        measured = plant.step(waiting.pop(0))
+        answer = controller.step((n + 1) / RATE, measured.handle_angle[0], measured.tension[0], measured.spool_angle[0])
+        waiting.append(np.round(answer.spool_velocity / SPEED_UNIT)[np.newaxis] * SPEED_UNIT)
+        assert plant.latest is not None
+        tips.append(plant.latest["output_angle"][-1])
+        commands.append(answer.spool_velocity)
+    assert answer.state == OperatingState.ENABLED
+    return np.array(tips), np.array(commands)

@@ -1,12 +1,23 @@
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 
 import tenodesis as tn
+from tenodesis.errors import ArgumentError, Error
 from tenodesis.instrument import Instrument
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
+
+# No test depends on luck: the same examples every time, and no verdict by the clock.
+settings.register_profile("repeatable", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("repeatable")
 
 
 @pytest.fixture(scope="session")
@@ -36,6 +47,35 @@ def any_inst(request: pytest.FixtureRequest) -> Instrument:
     return inst
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    config.addinivalue_line("markers", "equation(*numbers): the paper's equations that a test checks")
-    config.addinivalue_line("markers", "care(number): the care point of docs/model.md that a test checks")
+@contextmanager
+def refused(key: str, value: Any = ..., kind: type[Error] = ArgumentError) -> Iterator[None]:
+    """Expect an error about this key and value, whatever its wording."""
+    with pytest.raises(kind) as caught:
+        yield
+    assert caught.value.key == key
+    if value is not ...:
+        np.testing.assert_equal(caught.value.value, value)
+    assert str(caught.value).endswith(".")
+
+
+@pytest.fixture
+def tenodesis(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[int, str, str]]:
+    """Run the command line in this process, in a folder of its own; returns exit code, output and errors."""
+    from tenodesis.cli import commands
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "140")
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["tenodesis", *map(str, arguments)])
+        code = 0
+        try:
+            commands.main()
+        except SystemExit as end:
+            code = int(end.code or 0)
+        said = capsys.readouterr()
+        return code, said.out, said.err
+
+    return run

@@ -1,5 +1,6 @@
 """A browser without a window: sends the page's server whatever it is told, whether a panel would or not."""
 
+import http.client
 import struct
 import threading
 import time
@@ -113,3 +114,17 @@ def wait(happens: Any, seconds: float = 15.0) -> None:
     while not happens():
         assert time.monotonic() < end, "it did not happen"
         time.sleep(0.02)
+
+
+def operates(bench: Any, guest: Guest) -> bool:
+    address = "{}:{}".format(*guest.socket.local_address[:2])
+    return bench.operator is not None and bench.operator.endswith(address)
+
+
+def get(page: Any, path: str = "/", **headers: str) -> http.client.HTTPResponse:
+    """Return the answer of the page to a request."""
+    connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=10)
+    connection.request("GET", path, headers={name.replace("_", "-"): value for name, value in headers.items()})
+    answer = connection.getresponse()
+    answer.read()
+    return answer

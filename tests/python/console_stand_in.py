@@ -9,16 +9,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import tenodesis as tn
-from tenodesis.console.link import Asked
-from tenodesis.control import Controller, OperatingState, Request, Tampering
+from tenodesis.control import Controller, OperatingState, Request
 from tenodesis.control.controller import fault_names
+from tenodesis.devices.device import Capabilities
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
-from tenodesis.instrument_text import to_toml
-from tenodesis.protocols import Protocol
-from tenodesis.signals import Array, Run, concatenate
+from tenodesis.instrument.text import to_toml
+from tenodesis.live.commands import ControllerRequest, RestartableConnection
+from tenodesis.live.status import ProtocolState, ProtocolStatus, RuntimeState, Status, Timing
+from tenodesis.run import Array, Run, concatenate
+from tenodesis.simulate import FaultInjection, Protocol
 
 TIME_STEP = 5e-4
 _BLOCK = 20
@@ -27,47 +30,9 @@ _LEASE = 1.0  # s
 _KEPT = 12.0  # s
 
 
-@dataclass(frozen=True)
-class Timing:
-    ticks: int
-    late: int = 0
-    missed: int = 0
-    lost: int = 0
-    p50: float = 31e-6
-    p99: float = 48e-6
-    worst: float = 210e-6
-    rate: float = 1 / TIME_STEP
-
-
-@dataclass(frozen=True)
-class Status:
-    state: str
-    faults: tuple[str, ...]
-    law: str
-    actuation: str
-    operator: str | None
-    timing: Timing
-    protocol: tuple[str, float, float, str | None] | None
-    recording: Path | None
-    speed: float
-    problem: str | None
-    homed: bool = True
-    homing: bool = False
-    stopped: bool = False
-    first_faults: tuple[str, ...] = ()
-    realtime: tuple[str, ...] = ("Real-time scheduling was not granted.",)
-    recorder_lost: int = 0
-
-
-@dataclass(frozen=True)
-class Capabilities:
-    simulated: bool = True
-    distal_encoder: bool = True
-
-
 @dataclass
 class StandIn:
-    """The instrument; :meth:`connect` gives links to it, `commands` lists who asked for what."""
+    """The instrument; :meth:`connect` opens connections to it, `commands` lists who asked for what."""
 
     inst: Instrument
     folder: Path
@@ -95,14 +60,14 @@ class StandIn:
             axes = len(inst.axes)
             self.hands, self.forces, self.at = np.zeros(axes), np.zeros(axes), np.zeros(axes)
             self.beat, self.rate, self.problem = 0.0, 1.0, None
-            self.tampering: list[Tampering] = []
+            self.faults: list[FaultInjection] = []
             self.playing: Iterator[Mapping[str, Array]] | None = None
-            self.protocol: tuple[str, float, float, str | None] | None = None
+            self.protocol: ProtocolStatus | None = None
             self.recorder: tn.Recorder | None = None
             self.runs.append(self.block())
 
-    def connect(self, origin: str) -> "StandInLink":
-        return StandInLink(self, origin)
+    def connect(self, origin: str) -> "StandInConnection":
+        return StandInConnection(self, origin)
 
     def close(self) -> None:
         self.done.set()
@@ -126,14 +91,14 @@ class StandIn:
             commands["handle_angle"],
             commands["force"],
             controller=self.controller,
-            tampering=[one for one in self.tampering if one.stop > self.twin.time],
+            fault_injection=[one for one in self.faults if one.stop > self.twin.time],
         )
         self.at = commands["handle_angle"][-1].reshape(axes)
         self.ticks += count
         if self.recorder is not None and self.protocol is not None:
             self.recorder.write(run)
-            name, done, total, problem = self.protocol
-            self.protocol = (name, min(total, done + count * TIME_STEP), total, problem)
+            done = min(self.protocol.total, self.protocol.done + count * TIME_STEP)
+            self.protocol = self.protocol._replace(done=done)
         return run
 
     def end_protocol(self, why: str | None = None) -> None:
@@ -142,9 +107,12 @@ class StandIn:
             self.recorder = None
             self.hands = self.at.copy()
         self.playing = None
-        if self.protocol is not None and self.protocol[3] is None:
-            name, done, total, _ = self.protocol
-            self.protocol = (name, total if why is None else done, total, why)
+        if self.protocol is not None and self.protocol.runs:
+            name, done, total, *_ = self.protocol
+            if why is None:
+                self.protocol = ProtocolStatus(name, total, total, ProtocolState.DONE)
+            else:
+                self.protocol = ProtocolStatus(name, done, total, ProtocolState.ENDED, why)
 
     def play(self, protocol: Protocol) -> None:
         seconds = protocol.duration(self.inst, TIME_STEP)
@@ -153,7 +121,7 @@ class StandIn:
         metadata = {"instrument": to_toml(self.inst), "protocol": protocol.to_toml()}
         self.recorder = tn.Recorder(path, axes=self.inst.axes, metadata=metadata)
         self.playing = protocol.blocks(self.inst, TIME_STEP, _BLOCK * TIME_STEP)
-        self.protocol = (protocol.name, 0.0, seconds, None)
+        self.protocol = ProtocolStatus(protocol.name, 0.0, seconds, ProtocolState.RUNNING)
 
     def _run(self) -> None:
         due = time.monotonic()
@@ -170,24 +138,19 @@ class StandIn:
             self.end_protocol()
 
 
-@dataclass
-class StandInLink:
-    """One link, in the name of an origin."""
+class StandInConnection(RestartableConnection):
+    """A connection in the name of an origin."""
 
-    bench: StandIn
-    origin: str
+    def __init__(self, bench: StandIn, origin: str) -> None:
+        self.bench, self.origin = bench, origin
 
     @property
     def inst(self) -> Instrument:
         return self.bench.inst
 
     @property
-    def device(self) -> str:
-        return "stand-in"
-
-    @property
     def capabilities(self) -> Capabilities:
-        return Capabilities(self.bench.simulated)
+        return Capabilities("stand-in", self.inst.axes, 1 / TIME_STEP, False, self.bench.simulated, True, 0.0, 0.0)
 
     def latest(self) -> dict[str, Any]:
         run = self.bench.runs[-1]
@@ -205,16 +168,22 @@ class StandInLink:
         with bench.lock:
             run = bench.runs[-1]
             return Status(
-                OperatingState(int(run["operating_state"][-1].max())).name,
-                fault_names(int(run["faults"][-1].max())),
-                bench.controller.law,
-                bench.controller.actuation,
-                bench.operator,
-                Timing(bench.ticks),
-                bench.protocol,
-                None,
-                bench.rate,
-                bench.problem,
+                state=RuntimeState(OperatingState(int(run["operating_state"][-1].max())).name),
+                homed=True,
+                homing=False,
+                stopped=False,
+                faults=fault_names(int(run["faults"][-1].max())),
+                first_faults=(),
+                law=bench.controller.law,
+                actuation=bench.controller.actuation,
+                operator=bench.operator,
+                timing=Timing(bench.ticks, 0, 0, 0, 31e-6, 48e-6, 210e-6, 5e-6, 50e-6, 1e-4, 2e-4, 1 / TIME_STEP),
+                realtime=("Real-time scheduling was not granted.",),
+                protocol=bench.protocol,
+                recording=None,
+                recorder_lost=0,
+                speed=bench.rate,
+                problem=bench.problem,
             )
 
     def acquire(self, force: bool = False) -> bool:
@@ -240,15 +209,15 @@ class StandInLink:
     def restart(self) -> None:
         self._ask("restart")
 
-    def hand(self, angles: Array) -> None:
+    def hand(self, angles: ArrayLike) -> None:
         self._ask("hand")
         self.bench.hands = np.array(angles)
 
-    def force(self, force: Array) -> None:
+    def force(self, force: ArrayLike) -> None:
         self._ask("force")
         self.bench.forces = np.array(force)
 
-    def request(self, what: Asked) -> None:
+    def request(self, what: ControllerRequest) -> None:
         self._ask(what)
         self.bench.controller.ask(what)
 
@@ -271,14 +240,14 @@ class StandInLink:
         self._ask("load")
         self.bench.begin(tn.parse(instrument) if "\n" in instrument else tn.load(instrument))
 
-    def tamper(self, place: Any, mode: Any, value: float, seconds: float) -> None:
-        self._ask(f"tamper {place}")
+    def inject_fault(self, point: Any, mode: Any, value: float, seconds: float, axis: str | None = None) -> None:
+        self._ask(f"inject_fault {point}")
         bench = self.bench
         with bench.lock:
             now = bench.twin.time
-            bench.tampering = [Tampering(place, mode, value, start=now, stop=now + seconds)]
+            bench.faults = [FaultInjection(point, mode, value, start=now, stop=now + seconds)]
 
-    def play(self, protocol: Protocol) -> None:
+    def play(self, protocol: Protocol, record: bool = True) -> None:
         self._ask(f"play {protocol.name}")
         with self.bench.lock:
             self.bench.play(protocol)
@@ -295,5 +264,5 @@ class StandInLink:
         bench = self.bench
         with bench.lock:
             if bench.operator != self.origin:
-                raise LiveError(f"{self.origin} does not operate; allowed is to take control first.")
+                raise LiveError(f"{self.origin} only watches; take control first.")
             bench.commands.append((self.origin, what))

@@ -9,16 +9,12 @@ import numpy as np
 from tenodesis import _core
 from tenodesis.control import Controller, Request
 from tenodesis.instrument import Instrument
-from tenodesis.instrument_text import to_toml
+from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
 from tenodesis.live.loop import ORDERS
 from tenodesis.live.record import run_of, signals_of
-from tenodesis.signals import Run, concatenate
+from tenodesis.run import Run, concatenate
 from tenodesis.twin import Twin
-
-
-def part(run: Run, start: int, stop: int) -> Run:
-    return Run(run.time[start:stop], run.axes, **{name: values[start:stop] for name, values in run.signals().items()})
 
 
 class Played:
@@ -39,7 +35,7 @@ class Played:
         assert rows <= most
         start = self._row + lost
         self._row = start + rows
-        return part(self._run, start, self._row), lost
+        return self._run[start : self._row], lost
 
 
 class LiveLoop:
@@ -87,10 +83,10 @@ class LiveLoop:
         self._row = rows[-1]
         return run_of(rows, self.inst.axes, simulated=True, distal=True)
 
-    def tell_folder(self) -> None:
-        """Write what a reader wants to know of the folder."""
+    def describe_folder(self) -> None:
+        """Write the files that describe the folder."""
         (self.folder / folders.INSTRUMENT).write_text(to_toml(self.inst))
-        folders.tell(self.folder, folders.About(self.inst, "twin", self.time_step, True, True, "", 0))
+        folders.write(self.folder, folders.About(self.inst, "twin", self.time_step, True, True, "", 0))
 
     def latest(self) -> dict[str, Any]:
         return signals_of(self._row, self.inst.axes)
@@ -105,8 +101,8 @@ class LiveLoop:
     def hand(self, angle: float) -> None:
         self._runtime.order(ORDERS.index("hand"), value=angle)
 
-    def tamper(self, place: int, mode: int, value: float, ticks: int) -> None:
-        self._runtime.order(ORDERS.index("tamper"), place, mode, 0, value, ticks)
+    def inject_fault(self, point: int, mode: int, value: float, ticks: int) -> None:
+        self._runtime.order(ORDERS.index("inject_fault"), point, mode, 0, value, ticks)
 
     def stop(self) -> None:
         self._runtime.stop()

@@ -99,13 +99,20 @@ def qemu(folder: Path, *, by_instructions: bool = True) -> Iterator[tuple[str, s
     with said.open("wb") as log:
         process = subprocess.Popen([*command, "-serial", f"unix:{path},server=on,wait=on"], stderr=log)
     try:
-        while not path.exists():
+        while not _listens(path):
             assert process.poll() is None, said.read_text()
             time.sleep(0.01)
         yield f"unix://{path}", process
     finally:
         process.kill()
         process.wait()
+
+
+def _listens(path: Path) -> bool:
+    """Whether a socket is not only bound to a path, but listens."""
+    accepts = 0x10000
+    lines = (line.split() for line in Path("/proc/net/unix").read_text("utf-8").splitlines()[1:])
+    return any(line[-1] == str(path) and int(line[3], 16) & accepts for line in lines)
 
 
 def connected(address: str) -> socket.socket:

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-import tenodesis as tn
+from tenodesis import plant
 from tenodesis.instrument import Instrument
 
 FRICTION = {
@@ -28,7 +28,7 @@ def geometrically_scaled(inst: Instrument, s: float) -> Instrument:
         power = {"m": 1, "N": 2, "N*m^2": 4}.get(quantity.unit, 0)
         if key != "tendon_stiffness" and power:
             changes[key] = value * s**power
-    numbers = tn.twin.numbers(inst)
+    numbers = plant.parameters(inst)
     powers = {
         "dynamics.tip_inertia": (numbers["tip_inertia"], 5),
         "dynamics.tip_damping": (numbers["tip_damping"], 4),

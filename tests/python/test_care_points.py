@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import tenodesis as tn
-from tenodesis.bench.compensation import settled_stroke, wound
 from tenodesis.instrument import TendonGear
-from tenodesis.published import STATES
+from tenodesis.paper.compensation_laws import settled_stroke, wound
+from tenodesis.paper.published import STATES
 from tenodesis.verification import mujoco_peer
 
 

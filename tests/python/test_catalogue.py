@@ -10,7 +10,7 @@ import pytest
 from tenodesis.errors import DesignError
 from tenodesis.instrument import TendonGear
 from tenodesis.instrument import load as load_instrument
-from tenodesis.instrument_text import with_units
+from tenodesis.instrument.text import with_units
 from tenodesis.scaling import catalogue
 from tenodesis.scaling.catalogue import NEEDED, Catalogue, Constraints, Rod, json_schema, load, shipped
 from tenodesis.scaling.parts import KINDS
@@ -313,17 +313,20 @@ CELL = '[[load_cells]]\nname = "cell"\nrange = "1 N"\n'
     ("text", "told"),
     [
         ("a =", "not valid TOML"),
-        ("rope = 1", "rope is not a known key; allowed are name,"),
-        ("[constraints]\nfactors = [3, 4]", "constraints.factors is not a known key; allowed are factor,"),
-        ("[gears]\nmodule = 1", "gears.module is not a known key; allowed are modules, teeth"),
-        (ROPE + 'colour = "red"', "ropes 1 (thin): colour is not a known key; allowed are source, name, diameter"),
+        ("rope = 1", "rope is not a known key; it must be one of name,"),
+        ("[constraints]\nfactors = [3, 4]", "constraints.factors is not a known key; it must be one of factor,"),
+        ("[gears]\nmodule = 1", "gears.module is not a known key; it must be one of modules, teeth"),
+        (
+            ROPE + 'colour = "red"',
+            "ropes 1 (thin): colour is not a known key; it must be one of source, name, diameter",
+        ),
         (ROPE, "ropes 1 (thin): diameter is missing; it is required."),
         (ROPE + "diameter = 0.5", "ropes 1 (thin): diameter = 0.5: it has no unit"),
         (ROPE + 'diameter = "0.5"', "ropes 1 (thin): diameter = '0.5': it has no unit"),
         (ROPE + 'diameter = "5 N"', "ropes 1 (thin): diameter = '5 N': it is measured in N"),
         (SERIES + 'diameters = ["1 mm", 2]', "ropes 1 (thin): diameters (value 2) = 2: it has no unit"),
         (SERIES + "diameters = []", "ropes 1 (thin): diameters = []: it must be a list that is not empty."),
-        (SERIES + 'diameters = ["1 mm", "1.0 mm"]', "ropes has 'thin 1 mm' twice; allowed is every part once."),
+        (SERIES + 'diameters = ["1 mm", "1.0 mm"]', "ropes has 'thin 1 mm' twice; it must have every part once."),
         (
             SERIES.replace("0.388", "1.2") + 'diameters = ["1 mm"]',
             "breaking_load_factor = 1.2: it must be less than 1.",
@@ -331,7 +334,7 @@ CELL = '[[load_cells]]\nname = "cell"\nrange = "1 N"\n'
         ("[constraints]\nfactor = [8, 3]", "constraints.factor = [8, 3]: its least, 8, is more than its most, 3"),
         ('[constraints]\nhandle_length = ["1 m", "400 mm"]', "['1 m', '400 mm']: its least, 1, is more than its most"),
         ("[gears]\nteeth = [60, 12]", "gears.teeth = [60, 12]: its least, 60, is more than its most, 12"),
-        ('[gears]\nmodules = ["1 mm", "1.0 mm"]', "gears: modules has 1 mm twice; allowed is every module once."),
+        ('[gears]\nmodules = ["1 mm", "1.0 mm"]', "gears: modules has 1 mm twice; it must have every module once."),
         ("[constraints]\nfactor = [3]", "constraints.factor (value 2) is missing; it is required."),
         ("[constraints]\nfactor = 3", "constraints.factor = 3: it must be a list."),
         ("[constraints]\ncable_mass = 0.05", "constraints.cable_mass = 0.05: it has no unit; write a mass"),
@@ -344,17 +347,17 @@ CELL = '[[load_cells]]\nname = "cell"\nrange = "1 N"\n'
         ('[[weights]]\nmass = "1 g"\ncount = 0', "weights 1: count = 0: it must be greater than or equal to 1."),
         (
             '[[weights]]\nmasses = ["1 g"]\ncounts = [1, 2]',
-            "counts and masses have 2 and 1 values; allowed are as many",
+            "counts and masses have 2 and 1 values; both must have the same number",
         ),
         ('[[weights]]\nmasses = ["1 g"]', "weights 1: counts is missing; it is required."),
         (
             '[[spools]]\nradius = "1 mm"\nradii = ["2 mm"]',
-            "spools 1: radius is not a known key; allowed are source, radii",
+            "spools 1: radius is not a known key; it must be one of source, radii",
         ),
         ('[ropes]\nname = "thin"', "ropes = {'name': 'thin'}: it must be a list of tables, [[ropes]]."),
         ("pulleys = [3]", "pulleys 1 = 3: it must be a table, [[pulleys]]."),
         ("gears = 3", "gears = 3: it must be a table."),
-        ('[sources]\nropes_ = "x"', "sources.ropes_ names no key; allowed are gears,"),
+        ('[sources]\nropes_ = "x"', "sources.ropes_ names no key; keys are gears,"),
         (
             'include = ["nowhere"]',
             "nowhere (included by own.toml): there is no such file and no catalogue of that name",
@@ -401,5 +404,5 @@ def test_an_empty_catalogue_and_gears_without_modules_are_refused(write: Any) ->
         load(write("")).refuse_incomplete("tendon-gear")
     with pytest.raises(DesignError, match=r"^catalogue standard \+ own has no gears"):
         load("standard", write("[gears]\nmodules = []")).refuse_incomplete("tendon-gear")
-    with pytest.raises(DesignError, match="joint_type is 'hinge'; allowed are tendon-gear, tendon-pulley, continuum"):
+    with pytest.raises(DesignError, match="joint_type is 'hinge'; it must be one of tendon-gear, tendon-pulley"):
         catalogue.load().refuse_incomplete("hinge")

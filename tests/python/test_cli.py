@@ -1,73 +1,187 @@
-"""Claims about the command line: it works from a shell, and nothing a user can mend ends in a traceback."""
+"""Claims about the command line: it loads little, works from a shell, and no mistake of a user ends in a traceback."""
 
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeAlias
 
 import pytest
 from typer.testing import CliRunner
 
-from tenodesis import cli
-from tenodesis.bench.content import Context
-from tenodesis.instrument import Instrument, load
+import tenodesis as tn
+from tenodesis.cli import bench
+from tenodesis.cli.app import app, load
+from tenodesis.cli.commands import COMMANDS, Command, Group
+from tenodesis.instrument import Instrument
+from tenodesis.paper.context import Context
+from tenodesis.report.content import Published
 
 from .conftest import EXAMPLES
 
+Run: TypeAlias = Callable[..., tuple[int, str, str]]
 
-def tenodesis(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "tenodesis.cli", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=cwd, timeout=300, check=False)
+HEAVY = ("typer", "matplotlib", "pint", "viser", "typst", "numpy", "scipy", "pydantic", "tenodesis.instrument")
 
 
-def test_bench_writes_the_report_and_says_where(tmp_path: Path) -> None:
-    done = tenodesis("bench", cwd=tmp_path)
+def leaves() -> dict[str, Command]:
+    """Return all commands by the words that call them."""
+    found: dict[str, Command] = {}
+    for name, command in COMMANDS.items():
+        if isinstance(command, Command):
+            found[name] = command
+            continue
+        found |= {f"{name} {part}": own for part, own in command.commands.items()}
+        if command.default is not None:
+            found[f"{name} list"] = command.default
+    return found
+
+
+# ---------------------------------------------------------------------- what is loaded, and when
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("arguments", [["--help"], ["export", "--help"], ["devices", "--help"]])
+def test_an_overview_loads_no_library_of_the_commands(arguments: list[str]) -> None:
+    code = (
+        "import sys; from tenodesis.cli.commands import main\n"
+        f"sys.argv = {['tenodesis', *arguments]!r}\n"
+        "try: main()\n"
+        "except SystemExit as end: assert not end.code\n"
+        f"heavy = {set(HEAVY)!r} & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+        "import tenodesis"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
     assert done.returncode == 0, done.stderr
-    assert "out/report.html" in done.stdout
-    assert "table1.stiffness.instrument" in done.stdout
-    assert (tmp_path / "out/report.html").stat().st_size > 100_000
+    names = [words.split()[-1] for words in leaves() if words.split()[:-1] == arguments[:-1]]
+    assert all(name in done.stdout for name in names if name != "list")
 
 
-def test_bench_takes_any_instrument_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("words", leaves())
+def test_the_table_of_commands_says_what_their_docstrings_say(words: str) -> None:
+    command = leaves()[words]
+    assert str(load(command.function).__doc__).splitlines()[0] == command.help
+
+
+def test_the_help_of_a_group_is_the_same_by_every_way(tenodesis: Run) -> None:
+    fast = tenodesis("--help")[1]
+    slow = CliRunner().invoke(app, ["--help"], env={"COLUMNS": "140"}, prog_name="tenodesis").stdout
+    assert fast.split() == slow.split()
+    for name, command in COMMANDS.items():
+        assert f" {name} " in fast
+        if isinstance(command, Group):
+            code, said, _ = tenodesis(name, "--help")
+            assert code == 0
+            assert f"tenodesis {name} [OPTIONS] COMMAND [ARGS]..." in said
+            assert all(f" {part} " in said for part in command.commands)
+
+
+@pytest.mark.parametrize("words", leaves())
+def test_every_command_has_a_help_page(tenodesis: Run, words: str) -> None:
+    code, said, wrong = tenodesis(*words.split(), "--help")
+    assert (code, wrong) == (0, "")
+    assert f"Usage: tenodesis {words}" in said
+
+
+def test_a_command_that_is_not_there_is_answered_with_the_nearest(tenodesis: Run) -> None:
+    code, _, wrong = tenodesis("benc")
+    assert code == 2
+    assert "No such command 'benc'. Did you mean 'bench'?" in wrong
+    assert tenodesis()[0] == 2
+    assert tenodesis("export")[0] == 2
+
+
+@pytest.mark.parametrize(
+    ("module", "extra", "words"),
+    [
+        ("viser", "live", ("console",)),
+        ("serial", "devices", ("devices", "test", "serial", "--instrument", "scaled-up", "--address", "/dev/null")),
+        ("moocore", "design", ("scale", "real-size", "--combinations", "1000")),
+        ("SALib", "design", ("tolerance", "real-size", "scaled-up", "--samples", "16")),
+        ("pandas", "tables", ("export", "recording", "run.mcap", "--to", "run.parquet")),
+    ],
+)
+def test_a_command_without_its_extra_says_what_to_install(
+    tenodesis: Run, scaled: Instrument, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    module: str, extra: str, words: tuple[str, ...],
+) -> None:  # fmt: skip
+    for name in [name for name in sys.modules if name.startswith(("tenodesis.console", f"{module}."))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, module, None)
+    with tn.Recorder(tmp_path / "run.mcap", axes=("yaw",)) as recorder:
+        recorder.write(tn.twin.Twin(scaled).run([0.0] * 100))
+    code, _, wrong = tenodesis(*words)
+    assert code == 1
+    assert f"tenodesis[{extra}]" in wrong
+    assert len(wrong.strip().splitlines()) == 1
+
+
+# ---------------------------------------------------------------------- the bench, schemas and instrument files
+
+
+def test_bench_takes_any_instrument_file_and_shows_its_results(
+    tenodesis: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     asked: list[tuple[Instrument, Instrument | None, Path]] = []
 
-    def told(inst: Instrument, scaled: Instrument | None, out: Path, _: object) -> Context:
+    def run(inst: Instrument, scaled: Instrument | None, out: Path, progress: Callable[[str], None]) -> Context:
         asked.append((inst, scaled, out))
-        return Context(inst, scaled, False)
+        progress("loss of angle")
+        context = Context(inst, scaled, True)
+        context.add("tension.slack_force", 3.21, "N", "load at which a tendon goes slack", Published(3.2, "Fig. 9"))
+        return context
 
-    monkeypatch.setattr(cli, "bench_run", told)
-    done = CliRunner().invoke(cli.app, ["bench", str(EXAMPLES / "pulley.toml"), "--out", str(tmp_path / "elsewhere")])
-    assert done.exit_code == 0, done.output
-    assert asked == [(load(EXAMPLES / "pulley.toml"), None, tmp_path / "elsewhere")]
+    monkeypatch.setattr(bench, "run", run)
+    code, said, _ = tenodesis("bench", EXAMPLES / "pulley.toml", "--out", "elsewhere")
+    assert code == 0
+    assert asked == [(tn.load(EXAMPLES / "pulley.toml"), None, Path("elsewhere"))]
+    assert "elsewhere/report.html" in said
+    assert "tension.slack_force" in said
+    assert "3.21 N" in said
+    assert "3.2 N" in said
+    assert tenodesis("bench")[0] == 0
+    assert asked[1] == (tn.load("real-size"), tn.load("scaled-up"), Path("out"))
 
 
-def test_schema_prints_json(tmp_path: Path) -> None:
-    assert json.loads(tenodesis("schema", cwd=tmp_path).stdout)["title"] == "Tenodesis instrument"
+def test_schema_prints_json(tenodesis: Run) -> None:
+    assert json.loads(tenodesis("schema")[1])["title"] == "Tenodesis instrument"
 
 
-def test_check_prints_values_and_sources(tmp_path: Path) -> None:
-    done = tenodesis("check", "scaled-up", cwd=tmp_path)
-    assert done.returncode == 0
-    assert "11451" in done.stdout
-    assert "Table I" in done.stdout
+def test_check_prints_values_and_sources(tenodesis: Run) -> None:
+    code, said, _ = tenodesis("check", "scaled-up")
+    assert code == 0
+    assert "11451" in said
+    assert "Table I" in said
 
 
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
         (("bench", "absent.toml"), "tenodesis: absent.toml: there is no such file"),
-        (("bench", "bad.toml"), "tenodesis: bad.toml: joint_type is missing; allowed are"),
+        (("bench", "bad.toml"), "tenodesis: bad.toml: joint_type is missing; "),
         (("check", "bad.toml"), "tenodesis: bad.toml: joint_type is missing"),
         (("bench", "real-size", "--scaled-up", "absent"), "tenodesis: absent: there is no such file"),
-        (("bench", "real-size", "--scaled-up", EXAMPLES / "pulley.toml"), "allowed is a scale model of the same joint"),
+        (("bench", "real-size", "--scaled-up", EXAMPLES / "pulley.toml"), "must be of the same joint type"),
         (("bench", EXAMPLES / "pulley.toml", "--out", "bad.toml/out"), "bad.toml/out cannot be written"),
     ],
 )
-def test_a_mistake_ends_in_one_sentence(tmp_path: Path, arguments: tuple[object, ...], sentence: str) -> None:
+def test_a_mistake_ends_in_one_sentence(
+    tenodesis: Run, tmp_path: Path, arguments: tuple[object, ...], sentence: str
+) -> None:
     (tmp_path / "bad.toml").write_text('name = "x"\n')
-    done = tenodesis(*arguments, cwd=tmp_path)
-    assert done.returncode == 1
-    assert sentence in done.stderr
-    assert "Traceback" not in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
+    code, _, wrong = tenodesis(*arguments)
+    assert code == 1
+    assert sentence in wrong
+    assert len(wrong.strip().splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.process
+def test_the_command_line_runs_from_a_shell(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "tenodesis.cli", "check", "absent"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=60, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("tenodesis: absent: there is no such file")
+    assert "Traceback" not in done.stderr

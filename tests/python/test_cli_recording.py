@@ -14,13 +14,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from mcap_ros2.writer import Writer as StockWriter
-from rich.console import Console
 
 import tenodesis as tn
-from tenodesis import cli, cli_recording
 from tenodesis.live import recorder as live
 from tenodesis.recording import Recorder, Recording
-from tenodesis.signals import Run
+from tenodesis.run import Run
 
 from .conftest import EXAMPLES, ROOT
 from .live_loop import Played
@@ -39,25 +37,9 @@ force = "0.5 N"
 """
 
 
-@pytest.fixture
-def tenodesis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
-    """Run the command line in this process, in a folder with a short protocol."""
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture(autouse=True)
+def protocol(tmp_path: Path) -> None:
     (tmp_path / "short.toml").write_text(PROTOCOL)
-
-    def run(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["tenodesis", *map(str, arguments)])
-        monkeypatch.setattr(cli, "errors", Console(stderr=True, highlight=False, soft_wrap=True))
-        monkeypatch.setattr(cli_recording, "console", Console(width=120))
-        code = 0
-        try:
-            cli.main()
-        except SystemExit as end:
-            code = int(end.code or 0)
-        said = capsys.readouterr()
-        return code, said.out, said.err
-
-    return run
 
 
 def test_record_info_replay_export(tenodesis: Command, tmp_path: Path) -> None:
@@ -136,7 +118,7 @@ def test_a_controller_may_be_told_another_instrument(tenodesis: Command, tmp_pat
     text = (ROOT / "instruments" / "scaled-up.toml").read_text("utf-8")
     (tmp_path / "told.toml").write_text(text.replace("stiffness_ratio = 0.85", "").replace("50 GPa", "42.5 GPa"))
     tenodesis("record", "short.toml", "--law", "robust", "--controller-instrument", "told.toml", "--out", "run.mcap")
-    assert "told another instrument (scaled-up)" in tenodesis("info", "run.mcap")[1]
+    assert "made for another instrument (scaled-up)" in tenodesis("info", "run.mcap")[1]
     assert "bit by bit" in tenodesis("replay", "run.mcap")[1]
     assert Recording.open("run.mcap").metadata["controller_instrument"].count("42500000000.0")
 
@@ -164,9 +146,6 @@ def test_a_controller_of_both_axes_or_of_one(tenodesis: Command) -> None:
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        (("--law", "magic"), "law is 'magic'; allowed are off, paper, paper-feedback, exact, robust."),
-        (("--law", "off", "--observer", "crystal"), "observer is 'crystal'; allowed are paper, exact, friction."),
-        (("--law", "off", "--actuation", "both"), "actuation is 'both'; allowed are agonist, differential."),
         (("--law", "robust", "--observer", "paper"), 'observer "paper"; allowed with that law is "friction".'),
         (
             ("--law", "robust", "--controller-instrument", str(EXAMPLES / "pulley.toml")),
@@ -178,7 +157,7 @@ def test_a_controller_of_both_axes_or_of_one(tenodesis: Command) -> None:
             "the controller is for yaw and pitch of a tendon-gear; allowed is a twin of such an instrument, not yaw",
         ),
         (("--law", "robust", "--controller-instrument", "absent"), "absent: there is no such file and no instrument"),
-        (("--observer", "exact"), "--observer is 'exact', but there is no controller without --law; allowed are off"),
+        (("--observer", "exact"), "--observer is 'exact', but there is no controller without --law."),
         (
             ("--controller-instrument", "scaled-up"),
             "--controller-instrument is 'scaled-up', but there is no controller",
@@ -200,30 +179,36 @@ def test_a_controller_that_cannot_be_is_refused_in_a_sentence(
     [
         (("record", "absent"), "absent: there is no such file and no protocol of that name"),
         (("record", "short.toml", "absent"), "absent: there is no such file and no instrument of that name"),
-        (("record", "far.toml"), "amplitude is 60 deg; allowed is the handle's range"),
+        (("record", "far.toml"), "amplitude is 60 deg; it must be within the handle's range"),
         (
             ("record", "short.toml", "--out", "nowhere/run.mcap"),
             "nowhere/run.mcap cannot be written: there is no folder",
         ),
-        (("record", "short.toml", "--out", "run.mcap"), "run.mcap exists already; allowed is another path, or --over"),
+        (("record", "short.toml", "--out", "run.mcap"), "run.mcap exists already; give another path, or --over"),
         (("record", "short.toml", "--time-step", "0.5"), "--time-step = '0.5': it has no unit"),
         (("record", "short.toml", "--time-step", "1 s", "--out", "x.mcap"), "time_step is 1 s; allowed is at most"),
         (("record", "short.toml", "--seed", "-1", "--out", "x.mcap"), "seed is -1; allowed is a whole number"),
         (("record", "short.toml", "--axis", "pitch"), "scaled-up has no axis 'pitch'; it has yaw"),
         (("info", "absent.mcap"), "absent.mcap cannot be read: there is no such file"),
         (("info", "far.toml"), "far.toml is no MCAP file"),
-        (("info", "other.mcap"), "other.mcap holds nothing of a recording"),
-        (("replay", "other.mcap"), "other.mcap holds nothing of a recording"),
+        (("info", "other.mcap"), "other.mcap holds no topic of a recording"),
+        (("replay", "other.mcap"), "other.mcap holds no topic of a recording"),
         (("replay", "run.mcap", "--out", "run.mcap"), "run.mcap exists already"),
-        (("replay", "run.mcap", "--plot", "x.gif"), "x.gif has the extension '.gif'; allowed are .png, .svg, .pdf"),
+        (
+            ("replay", "run.mcap", "--plot", "x.gif"),
+            "x.gif has the extension '.gif'; it must be one of .png, .svg, .pdf",
+        ),
         (("replay", "run.mcap", "--plot", "nowhere/x.png"), "nowhere/x.png cannot be written: No such file"),
-        (("replay", "run.mcap", "--instrument", "real-size"), "allowed is an instrument with the same"),
+        (("replay", "run.mcap", "--instrument", "real-size"), "the instrument must have the same"),
         (
             ("export", "recording", "run.mcap", "--to", "x.xls"),
-            "x.xls has the extension '.xls'; allowed are .csv, .par",
+            "x.xls has the extension '.xls'; it must be one of .csv, .par",
         ),
         (("export", "recording", "run.mcap", "--to", "nowhere/x.csv"), "nowhere/x.csv cannot be written"),
-        (("record", "heavy.toml", "--out", "x.mcap", "--quasi-static"), "x.mcap holds what was before, 1 s, 2000 rows"),
+        (
+            ("record", "heavy.toml", "--out", "x.mcap", "--quasi-static"),
+            "x.mcap holds the run up to there, 1 s, 2000",
+        ),
     ],
 )
 def test_a_mistake_ends_in_one_sentence(
@@ -270,9 +255,9 @@ def told_of(out: str) -> dict[str, str]:
 
 def test_info_tells_the_events_faults_and_gaps_of_a_live_recording(tenodesis: Command, tmp_path: Path) -> None:
     twin = tn.twin.Twin(tn.load("scaled-up"), seed=3)
-    tension = tn.control.Tampering("tension.agonist", "set", math.nan, start=0.05, stop=0.06)
+    tension = tn.simulate.FaultInjection("tension.agonist", "set", math.nan, start=0.05, stop=0.06)
     controller = tn.control.Controller(twin.inst)
-    run = twin.run(np.zeros(400), controller=controller, tampering=[tension])
+    run = twin.run(np.zeros(400), controller=controller, fault_injection=[tension])
     assert run.faults is not None
     first = run.time[np.flatnonzero(run.faults)[0]]
     happened = [
@@ -309,7 +294,7 @@ def test_info_tells_the_events_faults_and_gaps_of_a_live_recording(tenodesis: Co
     assert ["hand", "browser 1", "42", "0.01 s", "0.02 s"] in table
     assert ["stop", "[red]stop button[/red]", "1", "0.03 s", "0.03 s"] in table
     assert ["ticks_missed", "runtime", "2", "0.06 s", "0.07 s"] in table
-    assert any(row[:3] == ["7", "not told", "1"] for row in table)
+    assert any(row[:3] == ["7", "unknown", "1"] for row in table)
 
 
 def test_info_of_a_recording_broken_off_says_so_and_of_one_that_is_not_live_nothing(
@@ -327,7 +312,7 @@ def test_info_of_a_recording_broken_off_says_so_and_of_one_that_is_not_live_noth
         "28: 1 after 0 s, 2 after 0.001 s, 3 after 0.002 s, 4 after 0.003 s, 2 times more"
     )
     assert told["lost rows"].endswith("2 times more, 7 after 0.006 s")
-    assert told["ended"] == "not told: the recording was broken off"
+    assert told["ended"] == "unknown: the recording was broken off"
     assert told["faults"] == "none"
 
 
@@ -344,6 +329,6 @@ def test_ctrl_c_leaves_a_readable_recording_and_says_so(tmp_path: Path) -> None:
     recording = Recording.open(tmp_path / "run.mcap")
     assert recording.damage is None
     assert err.strip() == (
-        f"tenodesis: interrupted; run.mcap holds what was before, {recording.run.time[-1]:.6g} s, "
+        f"tenodesis: interrupted; run.mcap holds the run up to there, {recording.run.time[-1]:.6g} s, "
         f"{len(recording.run)} rows."
     )

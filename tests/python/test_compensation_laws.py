@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 import tenodesis as tn
 from tenodesis.control import Controller, OperatingState
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Run
+from tenodesis.run import Run
 from tenodesis.twin import TIME_STEP, Twin
 
 Array = NDArray[np.float64]

@@ -1,6 +1,5 @@
 """What the page draws and reckons, without a browser."""
 
-from collections import Counter
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,36 +9,35 @@ import pytest
 
 import tenodesis as tn
 from tenodesis import kinematics
-from tenodesis.console.colours import SLACK, TensionColours
-from tenodesis.console.comparison import compare
-from tenodesis.console.motion_file import motion_protocol, repeated
-from tenodesis.console.moving import next_to_try
-from tenodesis.console.parts import parts
-from tenodesis.console.scene import drawn
-from tenodesis.console.view import view
+from tenodesis.console.display import shown_signals
+from tenodesis.console.plots import SLACK, TensionColours
+from tenodesis.console.scene import with_short_stem
+from tenodesis.console.solids import solids
+from tenodesis.console.status import ADVICE
+from tenodesis.console.tab_files import compare, repeated
+from tenodesis.console.tab_law import ACTUATIONS, LAWS
+from tenodesis.console.tab_move import motion_protocol, next_to_try
+from tenodesis.control import FAULTS
+from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.errors import ProtocolError, RecordingError
 from tenodesis.instrument import Instrument
 from tenodesis.kinematics import Posture
 
 
 def test_every_solid_is_closed_and_faces_outward(any_inst: Instrument) -> None:
-    for part in parts(any_inst, kinematics.dimensions(any_inst)):
-        corners = part.solid.faces.astype(int)
-        edges = Counter((a, b) for face in corners for a, b in zip(face, np.roll(face, -1), strict=True))
-        assert all(count == 1 and edges[b, a] == 1 for (a, b), count in edges.items()), part.name
-        a, b, c = np.moveaxis(part.solid.vertices[corners], 1, 0)
-        assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0, part.name
+    for solid in solids(any_inst, kinematics.dimensions(any_inst)):
+        assert solid.mesh.is_volume, solid.name
 
 
 def test_every_solid_lies_on_a_body_that_moves(any_inst: Instrument) -> None:
     bodies = kinematics.frames(any_inst, Posture()).bodies
-    named = [part.name for part in parts(any_inst, kinematics.dimensions(any_inst))]
-    assert {part.body for part in parts(any_inst, kinematics.dimensions(any_inst))} <= bodies.keys()
-    assert len(named) == len(set(named))
+    found = solids(any_inst, kinematics.dimensions(any_inst))
+    assert {solid.body for solid in found} <= bodies.keys()
+    assert len(found) == len({solid.name for solid in found})
 
 
 def test_a_stem_drawn_short_leaves_both_ends_as_they_are(any_inst: Instrument) -> None:
-    short = drawn(any_inst)
+    short = with_short_stem(any_inst)
     assert kinematics.dimensions(short).stem_length <= kinematics.dimensions(any_inst).stem_length
     angles = dict.fromkeys(any_inst.axes, 0.4) | {f"handle_{axis}": 0.3 for axis in any_inst.axes}
     whole, cut = (kinematics.frames(inst, Posture(**angles)).bodies for inst in (any_inst, short))
@@ -54,10 +52,10 @@ def test_what_the_hand_asks_for_is_the_output_angle_without_load_and_stiffness(a
     axes = len(any_inst.axes)
     angles = np.linspace(-any_inst.handle_range, any_inst.handle_range, 7)
     handle = np.stack([angles] * axes, -1)
-    seen = view(any_inst, {"time": np.arange(7.0), "handle_angle": handle if axes > 1 else angles})
+    seen = shown_signals(any_inst, {"time": np.arange(7.0), "handle_angle": handle if axes > 1 else angles})
     for n, name in enumerate(any_inst.axes):
         alone = any_inst.axis(name) if axes > 1 else any_inst
-        assert seen.wanted[:, n] == pytest.approx(tn.statics.output_angle(alone.replace(**limp), angles), abs=1e-7)
+        assert seen.target[:, n] == pytest.approx(tn.statics.output_angle(alone.replace(**limp), angles), abs=1e-7)
     assert seen.tension.shape == (7, axes, 2)
     assert np.isnan(seen.tension).all()
 
@@ -65,9 +63,9 @@ def test_what_the_hand_asks_for_is_the_output_angle_without_load_and_stiffness(a
 def test_the_tip_is_shown_by_the_best_that_is_known(scaled: Instrument) -> None:
     nothing = np.nan
     measured = {"time": 0.0, "output_angle": nothing, "measured_output_angle": 0.2, "estimated_output_angle": 0.3}
-    assert view(scaled, measured).output == pytest.approx([0.2])
-    assert view(scaled, measured | {"output_angle": 0.1}).output == pytest.approx([0.1])
-    assert view(scaled, measured | {"measured_output_angle": nothing}).output == pytest.approx([0.3])
+    assert shown_signals(scaled, measured).output == pytest.approx([0.2])
+    assert shown_signals(scaled, measured | {"output_angle": 0.1}).output == pytest.approx([0.1])
+    assert shown_signals(scaled, measured | {"measured_output_angle": nothing}).output == pytest.approx([0.3])
 
 
 def test_colours_tell_slack_from_tight_and_redden_to_the_limit(scaled: Instrument) -> None:
@@ -86,7 +84,7 @@ def test_colours_tell_slack_from_tight_and_redden_to_the_limit(scaled: Instrumen
     ("handle", "force", "state", "law", "says"),
     [
         (0.0, 0.0, "DISABLED", "robust", "Move the handle"),
-        (0.3, 0.0, "DISABLED", "robust", "Put the load on"),
+        (0.3, 0.0, "DISABLED", "robust", "Apply the load"),
         (0.3, 1.0, "DISABLED", "robust", "Press *Enable*"),
         (-0.3, -1.0, "PAUSED", "robust", "Press *Resume*"),
         (0.3, 1.0, "ENABLED", "robust", "choose *off*"),
@@ -97,13 +95,13 @@ def test_a_newcomer_is_led_from_the_handle_to_the_law(
     handle: float, force: float, state: str, law: str, says: str
 ) -> None:
     seen = SimpleNamespace(handle=np.array([0.0, handle]), force=np.array([force, 0.0]))
-    now: Any = SimpleNamespace(view=seen, status=SimpleNamespace(state=state, law=law))
+    now: Any = SimpleNamespace(shown=seen, status=SimpleNamespace(state=state, law=law))
     assert says in next_to_try(now)
 
 
 def test_nothing_is_proposed_while_a_fault_has_to_be_cleared() -> None:
     seen = SimpleNamespace(handle=np.array([0.3]), force=np.array([1.0]))
-    now: Any = SimpleNamespace(view=seen, status=SimpleNamespace(state="FAULT", law="robust"))
+    now: Any = SimpleNamespace(shown=seen, status=SimpleNamespace(state="FAULT", law="robust"))
     assert next_to_try(now) == ""
 
 
@@ -114,7 +112,7 @@ def test_two_recordings_differ_by_the_rms_of_their_difference() -> None:
     assert found.time[-1] == pytest.approx(2 * np.pi)
     assert found.rms == pytest.approx(0.1 / np.sqrt(2), rel=1e-3)
     assert found.largest == pytest.approx(0.1, rel=1e-3)
-    with pytest.raises(RecordingError, match="does not tell the tip angle"):
+    with pytest.raises(RecordingError, match="has no tip angle"):
         compare((time, np.sin(time)), (later, np.full(later.shape, np.nan)))
     with pytest.raises(RecordingError, match="less than two rows"):
         compare((time[:1], time[:1]), (later, later))
@@ -125,7 +123,7 @@ def test_a_recorded_motion_is_read_by_the_names_of_its_columns(scaled: Instrumen
     angles = protocol.commands(scaled, 1e-3)["handle_angle"]
     assert np.degrees(angles.max()) == pytest.approx(10)
     assert np.degrees(angles[-1]) == pytest.approx(-5)
-    with pytest.raises(ProtocolError, match=r"x\.csv has the columns a, b; allowed are"):
+    with pytest.raises(ProtocolError, match=r"x\.csv has the columns a, b; it must have"):
         motion_protocol(b"a,b\n1,2\n", "x.csv")
     with pytest.raises(ProtocolError, match="not UTF-8"):
         motion_protocol(b"\xff\xfe", "x.csv")
@@ -142,3 +140,9 @@ def test_a_recording_is_repeated_by_the_hand(scaled: Instrument, tmp_path: Path)
     again = repeated(tn.Recording.open(path)).commands(scaled, 5e-4)["handle_angle"]
     encoder = run["measured_handle_angle"]
     assert np.abs(again[-encoder.size :] - encoder[-again.size :]).max() < 0.01
+
+
+def test_every_fault_and_every_choice_has_its_words() -> None:
+    assert tuple(ADVICE) == FAULTS
+    assert tuple(LAWS) == LawName.__args__
+    assert tuple(ACTUATIONS) == ActuationName.__args__

@@ -3,6 +3,7 @@
 import dataclasses
 from collections import Counter
 from collections.abc import Sequence
+from importlib import resources
 from math import inf, nan
 from typing import Any, ClassVar
 
@@ -11,13 +12,14 @@ import pytest
 from typer.testing import CliRunner
 
 import tenodesis as tn
-from tenodesis import cli, instrument
+from tenodesis import instrument
+from tenodesis.cli.app import app
 from tenodesis.devices import registry
 from tenodesis.devices.communication_test import Findings, measure
 from tenodesis.devices.device import Capabilities, Measurement
 from tenodesis.errors import DeviceError, InstrumentError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 PERIOD_NS = 500_000
 
@@ -59,7 +61,7 @@ def inst() -> Instrument:
 @pytest.fixture(scope="module")
 def wired() -> Instrument:
     """An instrument whose file tells of its devices."""
-    file = (instrument.resources.files("tenodesis") / "instruments" / "real-size.toml").read_text("utf-8")
+    file = (resources.files("tenodesis") / "instruments" / "real-size.toml").read_text("utf-8")
     return instrument.parse(file.replace('axes = ["yaw", "pitch"]', 'axes = ["yaw"]') + TABLES)
 
 
@@ -143,12 +145,12 @@ RETURNING = [*EVEN[:1000], EVEN[990], *EVEN[1000:]]
 @pytest.mark.parametrize(
     ("times", "named"),
     [
-        (HALF_AS_FAST, "rate is 1000 Hz, allowed is at least 1980 Hz"),
-        (JITTERING, "jitter (p99 of intervals) is 1 ms, allowed is at most 0.75 ms"),
-        (STALLING, "worst interval is 30.5 ms, allowed is at most 25 ms"),
-        (LOSING, "losses is 0.9995 %, allowed is at most 0.1 %"),
+        (HALF_AS_FAST, "rate is 1000 Hz, must be at least 1980 Hz"),
+        (JITTERING, "jitter (p99 of intervals) is 1 ms, must be at most 0.75 ms"),
+        (STALLING, "worst interval is 30.5 ms, must be at most 25 ms"),
+        (LOSING, "losses is 0.9995 %, must be at most 0.1 %"),
         (REPEATING, "losses is 0.2493 %"),
-        (RETURNING, "backward in time is 1, allowed is at most 0"),
+        (RETURNING, "backward in time is 1, must be at most 0"),
     ],
 )
 def test_what_fails_is_named_with_its_bound(inst: Instrument, times: Sequence[int | None], named: str) -> None:
@@ -173,7 +175,7 @@ def test_what_a_device_misses_by_its_own_count_is_a_loss_of_the_measurement_it_w
     device = Counting(inst, EVEN)
     findings = measure(device, inst, 10.0, clock=lambda: device.now)
     assert findings.flawed == 21
-    assert findings.told == {"missing": 63, "late": 42, "saturated": 1980}
+    assert findings.counted == {"missing": 63, "late": 42, "saturated": 1980}
     assert "losses is 1.099 %" in findings.verdict  # and the script's end
 
 
@@ -205,7 +207,7 @@ def test_a_device_without_any_measurement_is_not_good_enough(inst: Instrument) -
 
 
 def test_devices_are_listed_with_what_they_need() -> None:
-    result = CliRunner().invoke(cli.app, ["devices"], env={"COLUMNS": "200"})
+    result = CliRunner().invoke(app, ["devices"], env={"COLUMNS": "200"})
     assert result.exit_code == 0
     for name in ("twin", "canopen", "nidaq", "serial"):
         assert name in result.output
@@ -225,7 +227,7 @@ def test_a_test_by_command_tells_all_and_fails_by_its_exit_code(
             return measured
 
     monkeypatch.setattr(registry, "make", lambda name, inst, address: Quick(inst, EVEN))
-    result = CliRunner().invoke(cli.app, ["devices", "test", "canopen"], env={"COLUMNS": "200"})
+    result = CliRunner().invoke(app, ["devices", "test", "canopen"], env={"COLUMNS": "200"})
     assert result.exit_code == 1
     for told in ("2001 measurements", "interval, p50", "0.5 ms", "rate", "losses", "The script has ended."):
         assert told in result.output
@@ -242,8 +244,8 @@ def test_a_device_is_made_from_its_table(wired: Instrument) -> None:
     [
         ("canopen", "real-size has no table devices.canopen"),
         ("nidaq", "real-size has no table devices.nidaq"),
-        ("twin", "twin is served by the live loop itself; allowed here are canopen, nidaq"),
-        ("toaster", "NAME is 'toaster'; allowed are twin, canopen, nidaq, serial"),
+        ("twin", "twin is served by the live loop itself; here it must be one of canopen, nidaq"),
+        ("toaster", "NAME is 'toaster'; it must be one of twin, canopen, nidaq, serial"),
     ],
 )
 def test_a_device_that_cannot_be_made_is_one_sentence(name: str, named: str) -> None:
@@ -252,7 +254,7 @@ def test_a_device_that_cannot_be_made_is_one_sentence(name: str, named: str) -> 
 
 
 def test_a_bad_duration_is_refused(inst: Instrument) -> None:
-    with pytest.raises(DeviceError, match=r"--seconds is -1; allowed is"):
+    with pytest.raises(DeviceError, match=r"--seconds is -1; it must be a time"):
         measure(Scripted(inst, EVEN), inst, -1)
 
 
@@ -266,7 +268,7 @@ def test_a_bad_duration_is_refused(inst: Instrument) -> None:
     ],
 )
 def test_a_table_with_a_slip_is_told_by_key(change: tuple[str, str], named: str) -> None:
-    file = (instrument.resources.files("tenodesis") / "instruments" / "real-size.toml").read_text("utf-8")
+    file = (resources.files("tenodesis") / "instruments" / "real-size.toml").read_text("utf-8")
     assert change[0] in TABLES
     with pytest.raises(InstrumentError, match=named):
         instrument.parse(file + TABLES.replace(*change))

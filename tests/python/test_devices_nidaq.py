@@ -2,6 +2,7 @@
 
 import inspect
 from collections.abc import Callable, Sequence
+from importlib import resources
 from math import degrees, inf, isinf, nan, pi, radians
 from types import SimpleNamespace
 from typing import Any
@@ -14,10 +15,10 @@ import tenodesis as tn
 from tenodesis import instrument
 from tenodesis.devices.nidaq import NiDaqDevice
 from tenodesis.devices.nidaq_tasks import NiTasks, Samples
-from tenodesis.devices.settings import NiDaq
 from tenodesis.errors import DeviceError, InstrumentError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.instrument.devices import NiDaq
+from tenodesis.run import Array
 
 from .test_devices import TABLES
 
@@ -93,7 +94,7 @@ def test_volts_become_angles_and_tensions_by_the_calibration(inst: Instrument, s
 
 
 def test_the_file_and_the_arguments_mean_the_same_table(settings: NiDaq) -> None:
-    file = (instrument.resources.files("tenodesis") / "instruments" / "real-size.toml").read_text("utf-8")
+    file = (resources.files("tenodesis") / "instruments" / "real-size.toml").read_text("utf-8")
     wired = instrument.parse(file.replace('axes = ["yaw", "pitch"]', 'axes = ["yaw"]') + TABLES)
     assert wired.devices.nidaq is not None
     told, given = wired.devices.nidaq.model_dump(), settings.model_dump()
@@ -233,7 +234,7 @@ def test_without_its_driver_one_sentence_says_so(inst: Instrument, settings: NiD
 
 
 def test_counts_that_no_quadrature_encoder_has_are_refused(inst: Instrument, settings: NiDaq) -> None:
-    with pytest.raises(InstrumentError, match=r"encoder_counts is 4097; allowed .* multiple of 4"):
+    with pytest.raises(InstrumentError, match=r"encoder_counts is 4097; .* must be a multiple of 4"):
         NiDaqDevice(inst.replace(**{"drives.encoder_counts": 4097}), settings)
     with pytest.raises(InstrumentError, match=r"devices\.nidaq\.pitch is missing"):
         NiDaqDevice(tn.load("real-size"), settings)
@@ -464,5 +465,5 @@ def test_samples_that_are_late_are_none_and_other_errors_are_told(settings: NiDa
     ni.write.side_effect = ni.errors.DaqWriteError("underflow\nmore", -200290, 0)
     with pytest.raises(DeviceError, match=r"^The device Dev2 takes no commands: underflow.*\.$"):
         tasks.write(np.zeros(2), 1)
-    with pytest.raises(DeviceError, match=r"device is 'Dev9'; allowed is one that the driver knows: Dev1, Dev2"):
+    with pytest.raises(DeviceError, match=r"device is 'Dev9'; it must be one that the driver knows: Dev1, Dev2"):
         ni_tasks(settings, ni, device="Dev9").open()

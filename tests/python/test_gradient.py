@@ -97,10 +97,3 @@ def test_many_directions_at_once_equal_one_at_a_time(real: Instrument) -> None:
     for key in keys:
         alone = tn.statics.gradient(tn.statics.tensions, real, handle, 2.2, wrt=[key])[key]
         assert np.array_equal(np.array(alone), np.array(together[key]), equal_nan=True)
-
-
-def test_unknown_function_or_variable_is_named(real: Instrument) -> None:
-    with pytest.raises(ValueError, match="function is 'angle'; allowed are output_angle"):
-        tn.statics.gradient("angle", real, 0.1, wrt=["force"])
-    with pytest.raises(ValueError, match="wrt names 'colour'; allowed are"):
-        tn.statics.gradient("output_angle", real, 0.1, wrt=["colour"])

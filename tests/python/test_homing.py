@@ -1,15 +1,17 @@
 """From slack tendons to their pretension: repeatable, whatever there is of friction, and given up where it must be."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 import tenodesis as tn
-from tenodesis.control import FAULTS, Controller, OperatingState, Request, Tampering, parameters
+from tenodesis.control import FAULTS, Controller, OperatingState, Request, parameters
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Run
+from tenodesis.run import Run
+from tenodesis.simulate import FaultInjection
 from tenodesis.twin import TIME_STEP, Twin
 
 Array = NDArray[np.float64]
@@ -56,7 +58,7 @@ def home(
     sheath_bend: float = 0.0,
     handle: float = 0.0,
     let_out: Array | float = 0.0,
-    tampering: Sequence[Tampering] = (),
+    fault_injection: Sequence[FaultInjection] = (),
 ) -> tuple[Run, Twin]:
     """Loosen an instrument, bend its handle, and home it."""
     twin = Twin(plant, seed=seed)
@@ -72,9 +74,7 @@ def home(
         let_out=let_out,
         controller=controller,
         request=request,
-        tampering=[
-            Tampering(one.place, one.mode, one.value, one.rate, one.start + twin.time, one.stop) for one in tampering
-        ],
+        fault_injection=[replace(one, start=one.start + twin.time) for one in fault_injection],
     )
     return run, twin
 
@@ -221,14 +221,14 @@ def test_a_jammed_tendon_ends_homing_before_its_tension_grows(name: str, jam: di
 @pytest.mark.parametrize("side", ["agonist", "antagonist"])
 def test_a_blocked_drive_ends_homing(name: str, side: str) -> None:
     inst = instrument(name)
-    run, _ = home(inst, unhomed(inst), tampering=[Tampering(f"spool_velocity.{side}", "set", 0.0)])  # type: ignore[arg-type]
+    run, _ = home(inst, unhomed(inst), fault_injection=[FaultInjection(f"spool_velocity.{side}", "set", 0.0)])  # type: ignore[arg-type]
     assert first_faults(run) == {"motor_not_following"}
     assert fault_time(run) < 0.12
 
 
 def test_a_dead_load_cell_keeps_homing_from_starting() -> None:
     inst = instrument("scaled-up")
-    run, _ = home(inst, unhomed(inst), tampering=[Tampering("tension.agonist", "set", 0.0)])
+    run, _ = home(inst, unhomed(inst), fault_injection=[FaultInjection("tension.agonist", "set", 0.0)])
     stuck = 1 << FAULTS.index("load_cell_stuck")
     assert int(run["faults"][-1]) == stuck
     assert (run["commanded_spool_velocity"] == 0).all()
@@ -237,7 +237,9 @@ def test_a_dead_load_cell_keeps_homing_from_starting() -> None:
 def test_after_a_failed_homing_clearing_and_homing_again_works() -> None:
     inst = instrument("scaled-up")
     controller = unhomed(inst)
-    run, twin = home(inst, controller, tampering=[Tampering("spool_velocity.agonist", "set", 0.0)], seconds=1.0)
+    run, twin = home(
+        inst, controller, fault_injection=[FaultInjection("spool_velocity.agonist", "set", 0.0)], seconds=1.0
+    )
     assert run["operating_state"][-1] == OperatingState.FAULT
     count = round(4 / TIME_STEP)
     request = np.zeros(count, int)

@@ -10,10 +10,10 @@ from scipy.signal import lfilter
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, Fit, Parameter, fit, jacobian_error, to_json
-from tenodesis.identification.bootstrap import block_length, redrawn
-from tenodesis.identification.uncertainty import Linearised, long_run, spread
+from tenodesis.identification.bootstrap import block_length, resampled
+from tenodesis.identification.uncertainty import Linearised, estimate, long_run
 from tenodesis.identification.whiteness import autocorrelation, correlation_samples, examine
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 STEP = 0.01
 
@@ -106,6 +106,7 @@ def test_a_straight_line_is_what_linear_regression_says() -> None:
     assert found.cost == pytest.approx(0.5 * squares[0] / 0.49)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("root", "step", "size"), [(0.0, 0.0, 1.0), (0.9, 0.0, 1.0), (0.9, 1.0, 1.0), (0.0, 0.5, 0.2)])
 def test_95_percent_intervals_cover_the_truth_whatever_the_noise(root: float, step: float, size: float) -> None:
     tries = [fit(line([coloured(1000, root, n, size)], step=step), train=[0], starts=1) for n in range(200)]
@@ -117,6 +118,7 @@ def test_95_percent_intervals_cover_the_truth_whatever_the_noise(root: float, st
         assert np.mean([naive(one) for one in tries]) < 0.5
 
 
+@pytest.mark.slow
 def test_block_bootstrap_agrees_with_the_corrected_interval() -> None:
     for root, allowed in ((0.0, 0.05), (0.8, 0.15)):
         ratios, hits = [], []
@@ -247,7 +249,7 @@ def test_only_the_parameters_asked_for_are_fitted() -> None:
     assert to_json(found, format="f", law="l")["parameters"]["offset"]["identifiable"] is None
 
 
-# what cannot be told
+# what is not identifiable
 
 
 def wave(
@@ -290,18 +292,18 @@ OFFSET = parameter("offset", 0, -5, 5)
         ),
     ],
 )
-def test_a_combination_that_cannot_be_told_apart_is_named_with_what_is_known_of_it(
+def test_parameters_that_are_identifiable_in_combination_only_are_named_with_it(
     parameters: Sequence[Parameter], function: Callable[[Array, Array], Array], known: str
 ) -> None:
     found = fit(wave(parameters, function, (2.0, 3.0, 0.5)), train=[0])
-    told = found.identifiability
-    assert told.identifiable == {parameters[0].name: False, parameters[1].name: False, "offset": True}
-    (combination,) = told.combinations
+    found_out = found.identifiability
+    assert found_out.identifiable == {parameters[0].name: False, parameters[1].name: False, "offset": True}
+    (combination,) = found_out.combinations
     assert set(combination.names) == {parameters[0].name, parameters[1].name}
     assert combination.known == known
-    assert combination.known in told.statements[0]
-    assert all(name in told.statements[0] for name in combination.names)
-    assert "offset" not in told.statements[0]
+    assert combination.known in found_out.statements[0]
+    assert all(name in found_out.statements[0] for name in combination.names)
+    assert "offset" not in found_out.statements[0]
     value, interval = found.values[parameters[0].name], found.interval_95[parameters[0].name]
     assert interval == (parameters[0].lower, parameters[0].upper)
     assert parameters[0].lower <= value <= parameters[0].upper
@@ -322,7 +324,7 @@ def test_advice_of_the_model_goes_into_the_statement() -> None:
     assert found.identifiability.statements[0].endswith("Pull stiffness with stretch.")
 
 
-def test_holding_one_of_a_product_tells_the_other() -> None:
+def test_holding_one_of_a_product_identifies_the_other() -> None:
     problem = wave((A, B, OFFSET), lambda v, x: v[0] * v[1] * x + v[2], (2, 3, 0.5))
     found = fit(problem, ["stiffness", "offset"], train=[0])
     assert found.values["stiffness"] == pytest.approx(6, abs=0.02)
@@ -343,10 +345,10 @@ def test_a_parameter_at_its_bound_is_said_to_be(side: str, lower: float, upper: 
 
 def test_runs_without_excitation_are_refused_with_the_reason() -> None:
     still = Model(LINE, lambda v: np.full(500, v[1]), [1 + coloured(500, 0, 1)])
-    with pytest.raises(IdentificationError, match=r"run 0: no excitation, nothing that changes .* gain, offset"):
+    with pytest.raises(IdentificationError, match=r"run 0: no excitation, gain, offset are seen in constants only"):
         fit(still, train=[0])
     dead = Model(LINE, lambda v: np.zeros(500) + 0 * v[0], [coloured(500, 0, 1)])
-    with pytest.raises(IdentificationError, match=r"no excitation, the recordings tell nothing of gain, offset"):
+    with pytest.raises(IdentificationError, match=r"no excitation, the recordings narrow gain, offset no further"):
         fit(dead, train=[0])
 
 
@@ -366,12 +368,12 @@ def test_too_few_samples_are_refused_by_number() -> None:
         ({"train": []}, "train is empty"),
         ({"train": [0, 0]}, "run 0 \\(run 0\\) is given twice"),
         ({"test": [0]}, "is given twice among train and test"),
-        ({"test": [2]}, "test names run 2; allowed are 0 to 1"),
-        ({"free": ["gian"]}, "'gian' is no parameter; allowed are gain, offset"),
+        ({"test": [2]}, "test names run 2; runs must be 0 to 1"),
+        ({"free": ["gian"]}, "'gian', which is no parameter; it must name some of gain, offset"),
         ({"free": []}, "free is empty"),
         ({"starts": 0}, "starts is 0"),
-        ({"bootstrap": 3}, "bootstrap is 3; allowed is 0"),
-        ({"loss": "huber"}, "loss is 'huber'; allowed are linear, soft_l1"),
+        ({"bootstrap": 3}, "bootstrap is 3; it must be 0"),
+        ({"loss": "huber"}, "loss is 'huber'; it must be linear or soft_l1"),
         ({"derivatives": "none"}, "derivatives is 'none'"),
     ],
 )
@@ -412,26 +414,26 @@ def test_long_run_covariance_is_that_of_an_autoregression() -> None:
 
 def test_sensors_that_err_together_are_not_taken_for_independent_ones() -> None:
     errors, column = coloured(2000, 0, 1), np.ones((2000, 1))
-    one = spread([Linearised(errors, column)])
+    one = estimate([Linearised(errors, column)])
     twice = Linearised(np.tile(errors, 2), np.tile(column, (2, 1)), channels=2)
-    assert spread([twice]).std[0] == pytest.approx(one.std[0], rel=0.01)
-    assert spread([twice]).white_std[0] == pytest.approx(one.white_std[0] / np.sqrt(2), rel=0.01)
+    assert estimate([twice]).std[0] == pytest.approx(one.std[0], rel=0.01)
+    assert estimate([twice]).white_std[0] == pytest.approx(one.white_std[0] / np.sqrt(2), rel=0.01)
 
 
 def test_nothing_is_known_better_than_if_residuals_were_independent() -> None:
     column = np.ones((2000, 1))
     swinging = Linearised(np.tile([1.0, -1.0], 1000), column)
-    assert spread([swinging]).std[0] == pytest.approx(spread([swinging]).white_std[0])
+    assert estimate([swinging]).std[0] == pytest.approx(estimate([swinging]).white_std[0])
 
 
 def test_errors_that_last_come_on_top_of_those_that_residuals_show() -> None:
     errors, column = coloured(2000, 0, 1), np.ones((2000, 1))
-    bare = spread([Linearised(errors, column)])
-    lasting = spread([Linearised(errors, column, lasting=np.full((2000, 1), 0.3))])
+    bare = estimate([Linearised(errors, column)])
+    lasting = estimate([Linearised(errors, column, systematic=np.full((2000, 1), 0.3))])
     assert lasting.std[0] == pytest.approx(np.hypot(bare.std[0], 0.3))
 
 
-def test_whiteness_tells_white_from_coloured_noise_and_how_long_it_lasts() -> None:
+def test_whiteness_distinguishes_white_from_coloured_noise_and_gives_its_correlation_time() -> None:
     white = [examine(coloured(3000, 0, n), run="a", channel=0, sample_time=STEP) for n in range(100)]
     assert np.sum([one.white for one in white]) >= 95
     assert np.mean([one.p_value for one in white]) == pytest.approx(0.5, abs=0.1)
@@ -446,7 +448,7 @@ def test_blocks_keep_the_correlation_and_the_sensors_together() -> None:
     assert block_length(coloured(2000, 0.95, 1)) > block_length(coloured(2000, 0.5, 1)) > 1
     assert block_length(coloured(200, 0.99, 1)) <= 200 // 8
     errors = coloured(4000, 0.9, 1)
-    drawn = redrawn(np.tile(errors, 2), 2, 200, np.random.default_rng(0)).reshape(2, -1)
+    drawn = resampled(np.tile(errors, 2), 2, 200, np.random.default_rng(0)).reshape(2, -1)
     assert (drawn[0] == drawn[1]).all()
     assert autocorrelation(drawn[0], 1)[1] == pytest.approx(0.9, abs=0.03)
     assert set(np.round(drawn[0], 9)) <= set(np.round(errors - errors.mean(), 9))

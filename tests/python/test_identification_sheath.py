@@ -10,15 +10,14 @@ from scipy.integrate import solve_ivp
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, fit, jacobian_error
-from tenodesis.identification.dual import number
-from tenodesis.identification.formats.measured import Measured
-from tenodesis.identification.formats.tendon_sheath import GRAM_FORCE, load
-from tenodesis.identification.laws import LAWS, band, pass_on
-from tenodesis.identification.models.sheath import DEFAULT_LOSS, Sheath, problem
+from tenodesis.identification.datasets.dual import number
+from tenodesis.identification.datasets.friction_laws import LAWS, band, pass_on
+from tenodesis.identification.datasets.tendon_sheath import DEFAULT_LOSS, GRAM_FORCE, Sheath, load, problem
+from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.results import Fit
-from tenodesis.identification.split import Part, split
+from tenodesis.identification.split import FittedPart, split
 from tenodesis.identification.uncertainty import LossName
-from tenodesis.signals import Array
+from tenodesis.run import Array
 from tenodesis.tendon import transmit
 
 ROOT = Path(__file__).parents[2]
@@ -30,13 +29,13 @@ def pulls(count: int = 1500) -> tuple[Array, Array]:
     return time, 6 - 5 * np.cos(1.4 * time) + 0.8 * np.sin(5 * time)
 
 
-def recording(distal: Array | None = None) -> Measured:
+def recording(distal: Array | None = None) -> MeasuredRun:
     time, proximal = pulls()
     columns = {"proximal_tension": proximal, "distal_tension": np.zeros(time.size) if distal is None else distal}
-    return Measured("made.csv", time, columns)
+    return MeasuredRun("made.csv", time, columns)
 
 
-def made(noise: float, seed: int = 0) -> Measured:
+def made(noise: float, seed: int = 0) -> MeasuredRun:
     random = np.random.default_rng(seed)
     return recording(transmit(pulls()[1], 0.6, gain=0.84) + noise * random.normal(size=1500))
 
@@ -93,14 +92,14 @@ def test_load_index_is_found_again_within_its_interval() -> None:
         assert high - low < 0.03
 
 
-def parts(measured: Measured, fitted: Part, *, law: str, loss: LossName = "linear") -> Fit:
+def parts(measured: MeasuredRun, fitted: FittedPart, *, law: str, loss: LossName = "linear") -> Fit:
     """Fit a half of a recording, and hold the other out."""
     model = split([measured], [], 0.5, fitted, lambda train, test: Sheath([*train, *test], law=law))
     return fit(model, train=[0], test=[1], starts=2, loss=loss)
 
 
-@pytest.mark.parametrize("fitted", get_args(Part))
-def test_either_half_of_a_recording_predicts_the_other_to_the_sensors_noise(fitted: Part) -> None:
+@pytest.mark.parametrize("fitted", get_args(FittedPart))
+def test_either_half_of_a_recording_predicts_the_other_to_the_sensors_noise(fitted: FittedPart) -> None:
     found = parts(made(0.02), fitted, law="capstan")
     assert found.test_rmse["tension_N"] == pytest.approx(0.02, rel=0.15)
     assert found.values["exponent"] == pytest.approx(0.6, abs=0.01)
@@ -117,7 +116,7 @@ def test_what_is_held_out_of_a_recording_does_not_reach_the_fit() -> None:
 
 
 def test_a_recording_is_split_where_something_is_left_on_either_side() -> None:
-    with pytest.raises(IdentificationError, match=r"the share to split at is 1; allowed is 0\.05 to 0\.95"):
+    with pytest.raises(IdentificationError, match=r"share is 1.0; it must be 0\.05 to 0\.95"):
         split([recording()], [], 1.0, "until", lambda train, test: Sheath([*train, *test]))
 
 
@@ -178,7 +177,7 @@ def test_files_that_cannot_be_used_are_refused_with_the_reason(tmp_path: Path) -
 
 
 @pytest.fixture(scope="module")
-def measured() -> Measured:
+def measured() -> MeasuredRun:
     """The published recording; the data are not shipped."""
     path = DATA / "2024-01-08-loadcells.csv"
     if not path.is_file():
@@ -186,7 +185,8 @@ def measured() -> Measured:
     return FORMATS["tendon-sheath"].load(path)
 
 
-def test_one_exponent_and_one_gain_give_the_measured_distal_tension(measured: Measured) -> None:
+@pytest.mark.data
+def test_one_exponent_and_one_gain_give_the_measured_distal_tension(measured: MeasuredRun) -> None:
     found = fit(Sheath([measured], law="capstan"), train=[0], starts=3)
     print(f"{found.values}: {found.train_rmse['tension_N']:.4f} N")
     assert found.train_rmse["tension_N"] <= 0.20
@@ -195,7 +195,8 @@ def test_one_exponent_and_one_gain_give_the_measured_distal_tension(measured: Me
     assert found.values["exponent"] == pytest.approx(0.058 * 11.7, rel=0.15)
 
 
-def test_friction_of_the_measured_sheath_grows_with_a_power_of_the_tension_below_one(measured: Measured) -> None:
+@pytest.mark.data
+def test_friction_of_the_measured_sheath_grows_with_a_power_of_the_tension_below_one(measured: MeasuredRun) -> None:
     found = fit(Sheath([measured]), train=[0], starts=3, loss=DEFAULT_LOSS)
     print(f"{found.values}: {found.train_rmse['tension_N']:.4f} N")
     assert found.train_rmse["tension_N"] <= 0.15
@@ -204,9 +205,10 @@ def test_friction_of_the_measured_sheath_grows_with_a_power_of_the_tension_below
     assert 2 / 3 < low < high < 1
 
 
-def test_either_half_of_the_measured_recording_predicts_the_other(measured: Measured) -> None:
+@pytest.mark.data
+def test_either_half_of_the_measured_recording_predicts_the_other(measured: MeasuredRun) -> None:
     # The halves are unlike: pulls end at 7.7 N in the first and at 13.8 N in the second.
-    for fitted in get_args(Part):
+    for fitted in get_args(FittedPart):
         power = parts(measured, fitted, law="capstan-power", loss=DEFAULT_LOSS)
         print(f"fitted {power.files[0].name}: {power.test_rmse['tension_N']:.3f} N held out; {power.values}")
         assert power.test_rmse["tension_N"] <= 0.20
@@ -216,6 +218,7 @@ def test_either_half_of_the_measured_recording_predicts_the_other(measured: Meas
         assert power.test_rmse["tension_N"] < 0.8 * capstan.test_rmse["tension_N"]
 
 
-def test_no_friction_is_a_law_to_compare_with(measured: Measured) -> None:
+@pytest.mark.data
+def test_no_friction_is_a_law_to_compare_with(measured: MeasuredRun) -> None:
     found = fit(Sheath([measured], law="none"), train=[0], starts=2, loss=DEFAULT_LOSS)
     assert found.train_rmse["tension_N"] > 4 * 0.15

@@ -12,13 +12,13 @@ from tenodesis.errors import IdentificationError
 from tenodesis.identification import FORMATS, Fit, fit
 from tenodesis.identification.differences import differenced, scales
 from tenodesis.identification.formats.instrument_run import TENDONS, InstrumentRun, checked
-from tenodesis.identification.models.converter import Converter
-from tenodesis.identification.models.twin import TwinProblem
-from tenodesis.identification.models.twin_inputs import smoothed, unrounded
+from tenodesis.identification.quantisation import QuantisedSensor
+from tenodesis.identification.twin_model.inputs import smoothed, unrounded
+from tenodesis.identification.twin_model.problem import TwinProblem
 from tenodesis.instrument import Instrument
-from tenodesis.protocols import Cycles, Pretension, Protocol
-from tenodesis.recording.session import record
-from tenodesis.signals import Array, Run
+from tenodesis.recording.simulation import record
+from tenodesis.run import Array, Run
+from tenodesis.simulate import Cycles, Pretension, Protocol
 
 STEP = 5e-4
 RADII = ("distal_gear_radius", "distal_pulley_radius")
@@ -39,15 +39,15 @@ KEYS = {name: value for name, value in TRUTH.items() if name.startswith("frictio
 
 
 @pytest.fixture(scope="module")
-def told(scaled: Instrument) -> Instrument:
+def nominal(scaled: Instrument) -> Instrument:
     """What the file says."""
     return scaled.replace(mismatch=None, **{"friction.sheath_bend": 1.0})
 
 
 @pytest.fixture(scope="module")
-def true(told: Instrument) -> Instrument:
+def true(nominal: Instrument) -> Instrument:
     """What is on the bench."""
-    return told.replace(**MISMATCH, **KEYS)
+    return nominal.replace(**MISMATCH, **KEYS)
 
 
 def commands(inst: Instrument, seconds: float = 3.0) -> tuple[Array, Array]:
@@ -98,8 +98,8 @@ def start(one: TwinProblem, **changes: float) -> Array:
     return np.array(list(values.values()))
 
 
-def found_again(run: InstrumentRun, told: Instrument, names: list[str] | None = None) -> Fit:
-    return fit(problem(run, told), names or list(TRUTH), train=[0], starts=1)
+def found_again(run: InstrumentRun, nominal: Instrument, names: list[str] | None = None) -> Fit:
+    return fit(problem(run, nominal), names or list(TRUTH), train=[0], starts=1)
 
 
 def deviations(found: Fit, truth: dict[str, float]) -> dict[str, float]:
@@ -132,8 +132,8 @@ def test_derivatives_are_those_of_differences_for_every_mechanism(any_inst: Inst
     assert np.quantile(np.abs(own - other) / size, share, axis=0).max() < allowed
 
 
-def test_derivatives_hold_on_the_lower_bounds_where_differences_are_one_sided(told: Instrument) -> None:
-    one = problem(recorded(told, seconds=1.0), told)
+def test_derivatives_hold_on_the_lower_bounds_where_differences_are_one_sided(nominal: Instrument) -> None:
+    one = problem(recorded(nominal, seconds=1.0), nominal)
     names = [p.name for p in one.parameters]
     lower, upper = (np.array([getattr(p, side) for p in one.parameters]) for side in ("lower", "upper"))
     values = start(one, **{"friction.viscous": 0.0, "dynamics.tip_damping": 0.0, "drives.backlash": 0.0})
@@ -144,8 +144,8 @@ def test_derivatives_hold_on_the_lower_bounds_where_differences_are_one_sided(to
         assert np.quantile(np.abs(own - other)[:, n], 0.99) < 5e-3 * np.abs(other[:, n]).max()
 
 
-def test_derivatives_by_some_parameters_are_columns_of_all(told: Instrument) -> None:
-    one = problem(recorded(told, seconds=2.0), told)
+def test_derivatives_by_some_parameters_are_columns_of_all(nominal: Instrument) -> None:
+    one = problem(recorded(nominal, seconds=2.0), nominal)
     values = start(one)
     assert np.array_equal(one.derivatives(values, 0, [4, 1]), one.jacobian(values, 0)[:, [4, 1]])
 
@@ -153,8 +153,9 @@ def test_derivatives_by_some_parameters_are_columns_of_all(told: Instrument) -> 
 # what is found
 
 
-def test_six_parameters_are_found_again_within_their_intervals(told: Instrument, true: Instrument) -> None:
-    fits = [found_again(recorded(true, seed), told) for seed in range(8)]
+@pytest.mark.slow
+def test_six_parameters_are_found_again_within_their_intervals(nominal: Instrument, true: Instrument) -> None:
+    fits = [found_again(recorded(true, seed), nominal) for seed in range(8)]
     off = np.array([list(deviations(one, TRUTH).values()) for one in fits])
     assert all(all(one.identifiability.identifiable.values()) for one in fits)
     hits = np.array(
@@ -168,36 +169,41 @@ def test_six_parameters_are_found_again_within_their_intervals(told: Instrument,
 
 def test_other_mechanisms_are_found_again(pulley: Instrument, continuum: Instrument) -> None:
     for inst in (pulley, continuum):
-        told = inst.axis(inst.axes[0]).replace(
+        nominal = inst.axis(inst.axes[0]).replace(
             mismatch=None,
             friction={"law": "capstan", "vertex_coefficient": 0.1, "sheath_coefficient": 0.1, "sheath_bend": 1.0},
         )
-        found = found_again(recorded(told.replace(**MISMATCH, **KEYS)), told, [n for n in TRUTH if "length" not in n])
+        found = found_again(
+            recorded(nominal.replace(**MISMATCH, **KEYS)), nominal, [n for n in TRUTH if "length" not in n]
+        )
         assert max(map(abs, deviations(found, TRUTH).values())) < 4.5
 
 
-def test_without_a_distal_encoder_the_proximal_side_tells_the_same(told: Instrument, true: Instrument) -> None:
+def test_without_a_distal_encoder_the_proximal_side_identifies_the_same(nominal: Instrument, true: Instrument) -> None:
     names = [name for name in TRUTH if "encoder" not in name]
-    one = problem(recorded(true, distal=False), told)
+    one = problem(recorded(true, distal=False), nominal)
     assert "mismatch.output_encoder_offset" not in [parameter.name for parameter in one.parameters]
     blind = fit(one, names, train=[0], starts=1)
     assert list(blind.train_rmse) == ["tension_N"]
     assert max(map(abs, deviations(blind, TRUTH).values())) < 4.5
-    seeing = found_again(recorded(true), told)
+    seeing = found_again(recorded(true), nominal)
     assert all(blind.std[name] > 0.7 * seeing.std[name] for name in names)
 
 
-def test_a_handle_known_by_its_encoder_alone_is_paid_for_by_wider_intervals(told: Instrument, true: Instrument) -> None:
+@pytest.mark.slow
+def test_a_handle_known_by_its_encoder_alone_is_paid_for_by_wider_intervals(
+    nominal: Instrument, true: Instrument
+) -> None:
     names = [*TRUTH, "mismatch.handle_encoder_offset"]
-    found = found_again(recorded(true, 1, commanded=False), told, names)
+    found = found_again(recorded(true, 1, commanded=False), nominal, names)
     assert max(map(abs, deviations(found, {**TRUTH, "mismatch.handle_encoder_offset": 0.0}).values())) < 4
-    sure = found_again(recorded(true, 1), told, names)
+    sure = found_again(recorded(true, 1), nominal, names)
     assert all(found.std[name] > sure.std[name] for name in names)
 
 
-def test_turns_of_an_encoders_handle_hardly_bend_what_is_found(told: Instrument, true: Instrument) -> None:
+def test_reversals_of_an_encoders_handle_hardly_bias_parameters(nominal: Instrument, true: Instrument) -> None:
     # one cycle turns in corners, which smoothing would round
-    one = problem(recorded(true, 2, seconds=2.0, commanded=False), told)
+    one = problem(recorded(true, 2, seconds=2.0, commanded=False), nominal)
     names = [parameter.name for parameter in one.parameters]
     values = start(one, **TRUTH)
     wanted = [names.index(name) for name in [*TRUTH, "mismatch.handle_encoder_offset"]]
@@ -207,13 +213,13 @@ def test_turns_of_an_encoders_handle_hardly_bend_what_is_found(told: Instrument,
     assert abs(off["friction.vertex_coefficient"]) < 0.002
 
 
-def test_strokes_of_the_spools_are_followed_within_their_encoders_steps(told: Instrument, true: Instrument) -> None:
+def test_strokes_of_the_spools_are_followed_within_their_encoders_steps(nominal: Instrument, true: Instrument) -> None:
     time = np.arange(1, 8001) * STEP
     handle = 0.25 * np.sin(np.pi * np.clip(time - 2.2, 0, 2))
     stroke = np.where((time > 0.2) & (time < 0.7), 0.36, np.where((time > 1.3) & (time < 1.8), -0.36, 0.0))
     run = tn.twin.Twin(true, time_step=STEP).run(handle, spool_velocity=np.stack([stroke, 0.7 * stroke], axis=1))
     assert np.ptp(run["spool_angle"][:, 0]) > 0.15
-    one = problem(columns(run), told)
+    one = problem(columns(run), nominal)
     names = [parameter.name for parameter in one.parameters]
     wanted = [names.index(name) for name in TRUTH]
     values = start(one, **TRUTH)
@@ -224,16 +230,16 @@ def test_strokes_of_the_spools_are_followed_within_their_encoders_steps(told: In
     assert np.mean(residuals**2) < 1.05
 
 
-def test_two_runs_tell_more_than_one(told: Instrument, true: Instrument) -> None:
+def test_two_runs_narrow_intervals_more_than_one(nominal: Instrument, true: Instrument) -> None:
     runs = [recorded(true, 1), recorded(true, 2, seconds=2.0)]
-    both = fit(problem(runs, told), list(TRUTH), train=[0, 1], starts=1)
-    alone = found_again(runs[0], told)
+    both = fit(problem(runs, nominal), list(TRUTH), train=[0, 1], starts=1)
+    alone = found_again(runs[0], nominal)
     assert max(map(abs, deviations(both, TRUTH).values())) < 4.5
     assert both.std["stiffness_ratio"] < alone.std["stiffness_ratio"]
 
 
-def test_a_held_out_run_is_predicted_to_its_sensors_noise(told: Instrument, true: Instrument) -> None:
-    built = FORMATS["mcap"].problem([recorded(true, 1)], [recorded(true, 2)], law="capstan", instrument=told)
+def test_a_held_out_run_is_predicted_to_its_sensors_noise(nominal: Instrument, true: Instrument) -> None:
+    built = FORMATS["mcap"].problem([recorded(true, 1)], [recorded(true, 2)], law="capstan", instrument=nominal)
     found = fit(built, list(TRUTH), train=[0], test=[1], starts=1)
     for name, rmse in found.test_rmse.items():
         assert rmse == pytest.approx(found.train_rmse[name], rel=0.05)
@@ -242,8 +248,8 @@ def test_a_held_out_run_is_predicted_to_its_sensors_noise(told: Instrument, true
 # what cannot be found
 
 
-def test_of_a_sheath_only_coefficient_times_bend_is_told(told: Instrument, true: Instrument) -> None:
-    one = problem(recorded(true), told)
+def test_of_a_sheath_only_coefficient_times_bend_is_identifiable(nominal: Instrument, true: Instrument) -> None:
+    one = problem(recorded(true), nominal)
     found = fit(one, ["friction.sheath_coefficient", "friction.sheath_bend"], train=[0], starts=1)
     assert not any(found.identifiability.identifiable.values())
     assert "product" in str(found.identifiability.statements)
@@ -251,20 +257,22 @@ def test_of_a_sheath_only_coefficient_times_bend_is_told(told: Instrument, true:
     assert one.residuals(start(one), 0) == pytest.approx(one.residuals(start(one, **twice), 0), abs=1e-6)
 
 
-def test_without_a_load_no_gain_is_told_from_stiffness_and_pretension(told: Instrument, true: Instrument) -> None:
+def test_without_a_load_gains_are_not_identifiable_beside_stiffness_and_pretension(
+    nominal: Instrument, true: Instrument
+) -> None:
     # slowly, since what the tip's inertia takes is a load as well
-    slow = 0.75 * told.handle_range * np.sin(np.pi / 8 * np.arange(0, 8, STEP)) ** 2
-    told = true.replace(mismatch=None)
-    one = problem(columns(tn.twin.Twin(true, time_step=STEP).run(slow)), told)
+    slow = 0.75 * nominal.handle_range * np.sin(np.pi / 8 * np.arange(0, 8, STEP)) ** 2
+    nominal = true.replace(mismatch=None)
+    one = problem(columns(tn.twin.Twin(true, time_step=STEP).run(slow)), nominal)
     names = [*(f"mismatch.load_cell_gain.{tendon}" for tendon in TENDONS), "stiffness_ratio", "pretension_ratio"]
     found = fit(one, [*names, "mismatch.output_encoder_offset"], train=[0], starts=1)
-    loaded = fit(problem(recorded(true), told), [*names, "mismatch.output_encoder_offset"], train=[0], starts=1)
+    loaded = fit(problem(recorded(true), nominal), [*names, "mismatch.output_encoder_offset"], train=[0], starts=1)
     for name in names:
         assert found.std[name] > 5 * loaded.std[name]
 
 
-def test_nothing_is_seen_of_a_backlash_that_taut_tendons_hide(told: Instrument, true: Instrument) -> None:
-    one = problem(recorded(true, seconds=2.0), told)
+def test_nothing_is_seen_of_a_backlash_that_taut_tendons_hide(nominal: Instrument, true: Instrument) -> None:
+    one = problem(recorded(true, seconds=2.0), nominal)
     found = fit(one, ["stiffness_ratio", "friction.vertex_coefficient", "drives.backlash"], train=[0], starts=1)
     assert not found.identifiability.identifiable["drives.backlash"]
 
@@ -279,29 +287,33 @@ def test_the_truth_in_the_file_is_not_peeked_at(true: Instrument) -> None:
 # the instrument that is written
 
 
-def test_the_written_instrument_does_what_was_recorded(told: Instrument, true: Instrument) -> None:
+def test_the_written_instrument_does_what_was_recorded(nominal: Instrument, true: Instrument) -> None:
     true = true.replace(**{"friction.handle_compliance_share": 0.25})
     run = recorded(true, 3)
-    one = problem(run, told)
+    one = problem(run, nominal)
     written = one.instrument(fit(one, list(TRUTH), train=[0], starts=1).vector)
     assert written.friction.handle_compliance_share == pytest.approx(0.25, abs=3e-3)
-    again = tn.twin.Twin(written, time_step=STEP, seed=4).run(*commands(told))
-    noise = {"measured_output_angle": np.hypot(told.sensors.encoder_noise, 2 * np.pi / 2**12 / np.sqrt(12))}
+    again = tn.twin.Twin(written, time_step=STEP, seed=4).run(*commands(nominal))
+    noise = {"measured_output_angle": np.hypot(nominal.sensors.encoder_noise, 2 * np.pi / 2**12 / np.sqrt(12))}
     assert np.std(again["measured_output_angle"] - run["measured_output_angle"]) < 1.1 * np.sqrt(2) * min(
         noise.values()
     )
     for n, tendon in enumerate(TENDONS):
         off = again["measured_tension"][:, n] - run[f"tension_{tendon}"]
-        assert np.sqrt(np.mean(off**2)) < 1.1 * np.sqrt(2) * told.sensors.load_cell_noise
+        assert np.sqrt(np.mean(off**2)) < 1.1 * np.sqrt(2) * nominal.sensors.load_cell_noise
 
 
-def test_an_instrument_changes_only_where_values_do(told: Instrument) -> None:
-    one = problem(recorded(told, seconds=1.0), told)
+def test_an_instrument_changes_only_where_values_do(nominal: Instrument) -> None:
+    one = problem(recorded(nominal, seconds=1.0), nominal)
     same = one.instrument(start(one))
-    assert same.friction == told.friction and same.mismatch == told.mismatch and same.pretension == told.pretension
+    assert (
+        same.friction == nominal.friction
+        and same.mismatch == nominal.mismatch
+        and same.pretension == nominal.pretension
+    )
     other = one.instrument(start(one, pretension_ratio=1.2, stiffness_ratio=0.5))
-    assert other.pretension == pytest.approx(1.2 * told.pretension)
-    assert other.tendon_stiffness == pytest.approx(0.5 * told.tendon_stiffness)
+    assert other.pretension == pytest.approx(1.2 * nominal.pretension)
+    assert other.tendon_stiffness == pytest.approx(0.5 * nominal.tendon_stiffness)
 
 
 # runs that do not begin at rest
@@ -322,35 +334,37 @@ def tightened(true: Instrument, tmp_path_factory: pytest.TempPathFactory) -> Ins
     return loaded
 
 
-def test_slack_tendons_wound_up_are_followed_from_the_spools(told: Instrument, tightened: InstrumentRun) -> None:
-    found = found_again(tightened, told)
+@pytest.mark.slow
+def test_slack_tendons_wound_up_are_followed_from_the_spools(nominal: Instrument, tightened: InstrumentRun) -> None:
+    found = found_again(tightened, nominal)
     assert max(map(abs, deviations(found, TRUTH).values())) < 4
     assert found.std["stiffness_ratio"] < 2e-3
     assert found.train_rmse["tension_N"] < 1.2 * 0.03
 
 
+@pytest.mark.slow
 def test_spools_may_count_from_anywhere_and_tendons_be_slack_at_first(
-    told: Instrument, tightened: InstrumentRun
+    nominal: Instrument, tightened: InstrumentRun
 ) -> None:
     begun = tightened.time > 1.0
     moved = {name: values[begun] + {"spool_agonist": 1.7, "spool_antagonist": -2.3}.get(name, 0)
              for name, values in tightened.columns.items()}  # fmt: skip
     run = dataclasses.replace(tightened, time=tightened.time[begun], columns=moved)
-    found = found_again(run, told)
+    found = found_again(run, nominal)
     for name in ("stiffness_ratio", "friction.vertex_coefficient", "friction.sheath_coefficient"):
         assert found.values[name] == pytest.approx(TRUTH[name], rel=0.02)
 
 
-def test_a_recording_that_begins_anywhere_is_led_there(told: Instrument, true: Instrument) -> None:
+def test_a_recording_that_begins_anywhere_is_led_there(nominal: Instrument, true: Instrument) -> None:
     time = np.arange(0, 6, STEP)
-    handle = 0.75 * told.handle_range * np.sin(2 * np.pi * time / 2)
+    handle = 0.75 * nominal.handle_range * np.sin(2 * np.pi * time / 2)
     whole = columns(tn.twin.Twin(true, time_step=STEP).run(handle, 0.5 - 0.5 * np.cos(0.9 * time)))
     late = whole.time > 1.3
     run = dataclasses.replace(
         whole, time=whole.time[late], columns={name: values[late] for name, values in whole.columns.items()}
     )
     assert abs(run["handle_angle"][0]) > 0.1
-    found = found_again(run, told)
+    found = found_again(run, nominal)
     for name, value in TRUTH.items():
         if name != "handle_length_share":
             assert found.values[name] == pytest.approx(value, rel=0.05)
@@ -359,60 +373,62 @@ def test_a_recording_that_begins_anywhere_is_led_there(told: Instrument, true: I
 # the optimiser's ways
 
 
-def test_a_start_that_loses_the_tip_comes_back(told: Instrument, true: Instrument) -> None:
+def test_a_start_that_loses_the_tip_comes_back(nominal: Instrument, true: Instrument) -> None:
     run = recorded(true)
-    weak = told.replace(pretension=0.35 * told.pretension, tendon_modulus=0.3 * (told.tendon_modulus or 0))
+    weak = nominal.replace(pretension=0.35 * nominal.pretension, tendon_modulus=0.3 * (nominal.tendon_modulus or 0))
     found = found_again(run, weak)
     assert found.values["stiffness_ratio"] * 0.3 == pytest.approx(0.85, rel=0.01)
 
 
-def test_an_encoder_that_says_too_much_may_pass_the_handles_range(told: Instrument, true: Instrument) -> None:
+@pytest.mark.slow
+def test_an_encoder_with_an_offset_may_exceed_the_handles_range(nominal: Instrument, true: Instrument) -> None:
     run = recorded(true, commanded=False)
     far = {**run.columns, "handle_angle": run["handle_angle"] + 0.25}
-    found = found_again(dataclasses.replace(run, columns=far), told, ["mismatch.handle_encoder_offset", *TRUTH])
-    assert np.abs(far["handle_angle"]).max() > told.handle_range
+    found = found_again(dataclasses.replace(run, columns=far), nominal, ["mismatch.handle_encoder_offset", *TRUTH])
+    assert np.abs(far["handle_angle"]).max() > nominal.handle_range
     assert found.values["mismatch.handle_encoder_offset"] == pytest.approx(0.25, abs=0.01)
     with pytest.raises(IdentificationError, match="wider handle_range"):
-        problem(dataclasses.replace(run, columns={**far, "handle_angle": run["handle_angle"] + 0.6}), told)
+        problem(dataclasses.replace(run, columns={**far, "handle_angle": run["handle_angle"] + 0.6}), nominal)
 
 
-def test_a_yielding_hand_is_where_its_encoder_says(told: Instrument, true: Instrument) -> None:
+@pytest.mark.slow
+def test_a_compliant_hand_is_taken_from_its_encoder(nominal: Instrument, true: Instrument) -> None:
     hand = {"dynamics.hand_stiffness": "20 N*m"}
-    found = found_again(recorded(true.replace(**hand)), told.replace(**hand))
+    found = found_again(recorded(true.replace(**hand)), nominal.replace(**hand))
     for name, value in TRUTH.items():
         if name != "handle_length_share":
             assert found.values[name] == pytest.approx(value, rel=0.02)
 
 
-def test_sensors_held_over_several_rows_count_once(told: Instrument, true: Instrument) -> None:
+def test_sensors_held_over_several_rows_count_once(nominal: Instrument, true: Instrument) -> None:
     slow = true.replace(**{"sensors.sampling_rate": "500 Hz"})
-    one = problem(recorded(slow), told)
+    one = problem(recorded(slow), nominal)
     assert one.sample_time(0) == pytest.approx(2e-3)
     found = fit(one, list(TRUTH), train=[0], starts=1)
     assert max(map(abs, deviations(found, TRUTH).values())) < 4.5
 
 
-def test_rows_that_were_dropped_leave_a_gap_and_no_residuals(told: Instrument) -> None:
-    run = recorded(told, seconds=2.0)
+def test_rows_that_were_dropped_leave_a_gap_and_no_residuals(nominal: Instrument) -> None:
+    run = recorded(nominal, seconds=2.0)
     kept = (run.time < 0.5) | (run.time > 0.7)
     cut = dataclasses.replace(
         run, time=run.time[kept], columns={name: values[kept] for name, values in run.columns.items()}
     )
-    whole, less = problem(run, told), problem(cut, told)
+    whole, less = problem(run, nominal), problem(cut, nominal)
     covered = [one.residuals(start(one), 0).size * one.sample_time(0) for one in (less, whole)]
     share = covered[0] / covered[1]
     assert share == pytest.approx(kept.mean(), abs=0.01)
 
 
-def test_bad_requests_are_told(told: Instrument) -> None:
-    run = recorded(told, seconds=1.0)
+def test_bad_requests_are_refused(nominal: Instrument) -> None:
+    run = recorded(nominal, seconds=1.0)
     with pytest.raises(IdentificationError, match="law is 'bouc-wen'"):
-        problem(run, told, "bouc-wen")
+        problem(run, nominal, "bouc-wen")
     with pytest.raises(IdentificationError, match="give --instrument"):
         FORMATS["mcap"].problem([run], [], law="capstan", instrument=None)
     sparse = dataclasses.replace(run, time=run.time * 40)
     with pytest.raises(IdentificationError, match="too few for the tip"):
-        problem(sparse, told)
+        problem(sparse, nominal)
 
 
 # signals
@@ -434,7 +450,9 @@ def test_smoothing_takes_noise_off_and_leaves_the_signal() -> None:
     time = np.arange(0, 8, STEP)
     angle = 0.4 * 2 / np.pi * np.arcsin(np.sin(np.pi * time))
     noise = 7e-4
-    better = smoothed(angle + np.random.default_rng(0).normal(0, noise, time.size), STEP, Converter(noise, 1e-9)).values
+    better = smoothed(
+        angle + np.random.default_rng(0).normal(0, noise, time.size), STEP, QuantisedSensor(noise, 1e-9)
+    ).values
     assert np.sqrt(np.mean((better - angle) ** 2)) < 0.2 * noise
 
 
@@ -444,7 +462,9 @@ def test_a_smoothed_path_keeps_its_kinks_and_knows_how_well() -> None:
     noise = 7e-4
     ratios = []
     for seed in range(4):
-        path = smoothed(angle + np.random.default_rng(seed).normal(0, noise, time.size), STEP, Converter(noise, 1e-9))
+        path = smoothed(
+            angle + np.random.default_rng(seed).normal(0, noise, time.size), STEP, QuantisedSensor(noise, 1e-9)
+        )
         off = path.values - angle
         assert np.abs(off).max() < 4 * noise
         independent = np.zeros((time.size, len(path.errors)))

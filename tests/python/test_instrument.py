@@ -44,7 +44,7 @@ def test_shipped_instruments_hold_all_of_table_1_with_sources(real: TendonGear, 
 
 
 BAD = [
-    ("overall_length =", "over_all_length =", "over_all_length is not a known key; allowed are "),
+    ("overall_length =", "over_all_length =", "over_all_length is not a known key; it must be one of "),
     ('pretension = "30 N"', "pretension = 30", "pretension = 30: it has no unit; write a force of at least 0 N"),
     ('"2 mm"', '"2"', "distal_gear_radius = '2': it has no unit"),
     ('"2 mm"', '"2 kg"', "distal_gear_radius = '2 kg': it is measured in kg; it must be a length above 1e-07 m"),
@@ -65,14 +65,14 @@ BAD = [
     ('tendon_modulus = "50 GPa"', "", "tendon_modulus is missing; give tendon_diameter and tendon_modulus, or"),
     ('"45 deg"', '"60 deg"', "handle_range is 60 deg, which would bend the distal joint 1.125 times as far as it can"),
     ('"45 deg"', '"270 deg"', "handle_range = '270 deg': it must be an angle above 0 rad and below 3.14159 rad"),
-    ('"yaw", "pitch"', '"yaw", "roll"', "axes.1 = 'roll': it must be 'yaw' or 'pitch'"),
+    ('"yaw", "pitch"', '"yaw", "roll"', "axes (value 2) = 'roll': it must be 'yaw' or 'pitch'"),
     ('"yaw", "pitch"', '"yaw", "yaw"', "axes = ['yaw', 'yaw']: it must name one or two different axes"),
-    ('"tendon-gear"', '"gear"', "joint_type is 'gear'; allowed are tendon-gear, tendon-pulley, continuum"),
-    ('joint_type = "tendon-gear"', "", "joint_type is missing; allowed are"),
-    ('joint_type = "tendon-gear"', 'joint_type = ["x"]', "joint_type is ['x']; allowed are"),
+    ('"tendon-gear"', '"gear"', "joint_type is 'gear'; it must be one of tendon-gear, tendon-pulley, continuum"),
+    ('joint_type = "tendon-gear"', "", "joint_type is missing; it must be one of"),
+    ('joint_type = "tendon-gear"', 'joint_type = ["x"]', "joint_type is ['x']; it must be one of"),
     ("[conditions]", "[conditions", "my.toml is not valid TOML"),
-    ('"0.5 N", ', "0.5, ", "conditions.forces.0 = 0.5: it has no unit"),
-    ("forces = [", "force = [", "conditions.force is not a known key; allowed are forces"),
+    ('"0.5 N", ', "0.5, ", "conditions.forces (value 1) = 0.5: it has no unit"),
+    ("forces = [", "force = [", "conditions.force is not a known key; it must be one of forces"),
     ('pretension = "Fig. 7"', 'pretensoin = "Fig. 7"', "sources.pretensoin names no key"),
     ("[conditions]", '[overrides.pitch]\nradius = "3 mm"\n[conditions]', "overrides.pitch: radius is not a known key"),
     (
@@ -91,7 +91,7 @@ BAD = [
     ('"30 N"', '"2*15 N"', "pretension = '2*15 N': it is not understood"),
     ('"0.63 mm"', '"1e200 m"', "tendon_diameter = '1e200 m': it must be a length above 1e-07 m and below 100 m"),
     ('"50 GPa"', '"1 MPa"', "pretension is 30 N, which would stretch tendons of 0.623 N/m by more than their length"),
-    ('"0.5 N", ', '"-1 N", ', "conditions.forces.0 = '-1 N': it must be a force above 1e-06 N"),
+    ('"0.5 N", ', '"-1 N", ', "conditions.forces (value 1) = '-1 N': it must be a force above 1e-06 N"),
     ('name = "real-size"', 'name = ""', "name = '': it must be 1 to 60 printable characters"),
     ('["yaw", "pitch"]', '"yaw"', "axes = 'yaw': it must be a list"),
     ("[conditions]", "conditions = 3\n[x]", "conditions = 3: it must be"),
@@ -114,10 +114,10 @@ def test_a_bad_file_ends_in_a_sentence_that_names_key_value_and_what_is_allowed(
 
 def test_a_file_that_cannot_be_read_ends_in_a_sentence(tmp_path: Path) -> None:
     for path, sentence in (
-        (tmp_path / "absent.toml", "there is no such file and no instrument of that name; allowed is the path"),
+        (tmp_path / "absent.toml", "there is no such file and no instrument of that name; it must be the path"),
         (tmp_path, "there is no such file"),
         (tmp_path / "binary.toml", "is not UTF-8 text"),
-        (tmp_path / "\0", "is no path; allowed is"),
+        (tmp_path / "\0", "is no path; it must be"),
     ):
         if path.name == "binary.toml":
             path.write_bytes(b"\xff\xfe\x00")

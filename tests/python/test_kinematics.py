@@ -15,6 +15,8 @@ from tenodesis import kinematics as km
 from tenodesis.kinematics.motion import COORDINATES
 from tenodesis.verification import kinematics_peers as peers
 
+from .conftest import refused
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 REAL = tn.load("real-size")
 INSTRUMENTS = {
@@ -266,37 +268,39 @@ def test_a_handle_that_cannot_bend_so_far_has_no_frames():
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
-    [
-        ({"pan": np.nan}, "pan is nan; allowed is a finite number"),
-        ({"yaw": 3.5}, "yaw is 3.5 rad .* allowed is less than half a turn"),
-        ({"roll": "far"}, "roll is 'far'; allowed is a number"),
-        ({"pan": np.zeros(2), "roll": np.zeros(3)}, "do not broadcast: pan .2,"),
-    ],
+    ("change", "key", "value"),
+    [({"pan": np.nan}, "pan", np.nan), ({"yaw": 3.5}, "yaw", 3.5), ({"roll": "far"}, "roll", "far")],
 )
-def test_bad_coordinates_are_named(change, told):
-    with pytest.raises(ValueError, match=told):
+def test_bad_coordinates_are_named(change, key, value):
+    with refused(key, value):
         km.forward(REAL, km.Posture(**change))
+
+
+def test_coordinates_must_broadcast():
+    with pytest.raises(ValueError, match=r"do not broadcast: pan \(2,"):
+        km.forward(REAL, km.Posture(pan=np.zeros(2), roll=np.zeros(3)))
 
 
 def test_what_is_no_posture_or_no_instrument_is_named():
     tip = ([0.0, 0.0, 0.2], [1.0, 0.0, 0.0, 0.0])
-    for ask in (lambda: km.forward(REAL, (0, 0)), lambda: km.within_limits(REAL, {"pan": 0})):
-        with pytest.raises(TypeError, match=r"posture is .*; allowed is a Posture\."):
-            ask()
-    with pytest.raises(TypeError, match=r"near is .*; allowed is a Posture\."):
+    for call in (lambda: km.forward(REAL, (0, 0)), lambda: km.within_limits(REAL, {"pan": 0})):
+        with pytest.raises(TypeError, match=r"posture is .*; it must be a Posture\."):
+            call()
+    with pytest.raises(TypeError, match=r"near is .*; it must be a Posture\."):
         km.inverse(REAL, *tip, near=(0.0, 0.0))
-    for ask in (km.dimensions, km.limits, km.workspace, km.urdf, km.mjcf, lambda inst: km.inverse(inst, *tip)):
-        with pytest.raises(TypeError, match=r"inst is 'real-size'; allowed is an instrument"):
-            ask("real-size")
-    with pytest.raises(ValueError, match=r"pan is 'far'; allowed is a number"):
+    for call in (km.dimensions, km.limits, km.workspace, km.urdf, km.mjcf, lambda inst: km.inverse(inst, *tip)):
+        with pytest.raises(TypeError, match=r"inst is 'real-size'; it must be an instrument"):
+            call("real-size")
+    with refused("pan", "far"):
         km.within_limits(REAL, km.Posture(pan="far"))
     assert km.within_limits(REAL, km.Posture(pan=np.nan)) is False
 
 
-@pytest.mark.parametrize(("argument", "value"), [("force", "much"), ("force", np.inf), ("points", 2.5), ("points", 1)])
+@pytest.mark.parametrize(
+    ("argument", "value"), [("force", "much"), ("force", np.inf), ("force", -1.0), ("points", 2.5), ("points", 1)]
+)
 def test_a_workspace_of_no_load_or_no_points_is_refused(argument, value):
-    with pytest.raises(ValueError, match=rf"{argument} is .*; allowed is"):
+    with refused(argument, value):
         km.workspace(REAL, **{argument: value})
 
 
@@ -310,7 +314,7 @@ def test_one_axis_finds_a_posture_where_it_is_straight_too(bend):
 
 
 def test_an_axis_that_is_not_there_cannot_bend():
-    with pytest.raises(ValueError, match=r"pitch is 0.1 rad; scaled-up has no such axis"):
+    with refused("pitch", 0.1):
         km.forward(tn.load("scaled-up"), km.Posture(pitch=0.1))
 
 
@@ -320,14 +324,14 @@ def test_goals_that_cannot_be_reached_are_named_alone_and_nan_in_arrays():
         km.inverse(REAL, [0.0, 0.0, 0.03], upright)
     both = km.inverse(REAL, [[0.0, 0.0, 0.03], [0.0, 0.0, 0.2]], upright)
     assert np.isnan(both.pan).tolist() == [True, False]
-    with pytest.raises(tn.NoSolutionError, match=r"no posture brings the tip there; .* or another orientation"):
+    with pytest.raises(tn.NoSolutionError, match=r"no posture brings the tip there; .* or in another orientation"):
         km.inverse(REAL, [0.0, 0.0, 0.2], [0.0, 1.0, 0.0, 0.0])  # it would have to look back at the port
     for far in (1e7, -1e200):
-        with pytest.raises(ValueError, match=r"position is .* m; allowed is up to 1e\+06 m"):
+        with refused("position", far):
             km.inverse(REAL, [[0.0, 0.0, 0.2], [0.0, far, 0.0]], upright)
-    with pytest.raises(ValueError, match="quaternion has length 2"):
+    with refused("quaternion", 2.0):
         km.inverse(REAL, [0.0, 0.0, 0.2], [2.0, 0.0, 0.0, 0.0])
-    with pytest.raises(ValueError, match=r"position has shape \(2,\)"):
+    with refused("position", (2,)):
         km.inverse(REAL, [0.0, 0.2], upright)
 
 
@@ -354,10 +358,10 @@ def test_bad_geometry_is_named(changes, told):
 
 
 def test_an_instrument_without_room_for_a_stem_says_so():
-    with pytest.raises(tn.InstrumentError, match="so that no stem is left"):
+    with refused("overall_length", 0.2, tn.InstrumentError):
         km.dimensions(REAL.replace(overall_length=0.2))
     assert km.dimensions(REAL.replace(overall_length=0.2, geometry={"stem_length": 0.3})).stem_length == 0.3
-    with pytest.raises(tn.InstrumentError, match=r"geometry.insertion is 0.29 m; allowed is from least_insertion"):
+    with refused("geometry.insertion", 0.29, tn.InstrumentError):
         km.dimensions(REAL.replace(geometry={"insertion": 0.29}))
 
 
@@ -455,14 +459,12 @@ def test_a_load_shrinks_the_workspace_by_what_it_takes_of_the_output_angle():
     assert spaces[-1].bend < spaces[0].bend == REAL.output_range
     handle = REAL.handle_range
     assert spaces[-1].bend == pytest.approx(tn.statics.output_angle(REAL.axis("yaw"), handle, 3.0), abs=1e-9)
-    with pytest.raises(ValueError, match=r"force is -1.0; allowed"):
-        km.workspace(REAL, -1.0)
 
 
 def test_models_are_written_whole_by_the_command_line_and_not_over_others(tmp_path, monkeypatch):
     from typer.testing import CliRunner
 
-    from tenodesis.cli import app
+    from tenodesis.cli.app import app
 
     monkeypatch.chdir(tmp_path)
     runner = CliRunner()

@@ -17,6 +17,8 @@ from tenodesis.live.host import Host
 
 from .conftest import ROOT
 
+pytestmark = pytest.mark.process
+
 
 def python(program: str) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(
@@ -106,9 +108,13 @@ def test_what_a_killed_host_left_is_kept_until_nobody_works_in_it(place: Path) -
     for folder in (killed, mine, place / "tenodesis-other"):
         (folder / "1").mkdir(parents=True)
         (folder / "1" / "ring").write_bytes(b"ticks")
-    # As a runtime that is still closing its recording.
-    closing = subprocess.Popen([sys.executable, "-c", "input()", str(killed / "1")], stdin=subprocess.PIPE)
+    # As a runtime that is still closing its recording. It says when it has become its program: /proc gives the
+    # arguments of a process only from then on.
+    program = [sys.executable, "-c", "print('works', flush=True); input()", str(killed / "1")]
+    closing = subprocess.Popen(program, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     try:
+        assert closing.stdout is not None
+        assert closing.stdout.readline() == b"works\n"
         hosts._tidy()
         assert (killed / "1" / "ring").exists()
     finally:

@@ -20,7 +20,7 @@ from websockets import Subprotocol
 from websockets.sync.client import ClientConnection, connect
 
 import tenodesis as tn
-from tenodesis import cli_foxglove
+from tenodesis.cli import live as live_commands
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
 from tenodesis.live.foxglove import Server, serve, warning
@@ -29,6 +29,8 @@ from tenodesis.recording.schemas import topics
 
 from .live_loop import LiveLoop, Played
 from .test_recording import a_run
+
+pytestmark = pytest.mark.process
 
 MESSAGE = struct.Struct("<BIQ")
 FIRST = 10
@@ -267,10 +269,10 @@ def test_a_bad_address_port_or_rate_is_one_sentence(scaled: Instrument) -> None:
     with pytest.raises(LiveError, match=r"cannot listen on no-such-host\.invalid"):
         Server(source, "no-such-host.invalid", 0)
     for port in (-1, 65536):
-        with pytest.raises(LiveError, match=f"port is {port}; allowed"):
+        with pytest.raises(LiveError, match=f"port is {port}; it must be"):
             Server(source, port=port)
     for rate in (0.0, -1.0, np.nan, np.inf):
-        with pytest.raises(LiveError, match=r"rate is .*; allowed is a positive number"):
+        with pytest.raises(LiveError, match=r"rate is .*; it must be above 0 Hz"):
             Server(source, port=0, rate=rate)
 
 
@@ -285,8 +287,8 @@ def test_the_command_listens_on_loopback_alone_and_says_so(
 ) -> None:
     app = typer.Typer()
     app.callback()(lambda: None)
-    cli_foxglove.register(app)
-    monkeypatch.setattr("tenodesis.live.record.Reader", lambda _: Played(a_run(100), scaled, [100]))
+    app.command()(live_commands.foxglove)
+    monkeypatch.setattr("tenodesis.cli.live.Reader", lambda _: Played(a_run(100), scaled, [100]))
     said = CliRunner().invoke(app, ["foxglove", str(tmp_path), "--port", "0"])
     assert said.exit_code == 0
     assert said.output.startswith("Foxglove: ws://127.0.0.1:")
@@ -300,19 +302,19 @@ def test_the_command_listens_on_loopback_alone_and_says_so(
 def test_the_one_instrument_that_runs_is_found(
     scaled: Instrument, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cli_foxglove, "_PLACES", (tmp_path, tmp_path / "none"))
+    monkeypatch.setattr(live_commands, "_PLACES", (tmp_path, tmp_path / "none"))
     with pytest.raises(LiveError, match="no live instrument runs here; start one with `tenodesis console`"):
-        cli_foxglove._running()
+        live_commands._running()
     (tmp_path / "tenodesis-0" / "1").mkdir(parents=True)
     (tmp_path / "tenodesis-0" / "1" / "ring").write_bytes(b"left over")
     loops = []
     for name in ("tenodesis-1", "tenodesis-2"):
         (tmp_path / name / "1").mkdir(parents=True)
         loops.append(LiveLoop(tmp_path / name / "1", scaled, ring="ring"))
-        loops[-1].tell_folder()
+        loops[-1].describe_folder()
     loops[0].ticks(1)
-    assert cli_foxglove._running() == tmp_path / "tenodesis-1" / "1"
+    assert live_commands._running() == tmp_path / "tenodesis-1" / "1"
     for loop in loops:
         loop.ticks(1)
     with pytest.raises(LiveError, match=r"several live instruments run: .*tenodesis-1/1, .*tenodesis-2/1; give one"):
-        cli_foxglove._running()
+        live_commands._running()

@@ -14,24 +14,24 @@ import pytest
 import tenodesis as tn
 from tenodesis.live import journal as journals
 from tenodesis.live import recorder as live
-from tenodesis.live.events import FILE, LONGEST_LINE, Happened, Tail
+from tenodesis.live.events import FILE, LONGEST_LINE, RuntimeEvent, Tail
 from tenodesis.live.journal import Journal
 from tenodesis.recording import Recording
-from tenodesis.signals import Run
+from tenodesis.run import Run
 
 from .live_loop import Played
 
 MOST = 20_000
 
 
-def all_of(tail: Tail) -> list[Happened]:
+def all_of(tail: Tail) -> list[RuntimeEvent]:
     found = []
     while more := tail.read():
         found += more
     return found
 
 
-def told(events: list[Happened], event: str, what: str) -> list[Any]:
+def told(events: list[RuntimeEvent], event: str, what: str) -> list[Any]:
     return [one.content[what] for one in events if one.content["event"] == event]
 
 
@@ -44,14 +44,14 @@ def test_the_file_is_bounded_and_who_keeps_up_gets_every_event_once(journal: Jou
     tail, late, found = Tail(tmp_path / FILE), Tail(tmp_path / FILE, at_end=True), []
     largest = 0
     for n in range(5000):
-        journal.tell(("order", "law")[n % 2], "one", n=n)
+        journal.write(("order", "law")[n % 2], "one", n=n)
         largest = max(largest, (tmp_path / FILE).stat().st_size)
         if n % 50 == 0:
             found += all_of(tail)
             assert len(late.read()) > 0
     found += all_of(tail)
     assert [event.content["n"] for event in found] == list(range(5000))
-    assert found[0] == Happened(1.5, {"event": "order", "origin": "one", "n": 0})
+    assert found[0] == RuntimeEvent(1.5, {"event": "order", "origin": "one", "n": 0})
     assert MOST / 2 < largest < MOST + 1000
     assert [path.name for path in tmp_path.iterdir()] == [FILE]
 
@@ -59,9 +59,9 @@ def test_the_file_is_bounded_and_who_keeps_up_gets_every_event_once(journal: Jou
 def test_who_comes_late_is_told_what_is_in_force_and_how_many_events_were_left_out(
     journal: Journal, tmp_path: Path
 ) -> None:
-    journal.tell("law", "one", law="off")
+    journal.write("law", "one", law="off")
     for n in range(5000):
-        journal.tell("order", "one", n=n)
+        journal.write("order", "one", n=n)
     found = all_of(Tail(tmp_path / FILE))
     assert told(found, "law", "law") == ["off"]
     orders = told(found, "order", "n")
@@ -72,13 +72,13 @@ def test_who_comes_late_is_told_what_is_in_force_and_how_many_events_were_left_o
 
 def test_who_falls_behind_is_told_how_many_events_it_missed(journal: Journal, tmp_path: Path) -> None:
     tail = Tail(tmp_path / FILE)
-    journal.tell("law", "one", law="off")
+    journal.write("law", "one", law="off")
     for n in range(30):
-        journal.tell("order", "one", n=n)
+        journal.write("order", "one", n=n)
     found = all_of(tail)
     assert told(found, "order", "n") == list(range(30))
     for n in range(30, 3000):
-        journal.tell("order", "one", n=n)
+        journal.write("order", "one", n=n)
     found = all_of(tail)
     orders = told(found, "order", "n")
     # The rest of the file that it had open, and the file that is there now; the law is not told again.
@@ -92,8 +92,8 @@ def test_who_falls_behind_is_told_how_many_events_it_missed(journal: Journal, tm
 
 
 def test_an_event_that_is_too_long_for_a_line_is_told_with_its_length(journal: Journal, tmp_path: Path) -> None:
-    journal.tell("play", "one", protocol="x" * LONGEST_LINE)
-    journal.tell("cancel", "one")
+    journal.write("play", "one", protocol="x" * LONGEST_LINE)
+    journal.write("cancel", "one")
     found = all_of(Tail(tmp_path / FILE))
     assert [event.content["event"] for event in found] == ["play", "cancel"]
     assert found[0].content["origin"] == "one"
@@ -115,17 +115,17 @@ def test_events_that_cannot_be_written_are_counted_and_leave_no_torn_line(
         return written[-1]
 
     tail = Tail(tmp_path / FILE)
-    journal.tell("law", "one")
+    journal.write("law", "one")
     with monkeypatch.context() as full:
         full.setattr(journals, "os", SimpleNamespace(**{**vars(os), "write": half}))
         for n in range(3):
-            journal.tell("order", "one", n=n)
-        journal.tell_often("hand", "one")
+            journal.write("order", "one", n=n)
+        journal.write_merged("hand", "one")
         journal.flush()
         assert journal.problem is not None
         assert "No space left" in journal.problem
     assert [event.content["event"] for event in all_of(tail)] == ["law"]
-    journal.tell("order", "one", n=3)
+    journal.write("order", "one", n=3)
     found = all_of(tail)
     assert [event.content["event"] for event in found] == ["events_missing", "order"]
     assert told(found, "events_missing", "events") == [4]
@@ -139,13 +139,13 @@ def test_the_bound_holds_where_the_file_cannot_begin_anew(
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as full:
-        full.setattr(journals, "whole", refused)
+        full.setattr(journals, "atomic_file", refused)
         for n in range(3000):
-            journal.tell("order", "one", n=n)
+            journal.write("order", "one", n=n)
     assert (tmp_path / FILE).stat().st_size <= MOST
     written = told(all_of(tail := Tail(tmp_path / FILE)), "order", "n")
     assert written == list(range(len(written)))
-    journal.tell("order", "one", n=3000)
+    journal.write("order", "one", n=3000)
     found = all_of(tail)
     assert told(found, "events_missing", "events") == [3000 - len(written)]
     assert told(found, "order", "n") == [3000]
@@ -162,7 +162,7 @@ def test_a_recording_has_every_event_though_the_file_begins_anew(tmp_path: Path)
 
         def read(self, most: int = 2000) -> tuple[Run, int]:
             for _ in range(100 if self._blocks else 0):
-                journal.tell("order", "one", n=self.told)
+                journal.write("order", "one", n=self.told)
                 self.told += 1
             return super().read(most)
 

@@ -16,6 +16,7 @@ import tenodesis as tn
 from tenodesis.errors import LiveError
 from tenodesis.live import folder as folders
 from tenodesis.live import lease as leases
+from tenodesis.live import protocol_runner
 from tenodesis.live import server as servers
 from tenodesis.live.client import Client
 from tenodesis.live.loop import LiveLoop
@@ -23,16 +24,21 @@ from tenodesis.live.record import TICK, Reader
 from tenodesis.live.server import Server
 from tenodesis.recording import Recording
 
-from .test_live import looped, operating, until
+from .test_live import looped, until
+from .test_live_server import operating
 
-RAMP = tn.protocols.parse(
+pytestmark = pytest.mark.process
+
+RAMP = tn.simulate.parse(
     'name = "turn"\n[[phases]]\nkind = "ramp"\nhandle_angle = "20 deg"\nduration = "1 s"\n'
     '[[phases]]\nkind = "hold"\nduration = "20 s"\n'
 )
 
 
 @pytest.fixture
-def served(tmp_path):
+def served(tmp_path, monkeypatch):
+    # A busy machine may hold an operator's heartbeat up for longer than a second.
+    monkeypatch.setattr(leases, "SECONDS", 10.0)
     folder = tmp_path / "run"
     folder.mkdir(mode=0o700)
     server = Server(looped(folder), tmp_path / "recordings")
@@ -75,7 +81,7 @@ def failing(work):
 
 
 @pytest.mark.parametrize(
-    ("place", "name"), [(tn.protocols, "parse"), (tn.protocols.Protocol, "plan"), (servers, "Player")]
+    ("place", "name"), [(tn.simulate, "parse"), (tn.simulate.Protocol, "plan"), (protocol_runner, "Player")]
 )
 def test_a_stop_that_comes_while_a_protocol_is_being_prepared_wins(served, monkeypatch, place, name):
     # So long that it is not the operator's absence that ends it.
@@ -120,12 +126,12 @@ def test_a_protocol_asks_for_nothing_after_a_stop(served, monkeypatch):
         player._ask("home")
         player._queue.push(np.full((200, 1, 3), 0.1))
 
-    monkeypatch.setattr(servers.Player, "advance", turn)
+    monkeypatch.setattr(protocol_runner.Player, "advance", turn)
     one.play(RAMP, record=False)
     assert reached.wait(30)
     thread, problems = failing(Client(folder, "other").stop)
     until(lambda: one.latest().get("stopped") == 1)
-    until(lambda: server._stops == 1)
+    until(lambda: server.runtime.protocols.stops == 1)
     go.set()
     thread.join(30)
     assert problems == []
@@ -145,7 +151,7 @@ def test_a_pause_is_the_operators_to_end_also_where_a_protocol_would_home(served
     held = []
     for request in ("pause", "clear", "resume", "disable", "enable", "pause", "home"):
         one.request(request)
-        held.append(server._player.held)
+        held.append(server.runtime.protocols._player.held)
     assert held == [True, True, False, True, False, True, False]
 
 
@@ -155,8 +161,8 @@ def test_a_protocol_ends_when_another_takes_over(served):
     one.request("enable")
     one.play(RAMP, record=False)
     assert other.acquire(force=True)
-    until(lambda: other.heartbeat() and other.status().protocol[3] is not None)
-    assert other.status().protocol[3] == "the operator has gone"
+    until(lambda: other.heartbeat() and other.status().protocol.problem is not None)
+    assert other.status().protocol.problem == "the operator has gone"
 
 
 def connected(folder, says=b""):
@@ -175,7 +181,7 @@ def test_there_is_always_room_for_one_who_stops_and_the_operator_stays(served, s
     one, watcher = operating(folder), Client(folder, "watcher")
     one.request("enable")
     crowd = [connected(folder, says) for _ in range(3 * servers._MOST_CLIENTS // 2)]
-    assert len(server._connections) <= servers._MOST_CLIENTS
+    assert len(server._clients) <= servers._MOST_CLIENTS
     late = Client(folder, "late")
     late.stop()
     until(lambda: one.latest().get("stopped") == 1)
@@ -196,7 +202,7 @@ def test_those_who_never_spoke_go_before_those_who_watch(served):
     folder, server = served
     watchers = [Client(folder, f"watcher {n}") for n in range(10)]
     crowd = [connected(folder) for _ in range(200)]
-    origins = {connection.origin for connection in server._connections}
+    origins = {connection.origin for connection in server._clients}
     assert {watcher.origin for watcher in watchers} <= origins
     for raw in crowd:
         raw.close()
@@ -221,8 +227,8 @@ def test_a_protocol_is_not_run_unrecorded_while_the_recording_before_is_closed(s
     one = operating(folder)
     one.request("enable")
     one.record(True, "first")
-    until(lambda: server._recorder.ready)
-    recorder = server._recorder.status()["pid"]
+    until(lambda: server.runtime.recorder.ready)
+    recorder = server.runtime.recorder.status()["pid"]
     os.kill(recorder, signal.SIGSTOP)
     one.record(False)
     with pytest.raises(LiveError, match=r"first\.mcap is still being closed"):
@@ -253,7 +259,7 @@ def test_a_recording_tells_that_the_runtime_ended_and_which_ticks_were_given_up(
     server.start()
     with contextlib.closing(operating(folder)) as one:
         path = one.record(True)
-        until(lambda: server._recorder.status().get("rows", 0) > 100)
+        until(lambda: server.runtime.recorder.status().get("rows", 0) > 100)
         server.finish()
     told = [event.content for event in Recording.open(path).events]
     assert [content["event"] for content in told][-2:] == ["ended", "recording_ended"]
@@ -274,13 +280,16 @@ def test_a_folder_that_others_can_enter_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("order", "says"),
     [
-        ({"op": []}, "op is []; allowed are"),
-        ({"op": "hand", "angles": [True]}, "angles is [True]; allowed is a list of finite numbers"),
-        ({"op": "hand", "angles": [float("nan")]}, "angles is [nan]; allowed is a list of finite numbers"),
-        ({"op": "force", "force": [10**400]}, "allowed is a list of finite numbers"),
-        ({"op": "speed", "factor": float("inf")}, "factor is inf; allowed is a finite number"),
-        ({"op": "record", "on": 1}, "on is 1; allowed are true and false"),
-        ({"op": "play", "record": [[]]}, "record is [[]]; allowed are true and false"),
+        ({"op": []}, "op is []; it must be one of hello, status"),
+        ({"op": "hand", "angles": [True]}, "angles is [True]; it must be a list of finite numbers"),
+        ({"op": "hand", "angles": [float("nan")]}, "angles is [nan]; it must be a list of finite numbers"),
+        ({"op": "force", "force": [10**400]}, "it must be a list of finite numbers"),
+        ({"op": "speed", "factor": float("inf")}, "factor is inf; it must be a finite number"),
+        ({"op": "record", "on": 1}, "on is 1; it must be true or false"),
+        ({"op": "play"}, "protocol is None; it must be the text of a protocol"),
+        ({"op": "play", "protocol": RAMP.to_toml(), "record": [[]]}, "record is [[]]; it must be true or false"),
+        ({"op": "law", "law": "off"}, "actuation is None; it must be text"),
+        ({"op": "inject_fault", "point": "tick", "mode": "add", "value": 1, "seconds": 1, "axis": 2}, "axis is 2; it"),
     ],
 )
 def test_an_order_of_the_operators_that_makes_no_sense_is_refused_in_a_sentence(served, order, says):

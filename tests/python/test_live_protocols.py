@@ -8,11 +8,12 @@ import pytest
 
 import tenodesis as tn
 from tenodesis.control import OperatingState
-from tenodesis.errors import LiveError, ProtocolError
+from tenodesis.errors import ProtocolError
 from tenodesis.instrument import Instrument
 from tenodesis.live.protocols import Player
-from tenodesis.protocols import Cycles, Pretension, Protocol, Ramp, StepLoad
-from tenodesis.signals import Array, concatenate
+from tenodesis.live.status import ProtocolState, ProtocolStatus
+from tenodesis.run import Array, concatenate
+from tenodesis.simulate import Cycles, Pretension, Protocol, Ramp, StepLoad
 
 from .live_loop import LiveLoop
 
@@ -88,7 +89,7 @@ def test_the_tip_does_what_it_does_offline(loop: LiveLoop, scaled: Instrument) -
     controller = tn.control.Controller(scaled, enabled=False)
     rest = {"handle_angle": np.zeros(TURN), "request": np.r_[1, np.zeros(TURN - 1)].astype(np.uint8)}
     twin.run(**rest, controller=controller)
-    offline = tn.protocols.execute(twin, STEPS, controller)
+    offline = tn.simulate.execute(twin, STEPS, controller)
     turns(player(loop, STEPS), loop)
     live = concatenate(loop.runs)
     rows = slice(TURN, TURN + len(offline))
@@ -158,53 +159,8 @@ def test_it_begins_where_the_instrument_is_without_a_jump(loop: LiveLoop) -> Non
     assert (found[begins : begins + len(rows)] == rows).all()
 
 
-def test_a_pretension_phase_is_homing_and_what_follows_is_as_planned(tmp_path: Path, scaled: Instrument) -> None:
-    loop = LiveLoop(tmp_path, scaled, homed=False, loosened=2e-3)
-    loop.ticks(TURN)
-    playing = player(loop, HOMING)
-    far = [0.0]
-    while not playing.finished:
-        playing.advance()
-        loop.ticks(TURN)
-        far.append(playing.progress.done)
-        if "resume" not in loop.asked:
-            assert far[-1] - far[-2] == pytest.approx(TURN * loop.time_step if far[-1] else 0.0)
-            homed = far[-1]
-    assert playing.problem is None
-    assert 0.5 < homed < 30
-    assert far == sorted(far)
-    assert next(done for done in far if done > homed) >= 30
-    assert loop.asked == ["home", "resume"]
-    run = concatenate(loop.runs)
-    assert run["operating_state"][-1] == OperatingState.ENABLED
-    assert loop.latest()["homed"] == 1
-    loaded = int(np.flatnonzero(run["force"])[0])
-    assert run["measured_tension"][loaded - 200 : loaded].mean(axis=0) == pytest.approx(scaled.pretension, abs=2.0)
-    alone = Protocol(name="steps", phases=HOMING.phases[1:])
-    rows = planned(alone, loop)
-    moving = int(np.flatnonzero(run["commanded_handle_angle"])[0])
-    assert (commanded(loop)[moving : moving + len(rows)] == rows).all()
-    assert playing.progress.total == pytest.approx(30 + len(rows) * loop.time_step)
-
-
-def test_homing_waits_until_the_handle_is_straight_and_the_tip_free(tmp_path: Path, scaled: Instrument) -> None:
-    loop = LiveLoop(tmp_path, scaled)
-    loop.hand(0.3)
-    loop.load(0.5)
-    loop.ticks(2000)
-    asked: list[tuple[str, int, list[float]]] = []
-
-    def ask(request: str) -> None:
-        asked.append((request, loop.pending, commanded(loop)[-1].tolist()))
-        loop.ask(request)
-
-    plan = HOMING.plan(scaled, loop.time_step)
-    turns(Player(plan, loop, ask, loop.latest, inst=scaled, time_step=loop.time_step), loop)
-    assert asked == [("home", 0, [0.0, 0.0, 0.0]), ("resume", 0, [0.0, 0.0, 0.0])]
-
-
 def test_in_a_fault_nothing_is_asked_or_sent(loop: LiveLoop) -> None:
-    loop.tamper(1, 1, 1e6, 120)
+    loop.inject_fault(1, 1, 1e6, 120)
     loop.ticks(10 * TURN)
     playing = player(loop, HOMING)
     for _ in range(5):
@@ -221,7 +177,7 @@ def test_a_fault_stops_what_is_sent_and_it_goes_on_once_it_is_mended(loop: LiveL
         playing.advance()
         loop.ticks(TURN)
     # The agonist's load cell is 1 MN off for 60 ms.
-    loop.tamper(1, 1, 1e6, 120)
+    loop.inject_fault(1, 1, 1e6, 120)
     turns(playing, loop)
     assert loop.latest()["operating_state"] == OperatingState.FAULT
     assert playing.problem is not None
@@ -353,76 +309,6 @@ def test_cancelling_stops_at_once_and_forgets_what_was_ahead(loop: LiveLoop) -> 
     assert playing.progress.done == done < playing.progress.total
 
 
-def test_cancelling_while_homing_pauses_the_motors(tmp_path: Path, scaled: Instrument) -> None:
-    loop = LiveLoop(tmp_path, scaled, homed=False, loosened=2e-3)
-    loop.ticks(TURN)
-    playing = player(loop, HOMING)
-    for _ in range(10):
-        playing.advance()
-        loop.ticks(TURN)
-    assert loop.latest()["homing"] == 1
-    playing.cancel()
-    loop.ticks(TURN)
-    assert loop.asked == ["home", "pause"]
-    assert loop.latest()["operating_state"] == OperatingState.PAUSED
-
-
-def test_homing_that_lasts_too_long_is_paused_and_is_the_operators_to_repeat(
-    tmp_path: Path, scaled: Instrument
-) -> None:
-    loop = LiveLoop(tmp_path, scaled, homed=False, loosened=2e-3)
-    loop.ticks(TURN)
-    quick = Protocol(name="quick", phases=(Pretension(timeout=0.2), *STEPS.phases[:1]))
-    playing = player(loop, quick)
-    turns(playing, loop)
-    assert loop.asked == ["home", "pause"]
-    assert "it has not homed within 0.2 s; home the instrument to go on" in str(playing.problem)
-    for _ in range(10):
-        loop.ticks(TURN)
-        playing.advance()
-    assert loop.latest()["operating_state"] == OperatingState.PAUSED
-    assert loop.asked == ["home", "pause"]
-    assert playing.problem is not None
-    assert not commanded(loop).any()
-
-
-def test_homing_that_a_fault_ends_goes_on_after_the_operator_homed(tmp_path: Path, scaled: Instrument) -> None:
-    loop = LiveLoop(tmp_path, scaled, homed=False, loosened=2e-3)
-    loop.ticks(TURN)
-    playing = player(loop, HOMING)
-    for _ in range(10):
-        playing.advance()
-        loop.ticks(TURN)
-    loop.tamper(1, 1, 1e6, 120)
-    turns(playing, loop)
-    assert "clear it and home the instrument to go on" in str(playing.problem)
-    loop.ticks(10 * TURN)
-    loop.ask("clear")
-    for _ in range(10):
-        loop.ticks(TURN)
-        playing.advance()
-    assert loop.asked == ["home", "clear"]
-    loop.ask("home")
-    loop.ticks(TURN)
-    playing.advance()
-    turns(playing, loop)
-    assert playing.finished
-    assert loop.asked == ["home", "clear", "home", "resume"]
-
-
-def test_an_instrument_that_does_not_home_is_told(tmp_path: Path, scaled: Instrument) -> None:
-    """It hears nothing of what it is asked."""
-    loop = LiveLoop(tmp_path, scaled)
-    loop.ticks(TURN)
-    plan = HOMING.plan(scaled, loop.time_step)
-    asked: list[str] = []
-    playing = Player(plan, loop, asked.append, loop.latest, inst=scaled, time_step=loop.time_step)
-    turns(playing, loop)
-    assert asked == ["home"]
-    assert "the instrument does not begin to home; home it to go on" in str(playing.problem)
-    assert not commanded(loop).any()
-
-
 def test_a_bench_whose_handle_nobody_commands_is_not_approached(loop: LiveLoop) -> None:
     def latest() -> dict[str, Any]:
         return loop.latest() | dict.fromkeys(("commanded_handle_angle", "force", "radial_force"), np.nan)
@@ -437,7 +323,7 @@ def test_a_bench_whose_handle_nobody_commands_is_not_approached(loop: LiveLoop) 
 @pytest.mark.parametrize(
     ("phases", "said"),
     [
-        ((Pretension(tension=3.0),), "tension is 3 N; allowed with a controller is"),
+        ((Pretension(tension=3.0),), "tension is 3 N; with a controller it must be"),
         ((Ramp(duration=1.0, spool_velocity=(1.0, 1.0)),), "spool_velocity is given"),
     ],
 )
@@ -449,70 +335,15 @@ def test_what_no_controller_can_run_is_refused_before_it_begins(
     assert loop.pending == 0
 
 
-PAUSED = Protocol(name="paused", phases=(Ramp(handle_angle=0.0, duration=0.3), Pretension(timeout=30.0)))
-
-
-def test_a_protocol_does_not_home_over_the_operators_pause(loop: LiveLoop) -> None:
-    """A pause when the last commands before homing are on their way already."""
-    playing = player(loop, PAUSED)
-    while loop.pending + sum(map(len, loop.runs)) < TURN + 600:
-        playing.advance()
-        loop.ticks(TURN)
-    assert playing.problem is None
-    playing.held = True
-    loop.ask("pause")
-    loop.ticks(400)
-    turns(playing, loop)
-    assert playing.problem is not None
-    assert "the operator has paused it, and it is PAUSED; home it to go on" in playing.problem
-    assert loop.asked == ["enable", "pause"]
-    assert concatenate(loop.runs)["operating_state"][-400:].max() == OperatingState.PAUSED
-    playing.held = False
-    loop.ask("home")
-    loop.ticks(TURN)
-    for _ in range(2000):
-        playing.advance()
-        if playing.finished:
-            break
-        loop.ticks(TURN)
-    assert playing.finished
-    assert loop.asked == ["enable", "pause", "home", "resume"]
-
-
-def test_a_protocol_does_not_resume_over_the_operators_pause_after_homing(loop: LiveLoop) -> None:
-    playing = player(loop, HOMING)
-    while not loop.latest()["homing"]:
-        playing.advance()
-        loop.ticks(TURN)
-    while loop.latest()["homing"]:
-        loop.ticks(TURN)
-        if loop.latest()["homing"]:
-            playing.advance()
-    playing.held = True
-    loop.ask("pause")
-    loop.ticks(TURN)
-    turns(playing, loop)
-    assert playing.problem is not None
-    assert "the instrument is PAUSED; resume it to go on" in playing.problem
-    assert "resume" not in loop.asked
-
-
-def test_what_cannot_forget_its_commands_still_pauses_homing_when_it_is_cancelled(
-    tmp_path: Path, scaled: Instrument, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    loop = LiveLoop(tmp_path, scaled, homed=False, loosened=2e-3)
-    loop.ticks(TURN)
-    playing = player(loop, HOMING)
-    while not loop.latest()["homing"]:
-        playing.advance()
-        loop.ticks(TURN)
-
-    def full() -> None:
-        raise LiveError("too much is asked at once; that was not taken.")
-
-    monkeypatch.setattr(loop, "drop", full)
-    with pytest.raises(LiveError):
-        playing.cancel()
-    loop.ticks(TURN)
-    assert loop.asked[-1] == "pause"
-    assert not loop.latest()["homing"]
+@pytest.mark.parametrize(
+    ("state", "runs"),
+    [
+        (ProtocolState.RUNNING, True),
+        (ProtocolState.WAITING, True),
+        (ProtocolState.DONE, False),
+        (ProtocolState.ENDED, False),
+    ],
+)
+def test_a_protocol_runs_until_it_is_done_or_something_ends_it(state, runs):
+    # Whatever its problem says.
+    assert ProtocolStatus("x", 1.0, 2.0, state, "x waits at 1 s").runs is runs

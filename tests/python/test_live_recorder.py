@@ -28,10 +28,10 @@ from tenodesis.live import recorder as live
 from tenodesis.live.events import Tail
 from tenodesis.live.record import Reader
 from tenodesis.recording import Recorder, Recording
-from tenodesis.signals import Run
+from tenodesis.run import Run
 
 from .conftest import ROOT
-from .live_loop import LiveLoop, Played, part
+from .live_loop import LiveLoop, Played
 from .test_recording import bits
 
 STEP = 5e-4
@@ -52,7 +52,7 @@ from pathlib import Path
 import numpy as np
 import tenodesis as tn
 from tenodesis.live import recorder
-from tenodesis.signals import Run
+from tenodesis.run import Run
 {before}
 class Source:
     inst, axes, time_step = tn.load("scaled-up"), ("yaw",), {STEP}
@@ -201,6 +201,7 @@ def test_rows_whose_time_does_not_go_on_are_kept_and_told(run: Run, tmp_path: Pa
     assert [event["rows"] for event in told if event["event"] == "time_corrected"] == [8, 16]
 
 
+@pytest.mark.process
 def test_a_killed_recorder_leaves_all_it_said_was_safe(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     (tmp_path / "events.jsonl").write_text('{"time": 0, "event": "law", "law": "robust"}\n')
@@ -219,6 +220,7 @@ def test_a_killed_recorder_leaves_all_it_said_was_safe(tmp_path: Path) -> None:
     assert not status["ended"]
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_closes_the_recording(number: signal.Signals, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
@@ -237,6 +239,7 @@ def test_a_signal_closes_the_recording(number: signal.Signals, tmp_path: Path) -
     assert (status["rows"], status["problem"]) == (len(recording.run), None)
 
 
+@pytest.mark.process
 def test_a_disk_that_fills_up_ends_it_with_a_sentence_and_what_was_written(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     limit = (
@@ -257,6 +260,7 @@ def test_a_disk_that_fills_up_ends_it_with_a_sentence_and_what_was_written(tmp_p
     assert f"tenodesis: {status['problem']}\n" == said
 
 
+@pytest.mark.process
 def test_a_file_that_cannot_be_written_is_one_sentence(run: Run, tmp_path: Path) -> None:
     def attempt(path: Path) -> None:
         live.record(Played(run, tn.load("scaled-up"), [400]), tmp_path, path)
@@ -419,7 +423,7 @@ def test_events_after_a_missing_one_are_not_read(tmp_path: Path) -> None:
 
 def test_the_ticks_of_the_loop_itself_are_recorded_and_those_it_overwrote_are_told(tmp_path: Path) -> None:
     loop = LiveLoop(tmp_path, tn.load("scaled-up"), ring="ring", capacity=1024)
-    loop.tell_folder()
+    loop.describe_folder()
     loop.ask("enable")
     loop.ticks(100)
     reader = Reader(tmp_path)
@@ -435,4 +439,4 @@ def test_the_ticks_of_the_loop_itself_are_recorded_and_those_it_overwrote_are_to
     loop.ticks(3000)
     outcome = live.record(reader, tmp_path, tmp_path / "lost.mcap", stop=stop)
     assert outcome.lost == 3000 - outcome.rows > 1900
-    assert bits(Recording.open(tmp_path / "lost.mcap").run) == bits(part(loop.runs[-1], outcome.lost, 3000))
+    assert bits(Recording.open(tmp_path / "lost.mcap").run) == bits(loop.runs[-1][outcome.lost : 3000])

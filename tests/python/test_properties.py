@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import tenodesis as tn
@@ -44,7 +44,7 @@ def instruments(draw: st.DrawFn) -> Instrument:
 handles = st.floats(-0.6, 0.6)
 # In shares of the force that stretches a tendon by a tenth of the radius, so that loads suit the instrument.
 loads = st.floats(-1.5, 1.5)
-many = settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+many = settings(max_examples=300)
 
 
 def unit_force(inst: Instrument) -> float:
@@ -148,11 +148,12 @@ def test_output_angle_and_handle_angle_are_inverse(
     more = loading(inst, radial, first, second)
     state = tn.statics.equilibrium(inst, handle, load * unit, **more)
     if state.status != Status.OK or max(state.agonist, state.antagonist) < 1e-9:
-        return  # nothing holds the tip, and its angle tells nothing of the handle's
+        return  # nothing holds the tip, so that its angle does not depend on the handle's
     slope = tn.statics.gradient("output_angle", inst, handle, load * unit, wrt=["handle_angle"], **more)
     found = tn.statics.handle_angle(inst, np.array([state.output_angle]), load * unit, **more)
-    if not abs(slope["handle_angle"]) < 1e3:
-        return  # closer to the fold than rounding lets anyone tell
+    beside = np.clip([handle - 1e-7, handle + 1e-7], -inst.handle_range, inst.handle_range)
+    if not abs(slope["handle_angle"]) < 1e3 or tn.statics.equilibrium(inst, beside, load * unit, **more).status.any():
+        return  # within rounding of the fold, or of where both tendons go slack and nothing holds the tip
     back = tn.statics.equilibrium(inst, found, load * unit, **more)
     assert back.output_angle[0] == pytest.approx(state.output_angle, abs=1e-10 * max(1.0, slope["handle_angle"]))
 

@@ -19,9 +19,10 @@ from rich.console import Console
 
 from tenodesis.errors import RecordingError
 from tenodesis.recording import Recorder, Recording
+from tenodesis.recording.decode import Misfit
 from tenodesis.recording.schemas import JOINT_STATE, WRENCH, definition, shape
 from tenodesis.recording.summary import describe
-from tenodesis.signals import SIGNALS, Run
+from tenodesis.run import SIGNALS, Run
 
 AXES = [("yaw",), ("pitch",), ("yaw", "pitch")]
 
@@ -39,7 +40,7 @@ def a_run(rows: int, axes: tuple[str, ...] = ("yaw",), start: int = 0, names: An
 
 
 def bits(run: Run, rows: int | None = None) -> dict[str, tuple[tuple[int, ...], bytes]]:
-    arrays = {"time": run.time[:rows]} | {name: values[:rows] for name, values in run.signals().items()}
+    arrays = {"time": run.time[:rows]} | run[:rows].signals()
     return {name: (values.shape, values.tobytes()) for name, values in arrays.items()}
 
 
@@ -266,12 +267,13 @@ def test_a_changed_byte_of_metadata_is_noticed(whole: bytes, tmp_path: Path) -> 
     assert len(recording.run) == 60
 
 
+@pytest.mark.process
 def test_a_killed_process_leaves_what_it_recorded(tmp_path: Path) -> None:
     path = tmp_path / "killed.mcap"
     program = (
         "import itertools, sys, numpy as np\n"
         "from tenodesis.recording import Recorder\n"
-        "from tenodesis.signals import Run\n"
+        "from tenodesis.run import Run\n"
         "recorder = Recorder(sys.argv[1], axes=('yaw',), chunk_seconds=0.05)\n"
         "for block in itertools.count():\n"
         "    time = (block * 100 + np.arange(100)) * 0.0005\n"
@@ -322,13 +324,7 @@ def test_on_a_full_disk_the_chunks_before_remain(
         RecordingError, match=r"No space left on device; .* remains readable: at least \d+ rows"
     ) as problem:
         for start in range(0, 60, 10):
-            recorder.write(
-                Run(
-                    run.time[start : start + 10],
-                    ("yaw",),
-                    **{name: values[start : start + 10] for name, values in run.signals().items()},
-                )
-            )
+            recorder.write(run[start : start + 10])
         recorder.close()
     recording = Recording.open(path)
     promised = int(str(problem.value).split("at least ")[1].split()[0])
@@ -355,7 +351,7 @@ def test_a_path_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
 def test_a_file_is_overwritten_only_when_asked(tmp_path: Path) -> None:
     path = recorded(tmp_path / "run.mcap", a_run(5))
     before = path.read_bytes()
-    with pytest.raises(RecordingError, match="exists already; allowed is"):
+    with pytest.raises(RecordingError, match="exists already; give another path"):
         Recorder(path, axes=("yaw",))
     assert path.read_bytes() == before
     recorded(path, a_run(9), overwrite=True)
@@ -389,7 +385,7 @@ def test_metadata_that_is_no_text_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "run.mcap").exists()
 
 
-def test_a_file_that_is_no_recording_is_refused_with_what_it_is(tmp_path: Path) -> None:
+def test_a_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "other"
     with pytest.raises(RecordingError, match="there is no such file"):
         Recording.open(path)
@@ -402,7 +398,7 @@ def test_a_file_that_is_no_recording_is_refused_with_what_it_is(tmp_path: Path) 
     with pytest.raises(RecordingError, match="cannot be read"):
         Recording.open(tmp_path)
     stock(path, {"/camera": [joints(i, ["lens"]) for i in range(3)]})
-    with pytest.raises(RecordingError, match=r"nothing of a recording: its topics are /camera\."):
+    with pytest.raises(RecordingError, match=r"no topic of a recording: its topics are /camera\."):
         Recording.open(path)
 
 
@@ -455,7 +451,8 @@ def test_another_programs_file_loads_what_fits(frame: list[str], tmp_path: Path)
         "measured_handle_angle": [0.0, 0.1, 0.2],
         "measured_tension": [[0.0, 0.0], [2.0, 1.0], [4.0, 2.0]],
     }
-    assert recording.left_out.keys() == {"/tip/measured2_js", "/motors/measured_js"}
+    reasons = {topic: left_out.reason for topic, left_out in recording.left_out.items()}
+    assert reasons == {"/tip/measured2_js": Misfit.STAMPS, "/motors/measured_js": Misfit.JOINTS}
     assert recording.topics["/camera"].messages == 4
 
 
@@ -475,7 +472,7 @@ def test_messages_of_another_type_are_left_out_with_the_reason(tmp_path: Path) -
         state = writer.register_msgdef(JOINT_STATE, definition(JOINT_STATE))
         writer.write_message("/handle/measured_js", state, joints(0, ["handle_yaw"], position=[0.5]), 1)
     recording = Recording.open(path)
-    assert recording.left_out == {"/tendons/measured_js": "its messages are std_msgs/msg/String"}
+    assert recording.left_out == {"/tendons/measured_js": (Misfit.TYPE, "its messages are std_msgs/msg/String")}
     assert recording.run.measured_handle_angle is not None
 
 

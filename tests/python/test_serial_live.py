@@ -20,17 +20,19 @@ from tenodesis.control import Controller, OperatingState
 from tenodesis.devices import registry
 from tenodesis.devices.communication_test import measure
 from tenodesis.devices.serial_device import SerialDevice
-from tenodesis.devices.settings import Serial
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
+from tenodesis.instrument.devices import Serial
 from tenodesis.live import loop as loops
 from tenodesis.live.loop import PROBLEMS, Choices, LiveLoop
 from tenodesis.live.record import Reader
-from tenodesis.signals import Run
+from tenodesis.run import Run
 
 from . import serial_board as sb
 from .serial_board import Frame, Streamed
 from .test_live import told, until
+
+pytestmark = pytest.mark.process
 
 ENABLED, PAUSED, FAULT = OperatingState.ENABLED, OperatingState.PAUSED, OperatingState.FAULT
 
@@ -158,13 +160,14 @@ def test_a_board_that_is_killed_is_a_fault_and_the_loop_does_not_run_in_circles(
         board.kill()
         wait_for_state(reader, FAULT)
         new_rows(reader)
-        missed = loop.core.missed
-        time.sleep(0.5)
+        missed, since = loop.core.missed, time.monotonic()
+        until(lambda: loop.core.missed > missed + 50)
+        waited = time.monotonic() - since
         run = new_rows(reader)
         assert not np.any(run.commanded_spool_velocity)
         assert np.isnan(run.estimated_output_angle).all()
-        # It waits two periods for each tick that does not come.
-        assert 0 < loop.core.missed - missed <= 0.6 / loop.period
+        # It waits two periods for each tick that does not come, however busy the machine.
+        assert loop.core.missed - missed <= 1.2 * waited / loop.period + 50
         assert loop.problem == "the line's other end was closed"
         comes_to(loop, reader, "clear", FAULT)
 
@@ -333,7 +336,7 @@ def test_a_board_that_measures_nothing_is_refused(tmp_path: Path, scaled: Instru
 
     with (
         sb.served(sb.FakeBoard(reply)) as address,
-        pytest.raises(DeviceError, match=r"measures nothing by itself; allowed is a board .* sensors of its own"),
+        pytest.raises(DeviceError, match=r"measures nothing by itself; it must be a board .* sensors of its own"),
     ):
         LiveLoop(with_board(scaled, "board"), tmp_path, Choices(device="serial", address=address))
 
@@ -365,6 +368,6 @@ def test_the_communication_test_names_a_board_that_falls_silent(scaled: Instrume
 
 
 def test_an_address_is_for_serial_devices_only(scaled: Instrument) -> None:
-    with pytest.raises(DeviceError, match="serial only"):
+    with pytest.raises(DeviceError, match="canopen has no address, only serial has"):
         registry.make("canopen", scaled, "/dev/ttyACM0")
     assert isinstance(registry.make("serial", scaled, "/dev/ttyACM0"), SerialDevice)

@@ -7,7 +7,8 @@ import pytest
 
 import tenodesis as tn
 from tenodesis.instrument import Instrument, TendonGear, TendonPulley
-from tenodesis.published import SCALE_FACTORS
+from tenodesis.paper.published import SCALE_FACTORS
+from tenodesis.plant import natural_frequency
 
 from .similar import FRICTION, geometrically_scaled
 
@@ -33,8 +34,8 @@ def test_error_over_the_working_range_is_small_only_with_scaled_pretension(
     real: TendonGear, scaled: TendonGear
 ) -> None:
     errors = tn.similarity.compare(real, scaled).errors
-    assert errors["scaled"].prototype_pretension == pytest.approx(41.33, abs=0.01)
-    assert errors["as used"].prototype_pretension == 25
+    assert errors["scaled"].scaled_up_pretension == pytest.approx(41.33, abs=0.01)
+    assert errors["as used"].scaled_up_pretension == 25
     tested = tn.similarity.compare(real, scaled).error(pretension=25.0, largest_force=0.52)
     assert tested.force.max() == 0.52
     assert tested.largest < 0.15
@@ -85,11 +86,11 @@ def test_groups_tell_what_the_papers_scale_model_keeps(real: Instrument, scaled:
     kept = {"R/r", "theta_stop", "Theta", "mu", "mu_s", "phi_s", "J/(kappa t^2)"}
     lost = {"l_d/r", "F/(kr)", "T_o/(kr)", "F_slack/F", "l_p/R", "handle share", "stem share", "v_m t/r", "zeta"}
     assert {name for name in kept | lost if groups[name].matches} == kept
-    assert groups["l_d/r"].model == pytest.approx(25)
-    assert groups["l_d/r"].prototype == pytest.approx(86 / 7.5)
+    assert groups["l_d/r"].real_size == pytest.approx(25)
+    assert groups["l_d/r"].scaled_up == pytest.approx(86 / 7.5)
     assert groups["T_o/(kr)"].ratio == pytest.approx(25 / 41.3265, rel=1e-5)
     shares = [group for group in comparison.groups if group.name.endswith("share")]
-    assert sum(group.model for group in shares) == pytest.approx(1)
+    assert sum(group.real_size for group in shares) == pytest.approx(1)
     assert {group.kind for group in groups.values()} == set(get_args(tn.similarity.Kind))
     assert all(group.meaning and "\n" not in group.meaning for group in groups.values())
 
@@ -105,7 +106,7 @@ def test_only_the_groups_that_force_and_time_are_scaled_by_match_in_any_two_inst
 
 def test_time_scales_so_that_both_tips_swing_alike(real: Instrument, scaled: Instrument) -> None:
     factors = tn.similarity.compare(real, scaled).factors
-    assert factors["time"] == pytest.approx(tn.twin.swing(real) / tn.twin.swing(scaled), rel=1e-12)
+    assert factors["time"] == pytest.approx(natural_frequency(real) / natural_frequency(scaled), rel=1e-12)
     assert factors["spool_velocity"] == pytest.approx(factors["spool_angle"] / factors["time"], rel=1e-12)
     wider = scaled.replace(**{"drives.spool_radius": 2 * scaled.drives.spool_radius})
     halved = tn.similarity.compare(real, wider).factors
@@ -116,27 +117,27 @@ def test_time_scales_so_that_both_tips_swing_alike(real: Instrument, scaled: Ins
 def test_a_group_that_one_mechanism_lacks_has_no_counterpart(real: Instrument, continuum: Instrument) -> None:
     groups = {group.name: group for group in tn.similarity.compare(real, continuum).groups}
     for name in ("L_b/r", "EI/(k r^2 L_b)"):
-        assert np.isnan(groups[name].model)
-        assert groups[name].prototype > 0
+        assert np.isnan(groups[name].real_size)
+        assert groups[name].scaled_up > 0
         assert not groups[name].matches
     stribeck = real.replace(**{"friction.law": "stribeck", "friction.static_ratio": 1.5})
     groups = {group.name: group for group in tn.similarity.compare(stribeck, real).groups}
-    assert groups["mu_0/mu"].model == 1.5
-    assert np.isnan(groups["mu_0/mu"].prototype)
+    assert groups["mu_0/mu"].real_size == 1.5
+    assert np.isnan(groups["mu_0/mu"].scaled_up)
 
 
 def test_instruments_of_different_mechanisms_are_compared_at_equal_unloaded_angles(
     real: Instrument, pulley: Instrument, continuum: Instrument
 ) -> None:
-    for prototype in (pulley, continuum):
-        comparison = tn.similarity.compare(real, prototype)
+    for scaled_up in (pulley, continuum):
+        comparison = tn.similarity.compare(real, scaled_up)
         handle = np.linspace(-comparison.reach, comparison.reach, 21)
-        mapped = comparison.prototype_handle_angle(handle)
-        bent = tn.statics.output_angle(prototype, mapped)
+        mapped = comparison.scaled_up_handle_angle(handle)
+        bent = tn.statics.output_angle(scaled_up, mapped)
         assert bent == pytest.approx(tn.statics.output_angle(real, handle), abs=1e-12)
         assert comparison.covered == 1
         assert np.abs(comparison.error().error[:, 0]).max() < 1e-10
-        at_middle = tn.statics.loss_of_dexterity(prototype, real.output_range / 2, comparison.force_factor())
+        at_middle = tn.statics.loss_of_dexterity(scaled_up, real.output_range / 2, comparison.force_factor())
         assert at_middle == pytest.approx(tn.statics.loss_of_dexterity(real, real.output_range / 2, 1.0), rel=1e-14)
 
 
@@ -153,7 +154,7 @@ def test_a_gear_and_a_pulley_of_equal_loss_agree_at_small_angles(real: TendonGea
         comparison = tn.similarity.compare(gear, other, largest_force=0.2 * small)
         assert comparison.factors["motor_stroke"] == pytest.approx(1.5)
         error = comparison.error()
-        assert error.prototype_pretension == pytest.approx(1.5 * real.pretension)
+        assert error.scaled_up_pretension == pytest.approx(1.5 * real.pretension)
         errors.append(error.largest)
     assert errors[0] < 0.03
     assert errors[0] / errors[1] == pytest.approx(8, rel=0.05)
@@ -161,19 +162,19 @@ def test_a_gear_and_a_pulley_of_equal_loss_agree_at_small_angles(real: TendonGea
 
 def test_what_cannot_be_compared_is_refused(real: TendonGear, pulley: Instrument) -> None:
     for narrow in (real.replace(handle_range=0.1), pulley.replace(handle_range=0.1)):
-        with pytest.raises(ValueError, match=r"prototype reaches .* deg of the model's working range of 80 deg"):
+        with pytest.raises(ValueError, match=r"scaled_up reaches .* deg of the real-size working range of 80 deg"):
             tn.similarity.compare(real, narrow)
     with pytest.raises(ValueError, match="largest_force is -1"):
         tn.similarity.compare(real, real, largest_force=-1)
-    with pytest.raises(TypeError, match="prototype is 'scaled-up'"):
+    with pytest.raises(TypeError, match="scaled_up is 'scaled-up'"):
         tn.similarity.compare(real, "scaled-up")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="measure is 'mean'"):
         tn.similarity.compare(real, real).best_force_factor("mean")  # type: ignore[arg-type]
 
 
 def test_a_prototype_with_less_reach_is_judged_as_far_as_it_goes(real: TendonGear, pulley: Instrument) -> None:
-    for prototype in (real, pulley):
-        narrow = prototype.replace(handle_range=0.4)
+    for scaled_up in (real, pulley):
+        narrow = scaled_up.replace(handle_range=0.4)
         comparison = tn.similarity.compare(real, narrow)
         end = tn.statics.output_angle(narrow, 0.4)
         assert comparison.covered == pytest.approx(end / real.output_range, rel=1e-9)
@@ -198,11 +199,11 @@ def test_held_by_one_counts_where_just_one_of_the_two_has_an_equilibrium(real: T
 
 def test_a_tip_that_snapped_through_counts_as_standing_at_its_stop(real: TendonGear) -> None:
     error = tn.similarity.compare(real, real, largest_force=3.0).error(pretension=0.6 * real.pretension)
-    lost = np.isnan(error.prototype_angle) & ~np.isnan(error.model_angle)
+    lost = np.isnan(error.scaled_up_angle) & ~np.isnan(error.real_size_angle)
     assert lost.any()
-    assert error.snapped[lost] == pytest.approx(np.degrees(-real.output_stop - error.model_angle[lost]))
+    assert error.snapped[lost] == pytest.approx(np.degrees(-real.output_stop - error.real_size_angle[lost]))
     assert error.largest_snapped > error.largest
-    assert not np.isnan(error.snapped[~np.isnan(error.model_angle)]).any()
+    assert not np.isnan(error.snapped[~np.isnan(error.real_size_angle)]).any()
 
 
 def test_errors_of_the_papers_pair(real: TendonGear, scaled: TendonGear) -> None:
@@ -250,25 +251,25 @@ def test_an_error_of_one_group_is_put_down_to_that_group(any_inst: Instrument, n
         pytest.skip("a group of continuum tips")
     if any_inst.joint_type == "tendon-pulley" and name == "l_d/r":
         pytest.skip("a pulley's loss is the same at all angles, so that its l_d/r does nothing at equal Theta")
-    prototype, test = perturbed(any_inst, name, 0.03)
+    scaled_up, test = perturbed(any_inst, name, 0.03)
     # Far enough for slack, where alone the pretension matters.
     slack = float(tn.statics.slack_force(any_inst, 0.0))
-    comparison = tn.similarity.compare(any_inst, prototype, largest_force=1.1 * slack)
+    comparison = tn.similarity.compare(any_inst, scaled_up, largest_force=1.1 * slack)
     causes = comparison.causes(**test)
     assert causes.worst == name
     assert abs(causes.remainder) < 0.02 * abs(causes.error)
     assert causes.remainder_rms < 0.05 * causes.error_rms
     assert causes[name].ratio == pytest.approx(1.03)
     assert all(cause.rms < 1e-9 for cause in causes.causes if cause.name != name)
-    with pytest.raises(KeyError, match="'mu' is no cause"):
+    with pytest.raises(KeyError, match="'mu' is not a cause"):
         causes["mu"]
 
 
 def test_causes_of_small_mismatches_add_up_to_the_error(any_inst: Instrument) -> None:
     """Taut, where the output angle is smooth in every group, the path integral closes to rounding."""
-    prototype, _ = perturbed(any_inst, "R/r", -0.01)
-    prototype, _ = perturbed(prototype, "l_d/r", 0.04)
-    comparison = tn.similarity.compare(any_inst, geometrically_scaled(prototype, 2.0))
+    scaled_up, _ = perturbed(any_inst, "R/r", -0.01)
+    scaled_up, _ = perturbed(scaled_up, "l_d/r", 0.04)
+    comparison = tn.similarity.compare(any_inst, geometrically_scaled(scaled_up, 2.0))
     taut = 0.5 * float(tn.statics.slack_force(any_inst, 0.0))
     causes = comparison.causes(force_factor=1.02 * comparison.force_factor(), largest_force=taut)
     assert causes.remainder_rms < 1e-9
@@ -279,8 +280,8 @@ def test_causes_of_small_mismatches_add_up_to_the_error(any_inst: Instrument) ->
 
 
 def test_causes_are_derivatives_to_first_order(real: TendonGear) -> None:
-    prototype = real.replace(proximal_gear_radius=real.proximal_gear_radius * 1.0001)
-    causes = tn.similarity.compare(real, prototype, largest_force=1.0).causes()
+    scaled_up = real.replace(proximal_gear_radius=real.proximal_gear_radius * 1.0001)
+    causes = tn.similarity.compare(real, scaled_up, largest_force=1.0).causes()
     slope = tn.statics.gradient(
         "output_angle", real, causes.place.handle_angle, causes.place.force, wrt=["proximal_gear_radius"]
     )

@@ -26,14 +26,14 @@ def test_a_geometrically_scaled_instrument_is_similar_with_friction_at_rest_and_
     assert cycle.largest < 1e-6
     assert rest.unsolved == cycle.unsolved == 0
     assert rest.largest_force > 0
-    assert np.ptp(cycle.model_angle) > 1
+    assert np.ptp(cycle.real_size_angle) > 1
 
 
 def test_without_friction_the_error_at_rest_is_the_frictionless_one(real: Instrument, scaled: Instrument) -> None:
     smooth = [inst.replace(friction=None) for inst in (real, scaled)]
     comparison = tn.similarity.compare(*smooth)
     error = comparison.error_at_rest()
-    scaled_up = smooth[1].replace(pretension=error.prototype_pretension)
+    scaled_up = smooth[1].replace(pretension=error.scaled_up_pretension)
     theirs = tn.statics.output_angle(scaled_up, error.handle_angle, error.force[:, None] * error.force_factor)
     ours = tn.statics.output_angle(real, error.handle_angle, error.force[:, None])
     # Quasi-static steps end at rest to a tolerance of their own, and drag keeps them from being exact.
@@ -48,10 +48,12 @@ def test_a_loop_flexes_and_extends_over_the_working_range_and_friction_opens_it(
     assert error.handle_angle.max() == pytest.approx(reach)
     assert error.handle_angle.min() == pytest.approx(-reach)
     start = int(np.argmax(error.handle_angle))
-    extending, flexing = (error.model_angle[0, start + 1 :][error.flexing[start + 1 :] == way] for way in (False, True))
+    extending, flexing = (
+        error.real_size_angle[0, start + 1 :][error.flexing[start + 1 :] == way] for way in (False, True)
+    )
     width = np.degrees(extending[::-1] - flexing)
     assert np.median(width[5:-5]) > 0.5
-    assert error.model_angle.shape == error.prototype_angle.shape == error.error.shape == (2, error.time.size)
+    assert error.real_size_angle.shape == error.scaled_up_angle.shape == error.error.shape == (2, error.time.size)
 
 
 def test_a_slow_cycle_in_time_tells_what_the_loops_at_rest_tell(real: Instrument, scaled: Instrument) -> None:
@@ -144,10 +146,10 @@ CHANGES: dict[str, Any] = {
 @pytest.mark.parametrize("name", CHANGES)
 def test_an_error_of_one_group_of_friction_is_put_down_to_that_group(rough: Instrument, name: str) -> None:
     inst = rough.replace(**{"friction.law": "capstan-constant", "friction.static_ratio": None})
-    prototype = inst.replace(**CHANGES[name](inst, 0.1))
+    scaled_up = inst.replace(**CHANGES[name](inst, 0.1))
     told: list[tuple[float, float]] = []
     force = 0.1 * float(tn.statics.slack_force(inst, 0.0))
-    comparison = tn.similarity.compare(inst, prototype)
+    comparison = tn.similarity.compare(inst, scaled_up)
     causes = comparison.causes(
         friction=True, forces=[0.0, force], progress=lambda done, total: told.append((done, total))
     )

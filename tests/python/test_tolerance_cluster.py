@@ -19,7 +19,7 @@ import pytest
 from tenodesis import tolerance
 from tenodesis.errors import StudyError
 from tenodesis.instrument import Instrument
-from tenodesis.tolerance import cluster, conduct
+from tenodesis.tolerance import conduct, engines
 
 from .test_tolerance import FEW, assert_same, varied
 
@@ -133,34 +133,35 @@ def two_nodes(monkeypatch: pytest.MonkeyPatch) -> Iterator[TwoNodes]:
             nodes.stop()
 
 
-def test_a_node_killed_half_way_loses_nothing(
+@pytest.mark.process
+def test_a_node_killed_at_work_loses_nothing(
     real: Instrument, scaled: Instrument, two_nodes: TwoNodes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(conduct, "CHUNK", 64)
-    told: list[int] = []
-    seen: list[int] = []
+    monkeypatch.setattr(conduct, "CHUNK", 32)
+    reported: list[int] = []
+    killed_at: list[int] = []
 
-    def progress(done: int, whole: int) -> None:
-        told.append(done)
-        if len(seen) < 20 and two_nodes.second_is_at_work:
-            seen.append(done)
-            if len(seen) == 20:
-                os.kill(two_nodes.second, signal.SIGKILL)
+    def progress(done: int, total: int) -> None:
+        reported.append(done)
+        if not killed_at and two_nodes.second_is_at_work:
+            killed_at.append(done)
+            os.kill(two_nodes.second, signal.SIGKILL)
 
     arguments = (real, scaled, varied(*FEW))
     found = tolerance.study(
         *arguments, samples=4096, seed=5, engine="ray", address=two_nodes.address, progress=progress
     )
-    assert len(seen) == 20 and seen[-1] < 0.9 * found.runs
-    assert told[-1] == found.runs
+    assert killed_at and killed_at[0] < found.runs
+    assert reported[-1] == found.runs
     assert_same(found, tolerance.study(*arguments, samples=4096, seed=5))
     assert np.isfinite(found.responses["loss_flexion"].scheme).all()
 
 
+@pytest.mark.process
 def test_a_cluster_that_wants_another_token_is_told_from_none(
     real: Instrument, scaled: Instrument, two_nodes: TwoNodes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cluster, "PATIENCE", 5.0)
+    monkeypatch.setattr(engines, "PATIENCE", 60.0)
     monkeypatch.setenv("RAY_AUTH_TOKEN", secrets.token_hex(16))
     with pytest.raises(StudyError, match="does not accept the token"):
         tolerance.study(real, scaled, varied(*FEW), samples=8, engine="ray", address=two_nodes.address)
@@ -170,7 +171,7 @@ def test_a_cluster_that_wants_another_token_is_told_from_none(
     ("address", "told"),
     [
         (lambda: f"{HEAD}:{free_port()}", r"no Ray cluster can be used at 127\.0\.0\.2:\d+ \(Connection refused\)"),
-        (lambda: "nonsense", "address is 'nonsense'; allowed is host:port of a Ray cluster's head, or auto"),
+        (lambda: "nonsense", "address is 'nonsense'; it must be host:port of a Ray cluster's head, or auto"),
         (lambda: "ray://127.0.0.2:10001", "address is 'ray://127.0.0.2:10001'"),
         (lambda: f"{HEAD}:99999", "no Ray cluster can be used at 127.0.0.2:99999"),
     ],
@@ -182,15 +183,16 @@ def test_where_no_cluster_is_one_sentence_says_so(
         tolerance.study(real, scaled, varied(*FEW), samples=8, engine="ray", address=address())
 
 
+@pytest.mark.process
 def test_what_listens_but_is_no_cluster_is_given_up_in_time(
     real: Instrument, scaled: Instrument, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cluster, "PATIENCE", 2.0)
+    monkeypatch.setattr(engines, "PATIENCE", 2.0)
     with socket.socket() as mute:
         mute.bind((HEAD, 0))
         mute.listen()
         address = f"{HEAD}:{mute.getsockname()[1]}"
-        with pytest.raises(StudyError, match=r"what is there did not answer as a cluster within 2 s"):
+        with pytest.raises(StudyError, match=r"it did not answer as a cluster within 2 s"):
             tolerance.study(real, scaled, varied(*FEW), samples=8, engine="ray", address=address)
 
 

@@ -7,22 +7,21 @@ from typing import Any, cast
 import numpy as np
 import pytest
 import typer
-from rich.console import Console
 from typer.testing import CliRunner, Result
 
 import tenodesis as tn
-from tenodesis import cli_transfer
+from tenodesis.cli import transfer as transfer_command
 from tenodesis.errors import InstrumentError, RecordingError
 from tenodesis.instrument import Instrument, TendonGear
-from tenodesis.instrument_text import to_toml
-from tenodesis.protocols import Cycles, Protocol
+from tenodesis.instrument.text import to_toml
 from tenodesis.recording import Recorder, Recording
 from tenodesis.recording.replay import replay
-from tenodesis.recording.session import record
-from tenodesis.scaling.transfer import carry, transfer
+from tenodesis.recording.simulation import record
+from tenodesis.run import SIGNALS, Run
+from tenodesis.scaling.transfer import carry
 from tenodesis.scaling.transfer_factors import QUANTITY
 from tenodesis.scaling.transfer_friction import carry_friction, left_behind
-from tenodesis.signals import SIGNALS, Run
+from tenodesis.simulate import Cycles, Protocol
 from tenodesis.twin import Twin
 
 LIMIT = 0.3
@@ -35,9 +34,9 @@ def cycles(force: float, speed: str = "40 deg/s", amplitude: str = "60 deg") -> 
     return Protocol(name="cycles", phases=(phase,))
 
 
-def scaled_pretension(model: Instrument, prototype: Instrument) -> Instrument:
-    factor = tn.similarity.compare(model, prototype).tension_factor
-    return prototype.replace(pretension=model.pretension * factor)
+def scaled_pretension(real_size: Instrument, scaled_up: Instrument) -> Instrument:
+    factor = tn.similarity.compare(real_size, scaled_up).tension_factor
+    return scaled_up.replace(pretension=real_size.pretension * factor)
 
 
 def recorded(path: Path, inst: Instrument, protocol: Protocol, **options: Any) -> Recording:
@@ -66,15 +65,15 @@ def geometrically(inst: Instrument, s: float) -> Instrument:
 
 
 @pytest.fixture(scope="module")
-def model(real: TendonGear) -> TendonGear:
+def real_size(real: TendonGear) -> TendonGear:
     """The real-size instrument, of the axis that was tested on the scaled-up one."""
     return real.axis("yaw")
 
 
 @pytest.fixture(scope="module")
-def ideal(model: TendonGear, scaled: TendonGear) -> TendonGear:
+def ideal(real_size: TendonGear, scaled: TendonGear) -> TendonGear:
     """The paper's scaled-up instrument as its file means it to be, pretensioned as similarity asks."""
-    return cast(TendonGear, scaled_pretension(model, scaled.replace(mismatch=None)))
+    return cast(TendonGear, scaled_pretension(real_size, scaled.replace(mismatch=None)))
 
 
 @pytest.fixture(scope="module")
@@ -92,22 +91,22 @@ def log(ideal: TendonGear, tmp_path_factory: pytest.TempPathFactory) -> Recordin
     ids=lambda value: "paper's" if value is None else str(value),
 )
 def test_the_bench_predicts_what_the_real_instrument_does(
-    model: TendonGear,
+    real_size: TendonGear,
     ideal: TendonGear,
     tmp_path: Path,
     force: float,
     end_effector: float | None,
 ) -> None:
     """Hysteresis loops of the large one under the forces of Fig. 14, carried over, are the small one's."""
-    prototype = ideal if end_effector is None else ideal.replace(end_effector_length=end_effector)
-    carried = carry(recorded(tmp_path / "log.mcap", prototype, cycles(force)), model)
-    twin, time = directly(model, carried.run)
+    scaled_up = ideal if end_effector is None else ideal.replace(end_effector_length=end_effector)
+    carried = carry(recorded(tmp_path / "log.mcap", scaled_up, cycles(force)), real_size)
+    twin, time = directly(real_size, carried.run)
     predicted = np.interp(time, carried.run.time, carried.run["measured_output_angle"])
     off = np.degrees(predicted - twin["measured_output_angle"])
     assert np.sqrt(np.mean(off**2)) <= LIMIT
     assert carried.warnings == ()
     half_a_loop = np.degrees(
-        np.ptp(twin["output_angle"] - np.interp(time, carried.run.time, _unloaded(model, carried.run)))
+        np.ptp(twin["output_angle"] - np.interp(time, carried.run.time, _unloaded(real_size, carried.run)))
     )
     assert half_a_loop > 10 * LIMIT
 
@@ -117,18 +116,18 @@ def _unloaded(inst: Instrument, run: Run) -> np.ndarray:
 
 
 def test_ropes_softer_than_their_file_says_are_accounted_for(
-    model: TendonGear, ideal: TendonGear, tmp_path: Path
+    real_size: TendonGear, ideal: TendonGear, tmp_path: Path
 ) -> None:
     """Identified as 0.85 of nominal, the stiffness makes the factors; by the nominal ones the round trip is worse."""
     soft = ideal.replace(**{"mismatch.stiffness_ratio": 0.85, "pretension": ideal.pretension * 0.85})
     log = recorded(tmp_path / "log.mcap", soft, cycles(1.5))
-    carried = carry(log, model)
+    carried = carry(log, real_size)
     assert [warning.split(":")[0] for warning in carried.warnings] == ["scaled-up has mismatch.stiffness_ratio 0.85"]
     assert carried.factors["yaw"]["tension"] == pytest.approx(0.85 * 1.37755, rel=1e-5)
     errors = []
-    for prototype in (soft, soft.replace(mismatch=None)):
-        run = transfer(log, model, scaled_up=prototype)
-        twin, time = directly(model, run)
+    for scaled_up in (soft, soft.replace(mismatch=None)):
+        run = carry(log, real_size, scaled_up=scaled_up).run
+        twin, time = directly(real_size, run)
         off = np.interp(time, run.time, run["output_angle"]) - twin["output_angle"]
         errors.append(np.degrees(np.sqrt(np.mean(off**2))))
     assert errors[0] <= LIMIT
@@ -143,7 +142,7 @@ def test_there_and_back_is_where_it_began(any_inst: Instrument, tmp_path: Path) 
     assert carried.factors[small.axes[0]]["force"] == pytest.approx(2.5**2)
     assert carried.factors[small.axes[0]]["handle_torque"] == pytest.approx(2.5**3)
     carried.write(tmp_path / "there.mcap")
-    back = transfer(Recording.open(tmp_path / "there.mcap"), large)
+    back = carry(Recording.open(tmp_path / "there.mcap"), large).run
     assert back.time == pytest.approx(log.run.time, rel=1e-12)
     for name, values in log.run.signals().items():
         assert back[name] == pytest.approx(values, rel=1e-12, abs=1e-15), name
@@ -160,9 +159,9 @@ def test_every_signal_with_a_dimension_is_carried_by_its_factor() -> None:
 
 
 def test_signals_are_divided_by_the_factors_and_angles_are_not(
-    log: Recording, model: TendonGear, ideal: TendonGear
+    log: Recording, real_size: TendonGear, ideal: TendonGear
 ) -> None:
-    carried = carry(log, model)
+    carried = carry(log, real_size)
     before, after, scale = log.run, carried.run, carried.factors["yaw"]
     for name, key in QUANTITY.items():
         if name in before.signals():
@@ -178,19 +177,19 @@ def test_signals_are_divided_by_the_factors_and_angles_are_not(
     assert after["output_velocity"][200:] == pytest.approx(
         np.gradient(after["output_angle"], after.time)[200:], abs=0.05 * np.abs(after["output_velocity"]).max()
     )
-    rest = carry(log, model, time_factor=2.0)
+    rest = carry(log, real_size, time_factor=2.0)
     assert rest.run.time == pytest.approx(before.time / 2, rel=1e-15)
     assert rest.factors["yaw"]["spool_velocity"] == pytest.approx(scale["spool_angle"] / 2)
-    assert (transfer(log, model).time == after.time).all()
+    assert (carry(log, real_size).run.time == after.time).all()
     assert 0 < carried.similarity_error() < LIMIT
 
 
 def test_a_controllers_estimates_are_carried_and_its_state_is_not(
-    model: TendonGear, ideal: TendonGear, tmp_path: Path
+    real_size: TendonGear, ideal: TendonGear, tmp_path: Path
 ) -> None:
     controller = tn.control.Controller(ideal)
     log = recorded(tmp_path / "log.mcap", ideal, cycles(1.5, "200 deg/s", "20 deg"), controller=controller)
-    carried = carry(log, model)
+    carried = carry(log, real_size)
     carried.write(tmp_path / "real.mcap")
     after = Recording.open(tmp_path / "real.mcap").run
     for name in ("operating_state", "faults", "phase", "request", "friction_scale", "estimated_output_angle_std"):
@@ -201,22 +200,22 @@ def test_a_controllers_estimates_are_carried_and_its_state_is_not(
 
 
 def test_the_file_says_where_it_is_from_and_reads_as_any_other(
-    log: Recording, model: TendonGear, real: TendonGear, ideal: TendonGear, tmp_path: Path
+    log: Recording, real_size: TendonGear, real: TendonGear, ideal: TendonGear, tmp_path: Path
 ) -> None:
     carried = carry(log, real)
     carried.write(tmp_path / "real.mcap")
     back = Recording.open(tmp_path / "real.mcap")
     assert (back.run.time == carried.run.time).all()
     assert back.topics.keys() == log.topics.keys()
-    assert back.instrument() == carried.model
-    assert carried.model.replace(friction=None, sources=None) == model.replace(friction=None, sources=None)
-    assert carried.model.friction == ideal.friction
+    assert back.instrument() == carried.real_size
+    assert carried.real_size.replace(friction=None, sources=None) == real_size.replace(friction=None, sources=None)
+    assert carried.real_size.friction == ideal.friction
     assert tn.parse(back.metadata["scaled_up_instrument"]) == ideal
     assert back.metadata["transferred_from"] == "log.mcap"
     assert tomllib.loads(back.metadata["transfer_factors"])["yaw"] == pytest.approx(carried.factors["yaw"])
     assert "protocol" not in back.metadata
     assert back.metadata["scaled_up_protocol"] == log.metadata["protocol"]
-    with pytest.raises(RecordingError, match=r"carried over from log.mcap; allowed is to replay that"):
+    with pytest.raises(RecordingError, match=r"carried over from log.mcap; replay that"):
         replay(back)
 
 
@@ -236,7 +235,7 @@ def test_each_axis_has_factors_of_its_own(real: TendonGear, tmp_path: Path) -> N
     assert yaw["time"] == pitch["time"]
     assert carried.run["tension"] == pytest.approx(log.run["tension"] / np.array([[3.0], [4.0]]), rel=1e-12)
     assert carried.run["force"] == pytest.approx(log.run["force"] / [yaw["force"], pitch["force"]], rel=1e-12)
-    assert carried.model.axes == ("yaw", "pitch")
+    assert carried.real_size.axes == ("yaw", "pitch")
     assert [warning.partition(" N,")[0] for warning in carried.warnings] == [
         "the pretension of real-size (yaw) was 30",
         "the pretension of real-size (pitch) was 30",
@@ -248,54 +247,56 @@ def test_each_axis_has_factors_of_its_own(real: TendonGear, tmp_path: Path) -> N
 
 
 def test_a_pretension_that_was_not_scaled_is_told_with_the_right_one(
-    model: TendonGear, scaled: TendonGear, tmp_path: Path
+    real_size: TendonGear, scaled: TendonGear, tmp_path: Path
 ) -> None:
     """As the paper tested: 25 N where 30 N on the real one scale to 41.3 N."""
     log = recorded(tmp_path / "log.mcap", scaled.replace(mismatch=None), cycles(0.5, "200 deg/s", "20 deg"))
-    assert carry(log, model).warnings == (
+    assert carry(log, real_size).warnings == (
         "the pretension of scaled-up was 25 N, 16.3 N less than the 41.33 N that 30 N of real-size scale to: "
         "slack is not similar.",
     )
 
 
 def test_other_ratios_of_radii_and_sensors_in_error_are_told(
-    log: Recording, model: TendonGear, ideal: TendonGear
+    log: Recording, real_size: TendonGear, ideal: TendonGear
 ) -> None:
     other = ideal.replace(
         proximal_gear_radius="15 mm",
         **{"mismatch.output_encoder_offset": "-1.4 deg", "mismatch.load_cell_bias": (0.1, -0.2)},
     )
-    ratio, sensors = carry(log, model, scaled_up=other).warnings
+    ratio, sensors = carry(log, real_size, scaled_up=other).warnings
     assert ratio == (
-        "R/r is 2 on scaled-up and 2.25 on real-size: the same handle angle asks for another output angle."
+        "R/r is 2 on scaled-up and 2.25 on real-size: the same handle angle leads to another output angle."
     )
     assert sensors == (
         "scaled-up has mismatch.output_encoder_offset -1.4 deg, load_cell_bias 0.1 N and -0.2 N: "
-        "measured signals are carried over as they were read."
+        "measured signals are carried over as measured."
     )
 
 
-def test_a_damaged_recording_is_carried_as_far_as_it_reads(log: Recording, model: TendonGear, tmp_path: Path) -> None:
+def test_a_damaged_recording_is_carried_as_far_as_it_reads(
+    log: Recording, real_size: TendonGear, tmp_path: Path
+) -> None:
     cut = tmp_path / "cut.mcap"
     data = log.path.read_bytes()
     cut.write_bytes(data[: len(data) // 2])
     part = Recording.open(cut)
-    carried = carry(part, model)
+    carried = carry(part, real_size)
     assert 0 < len(carried.run) == len(part.run) < len(log.run)
     assert carried.warnings == (part.damage,)
     cut.write_bytes(data[:6000])
     with pytest.raises(RecordingError, match=r"cut\.mcap"):
-        carry(Recording.open(cut), model)
+        carry(Recording.open(cut), real_size)
 
 
 # Friction
 
 
-def test_identified_friction_is_carried_by_dimension(model: TendonGear, ideal: TendonGear) -> None:
+def test_identified_friction_is_carried_by_dimension(real_size: TendonGear, ideal: TendonGear) -> None:
     rubbing = {"law": "stribeck", "vertex_coefficient": 0.2, "sheath_coefficient": 0.15, "sheath_bend": "30 deg",
                "constant": "2 N", "viscous": "3 N*s/m", "static_ratio": 1.4, "sheath_contacts": 3}  # fmt: skip
     identified = ideal.replace(friction=rubbing)
-    carried = carry_friction(identified, model, source="identified.toml")
+    carried = carry_friction(identified, real_size, source="identified.toml")
     before, after = identified.friction, carried.friction
     for key in ("law", "vertex_coefficient", "sheath_coefficient", "sheath_bend", "static_ratio", "sheath_contacts"):
         assert getattr(after, key) == getattr(before, key), key
@@ -305,42 +306,56 @@ def test_identified_friction_is_carried_by_dimension(model: TendonGear, ideal: T
     assert after.stribeck_speed == pytest.approx(1e-3 / (stroke / time), rel=1e-5)
     assert after.memory == pytest.approx(5e-3 / time, rel=1e-5)
     assert carried.sources["friction"] == "carried over from scaled-up (identified.toml)"
-    assert carried.replace(friction=None, sources=None) == model.replace(friction=None, sources=None)
+    assert carried.replace(friction=None, sources=None) == real_size.replace(friction=None, sources=None)
     assert tn.parse(to_toml(carried)) == carried
 
 
-def test_the_stiffness_of_a_rope_stays_with_the_rope(model: TendonGear, scaled: TendonGear) -> None:
-    carried = carry_friction(scaled, model)
-    assert carried.mismatch == model.mismatch
-    assert carried.tendon_stiffness == model.tendon_stiffness
+def test_the_stiffness_of_a_rope_stays_with_the_rope(real_size: TendonGear, scaled: TendonGear) -> None:
+    carried = carry_friction(scaled, real_size)
+    assert carried.mismatch == real_size.mismatch
+    assert carried.tendon_stiffness == real_size.tendon_stiffness
     assert left_behind(scaled)[0].startswith("scaled-up has mismatch.stiffness_ratio 0.85: a property of its ropes")
     assert "friction.sheath_bend" not in carried.sources
-    assert carried.sources["pretension"] == model.sources["pretension"]
+    assert carried.sources["pretension"] == real_size.sources["pretension"]
 
 
 # Refusals
 
 
 def test_what_cannot_be_carried_is_refused_in_one_sentence(
-    log: Recording, model: TendonGear, ideal: TendonGear, pulley: Instrument, tmp_path: Path
+    log: Recording, real_size: TendonGear, ideal: TendonGear, pulley: Instrument, tmp_path: Path
 ) -> None:
-    with pytest.raises(InstrumentError, match="scaled-up has joint_type tendon-gear, pulley wrist tendon-pulley; all"):
+    with pytest.raises(InstrumentError, match="scaled-up has joint_type tendon-gear, pulley wrist tendon-pulley; both"):
         carry(log, pulley)
     with pytest.raises(InstrumentError, match="real-size has no axis 'yaw'; it has pitch"):
-        carry(log, model.replace(axes=("pitch",)))
-    with pytest.raises(RecordingError, match="has the axes yaw, scaled-up pitch; allowed is a scaled-up instrument"):
-        carry(log, model, scaled_up=ideal.replace(axes=("pitch",)))
+        carry(log, real_size.replace(axes=("pitch",)))
+    with pytest.raises(RecordingError, match="has the axes yaw, scaled-up pitch; the scaled-up instrument must"):
+        carry(log, real_size, scaled_up=ideal.replace(axes=("pitch",)))
     for factor in (0.0, np.nan, -1.0):
-        with pytest.raises(ValueError, match=r"time_factor is .*; allowed is a number above 0"):
-            carry(log, model, time_factor=factor)
-    with pytest.raises(InstrumentError, match=r"scaled-up has no friction to carry over; allowed is"):
-        carry_friction(ideal.replace(friction=None), model)
+        with pytest.raises(ValueError, match=r"time_factor is .*; it must be a number above 0"):
+            carry(log, real_size, time_factor=factor)
+    with pytest.raises(InstrumentError, match=r"scaled-up has no friction to carry over; its friction.law must"):
+        carry_friction(ideal.replace(friction=None), real_size)
     with Recorder(tmp_path / "bare.mcap", axes=("yaw",)) as recorder:
         recorder.write(log.run)
     bare = Recording.open(tmp_path / "bare.mcap")
-    with pytest.raises(RecordingError, match=r"bare\.mcap does not hold its instrument; allowed is to give"):
-        carry(bare, model)
-    assert carry(bare, model, scaled_up=ideal).run["force"] == pytest.approx(transfer(log, model)["force"])
+    with pytest.raises(RecordingError, match=r"bare\.mcap does not hold its instrument; give"):
+        carry(bare, real_size)
+    assert carry(bare, real_size, scaled_up=ideal).run["force"] == pytest.approx(carry(log, real_size).run["force"])
+    with pytest.raises(RecordingError, match="the run does not hold its instrument; give"):
+        carry(log.run, real_size)
+
+
+def test_a_run_is_carried_as_its_recording_is(
+    log: Recording, real_size: TendonGear, ideal: TendonGear, tmp_path: Path
+) -> None:
+    carried, recorded = carry(log.run, real_size, scaled_up=ideal), carry(log, real_size)
+    for name, values in recorded.run.signals().items():
+        assert np.array_equal(carried.run[name], values, equal_nan=True), name
+    assert (carried.run.time == recorded.run.time).all()
+    assert carried.factors == recorded.factors
+    carried.write(tmp_path / "real.mcap")
+    assert Recording.open(tmp_path / "real.mcap").metadata["transferred_from"] == "a run of scaled-up"
 
 
 # The command
@@ -354,10 +369,10 @@ def folder(log: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> P
 
 
 def command(monkeypatch: pytest.MonkeyPatch, *words: str) -> Result:
-    monkeypatch.setattr(cli_transfer, "console", Console(width=200))
+    monkeypatch.setenv("COLUMNS", "200")
     app = typer.Typer()
     app.callback()(lambda: None)
-    cli_transfer.register(app)
+    app.command()(transfer_command.transfer)
     return CliRunner().invoke(app, ["transfer", *words])
 
 
@@ -389,9 +404,9 @@ def test_the_command_writes_both_files_and_tells_what_it_did(folder: Path, monke
         (["no.mcap", "--to", "real-size"], "no.mcap cannot be read: there is no such file."),
         (["log.mcap", "--to", "no.toml"], "no.toml: there is no such file"),
         (["log.mcap", "--to", "pulley.toml"], "scaled-up has joint_type tendon-gear"),
-        (["log.mcap", "--to", "real-size", "--time-factor", "0"], "time_factor is 0.0; allowed is a number above 0."),
-        (["log.mcap", "--to", "real-size", "--out", "pulley.toml"], "pulley.toml exists already; allowed is another"),
-        (["log.mcap", "--to", "real-size", "--instrument-out", "pulley.toml"], "pulley.toml exists already; allowed"),
+        (["log.mcap", "--to", "real-size", "--time-factor", "0"], "time_factor is 0.0; it must be a number above 0."),
+        (["log.mcap", "--to", "real-size", "--out", "pulley.toml"], "pulley.toml exists already; give another"),
+        (["log.mcap", "--to", "real-size", "--instrument-out", "pulley.toml"], "pulley.toml exists already; give"),
         (["log.mcap", "--to", "real-size", "--out", "log.mcap", "--overwrite"], "--out is log.mcap, which is in use"),
         (["log.mcap", "--to", "real-size", "--out", "x", "--instrument-out", "x"], "--instrument-out is x, which is"),
         (["log.mcap", "--to", "real-size", "--out", "no/x.mcap"], "--out is no/x.mcap, but there is no folder no; "),

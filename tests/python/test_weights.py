@@ -14,7 +14,7 @@ from scipy.constants import g
 import tenodesis as tn
 from tenodesis.errors import DesignError
 from tenodesis.instrument import Instrument
-from tenodesis.scaling.weights import Hanging, finest, hang
+from tenodesis.scaling.weights import WeightSelection, least_difference, select_weights
 
 
 class Weight(NamedTuple):
@@ -64,9 +64,9 @@ def test_no_other_pieces_come_nearer_nor_are_fewer(
     cable_mass = share * min(one.mass for one in weights)
     if cable_mass and sum(one.count for one in weights) < 2:
         with pytest.raises(DesignError, match="do not keep two cables taut"):
-            hang(weight, weights, cable_mass=cable_mass)
+            select_weights(weight, weights, cable_mass=cable_mass)
         return
-    found = hang(weight, weights, cable_mass=cable_mass)
+    found = select_weights(weight, weights, cable_mass=cable_mass)
     error, fewest, nearly = brute_force(weight, weights, cable_mass)
     assert abs(found.error) == pytest.approx(error, abs=1e-8)
     assert nearly <= found.pieces <= fewest
@@ -80,7 +80,7 @@ def test_a_positive_weight_makes_the_twin_feel_a_positive_force(scaled: Instrume
     assert rig is not None
     calm = scaled.replace(friction=None, mismatch=None)
     handle = np.full(2000, 0.3)
-    found = hang(1.5 * scaled.rig_arm / rig, SET, cable_mass=0.05)
+    found = select_weights(1.5 * scaled.rig_arm / rig, SET, cable_mass=0.05)
     hung, pushed = (
         tn.twin.Twin(calm, quasi_static=True).run(handle, **{kind: value})["output_angle"][-1]
         for kind, value in (("weight", found.weight), ("force", found.weight * rig / scaled.rig_arm))
@@ -92,22 +92,23 @@ def test_a_positive_weight_makes_the_twin_feel_a_positive_force(scaled: Instrume
 
 
 def test_a_negative_force_is_hung_the_other_way_round() -> None:
-    ahead, back = (hang(force, SET, cable_mass=0.05) for force in (12.3, -12.3))
+    ahead, back = (select_weights(force, SET, cable_mass=0.05) for force in (12.3, -12.3))
     assert (ahead.loading, ahead.counter) == (back.counter, back.loading)
     assert ahead.weight == pytest.approx(-back.weight, rel=1e-14)
     assert (back.wanted, back.difference < 0) == (-12.3, True)
 
 
 def test_no_force_keeps_both_cables_taut_alike() -> None:
-    found = hang(0.0, SET, cable_mass=0.05)
+    found = select_weights(0.0, SET, cable_mass=0.05)
     assert (found.loading, found.counter) == ((0.05,), (0.05,))
     assert (found.weight, found.error, found.relative_error) == (0.0, 0.0, 0.0)
     assert found.sentence == "50 g on the loading cable, 50 g on the counter cable: 0 N, as wanted"
-    assert hang(0.0, SET, cable_mass=0.0).sentence.startswith("nothing on the loading cable, nothing on the counter")
+    none = select_weights(0.0, SET, cable_mass=0.0)
+    assert none.sentence.startswith("nothing on the loading cable, nothing on the counter")
 
 
 def test_more_than_there_is_gives_all_there_is_and_says_by_how_much_it_falls_short() -> None:
-    found = hang(100.0, SET, cable_mass=0.05)
+    found = select_weights(100.0, SET, cable_mass=0.05)
     assert sum(found.counter) == pytest.approx(0.05)
     assert sum(found.loading) + 0.05 == pytest.approx(sum(one.mass * one.count for one in SET))
     assert found.error == pytest.approx(found.weight - 100)
@@ -116,23 +117,23 @@ def test_more_than_there_is_gives_all_there_is_and_says_by_how_much_it_falls_sho
 
 def test_an_error_of_exactly_half_a_step_takes_the_fewer_pieces() -> None:
     """30 g and 20 g are as far from 25 g; 20 g is one piece."""
-    found = hang(0.025 * g, (Weight(0.01, 1), Weight(0.02, 1)), cable_mass=0.0)
+    found = select_weights(0.025 * g, (Weight(0.01, 1), Weight(0.02, 1)), cable_mass=0.0)
     assert (found.loading, found.counter) == ((0.02,), ())
 
 
 def test_the_sentence_lists_equal_pieces_and_the_error() -> None:
-    found = Hanging((2.0, 2.0, 0.05), (0.05,), 39.1, 0.0)
+    found = WeightSelection((2.0, 2.0, 0.05), (0.05,), 39.1, 0.0)
     assert found.sentence == (
         "2 x 2 kg + 50 g on the loading cable, 50 g on the counter cable: 39.23 N, 0.3 % more than wanted"
     )
-    assert Hanging((0.002,), (0.0005,), 0.0, 0.0).sentence == (
+    assert WeightSelection((0.002,), (0.0005,), 0.0, 0.0).sentence == (
         "2 g on the loading cable, 500 mg on the counter cable: 0.01471 N, 0.0147 N more than wanted"
     )
-    assert Hanging((), (1.0,), -9.9, 0.0).sentence.endswith("-9.807 N, 0.9 % more than wanted")
+    assert WeightSelection((), (1.0,), -9.9, 0.0).sentence.endswith("-9.807 N, 0.9 % more than wanted")
 
 
 def test_tolerances_of_all_pieces_add_up() -> None:
-    found = hang(2 * g, SET, cable_mass=0.05)
+    found = select_weights(2 * g, SET, cable_mass=0.05)
     assert (found.loading, found.counter) == ((2.0, 0.05), (0.05,))
     assert found.tolerance == pytest.approx((100e-6 + 2 * 3e-6) * g)
 
@@ -141,7 +142,7 @@ def test_a_set_from_a_milligram_to_ten_kilograms_is_exact() -> None:
     decades = [10.0**n for n in range(-6, 1)]
     weights = [Weight(round(mass * step, 9), 2 if step == 2 else 1) for mass in decades for step in (1, 2, 5)]
     for mass in (1.234567, 7.654321, 9.999999, 0.000003):
-        found = hang(mass * g, weights, cable_mass=0.05)
+        found = select_weights(mass * g, weights, cable_mass=0.05)
         assert found.difference == pytest.approx(mass, abs=1e-12)
 
 
@@ -161,7 +162,7 @@ def test_the_finest_difference_is_what_the_pieces_can_make_and_no_less(
     grams: tuple[float, ...], count: int, cable_mass: float, step: float
 ) -> None:
     weights = [Weight(round(mass * 1e-3, 9), count) for mass in grams]
-    assert finest(weights, cable_mass) == pytest.approx(step * 1e-3, rel=1e-12)
+    assert least_difference(weights, cable_mass) == pytest.approx(step * 1e-3, rel=1e-12)
 
 
 @settings(max_examples=30, deadline=None)
@@ -179,27 +180,27 @@ def test_no_pieces_make_less_than_the_finest_difference(grams: list[float], shar
             made.append(cables[0] - cables[1])
     above = [difference for difference in made if difference > 1e-9]
     if above:
-        assert finest(weights, cable_mass) == pytest.approx(min(above), abs=1e-9)
+        assert least_difference(weights, cable_mass) == pytest.approx(min(above), abs=1e-9)
     else:
-        with pytest.raises(DesignError, match="make no difference between two cables"):
-            finest(weights, cable_mass)
+        with pytest.raises(DesignError, match="give no difference between two cables"):
+            least_difference(weights, cable_mass)
 
 
 def test_bad_input_ends_in_one_sentence() -> None:
     for weight in (nan, inf):
-        with pytest.raises(ValueError, match=r"weight is (nan|inf); allowed is a finite force in N"):
-            hang(weight, SET, cable_mass=0.05)
-    with pytest.raises(ValueError, match=r"cable_mass is -0\.1; allowed is a mass of at least 0 kg"):
-        hang(1.0, SET, cable_mass=-0.1)
-    with pytest.raises(ValueError, match=r"cable_mass is nan; allowed is a mass of at least 0 kg"):
-        finest(SET, nan)
+        with pytest.raises(ValueError, match=r"weight is (nan|inf); it must be a finite force in N"):
+            select_weights(weight, SET, cable_mass=0.05)
+    with pytest.raises(ValueError, match=r"cable_mass is -0\.1; it must be a mass of at least 0 kg"):
+        select_weights(1.0, SET, cable_mass=-0.1)
+    with pytest.raises(ValueError, match=r"cable_mass is nan; it must be a mass of at least 0 kg"):
+        least_difference(SET, nan)
     with pytest.raises(
-        DesignError, match=r"the weights, 1 kg in all, make no difference between two cables with 0\.5 kg"
+        DesignError, match=r"the weights, 1 kg in all, give no difference between two cables with 0\.5 kg"
     ):
-        finest((Weight(0.5, 2),), 0.5)
+        least_difference((Weight(0.5, 2),), 0.5)
     with pytest.raises(DesignError, match="there are no weights to hang"):
-        hang(1.0, (), cable_mass=0.05)
+        select_weights(1.0, (), cable_mass=0.05)
     with pytest.raises(DesignError, match=r"the weights, 0\.08 kg in all, do not keep two cables taut with 0\.05 kg"):
-        hang(1.0, (Weight(0.05, 1), Weight(0.03, 1)), cable_mass=0.05)
-    with pytest.raises(DesignError, match="allowed is 1 mg or more"):
-        hang(1.0, (Weight(1e-8, 1),), cable_mass=0.0)
+        select_weights(1.0, (Weight(0.05, 1), Weight(0.03, 1)), cable_mass=0.05)
+    with pytest.raises(DesignError, match="it must be at least 1 mg"):
+        select_weights(1.0, (Weight(1e-8, 1),), cable_mass=0.0)

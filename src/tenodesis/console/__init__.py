@@ -1,6 +1,9 @@
 """The page in the browser: the instrument in space, its controls and its curves."""
 
-from tenodesis.console.link import Connect, Link
-from tenodesis.console.page import Page, serve
+from tenodesis.extras import require
 
-__all__ = ["Connect", "Link", "Page", "serve"]
+require("viser", "live")  # before the modules that import it and what comes with it
+
+from tenodesis.console.page import Page, serve  # noqa: E402
+
+__all__ = ["Page", "serve"]

@@ -3,21 +3,43 @@
 import time
 from typing import Any
 
-from tenodesis.console.about import ABOUT
-from tenodesis.console.controlling import Controlling
-from tenodesis.console.experiments import Experiments
-from tenodesis.console.files import Files
-from tenodesis.console.header import Header
-from tenodesis.console.instrument_file import InstrumentFile
-from tenodesis.console.moving import Moving, largest_force
+from tenodesis.console.display import ShownSignals
 from tenodesis.console.plots import Plots
 from tenodesis.console.scene import Scene
-from tenodesis.console.session import Now, Part, Session
-from tenodesis.console.view import View
+from tenodesis.console.session import PageState, PanelSection, Session
+from tenodesis.console.status import StatusHeader
+from tenodesis.console.tab_files import FilesTab
+from tenodesis.console.tab_law import LawTab
+from tenodesis.console.tab_move import MoveTab, largest_force
+from tenodesis.console.tab_protocols import ProtocolsTab
+from tenodesis.console.tab_setup import SetupTab
 
-_PANEL_EVERY = 0.2
-_PLOTS_EVERY = 0.25
-_WIDTH = 340
+_PANEL_PERIOD = 0.2  # s
+_PLOTS_PERIOD = 0.25  # s
+_WIDTH = 340  # pixels
+
+_HELP = """
+**What you see.** An instrument for keyhole surgery. The dark **grip** at the top is in the surgeon's hand, the pale
+**disc** is the wall of the patient's body, and the **jaws** at the bottom work inside. The tube between them is drawn
+shorter than it is.
+
+**How it works.** Turn the grip, and a pair of rolling gears pulls thin **tendons** in the tube; at the other end
+another pair bends the jaws, about twice as far as the hand turns.
+
+**What goes wrong.** Tendons stretch under load. When tissue pushes on the tip (**violet arrow**), the jaws lose angle:
+they are no longer where the hand points them. The **green shadow** shows where they should be.
+
+**What the motors do.** A motor at each tendon winds up the stretch. The controller computes it from the tendon tensions
+at the handle; it needs no sensor at the tip.
+
+**Try it.**
+1. Move the slider *Handle yaw*: the jaws follow, and the shadow with them.
+2. Put a load on the tip: the jaws leave the shadow. The tendons change colour with their tension.
+3. Press *Enable* and choose the law *robust*: the motors bring the jaws back into the shadow. Choose *off*: they leave
+   it again.
+
+**STOP** halts the motors at once, whoever presses it. The Esc key does the same.
+"""
 
 
 class Browser:
@@ -25,7 +47,7 @@ class Browser:
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self._told = self._drawn = 0.0
+        self._panel_updated = self._plots_drawn = 0.0
         self.operating = False
         self.build()
 
@@ -34,25 +56,25 @@ class Browser:
         session, inst = self.session, self.session.link.inst
         gui: Any = session.client.gui
         gui.reset()
-        session.begin()
+        session.reset()
         self._inst = inst
         with session.client.atomic():
-            self._header = Header(session, inst)
+            header = StatusHeader(session, inst)
             tabs = gui.add_tab_group()
             with tabs.add_tab("Move"):
-                moving = Moving(session, inst)
+                move = MoveTab(session, inst)
                 look = gui.add_button_group("Look at", ("whole", "tip", "handle"))
             with tabs.add_tab("Law"):
-                controlling = Controlling(session)
+                law = LawTab(session)
             with tabs.add_tab("Tests"):
-                experiments = Experiments(session)
+                protocols = ProtocolsTab(session)
             with tabs.add_tab("Files"):
-                self._files = Files(session, inst)
+                self._files = FilesTab(session, inst)
             with tabs.add_tab("Setup"):
-                setup = InstrumentFile(session)
+                setup = SetupTab(session)
             with tabs.add_tab("Help"):
-                gui.add_markdown(ABOUT)
-            self._parts: tuple[Part, ...] = (self._header, moving, controlling, experiments, self._files, setup)
+                gui.add_markdown(_HELP)
+            self._sections: tuple[PanelSection, ...] = (header, move, law, protocols, self._files, setup)
             self.plots = Plots(gui, inst, measured=session.link.capabilities.distal_encoder)
             self.scene = Scene(session.client, inst, largest_force(inst), small=session.small)
             self.scene.look("whole")
@@ -61,7 +83,7 @@ class Browser:
         session.on(look, "look", lambda: self.scene.look(look.value))
 
     def operate(self) -> None:
-        """Become the operator if nobody is."""
+        """Become the operator if there is none."""
         self.operating = self.session.link.acquire()
 
     @property
@@ -69,32 +91,32 @@ class Browser:
         """Whether another instrument runs than the one that is shown."""
         return self.session.link.inst != self._inst
 
-    def tick(self, now: Now) -> None:
-        """Do what was asked for, and show how things stand."""
+    def tick(self, state: PageState) -> None:
+        """Run the browser's requests, and show the state."""
         session = self.session
-        for action in session.inbox.take():
+        for action in session.requests.take_all():
             action()
-        # Whoever starts another instrument operates that a moment later.
-        if self.operating and not now.operating and not session.works("load"):
-            other = now.status.operator
-            session.tell("You watch now." if other is None else f"{other} has taken over; you watch now.", "Control")
-        self.operating = now.operating
-        seen: View = (self._files.replayed() if session.replaying else None) or now.view
-        self.scene.show(seen)
-        at = time.monotonic()
-        if at - self._told >= _PANEL_EVERY:
-            self._told = at
-            self.scene.tell(seen, recorded=session.replaying)
+        # A browser that starts another instrument becomes its operator a moment later.
+        if self.operating and not state.operating and not session.is_busy("load"):
+            other = state.status.operator
+            session.notify("You watch now." if other is None else f"{other} has taken over; you watch now.", "Control")
+        self.operating = state.operating
+        shown: ShownSignals = (self._files.replayed() if session.replaying else None) or state.shown
+        self.scene.show(shown)
+        now = time.monotonic()
+        if now - self._panel_updated >= _PANEL_PERIOD:
+            self._panel_updated = now
+            self.scene.show_angles(shown, recorded=session.replaying)
             with session.client.atomic():
-                for part in self._parts:
-                    part.show(now)
+                for section in self._sections:
+                    section.update(state)
 
-    def wants_history(self) -> bool:
-        """Return whether the curves are due."""
-        return time.monotonic() - self._drawn >= _PLOTS_EVERY
+    def needs_history(self) -> bool:
+        """Return whether the curves are to be drawn again."""
+        return time.monotonic() - self._plots_drawn >= _PLOTS_PERIOD
 
-    def draw(self, seconds: View) -> None:
+    def draw(self, history: ShownSignals) -> None:
         """Draw the curves."""
-        self._drawn = time.monotonic()
+        self._plots_drawn = time.monotonic()
         with self.session.client.atomic():
-            self.plots.show(seconds)
+            self.plots.show(history)

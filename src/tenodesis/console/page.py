@@ -13,69 +13,70 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tenodesis.console import wire
+from tenodesis.console import server
+from tenodesis.console.access import AccessControl, is_loopback, page_html
 from tenodesis.console.browser import Browser
-from tenodesis.console.door import Door, is_loopback
-from tenodesis.console.html import page
-from tenodesis.console.link import Connect, Status
+from tenodesis.console.display import shown_signals
 from tenodesis.console.plots import ROWS, WINDOW
-from tenodesis.console.session import Now, Session
-from tenodesis.console.view import view
+from tenodesis.console.session import PageState, Session
 from tenodesis.errors import LiveError
+from tenodesis.live.commands import Connect
+from tenodesis.live.status import Status
 
 if TYPE_CHECKING:
     import viser
 
-FRAMES = 45.0
-"""Frames per second that are sent to every browser."""
-_STATUS_EVERY = 0.1
-_BEAT_EVERY = 0.2
-_TAKE_IN_EVERY = 0.5
-_PATIENCE = 3.0
-"""Time after which a page that does not tick is taken to hang, s."""
+FRAME_RATE = 45.0
+"""Frames that are sent to every browser, Hz."""
+_STATUS_PERIOD = 0.1  # s
+_HEARTBEAT_PERIOD = 0.2  # s
+_RETRY_PERIOD = 0.5  # s
+_HANGS_AFTER = 3.0
+"""Time without a tick after which the page counts as hanging, s."""
 _log = logging.getLogger(__name__)
 
 
 class Page:
-    """A page that is being served; a context manager that closes it. Use :func:`serve`."""
+    """The page while it is served, made by :func:`serve`; a context manager that closes it."""
 
     def __init__(self, connect: Connect, *, host: str, port: int, token: str | None, recordings: Path) -> None:
         loopback = is_loopback(host)
         self.token = token or (None if loopback else secrets.token_urlsafe(24))
-        """What a browser must show; None where the page is this machine's alone."""
+        """Token that a browser must show; None where only this machine can reach the page."""
         self._connect, self._recordings = connect, recordings
         self._watch = connect("page")
         self._workers = ThreadPoolExecutor(2, thread_name_prefix="console")
         self._changes: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._browsers: dict[int, Browser] = {}
-        self._absent: dict[int, tuple[viser.ClientHandle, str]] = {}
-        """Browsers that came while there was no runtime."""
-        self._tried = 0.0
+        self._waiting: dict[int, tuple[viser.ClientHandle, str]] = {}
+        """Browsers that connected while there was no runtime."""
+        self._retried = 0.0
         self._closing = threading.Event()
         self._ticked = time.monotonic()
         self.frames = 0
         """Frames sent so far."""
         try:
-            door = Door(page(), loopback=loopback, token=self.token, stop=self._stop, alive=self._alive)
-            self._server = wire.start(host, port, door)
+            access = AccessControl(page_html(), loopback=loopback, token=self.token, stop=self._stop, alive=self._alive)
+            self._server = server.start(host, port, access)
         except LiveError:
             self._watch.close()
             raise
-        self._name = host
+        self._host = host
         self._server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(31, 95, 168))
 
         @self._server.on_client_connect
-        async def _came(client: "viser.ClientHandle") -> None:
-            # Only here is it known on whose behalf the server speaks.
-            origin = f"browser {client.client_id} at {wire.newcomer()}"
-            self._changes.put(lambda: self._came(client, origin))
+        async def _connected(client: "viser.ClientHandle") -> None:
+            # The address is known in this callback only.
+            origin = f"browser {client.client_id} at {server.client_address()}"
+            self._changes.put(lambda: self._add(client, origin))
 
         @self._server.on_client_disconnect
-        async def _left(client: "viser.ClientHandle") -> None:
-            self._changes.put(lambda: self._left(client.client_id))
+        async def _disconnected(client: "viser.ClientHandle") -> None:
+            self._changes.put(lambda: self._remove(client.client_id))
 
         self._threads = [
-            threading.Thread(target=run, name=f"console {run.__name__}", daemon=True) for run in (self._run, self._beat)
+            threading.Thread(target=run, name=f"console {run.__name__}", daemon=True)
+            for run in (self._run, self._send_heartbeats)
         ]
         for thread in self._threads:
             thread.start()
@@ -88,20 +89,20 @@ class Page:
     @property
     def url(self) -> str:
         """Where to open the page, the token included."""
-        name = socket.gethostname() if _everywhere(self._name) else self._name
+        name = socket.gethostname() if _every_address(self._host) else self._host
         name = f"[{name}]" if ":" in name else name
         return f"http://{name}:{self.port}/" + (f"?token={self.token}" if self.token else "")
 
     def close(self) -> None:
-        """Stop serving; whoever operates is let go, which pauses the instrument. A second time does nothing."""
+        """Stop serving and release the operator, which pauses the instrument; a second call does nothing."""
         if self._closing.is_set():
             return
         self._closing.set()
         for thread in self._threads:
             thread.join(timeout=5)
         for number in list(self._browsers):
-            self._left(number)
-        wire.stop(self._server)
+            self._remove(number)
+        server.stop(self._server)
         self._workers.shutdown(wait=True, cancel_futures=True)
         self._watch.close()
 
@@ -112,7 +113,7 @@ class Page:
         self.close()
 
     def _run(self) -> None:
-        """Go on until closed: a tick, and what is left of its time to wait."""
+        """Tick at the frame rate until closed."""
         due = time.monotonic()
         while not self._closing.is_set():
             try:
@@ -120,12 +121,12 @@ class Page:
             except Exception:
                 _log.exception("a tick of the page failed")
                 self._closing.wait(0.2)
-            due = max(due + 1 / FRAMES, time.monotonic())
+            due = max(due + 1 / FRAME_RATE, time.monotonic())
             self._closing.wait(due - time.monotonic())
 
-    def _beat(self) -> None:
-        """Say for every browser that is there that it is; drawing much must not hold that up, standing still must."""
-        while not self._closing.wait(_BEAT_EVERY):
+    def _send_heartbeats(self) -> None:
+        """Send the heartbeat of every operator: long drawing must not delay it, a page that hangs must end it."""
+        while not self._closing.wait(_HEARTBEAT_PERIOD):
             if not self._alive():
                 continue
             for browser in list(self._browsers.values()):
@@ -133,74 +134,74 @@ class Page:
                     browser.session.attempt(browser.session.link.heartbeat)
 
     def _alive(self) -> bool:
-        return time.monotonic() - self._ticked <= _PATIENCE
+        return time.monotonic() - self._ticked <= _HANGS_AFTER
 
     def _tick(self) -> None:
         self._ticked = time.monotonic()
         while not self._changes.empty():
             self._changes.get()()
-        if not self._browsers and not self._absent:
+        if not self._browsers and not self._waiting:
             return
-        due = [browser for browser in self._browsers.values() if browser.wants_history()]
+        due = [browser for browser in self._browsers.values() if browser.needs_history()]
         try:
             status, inst, latest = self._status(), self._watch.inst, self._watch.latest()
             history = self._watch.history(WINDOW, ROWS) if due else None
         except LiveError:
-            # While another runtime begins there is none.
+            # There is no runtime while another one starts.
             return
-        if self._absent and status.state != "GONE":
-            self._take_in()
+        if self._waiting and status.state != "GONE":
+            self._retry()
         if not latest:
             return
-        seen = view(inst, latest)
-        seconds = None if history is None else view(inst, history)
+        shown = shown_signals(inst, latest)
+        seconds = None if history is None else shown_signals(inst, history)
         for browser in self._browsers.values():
             try:
                 if browser.outdated:
                     browser.build()
-                browser.tick(Now(status, seen, status.operator == browser.session.origin))
+                browser.tick(PageState(status, shown, status.operator == browser.session.origin))
                 if seconds is not None and browser in due:
                     browser.draw(seconds)
             except LiveError:
-                # Another runtime begins just now.
+                # Another runtime is starting.
                 continue
             except Exception:
-                # What goes wrong for one must not take the others' heartbeats.
+                # An error of one browser must not end the others' heartbeats.
                 _log.exception("%s could not be served", browser.session.origin)
         self.frames += 1
 
-    _asked = 0.0
-    _known: Status | None = None
+    _status_time = 0.0
+    _last_status: Status | None = None
 
     def _status(self) -> Status:
-        """Return the state, which a socket away is dearer than the signals."""
-        at = time.monotonic()
-        if self._known is None or at - self._asked >= _STATUS_EVERY:
-            self._asked, self._known = at, self._watch.status()
-        return self._known
+        """Return the status, at most a period old: it comes through a socket, the signals through shared memory."""
+        now = time.monotonic()
+        if self._last_status is None or now - self._status_time >= _STATUS_PERIOD:
+            self._status_time, self._last_status = now, self._watch.status()
+        return self._last_status
 
-    def _came(self, client: "viser.ClientHandle", origin: str) -> None:
-        wire.wake_safely(client)
+    def _add(self, client: "viser.ClientHandle", origin: str) -> None:
+        server.make_sending_thread_safe(client)
         try:
             link = self._connect(origin)
         except LiveError as problem:
-            if client.client_id not in self._absent:
-                self._absent[client.client_id] = (client, origin)
+            if client.client_id not in self._waiting:
+                self._waiting[client.client_id] = (client, origin)
                 self._offer_restart(client, str(problem))
             return
-        self._absent.pop(client.client_id, None)
+        self._waiting.pop(client.client_id, None)
         browser = Browser(Session(client, link, origin, self._workers, self._recordings))
         self._browsers[client.client_id] = browser
-        wire.limit_uploads(client, browser.session.tell)
-        # No motor of this world moves: whoever comes first may try at once.
+        server.limit_uploads(client, browser.session.notify)
+        # No real motor moves: the first browser may operate at once.
         if link.capabilities.simulated and link.status().operator is None:
             browser.session.attempt(browser.operate)
 
     def _offer_restart(self, client: "viser.ClientHandle", problem: str) -> None:
-        """Show a browser that came while there is no runtime what is wrong, and the way on."""
+        """Tell a browser that there is no runtime, and offer to start one."""
         gui: Any = client.gui
-        told = f"There is no instrument to show; its motors are stopped by their own watchdogs. {problem}"
-        gui.add_html(f'<div style="padding:.5em .8em;font-size:.8rem" role="alert">{escape(told)}</div>')
+        text = f"There is no instrument to show; its motors are stopped by their own watchdogs. {problem}"
+        gui.add_html(f'<div style="padding:.5em .8em;font-size:.8rem" role="alert">{escape(text)}</div>')
         button = gui.add_button("Start the instrument again", color="orange")
         button.on_click(lambda _: self._workers.submit(self._restart, client))
 
@@ -210,15 +211,15 @@ class Page:
         except (LiveError, OSError) as problem:
             client.add_notification(title="That did not work", body=str(problem), color="red")
 
-    def _take_in(self) -> None:
-        """Let those in who came while there was no runtime, if there is one now."""
-        if time.monotonic() - self._tried >= _TAKE_IN_EVERY:
-            self._tried = time.monotonic()
-            for client, origin in list(self._absent.values()):
-                self._came(client, origin)
+    def _retry(self) -> None:
+        """Add the browsers that connected while there was no runtime."""
+        if time.monotonic() - self._retried >= _RETRY_PERIOD:
+            self._retried = time.monotonic()
+            for client, origin in list(self._waiting.values()):
+                self._add(client, origin)
 
-    def _left(self, number: int) -> None:
-        self._absent.pop(number, None)
+    def _remove(self, number: int) -> None:
+        self._waiting.pop(number, None)
         browser = self._browsers.pop(number, None)
         if browser is None:
             return
@@ -227,7 +228,7 @@ class Page:
             if link.status().operator == browser.session.origin:
                 link.release()
         except LiveError:
-            _log.warning("%s left, and could not be taken off", browser.session.origin)
+            _log.warning("%s disconnected, but may still be the operator", browser.session.origin)
         finally:
             link.close()
 
@@ -237,7 +238,7 @@ class Page:
             try:
                 link = self._connect(origin)
             except LiveError:
-                # Better in the page's name than not at all.
+                # The page's own connection stops as well.
                 self._watch.stop()
                 return None
             try:
@@ -249,8 +250,8 @@ class Page:
         return None
 
 
-def _everywhere(host: str) -> bool:
-    """Return whether a host means every address of this machine, which is none to open."""
+def _every_address(host: str) -> bool:
+    """Return whether a host stands for every address of this machine, which no browser can open."""
     try:
         return ipaddress.ip_address(host).is_unspecified
     except ValueError:
@@ -270,19 +271,19 @@ def serve(
     Parameters
     ----------
     connect
-        Opens a link to the runtime in somebody's name: one for the page itself, one for every browser.
+        Opens a connection to the runtime in the name of an origin: one for the page itself, one for every browser.
     host
-        Address to listen on. On any but this machine's own, browsers need the token.
+        Address to listen on; on others than this machine's loopback addresses, browsers need the token.
     port
-        Port; the next free one is taken if it is not.
+        Port; the next free one if it is taken.
     token
-        The token; by default one is made up where one is needed.
+        The token; by default a random one where it is needed.
     recordings
         Folder of the recordings.
 
     Raises
     ------
     LiveError
-        There is no such address on this machine, or the runtime cannot be reached.
+        This machine does not have the address, or the runtime cannot be reached.
     """
     return Page(connect, host=host, port=port, token=token, recordings=recordings)

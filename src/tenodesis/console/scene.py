@@ -1,36 +1,36 @@
-"""The instrument in space, as one browser sees it."""
+"""The 3-D view of the instrument in one browser."""
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from trimesh import Trimesh
 
 from tenodesis import kinematics
-from tenodesis.console.colours import TensionColours
-from tenodesis.console.parts import effector, parts
-from tenodesis.console.solids import Solid, rod
-from tenodesis.console.view import View
+from tenodesis.console.display import ShownSignals
+from tenodesis.console.plots import TensionColours
+from tenodesis.console.solids import end_effector, rod, solids
 from tenodesis.instrument import Instrument
 from tenodesis.kinematics import Dimensions, Frame, Frames, Posture
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 if TYPE_CHECKING:
     import viser
 
 _ROOT = "/instrument"
 _HEAD_DOWN = (0.0, 1.0, 0.0, 0.0)
-"""Half a turn about x: the tip, which lies along z, is at the bottom of the picture, as in the patient."""
+"""Half a turn about x: the tip, which points along z, is at the bottom of the picture, as in the patient."""
 _SIZE = 3.0
-"""Length that every instrument is drawn with."""
+"""Length of every instrument in the units of the view."""
 _SHORT_STEM = 0.9
-"""Of handle and end-effector together, that the stem is drawn with at most, so that both ends are seen at once."""
+"""Largest length of the drawn stem over that of handle and end-effector, so that both ends fit into the picture."""
 _TISSUE = (222, 184, 176)
 _GHOST = (22, 134, 88)
 _FORCE = (124, 58, 237)
 _BACKBONE = (150, 158, 170)
 _TENDON_PIXELS = 3.0
-_SEEN = 1e-3
-"""Smallest change that is sent, a third of a pixel on a large screen: a picture that stands still costs nothing."""
+_VISIBLE = 1e-3
+"""Smallest change that is sent, in the units of the view: a third of a pixel on a large screen."""
 
 
 class Scene:
@@ -43,7 +43,7 @@ class Scene:
     inst
         The instrument.
     largest_force
-        Force that the longest arrow stands for, N.
+        Force of the longest arrow, N.
     small
         Whether the screen is a phone's.
     """
@@ -52,7 +52,7 @@ class Scene:
         self, client: "viser.ClientHandle", inst: Instrument, largest_force: float, *, small: bool = False
     ) -> None:
         self._small = small
-        self._client, self._inst, self._largest_force = client, drawn(inst), largest_force
+        self._client, self._inst, self._largest_force = client, with_short_stem(inst), largest_force
         self.colours = TensionColours(inst)
         self._lengths = kinematics.dimensions(self._inst)
         lengths = self._lengths
@@ -62,18 +62,18 @@ class Scene:
         with client.atomic():
             scene.reset()
             scene.configure_default_lights(enabled=True, cast_shadow=False)
-            # An environment map would take a machine that draws without a graphics card half a minute.
+            # Drawing an environment map takes half a minute without a graphics card.
             scene.configure_environment_map(hdri=None)
             scene.add_light_hemisphere("/light", sky_color=(255, 255, 255), ground_color=(150, 150, 160), intensity=2.4)
             scene.add_frame(_ROOT, show_axes=False, wxyz=_HEAD_DOWN)
             rest = self._frames(np.zeros(len(inst.axes)), np.zeros(len(inst.axes)))
             self._port(scene)
             self._bodies = {name: scene.add_frame(f"{_ROOT}/{name}", show_axes=False) for name in rest.bodies}
-            for part in parts(self._inst, lengths):
-                self._add(scene, f"{_ROOT}/{part.body}/{part.name}", part.solid, part.colour, part.opacity)
+            for solid in solids(self._inst, lengths):
+                self._add(scene, f"{_ROOT}/{solid.body}/{solid.name}", solid.mesh, solid.colour, solid.opacity)
             self._ghost = scene.add_frame(f"{_ROOT}/ghost", show_axes=False)
-            for part in effector(lengths):
-                self._add(scene, f"{_ROOT}/ghost/{part.name}", part.solid, _GHOST, 0.3)
+            for solid in end_effector(lengths):
+                self._add(scene, f"{_ROOT}/ghost/{solid.name}", solid.mesh, _GHOST, 0.3)
             self._tendons = {
                 name: scene.add_line_segments(
                     f"{_ROOT}/tendons/{name}",
@@ -121,37 +121,37 @@ class Scene:
         camera = self._client.camera
         middle = scale * height
         if self._small:
-            # There the panel lies over the lower part of the picture.
+            # The panel of a phone covers the lower part of the picture.
             middle, away = middle - 1.03 * away, 2.3 * away
         with self._client.atomic():
             camera.position = (0.28 * away, -away, middle + 0.3 * away)
             camera.look_at = (0.0, 0.0, middle)
 
-    def show(self, now: View) -> None:
+    def show(self, shown: ShownSignals) -> None:
         """Draw one instant."""
-        # One call for what is and for what is wanted: the ghost is the second.
-        handle, output = np.nan_to_num(now.handle), np.nan_to_num([now.output, now.wanted])
+        # One call for the instrument and for the ghost, which has the target angles.
+        handle, output = np.nan_to_num(shown.handle), np.nan_to_num([shown.output, shown.target])
         both = self._frames(np.stack([handle, handle]), output)
         frames = Frames(
             {name: Frame(frame.position[0], frame.quaternion[0]) for name, frame in both.bodies.items()},
             {name: path[0] for name, path in both.tendons.items()},
         )
-        asked = both.bodies["end_effector"]
+        ghost = both.bodies["end_effector"]
         with self._client.atomic():
             for name, frame in frames.bodies.items():
                 self._place(name, self._bodies[name], frame)
-            self._place("ghost", self._ghost, Frame(asked.position[1], asked.quaternion[1]))
-            self._draw_tendons(frames, now)
-            self._draw_forces(now)
+            self._place("ghost", self._ghost, Frame(ghost.position[1], ghost.quaternion[1]))
+            self._draw_tendons(frames, shown)
+            self._draw_forces(shown)
 
-    def tell(self, now: View, *, recorded: bool) -> None:
-        """Say in figures where the tip is, live or as recorded; text is dearer to draw than what moves."""
-        pairs = zip(self._inst.axes, np.degrees(now.output), np.degrees(now.wanted), strict=True)
-        told = [(axis, _degrees(angle), _degrees(wanted)) for axis, angle, wanted in pairs]
-        if len(told) == 1:
-            lines = [f"{axis} {angle}\nhand asks {wanted}" for axis, angle, wanted in told]
+    def show_angles(self, shown: ShownSignals, *, recorded: bool) -> None:
+        """Show tip angles and targets as text, which takes longer to draw than what moves."""
+        pairs = zip(self._inst.axes, np.degrees(shown.output), np.degrees(shown.target), strict=True)
+        angles = [(axis, _degrees(output), _degrees(target)) for axis, output, target in pairs]
+        if len(angles) == 1:
+            lines = [f"{axis} {output}\ntarget {target}" for axis, output, target in angles]
         else:
-            lines = ["is, hand asks", *(f"{axis} {angle}, {wanted}" for axis, angle, wanted in told)]
+            lines = ["tip, target", *(f"{axis} {output}, {target}" for axis, output, target in angles)]
         text = "\n".join(["recorded:", *lines] if recorded else lines)
         if self._label.text != text:
             self._label.text = text
@@ -169,11 +169,11 @@ class Scene:
         self._add(scene, f"{_ROOT}/port/wall", wall, _TISSUE, 0.35)
         self._add(scene, f"{_ROOT}/port/ring", rod(1.5 * radius, -0.9 * radius, 0.9 * radius, 32), (96, 106, 120), 0.9)
 
-    def _add(self, scene: Any, name: str, solid: Solid, colour: tuple[int, int, int], opacity: float | None) -> None:
+    def _add(self, scene: Any, name: str, mesh: Trimesh, colour: tuple[int, int, int], opacity: float | None) -> None:
         scene.add_mesh_simple(
             name,
-            vertices=self._scale * solid.vertices,
-            faces=solid.faces,
+            vertices=self._scale * mesh.vertices,
+            faces=mesh.faces,
             color=colour,
             opacity=opacity,
             flat_shading=True,
@@ -187,15 +187,15 @@ class Scene:
         if self._changed(f"{name} quaternion", frame.quaternion):
             node.wxyz = frame.quaternion
 
-    def _draw_tendons(self, frames: Frames, now: View) -> None:
+    def _draw_tendons(self, frames: Frames, shown: ShownSignals) -> None:
         for number, (name, path) in enumerate(frames.tendons.items()):
             bend, tendon = divmod(number, 2)
             line = self._tendons[name]
             points = self._scale * path
             if self._changed(f"{name} points", points):
                 line.points = _segments(points)
-            # Friction takes its share at the joints; what lies between is not known to the eye.
-            tension = np.linspace(now.tension[bend, tendon], now.distal_tension[bend, tendon], len(path))
+            # Friction acts at the joints; a linear change along the tendon looks the same.
+            tension = np.linspace(shown.tension[bend, tendon], shown.distal_tension[bend, tendon], len(path))
             if self._changed(f"{name} tension", tension / self.colours.limit, coarse=10):
                 line.colors = _segments(_linear(self.colours(tension)))
         for axis, line in self._backbones.items():
@@ -203,12 +203,12 @@ class Scene:
             if self._changed(f"{axis} backbone", middle):
                 line.points = _segments(middle)
 
-    def _draw_forces(self, now: View) -> None:
+    def _draw_forces(self, shown: ShownSignals) -> None:
         for number, (axis, arrow) in enumerate(self._arrows.items()):
-            force = float(np.nan_to_num(now.force[number]))
+            force = float(np.nan_to_num(shown.force[number]))
             if not self._changed(f"{axis} force", np.array([force / self._largest_force])):
                 continue
-            # It pushes on the tip against positive flexion, and turns with it.
+            # It pushes on the tip against positive flexion, and turns with the tip.
             length = 0.2 * np.sign(force) + 0.4 * force / self._largest_force
             gap = 0.05 * np.sign(force)
             direction = np.array([1.0, 0.0, 0.0]) if axis == "yaw" else np.array([0.0, 1.0, 0.0])
@@ -216,16 +216,16 @@ class Scene:
             arrow.points = np.stack([(gap + length) * direction, gap * direction])[np.newaxis]
 
     def _changed(self, name: str, value: Array, *, coarse: float = 1.0) -> bool:
-        """Return whether a value differs visibly from what was sent of it, and note it if so."""
+        """Return whether a value differs visibly from the last one that was sent, and keep it if so."""
         before = self._sent.get(name)
-        if before is not None and np.abs(np.nan_to_num(value) - before).max() < coarse * _SEEN:
+        if before is not None and np.abs(np.nan_to_num(value) - before).max() < coarse * _VISIBLE:
             return False
         self._sent[name] = np.nan_to_num(value)
         return True
 
 
-def drawn(inst: Instrument) -> Instrument:
-    """Return an instrument with its stem drawn short."""
+def with_short_stem(inst: Instrument) -> Instrument:
+    """Return an instrument with a stem short enough for the picture."""
     lengths: Dimensions = kinematics.dimensions(inst)
     short = _SHORT_STEM * (lengths.handle_length + lengths.end_effector_length)
     if lengths.stem_length <= short:
@@ -240,10 +240,10 @@ def _segments(path: Any) -> Any:
 
 
 def _linear(colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return colours as the viewer takes those of lines, which it brightens for the screen."""
+    """Return colours of lines in the viewer's linear colour space."""
     return (255 * (colours / 255) ** 2.2).round().astype(np.uint8)
 
 
 def _degrees(angle: float) -> str:
-    # Nought has no sign.
+    # Zero has no minus sign.
     return f"{round(angle, 1) + 0.0:+.1f}°" if np.isfinite(angle) else "unknown"

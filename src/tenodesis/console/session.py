@@ -1,167 +1,176 @@
-"""One browser: what it sees, what it may do, and what it asks for."""
+"""One browser's session: its connection to the runtime, and what its panel asks for."""
 
 import logging
+import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import Executor
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
-from tenodesis.console.inbox import Action, Inbox
-from tenodesis.console.link import Link, Status
-from tenodesis.console.view import View
-from tenodesis.errors import (
-    DeviceError,
-    InstrumentError,
-    LiveError,
-    NoSolutionError,
-    ProtocolError,
-    RecordingError,
-)
+from tenodesis.console.display import ShownSignals
+from tenodesis.errors import Error
+from tenodesis.live.commands import RestartableConnection
+from tenodesis.live.status import Status
 
 if TYPE_CHECKING:
     import viser
 
-_EXPECTED = (
-    DeviceError,
-    InstrumentError,
-    LiveError,
-    NoSolutionError,
-    ProtocolError,
-    RecordingError,
-    ValueError,
-    OSError,
-)
-_MOMENT = 1.0
-"""Time for which a part of the panel keeps to what its browser chose, until what is chosen is so, s."""
-_UPRIGHT, _NARROW = 0.8, 450
-"""Width by height, and width in pixels, that a phone's picture stays below."""
+_EXPECTED = (Error, ValueError, OSError)
+_SETTLING_TIME = 1.0
+"""Time for which a control keeps the value that its browser chose, until the runtime has it, s."""
+_PHONE_ASPECT, _PHONE_WIDTH = 0.8, 450
+"""Largest ratio of width to height, and largest width in pixels, of a phone's screen."""
 _log = logging.getLogger(__name__)
 
+Action: TypeAlias = Callable[[], object]
 
-class Now(NamedTuple):
-    """The state of things at a tick of the page."""
+
+class PageState(NamedTuple):
+    """What the page shows at one of its ticks."""
 
     status: Status
-    view: View
+    shown: ShownSignals
     operating: bool
-    """Whether the browser operates."""
+    """Whether the browser operates the instrument."""
 
 
-class Part(Protocol):
-    """A part of the panel."""
+class PanelSection(Protocol):
+    """A section of the panel."""
 
-    def show(self, now: Now) -> None:
-        """Show how things stand."""
+    def update(self, state: PageState) -> None:
+        """Show the state."""
         ...
 
 
+class RequestQueue:
+    """What a browser asks for until the page's next tick: of each kind the latest only, however many come."""
+
+    def __init__(self) -> None:
+        self._actions: dict[str, Action] = {}
+        self._lock = threading.Lock()
+
+    def put(self, kind: str, action: Action) -> None:
+        """Add an action for the next tick, in place of an earlier one of its kind."""
+        with self._lock:
+            self._actions.pop(kind, None)
+            self._actions[kind] = action
+
+    def take_all(self) -> list[Action]:
+        """Return and remove all actions, in the order in which they were added last."""
+        with self._lock:
+            actions, self._actions = self._actions, {}
+        return list(actions.values())
+
+
 class Session:
-    """One browser's link, and the ways from its panel to it.
+    """A browser's session.
 
     Parameters
     ----------
     client
         The browser.
     link
-        To the runtime, in the browser's name.
+        Connection to the runtime, in the browser's name.
     origin
         That name.
     workers
-        Do what takes long.
+        Run what takes longer than a tick of the page.
     folder
-        Where recordings are.
+        Folder of the recordings.
     """
 
-    def __init__(self, client: "viser.ClientHandle", link: Link, origin: str, workers: Executor, folder: Path) -> None:
+    def __init__(
+        self, client: "viser.ClientHandle", link: RestartableConnection, origin: str, workers: Executor, folder: Path
+    ) -> None:
         self.client, self.link, self.origin, self.folder = client, link, origin, folder
-        self.inbox = Inbox()
+        self.requests = RequestQueue()
         camera = client.camera
-        self.small = camera.aspect < _UPRIGHT and camera.image_width < _NARROW
-        """Whether the screen is a phone's, as it is at first: later, panels leave an upright picture of others too."""
+        self.small = camera.aspect < _PHONE_ASPECT and camera.image_width < _PHONE_WIDTH
+        """Whether the screen is a phone's, at first: later, panels make the picture of other screens upright too."""
         self.replaying = False
-        """Whether the view is given over to a recording."""
+        """Whether the view shows a recording."""
         self._workers = workers
         self._busy: set[str] = set()
-        self._chosen: dict[int, float] = {}
+        self._changed: dict[int, float] = {}
 
-    def begin(self) -> None:
-        """Forget the panel's parts, in place of which others are built."""
+    def reset(self) -> None:
+        """Forget the controls of the panel, before others are built."""
         self.replaying = False
-        self._chosen.clear()
+        self._changed.clear()
 
     def on(self, handle: Any, kind: str, action: Action) -> None:
-        """Do something with the page's next tick whenever the browser changes or presses a part of its panel."""
+        """Run an action at the page's next tick whenever the browser changes or presses a control."""
 
-        async def asked(event: Any) -> None:
-            # What the page itself sets has no browser.
+        async def queue(event: Any) -> None:
+            # Events of values that the page itself sets have no client.
             if event.client_id is not None:
-                self._chosen[id(handle)] = time.monotonic()
-                self.inbox.ask(kind, lambda: self.attempt(action))
+                self._changed[id(handle)] = time.monotonic()
+                self.requests.put(kind, lambda: self.attempt(action))
 
         name = next(name for name in ("on_click", "on_upload", "on_update") if hasattr(handle, name))
-        getattr(handle, name)(asked)
+        getattr(handle, name)(queue)
 
-    def chosen(self, *handles: Any) -> float:
-        """Return when the browser last changed one of some parts of its panel, on the monotonic clock, s."""
-        return max(self._chosen.get(id(handle), -inf) for handle in handles)
+    def changed_at(self, *handles: Any) -> float:
+        """Return when the browser last changed one of some controls, on the monotonic clock, s."""
+        return max(self._changed.get(id(handle), -inf) for handle in handles)
 
-    def keeps(self, *handles: Any) -> bool:
-        """Return whether parts of the panel show what the browser has just chosen, which may not be so yet."""
-        return time.monotonic() - self.chosen(*handles) < _MOMENT
+    def just_changed(self, *handles: Any) -> bool:
+        """Return whether the browser changed one of some controls so recently that the runtime may not have it yet."""
+        return time.monotonic() - self.changed_at(*handles) < _SETTLING_TIME
 
     def attempt(self, action: Action) -> None:
-        """Do something, and say so if it does not work."""
+        """Run an action, and show the browser its error."""
         try:
             action()
         except _EXPECTED as problem:
-            self.tell(str(problem))
+            self.notify(str(problem))
         except Exception:
             # A browser may send what its panel does not offer; the page goes on.
-            _log.exception("what %s asked for failed", self.origin)
-            self.tell("The page failed at this; its log says where.")
+            _log.exception("a request of %s failed", self.origin)
+            self.notify("The page failed; its log says where.")
 
-    def works(self, *kinds: str) -> bool:
-        """Return whether something of one of some kinds is being done."""
+    def is_busy(self, *kinds: str) -> bool:
+        """Return whether an action of one of some kinds runs in the background."""
         return not self._busy.isdisjoint(kinds)
 
-    def work(self, kind: str, action: Action) -> None:
-        """Do something that takes long beside the page's ticks, one of a kind at a time."""
+    def run_in_background(self, kind: str, action: Action) -> None:
+        """Run an action that takes longer than a tick, one of a kind at a time."""
         if kind in self._busy:
-            self.tell("That is being done already.")
+            self.notify("This is already in progress.")
             return
         self._busy.add(kind)
 
-        def done() -> None:
+        def run() -> None:
             try:
                 self.attempt(action)
             finally:
                 self._busy.discard(kind)
 
-        self._workers.submit(done)
+        self._workers.submit(run)
 
-    def tell(self, text: str, title: str = "That did not work", *, good: bool = False) -> None:
+    def notify(self, text: str, title: str = "That did not work", *, good: bool = False) -> None:
         """Show the browser a message."""
         self.client.add_notification(
             title=title, body=text, color="green" if good else "red", auto_close_seconds=4 if good else 12
         )
 
 
-def plain(text: object) -> str:
-    """Return text as Markdown that shows it as it is: names in files are others' words, and may hold HTML."""
+def as_plain(text: object) -> str:
+    """Return Markdown that shows text literally: names in files come from others, and may hold HTML."""
     return "".join(c if c.isalnum() or c in " ,-" else f"&#{ord(c)};" for c in " ".join(str(text).split()))
 
 
-def enable(handles: Iterable[Any], allowed: bool) -> None:
-    """Let parts of a panel be used, or not."""
+def enable(handles: Iterable[Any], enabled: bool) -> None:
+    """Enable or disable controls."""
     for handle in handles:
-        if handle.disabled == allowed:
-            handle.disabled = not allowed
+        if handle.disabled == enabled:
+            handle.disabled = not enabled
 
 
-def put(handle: Any, **values: Any) -> None:
-    """Set properties of a part of a panel that have changed."""
+def set_properties(handle: Any, **values: Any) -> None:
+    """Set those properties of a control that have changed."""
     for name, value in values.items():
         if getattr(handle, name) != value:
             setattr(handle, name, value)

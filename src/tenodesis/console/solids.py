@@ -1,103 +1,162 @@
-"""Solids to draw an instrument with: vertices (n, 3) and faces (m, 3)."""
+"""The solids that an instrument is drawn with: which body each belongs to, its mesh and its colour."""
 
 from math import pi
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+import trimesh
+from trimesh import Trimesh
 
-from tenodesis.signals import Array
+from tenodesis.instrument import Instrument
+from tenodesis.kinematics import Dimensions
+from tenodesis.run import Array
+
+METAL = (176, 184, 194)
+STEEL = (120, 130, 144)
+GRIP = (58, 70, 86)
+GEAR = (196, 160, 90)
 
 _TEETH = 16  # even, so that a gear looks the same from both ends of the stem
+_AXIS_ALONG_Y = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+"""Turns a mesh along z to lie along y: x becomes z, y becomes x."""
+_QUARTER_TURN = np.array([[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+"""Turns a mesh about z from the plane of yaw to that of pitch."""
 
 
 class Solid(NamedTuple):
-    """A closed surface."""
+    """A closed mesh, in m, at rest on a body of :class:`tenodesis.kinematics.Frames`, in that body's frame."""
 
-    vertices: Array
-    faces: NDArray[np.uint32]
-
-
-def prism(outline: Array, low: float, high: float) -> Solid:
-    """Return an outline (n, 2) that is star-shaped about its origin, along z from low to high."""
-    n = len(outline)
-    ring = np.arange(n)
-    after = (ring + 1) % n
-    vertices = np.zeros((2 * n + 2, 3))
-    vertices[:n, :2] = vertices[n : 2 * n, :2] = outline
-    vertices[:n, 2], vertices[n : 2 * n, 2] = low, high
-    vertices[2 * n, 2], vertices[2 * n + 1, 2] = low, high
-    bottom = np.stack([after, ring, np.full(n, 2 * n)], 1)
-    top = np.stack([ring + n, after + n, np.full(n, 2 * n + 1)], 1)
-    sides = np.concatenate([np.stack([ring, after, after + n], 1), np.stack([ring, after + n, ring + n], 1)])
-    return Solid(vertices, np.concatenate([bottom, top, sides]).astype(np.uint32))
+    name: str
+    body: str
+    mesh: Trimesh
+    colour: tuple[int, int, int]
+    opacity: float | None = None
 
 
-def rod(radius: float, low: float, high: float, sides: int = 24) -> Solid:
-    """Return a cylinder about z."""
-    return prism(_circle(radius, sides), low, high)
+class _End(NamedTuple):
+    """The joints at one end of the stem; lengths in m."""
+
+    prefix: str
+    side: int
+    """1 toward the tip, -1 toward the hand"""
+    kind: str
+    start: float
+    spacing: float
+    radii: tuple[float, ...]
 
 
-def gear(radius: float, thickness: float, *, shifted: bool = False) -> Solid:
+def solids(inst: Instrument, lengths: Dimensions) -> list[Solid]:
+    """Return all solids of an instrument of these dimensions, m."""
+    stem, radius = lengths.stem_length, lengths.stem_diameter / 2
+    # A continuum is driven by a pulley at the handle.
+    at_hand = "tendon-pulley" if inst.joint_type == "continuum" else inst.joint_type
+    tip = _End("", 1, inst.joint_type, 0.0, lengths.joint_spacing, lengths.distal_radii)
+    hand = _End("handle_", -1, at_hand, -stem, lengths.handle_joint_spacing, lengths.proximal_radii)
+    found = [Solid("tube", "stem", rod(radius, -stem, 0), METAL, 0.35)]
+    for end in (tip, hand):
+        body, at = "stem", end.start
+        for number, axis in enumerate(lengths.axes):
+            if number:
+                strut = rod(0.5 * radius, min(0.0, at), max(0.0, at))
+                found.append(Solid(f"{end.prefix}{axis}_strut", body, strut, STEEL))
+            found += _joint(end, axis, end.radii[number], body, at)
+            body, at = f"{end.prefix}{axis}_far", end.side * end.spacing
+    return found + end_effector(lengths) + _grip(lengths)
+
+
+def end_effector(lengths: Dimensions) -> list[Solid]:
+    """Return the solids beyond the last distal joint."""
+    radius, length = lengths.stem_diameter / 2, lengths.end_effector_length
+    root = length - lengths.jaw_length
+    jaws = _joined(*(_jaw(1.4 * radius, lengths.jaw_length, root, side) for side in (1, -1)))
+    return [
+        Solid("wrist", "end_effector", rod(0.7 * radius, 0, root), METAL),
+        Solid("jaws", "end_effector", jaws, STEEL),
+    ]
+
+
+def rod(radius: float, low: float, high: float, sides: int = 24) -> Trimesh:
+    """Return a cylinder along z."""
+    mesh = trimesh.creation.cylinder(radius, high - low, sections=sides)
+    return _moved(mesh, (0, 0, (low + high) / 2))
+
+
+def _grip(lengths: Dimensions) -> list[Solid]:
+    radius, length = lengths.stem_diameter / 2, lengths.handle_length
+    body = f"handle_{lengths.axes[-1]}_far"
+    grip = _joined(rod(1.5 * radius, -length, -0.35 * length), rod(1.8 * radius, -length, -0.93 * length))
+    return [Solid("shaft", body, rod(0.7 * radius, -0.35 * length, 0), METAL), Solid("grip", body, grip, GRIP)]
+
+
+def _joint(end: _End, axis: str, radius: float, body: str, at: float) -> list[Solid]:
+    """Return the solids of a joint that begins on a body, at a place along it."""
+    if end.kind == "continuum":
+        return []
+
+    def placed(name: str, body: str, mesh: Trimesh, colour: tuple[int, int, int], along: float = 0.0) -> Solid:
+        if axis == "pitch":
+            mesh.apply_transform(_QUARTER_TURN)
+        return Solid(f"{end.prefix}{axis}_{name}", body, _moved(mesh, (0, 0, along)), colour)
+
+    if end.kind == "tendon-pulley":
+        pulley = rod(radius, -0.3 * radius, 0.3 * radius, 40)
+        return [placed("pulley", body, pulley.apply_transform(_AXIS_ALONG_Y), GEAR, at)]
+    apart = 0.75 * radius
+    links = _pair(_plate(0.6 * radius, 2 * radius, 0.12 * radius, end.side * radius), 1.05 * radius)
+    return [
+        placed("near_gear", body, _pair(_gear(radius), apart), GEAR, at),
+        placed("far_gear", f"{end.prefix}{axis}_far", _pair(_gear(radius, shifted=True), apart), GEAR),
+        placed("link", f"{end.prefix}{axis}_carrier", links, STEEL),
+    ]
+
+
+def _pair(mesh: Trimesh, apart: float) -> Trimesh:
+    """Return a mesh on either side of the plane that a joint bends in, so that the tendons are seen between."""
+    return _joined(_moved(mesh.copy(), (0, apart, 0)), _moved(mesh.copy(), (0, -apart, 0)))
+
+
+def _gear(radius: float, *, shifted: bool = False) -> Trimesh:
     """Return a spur gear about y of a pitch radius; teeth point along z either way, or gaps if shifted."""
     step = 2 * pi / _TEETH
-    phase = step / 2 if shifted else 0.0
-    depth = 0.11 * radius
     # Flanks that leave a little play, so that the teeth of a pair are seen one by one.
-    shape = [(-0.42, -1.0), (-0.24, -1.0), (-0.12, 0.85), (0.12, 0.85), (0.24, -1.0), (0.42, -1.0)]
-    around = np.array([phase + step * (n + part) for n in range(_TEETH) for part, _ in shape])
-    reach = np.array([radius + depth * height for _ in range(_TEETH) for _, height in shape])
+    tooth = np.array([(-0.42, -1.0), (-0.24, -1.0), (-0.12, 0.85), (0.12, 0.85), (0.24, -1.0), (0.42, -1.0)])
+    around = (step * (np.arange(_TEETH)[:, np.newaxis] + tooth[:, 0] + (0.5 if shifted else 0.0))).ravel()
+    reach = radius * (1 + 0.11 * np.tile(tooth[:, 1], _TEETH))
     outline = np.stack([reach * np.cos(around), reach * np.sin(around)], 1)
-    return _about_y(prism(outline, -thickness / 2, thickness / 2))
+    return _prism(outline, 0.35 * radius).apply_transform(_AXIS_ALONG_Y)
 
 
-def disc(radius: float, thickness: float, sides: int = 40) -> Solid:
-    """Return a disc about y."""
-    return _about_y(prism(_circle(radius, sides), -thickness / 2, thickness / 2))
-
-
-def plate(width: float, thickness: float, low: float, high: float) -> Solid:
-    """Return a plate in the plane of x and z, with round ends at two heights."""
+def _plate(width: float, between: float, thickness: float, middle: float) -> Trimesh:
+    """Return a plate in the plane of x and z with round ends, whose centres are so far apart."""
     around = np.linspace(-pi / 2, pi / 2, 12)
-    end = np.stack([np.cos(around), np.sin(around)], 1) * width / 2
-    middle, half = (low + high) / 2, (high - low) / 2
-    outline = np.concatenate([end + np.array([half, 0]), -end - np.array([half, 0])])
-    return moved(_about_y(prism(outline, -thickness / 2, thickness / 2)), (0, 0, middle))
+    end = np.stack([np.cos(around), np.sin(around)], 1) * width / 2 + (between / 2, 0)
+    return _moved(_prism(np.concatenate([end, -end]), thickness).apply_transform(_AXIS_ALONG_Y), (0, 0, middle))
 
 
-def jaw(width: float, length: float, root: float, side: int) -> Solid:
+def _jaw(width: float, length: float, root: float, side: int) -> Trimesh:
     """Return one of two jaws along z that begins at a root and tapers; side is 1 or -1."""
     profile = np.array([(0.04, 0), (1, 0), (0.95, 0.55), (0.35, 1), (0.04, 1)]) * (side * width / 2, length)
-    profile = profile[:: -1 if side > 0 else 1]
-    centre = profile.mean(0)
-    solid = _about_y(prism(profile[:, ::-1] - centre[::-1], -width / 3, width / 3))
-    return moved(solid, (centre[0], 0, centre[1] + root))
+    outline = profile[::-side, ::-1]
+    centre = outline.mean(0)
+    mesh = _prism(outline - centre, 2 * width / 3).apply_transform(_AXIS_ALONG_Y)
+    return _moved(mesh, (centre[1], 0, centre[0] + root))
 
 
-def moved(solid: Solid, by: tuple[float, float, float]) -> Solid:
-    """Return a solid somewhere else."""
-    return Solid(solid.vertices + np.asarray(by, float), solid.faces)
+def _prism(outline: Array, thickness: float) -> Trimesh:
+    """Return the prism about z of an outline, shape (n, 2), anticlockwise and star-shaped about its origin."""
+    count = len(outline)
+    ring = np.arange(count)
+    fan = np.stack([np.full(count, count), ring, (ring + 1) % count], 1)
+    mesh = trimesh.creation.extrude_triangulation(np.vstack([outline, (0.0, 0.0)]), fan, thickness)
+    return _moved(mesh, (0, 0, -thickness / 2))
 
 
-def turned(solid: Solid) -> Solid:
-    """Return a solid a quarter turn about z: what lay along x lies along y."""
-    x, y, z = solid.vertices.T
-    return Solid(np.stack([-y, x, z], 1), solid.faces)
+def _joined(*meshes: Trimesh) -> Trimesh:
+    joined = trimesh.util.concatenate(meshes)
+    assert isinstance(joined, Trimesh)
+    return joined
 
 
-def joined(*solids: Solid) -> Solid:
-    """Return several solids as one."""
-    starts = np.cumsum([0, *(len(solid.vertices) for solid in solids)])
-    faces = [solid.faces + np.uint32(start) for solid, start in zip(solids, starts, strict=False)]
-    return Solid(np.concatenate([solid.vertices for solid in solids]), np.concatenate(faces))
-
-
-def _circle(radius: float, sides: int) -> Array:
-    around = np.linspace(0, 2 * pi, sides, endpoint=False)
-    return radius * np.stack([np.cos(around), np.sin(around)], 1)
-
-
-def _about_y(solid: Solid) -> Solid:
-    """Return what was about z, seen along it with x to z and y to x, about y."""
-    x, y, z = solid.vertices.T
-    return Solid(np.stack([y, z, x], 1), solid.faces)
+def _moved(mesh: Trimesh, by: tuple[float, float, float]) -> Trimesh:
+    mesh.apply_translation(by)
+    return mesh

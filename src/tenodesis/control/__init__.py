@@ -11,7 +11,6 @@ from tenodesis.control.controller import (
 )
 from tenodesis.control.export import export_header, header, identifier
 from tenodesis.control.parameters import FAULTS, Parameters, parameters
-from tenodesis.tampering import Tampering
 
 __all__ = [
     "FAULTS",
@@ -23,7 +22,6 @@ __all__ = [
     "Output",
     "Parameters",
     "Request",
-    "Tampering",
     "export_header",
     "header",
     "identifier",

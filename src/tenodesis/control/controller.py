@@ -1,4 +1,4 @@
-"""The controller of the core, tick by tick, for any plant."""
+"""The controller of the core, one tick at a time, for any plant."""
 
 from enum import IntEnum
 from math import isfinite
@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core
 from tenodesis.control.parameters import FAULTS, parameters
+from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument
 
 ObserverName: TypeAlias = Literal["paper", "exact", "friction"]
@@ -22,7 +23,7 @@ _LATEST = 2**63 / 1e9  # s
 
 
 class OperatingState(IntEnum):
-    """What the controller does, as in the Collaborative Robotics Toolkit."""
+    """State of the controller, as in the Collaborative Robotics Toolkit."""
 
     DISABLED = 0
     ENABLED = 1
@@ -31,7 +32,7 @@ class OperatingState(IntEnum):
 
 
 class Request(IntEnum):
-    """What a controller can be asked."""
+    """Requests that a controller takes."""
 
     NONE = 0
     ENABLE = 1
@@ -43,31 +44,31 @@ class Request(IntEnum):
 
 
 class Output(NamedTuple):
-    """What one tick gives; of a two-axis instrument, arrays by axis."""
+    """Result of one tick: floats, or with two axes arrays of shape (2,)."""
 
     spool_velocity: NDArray[np.float64]
     """To send to the drives, rad/s, agonist and antagonist: shape (2,), with two axes (2, 2)."""
     output_angle: Any
     """rad"""
     output_angle_std: Any
-    """rad; NaN from an observer that does not know it, as the other deviations"""
+    """rad; NaN, as the other deviations, from an observer that estimates none"""
     tip_force: Any
     """N; positive against positive flexion"""
     tip_force_std: Any
     friction_scale: Any
-    """Friction there is over that of the instrument"""
+    """Estimated friction over that of the instrument file"""
     friction_scale_std: Any
     state: OperatingState
     faults: tuple[str, ...]
-    """Names of the faults that are latched, or outside a fault of those that hold now"""
+    """Names of the latched faults; outside a fault, of the conditions that hold now"""
     first_faults: tuple[str, ...]
-    """Names of those that led to the fault"""
+    """Names of the faults that came first"""
     homed: bool
     homing: bool
 
 
 class FlightRecord(NamedTuple):
-    """The last moments before a fault, and a few after; one row per record."""
+    """The last moments before a fault, and a few after, by record (n,), axis and tendon."""
 
     time: NDArray[np.float64]
     state: NDArray[np.int64]
@@ -83,22 +84,22 @@ class FlightRecord(NamedTuple):
 
 
 class Controller:
-    """A controller for an instrument, whatever plant it runs: the twin, a bench, another simulator.
+    """A controller for an instrument and any plant: the twin, a bench, another simulator.
 
     Parameters
     ----------
     inst
-        The instrument; its table control says what to aim at, friction what to start from.
+        The instrument; its table control has the set points, its table friction the observer's first guess.
     observer
-        What tells where the tip is: ``paper`` (eq. 19), ``exact`` (with slack and motors), ``friction``.
+        Estimates the output angle: ``paper`` (eq. 19), ``exact`` (with slack and motors), ``friction``.
     law
-        What the motors do: ``off``, ``paper`` (eq. 22 as a set point), ``paper-feedback`` (the pseudo-error of Fig. 12
-        winds the spools), ``exact``, ``robust`` (goes by the friction observer).
+        Commands the motors: ``off``, ``paper`` (eq. 22 as a set point), ``paper-feedback`` (the pseudo-error of Fig. 12
+        winds the spools), ``exact``, ``robust`` (needs the friction observer).
     actuation
         ``agonist``: one motor; ``differential``: both.
     homed
-        Whether spool angles count from where both tendons have their pretension at a straight handle. If not, home
-        first: nothing compensates before.
+        Whether spool angles count from where both tendons have their pretension at a straight handle. If not, it must
+        be homed first; it does not compensate before.
     enabled
         Whether the first tick enables it.
     precision
@@ -111,7 +112,7 @@ class Controller:
     Raises
     ------
     ValueError
-        There is no such choice, the robust law is given another observer, or the numbers make no controller.
+        A choice is unknown, the robust law has another observer, or the core refuses the parameters.
     """
 
     def __init__(
@@ -132,9 +133,10 @@ class Controller:
         chosen_actuation = _choice("actuation", actuation, ActuationName)
         single = _choice("precision", precision, Precision) == 1
         if law == "robust" and observer != "friction":
-            raise ValueError(f'law is "robust" and observer "{observer}"; allowed with that law is "friction".')
+            problem = f'law is "robust" and observer "{observer}"; it must be "friction" with that law.'
+            raise ArgumentError(problem, key="observer", value=observer, allowed="friction")
         if period is not None and not (isfinite(period) and 0 < period < 1):
-            raise ValueError(f"period is {period!r}; allowed is a time above 0 and below 1 s.")
+            raise ArgumentError(key="period", value=period, allowed="a time above 0 and below 1 s")
         self.inst = inst
         self.observer, self.law, self.actuation = observer, law, actuation
         self.precision, self.own_clock = precision, bool(own_clock)
@@ -157,10 +159,12 @@ class Controller:
                 single,
             )
         except (ValueError, RuntimeError):
-            raise ValueError(
-                f"the numbers of {inst.name} make no controller; allowed are a pretension below the tension_limit of "
-                f"{self.parameters.axes[0]['tension_limit']:g} N, joints that leave length to the stem, and contacts "
-                "whose exponents (friction coefficient times bend) come to 4 at most."
+            raise ArgumentError(
+                f"the parameters of {inst.name} make no controller; its pretension must be below the tension_limit of "
+                f"{self.parameters.axes[0]['tension_limit']:g} N, its joints must leave length to the stem, and the "
+                "exponents of its contacts (friction coefficient times bend) must add up to 4 at most.",
+                key="inst",
+                value=inst.name,
             ) from None
         self._request = Request.ENABLE if enabled else Request.NONE
 
@@ -185,16 +189,16 @@ class Controller:
         spool_angles
             rad, positive winds; as tensions.
         request
-            What is asked with this tick, a :class:`Request` or its name; :meth:`ask` queues one too.
+            Request of this tick, a :class:`Request` or its name; :meth:`ask` queues one too.
 
         Raises
         ------
         ValueError
-            A shape or the time is not what is allowed. What is measured may be anything, NaN included: that is a
-            fault, not an error.
+            A shape, the time or the request is wrong. Measurements may have any value, NaN included: that is a fault,
+            not an error.
         """
         if not (isfinite(time) and 0 <= time < _LATEST):
-            raise ValueError(f"time is {time!r}; allowed is a number of seconds from 0 on.")
+            raise ArgumentError(key="time", value=time, allowed="a number of seconds, 0 or more")
         asked = _request(request)
         axes = len(self.inst.axes)
         measured = np.empty((axes, 5))
@@ -223,21 +227,21 @@ class Controller:
         )
 
     def ask(self, request: Request | str) -> None:
-        """Ask for something with the next tick: a :class:`Request` or its name."""
+        """Make a request with the next tick: a :class:`Request` or its name."""
         self._request = _request(request)
 
     def take_request(self) -> Request:
-        """Return what is to be asked with the next tick, and forget it."""
+        """Return the request for the next tick, and forget it."""
         asked, self._request = self._request, Request.NONE
         return asked
 
     def reset(self) -> None:
-        """Start anew, as when it was made."""
+        """Return to the state in which it was made."""
         self.core.reset()
         self._request = Request.ENABLE if self.enabled_at_start else Request.NONE
 
     def counts(self, axis: str | None = None) -> dict[str, dict[str, int]]:
-        """Return how often each fault was confirmed, and how many bad samples each sensor gave, of the first axis.
+        """Return how often each fault was confirmed, and each sensor's bad samples, by default of the first axis.
 
         Raises
         ------
@@ -245,7 +249,7 @@ class Controller:
             There is no such axis.
         """
         if axis is not None and axis not in self.inst.axes:
-            raise ValueError(f"axis is {axis!r}; allowed are {', '.join(self.inst.axes)}.")
+            raise ArgumentError(key="axis", value=axis, allowed=f"one of {', '.join(self.inst.axes)}")
         faults, bad, late = self.core.counts(0 if axis is None else self.inst.axes.index(axis))
         return {
             "faults": dict(zip(FAULTS, faults, strict=True)),
@@ -254,7 +258,7 @@ class Controller:
         }
 
     def flight_record(self) -> FlightRecord:
-        """Return what the flight recorder holds: the last 200 ms at 2 kHz, frozen by a fault until it is cleared."""
+        """Return the flight recorder's records: the last 200 ms at 2 kHz, frozen by a fault until it is cleared."""
         rows, place = self.core.records()
         axes = len(self.inst.axes)
         table = np.array(rows).reshape(len(rows), 3 + 8 * axes)
@@ -272,18 +276,19 @@ class Controller:
             None if place < 0 else place,
         )
 
-    def refuse_another(self, inst: Instrument) -> None:
-        """Refuse a plant whose axes or joints are others.
+    def check_instrument(self, inst: Instrument) -> None:
+        """Check that a plant's instrument has the axes and joints that the controller is for.
 
         Raises
         ------
         ValueError
-            They are.
+            It has others.
         """
         if inst.axes != self.inst.axes or inst.joint_type != self.inst.joint_type:
-            raise ValueError(
-                f"the controller is for {' and '.join(self.inst.axes)} of a {self.inst.joint_type}; allowed is a twin "
-                f"of such an instrument, not {' and '.join(inst.axes)} of a {inst.joint_type}."
+            raise ArgumentError(
+                f"the controller is for {' and '.join(self.inst.axes)} of a {self.inst.joint_type}; the twin must be "
+                f"of such an instrument, not {' and '.join(inst.axes)} of a {inst.joint_type}.",
+                key="controller",
             )
 
 
@@ -295,7 +300,7 @@ def fault_names(mask: int) -> tuple[str, ...]:
 def _choice(argument: str, value: str, choices: Any) -> int:
     allowed = get_args(choices)
     if value not in allowed:
-        raise ValueError(f"{argument} is {value!r}; allowed are {', '.join(allowed)}.")
+        raise ArgumentError(key=argument, value=value, allowed=f"one of {', '.join(allowed)}")
     return allowed.index(value)
 
 
@@ -303,13 +308,14 @@ def _request(request: Request | str) -> Request:
     try:
         return Request[request.upper()] if isinstance(request, str) else Request(request)
     except (KeyError, ValueError):
-        names = ", ".join(one.name.lower() for one in Request)
-        raise ValueError(f"request is {request!r}; allowed are {names}.") from None
+        names = ", ".join(name.lower() for name in Request.__members__)
+        raise ArgumentError(key="request", value=request, allowed=f"one of {names}") from None
 
 
 def _shaped(argument: str, value: ArrayLike, axes: int, columns: int) -> NDArray[np.float64]:
     array = np.asarray(value, float)
-    wanted = tuple(size for size, needed in ((axes, axes > 1), (columns, columns > 1)) if needed)
-    if array.shape != wanted:
-        raise ValueError(f"{argument} has shape {array.shape}; allowed is {wanted}.")
+    shape = tuple(size for size, needed in ((axes, axes > 1), (columns, columns > 1)) if needed)
+    if array.shape != shape:
+        problem = f"{argument} has shape {array.shape}; it must be {shape}."
+        raise ArgumentError(problem, key=argument, value=array.shape, allowed=str(shape))
     return array.reshape(axes, columns)

@@ -9,8 +9,8 @@ import numpy as np
 from tenodesis import _core
 from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
 from tenodesis.control.parameters import FAULTS
+from tenodesis.files import atomic_file
 from tenodesis.instrument import Instrument
-from tenodesis.whole import whole
 
 INTERFACE_VERSION: int = _core.INTERFACE_VERSION
 """TENODESIS_VERSION of the C interface that headers are written for."""
@@ -153,7 +153,7 @@ def export_header(
         inst, name, observer=observer, law=law, actuation=actuation, homed=homed, own_clock=own_clock, source=source
     )
     path = Path(path)
-    with whole(path) as new:
+    with atomic_file(path) as new:
         new.write_text(text, "utf-8")
 
 
@@ -198,6 +198,6 @@ def _limit(key: str, limit: tuple[float, float], comment: str | None = None) -> 
 
 
 def _version() -> str:
-    from tenodesis import __version__  # noqa: PLC0415
+    from tenodesis.version import __version__  # noqa: PLC0415
 
     return __version__

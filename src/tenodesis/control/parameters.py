@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis import _core, twin
+from tenodesis import _core, plant
 from tenodesis.instrument import Instrument
 
 FAULTS = tuple(name for name, _, _ in _core.faults())
@@ -76,7 +76,7 @@ def tension_limit(inst: Instrument) -> float:
 
 
 def _axis(inst: Instrument, period: float) -> dict[str, float]:
-    numbers = twin.numbers(inst, period)
+    numbers = plant.parameters(inst, period)
     drives, sensors, control = inst.drives, inst.sensors, inst.control
     pretension, stiffness = inst.pretension, inst.tendon_stiffness
     in_handle = numbers["handle_length_share"] / 2
@@ -119,7 +119,7 @@ def _axis(inst: Instrument, period: float) -> dict[str, float]:
         "compliance_std": control.stiffness_uncertainty,
         "forgetting": 0.05,
         "slack_tension": max(0.01 * pretension, 8 * sensors.load_cell_noise),
-        "gain": control.gain or min(_USUAL_GAIN, _GAIN_PER_SWING * twin.swing(inst)),
+        "gain": control.gain or min(_USUAL_GAIN, _GAIN_PER_SWING * plant.natural_frequency(inst)),
         "breakaway_time": 0.025,
         "position_gain": control.position_gain,
         "dead_band": control.dead_band,

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from math import floor, isfinite, nan, pi
 from typing import TypeAlias
 
-from tenodesis.devices.settings import CanAngle, CanAxis, CanDrive, CanOpen, CanTension
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import Instrument
+from tenodesis.instrument.devices import CanAngle, CanAxis, CanDrive, CanOpen, CanTension
 
 COLUMNS = ("handle angle", "agonist tension", "antagonist tension", "output angle")
 """What sensors measure, in the order of a measurement's row."""
@@ -20,6 +20,10 @@ _LEAST_UNITS, _MOST_UNITS = 10, 2**31 - 1  # of target velocity, in the motor's 
 _STATUS_AND_POSITION = "<Hi"
 _CONTROL_AND_TARGET = struct.Struct("<Hi")
 _MEASURED_OBJECTS = ((0x6041, 0, 16), (0x6064, 0, 32))
+LEAD = 0.05
+"""Time by whose way at full speed a motor may be behind, s: one that is held up is not to catch up at a bound."""
+_TURN = 2**32
+"""Counts after which a target position wraps."""
 _Placed: TypeAlias = tuple[int, int, CanAngle | CanTension]
 """A sensor's axis and column, and where it is."""
 _TARGET_VELOCITY, _TARGET_POSITION = 0x60FF, 0x607A
@@ -34,10 +38,10 @@ class Sensor:
     gain: float
     offset: float
     ends: tuple[int, int] | None
-    """Where an integer is saturated."""
+    """Integers at which it is saturated."""
 
     def value(self, raw: float) -> float:
-        """Return what the sensor says in SI units; NaN where it is at the end of its range or says nothing."""
+        """Return the sensor's value in SI units; NaN where it is at the end of its range or has none."""
         if self.ends is not None and raw in self.ends:
             return nan
         value = self.gain * raw + self.offset
@@ -46,7 +50,7 @@ class Sensor:
 
 @dataclass(frozen=True)
 class SensorFrame:
-    """A PDO by which a node tells what its sensors say."""
+    """A PDO by which a node sends the values of its sensors."""
 
     node: int
     name: str
@@ -93,6 +97,46 @@ class DriveFrames:
         return _CONTROL_AND_TARGET.pack(controlword, target)
 
 
+class Aim:
+    """A target position, counted on without an end.
+
+    Parameters
+    ----------
+    drive
+        The drive.
+    position
+        Where it is, counts.
+    period
+        Between commands, s.
+    """
+
+    def __init__(self, drive: DriveFrames, position: int, period: float) -> None:
+        self._drive, self._period = drive, period
+        self._counts = float(position)
+
+    @property
+    def target(self) -> int:
+        """Where it is to be at the next SYNC, as the drive counts."""
+        return (round(self._counts) + _TURN // 2) % _TURN - _TURN // 2
+
+    def go_on(self, spool_velocity: float, turned: int | None) -> int:
+        """Return the target a tick further on.
+
+        Parameters
+        ----------
+        spool_velocity
+            rad/s, finite and within the limit.
+        turned
+            Where the motor is, counted on without an end; None where it is not known yet.
+        """
+        drive = self._drive
+        self._counts += spool_velocity * self._period / drive.angle_per_count
+        if turned is not None:
+            lead = abs(drive.most_units * drive.speed_per_unit / drive.angle_per_count) * LEAD
+            self._counts = min(max(self._counts, turned - lead), turned + lead)
+        return self.target
+
+
 @dataclass(frozen=True)
 class Layout:
     """All frames of a bench."""
@@ -105,7 +149,7 @@ class Layout:
     unit: float
     """Motor speed that 1 of a target velocity stands for, rad/s."""
     load: float
-    """Share of the bus that the frames take up; NaN where its bit rate is not told."""
+    """Share of the bus that the frames take up; NaN where its bit rate is unknown."""
 
     @property
     def nodes(self) -> dict[int, str]:
@@ -122,7 +166,7 @@ def layout(inst: Instrument, settings: CanOpen) -> Layout:
     Raises
     ------
     InstrumentError
-        An axis is missing, two sensors are one, a node has more to tell than its PDOs carry, the heartbeat is faster
+        An axis is missing, two sensors are one, a node has more sensors than its PDOs carry, the heartbeat is faster
         than the samples, the unit of velocity is too coarse or too fine, or the bus is too slow.
     """
     axes: list[CanAxis] = []
@@ -142,20 +186,20 @@ def layout(inst: Instrument, settings: CanOpen) -> Layout:
     if not _LEAST_UNITS <= speed / unit <= _MOST_UNITS:
         raise InstrumentError(
             f"devices.canopen.velocity_unit is {unit:g} rad/s, of which drives.motor_speed, {speed:g} rad/s, makes "
-            f"{speed / unit:.3g}; allowed is one of which it makes {_LEAST_UNITS} to {_MOST_UNITS}."
+            f"{speed / unit:.3g}; it must make {_LEAST_UNITS} to {_MOST_UNITS} of them."
         )
     period = 1 / inst.sensors.sampling_rate
     if period > settings.heartbeat * (1 + 1e-9):
         raise InstrumentError(
-            f"devices.canopen.heartbeat is {settings.heartbeat:g} s; it is sent with the commands, so that allowed is "
+            f"devices.canopen.heartbeat is {settings.heartbeat:g} s; it is sent with the commands, so it must be "
             f"a sampling period, {period:g} s, or more."
         )
     load = _load(inst, settings, drives, sensors)
     if load > _MOST_LOAD:
         raise InstrumentError(
             f"sensors.sampling_rate is {inst.sensors.sampling_rate:g} Hz, at which {len(drives)} drives and their "
-            f"sensors take {load:.0%} of a bus of {settings.bitrate} bit/s; allowed is up to "
-            f"{inst.sensors.sampling_rate * _MOST_LOAD / load:.0f} Hz, or a faster bus."
+            f"sensors take {load:.0%} of a bus of {settings.bitrate} bit/s; it must be at most "
+            f"{inst.sensors.sampling_rate * _MOST_LOAD / load:.0f} Hz, or the bus faster."
         )
     return Layout(inst.axes, drives, sensors, speed / inst.drives.gear_ratio, unit, load)
 
@@ -190,7 +234,7 @@ def _sensor_frames(names: tuple[str, ...], axes: list[CanAxis], drives: set[int]
             if taken_by.setdefault(place, name) != name:
                 raise InstrumentError(
                     f"devices.canopen: {name} is read from node {place[0]}, object {place[1]:04X}h:{place[2]:02X}, as "
-                    f"{taken_by[place]} is; allowed is an object of its own for each."
+                    f"{taken_by[place]} is; each must have an object of its own."
                 )
             by_node.setdefault(source.node, []).append((n, COLUMNS.index(measured), source))
     frames = []
@@ -204,8 +248,8 @@ def _sensor_frames(names: tuple[str, ...], axes: list[CanAxis], drives: set[int]
         first = 2 if node in drives else 1  # a drive's first PDO is taken
         if first + len(packed) - 1 > _MOST_PDOS:
             raise InstrumentError(
-                f"devices.canopen: node {node} has {len(sources)} sensors to tell of; allowed are as many as "
-                f"{_MOST_PDOS + 1 - first} PDOs of {_PDO_BYTES} bytes carry."
+                f"devices.canopen: node {node} has {len(sources)} sensors; they must fit into "
+                f"{_MOST_PDOS + 1 - first} PDOs of {_PDO_BYTES} bytes."
             )
         for number, held in enumerate(packed, start=first):
             served = " and ".join(dict.fromkeys(names[n] for n, _, _ in sources))

@@ -4,16 +4,15 @@ import struct
 import time
 from collections.abc import Callable, Iterable
 from math import inf
-from typing import TYPE_CHECKING
+
+from canopen import Network, ObjectDictionary, RemoteNode, SdoAbortedError
+from canopen.sdo.exceptions import SdoError
 
 from tenodesis.devices import cia402
 from tenodesis.devices.can_layout import DriveFrames, Layout, SensorFrame
-from tenodesis.devices.settings import CanOpen
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
-
-if TYPE_CHECKING:
-    from canopen import Network
+from tenodesis.instrument.devices import CanOpen
 
 MISSED_HEARTBEATS = 3
 """Heartbeats that may be missed before their node counts as lost, both ways."""
@@ -33,7 +32,7 @@ _OPERATIONAL, _PRE_OPERATIONAL = 1, 128  # NMT commands
 
 
 class Setup:
-    """Prepares nodes by SDO; whatever one of them refuses raises DeviceError.
+    """Prepares nodes by SDO; DeviceError is raised for what a node refuses.
 
     Parameters
     ----------
@@ -41,9 +40,7 @@ class Setup:
         Of the canopen library, listening.
     """
 
-    def __init__(self, network: "Network", inst: Instrument, settings: CanOpen, plan: Layout) -> None:
-        from canopen import ObjectDictionary, RemoteNode  # noqa: PLC0415 - slow to import, and only a bench needs it
-
+    def __init__(self, network: Network, inst: Instrument, settings: CanOpen, plan: Layout) -> None:
         self._network = network
         self._inst, self._settings, self._plan = inst, settings, plan
         self._nodes: dict[int, RemoteNode] = {}
@@ -55,15 +52,15 @@ class Setup:
         self._name = {number: f"{name} (node {number})" for number, name in plan.nodes.items()}
 
     def prepare(self) -> None:
-        """Find all nodes, take the drives' power away and tell every node what to send, to heed and to do alone."""
+        """Find all nodes, take the drives' power away, and set what every node sends, heeds and does by itself."""
         for number in self._plan.nodes:
             self._network.send_message(0, bytes((_PRE_OPERATIONAL, number)))
-        # Before anything else is asked of anyone: none may turn on by what somebody told it before.
+        # Before anything else: no drive may turn on by an earlier command.
         for drive in self._plan.drives:
             kind = self._read(drive.node, 0x1000, 0, "I") & 0xFFFF
             if kind != 402:
                 raise DeviceError(
-                    f"{self._name[drive.node]} is no CiA 402 drive, its device profile is {kind}; allowed is the node "
+                    f"{self._name[drive.node]} is no CiA 402 drive, its device profile is {kind}; it must be the node "
                     "id of a drive."
                 )
             self._write(drive.node, 0x6040, 0, "H", cia402.DISABLE_VOLTAGE)
@@ -131,7 +128,7 @@ class Setup:
         self._map(frame.node, 0x1800 + number, 0x1A00 + number, frame.cob_id | _NO_REMOTE_REQUEST, frame.objects)
 
     def _silence(self, node: int, taken: Iterable[int]) -> None:
-        """Switch a node's other PDOs off: none may speed a motor, or fill the bus."""
+        """Switch a node's other PDOs off: none may move a motor, or fill the bus."""
         for number in range(1, 4):
             commanded, measured = (first + 0x100 * number + node for first in (0x200, 0x180))
             self._write(node, 0x1400 + number, 1, "I", _INVALID | commanded, needed=False)
@@ -160,9 +157,9 @@ class Setup:
 
         def attained() -> bool:
             status = self._status(drive)
-            if status & cia402.HOMING_ERROR or cia402.state(status) != cia402.OPERATION_ENABLED:
+            if status & cia402.HOMING_ERROR or cia402.state(status) != cia402.State.OPERATION_ENABLED:
                 raise DeviceError(
-                    f"{self._name[drive.node]} cannot take its present position for zero; allowed is "
+                    f"{self._name[drive.node]} cannot take its present position for zero; it needs "
                     'devices.canopen.zero = "keep", or a drive that knows homing method 37 or 35.'
                 )
             return bool(status & cia402.HOMING_ATTAINED)
@@ -172,8 +169,8 @@ class Setup:
         position = self._read(drive.node, 0x6064, 0, "i")
         if abs(position) > max(2.0, _AT_ZERO * self._inst.drives.encoder_counts):
             raise DeviceError(
-                f"{self._name[drive.node]} says that it took its present position for zero, and is at {position} "
-                'counts; allowed is devices.canopen.zero = "keep", or a drive that does what it says.'
+                f"{self._name[drive.node]} reports its present position as zero, and is at {position} "
+                'counts; it needs devices.canopen.zero = "keep", or a drive that homes.'
             )
 
     def _mode(self, drive: DriveFrames, mode: int) -> None:
@@ -184,20 +181,21 @@ class Setup:
         self._wait(
             lambda: self._read(drive.node, 0x6061, 0, "b") == mode,
             _STATE_TIME,
-            lambda: f"{self._name[drive.node]} does not take mode {mode} (6060h); allowed is a drive that has it",
+            lambda: f"{self._name[drive.node]} does not take mode {mode} (6060h); it must be a drive that has it",
         )
 
     def _lead(self, drive: DriveFrames) -> None:
         """Lead a drive, out of a fault too, but once only: a fault that returns is named."""
         reset_until = inf
-        reached = ""
+        status = -1
 
         def enabled() -> bool:
-            nonlocal reset_until, reached
-            before, reached = reached, cia402.state(self._status(drive))
-            if reached == cia402.FAULT:
+            nonlocal reset_until, status
+            before, status = status, self._status(drive)
+            reached = cia402.state(status)
+            if reached == cia402.State.FAULT:
                 if reset_until < inf:
-                    if before == cia402.FAULT and time.monotonic() < reset_until:
+                    if before >= 0 and cia402.state(before) == cia402.State.FAULT and time.monotonic() < reset_until:
                         return False
                     cause = cia402.Emergency(self._read(drive.node, 0x603F, 0, "H"))
                     raise DeviceError(
@@ -208,41 +206,40 @@ class Setup:
                 self._write(drive.node, 0x6040, 0, "H", cia402.DISABLE_VOLTAGE)
             if reached in cia402.NEXT:
                 self._write(drive.node, 0x6040, 0, "H", cia402.NEXT[reached])
-            return reached == cia402.OPERATION_ENABLED
+            return reached == cia402.State.OPERATION_ENABLED
 
         self._wait(
             enabled,
             _STATE_TIME,
-            lambda: f"{self._name[drive.node]} stays in state {reached}; look at its enable input",
+            lambda: f"{self._name[drive.node]} stays in state {cia402.described(status)}; look at its enable input",
         )
 
     def _status(self, drive: DriveFrames) -> int:
         return self._read(drive.node, 0x6041, 0, "H")
 
-    def _wait(self, done: Callable[[], bool], limit: float, told: Callable[[], str]) -> None:
+    def _wait(self, done: Callable[[], bool], limit: float, problem: Callable[[], str]) -> None:
         until = time.monotonic() + limit
         while not done():
             if time.monotonic() > until:
-                raise DeviceError(f"{told()}.")
+                raise DeviceError(f"{problem()}.")
             time.sleep(_POLL)
 
     def _must_heed(self, node: int, index: int, sub: int, code: str, value: int) -> None:
-        """Write what a drive's own watchdog rests on, and see that it stands."""
+        """Write an object that a drive's own watchdog depends on, and check that the drive keeps it."""
         try:
             self._write(node, index, sub, code, value)
         except DeviceError as problem:
-            raise DeviceError(f"{problem} Without it the motor would not stop by itself once it has lost us.") from None
+            raise DeviceError(
+                f"{problem} Without it the motor would not stop by itself once it has lost our heartbeat."
+            ) from None
         kept = self._read(node, index, sub, code)
         if kept != value:
             raise DeviceError(
                 f"{self._name[node]} keeps {kept} in object {index:04X}h, not {value}: it would not stop by itself "
-                "once it has lost us; allowed is a drive that does."
+                "without our heartbeat; it must be a drive that does."
             )
 
     def _write(self, node: int, index: int, sub: int, code: str, value: int, *, needed: bool = True) -> bool:
-        from canopen import SdoAbortedError  # noqa: PLC0415 - slow to import
-        from canopen.sdo.exceptions import SdoError  # noqa: PLC0415 - as above
-
         try:
             self._nodes[node].sdo.download(index, sub, struct.pack("<" + code, value))
         except SdoAbortedError as refused:
@@ -255,21 +252,18 @@ class Setup:
         return True
 
     def _read(self, node: int, index: int, sub: int, code: str) -> int:
-        from canopen import SdoAbortedError  # noqa: PLC0415 - slow to import
-        from canopen.sdo.exceptions import SdoError  # noqa: PLC0415 - as above
-
         try:
             raw = self._nodes[node].sdo.upload(index, sub)
             return int(struct.unpack("<" + code, raw)[0])
         except SdoAbortedError as refused:
             raise DeviceError(
-                f"{self._name[node]} does not tell object {index:04X}h:{sub:02X} (SDO abort {refused.code:08X}h)."
+                f"{self._name[node]} does not give object {index:04X}h:{sub:02X} (SDO abort {refused.code:08X}h)."
             ) from None
         except SdoError:
             raise self._silent(node) from None
         except struct.error:
             raise DeviceError(
-                f"{self._name[node]} tells object {index:04X}h:{sub:02X} in {len(raw)} bytes; allowed are "
+                f"{self._name[node]} gives object {index:04X}h:{sub:02X} in {len(raw)} bytes; it must have "
                 f"{struct.calcsize('<' + code)}."
             ) from None
 

@@ -1,36 +1,36 @@
 """CiA 402 drives and their sensors on a CAN bus, one SYNC per tick."""
 
 import logging
-import struct
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from math import isfinite, nan
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import NoReturn
 
+import can
+import canopen
 import numpy as np
+from canopen.network import PeriodicMessageTask
 
 from tenodesis.devices import cia402
-from tenodesis.devices.can_aim import Aim
-from tenodesis.devices.can_layout import COLUMNS, DriveFrames, SensorFrame, layout
+from tenodesis.devices.can_bus import BusError, CanBus
+from tenodesis.devices.can_layout import COLUMNS, Aim, DriveFrames, SensorFrame, layout
 from tenodesis.devices.can_setup import MISSED_HEARTBEATS, Setup
+from tenodesis.devices.cia402 import State
 from tenodesis.devices.device import Bench, Capabilities, Measurement
-from tenodesis.devices.settings import CanOpen
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
-
-if TYPE_CHECKING:
-    import can
-    from canopen.network import PeriodicMessageTask
+from tenodesis.instrument.devices import CanOpen
+from tenodesis.run import Array
 
 _SYNC = 0x80
 _OPERATIONAL = 5
+_BEAT = bytes((_OPERATIONAL,))
+"""Our heartbeat."""
 _BOOTED = 0
 _STOPPING_TIME = 0.5  # s, beyond the time that the motors take from their full speed
 _FLOOD = 5000
-_ANSWER_TIME = 0.2  # s, of an SDO server to what stops a motor, or changes nothing
 _BUS_OFF = 0x40  # class of an error frame, as SocketCAN has it
 _LISTENED = 1.5
 """Heartbeats for which another program is listened for."""
@@ -38,7 +38,7 @@ _NEVER_MEASURED = -(2**31)
 """Position that some drives give for none; an encoder passes it only where it wraps."""
 _NEARBY = 2**16  # counts
 _HALF_COUNTER = 2**15
-_WITHOUT_POWER = struct.pack("<H", cia402.DISABLE_VOLTAGE)
+_WITHOUT_POWER = cia402.DISABLE_VOLTAGE.to_bytes(2, "little")
 
 
 class CanOpenDevice(Bench):
@@ -56,12 +56,12 @@ class CanOpenDevice(Bench):
         What heartbeats and measurements are timed by, ns.
     paced
         Whether `read` waits until a sampling period has passed since the last SYNC; if not, the caller keeps time, and
-        `read` waits for all answers as long as it is told.
+        `read` waits for all answers until its timeout.
 
     Raises
     ------
     InstrumentError
-        The instrument file does not tell how its bench is served.
+        The instrument file does not describe how its bench is wired.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class CanOpenDevice(Bench):
         inst: Instrument,
         settings: CanOpen,
         *,
-        bus: "can.BusABC | None" = None,
+        bus: can.BusABC | None = None,
         clock: Callable[[], int] = time.monotonic_ns,
         paced: bool = True,
     ) -> None:
@@ -89,7 +89,7 @@ class CanOpenDevice(Bench):
             stops_alone=self._loss / 1e9,
         )
         super().__init__(capabilities, plan.speed_limit)
-        self._given, self._bus = bus, bus
+        self._can = CanBus(settings, bus)
         self._beat: PeriodicMessageTask | None = None
         self._frames: dict[int, DriveFrames | SensorFrame] = {drive.measured_id: drive for drive in plan.drives}
         self._frames |= {frame.cob_id: frame for frame in plan.sensors}
@@ -106,8 +106,9 @@ class CanOpenDevice(Bench):
         self._heard: dict[int, int] = {}
         self._due = 0
         self._beaten = 0
+        self._beat_id = 0x700 + settings.master
         self._read_at = 0.0
-        self._states: dict[int, str] = {}
+        self._states: dict[int, State] = {}
         self._stopping = False
         self.round_trip = nan
         """Time from the last SYNC to the last of its answers, s."""
@@ -115,69 +116,60 @@ class CanOpenDevice(Bench):
     def open(self) -> None:
         """Prepare all nodes and enable the drives, at rest; they keep at rest until the first `write`."""
         self._begin()
-        # What the library logs of an answer that does not come, an error tells in a sentence.
+        # The library logs an answer that does not come; here an error says so.
         logging.getLogger("canopen").setLevel(logging.CRITICAL)
         self._stopping = False
-        self._bus = bus = self._given or self._connect()
+        self._can.open()
         ours = False
         try:
             self._look_for_another()
             ours = True
-            self._prepare(bus)
+            self._prepare()
             self._start()
         except BaseException:
             if ours:
                 self._give_up()
-            self._release()
+            self._can.close()
             raise
         self._opened = True
 
     def _look_for_another(self) -> None:
         """Refuse a bench that another program serves: its motors are not ours to stop, nor to move."""
         end = time.monotonic() + _LISTENED * self._settings.heartbeat
-        try:
-            while (left := end - time.monotonic()) > 0:
-                message = self._receive(left)
-                if message is not None and message.arbitration_id == 0x700 + self._settings.master:
-                    raise DeviceError(
-                        f"{self._place} is served by another program already: it carries heartbeats of node "
-                        f"{self._settings.master}, which is master; end that program first, or choose another master."
-                    )
-        except _bus_errors() as problem:
-            raise DeviceError(f"{self._place} does not carry frames: {_told(problem)}") from None
+        while (left := end - time.monotonic()) > 0:
+            message = self._can.receive(left)
+            if message is not None and message.arbitration_id == self._beat_id:
+                raise DeviceError(
+                    f"{self._can.name} is served by another program already: it carries heartbeats of node "
+                    f"{self._settings.master}, which is master; end that program first, or choose another master."
+                )
 
-    def _prepare(self, bus: "can.BusABC") -> None:
-        import can  # noqa: PLC0415 - slow to import, and only a bench needs it
-        import canopen  # noqa: PLC0415 - as above
-
-        network = canopen.Network(bus)
+    def _prepare(self) -> None:
+        network = canopen.Network(self._can.bus)
         network.NOTIFIER_CYCLE = 0.01
         try:
-            network.connect()
-            setup = Setup(network, self._inst, self._settings, self._plan)
-            setup.prepare()
-            # Until the first command, which may be long in coming, the drives are at rest and held by this.
-            self._beat = network.send_periodic(
-                0x700 + self._settings.master, bytes((_OPERATIONAL,)), self._settings.heartbeat
-            )
-            positions = setup.enable()
-            self._aims = {
-                drive.node: Aim(drive, positions[drive.node], self._period / 1e9)
-                for drive in self._plan.drives
-                if drive.aims
-            }
-        except (can.CanError, OSError) as problem:
-            raise DeviceError(f"{self._place} does not carry frames: {_told(problem)}") from None
+            with self._can.carrying():
+                self._set_up(network)
         finally:
             if network.notifier is not None:
                 network.notifier.stop(1.0)
 
+    def _set_up(self, network: canopen.Network) -> None:
+        network.connect()
+        setup = Setup(network, self._inst, self._settings, self._plan)
+        setup.prepare()
+        # Until the first command, which may be long in coming, the drives are at rest and held by this.
+        self._beat = network.send_periodic(self._beat_id, _BEAT, self._settings.heartbeat)
+        positions = setup.enable()
+        self._aims = {
+            drive.node: Aim(drive, positions[drive.node], self._period / 1e9)
+            for drive in self._plan.drives
+            if drive.aims
+        }
+
     def _start(self) -> None:
-        self._turned.clear()
-        self._position.clear()
-        self._counted.clear()
-        self._missed.clear()
-        self._doubled.clear()
+        for kept in (self._turned, self._position, self._counted, self._missed, self._doubled):
+            kept.clear()
         now = self._clock()
         self._heard = dict.fromkeys(self._plan.nodes, now)
         self._due = now
@@ -222,13 +214,8 @@ class CanOpenDevice(Bench):
         self._count_missing()
         if not answered:
             return None
-        return Measurement(
-            measured_at,
-            self._values[:, 0].copy(),
-            self._values[:, 1:3].copy(),
-            self._spools.copy(),
-            self._values[:, 3].copy(),
-        )
+        rows = np.column_stack([self._values[:, :3], self._spools, self._values[:, 3]])
+        return Measurement.from_rows(measured_at, rows)
 
     def write(self, spool_velocity: Array) -> None:
         """Send speeds, which act at the next SYNC; and our heartbeat, which thus stops with the commands."""
@@ -238,7 +225,7 @@ class CanOpenDevice(Bench):
         self._command(speeds)
         now = self._clock()
         if now - self._beaten >= self._settings.heartbeat * 1e9:
-            self._send(0x700 + self._settings.master, bytes((_OPERATIONAL,)))
+            self._send(self._beat_id, _BEAT)
             self._beaten = now
         self._end_beat()
 
@@ -260,67 +247,27 @@ class CanOpenDevice(Bench):
                 self.problem = f"{names} did not say to have stopped: switch the motors off by hand."
                 self.problem = self.problem[0].upper() + self.problem[1:]
             # Those that have no power need not miss our heartbeat.
-            self._write_all(
-                (drive.node for drive in self._plan.drives if drive.node not in powered), 0x1016, 1, bytes(4)
-            )
+            self._write_all({drive.node for drive in self._plan.drives} - powered, 0x1016, 1, bytes(4))
         finally:
             self._end_beat()
-            self._release()
+            self._can.close()
         if powered and self._failed is None:
             raise DeviceError(self.problem)
 
-    @property
-    def _place(self) -> str:
-        return f"CAN interface {self._settings.interface}, channel {self._settings.channel},"
-
-    def _connect(self) -> "can.BusABC":
-        import can  # noqa: PLC0415 - slow to import
-
-        options: dict[str, Any] = dict(self._settings.options)
-        if self._settings.bitrate is not None:
-            options["bitrate"] = self._settings.bitrate
-        try:
-            return can.Bus(interface=self._settings.interface, channel=self._settings.channel, **options)
-        except (can.CanError, OSError, ImportError, ValueError, TypeError) as problem:
-            raise DeviceError(f"{self._place} cannot be opened: {_told(problem)}") from None
-
     def _write_all(self, nodes: Iterable[int], index: int, sub: int, value: bytes) -> set[int]:
-        """Write an object of nodes by SDO, which needs no SYNC, and return the nodes that have confirmed it."""
-        request = struct.pack("<BHB", 0x23 | 4 - len(value) << 2, index, sub) + value.ljust(4, b"\0")
+        """Write an object of nodes by SDO, and return the nodes that have confirmed it."""
         asked = set(nodes)
-        waiting = set(asked)
         try:
-            for node in asked:
-                self._transmit(0x600 + node, request)
-            end = time.monotonic() + _ANSWER_TIME
-            while waiting and (left := end - time.monotonic()) > 0:
-                message = self._receive(left)
-                if message is not None and bytes(message.data[:4]) == b"\x60" + request[1:4]:
-                    waiting.discard(message.arbitration_id - 0x580)
-        except _bus_errors() as problem:
-            self.problem = f"{self._place} does not carry frames: {_told(problem)}"
-        return asked - waiting
-
-    def _release(self) -> None:
-        if self._given is None and self._bus is not None:
-            self._bus.shutdown()
-            self._bus = None
-
-    def _transmit(self, can_id: int, data: bytes) -> None:
-        import can  # noqa: PLC0415 - slow to import; by now it is
-
-        assert self._bus is not None
-        self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
-
-    def _receive(self, wait: float) -> "can.Message | None":
-        assert self._bus is not None
-        return self._bus.recv(wait)
+            return asked - self._can.write_object(asked, index, sub, value)
+        except BusError as problem:
+            self.problem = str(problem)
+            return set()
 
     def _send(self, can_id: int, data: bytes) -> None:
         try:
-            self._transmit(can_id, data)
-        except _bus_errors() as problem:
-            self._fail(f"{self._place} does not carry frames: {_told(problem)}")
+            self._can.send(can_id, data)
+        except BusError as problem:
+            self._fail(str(problem))
 
     def _command(self, speeds: Array) -> None:
         for drive in self._plan.drives:
@@ -349,20 +296,20 @@ class CanOpenDevice(Bench):
         for _ in range(_FLOOD + round(beats)):
             if (answers and not self._waiting) or not self._take(max(0.0, end - time.monotonic())):
                 return
-        self._fail(f"{self._place} is flooded: {_FLOOD} frames between two SYNCs; look for who sends them.")
+        self._fail(f"{self._can.name} is flooded: {_FLOOD} frames between two SYNCs; look for who sends them.")
 
     def _take(self, wait: float) -> bool:
         """Take one frame, if one comes within a time."""
         try:
-            message = self._receive(wait)
-        except _bus_errors() as problem:
-            self._fail(f"{self._place} gives no frames: {_told(problem)}")
+            message = self._can.receive(wait)
+        except BusError as problem:
+            self._fail(str(problem))
         if message is None:
             return False
         if message.is_error_frame:
             if self._settings.interface == "socketcan" and message.arbitration_id & _BUS_OFF:
-                self._fail(f"{self._place} is off the bus after too many errors; look at termination and bit rate.")
-            self._tell("bus", f"{self._place} reports errors; look at termination and bit rate.")
+                self._fail(f"{self._can.name} is off the bus after too many errors; look at termination and bit rate.")
+            self._note("bus", f"{self._can.name} reports errors; look at termination and bit rate.")
         elif not message.is_remote_frame and not message.is_extended_id:
             self._sort(message.arbitration_id, bytes(message.data))
         return True
@@ -380,7 +327,7 @@ class CanOpenDevice(Bench):
             return
         if len(data) < least:
             kind = "A heartbeat" if least == 1 else "An emergency"
-            self._tell("short", f"{kind} of {self._named(node)} has {len(data)} bytes; allowed are {least} or more.")
+            self._note("short", f"{kind} of {self._named(node)} has {len(data)} bytes; it must have {least} or more.")
         elif least == 1:
             self._heartbeat(node, data[0] & 0x7F)
         else:
@@ -395,10 +342,10 @@ class CanOpenDevice(Bench):
             late = self._missed[can_id] > 0
             if not late:
                 self._twice.add(can_id)
-            self._tell("late" if late else "twice", f"A frame of {name} came {'too late' if late else 'twice'}.")
+            self._note("late" if late else "twice", f"A frame of {name} came {'too late' if late else 'twice'}.")
             return
         if len(data) != form.size:
-            self._tell("short", f"A frame of {name} has {len(data)} bytes; allowed are {form.size}.")
+            self._note("short", f"A frame of {name} has {len(data)} bytes; it must have {form.size}.")
             return
         values = form.unpack(data)
         if isinstance(frame, SensorFrame):
@@ -406,30 +353,31 @@ class CanOpenDevice(Bench):
                 value = sensor.value(raw)
                 self._values[sensor.axis, sensor.column] = value
                 if not isfinite(value):
-                    self._tell("saturated", f"The {COLUMNS[sensor.column]} by node {frame.node} is beyond its range.")
+                    self._note("saturated", f"The {COLUMNS[sensor.column]} by node {frame.node} is beyond its range.")
         elif not self._moved(frame, *values):
             return
         self._waiting.discard(can_id)
 
     def _moved(self, drive: DriveFrames, status: int, position: int, counted: int | None = None) -> bool:
-        """Take what a drive says of itself; False where it is of the past."""
+        """Take a drive's status and position; return False where they are old."""
         state = cia402.state(status)
         self._states[drive.node] = state
         if self._stopping:
             return True
-        if state != cia402.OPERATION_ENABLED:
-            self._fail(f"{self._named(drive.node)} is in state {state}, though it was enabled; look for the cause.")
+        if state != State.OPERATION_ENABLED:
+            found = cia402.described(status)
+            self._fail(f"{self._named(drive.node)} is in state {found}, though it was enabled; look for the cause.")
         if counted is not None:
             before = self._counted.get(drive.node)
             self._counted[drive.node] = counted
             if before is not None and not 0 < (counted - before) % (2 * _HALF_COUNTER) < _HALF_COUNTER:
                 self._counted[drive.node] = before
-                self._tell("past", f"{self._named(drive.node)} tells the past: its counter went {before} → {counted}.")
+                self._note("past", f"{self._named(drive.node)} sent an old frame: counter {before} → {counted}.")
                 return False
         last = self._position.get(drive.node)
         moved = None if last is None else (position - last + 2**31) % 2**32 - 2**31
         if position == _NEVER_MEASURED and (moved is None or abs(moved) > _NEARBY):
-            self._tell("saturated", f"{self._named(drive.node)} tells no position.")
+            self._note("saturated", f"{self._named(drive.node)} gives no position.")
             return True
         turned = position if moved is None else self._turned[drive.node] + moved
         self._position[drive.node], self._turned[drive.node] = position, turned
@@ -457,10 +405,8 @@ class CanOpenDevice(Bench):
         """Fail where the drives have not heard from us for so long that they have stopped, or are about to."""
         silent = self._clock() - self._beaten
         if self._beat is None and silent > self._loss:
-            self._fail(
-                f"This computer was silent for {silent / 1e6:.0f} ms, {MISSED_HEARTBEATS} heartbeats or more; look for "
-                "what holds it up."
-            )
+            beats = f"{MISSED_HEARTBEATS} heartbeats or more"
+            self._fail(f"This computer was silent for {silent / 1e6:.0f} ms, {beats}; look for what holds it up.")
 
     def _count_doubled(self) -> None:
         """Fail where every answer of a node comes twice: one that is late now and then does not."""
@@ -479,10 +425,10 @@ class CanOpenDevice(Bench):
                 self._missed[can_id] = 0
                 continue
             self._missed[can_id] += 1
-            # What is known already of a frame that came tells more.
-            told = self.problem
-            self._tell("missing", f"{self._named(frame.node)} has not answered a SYNC.")
-            self.problem = told or self.problem
+            # A problem of a frame that came says more.
+            known = self.problem
+            self._note("missing", f"{self._named(frame.node)} has not answered a SYNC.")
+            self.problem = known or self.problem
             if self._missed[can_id] * self._period > self._loss:
                 self._fail(
                     f"{self._named(frame.node)} has measured nothing for {self._missed[can_id]} samples. {self.problem}"
@@ -499,14 +445,14 @@ class CanOpenDevice(Bench):
         raise self._failed
 
     def _quick_stop(self) -> None:
-        """Tell every motor to stop, whichever of them can be told."""
+        """Send every motor a stop, as far as the bus carries it."""
         self._stopping = True
         frames = [(drive.commanded_id, self._resting(drive, cia402.QUICK_STOP)) for drive in self._plan.drives]
         for can_id, data in (*frames, (_SYNC, b"")):
             try:
-                self._transmit(can_id, data)
-            except _bus_errors() as problem:
-                self.problem = f"{self._place} did not carry the stop: {_told(problem)}"
+                self._can.send(can_id, data)
+            except BusError as problem:
+                self.problem = f"The stop was not sent: {problem}"
 
     def _stop(self) -> set[int]:
         """Quick-stop all drives, then take their power away; return those that have not said so."""
@@ -516,44 +462,31 @@ class CanOpenDevice(Bench):
         rest_at = time.monotonic() + min(limit.motor_speed / limit.motor_acceleration, _STOPPING_TIME)
         period = min(max(self._period / 1e9, 2e-3), self._settings.heartbeat)
         while powered and (now := time.monotonic()) < rest_at + _STOPPING_TIME:
-            with suppress(*_bus_errors()):
+            with suppress(BusError):
                 self._ask_to_rest(cia402.QUICK_STOP if now < rest_at else cia402.DISABLE_VOLTAGE)
             self._hear_states(now + period)
             if now >= rest_at:
-                powered -= {node for node, state in self._states.items() if state == cia402.SWITCH_ON_DISABLED}
+                powered -= {node for node, state in self._states.items() if state == State.SWITCH_ON_DISABLED}
         # One that lost our heartbeat heeds no PDO any more, but an SDO.
         return powered - self._write_all(powered, 0x6040, 0, _WITHOUT_POWER)
 
     def _ask_to_rest(self, word: int) -> None:
         for drive in self._plan.drives:
-            self._transmit(drive.commanded_id, self._resting(drive, word))
+            self._can.send(drive.commanded_id, self._resting(drive, word))
         # After a failure, silence is one more way to stop them.
         if self._failed is None and self._beat is None:
-            self._transmit(0x700 + self._settings.master, bytes((_OPERATIONAL,)))
+            self._can.send(self._beat_id, _BEAT)
         self._states.clear()
         self._waiting = {drive.measured_id for drive in self._plan.drives}
-        self._transmit(_SYNC, b"")
+        self._can.send(_SYNC, b"")
 
     def _hear_states(self, end: float) -> None:
         """Take the drives' answers until a time, however many frames there are, and none where the bus is broken."""
         while (self._paced or self._waiting) and (left := end - time.monotonic()) > 0:
             try:
-                message = self._receive(left)
-            except _bus_errors():
+                message = self._can.receive(left)
+            except BusError:
                 time.sleep(left)
                 return
             if message is not None and message.arbitration_id in self._waiting:
                 self._sort(message.arbitration_id, bytes(message.data))
-
-
-def _told(problem: BaseException) -> str:
-    """Return a problem of a library as the end of a sentence."""
-    text = " ".join(str(problem).split()).rstrip(".")
-    return f"{text or type(problem).__name__}."
-
-
-def _bus_errors() -> tuple[type[Exception], ...]:
-    """Return what a bus raises that does not carry frames, or carries no sound ones."""
-    import can  # noqa: PLC0415 - slow to import; by now it is
-
-    return can.CanError, OSError, ValueError

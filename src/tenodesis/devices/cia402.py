@@ -1,5 +1,6 @@
-"""CiA 402: what a drive's statusword and emergencies say, and what it is told."""
+"""CiA 402: the states and emergencies of a drive, and the words that command it."""
 
+from enum import StrEnum
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -11,11 +12,6 @@ ENABLE = 0x000F
 START_HOMING = 0x001F
 FAULT_RESET = 0x0080
 
-OPERATION_ENABLED = "operation enabled"
-QUICK_STOP_ACTIVE = "quick stop active"
-SWITCH_ON_DISABLED = "switch on disabled"
-FAULT = "fault"
-
 HOMING_ATTAINED = 1 << 12
 HOMING_ERROR = 1 << 13
 
@@ -25,30 +21,46 @@ HOME_HERE = (37, 35)
 """Methods that take the present position for zero: that of today's profile, and that of older drives."""
 
 QUICK_STOP_ON_LOSS = 3
-"""What a drive does once it has lost us, object 6007h."""
+"""What a drive does once it has lost our heartbeat, object 6007h."""
 STOP_AND_HOLD = 6
 """Slow down by the quick stop ramp and stay there, object 605Ah."""
 STOP_AND_LET_GO = 2
 """Slow down by the quick stop ramp, then without power, objects 605Ah and 605Eh."""
 
+
+class State(StrEnum):
+    """States of a drive."""
+
+    NOT_READY = "not ready to switch on"
+    SWITCH_ON_DISABLED = "switch on disabled"
+    READY = "ready to switch on"
+    SWITCHED_ON = "switched on"
+    OPERATION_ENABLED = "operation enabled"
+    QUICK_STOP_ACTIVE = "quick stop active"
+    FAULT_REACTION = "fault reaction active"
+    FAULT = "fault"
+    UNKNOWN = "unknown"
+
+
 _STATES = (
-    (0x4F, 0x00, "not ready to switch on"),
-    (0x4F, 0x40, SWITCH_ON_DISABLED),
-    (0x6F, 0x21, "ready to switch on"),
-    (0x6F, 0x23, "switched on"),
-    (0x6F, 0x27, OPERATION_ENABLED),
-    (0x6F, 0x07, QUICK_STOP_ACTIVE),
-    (0x4F, 0x0F, "fault reaction active"),
-    (0x4F, 0x08, FAULT),
+    (0x4F, 0x00, State.NOT_READY),
+    (0x4F, 0x40, State.SWITCH_ON_DISABLED),
+    (0x6F, 0x21, State.READY),
+    (0x6F, 0x23, State.SWITCHED_ON),
+    (0x6F, 0x27, State.OPERATION_ENABLED),
+    (0x6F, 0x07, State.QUICK_STOP_ACTIVE),
+    (0x4F, 0x0F, State.FAULT_REACTION),
+    (0x4F, 0x08, State.FAULT),
 )
+"""Mask and bits of a statusword, and the state that they mean."""
 
 NEXT = MappingProxyType(
     {
-        FAULT: FAULT_RESET,
-        QUICK_STOP_ACTIVE: DISABLE_VOLTAGE,
-        SWITCH_ON_DISABLED: SHUTDOWN,
-        "ready to switch on": SWITCH_ON,
-        "switched on": ENABLE,
+        State.FAULT: FAULT_RESET,
+        State.QUICK_STOP_ACTIVE: DISABLE_VOLTAGE,
+        State.SWITCH_ON_DISABLED: SHUTDOWN,
+        State.READY: SWITCH_ON,
+        State.SWITCHED_ON: ENABLE,
     }
 )
 """Controlword that leads from a state towards operation enabled; from the others a drive goes by itself."""
@@ -88,22 +100,28 @@ _GROUPS = (
 
 
 class Emergency(NamedTuple):
-    """What an emergency message or object 603Fh says."""
+    """The error code of an emergency message or of object 603Fh."""
 
     code: int
 
     @property
     def over(self) -> bool:
-        """Whether it says that there is none any more."""
+        """Whether it announces the end of an emergency."""
         return self.code & 0xFF00 == 0
 
     def __str__(self) -> str:
         known = _EMERGENCIES.get(self.code)
         if known is None:
-            known = next((told for mask, code, told in _GROUPS if self.code & mask == code), "of the drive's own kind")
+            known = next((name for mask, code, name in _GROUPS if self.code & mask == code), "of the drive's own kind")
         return f"0x{self.code:04X} ({known})"
 
 
-def state(statusword: int) -> str:
-    """Return the state that a statusword tells."""
-    return next((name for mask, bits, name in _STATES if statusword & mask == bits), f"unknown (0x{statusword:04X})")
+def state(statusword: int) -> State:
+    """Return the state in a statusword."""
+    return next((state for mask, bits, state in _STATES if statusword & mask == bits), State.UNKNOWN)
+
+
+def described(statusword: int) -> str:
+    """Return the state in a statusword for a sentence; an unknown one with the word itself."""
+    found = state(statusword)
+    return f"{found} (0x{statusword:04X})" if found is State.UNKNOWN else str(found)

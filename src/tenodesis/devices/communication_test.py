@@ -10,7 +10,7 @@ import numpy as np
 from tenodesis.devices.device import Device
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 LEAST_RATE = 0.99
 """Of the controller's rate."""
@@ -51,7 +51,7 @@ class Findings:
     intervals: Array
     """Between measurements, s."""
     round_trips: Array
-    """s; empty where the device does not tell."""
+    """s; empty where the device does not measure them."""
     measurements: int
     """How many there were."""
     missed: int
@@ -62,8 +62,8 @@ class Findings:
     """Measurements of which the device missed a part, or had parts that came late, twice, short or from the past."""
     backward: int
     """Measurements of an earlier instant."""
-    told: Mapping[str, int] = field(default_factory=dict)
-    """What the device itself counted."""
+    counted: Mapping[str, int] = field(default_factory=dict)
+    """Problems that the device itself counted, by kind."""
     blind: Mapping[str, int] = field(default_factory=dict)
     """Measurements in which a sensor gave nothing."""
     turned: float = 0.0
@@ -82,8 +82,8 @@ class Findings:
     @property
     def bounds(self) -> tuple[Bound, ...]:
         """All that must be kept."""
-        whole = float(self.intervals.sum())
-        rate = self.intervals.size / whole if whole > 0 else 0.0
+        duration = float(self.intervals.sum())
+        rate = self.intervals.size / duration if duration > 0 else 0.0
         asked = self.measurements + self.missed
         share = (self.missed + self.twice + self.flawed) / asked if asked else 1.0
         bounds = [
@@ -117,7 +117,7 @@ class Findings:
             return f"{self.name} is not good enough for a controller at {rate}: it failed. {self.problem}"
         failed = [
             f"{bound.name} is {bound.value:.4g} {bound.unit}".rstrip()
-            + f", allowed is {'at least' if bound.at_least else 'at most'} {bound.limit:.4g} {bound.unit}".rstrip()
+            + f", must be {'at least' if bound.at_least else 'at most'} {bound.limit:.4g} {bound.unit}".rstrip()
             for bound in self.bounds
             if not bound.kept
         ]
@@ -135,7 +135,7 @@ def measure(
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
 ) -> Findings:
-    """Read a device for a time as the live loop does, its motors told to rest with every tick.
+    """Read a device for a time as the live loop does, its motors commanded to rest with every tick.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def measure(
         The device cannot be opened, or the time is not one.
     """
     if not 0 < seconds <= 3600:
-        raise DeviceError(f"--seconds is {seconds!r}; allowed is a time above 0 and up to 3600 s.")
+        raise DeviceError(key="--seconds", value=seconds, allowed="a time above 0 and up to 3600 s")
     period = 1 / inst.sensors.sampling_rate
     rest = np.zeros((len(inst.axes), 2))
     times: list[int] = []
@@ -189,7 +189,7 @@ def measure(
                     sleep(max(0.0, due - clock()))
         except DeviceError as failed:
             problem = str(failed)
-        told: Mapping[str, int] = dict(getattr(device, "counts", {}))
+        counted: Mapping[str, int] = dict(getattr(device, "counts", {}))
     instants = np.array(times, np.int64)
     steps = instants[1:] - instants[:-1]
     # A measurement that lies before the one it follows is no interval.
@@ -205,7 +205,7 @@ def measure(
         flawed=flawed,
         twice=int((steps == 0).sum()),
         backward=int((steps < 0).sum()),
-        told=told,
+        counted=counted,
         blind=blind,
         turned=float(turned.max()),
         watchdog=inst.control.watchdog,

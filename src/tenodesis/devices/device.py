@@ -1,4 +1,4 @@
-"""What every device does: sensors are read, motors are told a speed."""
+"""The interface of a device: sensors are read, motors are commanded a speed."""
 
 from abc import ABC, abstractmethod
 from collections import Counter
@@ -8,8 +8,8 @@ from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 
-from tenodesis.errors import DeviceError
-from tenodesis.signals import Array
+from tenodesis.errors import ArgumentError, DeviceError
+from tenodesis.run import Array
 
 
 @dataclass(frozen=True)
@@ -17,24 +17,24 @@ class Capabilities:
     """What a device has and how it keeps time."""
 
     name: str
-    """What it is called: twin, nidaq, canopen, serial."""
+    """Name: twin, nidaq, canopen, serial."""
     axes: tuple[str, ...]
     rate: float
     """Measurements per second, Hz."""
     clocked: bool
     """Whether `read` waits for the device's own clock; otherwise it returns at once, and the caller keeps time."""
     simulated: bool
-    """Whether no motor of this world moves."""
+    """Whether no real motor moves."""
     distal_encoder: bool
     """Whether it measures the output angle, as only a bench does."""
     latency: float
-    """Time from a measurement to when a command that answers it acts, as the device tells it, s."""
+    """Time from a measurement until a command that answers it acts, by the device's own account, s."""
     stops_alone: float
-    """Time without a command after which the motors stop without being told, s."""
+    """Time without a command after which the motors stop by themselves, s."""
 
 
 class Measurement(NamedTuple):
-    """What the sensors say at one instant."""
+    """The values of all sensors at one instant."""
 
     time: int
     """By a clock that never runs backwards, ns."""
@@ -47,17 +47,27 @@ class Measurement(NamedTuple):
     output_angle: Array
     """By a distal encoder, rad, shape (axes,); NaN without one"""
 
+    @classmethod
+    def from_rows(cls, instant: int, rows: Array) -> "Measurement":
+        """Return a measurement of an instant (ns) from a row per axis, in the order of the fields."""
+        return cls(instant, rows[:, 0], rows[:, 1:3], rows[:, 3:5], rows[:, 5])
+
+    @property
+    def rows(self) -> Array:
+        """The values as a row per axis, shape (axes, 6)."""
+        return np.column_stack([self.handle_angle, self.tension, self.spool_angle, self.output_angle]).astype(float)
+
 
 class Device(Protocol):
     """A bench: opened, read, written and closed by one thread, in that order.
 
-    Whatever fails raises :class:`tenodesis.errors.DeviceError` in one sentence that says what to do; the motors are
-    then stopped. A sensor that gives nothing is NaN, which the controller takes for the fault it is.
+    A failure raises :class:`tenodesis.errors.DeviceError` in one sentence that says what to do; the motors are then
+    stopped. A sensor without a value is NaN, which the controller treats as a fault.
     """
 
     @property
     def capabilities(self) -> Capabilities:
-        """What it has; known before it is opened, but for what only the hardware can tell."""
+        """What it has; known before it is opened, as far as the hardware need not be asked."""
         ...
 
     def open(self) -> None:
@@ -69,9 +79,9 @@ class Device(Protocol):
         ...
 
     def write(self, spool_velocity: Array) -> None:
-        """Tell the motors a speed, rad/s at the spool, positive winds, shape (axes, 2).
+        """Command the motors a speed, rad/s at the spool, positive winds, shape (axes, 2).
 
-        What is not finite stops the motor; what is beyond the device's limit is cut to it.
+        A speed that is not finite stops its motor; one beyond the device's limit is cut to it.
         """
         ...
 
@@ -119,7 +129,7 @@ class Opened(ABC):
 
 
 class Bench(Opened):
-    """What benches with motors have in common: speeds that may be told, and no word to motors after a failure.
+    """What benches with motors share: bounds of the speeds, and no command to motors after a failure.
 
     Parameters
     ----------
@@ -135,12 +145,12 @@ class Bench(Opened):
         self._opened = False
         self._failed: DeviceError | None = None
         self.counts: Counter[str] = Counter()
-        """Measurements by what was wrong with them."""
+        """Number of flawed measurements by kind of problem."""
         self.problem = ""
-        """What was wrong last, in one sentence."""
+        """The latest problem, in one sentence."""
 
     def _begin(self) -> None:
-        """Forget what was wrong before it is opened."""
+        """Forget earlier problems, before it is opened."""
         if self._opened:
             raise DeviceError(f"The {self.capabilities.name} bench is open already; close it first.")
         self._failed = None
@@ -154,14 +164,15 @@ class Bench(Opened):
             raise DeviceError(f"The {self.capabilities.name} bench is not open; open it first.")
 
     def _speeds(self, spool_velocity: Array) -> Array:
-        """Return the speeds that motors may be told: cut to the limit, and 0 where they are not finite."""
+        """Return the speeds that motors may be commanded: cut to the limit, and 0 where they are not finite."""
         speeds = np.asarray(spool_velocity, float)
         allowed = (len(self.capabilities.axes), 2)
         if speeds.shape != allowed:
-            raise ValueError(f"spool_velocity has shape {speeds.shape}; allowed is {allowed}.")
+            sentence = f"spool_velocity has shape {speeds.shape}; it must be {allowed}."
+            raise ArgumentError(sentence, key="spool_velocity", value=speeds, allowed=f"shape {allowed}")
         return np.where(np.isfinite(speeds), np.clip(speeds, -self._speed_limit, self._speed_limit), 0.0)
 
-    def _tell(self, kind: str, sentence: str, count: int = 1) -> None:
-        """Count what was wrong and keep it."""
+    def _note(self, kind: str, sentence: str, count: int = 1) -> None:
+        """Count a problem, and keep its sentence."""
         self.counts[kind] += count
         self.problem = sentence[0].upper() + sentence[1:]

@@ -10,16 +10,16 @@ import numpy as np
 
 from tenodesis.devices.device import Bench, Capabilities, Measurement
 from tenodesis.devices.nidaq_tasks import NiTasks, Tasks
-from tenodesis.devices.settings import NiAxis, NiDaq
 from tenodesis.errors import DeviceError, InstrumentError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.instrument.devices import NiAxis, NiDaq
+from tenodesis.run import Array
 
 _SATURATED = 0.999
-"""Of the inputs' range, beyond which a voltage says nothing: an open wire is there."""
+"""Share of the inputs' range beyond which a voltage means an open wire."""
 _EDGES_PER_PERIOD = 4
 _COUNTS = 2**32
-"""After which a counter begins anew."""
+"""After which a counter wraps."""
 
 
 class NiDaqDevice(Bench):
@@ -39,7 +39,7 @@ class NiDaqDevice(Bench):
     Raises
     ------
     InstrumentError
-        The instrument file does not tell how its bench is served.
+        The instrument file does not describe how its bench is wired.
     """
 
     def __init__(
@@ -58,8 +58,8 @@ class NiDaqDevice(Bench):
             axes.append(axis)
         if tasks is None and inst.drives.encoder_counts % _EDGES_PER_PERIOD:
             raise InstrumentError(
-                f"drives.encoder_counts is {inst.drives.encoder_counts}; allowed with nidaq, which counts all edges of "
-                f"a quadrature encoder, is a multiple of {_EDGES_PER_PERIOD}."
+                f"drives.encoder_counts is {inst.drives.encoder_counts}; nidaq counts all edges of a "
+                f"quadrature encoder, so it must be a multiple of {_EDGES_PER_PERIOD}."
             )
         self._axes, self._settings, self._clock = axes, settings, clock
         rate = inst.sensors.sampling_rate
@@ -129,29 +129,30 @@ class NiDaqDevice(Bench):
             return None
         step = samples.number - self._newest
         if step < 1:
-            self._tell("past", f"Sample {samples.number} came after sample {self._newest}.")
+            self._note("past", f"Sample {samples.number} came after sample {self._newest}.")
             return None
         if step > 1:
-            self._tell("missing", f"{step - 1} samples came faster than they were read.", step - 1)
+            self._note("missing", f"{step - 1} samples came faster than they were read.", step - 1)
         self._newest = samples.number
         if self._started is None:
             self._started = self._clock() - round(samples.number * self._period)
         there = np.abs(samples.volts) < self._limit
         if not there.all():
             place = self._axes_inputs()[int(np.argmin(there))]
-            self._tell("saturated", f"Input {place} is at the end of its range; look for an open wire.")
+            self._note("saturated", f"Input {place} is at the end of its range; look for an open wire.")
         with np.errstate(over="ignore"):
             values = self._gains * samples.volts + self._offsets
         values[~(there & np.isfinite(values))] = nan
         turned = (self._unwrapped(samples.turned) * self._turns).reshape(-1, 2)
-        rows = np.full((len(self._axes), 4), nan)
+        rows = np.full((len(self._axes), 6), nan)
+        rows[:, 3:5] = turned
         first = 0
         for row, axis in zip(rows, self._axes, strict=True):
             count = len(axis.inputs)
-            row[:count] = values[first : first + count]
+            row[[0, 1, 2, 5][:count]] = values[first : first + count]
             first += count
         measured_at = self._started + round(samples.number * self._period)
-        return Measurement(measured_at, rows[:, 0], rows[:, 1:3], turned, rows[:, 3])
+        return Measurement.from_rows(measured_at, rows)
 
     def write(self, spool_velocity: Array) -> None:
         """Append a speed to those that wait in the device, as many times as samples have passed."""

@@ -1,16 +1,16 @@
 """The tasks of a data acquisition device, in volts and radians of the motors, by nidaqmx."""
 
 import contextlib
-import importlib
 from collections.abc import Callable, Iterator, Sequence
 from math import inf
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from tenodesis.devices.settings import NiDaq, NiDrive
 from tenodesis.errors import DeviceError
-from tenodesis.signals import Array
+from tenodesis.extras import require
+from tenodesis.instrument.devices import NiDaq, NiDrive
+from tenodesis.run import Array
 
 _BUFFER = 10_000  # samples
 _NOT_YET_THERE = -200284
@@ -49,12 +49,12 @@ class Tasks(Protocol):
     def read(self, timeout: float) -> Samples | None:
         """Return the newest samples, once there are some that were not read; None if there are none within a time.
 
-        The first time starts the clock: what is clocked must be answered from then on.
+        The first call starts the clock; from then on every sample must be answered.
         """
         ...
 
     def write(self, volts: Array, count: int) -> None:
-        """Append so many equal samples, shape (outputs,), to those that wait."""
+        """Append `count` equal samples, shape (outputs,), to those that wait."""
         ...
 
     def close(self) -> None:
@@ -63,7 +63,7 @@ class Tasks(Protocol):
 
 
 class NiTasks:
-    """The tasks by nidaqmx; whatever fails there raises DeviceError.
+    """The tasks by nidaqmx, whose failures become DeviceError.
 
     Parameters
     ----------
@@ -109,11 +109,11 @@ class NiTasks:
     def open(self) -> None:
         """Put the outputs to standstill and prepare the clock."""
         self._ni = ni = self._ni or _driver()
-        with self._told("cannot be opened"):
+        with self._named_problems("cannot be opened"):
             names = list(ni.system.System.local().devices.device_names)
             if self._settings.device not in names:
                 raise DeviceError(
-                    f"devices.nidaq.device is {self._settings.device!r}; allowed is one that the driver knows: "
+                    f"devices.nidaq.device is {self._settings.device!r}; it must be one that the driver knows: "
                     f"{', '.join(names) or 'it knows none'}."
                 )
             self._opened, self._runs = True, False
@@ -193,7 +193,7 @@ class NiTasks:
 
     def read(self, timeout: float) -> Samples | None:
         """Return the newest samples."""
-        with self._told("gives no samples"):
+        with self._named_problems("gives no samples"):
             if not self._runs:
                 self._run()
             count = max(1, int(self._stream.avail_samp_per_chan))
@@ -212,7 +212,7 @@ class NiTasks:
 
     def write(self, volts: Array, count: int) -> None:
         """Append samples, and show that we are alive."""
-        with self._told("takes no commands"):
+        with self._named_problems("takes no commands"):
             if count:
                 self._append(volts, count)
             if self._watchdog is not None:
@@ -280,7 +280,7 @@ class NiTasks:
         return f"{self._settings.device}/{name}"
 
     @contextlib.contextmanager
-    def _told(self, what: str) -> Iterator[None]:
+    def _named_problems(self, what: str) -> Iterator[None]:
         try:
             yield
         except self._ni.errors.Error as problem:
@@ -293,12 +293,9 @@ def _first_line(problem: Exception) -> str:
 
 def _driver() -> Any:
     """Return the package nidaqmx, once it has found the driver."""
-    try:
-        ni = importlib.import_module("nidaqmx")
-        for part in ("system", "constants", "errors", "stream_readers", "stream_writers", "types"):
-            importlib.import_module(f"nidaqmx.{part}")
-    except ImportError:
-        raise DeviceError("nidaq needs the Python package nidaqmx, which is not installed; pip installs it.") from None
+    ni: Any = require("nidaqmx", "devices")
+    for part in ("system", "constants", "errors", "stream_readers", "stream_writers", "types"):
+        require(f"nidaqmx.{part}", "devices")
     try:
         _ = ni.system.System.local().driver_version
     except ni.errors.Error:

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from tenodesis.devices.device import Device
-from tenodesis.devices.settings import Serial
 from tenodesis.errors import DeviceError
+from tenodesis.extras import require
 from tenodesis.instrument import Instrument
+from tenodesis.instrument.devices import Serial
 
 
 @dataclass(frozen=True)
@@ -35,29 +36,33 @@ def make(name: str, inst: Instrument, address: str | None = None) -> Device:
     Raises
     ------
     DeviceError
-        There is no such device, it is none that can be made here, or the instrument file has no table for it.
+        There is no such device, it cannot be made here, or the instrument file has no table for it.
+    MissingExtraError
+        Its libraries are not installed.
     InstrumentError
         The table does not suit the instrument.
     """
     if name not in KINDS:
-        raise DeviceError(f"NAME is {name!r}; allowed are {', '.join(KINDS)}.")
+        raise DeviceError(key="NAME", value=name, allowed=f"one of {', '.join(KINDS)}")
     made = KINDS[name].make
     if made is None:
         can = ", ".join(key for key, kind in KINDS.items() if kind.make is not None)
-        raise DeviceError(f"{name} is served by the live loop itself; allowed here are {can}.")
+        raise DeviceError(f"{name} is served by the live loop itself; here it must be one of {can}.")
     if address is not None:
         if name != "serial":
-            raise DeviceError(f"--address is {address!r}, which {name} has none of; allowed is one with serial only.")
+            raise DeviceError(f"--address is {address!r}; {name} has no address, only serial has.")
         given = (inst.devices.serial or Serial()).model_copy(update={"port": address})
         inst = inst.model_copy(update={"devices": inst.devices.model_copy(update={"serial": given})})
     return made(inst)
 
 
 def _canopen(inst: Instrument) -> Device:
-    from tenodesis.devices.canopen import CanOpenDevice  # noqa: PLC0415 - its library is needed for it alone
-
     if inst.devices.canopen is None:
         raise _without_table("canopen", inst)
+    require("canopen", "devices")
+    require("can", "devices")
+    from tenodesis.devices.canopen import CanOpenDevice  # noqa: PLC0415 - its libraries are an extra
+
     return CanOpenDevice(inst, inst.devices.canopen)
 
 

@@ -15,7 +15,8 @@ from typing import NamedTuple, Self
 
 from tenodesis import _core
 from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
-from tenodesis.errors import DeviceError
+from tenodesis.errors import ArgumentError, DeviceError
+from tenodesis.extras import require
 from tenodesis.instrument import Instrument
 
 BAUD_RATE = 3_000_000
@@ -26,7 +27,7 @@ _LONGEST_SILENCE = 4e6  # s
 
 
 class Board(NamedTuple):
-    """What a board says of itself."""
+    """Name, versions and clock of a board."""
 
     name: str
     protocol_version: int
@@ -38,7 +39,7 @@ class Board(NamedTuple):
 
 
 class LinkCounts(NamedTuple):
-    """What has come over the link and what has not."""
+    """Numbers of frames over the link, by what became of them."""
 
     answers: int
     repetitions: int
@@ -46,13 +47,13 @@ class LinkCounts(NamedTuple):
     damaged: int
     """Frames from the board that came damaged."""
     stale: int
-    """Answers that nobody waited for any more."""
+    """Answers that came too late."""
     board_damaged: int
     """Frames to the board that came damaged."""
 
 
 class Problem(NamedTuple):
-    """What has gone wrong with a link."""
+    """A failure of a link."""
 
     name: str
     """As ``link_lost``, ``wrong_version`` or ``not_a_number``."""
@@ -81,7 +82,7 @@ class BoardController(Controller):
     Raises
     ------
     ValueError
-        A choice is not allowed, or the numbers make no controller.
+        An option is not valid, or the parameters make no controller.
     DeviceError
         There is no such port, no board behind it, or one of another version.
     """
@@ -119,11 +120,11 @@ class BoardController(Controller):
             own_clock=own_clock,
         )
         if not (isfinite(timeout) and 0 < timeout < 1e4):
-            raise ValueError(f"timeout is {timeout!r}; allowed is a time above 0 and below 10 000 s.")
+            raise ArgumentError(key="timeout", value=timeout, allowed="a time above 0 and below 10 000 s")
         if not 0 <= repetitions <= 1000:
-            raise ValueError(f"repetitions is {repetitions!r}; allowed is a number from 0 to 1000.")
+            raise ArgumentError(key="repetitions", value=repetitions, allowed="a number from 0 to 1000")
         if silence is not None and not 1e-3 <= silence <= _LONGEST_SILENCE:
-            raise ValueError(f"silence is {silence!r}; allowed is a time of 0.001 s or more, or None.")
+            raise ArgumentError(key="silence", value=silence, allowed="a time of 0.001 s or more, or None")
         self.address = address
         with _open(address, baud_rate) as descriptor:
             self.core = self._link = self._core_type(
@@ -137,11 +138,11 @@ class BoardController(Controller):
         if self.problem is not None:
             problem = self.problem.text
             self._link.close()
-            raise DeviceError(f"{address}: {problem}; allowed is {self._needs}.")
+            raise DeviceError(f"{address}: {problem}; it must be {self._needs}.")
 
     @property
     def board(self) -> Board:
-        """What the board says of itself."""
+        """Name, versions and clock of the board."""
         return Board(*self._link.board())
 
     @property
@@ -152,7 +153,7 @@ class BoardController(Controller):
 
     @property
     def link_counts(self) -> LinkCounts:
-        """What has come over the link and what has not."""
+        """Numbers of frames over the link, by what became of them."""
         return LinkCounts(*self._link.link_counts())
 
     @property
@@ -166,7 +167,7 @@ class BoardController(Controller):
         return self._link.stopped()
 
     def close(self) -> None:
-        """Tell the board to stop, and let go of it; a second time does nothing."""
+        """Stop the board, and release it; a second time does nothing."""
         self._link.close()
 
     def __enter__(self) -> Self:
@@ -189,8 +190,8 @@ class SerialController(BoardController):
 class StreamedController(BoardController):
     """A controller on a board with sensors and motors of its own, which ticks by itself; options as of its base.
 
-    A step asks nothing of the board: it gives what the tick that was heard last has answered. What it is asked goes to
-    the board with what it is told next.
+    A step sends nothing to the board: it returns the answer of the newest tick that was received. Requests go to the
+    board with the next frame.
 
     Raises
     ------
@@ -209,7 +210,7 @@ class StreamedController(BoardController):
 
 @contextmanager
 def _open(address: str, baud_rate: int) -> Iterator[int]:
-    """Give the descriptor of an open line; whoever wants to keep it makes a copy."""
+    """Yield the descriptor of an open line, which is closed afterwards; a copy stays open."""
     scheme, found, rest = address.partition("://")
     if not found:
         with _port(address, baud_rate) as descriptor:
@@ -221,10 +222,8 @@ def _open(address: str, baud_rate: int) -> Iterator[int]:
     elif scheme == "socket" and host and port.isdecimal() and int(port) < 2**16:
         line = None
     else:
-        raise ValueError(
-            f"address is {address!r}; allowed are socket://HOST:PORT, unix://PATH and a serial port such as "
-            "/dev/ttyACM0."
-        )
+        allowed = "socket://HOST:PORT, unix://PATH or a serial port such as /dev/ttyACM0"
+        raise ArgumentError(key="address", value=address, allowed=allowed)
     try:
         if line is None:
             line = socket.create_connection((host.strip("[]"), int(port)), _CONNECT_TIMEOUT)
@@ -234,7 +233,7 @@ def _open(address: str, baud_rate: int) -> Iterator[int]:
             line.connect(target)
     except OSError as problem:
         raise DeviceError(
-            f"{address} does not answer ({problem.strerror or problem}); allowed is where a board listens."
+            f"{address} does not answer ({problem.strerror or problem}); a board must listen there."
         ) from None
     with line:
         yield line.fileno()
@@ -242,8 +241,7 @@ def _open(address: str, baud_rate: int) -> Iterator[int]:
 
 @contextmanager
 def _port(path: str, baud_rate: int) -> Iterator[int]:
-    import serial  # noqa: PLC0415 - only where there is a serial port
-
+    serial = require("serial", "devices")
     try:
         port = serial.Serial(path, baud_rate, timeout=0, exclusive=True)
     except (OSError, ValueError) as problem:

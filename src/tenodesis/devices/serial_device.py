@@ -1,4 +1,4 @@
-"""A board with the firmware as a device of its own, its controller disabled: for who asks how well its line does."""
+"""A board with the firmware as a device, its controller disabled, to measure how well its line works."""
 
 import time
 from math import nan
@@ -8,10 +8,10 @@ import numpy as np
 from tenodesis import _core
 from tenodesis.devices.device import Capabilities, Measurement, Opened
 from tenodesis.devices.serial import BoardController, SerialController, StreamedController
-from tenodesis.devices.settings import Serial
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.instrument.devices import Serial
+from tenodesis.run import Array
 
 
 class SerialDevice(Opened):
@@ -22,7 +22,7 @@ class SerialDevice(Opened):
     inst
         The instrument.
     settings
-        Port and time of waiting; whose sensors there are.
+        Port, timeout, and whether the sensors are the board's.
     """
 
     def __init__(self, inst: Instrument, settings: Serial) -> None:
@@ -45,16 +45,16 @@ class SerialDevice(Opened):
 
     @property
     def counts(self) -> dict[str, int]:
-        """What did not come, or not as it should."""
+        """Number of frames that were lost, damaged or late, by kind."""
         if self._controller is None:
             return {}
-        told = self._controller.link_counts
+        counts = self._controller.link_counts
         return {
             "lost": self._lost,
-            "repeated": told.repetitions,
-            "damaged": told.damaged,
-            "stale": told.stale,
-            "damaged on the board": told.board_damaged,
+            "repeated": counts.repetitions,
+            "damaged": counts.damaged,
+            "stale": counts.stale,
+            "damaged on the board": counts.board_damaged,
         }
 
     def open(self) -> None:
@@ -63,7 +63,7 @@ class SerialDevice(Opened):
         Raises
         ------
         DeviceError
-            There is no such port, no board behind it, or one that does not do.
+            There is no such port, no board behind it, or an unsuitable one.
         """
         settings = self._settings
         kind = StreamedController if self._streams else SerialController
@@ -79,7 +79,7 @@ class SerialDevice(Opened):
             self._bench = self._controller.device()
 
     def read(self, timeout: float) -> Measurement | None:
-        """Return what the board has measured, or what it was sent and has answered.
+        """Return what the board has measured, or the measurement that it was sent and has answered.
 
         Raises
         ------
@@ -111,8 +111,8 @@ class SerialDevice(Opened):
         if found is None:
             return None
         self._lost += bench.overtaken()
-        instant, rows = found[0], np.array(found[1])
-        return Measurement(instant, rows[:, 0], rows[:, 1:3], rows[:, 3:5], np.full(len(rows), nan))
+        rows = np.array(found[1])
+        return Measurement.from_rows(found[0], np.column_stack([rows[:, :5], np.full(len(rows), nan)]))
 
     def write(self, spool_velocity: Array) -> None:
         """Tell the board that somebody listens; its motors rest, whatever the speed."""
@@ -121,6 +121,6 @@ class SerialDevice(Opened):
             self._bench.rest()
 
     def close(self) -> None:
-        """Tell the board to stop, and let go of it; a second time does nothing."""
+        """Stop the board, and release it; a second time does nothing."""
         if self._controller is not None:
             self._controller.close()

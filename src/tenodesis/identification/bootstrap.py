@@ -1,16 +1,16 @@
-"""Blocks of residuals drawn anew: the same runs, had their errors fallen otherwise."""
+"""Block bootstrap: residuals resampled in blocks, so that their correlation is kept."""
 
 import math
 
 import numpy as np
 
 from tenodesis.identification.whiteness import autocorrelation
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 LEAST_BLOCKS = 8
-"""A run is never one block: at least so many are drawn for it."""
+"""Blocks that are drawn for a run at least."""
 _LONGER = 2
-"""Times the length of least mean square error, whose blocks cut off more than an interval can spare."""
+"""Times the length of least mean square error, which for an interval cuts off too much correlation."""
 _QUIET = 2.0
 """Standard errors above which a correlation counts (Politis and White 2004)."""
 
@@ -43,7 +43,7 @@ def block_length(series: Array) -> int:
     return int(np.clip(math.ceil(_LONGER * length), 1, longest))
 
 
-def redrawn(residuals: Array, channels: int, length: int, draw: np.random.Generator) -> Array:
+def resampled(residuals: Array, channels: int, length: int, draw: np.random.Generator) -> Array:
     """Return residuals made of blocks of given ones, about zero, shape (n,).
 
     Blocks wrap around the end, and all sensors of a run are drawn together.
@@ -53,11 +53,11 @@ def redrawn(residuals: Array, channels: int, length: int, draw: np.random.Genera
     residuals
         One sensor after the other, shape (n,).
     channels
-        How many sensors.
+        Number of sensors.
     length
         Samples of a block.
     draw
-        Where chance comes from.
+        Source of random numbers.
     """
     rows = residuals.reshape(channels, -1)
     rows = rows - rows.mean(axis=1, keepdims=True)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from tenodesis.identification.problem import Parameter, Problem
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 STEP = 1e-6
 """Step as a share of a parameter's scale."""

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tenodesis.bench import style
 from tenodesis.identification.problem import Parameter, Problem, WithTraces
 from tenodesis.identification.results import Fit
-from tenodesis.quantity import in_unit
+from tenodesis.report import style
+from tenodesis.units import in_unit
 
 _READABLE = {"rad": "deg", "m": "mm", "s": "ms"}
 _MOST_NAMED = 8
@@ -25,8 +25,8 @@ def readable(unit: str) -> tuple[float, str]:
     return (in_unit(shown, unit) if shown != unit else 1.0), name
 
 
-def worded(key: str) -> str:
-    """Return a key with its unit last as the label of an axis: output angle [deg]."""
+def axis_label(key: str) -> str:
+    """Return the label of an axis from a key with its unit last: output angle [deg]."""
     name, _, unit = key.rpartition("_")
     return f"{name.replace('_', ' ')} [{unit}]"
 
@@ -46,7 +46,7 @@ def run_figure(problem: Problem, found: Fit, run: int) -> Figure:
             trace = traces[key]
             axis.plot(trace.time, trace.measured, color=style.INK, lw=1.4, label="measured", rasterized=True)
             axis.plot(trace.time, trace.model, color=style.ACCENT, lw=1.1, label="model", rasterized=True)
-            axis.set_ylabel(worded(key))
+            axis.set_ylabel(axis_label(key))
             style.legend_above(axis, 2)
         else:
             same = key in traces and traces[key].time.size == error.size
@@ -54,7 +54,7 @@ def run_figure(problem: Problem, found: Fit, run: int) -> Figure:
             axis.plot(time, error, color=style.MUTED, lw=0.8, rasterized=True)
             axis.axhline(0, color=style.INK, lw=0.8)
             unit = key.rpartition("_")[2]
-            axis.set_ylabel(f"residual [{unit}]" if key in traces else f"residual of\n{worded(key)}")
+            axis.set_ylabel(f"residual [{unit}]" if key in traces else f"residual of\n{axis_label(key)}")
     axes[-1].set_xlabel("time [s]")
     fig.align_ylabels()
     return fig
@@ -101,8 +101,7 @@ def _interval(axis: Axes, one: Parameter, found: Fit) -> None:
     for height, (label, bounds, colour) in enumerate(rows):
         low, high = (bound * factor for bound in bounds)
         axis.plot([low, high], [height, height], color=colour, lw=4, solid_capstyle="butt", label=label)
-    told = found.identifiability.identifiable[one.name]
-    face = style.INK if told else "white"
+    face = style.INK if found.identifiability.identifiable[one.name] else "white"
     axis.plot([value] * len(rows), range(len(rows)), "o", ms=5, mfc=face, mec=style.INK, ls="none", label="value")
     axis.set_ylim(-0.7, len(rows) - 0.3)
     axis.set_yticks([])
@@ -140,7 +139,7 @@ def all_figures(problem: Problem, found: Fit, runs: Sequence[int]) -> dict[str, 
     out: dict[str, tuple[Figure, str]] = {
         "intervals": (
             intervals(found),
-            "Parameters with their 95 % intervals, each on its own axis; hollow where the recordings do not tell it.",
+            "Parameters with their 95 % intervals, each on its own axis; hollow where not identifiable.",
         )
     }
     if len(found.free) > 1:

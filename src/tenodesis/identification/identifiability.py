@@ -1,4 +1,4 @@
-"""What the recordings tell: which parameters, of which others only a combination, and what would tell more."""
+"""Which parameters the recordings identify, which others only in combination, and what would identify more."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -10,43 +10,43 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from tenodesis.identification.problem import Parameter, Problem, WithAdvice
-from tenodesis.identification.uncertainty import Spread
-from tenodesis.signals import Array
+from tenodesis.identification.uncertainty import Uncertainty
+from tenodesis.run import Array
 
-TOLD = 1 / 8
-"""A parameter is told where its standard deviation is below this share of its scale: half its range is ruled out."""
+IDENTIFIABLE_SHARE = 1 / 8
+"""Of its scale, below which a parameter's standard deviation must be: the interval then rules out half its range."""
 _TAKES_PART = 0.3
-"""Share of a direction's largest component, in standard deviations, below which a parameter takes no part in it."""
-_BOUND_UP = 0.9
-"""Correlation above which a parameter that is told still belongs to a combination that is not."""
+"""Of a direction's largest component, in standard deviations, below which a parameter takes no part in it."""
+_TIED = 0.9
+"""Correlation above which an identifiable parameter belongs to a combination that is not."""
 _CLOSE = 0.03
 _MOVE = 0.2
-"""How far, as a share of a value, the two readings of a combination are told apart."""
+"""Of a value, by which parameters are moved to see which of two descriptions of a combination holds."""
 _LARGEST_EXPONENT = 4
 
 
 @dataclass(frozen=True)
 class Combination:
-    """Parameters that the recordings cannot tell apart."""
+    """Parameters that are not identifiable separately."""
 
     names: tuple[str, ...]
     changes: tuple[float, ...]
-    """Changes in SI that the sensors hardly see together, up to a factor."""
+    """Changes in SI that together hardly change the readings, up to a factor."""
     known: str | None
-    """What is known of them all the same: a product, a ratio, a sum."""
+    """Function of them that is identifiable all the same: a product, a ratio, a sum."""
     sentence: str
 
 
 @dataclass(frozen=True)
 class Identifiability:
-    """Which of the fitted parameters the recordings tell."""
+    """Which of the fitted parameters the recordings identify."""
 
     singular_values: Array
     """Of the Jacobian in standard deviations over scales, corrected: its inverse squares are variances."""
     identifiable: dict[str, bool]
     combinations: tuple[Combination, ...]
     at_bound: dict[str, str]
-    """The bound, lower or upper, of parameters that the fit left on it."""
+    """The bound, lower or upper, of parameters that are on it at the optimum."""
     statements: tuple[str, ...]
 
 
@@ -55,9 +55,9 @@ Cost = Callable[[Array], float]
 
 
 def examine(
-    problem: Problem, free: Sequence[int], values: Array, *, scale: Array, found: Spread, change: Cost
+    problem: Problem, free: Sequence[int], values: Array, *, scale: Array, found: Uncertainty, change: Cost
 ) -> Identifiability:
-    """Return which of the free parameters are told, and which only together.
+    """Return which of the free parameters are identifiable, and which only in combination.
 
     Parameters
     ----------
@@ -68,24 +68,23 @@ def examine(
     values
         The optimum, shape (parameters,).
     scale
-        What changes are measured by, shape (free parameters,).
+        Unit of the changes of each, shape (free parameters,).
     found
         The uncertainty there.
     change
-        How much residuals change at other values.
+        Maps values to the sum of squared changes of the residuals.
     """
     parameters = [problem.parameters[index] for index in free]
-    identifiable = {one.name: bool(std < TOLD) for one, std in zip(parameters, found.std, strict=True)}
+    identifiable = {one.name: bool(std < IDENTIFIABLE_SHARE) for one, std in zip(parameters, found.std, strict=True)}
     variances, directions = linalg.eigh(found.covariance)
-    blind = found.blind
-    weak = variances > TOLD**2
+    weak = variances > IDENTIFIABLE_SHARE**2
     size = np.sqrt(np.diag(found.full))[:, None]
-    open_ = _sparse(np.concatenate([blind, directions[:, weak]], axis=1) / size) * size
-    told = np.array(list(identifiable.values()))
+    open_ = _sparse(np.concatenate([found.unseen, directions[:, weak]], axis=1) / size) * size
+    known = np.array(list(identifiable.values()))
     combinations = tuple(
         _combination(problem, free, values, direction * scale, part=part, std=found.std * scale, change=change)
         for direction in open_.T
-        if (part := _taking_part(direction / size[:, 0], told, found.correlation)).size
+        if (part := _taking_part(direction / size[:, 0], known, found.correlation)).size
     )
     at_bound = {
         one.name: side
@@ -97,20 +96,21 @@ def examine(
     for one in parameters:
         if one.name in at_bound:
             bound = getattr(one, at_bound[one.name])
-            wanted = "less" if at_bound[one.name] == "lower" else "more"
+            beyond = "lower" if at_bound[one.name] == "lower" else "higher"
             statements.append(
-                f"{one.name} is at its {at_bound[one.name]} bound {bound:.6g} {one.unit}: the recordings ask for no "
-                f"{'more' if wanted == 'less' else 'less'}, if not for {wanted}; its interval has one side only."
+                f"{one.name} is at its {at_bound[one.name]} bound {bound:.6g} {one.unit}: its best value may be "
+                f"{beyond}; its interval has one side only."
             )
     named = {name for one in combinations for name in one.names}
     for one, std, width in zip(parameters, found.std, scale, strict=True):
         if not identifiable[one.name] and one.name not in named:
             statements.append(
-                f"The recordings leave {one.name} open by {std * width:.3g} {one.unit} (standard deviation): "
-                "it leans on several others."
+                f"{one.name} is not identifiable from the recordings (standard deviation {std * width:.3g} "
+                f"{one.unit}): it depends on several others."
             )
-    # a blind direction has no variance of its own here; eigenvalues rise, so that these come first
-    sizes = np.concatenate([1 / np.sqrt(variances[blind.shape[1] :]), np.zeros(blind.shape[1])])
+    # an unseen direction has no variance here; eigenvalues ascend, so that these come first
+    unseen = found.unseen.shape[1]
+    sizes = np.concatenate([1 / np.sqrt(variances[unseen:]), np.zeros(unseen)])
     return Identifiability(sizes, identifiable, combinations, at_bound, tuple(statements))
 
 
@@ -123,14 +123,14 @@ def _sparse(basis: Array) -> Array:
     return np.asarray(reduced / np.abs(reduced).max(axis=0), dtype=np.float64)
 
 
-def _taking_part(direction: Array, told: NDArray[np.bool_], correlation: Array) -> NDArray[np.intp]:
-    """Return which parameters make up a direction, in standard deviations: none where all are told."""
-    strength = np.where(told, 0, np.abs(direction))
+def _taking_part(direction: Array, known: NDArray[np.bool_], correlation: Array) -> NDArray[np.intp]:
+    """Return which parameters make up a direction, in standard deviations: none where all are identifiable."""
+    strength = np.where(known, 0, np.abs(direction))
     if not strength.any():
         return np.zeros(0, dtype=np.intp)
     strong = np.abs(direction) >= _TAKES_PART * strength.max()
-    tied = np.abs(correlation[int(np.argmax(strength))]) >= _BOUND_UP
-    return np.flatnonzero(strong & (~told | tied))
+    tied = np.abs(correlation[int(np.argmax(strength))]) >= _TIED
+    return np.flatnonzero(strong & (~known | tied))
 
 
 def _combination(
@@ -148,28 +148,30 @@ def _combination(
     names = tuple(one.name for one in taking)
     known = None
     if len(taking) == 1:
-        one, open_by = taking[0], float(std[part[0]])
+        one, deviation = taking[0], float(std[part[0]])
         extent = (
-            "no sample depends on it"
-            if not math.isfinite(open_by)
-            else f"they leave it open by {open_by:.3g} {one.unit} (standard deviation)"
+            f"its standard deviation is {deviation:.3g} {one.unit}"
+            if math.isfinite(deviation)
+            else "no sample depends on it"
         )
-        sentence = f"The recordings do not tell {one.name} ({one.meaning}): {extent}."
+        sentence = f"{one.name} ({one.meaning}) is not identifiable from the recordings: {extent}."
     else:
         if len(taking) == 2:
             known = _reading(taking, [free[index] for index in part], changes, values, change)
         moves = ", ".join(
             f"{one.name} by {_signed(step, one)}" for one, step in zip(taking, _together(taking, changes), strict=True)
         )
-        rest = f"only {known} is known" if known else f"moving {moves} together changes hardly anything they see"
-        sentence = f"The recordings do not tell {_listed(names)} apart: {rest}."
-    told = problem.advice(names) if isinstance(problem, WithAdvice) else None
-    if told is None and len(taking) == 1:
-        told = f"A protocol would tell it in which {taking[0].meaning} changes what the sensors see."
-    elif told is None:
+        rest = f"only {known} is" if known else f"changing {moves} together hardly changes the readings"
+        sentence = f"{_listed(names)} are not identifiable separately from the recordings: {rest}."
+    advice = problem.advice(names) if isinstance(problem, WithAdvice) else None
+    if advice is None and len(taking) == 1:
+        advice = f"A protocol would identify it in which {taking[0].meaning} changes the readings."
+    elif advice is None:
         others = "other" if len(names) == 2 else "others"
-        told = f"A protocol in which one acts without the {others} would, or holding one of them at a known value."
-    return Combination(names, tuple(changes), known, f"{sentence} {told}")
+        advice = (
+            f"A protocol in which one acts without the {others} would identify them, or holding one at a known value."
+        )
+    return Combination(names, tuple(changes), known, f"{sentence} {advice}")
 
 
 def _together(taking: Sequence[Parameter], changes: Sequence[float]) -> list[float]:
@@ -189,7 +191,10 @@ def _listed(names: Sequence[str]) -> str:
 def _reading(
     taking: Sequence[Parameter], places: Sequence[int], changes: Sequence[float], values: Array, change: Cost
 ) -> str | None:
-    """Return what is known of two parameters: of a power law and a weighted sum, the one that stays so farther away."""
+    """Return the function of two parameters that is identifiable: a power law or a weighted sum.
+
+    Of these two, it is the one along which residuals change less farther away.
+    """
     (first, second), (step, other) = taking, changes
     at, beside = (float(values[place]) for place in places)
     readings: list[tuple[float, str]] = []
@@ -213,8 +218,8 @@ def _reading(
     weight = -step / other
     if first.unit == second.unit:
         reach = max(abs(at), abs(beside), 1e-3 * (first.upper - first.lower))
-        told = _weighted(first.name, second.name, weight)
-        readings.append((worst(lambda share: (at + share * reach, beside - share * reach / weight)), told))
+        combined = _weighted(first.name, second.name, weight)
+        readings.append((worst(lambda share: (at + share * reach, beside - share * reach / weight)), combined))
     fitting = [one for one in readings if math.isfinite(one[0])]
     return min(fitting)[1] if fitting else None
 

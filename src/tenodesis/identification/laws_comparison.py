@@ -1,4 +1,4 @@
-"""Friction laws fitted to the same recordings, and compared on recordings that none of them saw."""
+"""Friction laws fitted to the same recordings, and compared on recordings held out from all of them."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -8,7 +8,6 @@ import numpy as np
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.fit import fit
-from tenodesis.identification.laws import LAWS
 from tenodesis.identification.problem import Problem
 from tenodesis.identification.results import Fit
 from tenodesis.identification.uncertainty import LossName
@@ -40,7 +39,7 @@ def compare_laws(
     train: Sequence[int],
     test: Sequence[int],
     *,
-    laws: Sequence[str] = tuple(LAWS),
+    laws: Sequence[str],
     starts: int = 8,
     seed: int = 0,
     loss: LossName = "linear",
@@ -67,7 +66,7 @@ def compare_laws(
         There is no law to compare, or one cannot be fitted.
     """
     if not laws:
-        raise IdentificationError(f"laws is empty; allowed are one or more of {', '.join(LAWS)}.")
+        raise IdentificationError("laws is empty; it must name at least one friction law.", key="laws")
     problems = [problem_factory(law) for law in laws]
     fits = [fit(problem, train=train, test=test, starts=starts, seed=seed, loss=loss) for problem in problems]
     samples = min(_independent(problem, one, train) for problem, one in zip(problems, fits, strict=True))

@@ -1,10 +1,10 @@
-"""What a model must answer so that it can be fitted to recordings."""
+"""What a model must provide so that it can be fitted to recordings."""
 
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 
 class Parameter(NamedTuple):
@@ -19,7 +19,7 @@ class Parameter(NamedTuple):
 
 
 class Trace(NamedTuple):
-    """One measured signal of a run and what the model makes of it, each (n,), time in s."""
+    """One measured signal of a run beside the model's, each (n,), time in s."""
 
     time: Array
     measured: Array
@@ -53,7 +53,7 @@ class Problem(Protocol):
         """Return the time between samples, s."""
 
 
-# What a problem may answer besides; whoever does not is asked for nothing.
+# Optional abilities of a problem.
 
 
 @runtime_checkable
@@ -91,23 +91,23 @@ class WithGroups(Protocol):
 
 @runtime_checkable
 class WithDerivatives(Protocol):
-    """A problem that differentiates by some parameters for less than by all."""
+    """A problem for which derivatives by some parameters cost less than by all."""
 
     def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
-        """Return the columns of the jacobian of some parameters, by index, (n, how many)."""
+        """Return the columns of the Jacobian for some parameters, by index, (n, columns)."""
 
 
 @runtime_checkable
 class WithAdvice(Protocol):
-    """A problem that knows which recording would tell what these do not."""
+    """A problem that knows which recording would make more parameters identifiable."""
 
     def advice(self, names: Sequence[str]) -> str | None:
-        """Return one sentence on the protocol that would tell these parameters apart."""
+        """Return one sentence on the protocol that would make these parameters identifiable, if one is known."""
 
 
 @runtime_checkable
-class WithLasting(Protocol):
-    """A problem whose sensors have errors that last, and that residuals at its optimum need not show."""
+class WithSystematicErrors(Protocol):
+    """A problem whose sensors have systematic errors, which residuals at its optimum need not show."""
 
-    def lasting(self, values: Array, run: int) -> Array:
-        """Return what each of these may do to the residuals of a run, one standard deviation, (n, how many)."""
+    def systematic_errors(self, values: Array, run: int) -> Array:
+        """Return their effects on the residuals of a run, one standard deviation each, (n, errors)."""

@@ -1,100 +1,108 @@
-"""Which formats of recordings there are, how each is read, and which model is fitted to it."""
+"""Which formats of recordings there are, how each is read, and which model is fitted to it.
 
-from collections.abc import Sequence
-from importlib import import_module
+A package adds a format of its own by an entry point of the group ``tenodesis.formats`` that names a `Format`.
+"""
+
+from collections.abc import Callable, Iterator, MutableMapping, Sequence
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from types import ModuleType
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 from tenodesis.errors import IdentificationError
+from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.problem import Problem
 from tenodesis.identification.uncertainty import LossName
 from tenodesis.instrument import Instrument
 
-if TYPE_CHECKING:
-    from tenodesis.identification.formats.measured import Measured
+GROUP = "tenodesis.formats"
+"""Group of the entry points."""
+
+OURS = {
+    "davinci-tool": "tenodesis.identification.datasets.davinci_tool:FORMAT",
+    "endoscope-pair": "tenodesis.identification.datasets.endoscope_pair:FORMAT",
+    "tendon-sheath": "tenodesis.identification.datasets.tendon_sheath:FORMAT",
+    "csv": "tenodesis.identification.twin_model.formats:CSV",
+    "mcap": "tenodesis.identification.twin_model.formats:MCAP",
+}
+"""This package's own entry points, for when it runs from its sources without being installed."""
 
 
-class Load(Protocol):
-    """How recordings of a format are read."""
-
-    def __call__(self, path: Path) -> "Measured":
-        """Return the recording of a file."""
-
-
-class Factory(Protocol):
+class BuildProblem(Protocol):
     """How recordings become a problem; its runs are those of train, then those of test."""
 
     def __call__(
-        self, train: "Sequence[Measured]", test: "Sequence[Measured]", *, law: str, instrument: Instrument | None
+        self, train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None
     ) -> Problem:
         """Return the model with its recordings."""
 
 
 class Format(NamedTuple):
-    """How a format is read, and the model that is fitted to it."""
+    """How recordings of a format are read, and the model that is fitted to them."""
 
-    load: Load
-    problem: Factory
-
-
-class Usual(NamedTuple):
-    """What a format takes unless told."""
-
-    law: str
-    """Friction law."""
-    loss: LossName
+    load: Callable[[Path], MeasuredRun]
+    problem: BuildProblem
+    laws: tuple[str, ...] = ()
+    """Friction laws that the model knows, by name."""
+    law: str = "capstan"
+    """Friction law unless another is asked for."""
+    loss: LossName = "linear"
+    """Loss unless another is asked for."""
 
 
-def usual(name: str) -> Usual:
-    """Return the friction law and the loss that a format takes unless told.
+class Formats(MutableMapping[str, Format]):
+    """Formats by name; each is imported when it is first used, so that none waits for, or fails with, another.
 
-    Raises
-    ------
-    IdentificationError
-        There is no such format.
+    Parameters
+    ----------
+    places
+        Where each is found, by name.
     """
-    model = _module(name, _MODULES[_known(name)][1])
-    return Usual(getattr(model, "DEFAULT_LAW", _USUAL.law), getattr(model, "DEFAULT_LOSS", _USUAL.loss))
+
+    def __init__(self, places: dict[str, EntryPoint]) -> None:
+        self._places: dict[str, EntryPoint | Format] = {**places}
+
+    def __getitem__(self, name: str) -> Format:
+        """Return a format.
+
+        Raises
+        ------
+        KeyError
+            There is none of this name.
+        IdentificationError
+            It cannot be imported.
+        """
+        found = self._places[name]
+        if isinstance(found, EntryPoint):
+            try:
+                found = found.load()
+            except (ImportError, AttributeError) as problem:
+                raise IdentificationError(
+                    f"format {name} is not available here: {problem}.", key="format", value=name
+                ) from problem
+            self._places[name] = found
+        return found
+
+    def __setitem__(self, name: str, value: Format) -> None:
+        self._places[name] = value
+
+    def __delitem__(self, name: str) -> None:
+        del self._places[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._places
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._places)
+
+    def __len__(self) -> int:
+        return len(self._places)
 
 
-_USUAL = Usual("capstan", "linear")
-_MODULES = {
-    "davinci-tool": ("formats.davinci_tool", "models.tool"),
-    "endoscope-pair": ("formats.endoscope_pair", "models.pair"),
-    "tendon-sheath": ("formats.tendon_sheath", "models.sheath"),
-    "csv": ("formats.csv", "models.twin"),
-    "mcap": ("formats.mcap", "models.twin"),
-}
+def _entry_points() -> dict[str, EntryPoint]:
+    """Return this package's formats and then those of others, who cannot take a name of ours."""
+    ours = {name: EntryPoint(name, place, GROUP) for name, place in OURS.items()}
+    return {**ours, **{entry.name: entry for entry in entry_points(group=GROUP) if entry.name not in ours}}
 
 
-def _known(name: str) -> str:
-    if name not in _MODULES:
-        raise IdentificationError(f"format is {name!r}; allowed are {', '.join(_MODULES)}.")
-    return name
-
-
-def _module(name: str, place: str) -> ModuleType:
-    """Import what a format needs only when it is asked for, so that one does not wait for, or fail with, another."""
-    try:
-        return import_module(f"tenodesis.identification.{place}")
-    except ImportError as problem:
-        raise IdentificationError(f"format {name} is not available here: {problem}.") from problem
-
-
-def _lazy(name: str, loader: str, model: str) -> Format:
-    def load(path: Path) -> "Measured":
-        measured: Measured = _module(name, loader).load(path)
-        return measured
-
-    def problem(
-        train: "Sequence[Measured]", test: "Sequence[Measured]", *, law: str, instrument: Instrument | None
-    ) -> Problem:
-        built: Problem = _module(name, model).problem(train, test, law=law, instrument=instrument)
-        return built
-
-    return Format(load, problem)
-
-
-FORMATS: dict[str, Format] = {name: _lazy(name, *places) for name, places in _MODULES.items()}
+FORMATS = Formats(_entry_points())
 """Formats by name."""

@@ -1,27 +1,22 @@
-"""A fit as files: one HTML page that needs nothing beside it, all numbers, and the instrument that came of it."""
+"""A fit as files: one HTML page that needs nothing beside it, all numbers, and the identified instrument."""
 
-import io
 import json
 import math
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import jinja2
 import numpy as np
-from markupsafe import Markup
 
-from tenodesis.bench import style
-from tenodesis.bench.content import fixed
 from tenodesis.errors import IdentificationError
+from tenodesis.files import atomic_files
 from tenodesis.identification import figures
-from tenodesis.identification.fit import unexplained
+from tenodesis.identification.goodness import unexplained
 from tenodesis.identification.problem import Parameter, Problem, WithInstrument
-from tenodesis.identification.results import Fit, about, by_unit, to_json
+from tenodesis.identification.results import LIBRARIES, Fit, by_unit, to_json
 from tenodesis.instrument import Instrument
-from tenodesis.instrument_text import to_file
-from tenodesis.whole import together
+from tenodesis.instrument.text import to_file
+from tenodesis.report import page, style
 
 PAGE, NUMBERS, INSTRUMENT = "report.html", "result.json", "instrument.toml"
 """What a fit is written as."""
@@ -35,7 +30,7 @@ _DOTS_PER_INCH = 96
 
 
 def identified(problem: Problem, found: Fit) -> Instrument | None:
-    """Return the instrument with what was found in place, or None where the parameters are no keys of an instrument."""
+    """Return the instrument with the fitted values, or None where the parameters are no keys of an instrument."""
     return problem.instrument(found.vector) if isinstance(problem, WithInstrument) else None
 
 
@@ -62,7 +57,7 @@ def write(
     format, law
         Format of the recordings and name of the friction law.
     notes
-        What the loader says of each recording, by its name.
+        Notes of the loader on each recording, by its name.
 
     Returns
     -------
@@ -83,12 +78,23 @@ def write(
         poor = unexplained(problem, found.vector, found.files)
         comment = "\n".join([f"Identified from {logs}: {fitted}.", *([_POOR, *poor] if poor else [])])
         texts = {INSTRUMENT: to_file(inst, comment=comment), **texts}
+    return write_files(out, texts, last=PAGE)
+
+
+def write_files(out: Path, texts: Mapping[str, str], *, last: str) -> list[Path]:
+    """Write text files by name into a folder, all or none, and return their paths.
+
+    Raises
+    ------
+    IdentificationError
+        The folder cannot be written.
+    """
     try:
-        with together(out, last=PAGE) as new:
+        with atomic_files(out, last=last) as new:
             for name, text in texts.items():
                 (new / name).write_text(text, "utf-8")
-    except OSError as problem_:
-        raise IdentificationError(f"{out} cannot be written: {problem_.strerror or problem_}.") from problem_
+    except OSError as problem:
+        raise IdentificationError(f"{out} cannot be written: {problem.strerror or problem}.") from problem
     return [out / name for name in texts]
 
 
@@ -99,43 +105,47 @@ def as_text(numbers: Mapping[str, Any]) -> str:
 
 def render(problem: Problem, found: Fit, *, runs: Sequence[int], numbers: Mapping[str, Any]) -> str:
     """Return the page."""
-    text = (resources.files("tenodesis.identification") / _TEMPLATE).read_text("utf-8")
-    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     with style.applied():
         drawn = [
-            (name, Markup(_svg(name, figure)), caption, round(_DOTS_PER_INCH * figure.get_figwidth()))
+            (
+                name,
+                page.inline_svg(name, figure, dots_per_inch=_DOTS),
+                caption,
+                round(_DOTS_PER_INCH * figure.get_figwidth()),
+            )
             for name, (figure, caption) in figures.all_figures(problem, found, runs).items()
         ]
-    return environment.from_string(text).render(
+    return page.render(
+        "tenodesis.identification",
+        _TEMPLATE,
         found=found,
         numbers=numbers,
         cards=cards(found),
         rows=[(one.name.replace("_", " "), one.meaning, shown(found, one)) for one in found.parameters],
         keys=list(dict.fromkeys(key for one in found.files for key in one.rmse)),
-        worded=figures.worded,
+        axis_label=figures.axis_label,
         unit_of=lambda key: key.rpartition("_")[2],
         notes=grouped(numbers["notes"]),
         files=list(zip(numbers["files"], found.files, strict=True)),
         drawn=[one for one in drawn if not one[0].startswith("run-")],
         drawn_runs=[one for one in drawn if one[0].startswith("run-")],
-        fixed=fixed,
         short=_short,
-        about=about(),
+        about=page.about(*LIBRARIES),
     )
 
 
 def cards(found: Fit) -> list[tuple[str, str]]:
     """Return the few numbers that stand first, with what they are."""
-    told = [
+    errors = [
         (f"rmse, {name}", f"{_short(value)} {unit}".replace(" deg", "°"))
         for name, rmse in (("runs fitted", found.train_rmse), ("runs held out", found.test_rmse))
         for unit, value in by_unit(rmse).items()
     ]
     known = sum(found.identifiability.identifiable.values())
     return [
-        *told,
-        ("parameters told", f"{known} of {len(found.free)}"),
-        ("starts that came to this optimum", f"{found.same_optimum} of {found.starts}"),
+        *errors,
+        ("parameters identifiable", f"{known} of {len(found.free)}"),
+        ("starts that reached this optimum", f"{found.same_optimum} of {found.starts}"),
         ("model evaluations", f"{found.evaluations}"),
     ]
 
@@ -148,7 +158,8 @@ class Shown(NamedTuple):
     std: str
     interval: str
     bootstrap: str
-    told: str
+    identifiable: str
+    """yes, no or held, and the bound that the value is on."""
 
 
 def shown(found: Fit, one: Parameter) -> Shown:
@@ -165,26 +176,27 @@ def shown(found: Fit, one: Parameter) -> Shown:
 
     spread = "" if one.name not in found.free else f"{std:.2g}" if math.isfinite(std) else "open"
     side = found.identifiability.at_bound.get(one.name)
-    told = {None: "held", True: "yes", False: "no"}[found.identifiability.identifiable.get(one.name)]
+    identifiable = {None: "held", True: "yes", False: "no"}[found.identifiability.identifiable.get(one.name)]
     return Shown(
         number(found.values[one.name]),
         unit,
         spread,
         interval(found.interval_95.get(one.name)),
         interval((found.bootstrap_interval_95 or {}).get(one.name)),
-        f"{told}, {side} bound" if side else told,
+        f"{identifiable}, {side} bound" if side else identifiable,
     )
 
 
 def grouped(notes: Mapping[str, Sequence[str]]) -> list[tuple[str, str]]:
-    """Return what loaders say as recordings and sentence, once where it is the same of several but for their names."""
+    """Return notes as recordings and sentence, once where that of several recordings differs in their names only."""
     found: dict[str, list[tuple[str, str]]] = {}
     for name, sentences in notes.items():
         file = name.rpartition("/")[2]
         for sentence in sentences:
             found.setdefault(sentence.replace(file, "…").rstrip("."), []).append((name, sentence.rstrip(".")))
     return [
-        (", ".join(name for name, _ in said), common if len(said) > 1 else said[0][1]) for common, said in found.items()
+        (", ".join(name for name, _ in notes_), common if len(notes_) > 1 else notes_[0][1])
+        for common, notes_ in found.items()
     ]
 
 
@@ -197,10 +209,3 @@ def _digits(value: float, std: float) -> int | None:
 
 def _short(value: float) -> str:
     return f"{value:#.3g}" if 1e-4 <= abs(value) < 1000 else f"{value:.3g}"
-
-
-def _svg(name: str, figure: Any) -> str:
-    """Return a figure as SVG to stand within HTML: no prologue, no size, and ids that no other figure uses."""
-    file = io.StringIO()
-    figure.savefig(file, format="svg", dpi=_DOTS, metadata={"Date": None})
-    return style.inlined(name, file.getvalue())

@@ -1,7 +1,5 @@
-"""What a fit found, and the same as plain numbers for a file."""
+"""The result of a fit, and the same as plain numbers for a file."""
 
-import math
-import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,8 +10,11 @@ from tenodesis.identification.identifiability import Identifiability
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.uncertainty import LossName
 from tenodesis.identification.whiteness import Whiteness
-from tenodesis.signals import Array
+from tenodesis.report.page import about, json_number
+from tenodesis.run import Array
 
+LIBRARIES = ("scipy",)
+"""Those whose versions a result names beside NumPy's."""
 RESULTS_SCHEMA = 1
 """Version of the layout of result.json."""
 
@@ -35,7 +36,7 @@ class RunErrors:
 
 @dataclass(frozen=True)
 class Fit:
-    """What a fit found."""
+    """The result of a fit."""
 
     parameters: tuple[Parameter, ...]
     free: tuple[str, ...]
@@ -61,7 +62,7 @@ class Fit:
     whiteness: tuple[Whiteness, ...]
     starts: int
     same_optimum: int
-    """How many starts came to an optimum that is not to be told from the best."""
+    """How many starts reached an optimum no worse than the best but for chance."""
     costs: tuple[float, ...]
     """Of every start, where it ended; infinite where the model has no answer there."""
     loss: LossName
@@ -100,20 +101,6 @@ def distinct(names: Sequence[str]) -> list[str]:
     return out
 
 
-def about() -> dict[str, str]:
-    """Return the versions a fit was made with."""
-    import scipy  # noqa: PLC0415
-
-    from tenodesis import __version__  # noqa: PLC0415
-
-    return {
-        "tenodesis": __version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "scipy": scipy.__version__,
-    }
-
-
 def to_json(found: Fit, *, format: str, law: str, notes: Mapping[str, Sequence[str]] | None = None) -> dict[str, Any]:
     """Return a fit as plain numbers, SI; what is not finite is None.
 
@@ -124,28 +111,28 @@ def to_json(found: Fit, *, format: str, law: str, notes: Mapping[str, Sequence[s
     format, law
         Format of the recordings and name of the friction law.
     notes
-        What the loader says of each recording, by its name.
+        Notes of the loader on each recording, by its name.
     """
     runs = distinct([one.name for one in found.files])
     return {
         "schema": RESULTS_SCHEMA,
-        "about": about(),
+        "about": about(*LIBRARIES),
         "format": format,
         "law": law,
         "train": [name for name, one in zip(runs, found.files, strict=True) if one.split == "train"],
         "test": [name for name, one in zip(runs, found.files, strict=True) if one.split == "test"],
         "parameters": {one.name: _parameter(found, one) for one in found.parameters},
-        **{f"train_rmse_{unit}": _number(value) for unit, value in by_unit(found.train_rmse).items()},
-        **{f"test_rmse_{unit}": _number(value) for unit, value in by_unit(found.test_rmse).items()},
+        **{f"train_rmse_{unit}": json_number(value) for unit, value in by_unit(found.train_rmse).items()},
+        **{f"test_rmse_{unit}": json_number(value) for unit, value in by_unit(found.test_rmse).items()},
         "train_rmse": _numbers(found.train_rmse),
         "test_rmse": _numbers(found.test_rmse),
         "files": {name: _file(one) for name, one in zip(runs, found.files, strict=True)},
         "correlation": {
-            name: dict(zip(found.free, map(_number, row), strict=True))
+            name: dict(zip(found.free, map(json_number, row), strict=True))
             for name, row in zip(found.free, found.correlation.tolist(), strict=True)
         },
         "identifiability": {
-            "singular_values": [_number(value) for value in found.identifiability.singular_values.tolist()],
+            "singular_values": [json_number(value) for value in found.identifiability.singular_values.tolist()],
             "combinations": [
                 {"parameters": list(one.names), "known": one.known} for one in found.identifiability.combinations
             ],
@@ -153,14 +140,14 @@ def to_json(found: Fit, *, format: str, law: str, notes: Mapping[str, Sequence[s
             "statements": list(found.identifiability.statements),
         },
         "whiteness": [_whiteness(one) for one in found.whiteness],
-        "cost": _number(found.cost),
-        "aic": _number(found.aic),
-        "bic": _number(found.bic),
+        "cost": json_number(found.cost),
+        "aic": json_number(found.aic),
+        "bic": json_number(found.bic),
         "samples": found.samples,
         "loss": found.loss,
         "starts": found.starts,
         "same_optimum": found.same_optimum,
-        "costs": [_number(value) for value in found.costs],
+        "costs": [json_number(value) for value in found.costs],
         "seed": found.seed,
         "bootstrap": found.bootstrap,
         "evaluations": found.evaluations,
@@ -180,8 +167,8 @@ def _parameter(found: Fit, one: Parameter) -> dict[str, Any]:
         "unit": one.unit,
         "meaning": one.meaning,
         "fitted": fitted,
-        "std": _number(found.std[name]) if fitted else None,
-        "std_white": _number(found.std_white[name]) if fitted else None,
+        "std": json_number(found.std[name]) if fitted else None,
+        "std_white": json_number(found.std_white[name]) if fitted else None,
         "interval_95": None if interval is None else list(interval),
         "bootstrap_interval_95": None if drawn is None else list(drawn),
         "identifiable": found.identifiability.identifiable[name] if fitted else None,
@@ -196,7 +183,7 @@ def _file(one: RunErrors) -> dict[str, Any]:
     return {
         "split": one.split,
         "samples": max(one.samples.values(), default=0),
-        **{f"rmse_{unit}": _number(value) for unit, value in by_unit(one.rmse).items()},
+        **{f"rmse_{unit}": json_number(value) for unit, value in by_unit(one.rmse).items()},
         "rmse": _numbers(one.rmse),
         "mean": _numbers(one.mean),
         "largest": _numbers(one.largest),
@@ -208,8 +195,8 @@ def _whiteness(one: Whiteness) -> dict[str, Any]:
         "run": one.run,
         "channel": one.channel,
         "white": one.white,
-        "p_value": _number(one.p_value),
-        "ljung_box": _number(one.statistic),
+        "p_value": json_number(one.p_value),
+        "ljung_box": json_number(one.statistic),
         "lags": one.lags,
         "correlation_time": one.correlation_time,
         "samples": one.samples,
@@ -218,8 +205,4 @@ def _whiteness(one: Whiteness) -> dict[str, Any]:
 
 
 def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
-    return {key: _number(value) for key, value in values.items()}
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+    return {key: json_number(value) for key, value in values.items()}

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.formats.measured import Measured
+from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.problem import (
     Parameter,
     Problem,
@@ -22,13 +22,13 @@ from tenodesis.identification.problem import (
     WithDerivatives,
     WithGroups,
     WithInstrument,
-    WithLasting,
+    WithSystematicErrors,
     WithTraces,
 )
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
-Part: TypeAlias = Literal["until", "from"]
+FittedPart: TypeAlias = Literal["until", "from"]
 
 LEAST_SHARE = 0.05
 """Of the duration that either part has to have."""
@@ -44,11 +44,11 @@ class Window(NamedTuple):
 
 
 def split(
-    recordings: Sequence[Measured],
-    tests: Sequence[Measured],
+    recordings: Sequence[MeasuredRun],
+    tests: Sequence[MeasuredRun],
     share: float,
-    fitted: Part,
-    build: Callable[[Sequence[Measured], Sequence[Measured]], Problem],
+    fitted: FittedPart,
+    build: Callable[[Sequence[MeasuredRun], Sequence[MeasuredRun]], Problem],
 ) -> Problem:
     """Return a model whose first runs are the fitted part of each recording, then come the other parts, then the tests.
 
@@ -57,7 +57,7 @@ def split(
     recordings
         To be split.
     tests
-        Recordings that are held out as a whole.
+        Recordings that are held out entirely.
     share
         Of each recording's duration, where it is split.
     fitted
@@ -71,9 +71,7 @@ def split(
         The share leaves too little on either side, or the model cannot be built.
     """
     if not LEAST_SHARE <= share <= 1 - LEAST_SHARE:
-        raise IdentificationError(
-            f"the share to split at is {share:g}; allowed is {LEAST_SHARE:g} to {1 - LEAST_SHARE:g}."
-        )
+        raise IdentificationError(key="share", value=share, allowed=f"{LEAST_SHARE:g} to {1 - LEAST_SHARE:g}")
     cuts = [float(one.time[0] + share * (one.time[-1] - one.time[0])) for one in recordings]
     early = [replace(one, name=f"{one.name} (until {cut:.4g} s)") for one, cut in zip(recordings, cuts, strict=True)]
     late = [replace(one, name=f"{one.name} (from {cut:.4g} s)") for one, cut in zip(recordings, cuts, strict=True)]
@@ -87,13 +85,15 @@ def split(
         train, test = late, early
         windows = dict(enumerate([*behind, *before]))
     problem = build(train, [*test, *tests])
-    return (_WindowedTwin if isinstance(problem, WithDerivatives) and isinstance(problem, WithLasting) else Windowed)(
-        problem, windows
-    )
+    return (
+        _WindowedTwin
+        if isinstance(problem, WithDerivatives) and isinstance(problem, WithSystematicErrors)
+        else Windowed
+    )(problem, windows)
 
 
 class Windowed:
-    """A problem of whose runs some count within a window only.
+    """A problem with some runs of which only a window counts.
 
     Parameters
     ----------
@@ -127,8 +127,8 @@ class Windowed:
 
     def jacobian(self, values: Array, run: int) -> Array | None:
         """Return the exact derivatives of the residuals, (n, parameters), or None to have them differenced."""
-        whole = self._problem.jacobian(values, run)
-        return None if whole is None else self._counted(whole, run)
+        jacobian = self._problem.jacobian(values, run)
+        return None if jacobian is None else self._counted(jacobian, run)
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus model within the window by name, each with its unit last."""
@@ -163,7 +163,7 @@ class Windowed:
         return self._problem.channels(run) if isinstance(self._problem, WithChannels) else 1
 
     def advice(self, names: Sequence[str]) -> str | None:
-        """Return which recording would tell these parameters apart."""
+        """Return which recording would make these parameters identifiable, if one is known."""
         return self._problem.advice(names) if isinstance(self._problem, WithAdvice) else None
 
     def instrument(self, values: Array) -> Instrument | None:
@@ -187,20 +187,20 @@ class Windowed:
 
 
 class _WindowedTwin(Windowed):
-    """The same of a problem that answers for some parameters alone, and knows of errors that last."""
+    """The same of a problem with derivatives by some parameters alone, and with systematic errors."""
 
     def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
-        """Return the columns of the jacobian of some parameters, by index, (n, how many)."""
+        """Return the columns of the Jacobian for some parameters, by index, (n, columns)."""
         assert isinstance(self._problem, WithDerivatives)
         return self._counted(self._problem.derivatives(values, run, which), run)
 
-    def lasting(self, values: Array, run: int) -> Array:
-        """Return what errors that last may do to the residuals, one standard deviation, (n, how many)."""
-        assert isinstance(self._problem, WithLasting)
-        return self._counted(self._problem.lasting(values, run), run)
+    def systematic_errors(self, values: Array, run: int) -> Array:
+        """Return the effects of systematic errors on the residuals, one standard deviation each, (n, errors)."""
+        assert isinstance(self._problem, WithSystematicErrors)
+        return self._counted(self._problem.systematic_errors(values, run), run)
 
 
-def _ended(one: Measured, cut: float) -> Measured:
+def _ended(one: MeasuredRun, cut: float) -> MeasuredRun:
     """Return a recording up to a time."""
     kept = one.time < cut
     return replace(one, time=one.time[kept], columns={key: values[kept] for key, values in one.columns.items()})

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from scipy import linalg
 
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 LossName: TypeAlias = Literal["linear", "soft_l1"]
 
@@ -17,7 +17,7 @@ _BLOCKS = 300
 _LARGEST_ORDER = 6
 _LARGEST_ROOT = 0.97
 """Of the autoregression that whitens the scores (Andrews and Monahan 1992)."""
-_BLIND = 1e-8
+_UNSEEN = 1e-8
 """Singular value, as a share of the largest, below which a direction is not seen at all."""
 
 
@@ -31,38 +31,38 @@ class Linearised:
     """(n, free parameters), in units of the parameters' scales."""
     channels: int = 1
     """Sensors, one after the other in the residuals."""
-    lasting: Array | None = None
-    """What errors that last may do to the residuals, one standard deviation each, (n, m)."""
+    systematic: Array | None = None
+    """Effects of systematic errors on the residuals, one standard deviation each, (n, m)."""
 
 
 @dataclass(frozen=True)
-class Spread:
+class Uncertainty:
     """Covariances of the free parameters in units of their scales, over the directions that are seen."""
 
     covariance: Array
     """Corrected for residuals that are not independent."""
     white: Array
     """As if they were."""
-    blind: Array
-    """Directions that the recordings do not see at all, shape (free parameters, how many)."""
+    unseen: Array
+    """Directions without any effect on the residuals, (free parameters, directions)."""
 
     @property
     def std(self) -> Array:
-        """Corrected standard deviations; infinite where a blind direction takes part."""
-        return _std(self.covariance, self.blind)
+        """Corrected standard deviations; infinite where an unseen direction takes part."""
+        return _std(self.covariance, self.unseen)
 
     @property
     def white_std(self) -> Array:
         """Standard deviations as if residuals were independent."""
-        return _std(self.white, self.blind)
+        return _std(self.white, self.unseen)
 
     @property
     def full(self) -> Array:
-        """Corrected covariance in all directions, with a blind one known a thousand times worse than its range."""
-        return np.asarray(self.covariance + 1e6 * self.blind @ self.blind.T, dtype=np.float64)
+        """Corrected covariance in all directions; the standard deviation of an unseen one is 1000 ranges."""
+        return np.asarray(self.covariance + 1e6 * self.unseen @ self.unseen.T, dtype=np.float64)
 
     @property
-    def best(self) -> float:
+    def smallest_std(self) -> float:
         """Standard deviation of the combination of parameters that is known best."""
         return math.sqrt(max(0.0, float(linalg.eigvalsh(self.full).min())))
 
@@ -75,31 +75,31 @@ class Spread:
 
 
 def influence(residuals: Array, loss: LossName) -> tuple[Array, Array]:
-    """Return what a residual pulls with, and its slope: the derivative of the loss over residuals, twice."""
+    """Return the influence function of a loss, its first derivative by the residuals, and its second derivative."""
     if loss == "linear":
         return residuals, np.ones_like(residuals)
     root = np.sqrt(1 + residuals**2)
     return residuals / root, root**-3
 
 
-def spread(runs: Sequence[Linearised], loss: LossName = "linear") -> Spread:
-    """Return the covariance of the parameters: curvature on either side of the scores' long-run covariance.
+def estimate(runs: Sequence[Linearised], loss: LossName = "linear") -> Uncertainty:
+    """Return the covariance of the parameters: the scores' long-run covariance between inverse curvatures.
 
-    The sandwich of Huber (1967) and White (1980) with the estimator of Andrews and Monahan (1992) between, but nothing
-    is known better than if residuals were independent; errors that last come on top.
+    The sandwich of Huber (1967) and White (1980) with the estimator of Andrews and Monahan (1992) between, but no
+    variance is below that for independent residuals; systematic errors are added.
     """
     count = sum(run.residuals.size for run in runs)
     free = runs[0].jacobian.shape[1]
     weighted, scores, squares = [], [], 0.0
     for run in runs:
-        pull, slope = influence(run.residuals, loss)
-        weighted.append(np.sqrt(slope)[:, None] * run.jacobian)
-        score = (pull[:, None] * run.jacobian).reshape(run.channels, -1, free).sum(axis=0)
+        first, second = influence(run.residuals, loss)
+        weighted.append(np.sqrt(second)[:, None] * run.jacobian)
+        score = (first[:, None] * run.jacobian).reshape(run.channels, -1, free).sum(axis=0)
         scores.append(_summed(score))
-        squares += float(pull @ pull)
+        squares += float(first @ first)
     _, sizes, rows = linalg.svd(np.linalg.qr(np.concatenate(weighted), mode="r"))
-    seen = sizes > _BLIND * sizes.max(initial=0.0)
-    directions, blind = rows[seen].T, rows[~seen].T
+    seen = sizes > _UNSEEN * sizes.max(initial=0.0)
+    directions, unseen = rows[seen].T, rows[~seen].T
     inverse = directions / sizes[seen] ** 2 @ directions.T
     correction = count / max(1, count - free)
     middle = long_run([score @ directions for score in scores])
@@ -108,10 +108,10 @@ def spread(runs: Sequence[Linearised], loss: LossName = "linear") -> Spread:
     white = inverse * squares / max(1, count - free)
     covariance = covariance + np.diag(np.maximum(np.diag(white) - np.diag(covariance), 0))
     for run in runs:
-        if run.lasting is not None:
-            off = bread @ (directions.T @ (run.jacobian.T @ run.lasting))
+        if run.systematic is not None:
+            off = bread @ (directions.T @ (run.jacobian.T @ run.systematic))
             covariance = covariance + off @ off.T
-    return Spread(covariance=covariance, white=white, blind=blind)
+    return Uncertainty(covariance=covariance, white=white, unseen=unseen)
 
 
 def long_run(scores: Sequence[Array]) -> Array:
@@ -163,7 +163,7 @@ def _whitened(series: Sequence[Array]) -> tuple[Array, list[Array]]:
 
 
 def _summed(scores: Array) -> Array:
-    """Return scores summed over blocks of equal length; what is left over goes to the last."""
+    """Return scores summed over blocks of equal length; the last takes the remainder."""
     block = max(1, len(scores) // _BLOCKS)
     return np.add.reduceat(scores, np.arange(0, len(scores) - block + 1, block), axis=0)
 
@@ -195,7 +195,7 @@ def _kernel_sum(series: Array, bandwidth: float) -> Array:
     return np.asarray(total, dtype=np.float64)
 
 
-def _std(covariance: Array, blind: Array) -> Array:
+def _std(covariance: Array, unseen: Array) -> Array:
     std = np.sqrt(np.maximum(np.diag(covariance), 0))
-    std[np.abs(blind).max(axis=1, initial=0.0) > 1e-4] = np.inf
+    std[np.abs(unseen).max(axis=1, initial=0.0) > 1e-4] = np.inf
     return np.asarray(std, dtype=np.float64)

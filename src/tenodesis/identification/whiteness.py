@@ -1,11 +1,11 @@
-"""Whether residuals are noise: their autocorrelation, how long it lasts, and how many samples they are worth."""
+"""Whether residuals are white noise: autocorrelation, correlation time and effective number of samples."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
 
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 _WINDOW = 5.0
 """Correlation times after which the sum of correlations is cut (Sokal 1997)."""
@@ -15,7 +15,7 @@ _SIGNIFICANCE = 0.01
 
 @dataclass(frozen=True)
 class Whiteness:
-    """What the residuals of one sensor of one run look like."""
+    """Autocorrelation of the residuals of one sensor of one run, with the test for white noise."""
 
     run: str
     channel: int
@@ -25,7 +25,7 @@ class Whiteness:
     correlation_time: float
     """Integrated autocorrelation time, s; the sample time for white noise."""
     effective_samples: float
-    """How many independent samples the mean of the residuals is worth."""
+    """Independent samples whose mean would be known as well."""
     statistic: float
     """Of Ljung and Box (1978), over `lags` lags."""
     lags: int
@@ -41,7 +41,7 @@ class Whiteness:
 
 
 def autocorrelation(series: Array, lags: int | None = None) -> Array:
-    """Return the autocorrelation of a series, shape (lags + 1,), from lag 0; all lags unless told."""
+    """Return the autocorrelation of a series, shape (lags + 1,), from lag 0; all lags by default."""
     centred = series - series.mean()
     most = series.size - 1 if lags is None else min(lags, series.size - 1)
     from scipy import signal  # noqa: PLC0415 - slow to load
@@ -61,7 +61,7 @@ def correlation_samples(correlations: Array) -> float:
 
 
 def examine(series: Array, *, run: str, channel: int, sample_time: float) -> Whiteness:
-    """Return what the residuals of one sensor, shape (n,), look like, by autocorrelation and Ljung-Box test."""
+    """Return autocorrelation and Ljung-Box test of the residuals of one sensor, shape (n,)."""
     correlations = autocorrelation(series)
     time = correlation_samples(correlations)
     count = series.size
@@ -83,5 +83,5 @@ def examine(series: Array, *, run: str, channel: int, sample_time: float) -> Whi
 
 
 def _shown(time: float, count: int) -> int:
-    """Return how many lags tell the whole story: some correlation times, and enough to see that there are none."""
+    """Return how many lags to show: some correlation times, and enough to see that there are none."""
     return int(min(count // 2, max(2 * _TESTED_LAGS, 6 * time)))

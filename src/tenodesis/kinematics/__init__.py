@@ -1,4 +1,4 @@
-"""The whole instrument in space: forward and inverse kinematics through the port, workspace, models for other tools.
+"""The instrument in space: forward and inverse kinematics through the port, workspace, models for other tools.
 
 The chain is that of Fig. 1: a spherical joint at the port (pan, tilt, spin), a prismatic one through it (insertion),
 and three that turn the end-effector (yaw, pitch, roll); the handle's joints are at the other end of the stem.
@@ -15,22 +15,13 @@ For a view, :func:`frames` gives everything at once::
     view.tendons["yaw_agonist"]             # (points, 3) m, from the handle to the tendon's end
     tn.kinematics.dimensions(inst)          # lengths and radii to draw the bodies with, m
 
-:func:`urdf` and :func:`mjcf` write the instrument for other tools, and :func:`joint_positions` tells where a posture
-has the joints of these models.
+:func:`urdf` and :func:`mjcf` write the instrument for other tools, and :func:`joint_positions` returns the positions of
+their joints at a posture.
 """
 
 from tenodesis.kinematics.dimensions import Dimensions, Limits, dimensions, limits
 from tenodesis.kinematics.mjcf import mjcf
-from tenodesis.kinematics.motion import (
-    Frame,
-    Frames,
-    Posture,
-    forward,
-    frames,
-    inverse,
-    jacobian,
-    within_limits,
-)
+from tenodesis.kinematics.motion import Frame, Frames, Posture, forward, frames, inverse, jacobian, within_limits
 from tenodesis.kinematics.parts import joint_positions
 from tenodesis.kinematics.urdf import urdf
 from tenodesis.kinematics.workspace import Workspace, workspace

@@ -1,4 +1,4 @@
-"""Lengths and limits of the whole instrument, those that its file leaves out included."""
+"""Lengths and limits of an instrument from handle to tip, those that its file leaves out included."""
 
 import math
 from functools import lru_cache
@@ -7,15 +7,16 @@ from typing import NamedTuple
 from tenodesis import _core
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import Instrument
+from tenodesis.statics.query import check_instrument
 
-# What a file leaves out, as shares of what it has. The first is the paper's (Table I), the others are our choice.
+# Defaults of what a file leaves out, as shares. The first is the paper's (Table I), the others are our choice.
 _STEM_PER_GEAR_RADIUS = 2.5
 _JAW_SHARE = 0.4
 _INSERTION_SHARES = 0.2, 0.5, 0.8  # least, at rest, most
 
 
 class Dimensions(NamedTuple):
-    """Lengths of the whole instrument, m; radii and joint lengths by axis, from the stem outward."""
+    """Lengths of an instrument from handle to tip, m; radii and joint lengths by axis, from the stem outward."""
 
     axes: tuple[str, ...]
     stem_length: float
@@ -36,7 +37,7 @@ class Dimensions(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Least and most of every coordinate of the tip, rad and m; an axis that is not there stays at 0."""
+    """Smallest and largest value of every coordinate of the tip, rad and m; (0, 0) for an axis it does not have."""
 
     pan: tuple[float, float]
     tilt: tuple[float, float]
@@ -48,20 +49,19 @@ class Limits(NamedTuple):
 
 
 def dimensions(inst: Instrument) -> Dimensions:
-    """Return the lengths of the whole instrument, m (Fig. 1, Table I).
+    """Return the lengths of an instrument from handle to tip, m (Fig. 1, Table I).
 
-    What the file leaves out follows from the rest: the stem is what handle, end-effector and joints leave of
-    overall_length; two joints of one end are as far apart as each is long; the stem's diameter is 2.5 distal radii.
+    What the file leaves out follows from the rest: the stem's length is overall_length less handle, end-effector and
+    joints; two joints at one end are as far apart as each is long; the stem's diameter is 2.5 distal radii.
 
     Raises
     ------
     TypeError
-        It is no instrument.
+        `inst` is no instrument.
     InstrumentError
         Nothing is left for the stem, or the insertion at rest does not fit it.
     """
-    if not isinstance(inst, Instrument):
-        raise TypeError(f"inst is {inst!r}; allowed is an instrument, as tenodesis.load gives it.")
+    check_instrument(inst)
     return _dimensions(inst)
 
 
@@ -76,7 +76,7 @@ def limits(inst: Instrument) -> Limits:
     lengths = dimensions(inst)
     least, _, most = _insertions(inst, lengths.stem_length)
     geometry = inst.geometry
-    bends = {axis: inst.axis(axis).output_range for axis in inst.axes}
+    bends = {axis: planar.output_range for axis, planar in zip(inst.axes, inst.planar, strict=True)}
     pivot, yaw, pitch = geometry.pivot_range, bends.get("yaw", 0.0), bends.get("pitch", 0.0)
     return Limits(
         pan=(-pivot, pivot),
@@ -91,10 +91,10 @@ def limits(inst: Instrument) -> Limits:
 
 @lru_cache(maxsize=64)
 def chain(inst: Instrument) -> _core.Chain:
-    """Return the whole instrument as the core takes it."""
+    """Return the chain from port to tip as the core takes it."""
     lengths = dimensions(inst)
     return _core.Chain(
-        [inst.axis(axis).spec for axis in inst.axes],
+        [axis.spec for axis in inst.planar],
         [axis == "pitch" for axis in inst.axes],
         lengths.stem_length,
         lengths.joint_spacing,
@@ -104,7 +104,7 @@ def chain(inst: Instrument) -> _core.Chain:
 
 @lru_cache(maxsize=64)
 def _dimensions(inst: Instrument) -> Dimensions:
-    axes = [inst.axis(axis) for axis in inst.axes]
+    axes = inst.planar
     distal, proximal = (tuple(_radius(axis, end) for axis in axes) for end in ("distal", "proximal"))
     geometry = inst.geometry
     spacing = 2 * distal[0] if geometry.joint_spacing is None else geometry.joint_spacing
@@ -116,13 +116,19 @@ def _dimensions(inst: Instrument) -> Dimensions:
     if not stem > 0:
         raise InstrumentError(
             f"{inst.name}: overall_length is {inst.overall_length:g} m, of which handle, end-effector and joints take "
-            f"{taken:g} m, so that no stem is left; allowed is a larger overall_length, or geometry.stem_length."
+            f"{taken:g} m, so that no stem is left; it must be larger, or geometry.stem_length given.",
+            key="overall_length",
+            value=inst.overall_length,
+            allowed=f"above {taken:g} m",
         )
     least, insertion, most = _insertions(inst, stem)
     if not least <= insertion <= most:
         raise InstrumentError(
-            f"{inst.name}: geometry.insertion is {insertion:g} m; allowed is from least_insertion, {least:g} m, to "
-            f"most_insertion, {most:g} m."
+            f"{inst.name}: geometry.insertion is {insertion:g} m; it must be from least_insertion, {least:g} m, to "
+            f"most_insertion, {most:g} m.",
+            key="geometry.insertion",
+            value=insertion,
+            allowed=f"from {least:g} to {most:g} m",
         )
     return Dimensions(
         axes=tuple(inst.axes),

@@ -75,7 +75,7 @@ def mjcf(inst: Instrument) -> str:
         gain = _text(_stiffness(inst, joint))
         SubElement(servos, "position", name=joint.name, joint=joint.name, kp=gain)
     toward = TOWARD[inst.axes[0]]
-    against = " ".join(f"{-one:g}" for one in toward)
+    against = " ".join(f"{-component:g}" for component in toward)
     SubElement(servos, "motor", name="force", site="tip_force", gear=f"{against} 0 0 0")
     control = [rest[joint.name] for joint in held] + [0.0]
     key = SubElement(SubElement(root, "keyframe"), "key", name="rest")
@@ -86,7 +86,7 @@ def mjcf(inst: Instrument) -> str:
 
 
 def _held(inst: Instrument) -> set[str]:
-    """Return the joints that hand and port hold; the bending joints of the tip hang on their tendons alone."""
+    """Return the joints that hand and port hold; the bending joints of the tip hang on their tendons planar."""
     handles = {f"handle_{axis}_carrier" for axis in inst.axes}
     return {"pan", "tilt", "spin", "insertion", "roll", *handles}
 
@@ -102,7 +102,7 @@ def _defaults(root: Element) -> None:
 def _stiffness(inst: Instrument, joint: Joint) -> float:
     """Return what holds a joint, N·m/rad or N/m: the tendons at the tip, or a servo where the hand does."""
     lengths = dimensions(inst)
-    tendon = max(inst.axis(axis).tendon_stiffness for axis in inst.axes)
+    tendon = max(axis.tendon_stiffness for axis in inst.planar)
     # Two tendons at an arm of a radius, by either half of the angle, each of which counts twice.
     if joint.kind == "hinge" and joint.name.removesuffix("_carrier").removesuffix("_far") in inst.axes:
         return 8 * tendon * max(lengths.distal_radii) ** 2
@@ -121,7 +121,7 @@ def _body(parent: Element, part: Part, stiffness: Mapping[str, float]) -> Elemen
             "joint",
             name=joint.name,
             type=joint.kind,
-            axis=" ".join(_text(one) for one in joint.axis),
+            axis=" ".join(_text(component) for component in joint.axis),
             range=f"{_text(joint.least)} {_text(joint.most)}",
             armature=_text(stiffness[joint.name] / _RATE**2),
             damping=_text(2 * _DAMPING_RATIO * stiffness[joint.name] / _RATE),
@@ -129,7 +129,7 @@ def _body(parent: Element, part: Part, stiffness: Mapping[str, float]) -> Elemen
     if part.cylinder is None:
         SubElement(body, "inertial", pos="0 0 0", mass=_LEAST_MASS, diaginertia=_LEAST_INERTIA)
     else:
-        start, end, radius = (_text(one) for one in part.cylinder)
+        start, end, radius = (_text(value) for value in part.cylinder)
         SubElement(body, "geom", type="cylinder", fromto=f"0 0 {start} 0 0 {end}", size=radius)
     SubElement(body, "site", name=f"{part.name}_force" if part.name == "tip" else f"{part.name}_origin")
     return body
@@ -159,8 +159,9 @@ def _strings(
     tendons: Element, bodies: dict[str | None, Element], inst: Instrument, lengths: Dimensions, axis: str
 ) -> None:
     """Add both tendons of an axis: strings through the gears' guides; on pulleys and backbones, by what they draw."""
-    alone, place = inst.axis(axis), lengths.axes.index(axis)
-    stretch = alone.pretension / alone.tendon_stiffness
+    place = lengths.axes.index(axis)
+    planar = inst.planar[place]
+    stretch = planar.pretension / planar.tendon_stiffness
     handle = _End("handle_", -lengths.stem_length, -lengths.handle_joint_spacing, lengths.proximal_radii[place])
     tip = _End("", 0.0, lengths.joint_spacing, lengths.distal_radii[place])
     paths = frames(inst, Posture()).tendons
@@ -180,12 +181,12 @@ def _strings(
                 # Both halves of the angle draw the radius times themselves.
                 for half in ("carrier", "far"):
                     SubElement(string, "joint", joint=f"{end.prefix}{axis}_{half}", coef=_text(slope))
-        string.set("stiffness", _text(alone.tendon_stiffness))
+        string.set("stiffness", _text(planar.tendon_stiffness))
 
 
 def _guides(bodies: dict[str | None, Element], end: _End, passed: Sequence[str], sign: float, axis: str) -> list[str]:
     """Put the sites that guide a tendon past the gears of one end, and return their names from the stem outward."""
-    x, y, _ = (sign * end.radius * one for one in TOWARD[axis])
+    x, y, _ = (sign * end.radius * component for component in TOWARD[axis])
     side = "agonist" if sign > 0 else "antagonist"
     names, on, height = [], "stem", end.stem
     for pair in passed:

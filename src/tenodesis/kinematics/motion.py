@@ -1,4 +1,4 @@
-"""Where every body is at a posture, how the tip moves with each joint, and which posture brings the tip to a goal."""
+"""Forward kinematics, Jacobian and inverse kinematics of the chain through the port."""
 
 from collections.abc import Mapping
 from math import degrees, pi, prod
@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core
-from tenodesis.errors import NoSolutionError
+from tenodesis.errors import ArgumentError, NoSolutionError
 from tenodesis.instrument import Instrument
 from tenodesis.kinematics.dimensions import chain, dimensions, limits
-from tenodesis.query import FloatOrArray
+from tenodesis.statics.query import FloatOrArray, numbers
 from tenodesis.threads import threads
 
 _Array = NDArray[np.float64]
 
-_FARTHEST = 1e6  # m; beyond it there is no instrument, and farther still no number
+_FARTHEST = 1e6  # m
 
 COORDINATES = ("pan", "tilt", "spin", "insertion", "yaw", "pitch", "roll")
 """The coordinates that decide where the tip is, in the order of the Jacobian's columns."""
@@ -53,7 +53,7 @@ class Frame(NamedTuple):
 
 
 class Frames(NamedTuple):
-    """All there is to draw of an instrument: frames by body, and polylines (..., points, 3) by tendon, m.
+    """What to draw of an instrument: frames by body, and polylines (..., points, 3) by tendon, m.
 
     Bodies are "stem" (at its distal end), "yaw_carrier" and "yaw_far" (the link between the centres of a gear pair, at
     the near one, and the far gear at its own), likewise for pitch, "end_effector" (at the last far body, rolled), "tip"
@@ -108,7 +108,7 @@ def frames(inst: Instrument, posture: Posture) -> Frames:
 def jacobian(inst: Instrument, posture: Posture) -> _Array:
     """Return the Jacobian of the tip (..., 6, 7): velocity (m/s) over angular velocity (rad/s) in the port's frame.
 
-    Columns are pan, tilt, spin, insertion, yaw, pitch, roll; that of an axis that is not there is zero.
+    Columns are pan, tilt, spin, insertion, yaw, pitch, roll; zero for an axis that the instrument does not have.
 
     Raises
     ------
@@ -140,8 +140,8 @@ def inverse(
     quaternion
         Orientation of the tip (..., 4), w, x, y, z, of length one to 1e-6.
     spin
-        Spin of the stem, rad. With yaw and pitch the chain has one joint more than a goal asks for, and keeps the spin
-        that is told; with one bending axis the spin follows, within a quarter turn of what is told.
+        Spin of the stem, rad. With yaw and pitch the chain has one joint more than a goal needs, and keeps this spin;
+        with one bending axis the spin follows from the goal, within a quarter turn of this one.
     near
         Where to start from, by pan and tilt: the posture before, on a path. With the second joint bent by more than
         about 60 deg a goal may have several postures.
@@ -149,8 +149,8 @@ def inverse(
     Returns
     -------
     Posture
-        Its tip is at the goal within 1e-13 m and rad for instruments of up to a metre. Joint limits are not looked
-        at, see :func:`within_limits`. In arrays, NaN where no posture was found.
+        Its tip is at the goal within 1e-13 m and rad for instruments of up to a metre. Joint limits are not
+        considered, see :func:`within_limits`. In arrays, NaN where no posture was found.
 
     Raises
     ------
@@ -165,29 +165,34 @@ def inverse(
     places, turns = _finite("position", position, 3), _finite("quaternion", quaternion, 4)
     if places.size and not np.abs(places).max() <= _FARTHEST:
         worst = places.flat[int(np.abs(places).argmax())]
-        raise ValueError(f"position is {worst:g} m; allowed is up to {_FARTHEST:g} m to either side.")
+        raise ArgumentError(key="position", value=float(worst), allowed=f"from {-_FARTHEST:g} to {_FARTHEST:g} m")
     if near is not None:
         near = _posture("near", near)
-    told = [_finite("spin", spin)]
-    told += [np.full((), np.nan)] * 2 if near is None else [_finite("pan", near.pan), _finite("tilt", near.tilt)]
+    start = [_finite("spin", spin)]
+    start += [np.full((), np.nan)] * 2 if near is None else [_finite("pan", near.pan), _finite("tilt", near.tilt)]
     try:
-        shape = np.broadcast_shapes(places.shape[:-1], turns.shape[:-1], *(one.shape for one in told))
+        shape = np.broadcast_shapes(places.shape[:-1], turns.shape[:-1], *(angle.shape for angle in start))
     except ValueError:
-        raise ValueError(
+        raise ArgumentError(
             f"the shapes do not broadcast: position {places.shape}, quaternion {turns.shape}, "
-            f"spin, pan and tilt {', '.join(str(one.shape) for one in told)}."
+            f"spin, pan and tilt {', '.join(str(angle.shape) for angle in start)}."
         ) from None
     lengths = np.linalg.norm(turns, axis=-1, keepdims=True)
     if lengths.size and not np.abs(lengths - 1).max() <= 1e-6:
         worst = lengths.flat[np.abs(lengths - 1).argmax()]
-        raise ValueError(f"quaternion has length {worst:.6g}; allowed is a unit quaternion, w, x, y, z.")
+        raise ArgumentError(
+            f"quaternion has length {worst:.6g}; it must be a unit quaternion, w, x, y, z.",
+            key="quaternion",
+            value=float(worst),
+            allowed="a unit quaternion",
+        )
     count = prod(shape)
     goals = np.empty((count, 7))
     goals[:, :3] = np.broadcast_to(places, (*shape, 3)).reshape(count, 3)
     goals[:, 3:] = np.broadcast_to(turns / lengths, (*shape, 4)).reshape(count, 4)
     out, reach = np.empty((count, len(COORDINATES))), np.empty(count, np.uint8)
-    start = np.stack([np.broadcast_to(one, shape).reshape(count) for one in told], axis=-1)
-    _core.chain_inverse(chain(inst), goals, start, out, reach, threads())
+    starts = np.stack([np.broadcast_to(angle, shape).reshape(count) for angle in start], axis=-1)
+    _core.chain_inverse(chain(inst), goals, starts, out, reach, threads())
     if shape == () and reach[0] != _core.Reach.OK:
         raise NoSolutionError(_unreached(inst, goals[0], _core.Reach(int(reach[0]))))
     columns = out[:, _column_order(inst)].T
@@ -196,7 +201,7 @@ def inverse(
 
 
 def within_limits(inst: Instrument, posture: Posture) -> FloatOrArray:
-    """Return whether every coordinate of the tip is within its limits, see :func:`limits`; NaN is not.
+    """Return whether every coordinate of the tip is within its limits, see :func:`limits`; False where one is NaN.
 
     Raises
     ------
@@ -209,7 +214,7 @@ def within_limits(inst: Instrument, posture: Posture) -> FloatOrArray:
     inside: Any = True
     for name, (least, most) in limits(inst)._asdict().items():
         value = getattr(posture, name)
-        value = dimensions(inst).insertion if value is None else _numbers(name, value)
+        value = dimensions(inst).insertion if value is None else numbers(name, value)
         slack = 1e-9 * (1 + abs(most))
         inside = inside & (value >= least - slack) & (value <= most + slack)
     return inside if np.ndim(inside) else bool(inside)
@@ -217,29 +222,18 @@ def within_limits(inst: Instrument, posture: Posture) -> FloatOrArray:
 
 def _posture(key: str, value: Posture) -> Posture:
     if not isinstance(value, Posture):
-        raise TypeError(f"{key} is {value!r}; allowed is a Posture.")
+        raise TypeError(f"{key} is {value!r}; it must be a Posture.")
     return value
-
-
-def _numbers(key: str, value: ArrayLike) -> _Array:
-    """Return an argument as float64, which may be NaN."""
-    try:
-        array = np.asarray(value)
-    except ValueError:
-        array = np.array(None)
-    if array.dtype.kind not in "buif" or np.ma.isMaskedArray(value):
-        raise ValueError(f"{key} is {value!r}; allowed is a number or an array of numbers.")
-    return array.astype(np.float64, copy=False)
 
 
 def _finite(key: str, value: ArrayLike, length: int | None = None) -> _Array:
     """Return an argument as finite float64, with its last dimension checked."""
-    array = _numbers(key, value)
+    array = numbers(key, value)
     if length is not None and (array.ndim == 0 or array.shape[-1] != length):
-        raise ValueError(f"{key} has shape {array.shape}; allowed is (..., {length}).")
+        raise ArgumentError(f"{key} has shape {array.shape}; it must be (..., {length}).", key=key, value=array.shape)
     if not np.isfinite(array).all():
         first = array.flat[int(np.argmax(~np.isfinite(array)))]
-        raise ValueError(f"{key} is {first}; allowed is a finite number.")
+        raise ArgumentError(key=key, value=float(first), allowed="a finite number")
     return array
 
 
@@ -254,17 +248,21 @@ def _rows(inst: Instrument, posture: Posture) -> tuple[_Array, tuple[int, ...]]:
         for key in (axis, f"handle_{axis}"):
             angle = given.get(key, np.zeros(()))
             if axis not in inst.axes and angle.any():
-                raise ValueError(f"{key} is {angle.flat[int(angle.argmax())]:g} rad; {inst.name} has no such axis.")
+                value = float(angle.flat[int(np.abs(angle).argmax())])
+                raise ArgumentError(f"{key} is {value:g} rad; {inst.name} has no such axis.", key=key, value=value)
             if angle.size and not np.abs(angle).max() < pi:
                 worst = angle.flat[int(np.abs(angle).argmax())]
-                raise ValueError(
-                    f"{key} is {worst:.6g} rad ({degrees(worst):.6g} deg); allowed is less than half a turn."
+                raise ArgumentError(
+                    f"{key} is {worst:.6g} rad ({degrees(worst):.6g} deg); it must be less than half a turn.",
+                    key=key,
+                    value=float(worst),
+                    allowed="less than half a turn",
                 )
     try:
         shape = np.broadcast_shapes(*(value.shape for value in given.values()))
     except ValueError:
         shapes = ", ".join(f"{key} {value.shape}" for key, value in given.items())
-        raise ValueError(f"the shapes do not broadcast: {shapes}.") from None
+        raise ArgumentError(f"the shapes do not broadcast: {shapes}.") from None
     rows = np.zeros((prod(shape), 9))
     bends = list(inst.axes)
     for place, key in [
@@ -284,15 +282,15 @@ def _column_order(inst: Instrument) -> list[int]:
     return [0, 1, 2, 3, 4 + bends.index("yaw"), 4 + bends.index("pitch"), 6]
 
 
-def _frame(numbers: _Array, shape: tuple[int, ...]) -> Frame:
-    return Frame(numbers[:, :3].reshape(*shape, 3), numbers[:, 3:].reshape(*shape, 4))
+def _frame(rows: _Array, shape: tuple[int, ...]) -> Frame:
+    return Frame(rows[:, :3].reshape(*shape, 3), rows[:, 3:].reshape(*shape, 4))
 
 
 def _unreached(inst: Instrument, goal: _Array, reach: _core.Reach) -> str:
     place = ", ".join(f"{value:.6g}" for value in goal[:3])
-    why = {
-        _core.Reach.UNREACHABLE: "no posture brings the tip there; allowed is a goal farther from the port than the "
-        "end-effector and its joints reach, or another orientation",
-        _core.Reach.SINGULAR: "two of its joints turn about one axis there; allowed is a goal beside it",
+    reasons = {
+        _core.Reach.UNREACHABLE: "no posture brings the tip there; it must be farther from the port than the "
+        "end-effector and its joints reach, or in another orientation",
+        _core.Reach.SINGULAR: "two of its joints turn about one axis there; give a goal beside it",
     }
-    return f"inverse of {inst.name} at position = ({place}) m: {why[reach]}."
+    return f"inverse of {inst.name} at position = ({place}) m: {reasons[reach]}."

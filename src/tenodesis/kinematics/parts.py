@@ -1,4 +1,4 @@
-"""The instrument as a tree of rigid parts with hinges and slides, as other tools take it."""
+"""The instrument as a tree of rigid parts with hinges and slides, from which URDF and MJCF are written."""
 
 from typing import Literal, NamedTuple
 
@@ -8,7 +8,7 @@ from tenodesis import _core, statics
 from tenodesis.instrument import Instrument
 from tenodesis.kinematics.dimensions import Dimensions, dimensions, limits
 from tenodesis.kinematics.motion import Posture, frames
-from tenodesis.query import FloatOrArray
+from tenodesis.statics.query import FloatOrArray
 
 Triple = tuple[float, float, float]
 
@@ -19,7 +19,7 @@ TOWARD: dict[str, Triple] = {"yaw": (1.0, 0.0, 0.0), "pitch": (0.0, 1.0, 0.0)}
 """Side of the agonist, by direction."""
 
 STEEL = 7800.0
-"""Density that parts are given, kg/m^3; they are drawn, and weigh, as if solid."""
+"""Density of the parts, which are solid, kg/m^3."""
 
 
 class Joint(NamedTuple):
@@ -31,11 +31,11 @@ class Joint(NamedTuple):
     least: float
     most: float
     same_as: str | None = None
-    """Joint that it must move with, by as much."""
+    """Joint that it moves with, by the same angle."""
 
 
 class Part(NamedTuple):
-    """A rigid part: where it sits on its parent along z when all joints are at zero, its joints, and a cylinder."""
+    """A rigid part: its parent, its offset along the parent's z when all joints are at zero, its joints, a cylinder."""
 
     name: str
     parent: str | None
@@ -94,25 +94,25 @@ def joint_positions(inst: Instrument, posture: Posture) -> dict[str, FloatOrArra
     NoSolutionError
         A single handle angle is left out, and the handle cannot bend as far as its output angle asks for.
     """
-    told = posture._asdict()
+    given = posture._asdict()
     if posture.insertion is None:
-        told["insertion"] = dimensions(inst).insertion
-    for axis in inst.axes:
-        if told[f"handle_{axis}"] is None:
-            told[f"handle_{axis}"] = statics.handle_angle(inst.axis(axis), told[axis])
-    bodies = frames(inst, Posture(**told)).bodies
+        given["insertion"] = dimensions(inst).insertion
+    for name, planar in zip(inst.axes, inst.planar, strict=True):
+        if given[f"handle_{name}"] is None:
+            given[f"handle_{name}"] = statics.handle_angle(planar, given[name])
+    bodies = frames(inst, Posture(**given)).bodies
     found: dict[str, FloatOrArray] = {}
     for part in parts(inst):
         for joint in part.joints:
-            if joint.name in told:
-                found[joint.name] = told[joint.name]
+            if joint.name in given:
+                found[joint.name] = given[joint.name]
                 continue
             bend = part.name.rpartition("_")[0]
             if joint.kind == "slide":
                 apart = bodies[part.name].position - bodies[f"{bend}_carrier"].position
                 found[joint.name] = np.linalg.norm(apart, axis=-1) - abs(part.offset)
             else:
-                found[joint.name] = np.asarray(told[bend]) / 2
+                found[joint.name] = np.asarray(given[bend]) / 2
     return {name: float(value) if np.ndim(value) == 0 else np.asarray(value) for name, value in found.items()}
 
 
@@ -122,12 +122,11 @@ def _stack(inst: Instrument, lengths: Dimensions, *, distal: bool) -> list[Part]
     spacing = side * (lengths.joint_spacing if distal else lengths.handle_joint_spacing)
     on, offset = "stem", 0.0 if distal else -lengths.stem_length
     found = []
-    for place, axis in enumerate(lengths.axes):
-        alone = inst.axis(axis)
-        chords = _core.joint_lengths(alone.spec)
+    for place, (axis, planar) in enumerate(zip(lengths.axes, inst.planar, strict=True)):
+        chords = _core.joint_lengths(planar.spec)
         chord = side * (chords[0] if distal else chords[1])
         radius = (lengths.distal_radii if distal else lengths.proximal_radii)[place]
-        half = (alone.output_stop if distal else alone.handle_range) / 2
+        half = (planar.output_stop if distal else planar.handle_range) / 2
         name = f"{end}{axis}"
         carrier = Joint(f"{name}_carrier", "hinge", BEND[axis], -half, half)
         far = Joint(f"{name}_far", "hinge", BEND[axis], -half, half, same_as=carrier.name)

@@ -1,4 +1,4 @@
-"""Where the tip gets to in the plane of the pan, and in which directions it can point there, loaded or not."""
+"""Cross-section of the workspace: where the tip can be, and in which directions it can point there, loaded or not."""
 
 from functools import lru_cache
 from math import isfinite
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis import statics
+from tenodesis.errors import ArgumentError
 from tenodesis.instrument import AxisName, Instrument
 from tenodesis.kinematics.dimensions import limits
 from tenodesis.kinematics.motion import Posture, forward, inverse
@@ -22,8 +23,8 @@ _HANDLE_ANGLES = 181
 class Workspace(NamedTuple):
     """A cross-section of the workspace through the port, in polar coordinates about it.
 
-    The plane is that of pan and yaw, or of tilt and pitch for an instrument that only pitches; it holds all there is of
-    the workspace of an instrument with one axis, and the other's joints are straight.
+    The plane is that of pan and yaw, or of tilt and pitch for an instrument that only pitches. It is the entire
+    workspace of an instrument with one axis; the joints of a second axis are straight in it.
     """
 
     distance: _Array
@@ -31,18 +32,18 @@ class Workspace(NamedTuple):
     angle: _Array
     """Of the way from port to tip, from z (m,), rad."""
     span: _Array
-    """Over how wide an angle the end-effector can point there (m, n), rad; 0 where the tip cannot be."""
+    """Width of the range of directions the end-effector can point in there (m, n), rad; 0 where the tip cannot be."""
     bend: float
     """Largest output angle to either side, rad: output_range, or what the handle's range gives under the load."""
 
     @property
     def area(self) -> float:
-        """Area that the tip gets to, m^2."""
+        """Area that the tip can reach, m^2."""
         return float((self._cells * (self.span > 0)).sum())
 
     @property
     def mean_span(self) -> float:
-        """Mean of the span over the area that the tip gets to, rad; 0 where that is none."""
+        """Mean of the span over the area that the tip can reach, rad; 0 if there is none."""
         area = self.area
         return float((self._cells * self.span).sum()) / area if area else 0.0
 
@@ -64,10 +65,10 @@ def workspace(inst: Instrument, force: float = 0.0, *, points: int = 121) -> Wor
     inst
         The instrument.
     force
-        Tangential force at the tip, N, that opposes the flexion to whichever side: what it takes of the output angle
-        at the end of the handle's range is lost for the workspace.
+        Tangential force at the tip, N, that opposes flexion to either side. It limits the bend to the output angle
+        that remains at the end of the handle's range.
     points
-        Distances and angles that are looked at, each.
+        Number of distances, and of angles.
 
     Raises
     ------
@@ -78,9 +79,9 @@ def workspace(inst: Instrument, force: float = 0.0, *, points: int = 121) -> Wor
     """
     bounds = limits(inst)
     if not (isinstance(force, Real) and isfinite(force) and force >= 0):
-        raise ValueError(f"force is {force!r}; allowed is a finite force of at least 0 N.")
+        raise ArgumentError(key="force", value=force, allowed="a finite force of at least 0 N")
     if not (isinstance(points, Integral) and points >= 2):
-        raise ValueError(f"points is {points!r}; allowed is a whole number of at least 2.")
+        raise ArgumentError(key="points", value=points, allowed="a whole number of at least 2")
     bend = _largest_bend(inst.axis(_axis(inst)), force)
     ray = _ray(inst, int(points))
     least, most = bounds.insertion
@@ -93,7 +94,7 @@ def workspace(inst: Instrument, force: float = 0.0, *, points: int = 121) -> Wor
 
 
 class _Ray(NamedTuple):
-    """Postures that bring the tip onto the port's axis, by distance (n,), m, and by direction to point to (k,), rad."""
+    """Postures that bring the tip onto the port's axis, by distance (n,), m, and by pointing direction (k,), rad."""
 
     distance: _Array
     direction: _Array
@@ -112,7 +113,7 @@ def _ray(inst: Instrument, points: int) -> _Ray:
     widest = getattr(bounds, axis)[1]
     ends = forward(inst, Posture(insertion=np.array([most, least]), **{axis: np.array([0.0, widest])})).position[:, 2]
     distance = np.linspace(max(ends[1], 0.02 * ends[0]), ends[0], points)
-    # Bent to a side, the tip is beside the stem on that side, so that it points less far from its way than it is bent.
+    # A tip that is bent to a side is also displaced to it, so that it points less far from the ray than it is bent.
     direction = np.linspace(-widest, widest, _DIRECTIONS)
     position = np.stack(np.broadcast_arrays(0.0, 0.0, distance[:, None]), axis=-1)
     half = direction[None, :] / 2

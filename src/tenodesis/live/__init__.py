@@ -1,1 +1,1 @@
-"""The live instrument: a loop in a process of its own, and those who watch and command it."""
+"""The live instrument: a loop in a process of its own, and the clients that watch and command it."""

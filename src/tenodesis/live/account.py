@@ -1,4 +1,4 @@
-"""What a recording tells beside its signals: who asked for what, which faults there were, and what is missing."""
+"""The events of a live recording for a reader: who commanded what, which faults there were, and what is missing."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -13,10 +13,10 @@ from tenodesis.control import FAULTS
 from tenodesis.errors import InstrumentError, RecordingError
 from tenodesis.live.recorder import LIVE
 from tenodesis.recording import Recording
-from tenodesis.recording.choices import CONTROLLER
-from tenodesis.recording.outcome import outcome
+from tenodesis.recording.metadata import CONTROLLER
 from tenodesis.recording.reader import Event
-from tenodesis.signals import Run
+from tenodesis.recording.summary import outcome
+from tenodesis.run import Run
 
 _SHOWN = 5
 """Times of a kind that are listed."""
@@ -29,7 +29,7 @@ def describe(recording: Recording) -> Group | None:
     before = [event for event in recording.events if "since" in event.content]
     events = [event for event in recording.events if "since" not in event.content]
     facts = {
-        "in force": ", ".join(f"{_kind(event)} by {_origin(event)}" for event in before) or "nothing told",
+        "in force": ", ".join(f"{_kind(event)} by {_origin(event)}" for event in before) or "unknown",
         **_controlled(recording),
         "faults": _faults(recording.run, recording.events),
         "lost rows": _missing(events, "rows_lost", "rows", "after"),
@@ -46,7 +46,7 @@ def describe(recording: Recording) -> Group | None:
 
 
 def _controlled(recording: Recording) -> dict[str, str]:
-    """Return what came of the run, where the recording does not tell it of a controller's choices."""
+    """Return the outcome of the run, unless the recording describes its controller: that is shown elsewhere."""
     if CONTROLLER in recording.metadata:
         return {}
     try:
@@ -57,20 +57,20 @@ def _controlled(recording: Recording) -> dict[str, str]:
 
 
 def _faults(run: Run, events: Sequence[Event]) -> str:
-    """Say which faults the rows have and how often each came, and which are told of alone: their rows are missing."""
+    """Name the faults in the rows and how often each came, and those in events only: their rows are missing."""
     came: dict[str, list[float]] = {}
     if run.faults is not None and len(run):
         masks = np.bitwise_or.reduce(np.nan_to_num(run.faults).astype(np.int64).reshape(len(run), -1), axis=1)
         for bit, name in enumerate(FAULTS):
             there = masks >> bit & 1
             came[name] = run.time[np.flatnonzero(np.diff(there, prepend=0) == 1)].tolist()
-    told: dict[str, list[float]] = {}
+    announced: dict[str, list[float]] = {}
     for event in events:
         names = event.content.get("faults")
         for name in names if isinstance(names, list | tuple) else ():
-            told.setdefault(str(name), []).append(event.time)
+            announced.setdefault(str(name), []).append(event.time)
     found = {name: (times[0], len(times)) for name, times in came.items() if times}
-    found |= {name: (times[0], 1) for name, times in told.items() if name not in found}
+    found |= {name: (times[0], 1) for name, times in announced.items() if name not in found}
     return (
         ", ".join(
             f"{name} from {first:.6g} s" + (f" ({count} times)" if count > 1 else "")
@@ -81,25 +81,25 @@ def _faults(run: Run, events: Sequence[Event]) -> str:
 
 
 def _missing(events: Sequence[Event], kind: str, what: str, place: str) -> str:
-    """Say how many of a kind events tell, and when: after or until each."""
-    told = [(_count(event, what), event.time) for event in events if _kind(event) == kind]
-    if not told:
+    """Name how many things of a kind are missing by the events, and when: after or until each."""
+    counted = [(_count(event, what), event.time) for event in events if _kind(event) == kind]
+    if not counted:
         return "none"
-    parts = [f"{count} {place} {time:.6g} s" for count, time in told]
+    parts = [f"{count} {place} {time:.6g} s" for count, time in counted]
     if parts[_SHOWN:]:
         parts = [*parts[: _SHOWN - 1], f"{len(parts) - _SHOWN} times more", parts[-1]]
-    return f"{sum(count for count, _ in told)}: {', '.join(parts)}"
+    return f"{sum(count for count, _ in counted)}: {', '.join(parts)}"
 
 
 def _end(events: Sequence[Event]) -> str:
     for event in reversed(events):
         if _kind(event) == "recording_ended":
             return f"{event.content.get('why', '')}, at {event.time:.6g} s"
-    return "not told: the recording was broken off"
+    return "unknown: the recording was broken off"
 
 
 def _by_kind(events: Sequence[Event]) -> Table:
-    """Return how many events there were of each kind and origin, those that were drawn together one by one."""
+    """Return how many events there were of each kind and origin, merged ones counted one by one."""
     rows: dict[tuple[str, str], tuple[int, float, float]] = {}
     for event in events:
         key = _kind(event), _origin(event)
@@ -120,10 +120,10 @@ def _origin(event: Event) -> str:
     return _text(event.content.get("origin"))
 
 
-def _text(told: Any) -> str:
-    return "not told" if told is None else str(told)
+def _text(value: Any) -> str:
+    return "unknown" if value is None else str(value)
 
 
 def _count(event: Event, what: str, otherwise: int = 0) -> int:
-    told = event.content.get(what)
-    return told if isinstance(told, int) and told >= 0 else otherwise
+    count = event.content.get(what)
+    return count if isinstance(count, int) and count >= 0 else otherwise

@@ -1,100 +1,46 @@
-"""A connection to a runtime process: what it does, and what it is asked, in somebody's name."""
+"""A connection to a runtime process over the socket in its folder."""
 
 import json
 import socket
 import threading
 import time
 from collections import deque
+from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from tenodesis.devices.device import Capabilities
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
 from tenodesis.live import folder as folders
+from tenodesis.live.commands import COMMANDS, Command, Connection
 from tenodesis.live.record import Reader, run_of, signals_of
-from tenodesis.protocols import Protocol
-from tenodesis.signals import Array
+from tenodesis.live.status import RuntimeState, Status, Timing
+from tenodesis.run import Array
 
 _TIMEOUT = 5.0
-"""Longest wait for an answer, s."""
-_LONG_TIMEOUT = 15.0
-"""The same where a recorder is ended first, s."""
+"""Longest wait for a connection, s."""
 _KEPT_RATE = 50.0
 """Ticks kept for `history`, Hz."""
 _KEPT_SECONDS = 60.0
 _DEAF = "The runtime runs and does not answer: try again, or end it; its loop pauses without an operator."
 _AT_ONCE = 0.05
-"""Longest wait of a stop for another order's answer, s."""
-_AGAIN = ("status", "acquire", "heartbeat", "release", "stop")
-"""Orders that may be given twice: a runtime closes connections that have said nothing for long where it has many."""
+"""Longest wait of a stop for another command's answer, s."""
 _GONE = "The runtime has gone: its motors are stopped by their own watchdogs. Start it again."
 
 
-@dataclass(frozen=True)
-class Timing:
-    """How the loop keeps time; durations in s."""
-
-    ticks: int
-    late: int
-    """Ticks that began more than half a period late."""
-    missed: int
-    """Ticks that did not take place, or were not caught up with."""
-    lost: int
-    """Ticks that the recorder did not get."""
-    p50: float
-    p99: float
-    worst: float
-    """Of the compute time of a tick through the whole runtime."""
-    controller_p50: float
-    controller_worst: float
-    """Of the controller alone, in the same ticks."""
-    lateness_p99: float
-    lateness_worst: float
-    rate: float
-    """Ticks per second, Hz."""
-
-
-@dataclass(frozen=True)
-class Status:
-    """The state of a runtime."""
-
-    state: str
-    """DISABLED, ENABLED, PAUSED, FAULT; GONE where there is no runtime any more."""
-    homed: bool
-    homing: bool
-    stopped: bool
-    """Whether motors are held by a stop."""
-    faults: tuple[str, ...]
-    first_faults: tuple[str, ...]
-    law: str
-    actuation: str
-    operator: str | None
-    timing: Timing
-    realtime: tuple[str, ...]
-    """What the operating system did not grant."""
-    protocol: tuple[str, float, float, str | None] | None
-    """Name, seconds done, seconds in all, and what is wrong."""
-    recording: Path | None
-    recorder_lost: int
-    speed: float
-    problem: str | None
-
-
-class Client:
-    """A connection in the name of an origin; orders raise LiveError unless this one operates.
+class Client(Connection):
+    """A connection to a runtime process in the name of an origin.
 
     Parameters
     ----------
     folder
         The runtime's folder.
     origin
-        In whose name.
+        Name of the client, as others see it.
 
     Raises
     ------
@@ -113,8 +59,7 @@ class Client:
             self._connect()
         except OSError as problem:
             raise LiveError(f"{self.folder} cannot be connected to: {problem.strerror or problem}.") from None
-        hello = self._ask("hello", origin=origin)
-        self.capabilities = Capabilities(**{**hello["capabilities"], "axes": tuple(hello["capabilities"]["axes"])})
+        self._capabilities = self.hello(origin)
         self._every = max(1, round(1 / _KEPT_RATE / self.time_step))
         self._kept: deque[Array] = deque(maxlen=round(_KEPT_SECONDS * _KEPT_RATE))
         self._history_lock = threading.Lock()
@@ -137,9 +82,9 @@ class Client:
         return self._reader.time_step
 
     @property
-    def device(self) -> str:
-        """Name of the device."""
-        return self.capabilities.name
+    def capabilities(self) -> Capabilities:
+        """What the device has."""
+        return self._capabilities
 
     @property
     def alive(self) -> bool:
@@ -147,12 +92,12 @@ class Client:
         return self._reader.alive
 
     def latest(self) -> dict[str, Any]:
-        """Return the newest tick's signals by name, numbers or arrays by axis and tendon; empty before the first."""
+        """Return the newest tick's signals by name, scalars or arrays by axis and tendon; empty before the first."""
         row = self._reader.newest()
         return {} if row is None else signals_of(row, self.axes)
 
     def history(self, seconds: float, rows: int = 500) -> dict[str, Array]:
-        """Return the signals of the last seconds by name, time among them, at most so many rows."""
+        """Return the signals of the last seconds by name, with ``time`` (s), thinned to at most `rows` rows."""
         with self._history_lock:
             self._keep()
             table = np.array(self._kept) if self._kept else np.empty((0, self._reader.columns))
@@ -163,87 +108,26 @@ class Client:
         return {"time": run.time, **run.signals()}
 
     def status(self) -> Status:
-        """Return the state; where there is no runtime, that."""
+        """Return the state of the runtime; where there is none any more, GONE."""
         try:
-            said = self._ask("status")
+            self._last_status = super().status()
         except LiveError as problem:
             return self._gone(str(problem))
-        values = {one.name: said[one.name] for one in fields(Status)}
-        for name in ("faults", "first_faults", "realtime"):
-            values[name] = tuple(values[name])
-        values["timing"] = Timing(**said["timing"])
-        values["protocol"] = None if said["protocol"] is None else tuple(said["protocol"])
-        values["recording"] = None if said["recording"] is None else Path(said["recording"])
-        self._last_status = Status(**values)
         return self._last_status
 
-    def acquire(self, force: bool = False) -> bool:
-        """Become the operator, from another if forced; return whether that worked."""
-        return bool(self._ask("acquire", force=force))
-
-    def release(self) -> None:
-        """Stop being the operator; the controller pauses."""
-        self._ask("release")
-
-    def heartbeat(self) -> bool:
-        """Say that the operator is still there; False from whom that is not."""
-        return bool(self._ask("heartbeat"))
-
-    def hand(self, angles: ArrayLike) -> None:
-        """Let the hand go to handle angles, rad, shape (axes,)."""
-        self._ask("hand", angles=_list(angles))
-
-    def force(self, force: ArrayLike) -> None:
-        """Load the tip tangentially, N, shape (axes,)."""
-        self._ask("force", force=_list(force))
-
-    def radial_force(self, force: ArrayLike) -> None:
-        """Load the tip along the end-effector, N, shape (axes,)."""
-        self._ask("radial_force", force=_list(force))
-
-    def request(self, what: str) -> None:
-        """Ask the controller to enable, disable, pause, resume, home or clear."""
-        self._ask("request", what=what)
-
     def stop(self) -> None:
-        """Stop the motors at once; anyone may. It waits for no other order's answer."""
+        """Stop the motors at once; anyone may. It waits for no other command's answer."""
         if not self._lock.acquire(timeout=_AT_ONCE):
             with closing(Client(self.folder, self.origin)) as another:
                 another.stop()
             return
         try:
-            self._asked("stop", {})
+            self._ask(COMMANDS["stop"], {})
         finally:
             self._lock.release()
 
-    def law(self, law: str, actuation: str) -> None:
-        """Choose compensation law and actuation mode."""
-        self._ask("law", law=law, actuation=actuation)
-
-    def speed(self, factor: float) -> None:
-        """Run simulated time so many times as fast as the clock; 0: as fast as it goes."""
-        self._ask("speed", factor=factor)
-
-    def tamper(self, place: str, mode: str, value: float, seconds: float, axis: str | None = None) -> None:
-        """Spoil a signal of the twin for a time; a value that is not finite stands for NaN."""
-        given = float(value) if np.isfinite(value) else None
-        self._ask("tamper", place=place, mode=mode, value=given, seconds=seconds, axis=axis)
-
-    def play(self, protocol: Protocol, *, record: bool = True) -> None:
-        """Run a protocol, recorded unless that is not wanted."""
-        self._ask("play", protocol=protocol.to_toml(), record=record)
-
-    def cancel(self) -> None:
-        """End the protocol."""
-        self._ask("cancel")
-
-    def record(self, on: bool, called: str = "live") -> Path | None:
-        """Begin to record, and return where to; or end that."""
-        path = self._ask("record", on=on, called=called)
-        return None if path is None else Path(path)
-
     def close(self) -> None:
-        """Let go of the runtime; if this one operates, the controller pauses."""
+        """Close the connection; if it holds the lease, the controller pauses."""
         with self._lock:
             self._closed = True
             self._drop()
@@ -257,15 +141,18 @@ class Client:
             if len(rows) < 4096:
                 return
 
-    def _ask(self, op: str, **content: Any) -> Any:
+    def send(self, command: Command, arguments: Mapping[str, Any]) -> Any:
+        """Send a command, and return what the runtime answers."""
+        message = command.encode(arguments)
         with self._lock:
-            return self._asked(op, content)
+            answer = self._ask(command, message)
+        return command.result.validate_python(answer)
 
     # With the lock held.
-    def _asked(self, op: str, content: dict[str, Any]) -> Any:
+    def _ask(self, command: Command, message: dict[str, Any]) -> Any:
         self._number = number = self._number + 1
         try:
-            answer = self._answered(op, content)
+            answer = self._answer(command, message)
         except (OSError, ValueError) as problem:
             answer = None
             why = f"{_DEAF} ({problem})" if isinstance(problem, TimeoutError | ValueError) else _GONE
@@ -279,28 +166,28 @@ class Client:
             raise LiveError(answer["error"])
         return answer["ok"]
 
-    def _answered(self, op: str, content: dict[str, Any]) -> dict[str, Any] | None:
+    def _answer(self, command: Command, message: dict[str, Any]) -> dict[str, Any] | None:
         if self._closed:
             raise OSError("the connection is closed")
         fresh = self._socket is None
         if fresh:
             self._connect()
-            if op != "hello":
-                self._exchange({"id": 0, "op": "hello", "origin": self.origin})
-        order = {"id": self._number, "op": op, **content}
+            if command is not COMMANDS["hello"]:
+                self._exchange({"id": 0, "op": "hello", "origin": self.origin}, command.timeout)
         try:
-            answer = self._exchange(order)
+            answer = self._exchange({"id": self._number, "op": command.name, **message}, command.timeout)
         except (BrokenPipeError, ConnectionResetError):
             answer = None
-        if answer is None and not fresh and op in _AGAIN:
+        # A runtime with many connections closes those that have said nothing for long.
+        if answer is None and not fresh and command.repeatable:
             self._drop()
-            return self._answered(op, content)
+            return self._answer(command, message)
         return answer
 
-    def _exchange(self, order: dict[str, Any]) -> dict[str, Any] | None:
+    def _exchange(self, message: dict[str, Any], timeout: float) -> dict[str, Any] | None:
         assert self._socket is not None
-        self._socket.settimeout(_LONG_TIMEOUT if order["op"] in ("cancel", "stop") else _TIMEOUT)
-        self._socket.sendall(json.dumps(order).encode() + b"\n")
+        self._socket.settimeout(timeout)
+        self._socket.sendall(json.dumps(message).encode() + b"\n")
         line = self._lines.readline()
         answer: dict[str, Any] | None = json.loads(line) if line else None
         return answer
@@ -326,22 +213,22 @@ class Client:
         last = self._last_status
         timing = Timing(0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1 / self.time_step)
         return Status(
-            "GONE",
-            False,
-            False,
-            True,
-            (),
-            (),
-            "off" if last is None else last.law,
-            "differential" if last is None else last.actuation,
-            None,
-            timing if last is None else last.timing,
-            (),
-            None,
-            None,
-            0 if last is None else last.recorder_lost,
-            0.0,
-            problem,
+            state=RuntimeState.GONE,
+            homed=False,
+            homing=False,
+            stopped=True,
+            faults=(),
+            first_faults=(),
+            law="off" if last is None else last.law,
+            actuation="differential" if last is None else last.actuation,
+            operator=None,
+            timing=timing if last is None else last.timing,
+            realtime=(),
+            protocol=None,
+            recording=None,
+            recorder_lost=0 if last is None else last.recorder_lost,
+            speed=0.0,
+            problem=problem,
         )
 
 
@@ -375,7 +262,3 @@ def _reach(connected: socket.socket, path: Path) -> None:
             time.sleep(0.005)
         else:
             return
-
-
-def _list(values: ArrayLike) -> list[float]:
-    return [float(one) for one in np.asarray(values, float).reshape(-1)]

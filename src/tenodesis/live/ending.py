@@ -1,4 +1,4 @@
-"""How a process is told to end: SIGTERM and Ctrl-C, whatever its threads are at."""
+"""SIGTERM and Ctrl-C end a process in order, whatever its threads do at that moment."""
 
 import os
 import signal
@@ -19,17 +19,17 @@ def on_signal(end: Callable[[], object]) -> Iterator[None]:
     Raises
     ------
     ValueError
-        This is not the main thread, which alone can be told.
+        This is not the main thread, to which alone signals come.
     """
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
 
-    def told() -> None:
+    def listen() -> None:
         while numbers := os.read(reading, 64):
             if any(number in _SIGNALS for number in numbers):
                 end()
 
-    listener = threading.Thread(target=told, name="signals", daemon=True)
+    listener = threading.Thread(target=listen, name="signals", daemon=True)
     listener.start()
     try:
         woken = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)

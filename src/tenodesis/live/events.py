@@ -1,4 +1,4 @@
-"""What happens beside the signals, as the live runtime tells it: a file of events, one JSON object a line."""
+"""The file of events of a live runtime, one JSON object a line, as its readers follow it."""
 
 import json
 import math
@@ -11,36 +11,36 @@ FILE = "events.jsonl"
 """Name of the file in the runtime's folder."""
 
 LONGEST = 1e7
-"""Time that a runtime runs at most, s."""
+"""Longest time that a runtime runs, s."""
 
 LONGEST_LINE = 1 << 18
-"""Bytes of a line, at most; what is longer is no event."""
+"""Most bytes of a line; a longer one is no event."""
 
 NUMBER = "number"
 """Name under which a line has its number, counted from 1."""
 
 LEFT_OUT = "events_left_out"
-"""First event of a file that began anew: `until` which number events are left out, but for those that are `kept`."""
+"""First event of a file that started again: `until` which number events are left out, but for those that are `kept`."""
 
 _SHOWN = 200
 """Characters kept of a line that is no event."""
 
 
-class Happened(NamedTuple):
-    """An event: when, s on the runtime's clock, NaN where that is not told, and the rest of what is told."""
+class RuntimeEvent(NamedTuple):
+    """An event: its time, s on the runtime's clock (NaN where it has none), and its content."""
 
     time: float
     content: Mapping[str, Any]
 
     def at(self, now: float) -> float:
-        """Return when it was, s; now (s) where it tells no time, or none that can be."""
+        """Return its time, s; now (s) where it has none, or an impossible one."""
         return self.time if 0 <= self.time <= LONGEST else now
 
 
 class Tail:
-    """The events of a file, each once, also where the file begins anew meanwhile.
+    """The events of a file, each once, even where the file starts again meanwhile.
 
-    Events that were left out before they were read are told as the event ``events_lost``, with how many they were.
+    Events that were left out before they were read appear as the event ``events_lost``, with their number.
 
     Parameters
     ----------
@@ -60,8 +60,8 @@ class Tail:
             while self.read():
                 pass
 
-    def read(self) -> list[Happened]:
-        """Return the events that have come, not all at once where they are many; a line that is none is told as one.
+    def read(self) -> list[RuntimeEvent]:
+        """Return the events that have come, not all at once where they are many; an unreadable line counts as an event.
 
         Raises
         ------
@@ -69,17 +69,17 @@ class Tail:
             The file is there and cannot be read.
         """
         while True:
-            # Looked at first: what was written before the file began anew is then all in the one that is open.
-            anew = self._begun_anew()
+            # Looked at first: all that was written before the file started again is then in the one that is open.
+            replaced = self._replaced()
             lines = self._lines()
             if not lines:
-                if not anew:
+                if not replaced:
                     return []
                 self.close()
                 continue
             events = []
             for line in lines:
-                # Of a line that is too long only the beginning is told.
+                # Of a line that is too long only the beginning is read.
                 if not self._skipping and line.strip() and (event := self._event(line)) is not None:
                     events.append(event)
                 self._skipping = not line.endswith(b"\n")
@@ -87,12 +87,12 @@ class Tail:
                 return events
 
     def close(self) -> None:
-        """Let go of the file; what is read next comes from the beginning of the one that is there then."""
+        """Close the file; the next read begins at the start of the one that exists then."""
         if self._file is not None:
             self._file.close()
         self._file, self._position, self._skipping = None, 0, False
 
-    def _begun_anew(self) -> bool:
+    def _replaced(self) -> bool:
         if self._file is None:
             return False
         try:
@@ -115,23 +115,23 @@ class Tail:
         self._position += end
         return data[:end].splitlines(keepends=True)
 
-    def _event(self, line: bytes) -> Happened | None:
-        """Return what a line tells; None where that was told before."""
+    def _event(self, line: bytes) -> RuntimeEvent | None:
+        """Return the event of a line; None where it was read before."""
         try:
             content = json.loads(line)
             time = content.pop("time", math.nan)
             time = float(time) if isinstance(time, int | float) else math.nan
             if content.get("event") == LEFT_OUT:
                 lost = content["until"] - self._number - sum(number > self._number for number in content["kept"])
-                told = {"event": "events_lost", "origin": content["origin"], "events": lost}
-                return Happened(time, told) if lost > 0 else None
+                summary = {"event": "events_lost", "origin": content["origin"], "events": lost}
+                return RuntimeEvent(time, summary) if lost > 0 else None
             number = content.pop(NUMBER, None)
             if isinstance(number, int):
                 if number <= self._number:
                     return None
                 self._number = number
-            return Happened(time, content)
+            return RuntimeEvent(time, content)
         except (ValueError, AttributeError, TypeError, KeyError, RecursionError, OverflowError):
-            return Happened(
+            return RuntimeEvent(
                 math.nan, {"event": "unreadable", "line": line[:_SHOWN].decode("utf-8", "replace").rstrip()}
             )

@@ -1,23 +1,23 @@
-"""The folder of a live runtime: what is in it, and how it is told."""
+"""The folder of a live runtime: its files, and the one that describes the runtime."""
 
 import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from tenodesis.errors import LiveError
+from tenodesis.files import atomic_file
 from tenodesis.instrument import Instrument, load
-from tenodesis.whole import whole
 
 RING = "ring"
 """The ticks, in shared memory."""
 SOCKET = "control.sock"
-"""Where it takes orders."""
+"""Where it takes commands."""
 INSTRUMENT = "instrument.toml"
 _SESSION = "session.json"
 
 
 class About(NamedTuple):
-    """What a runtime runs."""
+    """The description of a runtime."""
 
     inst: Instrument
     device: str
@@ -30,8 +30,8 @@ class About(NamedTuple):
     pid: int
 
 
-def tell(folder: Path, about: About) -> None:
-    """Write what a runtime runs; the instrument file is in the folder already.
+def write(folder: Path, about: About) -> None:
+    """Write the description of a runtime; the instrument file is in the folder already.
 
     Raises
     ------
@@ -40,12 +40,12 @@ def tell(folder: Path, about: About) -> None:
     """
     content: dict[str, Any] = about._asdict()
     del content["inst"]
-    with whole(folder / _SESSION) as new:
+    with atomic_file(folder / _SESSION) as new:
         new.write_text(json.dumps(content, indent=2), "utf-8")
 
 
 def read(folder: Path) -> About:
-    """Return what the runtime of a folder runs.
+    """Return the description of the runtime of a folder.
 
     Raises
     ------

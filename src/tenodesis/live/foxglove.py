@@ -1,22 +1,23 @@
-"""A live instrument over a Foxglove WebSocket: the topics of the recordings, to watch and nothing else."""
+"""A live instrument over a Foxglove WebSocket: the topics of the recordings, to watch only."""
 
 import ipaddress
 import math
 import threading
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
 from tenodesis.errors import LiveError
-from tenodesis.live import events as happenings
+from tenodesis.extras import require
+from tenodesis.live import events
 from tenodesis.live.events import Tail
-from tenodesis.live.source import Source, start_time
-from tenodesis.recording import cdr, messages, schemas
-from tenodesis.recording.messages import Messages
-from tenodesis.signals import Run
+from tenodesis.live.record import Source, start_time
+from tenodesis.recording import cdr, schemas
+from tenodesis.recording.schemas import Messages
+from tenodesis.run import Run
 
 if TYPE_CHECKING:
     from foxglove.channel import Channel
@@ -66,13 +67,13 @@ class Server:
         folder: Path | None = None,
     ) -> None:
         if rate is not None and not 0 < rate < math.inf:
-            raise LiveError(f"rate is {rate!r}; allowed is a positive number of Hz.")
+            raise LiveError(key="rate", value=rate, allowed="above 0 Hz and finite")
         if not 0 <= port < 1 << 16:
-            raise LiveError(f"port is {port}; allowed are 1 to 65535, or 0 for any that is free.")
-        foxglove = _sdk()
+            raise LiveError(key="port", value=port, allowed="from 1 to 65535, or 0 for any that is free")
+        foxglove = require("foxglove", "live")
         self._source = source
         self._stride = 1 if rate is None else max(1, round(1 / (rate * source.time_step)))
-        self._tail = None if folder is None else Tail(folder / happenings.FILE, at_end=True)
+        self._tail = None if folder is None else Tail(folder / events.FILE, at_end=True)
         self._context = foxglove.Context()
         self._channels: list[tuple[Messages, Channel]] | None = None
         self._start = 0
@@ -90,10 +91,10 @@ class Server:
                 message_backlog_size=_BACKLOG,
             )
         except RuntimeError as problem:
-            told = str(problem).rpartition("port: ")[2]
+            cause = str(problem).rpartition("port: ")[2]
             raise LiveError(
-                f"cannot listen on {host}, port {port}: {told}; allowed is an address of this computer and a port that "
-                "is free."
+                f"cannot listen on {host}, port {port}: {cause}; it must be an address of this computer and a "
+                "free port."
             ) from None
         self._events = self._channel(schemas.EVENTS, schemas.STRING, {})
 
@@ -131,15 +132,15 @@ class Server:
             self._start = start_time(run)
             self._channels = [
                 (one, self._channel(one.topic.name, one.topic.type, {"signals": " ".join(one.signals.values())}))
-                for one in messages.of_signals(run.axes, messages.columns(run).keys())
+                for one in schemas.messages_of(run.axes, schemas.flat_columns(run).keys())
             ]
         first = -self._row % self._stride
         self._row += len(run)
         rows = np.arange(first, len(run), self._stride)
-        kept = rows[(run.time[rows] >= 0) & (run.time[rows] <= happenings.LONGEST)]
+        kept = rows[(run.time[rows] >= 0) & (run.time[rows] <= events.LONGEST)]
         if not kept.size:
             return
-        columns = {name: values[kept] for name, values in messages.columns(run).items()}
+        columns = {name: values[kept] for name, values in schemas.flat_columns(run).items()}
         stamps = self._start + np.rint(run.time[kept] * cdr.SECOND).astype(np.int64)
         self._time = float(run.time[kept[-1]])
         for one, channel in self._channels:
@@ -155,11 +156,13 @@ class Server:
         happened = self._tail.read()
         for event in happened:
             time = event.at(self._time)
-            self._events.log(messages.event(time, event.content), log_time=self._start + round(time * cdr.SECOND))
+            self._events.log(
+                schemas.event_message(time, event.content), log_time=self._start + round(time * cdr.SECOND)
+            )
         return bool(happened)
 
     def _channel(self, topic: str, message_type: str, metadata: dict[str, str]) -> "Channel":
-        foxglove = _sdk()
+        foxglove = require("foxglove", "live")
         definition = schemas.definition(message_type).encode()
         schema = foxglove.Schema(name=message_type, encoding=SchemaEncoding.ROS2, data=definition)
         channel: Channel = foxglove.Channel(
@@ -169,7 +172,7 @@ class Server:
 
 
 def serve(server: Server, stop: threading.Event) -> None:
-    """Send what comes until the runtime ends, or it is told to stop."""
+    """Send what comes until the runtime ends or `stop` is set."""
     while not stop.is_set() and server.publish():
         stop.wait(_PERIOD)
 
@@ -183,11 +186,3 @@ def warning(host: str) -> str | None:
     if loopback:
         return None
     return f"{host} is not this computer alone: everyone who can reach it can watch the instrument, but not move it."
-
-
-def _sdk() -> Any:
-    try:
-        import foxglove  # noqa: PLC0415 - an extra
-    except ImportError:
-        raise LiveError("foxglove-sdk is not installed, which the Foxglove WebSocket needs.") from None
-    return foxglove

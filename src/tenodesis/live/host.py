@@ -1,4 +1,4 @@
-"""A runtime process of one's own: started, started again with another instrument, ended with its starter."""
+"""A runtime process started from here: started again with another instrument, ended with its starter."""
 
 import os
 import shutil
@@ -7,21 +7,25 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from tenodesis.devices.device import Capabilities
 from tenodesis.errors import LiveError
-from tenodesis.instrument import load, parse
-from tenodesis.instrument_text import to_toml
+from tenodesis.files import atomic_file
+from tenodesis.instrument import Instrument, load, parse
+from tenodesis.instrument.text import to_toml
 from tenodesis.live.client import Client
+from tenodesis.live.commands import Command, RestartableConnection
 from tenodesis.live.loop import Choices
-from tenodesis.whole import whole
+from tenodesis.run import Array
 
 _TO_START = 30.0
 _TO_END = 15.0
 _SHARED = Path("/dev/shm")
-"""Memory that is a folder: a ring on a disk would be written to it."""
+"""A folder in memory: a ring on a disk would be written to it."""
 _PREFIX = "tenodesis-"
 
 
@@ -51,7 +55,7 @@ class Host:
         _tidy()
         self._home = Path(tempfile.mkdtemp(prefix=f"{_PREFIX}{os.getpid()}-", dir=_place()))
         self.generation = 0
-        """How often it was started; a connection is to one of them."""
+        """How often a runtime was started."""
         self._process: subprocess.Popen[bytes] | None = None
         try:
             self.start(instrument)
@@ -66,11 +70,11 @@ class Host:
 
     @property
     def pid(self) -> int | None:
-        """Of the runtime's process."""
+        """Process id of the runtime."""
         return None if self._process is None else self._process.pid
 
     def start(self, instrument: str) -> None:
-        """Start with an instrument, in place of the one that runs; if that cannot be, it runs on.
+        """Start with an instrument in place of the present one, which goes on if the new one is not valid.
 
         Parameters
         ----------
@@ -82,7 +86,7 @@ class Host:
             self._end()
             self.generation += 1
             file = self._home / f"{self.generation}.toml"
-            with whole(file) as new:
+            with atomic_file(file) as new:
                 new.write_text(to_toml(inst), "utf-8")
             self._begin(file)
 
@@ -96,9 +100,9 @@ class Host:
             self._end()
             shutil.rmtree(self._home, ignore_errors=True)
 
-    def connect(self, origin: str) -> "Link":
-        """Return a connection in the name of an origin, which outlasts a new start."""
-        return Link(self, origin)
+    def connect(self, origin: str) -> "HostConnection":
+        """Return a connection in the name of an origin, which outlasts a restart."""
+        return HostConnection(self, origin)
 
     def _begin(self, file: Path) -> None:
         choices = self.choices
@@ -122,7 +126,7 @@ class Host:
         try:
             self._wait()
         except BaseException:
-            # One that starts later would hold its device, and nobody would know of it.
+            # A runtime that starts later would hold its device, and nobody would know of it.
             self._end()
             raise
 
@@ -136,7 +140,7 @@ class Host:
             except LiveError:
                 pass
             else:
-                # Nobody reads what it says from here on, and a full pipe would hold it up.
+                # Nobody reads its output from here on, and a full pipe would hold it up.
                 threading.Thread(target=_drain, args=(process,), daemon=True).start()
                 return
             if process.poll() is not None:
@@ -163,8 +167,8 @@ class Host:
                 pipe.close()
 
 
-class Link:
-    """A :class:`~tenodesis.live.client.Client` that goes over to the runtime that is started next."""
+class HostConnection(RestartableConnection):
+    """A :class:`~tenodesis.live.client.Client` that moves on to the runtime that is started next."""
 
     def __init__(self, host: Host, origin: str) -> None:
         self._host, self._origin = host, origin
@@ -172,15 +176,42 @@ class Link:
         self._generation = host.generation
         self._client = Client(host.folder, origin)
 
+    def send(self, command: Command, arguments: Mapping[str, Any]) -> Any:
+        """Send a command to the runtime that runs now, and return its answer."""
+        return command.call(self._current(), arguments)
+
+    @property
+    def inst(self) -> Instrument:
+        """The instrument that runs."""
+        return self._current().inst
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What its device has."""
+        return self._current().capabilities
+
+    @property
+    def alive(self) -> bool:
+        """Whether the runtime still runs."""
+        return self._current().alive
+
+    def latest(self) -> dict[str, Any]:
+        """Return the signals of the newest tick by name; empty before the first."""
+        return self._current().latest()
+
+    def history(self, seconds: float, rows: int = 500) -> dict[str, Array]:
+        """Return the signals of the last seconds by name."""
+        return self._current().history(seconds, rows)
+
     def load(self, instrument: str) -> None:
-        """Start with another instrument, by path, shipped name or text, and operate that; for the operator.
+        """Start with another instrument, by path, shipped name or text, and operate that; needs the lease.
 
         Raises
         ------
         InstrumentError
-            It is not valid; what runs runs on.
+            It is not valid; the present runtime goes on.
         LiveError
-            This one does not operate.
+            This connection does not hold the lease.
         """
         client = self._current()
         if client.alive and not client.heartbeat():
@@ -194,12 +225,9 @@ class Link:
             self._host.again()
 
     def close(self) -> None:
-        """Let go of the runtime."""
+        """Close the connection."""
         with self._lock:
             self._client.close()
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._current(), name)
 
     def _current(self) -> Client:
         with self._lock:
@@ -223,10 +251,10 @@ def _tidy() -> None:
 
 
 def _used(folder: Path) -> bool:
-    """Return whether a process was told to work in a folder: a runtime that is still closing, its recorder."""
+    """Return whether a process works in a folder, by its arguments: a runtime that is still closing, its recorder."""
     within = os.fsencode(folder) + b"/"
     for arguments in Path("/proc").glob("[0-9]*/cmdline"):
-        # One that ends meanwhile uses nothing.
+        # A process that ends meanwhile uses nothing.
         with suppress(OSError):
             if any(one.startswith(within) for one in arguments.read_bytes().split(b"\0")):
                 return True

@@ -1,4 +1,4 @@
-"""What happens beside the ticks, written down: a line of JSON each, in a file that begins anew when it is long."""
+"""The events of a live runtime, written to a file of JSON lines that starts again when it is long."""
 
 import json
 import os
@@ -8,18 +8,18 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from tenodesis.files import atomic_file
 from tenodesis.live.events import FILE, LEFT_OUT, LONGEST_LINE, NUMBER
-from tenodesis.whole import whole
 
 _MOST = 16 << 20
-"""Bytes after which the file begins anew: the folder is in memory."""
+"""Bytes after which the file starts again: the folder is in memory."""
 
 
 class Journal:
-    """The file of events; repeated ones of a kind are drawn together until `flush`.
+    """The file of events; repeated events of a kind are merged until `flush`.
 
-    A file that begins anew says how many events it leaves out, and keeps the last of each kind: what is in force.
-    An order is not held up by an event that cannot be written: it is counted, and told when that works again.
+    A file that starts again says how many events it leaves out, and keeps the last of each kind, which is in force.
+    An event that cannot be written holds no command up: it is counted, and the count is written when that works again.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class Journal:
     clock
         The time of the ticks, s.
     most
-        Bytes after which the file begins anew.
+        Bytes after which the file starts again.
 
     Raises
     ------
@@ -46,16 +46,16 @@ class Journal:
         self._number = self._size = self._missing = 0
         self._file: int | None = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
         self.problem: str | None = None
-        """Why events are not written down, in a sentence; None while they are."""
+        """Why events are not written, in a sentence; None while they are."""
 
-    def tell(self, event: str, origin: str, **content: Any) -> None:
-        """Write an event down at once, after those that wait."""
+    def write(self, event: str, origin: str, **content: Any) -> None:
+        """Write an event at once, after those that wait."""
         with self._lock:
             self._flush()
-            self._write({"time": self._clock(), "event": event, "origin": origin, **content})
+            self._put({"time": self._clock(), "event": event, "origin": origin, **content})
 
-    def tell_often(self, event: str, origin: str, **content: Any) -> None:
-        """Write an event down with the next flush; of many of an origin only the last, and how many there were."""
+    def write_merged(self, event: str, origin: str, **content: Any) -> None:
+        """Write an event with the next flush; of many from an origin only the last, and how many there were."""
         with self._lock:
             before = self._waiting.get((event, origin), {})
             self._waiting[event, origin] = {
@@ -67,12 +67,12 @@ class Journal:
             }
 
     def flush(self) -> None:
-        """Write down what waits."""
+        """Write the events that wait."""
         with self._lock:
             self._flush()
 
     def close(self) -> None:
-        """Write down what waits, and close the file."""
+        """Write the events that wait, and close the file."""
         with self._lock:
             self._flush()
             if self._file is not None:
@@ -82,9 +82,9 @@ class Journal:
     def _flush(self) -> None:
         waiting, self._waiting = self._waiting, {}
         for content in waiting.values():
-            self._write(content)
+            self._put(content)
 
-    def _write(self, content: dict[str, Any]) -> None:
+    def _put(self, content: dict[str, Any]) -> None:
         if self._file is None:
             return
         if self._missing:
@@ -97,14 +97,14 @@ class Journal:
             self._missing += 1
 
     def _append(self, content: dict[str, Any]) -> bool:
-        """Append an event whole or not at all, and return which."""
+        """Append an event, all of it or nothing, and return which."""
         line = self._line(content)
         try:
             if self._size + len(line) > self._most:
-                self._begin_anew(content["time"])
-            self._append_whole(line)
+                self._start_again(content["time"])
+            self._append_all(line)
         except OSError as problem:
-            self.problem = f"What happens is not written down: {problem.strerror or problem}; it is counted."
+            self.problem = f"Events are not written: {problem.strerror or problem}; they are counted."
             return False
         self.problem = None
         self._number += 1
@@ -116,25 +116,25 @@ class Journal:
         line = _encoded({NUMBER: self._number + 1, **content})
         if len(line) <= LONGEST_LINE:
             return line
-        told = {name: content[name] for name in ("time", "event", "origin")}
-        return _encoded({NUMBER: self._number + 1, **told, "too_long": len(line)})
+        kept = {name: content[name] for name in ("time", "event", "origin")}
+        return _encoded({NUMBER: self._number + 1, **kept, "too_long": len(line)})
 
-    def _begin_anew(self, now: float) -> None:
+    def _start_again(self, now: float) -> None:
         kept = sorted(self._latest.values())
         left_out = {"until": self._number, "kept": [number for number, _ in kept]}
         first = _encoded({"time": now, "event": LEFT_OUT, "origin": "runtime", **left_out})
         with ExitStack() as undo:
-            with whole(self._path) as new:
+            with atomic_file(self._path) as new:
                 new.write_bytes(b"".join([first, *(line for _, line in kept)]))
                 file = os.open(new, os.O_WRONLY | os.O_APPEND)
                 undo.callback(os.close, file)
             undo.pop_all()
-        # Whoever has the old one open reads it to its end.
+        # A reader that has the old file open reads it to its end.
         assert self._file is not None
         os.close(self._file)
         self._file, self._size = file, 0
 
-    def _append_whole(self, line: bytes) -> None:
+    def _append_all(self, line: bytes) -> None:
         assert self._file is not None
         size = os.fstat(self._file).st_size
         written = 0

@@ -1,20 +1,20 @@
-"""Who may move a motor: one operator at a time, for as long as it says that it is there."""
+"""The lease of the operator: one client at a time may move a motor, for as long as it renews the lease."""
 
 import threading
 import time
 from collections.abc import Callable
 
 SECONDS = 1.0
-"""Time without a word after which the operator is taken to be gone, s."""
+"""Time without a renewal after which the operator is taken to be gone, s."""
 
 
 class Lease:
-    """Holds the one operator, known by a token of the caller's, called by its origin.
+    """The lease of one operator, known by a token of the caller and called by its origin.
 
     Parameters
     ----------
     renewed
-        Called with the seconds for which the operator is known to be there; 0 where there is none.
+        Called with the seconds for which the lease holds; 0 when it ends.
     clock
         Monotonic time, s.
     """
@@ -28,21 +28,21 @@ class Lease:
 
     @property
     def origin(self) -> str | None:
-        """Who operates."""
+        """Origin of the operator; None without one."""
         with self._lock:
             self._expire()
             return self._origin
 
     def held_by(self, holder: object) -> bool:
-        """Return whether this one operates."""
+        """Return whether this holder operates."""
         with self._lock:
             self._expire()
             return self._holder is holder
 
     def acquire(self, holder: object, origin: str, *, force: bool) -> str | None:
-        """Become the operator if there is none, or by force; return who is in the way, None if nobody.
+        """Take the lease if it is free, or by force; return the origin that holds it instead, None on success.
 
-        Who operates already stays so, under the new name.
+        A holder that has it already keeps it, under the new origin.
         """
         with self._lock:
             self._expire()
@@ -53,7 +53,7 @@ class Lease:
             return None
 
     def renew(self, holder: object) -> bool:
-        """Say that the operator is there; False from whom that is not."""
+        """Renew the lease; return whether this holder has it."""
         with self._lock:
             self._expire()
             if self._holder is not holder:
@@ -62,7 +62,7 @@ class Lease:
             return True
 
     def release(self, holder: object) -> bool:
-        """Stop being the operator; False from whom that is not."""
+        """End the lease; return whether this holder had it."""
         with self._lock:
             if self._holder is not holder:
                 return False
@@ -74,7 +74,7 @@ class Lease:
         self._until = self._clock() + SECONDS
         self._renewed(SECONDS)
 
-    # The loop has its own clock of the lease; told here as well, it pauses even if another takes over at once.
+    # The loop has its own clock of the lease; ended here as well, it pauses even if another takes over at once.
     def _expire(self) -> None:
         if self._holder is not None and self._clock() > self._until:
             self._forget()

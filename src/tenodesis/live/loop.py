@@ -1,7 +1,7 @@
-"""The live loop of an instrument: its device and controller in a thread of the core, and what can be asked of it."""
+"""The live loop of an instrument: its device and controller in a thread of the core, and the orders it takes."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,19 +15,19 @@ from tenodesis.control import Controller, Request
 from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.devices.device import Capabilities, Device
 from tenodesis.devices.serial import SerialController, StreamedController
-from tenodesis.devices.settings import Serial
-from tenodesis.errors import DeviceError, LiveError
+from tenodesis.errors import ArgumentError, DeviceError, LiveError
 from tenodesis.instrument import Instrument
+from tenodesis.instrument.devices import Serial
 from tenodesis.live import folder as folders
-from tenodesis.live.pump import Pump
-from tenodesis.signals import Array
-from tenodesis.tampering import PLACES
+from tenodesis.live.device_thread import DeviceThread
+from tenodesis.run import Array
+from tenodesis.simulate.fault_injection import INJECTION_POINTS
 from tenodesis.twin import Twin
 
 _RING_SECONDS = 8.0
-"""Time that a reader may fall behind by, s."""
-ORDERS = ("request", "law", "hand", "force", "radial", "speed", "tamper", "drop")
-"""Orders of the core's loop, by number."""
+"""Time by which a reader may fall behind, s."""
+ORDERS = ("request", "law", "hand", "force", "radial", "speed", "inject_fault", "drop")
+"""Orders in the queue of the core's loop, by number."""
 _MODES = ("none", "add", "set", "hold")
 _LARGEST_FORCE = 100.0
 """At the tip, N."""
@@ -39,7 +39,7 @@ PROBLEMS = (
     "The device said nothing for longer than the bound, and the motors were stopped: look at its cables and power.",
     "The operator went away, and the motors were paused: resume to go on.",
 )
-"""What the loop says of itself, by number."""
+"""Problems of the core's loop, by number."""
 
 DeviceName: TypeAlias = Literal["twin", "nidaq", "canopen", "serial"]
 Maker: TypeAlias = Callable[[Instrument], Device]
@@ -47,7 +47,7 @@ Maker: TypeAlias = Callable[[Instrument], Device]
 
 @dataclass(frozen=True)
 class Choices:
-    """What a loop is made with."""
+    """Options of a loop."""
 
     device: DeviceName = "twin"
     address: str | None = None
@@ -60,11 +60,11 @@ class Choices:
     real_time: bool = True
     """Whether to ask for real-time scheduling and locked memory."""
     late_bound: float = 0.05
-    """Lateness past which motors that are real are stopped, s."""
+    """Lateness past which real motors are stopped, s."""
 
 
 class LiveLoop:
-    """The loop of an instrument, from `start` to `finish`; orders are taken with the next tick.
+    """The loop of an instrument, from `start` to `finish`; orders take effect with the next tick.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class LiveLoop:
     choices
         Device, law and more.
     device
-        Instead of the device of that name: one that Python serves.
+        A device that Python serves, in place of the one that `choices` names.
 
     Raises
     ------
@@ -83,8 +83,8 @@ class LiveLoop:
         The device cannot be opened.
     LiveError
         The folder cannot be written.
-    ValueError
-        A choice is none.
+    ArgumentError
+        There is no device of that name.
     """
 
     def __init__(
@@ -93,11 +93,11 @@ class LiveLoop:
         self.inst, self.folder = inst, folder
         self.choices = choices = choices or Choices()
         if choices.device not in get_args(DeviceName):
-            raise ValueError(f"device is {choices.device!r}; allowed are {', '.join(get_args(DeviceName))}.")
+            raise ArgumentError(key="device", value=choices.device, allowed=_one_of(get_args(DeviceName)))
         self.law, self.actuation = choices.law, choices.actuation
         self._lock = threading.Lock()
         self._device = device
-        self._pump: Pump | None = None
+        self._device_thread: DeviceThread | None = None
         if device is None and choices.device not in ("twin", "serial"):
             self._device = _made(choices.device, inst)
         if self._device is not None:
@@ -141,7 +141,7 @@ class LiveLoop:
                     f"{has.name} has {' and '.join(has.axes)}; {self.inst.name} has {' and '.join(axes)}."
                 )
             box = _core.MailboxDevice(len(axes))
-            self._pump = Pump(self._device, box, self.period)
+            self._device_thread = DeviceThread(self._device, box, self.period)
             return box, has
         if isinstance(self.controller, StreamedController):
             stops_alone = self.inst.control.watchdog
@@ -154,8 +154,8 @@ class LiveLoop:
 
     def start(self) -> None:
         """Begin; motors are at rest until the controller is enabled."""
-        if self._pump is not None:
-            self._pump.start()
+        if self._device_thread is not None:
+            self._device_thread.start()
         self.core.start()
 
     def finish(self) -> None:
@@ -164,8 +164,8 @@ class LiveLoop:
         self._close_device()
 
     def _close_device(self) -> None:
-        if self._pump is not None:
-            self._pump.finish()
+        if self._device_thread is not None:
+            self._device_thread.finish()
         elif self._device is not None:
             self._device.close()
         close = getattr(getattr(self, "controller", None), "close", None)
@@ -176,39 +176,39 @@ class LiveLoop:
     @property
     def problem(self) -> str | None:
         """What is wrong with the loop or its device, in a sentence."""
-        if self._pump is not None and self._pump.problem is not None:
-            return self._pump.problem
+        if self._device_thread is not None and self._device_thread.problem is not None:
+            return self._device_thread.problem
         link = getattr(self.controller, "problem", None)
         return PROBLEMS[self.core.problem] if link is None else str(link.text)
 
     @property
     def unanswered(self) -> int:
-        """Measurements of a device to which no answer came in time, so that its motors were told to stop."""
-        return 0 if self._pump is None else self._pump.unanswered
+        """Measurements of a device to which no answer came in time, so that its motors were commanded to rest."""
+        return 0 if self._device_thread is None else self._device_thread.unanswered
 
     def request(self, what: Request | str) -> None:
         """Ask the controller for something, a :class:`Request` or its name."""
         try:
             asked = Request[what.upper()] if isinstance(what, str) else Request(what)
         except (KeyError, ValueError):
-            names = ", ".join(one.name.lower() for one in Request)
-            raise LiveError(f"request is {what!r}; allowed are {names}.") from None
+            names = [request.name.lower() for request in Request]
+            raise LiveError(key="request", value=what, allowed=_one_of(names)) from None
         self._order("request", int(asked))
 
     def stop(self) -> None:
-        """Stop the motors at once, and pause; enable, resume, home or clear sets them free."""
+        """Stop the motors at once, and pause; enable, resume, home or clear releases them."""
         self.core.stop()
 
     def choose(self, law: str, actuation: str) -> None:
         """Take another compensation law and actuation mode with the next tick."""
         for argument, value, allowed in (("law", law, LawName), ("actuation", actuation, ActuationName)):
             if value not in get_args(allowed):
-                raise LiveError(f"{argument} is {value!r}; allowed are {', '.join(get_args(allowed))}.")
+                raise LiveError(key=argument, value=value, allowed=_one_of(get_args(allowed)))
         self._order("law", get_args(LawName).index(law), get_args(ActuationName).index(actuation))
         self.law, self.actuation = law, actuation  # type: ignore[assignment]
 
     def hand(self, angles: ArrayLike) -> None:
-        """Let the hand go to handle angles, rad, shape (axes,)."""
+        """Move the handle to angles, rad, shape (axes,)."""
         self._per_axis("hand", "handle_angle", angles, 10.0)
 
     def force(self, forces: ArrayLike) -> None:
@@ -220,32 +220,38 @@ class LiveLoop:
         self._per_axis("radial", "radial_force", forces, _LARGEST_FORCE)
 
     def speed(self, factor: float) -> None:
-        """Let simulated time run so many times as fast as the clock; 0: as fast as it goes."""
+        """Run simulated time at this multiple of wall time; 0: as fast as it goes."""
         if not self.capabilities.simulated:
-            raise LiveError("speed cannot be changed: the device keeps real time; allowed is that with the twin only.")
+            raise LiveError("speed can be changed on the twin only: the device keeps real time.")
         if not (factor == 0 or 0.1 <= factor <= 100):
-            raise LiveError(f"speed is {factor!r}; allowed is 0.1 to 100, or 0 (as fast as it goes).")
+            raise LiveError(key="speed", value=factor, allowed="from 0.1 to 100, or 0 for as fast as it goes")
         self._order("speed", value=float(factor))
 
-    def tamper(self, place: str, mode: str, value: float, seconds: float, axis: str | None = None) -> None:
-        """Spoil a signal between twin and controller for a time, as :class:`tenodesis.control.Tampering` does."""
+    def inject_fault(self, point: str, mode: str, value: float, seconds: float, axis: str | None = None) -> None:
+        """Inject a fault, as :class:`tenodesis.simulate.FaultInjection` is, from now on for a time, s."""
         if not self.capabilities.simulated:
-            raise LiveError("signals can be spoilt on the twin only.")
-        if place not in PLACES or mode not in _MODES:
-            raise LiveError(f"place is {place!r}, mode {mode!r}; allowed are {', '.join(PLACES)}; {', '.join(_MODES)}.")
+            raise LiveError("faults can be injected on the twin only.")
+        for argument, value_given, allowed in (("point", point, INJECTION_POINTS), ("mode", mode, _MODES)):
+            if value_given not in allowed:
+                raise LiveError(key=argument, value=value_given, allowed=_one_of(allowed))
         if axis is not None and axis not in self.inst.axes:
-            raise LiveError(f"axis is {axis!r}; allowed are {', '.join(self.inst.axes)}.")
+            raise LiveError(key="axis", value=axis, allowed=_one_of(self.inst.axes))
         if not 0 < seconds <= 3600:
-            raise LiveError(f"seconds is {seconds!r}; allowed is more than 0, up to 3600.")
+            raise LiveError(key="seconds", value=seconds, allowed="above 0, up to 3600")
         ticks = round(seconds / self.period)
         for n, name in enumerate(self.inst.axes):
             if axis in (None, name):
                 if np.isfinite(value):
                     self._order(
-                        "tamper", PLACES.index(place), _MODES.index(mode), axis=n, value=float(value), ticks=ticks
+                        "inject_fault",
+                        INJECTION_POINTS.index(point),
+                        _MODES.index(mode),
+                        axis=n,
+                        value=float(value),
+                        ticks=ticks,
                     )
                 else:
-                    self._given(self.core.tamper_not_a_number, PLACES.index(place), n, ticks)
+                    self._given(self.core.tamper_not_a_number, INJECTION_POINTS.index(point), n, ticks)
 
     @property
     def pending(self) -> int:
@@ -253,21 +259,22 @@ class LiveLoop:
         return self.core.pending_rows
 
     def push(self, rows: Array) -> int:
-        """Append ticks of a played motion, shape (n, axes, 3): handle angle, force, radial force; how many fitted."""
+        """Append ticks of a played motion, shape (n, axes, 3), and return how many fitted.
+
+        A row per tick and axis: handle angle (rad), force and radial force (N).
+        """
         with self._lock:
             return self.core.play(np.ascontiguousarray(rows, float))
 
     def drop(self) -> None:
-        """Forget the ticks of a played motion that are still to come; the hand stays where it is."""
+        """Drop the ticks of a played motion that are still to come; the handle stays where it is."""
         self._order("drop")
 
     def _per_axis(self, order: str, argument: str, values: ArrayLike, most: float) -> None:
         array = np.asarray(values, float).reshape(-1)
         if array.shape != (len(self.inst.axes),) or not np.all(np.abs(array) <= most):
-            raise LiveError(
-                f"{argument} is {np.asarray(values).tolist()!r}; allowed are {len(self.inst.axes)} finite numbers, at "
-                f"most {most:g}."
-            )
+            allowed = f"{len(self.inst.axes)} finite numbers, at most {most:g}"
+            raise LiveError(key=argument, value=np.asarray(values).tolist(), allowed=allowed)
         for n, value in enumerate(array.tolist()):
             self._order(order, axis=n, value=value)
 
@@ -307,3 +314,7 @@ def _made(name: str, inst: Instrument) -> Device:
     from tenodesis.devices import registry  # noqa: PLC0415 - drivers are needed for their devices alone
 
     return registry.make(name, inst)
+
+
+def _one_of(names: Iterable[str]) -> str:
+    return f"one of {', '.join(names)}"

@@ -1,4 +1,4 @@
-"""A protocol on a live instrument: its commands ahead of time, its homing when the instrument has come to that."""
+"""A protocol on a live instrument: its commands are sent ahead of time, its homing when it is reached."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -10,12 +10,11 @@ import numpy as np
 from tenodesis.control import OperatingState
 from tenodesis.control.controller import fault_names
 from tenodesis.instrument import Instrument
-from tenodesis.protocols import Pretension
-from tenodesis.protocols.command import Command, between, sampled
-from tenodesis.protocols.loop import refuse
-from tenodesis.protocols.protocol import Planned, block_size
-from tenodesis.protocols.shapes import SMOOTH
-from tenodesis.signals import Array
+from tenodesis.run import Array
+from tenodesis.simulate import Pretension
+from tenodesis.simulate.command import SMOOTH, Command, between, sampled
+from tenodesis.simulate.execution import check_controllable
+from tenodesis.simulate.protocol import Planned, block_size
 
 _AHEAD = 0.1
 """Time that the queue is kept ahead by, at least, s."""
@@ -28,12 +27,12 @@ _APPROACH = math.radians(20)
 _UNLOADING = 0.5
 """Time that loads take on that way, at least, s."""
 _PATIENCE = 1.0
-"""Time of the instrument within which it begins what it was asked, s."""
+"""Time of the instrument within which it begins what was requested, s."""
 _COMMANDED = ("commanded_handle_angle", "force", "radial_force")
 
 
 class Progress(NamedTuple):
-    """How far a protocol is, s; homing counts with its timeout, as in :meth:`tenodesis.protocols.Protocol.duration`."""
+    """How far a protocol is, s; homing counts with its timeout, as in :meth:`tenodesis.simulate.Protocol.duration`."""
 
     done: float
     total: float
@@ -61,7 +60,7 @@ class Player:
 
     First the handle goes smoothly from where it is to where the protocol begins, and the loads to none. Nothing is
     sent while the instrument is not enabled; once it is enabled again, the handle goes back to where it was, and the
-    protocol goes on. Homing that came to nothing is the operator's to repeat.
+    protocol goes on. Homing that fails is the operator's to repeat.
 
     Parameters
     ----------
@@ -70,7 +69,7 @@ class Player:
     queue
         Takes the commands.
     ask
-        Asks the controller for something: home, resume, pause.
+        Requests home, resume or pause of the controller.
     latest
         Returns the newest tick: ``time`` (s), ``operating_state``, ``faults``, ``homed``, ``homing``, and what was
         commanded: ``commanded_handle_angle`` (rad), ``force`` and ``radial_force`` (N), NaN where nobody can.
@@ -95,7 +94,7 @@ class Player:
         inst: Instrument,
         time_step: float,
     ) -> None:
-        refuse(plan, inst.axes, inst)
+        check_controllable(plan, inst)
         self._plan, self._queue, self._ask, self._latest = tuple(plan), queue, ask, latest
         self._axes, self._time_step = len(inst.axes), time_step
         self._total = math.fsum(planned.seconds for planned in plan)
@@ -108,7 +107,7 @@ class Player:
         self._pending = self._given = 0
         self._homed = self._under_way = self._done = 0.0
         self.held = False
-        """Whether the operator's last word was to pause or disable: then it is the operator who homes or resumes."""
+        """Whether the operator's last request was to pause or disable: then the operator homes or resumes."""
         self.problem: str | None = None
         """Why it does not go on and what to do, in a sentence; None while it does."""
 
@@ -126,7 +125,7 @@ class Player:
         return self._over
 
     def advance(self) -> None:
-        """Send what is due and look at what has come of it."""
+        """Send the commands that are due, and look at the newest tick."""
         if self._over:
             return
         self._tick = self._latest()
@@ -153,7 +152,7 @@ class Player:
 
     def _play(self) -> Iterator[None]:
         homes_first = isinstance(self._plan[0].phase, Pretension)
-        yield from self._send(self._way_to(_rows(self._plan[0].held)), self._plan[0], disabled=homes_first)
+        yield from self._send(self._way_to(_rows(self._plan[0].initial)), self._plan[0], disabled=homes_first)
         for planned in self._plan:
             if isinstance(planned.phase, Pretension):
                 yield from self._home(planned)
@@ -186,25 +185,25 @@ class Player:
         """Whether commands may be sent; if not, the problem says why."""
         state, homing = self._state, bool(self._tick["homing"])
         if state == OperatingState.FAULT:
-            self._tell(planned, f"{self._faults()}; clear it and enable the instrument to go on")
+            self._wait(planned, f"{self._faults()}; clear it and enable the instrument to go on")
         elif disabled or (state == OperatingState.ENABLED and not homing):
             self.problem = None
         elif homing:
-            self._tell(planned, "the instrument is homing; resume it after that to go on")
+            self._wait(planned, "the instrument is homing; resume it after that to go on")
         elif not self._tick["homed"]:
-            self._tell(planned, f"the instrument is {state.name} and not homed; home and resume it to go on")
+            self._wait(planned, f"the instrument is {state.name} and not homed; home and resume it to go on")
         else:
             way = "resume" if state == OperatingState.PAUSED else "enable"
-            self._tell(planned, f"the instrument is {state.name}; {way} it to go on")
+            self._wait(planned, f"the instrument is {state.name}; {way} it to go on")
         return self.problem is None
 
     def _home(self, planned: Planned) -> Iterator[None]:
-        """Home and resume; homing that comes to nothing is waited for until the operator has repeated it."""
+        """Home and resume; where homing fails, wait until the operator has repeated it."""
         yield from self._emptied()
         stage, since, self._homing = _Homing.ASKED, self._time, True
         if self.held:
             stage = _Homing.FAILED
-            self._tell(planned, f"the operator has paused it, and it is {self._state.name}; home it to go on")
+            self._wait(planned, f"the operator has paused it, and it is {self._state.name}; home it to go on")
         elif self._state != OperatingState.FAULT:
             self._ask("home")
         while True:
@@ -214,30 +213,30 @@ class Player:
                 self._under_way = min(self._time - since, planned.seconds)
             if self._state == OperatingState.FAULT:
                 stage = _Homing.FAILED
-                self._tell(planned, f"{self._faults()}; clear it and home the instrument to go on")
+                self._wait(planned, f"{self._faults()}; clear it and home the instrument to go on")
             elif homing and stage in {_Homing.ASKED, _Homing.FAILED}:
                 stage, since, self.problem = _Homing.UNDER_WAY, self._time, None
             elif homing and stage is _Homing.UNDER_WAY and self._time - since > planned.seconds:
                 stage = _Homing.OUT_OF_TIME
                 self._ask("pause")
-                self._tell(planned, f"it has not homed within {planned.seconds:g} s; home the instrument to go on")
+                self._wait(planned, f"it has not homed within {planned.seconds:g} s; home the instrument to go on")
             elif not homing and stage is _Homing.UNDER_WAY and self._tick["homed"]:
                 break
             elif not homing and stage is _Homing.UNDER_WAY:
                 stage = _Homing.FAILED
-                self._tell(planned, "homing was ended; home the instrument to go on")
+                self._wait(planned, "homing was ended; home the instrument to go on")
             elif not homing and stage is _Homing.OUT_OF_TIME:
                 stage = _Homing.FAILED
             elif stage is _Homing.ASKED and self._time - since > _PATIENCE:
                 stage = _Homing.FAILED
-                self._tell(planned, "the instrument does not begin to home; home it to go on")
+                self._wait(planned, "the instrument does not begin to home; home it to go on")
         self._homing = False
         self._under_way = 0.0
         self._homed += planned.seconds
         yield from self._resume()
 
     def _resume(self) -> Iterator[None]:
-        """Resume, and wait a while for that; what is sent next says what is wrong if it was in vain."""
+        """Resume, and wait a while for that; the next commands name the problem if it was in vain."""
         if self.held:
             return
         asked = self._time
@@ -246,14 +245,14 @@ class Player:
             yield
 
     def _emptied(self) -> Iterator[None]:
-        """Wait until all that was sent is done."""
+        """Wait until all commands that were sent are done."""
         while self._queue.pending:
             yield
 
     def _way_to(self, end: Array) -> Array:
         """Return rows, shape (n, axes, 3), from what is commanded now to other commands (axes, 3)."""
-        told = np.stack([np.reshape(self._tick[name], self._axes) for name in _COMMANDED], axis=-1)
-        start = np.where(np.isfinite(told), told, end)
+        commanded = np.stack([np.reshape(self._tick[name], self._axes) for name in _COMMANDED], axis=-1)
+        start = np.where(np.isfinite(commanded), commanded, end)
         if (start == end).all():
             return np.empty((0, self._axes, 3))
         seconds = max(SMOOTH.peak * float(np.abs(end - start)[:, 0].max()) / _APPROACH, _UNLOADING)
@@ -272,9 +271,9 @@ class Player:
         masks = np.nan_to_num(np.ravel(self._tick["faults"])).astype(np.int64)
         return f"fault {', '.join(fault_names(int(np.bitwise_or.reduce(masks)))) or 'of an unknown name'}"
 
-    def _tell(self, planned: Planned, why: str) -> None:
+    def _wait(self, planned: Planned, why: str) -> None:
         done, total = self.progress
-        self.problem = f"{planned.called} waits at {done:.3g} of {total:.3g} s: {why}, or cancel the protocol."
+        self.problem = f"{planned.label} waits at {done:.3g} of {total:.3g} s: {why}, or cancel the protocol."
 
 
 class _Homing(Enum):

@@ -1,9 +1,10 @@
-"""The ticks of a live runtime, read from its ring by whoever watches."""
+"""The ticks of a live runtime, read from its ring."""
 
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from tenodesis import _core
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
 from tenodesis.live import folder as folders
-from tenodesis.signals import TRUTH, Array, Run
+from tenodesis.run import TRUTH, Array, Run
 from tenodesis.twin import as_run
 
 TICK = tuple(_core.tick_columns())
@@ -20,9 +21,36 @@ _BENCH = len(_core.bench_columns())
 _SIGNALS = len(_core.twin_signals())
 _CONTROL = len(_core.control_signals())
 _AXIS = _BENCH + _SIGNALS + _CONTROL
-_SENT = [n for n, name in enumerate(_core.control_signals()) if name.startswith("commanded_spool_velocity.")]
 _SILENT = 2.0
-"""Time after which a runtime that says nothing is taken for dead, s."""
+"""Time without a tick after which a runtime is taken for dead, s."""
+
+
+class Source(Protocol):
+    """Where the rows of a live instrument come from, as a :class:`Reader` gives them."""
+
+    @property
+    def inst(self) -> Instrument:
+        """The instrument."""
+        ...
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Its axes."""
+        ...
+
+    @property
+    def time_step(self) -> float:
+        """Between rows, s."""
+        ...
+
+    @property
+    def alive(self) -> bool:
+        """Whether rows may still come."""
+        ...
+
+    def read(self, most: int = 2000) -> tuple[Run, int]:
+        """Return the rows that are new, `most` of them, and how many were lost since the last time."""
+        ...
 
 
 class Reader:
@@ -47,7 +75,7 @@ class Reader:
         except (OSError, ValueError, RuntimeError) as problem:
             raise LiveError(f"the ticks of {self.folder} cannot be read: {problem}.") from None
         if self._ring.columns != len(TICK) + len(self.axes) * _AXIS:
-            raise LiveError(f"{self.folder} is of another version of tenodesis; start it anew.")
+            raise LiveError(f"{self.folder} is of another version of tenodesis; start it again.")
         self._cursor = self._ring.written
         self._rows = np.empty((0, self._ring.columns))
 
@@ -105,24 +133,27 @@ class Reader:
 
 
 def run_of(rows: Array, axes: tuple[str, ...], *, simulated: bool, distal: bool) -> Run:
-    """Return rows of a ring as a run, as a twin's would be; without what nobody knows of a device."""
-    count = len(rows)
-    commands, outs, controls = [], [], []
-    for axis in _blocks(rows, len(axes)):
-        command = np.zeros((count, len(_core.twin_commands())))
-        command[:, 0], command[:, 2] = axis[:, 0], axis[:, 1]
-        commands.append(command)
-        outs.append(axis[:, _BENCH : _BENCH + _SIGNALS].copy())
-        controls.append(axis[:, _BENCH + _SIGNALS :].copy())
-    request = rows[:, TICK.index("request")].copy()
-    run = as_run(rows[:, 0].copy(), axes, commands, outs, controls)
-    run = replace(run, request=request if len(axes) == 1 else np.stack([request] * len(axes), -1))
+    """Return rows of a ring as a run, as a twin's would be; without the signals that a device does not know."""
+    blocks = _blocks(rows, axes).copy()
+    bench, outs, controls = np.split(blocks, (_BENCH, _BENCH + _SIGNALS), axis=2)
+
+    def by_axis(values: Array) -> Array:
+        return values[:, 0] if len(axes) == 1 else values
+
+    run = as_run(
+        rows[:, 0].copy(),
+        axes,
+        {"commanded_handle_angle": by_axis(bench[:, :, 0]), "radial_force": by_axis(bench[:, :, 1])},
+        list(outs.swapaxes(0, 1)),
+        list(controls.swapaxes(0, 1)),
+    )
+    request = np.repeat(rows[:, TICK.index("request")][:, np.newaxis], len(axes), axis=1)
     unknown: list[str] = []
     if not simulated:
         unknown = [*TRUTH, "commanded_handle_angle", "force", "radial_force"]
         unknown += [] if distal else ["measured_output_angle"]
     missing: Mapping[str, Any] = dict.fromkeys(unknown)
-    return replace(run, **missing)
+    return replace(run, request=by_axis(request), **missing)
 
 
 def signals_of(row: Array, axes: tuple[str, ...]) -> dict[str, Any]:
@@ -132,12 +163,12 @@ def signals_of(row: Array, axes: tuple[str, ...]) -> dict[str, Any]:
     return dict(zip(TICK, row[: len(TICK)].tolist(), strict=True)) | named
 
 
-def sent(row: Array, axes: int) -> Array:
-    """Return the spool velocities that a row says were sent, rad/s, shape (axes, 2)."""
-    return np.array([block[0, [_BENCH + _SIGNALS + n for n in _SENT]] for block in _blocks(row[np.newaxis], axes)])
+def _blocks(rows: Array, axes: tuple[str, ...]) -> Array:
+    """Return what rows say of each axis, shape (n, axes, columns of an axis)."""
+    return rows[:, len(TICK) :].reshape(len(rows), len(axes), _AXIS)
 
 
-def _blocks(rows: Array, axes: int) -> Iterator[Array]:
-    for n in range(axes):
-        start = len(TICK) + n * _AXIS
-        yield rows[:, start : start + _AXIS]
+def start_time(run: Run) -> int:
+    """Return when the clock of rows that have just come was 0, ns since the epoch; now where none has a time."""
+    known = run.time[np.isfinite(run.time)]
+    return time.time_ns() - (round(float(known[-1]) * 1e9) if known.size else 0)

@@ -1,6 +1,6 @@
 """The process that records a live instrument: ``python -m tenodesis.live.recorder FOLDER FILE``.
 
-It only reads: nothing that happens to it, its death included, reaches the loop.
+It only reads: nothing that happens to it, not even its death, reaches the loop.
 """
 
 import argparse
@@ -20,15 +20,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tenodesis.errors import InstrumentError, LiveError, RecordingError
-from tenodesis.instrument_text import to_toml
-from tenodesis.live import events as happenings
+from tenodesis.files import atomic_file
+from tenodesis.instrument.text import to_toml
+from tenodesis.live import events
 from tenodesis.live.ending import on_signal
-from tenodesis.live.events import Happened, Tail
-from tenodesis.live.record import Reader
-from tenodesis.live.source import Source, start_time
+from tenodesis.live.events import RuntimeEvent, Tail
+from tenodesis.live.record import Reader, Source, start_time
 from tenodesis.recording import Recorder
-from tenodesis.signals import Array, Run
-from tenodesis.whole import whole
+from tenodesis.run import Array, Run
 
 LIVE = "live"
 """Mode of a live recording, as its metadata has it."""
@@ -79,21 +78,21 @@ class _Status:
 
     def __init__(self, file: Path, recording: Path) -> None:
         self._file = file
-        self._who = {"path": str(recording.absolute()), "pid": os.getpid()}
+        self._identity = {"path": str(recording.absolute()), "pid": os.getpid()}
 
-    def tell(self, outcome: Outcome | None, *, ended: bool = False, problem: str | None = None) -> None:
-        """Say how far it is, that it has ended, and why it could not go on."""
+    def write(self, outcome: Outcome | None, *, ended: bool = False, problem: str | None = None) -> None:
+        """Write how far it is, whether it has ended, and why it could not go on."""
         far = {} if outcome is None else outcome._asdict()
-        text = json.dumps({**self._who, **far, "ended": ended, "problem": problem})
-        # The recording is worth more than what is told of it.
-        with suppress(OSError), whole(self._file) as new:
+        text = json.dumps({**self._identity, **far, "ended": ended, "problem": problem})
+        # The recording matters more than its status.
+        with suppress(OSError), atomic_file(self._file) as new:
             new.write_text(text, "utf-8")
 
 
 class _Session:
     """A recording being made."""
 
-    def __init__(self, recorder: Recorder, status: _Status, run: Run, earlier: Mapping[str, Happened]) -> None:
+    def __init__(self, recorder: Recorder, status: _Status, run: Run, earlier: Mapping[str, RuntimeEvent]) -> None:
         self._recorder, self._status = recorder, status
         self._flushed = time.monotonic()
         known = run.time[np.isfinite(run.time)]
@@ -101,7 +100,7 @@ class _Session:
         self._first: float | None = None
         self.rows = self.lost = self.corrected = 0
         for happened in earlier.values():
-            self._recorder.event(max(self._last, 0.0), {**happened.content, "since": _told(happened.time)})
+            self._recorder.event(max(self._last, 0.0), {**happened.content, "since": _finite(happened.time)})
 
     @property
     def outcome(self) -> Outcome:
@@ -110,36 +109,36 @@ class _Session:
         )
 
     def add(self, run: Run, lost: int) -> None:
-        """Record rows, and say so where some before them are lost or their time does not go on."""
+        """Record rows, with an event where rows before them are lost or their time does not go on."""
         if lost:
             self.lost += lost
-            self.tell("rows_lost", rows=lost, in_all=self.lost)
+            self.note("rows_lost", rows=lost, in_all=self.lost)
         if not len(run):
             return
         times, corrected = _going_on(run.time, self._last)
         if corrected:
             self.corrected += corrected
-            self.tell("time_corrected", rows=corrected, in_all=self.corrected)
+            self.note("time_corrected", rows=corrected, in_all=self.corrected)
             run = replace(run, time=times)
         self._recorder.write(run)
         self._first = float(times[0]) if self._first is None else self._first
         self._last = float(times[-1])
         self.rows += len(run)
 
-    def happened(self, event: Happened) -> None:
-        """Record what the runtime tells; without a time of its own it happened now."""
+    def happened(self, event: RuntimeEvent) -> None:
+        """Record an event of the runtime; one without a time of its own happened now."""
         self._recorder.event(event.at(max(self._last, 0.0)), event.content)
 
     def keep(self) -> None:
-        """Send what came on its way to the disk, when it is time to, and say how far it is there."""
+        """Flush to the disk when it is time to, and write the status."""
         now = time.monotonic()
         if now - self._flushed >= _FLUSH:
             self._recorder.flush()
-            self._status.tell(self.outcome)
+            self._status.write(self.outcome)
             self._flushed = now
 
-    def tell(self, event: str, **content: Any) -> None:
-        """Record what the recorder itself has to say."""
+    def note(self, event: str, **content: Any) -> None:
+        """Record an event of the recorder itself."""
         self._recorder.event(max(self._last, 0.0), {"event": event, "origin": "recorder", **content})
 
 
@@ -152,7 +151,7 @@ def record(
     stop: threading.Event | None = None,
     overwrite: bool = False,
 ) -> Outcome:
-    """Record a live instrument until its runtime ends, or it is told to stop.
+    """Record a live instrument until its runtime ends, or `stop` is set.
 
     Parameters
     ----------
@@ -182,7 +181,7 @@ def record(
         The events cannot be read.
     """
     stop = threading.Event() if stop is None else stop
-    with closing(Tail(folder / happenings.FILE)) as tail:
+    with closing(Tail(folder / events.FILE)) as tail:
         return _record_all(source, tail, folder, path, device=device, stop=stop, overwrite=overwrite)
 
 
@@ -213,11 +212,11 @@ def _record_all(
             session = _Session(recorder, status, run, earlier)
             session.add(run, lost)
             why = _follow(source, tail, session, stop)
-            session.tell("recording_ended", why=why, rows=session.rows, lost=session.lost)
+            session.note("recording_ended", why=why, rows=session.rows, lost=session.lost)
     except (RecordingError, LiveError) as problem:
-        status.tell(None, ended=True, problem=str(problem))
+        status.write(None, ended=True, problem=str(problem))
         raise
-    status.tell(session.outcome, ended=True)
+    status.write(session.outcome, ended=True)
     return session.outcome
 
 
@@ -251,7 +250,7 @@ def _record(folder: Path, path: Path, stop: threading.Event, *, overwrite: bool)
 
 
 def _first(source: Source, stop: threading.Event) -> tuple[Run, int]:
-    """Return the first rows; none where none come soon, so that a file that cannot be written is told in any case."""
+    """Return the first rows; none where none come soon, so that an unwritable file is reported in any case."""
     until = time.monotonic() + _SOON
     lost = 0
     while True:
@@ -264,7 +263,7 @@ def _first(source: Source, stop: threading.Event) -> tuple[Run, int]:
 
 def _follow(source: Source, tail: Tail, session: _Session, stop: threading.Event) -> str:
     """Record all that comes, and say why no more does."""
-    # Where simulated time has no end, what comes after it was told to stop must not keep it.
+    # Where simulated time has no end, rows that come after the stop must not keep it from ending.
     turns = 2 + round(_HELD / source.time_step / _MOST)
     while True:
         ending, alive = stop.is_set(), source.alive
@@ -275,7 +274,7 @@ def _follow(source: Source, tail: Tail, session: _Session, stop: threading.Event
             session.happened(event)
         session.keep()
         more = len(run) == _MOST or bool(happened)
-        # What was there when it was told to stop is still taken.
+        # Rows that were there at the stop are still taken.
         turns -= ending
         if ending and (not more or turns == 0):
             return "asked to"
@@ -285,15 +284,15 @@ def _follow(source: Source, tail: Tail, session: _Session, stop: threading.Event
             stop.wait(_PERIOD)
 
 
-def _earlier(tail: Tail) -> dict[str, Happened]:
+def _earlier(tail: Tail) -> dict[str, RuntimeEvent]:
     """Return the last event of each kind before the recording: the law that is in force, the operator."""
-    found: dict[str, Happened] = {}
+    found: dict[str, RuntimeEvent] = {}
     while happened := _read(tail):
         found.update({str(event.content.get("event", "")): event for event in happened})
     return found
 
 
-def _read(tail: Tail) -> list[Happened]:
+def _read(tail: Tail) -> list[RuntimeEvent]:
     try:
         return tail.read()
     except OSError as problem:
@@ -315,7 +314,7 @@ def _going_on(times: Array, last: float) -> tuple[Array, int]:
     return going, corrected
 
 
-def _told(seconds: float) -> float | None:
+def _finite(seconds: float) -> float | None:
     return seconds if math.isfinite(seconds) else None
 
 

@@ -89,7 +89,7 @@ class RecordingProcess:
         return self.path is None or self._begun
 
     def status(self) -> dict[str, Any]:
-        """Return what the recorder tells of itself; nothing before it is ready."""
+        """Return the status that the recorder writes; empty before it is ready."""
         try:
             content = json.loads((self._folder / STATUS).read_text("utf-8"))
         except (OSError, ValueError):
@@ -106,7 +106,7 @@ class RecordingProcess:
     def _look(self) -> None:
         if self._process is None or self._process.poll() is None:
             return
-        self._tell_end(self._process)
+        self._explain_end(self._process)
         self._forget()
 
     def stop_soon(self) -> None:
@@ -134,10 +134,10 @@ class RecordingProcess:
             self._process.wait()
             self.problem = f"The recorder of {self.path} did not end, and was ended; its file can be read."
         else:
-            self._tell_end(self._process, asked=True)
+            self._explain_end(self._process, asked=True)
         self._forget()
 
-    def _tell_end(self, process: "subprocess.Popen[bytes]", *, asked: bool = False) -> None:
+    def _explain_end(self, process: "subprocess.Popen[bytes]", *, asked: bool = False) -> None:
         """Say what is wrong with how it ended, if anything is."""
         said = b"" if process.stderr is None else process.stderr.read()
         lines = said.decode("utf-8", "replace").strip().splitlines()

@@ -1,4 +1,4 @@
-"""Messages in CDR, little endian, whole arrays at once: all but stamp and numbers is the same in every message."""
+"""Messages in CDR, little endian, arrays at once: only stamp and numbers differ between the messages of a topic."""
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -13,7 +13,7 @@ SECOND = 1_000_000_000
 
 
 class Layout:
-    """Where a message's stamp and numbers lie among the bytes that never change."""
+    """Offsets of a message's stamp and numbers, the open fields, among bytes that are the same in every message."""
 
     def __init__(self) -> None:
         self._template = bytearray(_HEADER)
@@ -51,7 +51,7 @@ class Layout:
 
     @cached_property
     def dtype(self) -> np.dtype[np.void]:
-        """What of a message is open, as a structured type."""
+        """The open fields of a message as a structured type."""
         formats = [kind for kind, _ in self._fields.values()]
         offsets = [offset for _, offset in self._fields.values()]
         return np.dtype({"names": [*self._fields], "formats": formats, "offsets": offsets, "itemsize": self.size})
@@ -67,7 +67,7 @@ class Layout:
         return bytes(buffer)
 
     def decode(self, messages: Sequence[bytes]) -> NDArray[np.void] | None:
-        """Return the open parts of messages (n,), or None if one of them has another layout."""
+        """Return the open fields of messages (n,), or None if a message has another layout."""
         if any(len(message) != self.size for message in messages):
             return None
         joined = b"".join(messages)

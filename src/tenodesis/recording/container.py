@@ -1,4 +1,4 @@
-"""Read an MCAP file from its start as far as it is whole."""
+"""Read an MCAP file from its start up to the first damage."""
 
 import struct
 import zlib
@@ -27,7 +27,7 @@ class Message(NamedTuple):
 
 @dataclass
 class Contents:
-    """What an MCAP file holds, and why not all of it could be read, if so."""
+    """Records of an MCAP file, and why not all of them could be read, or None."""
 
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     schemas: dict[int, Schema] = field(default_factory=dict)
@@ -37,7 +37,7 @@ class Contents:
 
 
 class _DamageError(Exception):
-    """The file is not whole; the message says where."""
+    """The file is damaged; the message says where."""
 
 
 def is_mcap(data: bytes) -> bool:

@@ -1,6 +1,7 @@
 """Messages of one topic as arrays."""
 
 from collections.abc import Sequence
+from enum import Enum, auto
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,10 +9,11 @@ from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
+from tenodesis.errors import Error
 from tenodesis.recording import cdr
 from tenodesis.recording.container import Message
 from tenodesis.recording.schemas import FLOAT64, JOINT_STATE, WRENCH
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 _ARRAYS = ("position", "velocity", "effort")
 
@@ -24,12 +26,38 @@ class Decoded(NamedTuple):
     numbers: dict[str, Array]
 
 
-class MisfitError(Exception):
-    """The messages of a topic are not such as recordings have; the message says how."""
+class Misfit(Enum):
+    """Why a topic is left out of a recording's run."""
+
+    TYPE = auto()
+    """Its messages have another type or encoding, or cannot be decoded."""
+    JOINTS = auto()
+    """Its messages are about other joints than those of the instrument, or not all about the same."""
+    STAMPS = auto()
+    """Its stamps are not those of the other topics."""
+
+
+class LeftOut(NamedTuple):
+    """A topic that is left out: why, and the same as the end of a sentence."""
+
+    reason: Misfit
+    text: str
+
+    def __str__(self) -> str:
+        """Return the text."""
+        return self.text
+
+
+class MisfitError(Error):
+    """The messages of a topic do not fit a recording; `left_out` says why."""
+
+    def __init__(self, reason: Misfit, text: str) -> None:
+        super().__init__(text)
+        self.left_out = LeftOut(reason, text)
 
 
 def decode(factory: DecoderFactory, schema: Schema, encoding: str, messages: Sequence[Message]) -> Decoded:
-    """Return a topic's messages as arrays; topics of a file share the factory, which keeps what it made.
+    """Return a topic's messages as arrays; the topics of a file share the factory, which keeps its decoders.
 
     Raises
     ------
@@ -37,20 +65,20 @@ def decode(factory: DecoderFactory, schema: Schema, encoding: str, messages: Seq
         They are of another type, cannot be decoded, or are not all about the same joints.
     """
     if schema.name not in {JOINT_STATE, WRENCH, FLOAT64}:
-        raise MisfitError(f"its messages are {schema.name}")
+        raise MisfitError(Misfit.TYPE, f"its messages are {schema.name}")
     try:
         return _decoded(factory, schema, encoding, messages)
     except MisfitError:
         raise
     # The definition is the other program's, so that anything can go wrong with it.
     except Exception as problem:
-        raise MisfitError(f"its messages cannot be decoded as {schema.name}") from problem
+        raise MisfitError(Misfit.TYPE, f"its messages cannot be decoded as {schema.name}") from problem
 
 
 def _decoded(factory: DecoderFactory, schema: Schema, encoding: str, messages: Sequence[Message]) -> Decoded:
     decoder = factory.decoder_for(encoding, schema)
     if decoder is None:
-        raise MisfitError(f"its messages are encoded as {encoding}, {schema.encoding}")
+        raise MisfitError(Misfit.TYPE, f"its messages are encoded as {encoding}, {schema.encoding}")
     first = decoder(messages[0].data)
     joints = tuple(first.name) if schema.name == JOINT_STATE else ()
     rows = _layout(schema.name, first).decode([message.data for message in messages])
@@ -67,7 +95,7 @@ def _decoded_singly(kind: str, joints: tuple[str, ...], decoded: list[Any], mess
     counts = {name: len(values) for name, values in rows[0].items()}
     same = all({name: len(values) for name, values in row.items()} == counts for row in rows)
     if not same or (kind == JOINT_STATE and any(tuple(message.name) != joints for message in decoded)):
-        raise MisfitError("its messages are not all about the same joints")
+        raise MisfitError(Misfit.JOINTS, "its messages are not all about the same joints")
     numbers = {name: np.array([row[name] for row in rows], np.float64) for name, count in counts.items() if count}
     if kind == FLOAT64:
         return Decoded(_logged(messages), joints, numbers)

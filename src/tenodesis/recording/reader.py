@@ -1,4 +1,4 @@
-"""Read recordings, whole or damaged."""
+"""Read recordings, complete or damaged."""
 
 import json
 from collections.abc import Mapping
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from tenodesis.errors import RecordingError
 from tenodesis.recording import cdr, container, schemas, tables
 from tenodesis.recording.container import Contents, Message
-from tenodesis.recording.decode import Decoded, MisfitError, decode
-from tenodesis.signals import Array, Run
+from tenodesis.recording.decode import Decoded, LeftOut, Misfit, MisfitError, decode
+from tenodesis.run import Array, Run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,7 +32,7 @@ class TopicInfo(NamedTuple):
 
 
 class Event(NamedTuple):
-    """What happened beside the signals: when, on the run's clock in s, and what is told of it, by name."""
+    """What happened beside the signals: the time on the run's clock, s, and values by name."""
 
     time: float
     content: Mapping[str, Any]
@@ -47,7 +47,7 @@ class Recording:
     path
         The file.
     run
-        Its signals; :class:`tenodesis.signals.Run` says their shapes.
+        Its signals; :class:`tenodesis.run.Run` says their shapes.
     metadata
         Text by key: ``instrument``, ``axes``, ``seed``, ``protocol``, ``time_step``, versions, and of a run with a
         controller its choices; empty for a file of another program.
@@ -56,7 +56,7 @@ class Recording:
     left_out
         Why topics that the run could have drawn on are not in it, by name.
     damage
-        Up to when the file could be read and why not further; None if it is whole.
+        Up to when the file could be read and why not further; None if it is complete.
     events
         What happened beside the signals, such as commands with their origin and faults; only of this package's files.
     """
@@ -65,7 +65,7 @@ class Recording:
     run: Run = field(repr=False)
     metadata: Mapping[str, str] = field(repr=False)
     topics: Mapping[str, TopicInfo] = field(repr=False)
-    left_out: Mapping[str, str]
+    left_out: Mapping[str, LeftOut]
     damage: str | None
     events: tuple[Event, ...] = field(default=(), repr=False)
 
@@ -76,7 +76,7 @@ class Recording:
         Raises
         ------
         RecordingError
-            The file cannot be read, is no MCAP file, or holds nothing of a recording.
+            The file cannot be read, is no MCAP file, or holds no topic of a recording.
         """
         path = Path(path)
         contents = container.scan(_bytes(path))
@@ -85,12 +85,12 @@ class Recording:
         axes = schemas.axes_of({name: topic.joints for name, topic in decoded.items()})
         axes = axes or tuple(metadata.get("axes", "").split()) or (("yaw",) if decoded else ())
         if not axes:
-            raise RecordingError(f"{path} holds nothing of a recording: {_found(contents)}.")
+            raise RecordingError(f"{path} holds no topic of a recording: {_found(contents)}.")
         run, misfits = _run(axes, decoded, _carried(contents))
         left_out |= misfits
         if left_out and not run.signals():
             reasons = "; ".join(f"{topic}: {reason}" for topic, reason in left_out.items())
-            raise RecordingError(f"{path} holds nothing of a recording that can be used: {reasons}.")
+            raise RecordingError(f"{path} holds no topic of a recording that can be used: {reasons}.")
         damage = contents.damage
         events: tuple[Event, ...] = ()
         if schemas.METADATA in contents.metadata:
@@ -160,20 +160,19 @@ def _found(contents: Contents) -> str:
     return f"its topics are {', '.join(names)}" if names else "it has no topics"
 
 
-def _decoded(contents: Contents) -> tuple[dict[str, Decoded], dict[str, str]]:
+def _decoded(contents: Contents) -> tuple[dict[str, Decoded], dict[str, LeftOut]]:
     """Return the topics of recordings by name, and why others could not be decoded."""
-    known = {topic.name for axes in (("",), ("yaw", "pitch")) for topic in schemas.topics(axes)}
     decoded: dict[str, Decoded] = {}
-    left_out: dict[str, str] = {}
+    left_out: dict[str, LeftOut] = {}
     factory = DecoderFactory()
     for channel, messages in _channels(contents):
         schema = contents.schemas.get(channel.schema_id)
-        if channel.topic not in known or schema is None:
+        if channel.topic not in schemas.TOPICS or schema is None:
             continue
         try:
             decoded[channel.topic] = decode(factory, schema, channel.message_encoding, messages)
         except MisfitError as problem:
-            left_out[channel.topic] = str(problem)
+            left_out[channel.topic] = problem.left_out
     return decoded, left_out
 
 
@@ -196,9 +195,9 @@ def _carried(contents: Contents) -> dict[str, list[str]]:
 
 def _run(
     axes: tuple[str, ...], decoded: Mapping[str, Decoded], carried: Mapping[str, list[str]]
-) -> tuple[Run, dict[str, str]]:
+) -> tuple[Run, dict[str, LeftOut]]:
     """Return the run of the topics that fit together, and why others do not."""
-    left_out: dict[str, str] = {}
+    left_out: dict[str, LeftOut] = {}
     stamps = max((topic.stamps for topic in decoded.values()), key=len, default=np.empty(0, np.int64))
     rows = stamps.size
     columns: dict[str, list[Array]] = {}
@@ -207,30 +206,31 @@ def _run(
         if found is None:
             continue
         if (found.stamps != stamps[: found.stamps.size]).any():
-            left_out[topic.name] = "its stamps are not those of the other topics"
+            left_out[topic.name] = LeftOut(Misfit.STAMPS, "its stamps are not those of the other topics")
             continue
         names = found.joints or topic.joints
         if not set(topic.joints) <= set(names):
-            left_out[topic.name] = f"its joints are {', '.join(names)}"
+            left_out[topic.name] = LeftOut(Misfit.JOINTS, f"its joints are {', '.join(names)}")
             continue
         order = [names.index(joint) for joint in topic.joints]
-        for number, signal in topic.signals.items():
-            values = found.numbers.get(number)
+        for array, signal in topic.signals.items():
+            values = found.numbers.get(array)
             if values is None or signal not in carried.get(topic.name, [signal]):
                 continue
             if topic.joints and values.shape[1] != len(names):
-                left_out[topic.name] = f"it has {values.shape[1]} values of {number} for {len(names)} joints"
+                why = f"it has {values.shape[1]} values of {array} for {len(names)} joints"
+                left_out[topic.name] = LeftOut(Misfit.JOINTS, why)
                 continue
             columns.setdefault(signal, []).append(values[:, order] if topic.joints else values)
         rows = min(rows, found.stamps.size)
     signals = {signal: np.concatenate([part[:rows] for part in parts], axis=1) for signal, parts in columns.items()}
     time = signals.pop("time", None)
-    whole = {
+    complete = {
         signal: values.reshape(schemas.shape(signal, rows, axes))
         for signal, values in signals.items()
         if values.size == np.prod(schemas.shape(signal, rows, axes))
     }
-    return Run(_seconds(stamps[:rows]) if time is None else time[:, 0], axes, **whole), left_out
+    return Run(_seconds(stamps[:rows]) if time is None else time[:, 0], axes, **complete), left_out
 
 
 def _seconds(stamps: NDArray[np.int64]) -> Array:
@@ -246,13 +246,8 @@ def _without_gap(run: Run, contents: Contents) -> tuple[Run, str | None]:
         sequence = np.array([message.sequence for message in messages[: len(run)]], np.int64)
         missing = np.flatnonzero(sequence != np.arange(sequence.size) % 2**32)
         if missing.size:
-            return _first(run, int(missing[0])), "rows are missing after that"
+            return run[: int(missing[0])], "rows are missing after that"
     return run, None
-
-
-def _first(run: Run, rows: int) -> Run:
-    signals = {name: values[:rows] for name, values in run.signals().items()}
-    return Run(run.time[:rows], run.axes, **signals)
 
 
 def _events(contents: Contents) -> tuple[Event, ...]:

@@ -1,8 +1,9 @@
-"""Feed a recording's commands to a twin again, and compare."""
+"""Replay: run a recording's commands on a twin again, and compare."""
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -10,13 +11,14 @@ import numpy as np
 from tenodesis.control import Controller
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument
-from tenodesis.protocols.loop import with_request
-from tenodesis.recording import choices
+from tenodesis.recording.metadata import QUASI_STATIC, metadata_of_replay, restored_controller
 from tenodesis.recording.reader import Recording
 from tenodesis.recording.schemas import TRANSFERRED
-from tenodesis.recording.session import QUASI_STATIC, without_control
+from tenodesis.recording.simulation import without_control
 from tenodesis.recording.tables import columns
-from tenodesis.signals import Array, Run, concatenate
+from tenodesis.recording.writer import Recorder
+from tenodesis.run import Array, Run, concatenate
+from tenodesis.simulate.execution import with_request
 from tenodesis.twin import Twin
 
 _UNEVEN = 0.01
@@ -36,7 +38,7 @@ class Difference(NamedTuple):
 
 @dataclass(frozen=True)
 class Replay:
-    """A recording run again.
+    """A recording that was run again.
 
     Attributes
     ----------
@@ -45,7 +47,7 @@ class Replay:
     inst
         The instrument whose twin ran it again.
     run
-        What that twin did.
+        The run of that twin.
     exact
         Whether every signal that was recorded is the same to the last bit.
     """
@@ -71,25 +73,37 @@ class Replay:
                 found[name] = _difference(values - before[heading], unit)
         return found
 
+    def write(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the replay as a recording, with the metadata of the original.
+
+        Raises
+        ------
+        RecordingError
+            The file cannot be written, or exists.
+        """
+        metadata = metadata_of_replay(self.recording, self.inst)
+        with Recorder(path, axes=self.run.axes, metadata=metadata, overwrite=overwrite) as recorder:
+            recorder.write(self.run)
+
 
 def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
     """Run a recording's commands again on a twin that begins at rest, with the same seed, time step and mode.
 
     Where the commanded handle angle was not recorded, the measured one takes its place. A controller closes the loop
-    again from where it did, with the choices it had and asked what it was asked.
+    from the row where it did, with the choices it had and the requests it got.
 
     Parameters
     ----------
     recording
-        The recording, whole or damaged.
+        The recording, complete or damaged.
     inst
         The instrument; the recorded one if not given. The controller's stays what it was.
 
     Raises
     ------
     RecordingError
-        The recording has no instrument, no handle angle, no rows or no even time step, or other axes, what it says
-        of its controller makes none, or it was carried over from another instrument.
+        The recording has no instrument, no handle angle, no rows or no even time step, or other axes, the choices in
+        it make no controller, or it was carried over from another instrument.
     NoSolutionError
         The tip was loaded past what it can hold.
     ValueError
@@ -98,59 +112,52 @@ def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
     recorded, metadata = recording.run, recording.metadata
     if TRANSFERRED in metadata:
         raise RecordingError(
-            f"{recording.path} was carried over from {metadata[TRANSFERRED]}; allowed is to replay that, as it was run."
+            f"{recording.path} was carried over from {metadata[TRANSFERRED]}; replay that, as it was run."
         )
     if inst is None:
         inst = recording.instrument()
     if inst.axes != recorded.axes:
         raise RecordingError(
             f"{recording.path} has the axes {' and '.join(recorded.axes)}, {inst.name} {' and '.join(inst.axes)}; "
-            "allowed is an instrument with the same."
+            "the instrument must have the same."
         )
     seed = _number(recording, "seed", "0")
     quasi_static = metadata.get("mode") == QUASI_STATIC
     twin = Twin(inst, time_step=_time_step(recording), seed=int(seed), quasi_static=quasi_static)
-    handle = (
-        recorded.measured_handle_angle if recorded.commanded_handle_angle is None else recorded.commanded_handle_angle
-    )
-    if handle is None:
+    if recorded.commanded_handle_angle is None:
+        recorded = replace(recorded, commanded_handle_angle=recorded.measured_handle_angle)
+    if recorded.commanded_handle_angle is None:
         raise RecordingError(
             f"{recording.path} has no handle angle; replaying needs the commanded or the measured one."
         )
-    controller = choices.made_again(recording)
+    controller = restored_controller(recording)
     if controller is None:
-        run = _open_loop(twin, recorded, handle, slice(None))
+        run = _run(twin, recorded)
     else:
         started = _uncontrolled(recorded)
-        runs = []
-        if started:
-            runs.append(without_control(_open_loop(twin, recorded, handle, slice(started))))
-        if started < len(handle):
-            runs.append(_closed_loop(twin, controller, recorded, handle, slice(started, None)))
+        runs = [without_control(_run(twin, recorded[:started]))] if started else []
+        if started < len(recorded):
+            runs.append(_run(twin, recorded[started:], controller))
         run = concatenate(runs)
-    return Replay(recording, inst, run, _same_bits(recorded, run))
+    return Replay(recording, inst, run, _same_bits(recording.run, run))
 
 
-def _open_loop(twin: Twin, recorded: Run, handle: Array, rows: slice) -> Run:
-    return twin.run(
-        handle[rows],
-        _of(recorded.force, rows),
-        radial_force=_of(recorded.radial_force, rows),
-        spool_velocity=_of(recorded.commanded_spool_velocity, rows),
-    )
+def _run(twin: Twin, recorded: Run, controller: Controller | None = None) -> Run:
+    """Return the twin's run under recorded commands, with or without a controller in the loop."""
+    handle, force = recorded["commanded_handle_angle"], _or_zero(recorded.force)
+    radial_force = _or_zero(recorded.radial_force)
+    if controller is None:
+        velocity = _or_zero(recorded.commanded_spool_velocity)
+        return twin.run(handle, force, radial_force=radial_force, spool_velocity=velocity)
+    request = np.zeros(len(recorded))
+    if recorded.request is not None:
+        request = np.nan_to_num(recorded.request.reshape(len(recorded), -1)[:, 0])
+    run = twin.run(handle, force, radial_force=radial_force, controller=controller, request=request.astype(np.uint8))
+    return with_request(run, request)
 
 
-def _closed_loop(twin: Twin, controller: Controller, recorded: Run, handle: Array, rows: slice) -> Run:
-    asked = np.zeros(len(handle)) if recorded.request is None else recorded.request.reshape(len(handle), -1)[:, 0]
-    request = np.nan_to_num(asked)
-    run = twin.run(
-        handle[rows],
-        _of(recorded.force, rows),
-        radial_force=_of(recorded.radial_force, rows),
-        controller=controller,
-        request=request[rows].astype(np.uint8),
-    )
-    return with_request(run, request[rows])
+def _or_zero(command: Array | None) -> Array | float:
+    return 0.0 if command is None else command
 
 
 def _uncontrolled(recorded: Run) -> int:
@@ -159,10 +166,6 @@ def _uncontrolled(recorded: Run) -> int:
         return 0
     running = ~np.isnan(recorded.operating_state).reshape(len(recorded), -1)[:, 0]
     return int(np.argmax(running)) if running.any() else len(recorded)
-
-
-def _of(command: Array | None, rows: slice) -> Array | float:
-    return 0.0 if command is None else command[rows]
 
 
 def _number(recording: Recording, key: str, default: str) -> float:

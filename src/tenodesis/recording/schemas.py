@@ -1,9 +1,14 @@
-"""What a recording holds: its topics, the messages on them, and the signals these carry."""
+"""The topics of a recording, and the messages that carry the signals of a run on them."""
 
-from collections.abc import Mapping
-from typing import NamedTuple
+import json
+from collections.abc import Collection, Mapping
+from typing import Any, NamedTuple
 
-from tenodesis.signals import SIGNALS
+import numpy as np
+from numpy.typing import NDArray
+
+from tenodesis.recording import cdr
+from tenodesis.run import SIGNALS, Array, Run
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 WRENCH = "geometry_msgs/msg/WrenchStamped"
@@ -14,10 +19,10 @@ METADATA = "tenodesis"
 """Name of the metadata record."""
 
 TRANSFERRED = "transferred_from"
-"""Metadata of what was carried over from another instrument: the file it was carried from."""
+"""Key in the metadata of the file that was carried over from another instrument."""
 
 TIME = "/time"
-"""Topic of the time to the last bit, since stamps only count nanoseconds."""
+"""Topic of the time to the last bit; stamps only count nanoseconds."""
 
 EVENTS = "/events"
 """Topic of what happened beside the signals, each a JSON object in a String."""
@@ -115,13 +120,21 @@ def topics(axes: tuple[str, ...]) -> tuple[Topic, ...]:
     )
 
 
+def _rig(axis: str | None) -> str:
+    return "/rig/measured_cf" if axis is None else f"/rig/{axis}/measured_cf"
+
+
+TOPICS = frozenset(topic.name for axes in (("",), ("yaw", "pitch")) for topic in topics(axes))
+"""Names of all topics that carry signals, of instruments with one axis or two."""
+
+
 def shape(signal: str, rows: int, axes: tuple[str, ...]) -> tuple[int, ...]:
     """Return the shape of a signal of a run, as `Run` has it."""
     return (rows, *((len(axes),) if axes[1:] else ()), *((2,) if SIGNALS[signal].per_tendon else ()))
 
 
 def axes_of(joints: Mapping[str, tuple[str, ...]]) -> tuple[str, ...] | None:
-    """Return the axes that the joints (names by topic) belong to, or None where they do not tell."""
+    """Return the axes that the joints (names by topic) belong to, or None if they belong to no axis."""
     for topic in topics(("",)):
         marks = [joint.strip("_") for joint in topic.joints]
         found = [
@@ -136,9 +149,46 @@ def axes_of(joints: Mapping[str, tuple[str, ...]]) -> tuple[str, ...] | None:
     return rigs or None
 
 
-def _rig(axis: str | None) -> str:
-    return "/rig/measured_cf" if axis is None else f"/rig/{axis}/measured_cf"
+class Messages(NamedTuple):
+    """The messages on one topic: the signal in each of their arrays, and the layout of their bytes."""
+
+    topic: Topic
+    signals: Mapping[str, str]
+    layout: cdr.Layout
+
+    def encode(self, stamps: NDArray[np.int64], columns: Mapping[str, Array]) -> bytes:
+        """Return the messages with these stamps (n,), in ns, of :func:`flat_columns`, one after the other."""
+        numbers = {field: columns[signal][:, self.topic.columns] for field, signal in self.signals.items()}
+        return self.layout.encode(stamps, numbers)
 
 
-def _of_controller(signal: str, axis: str | None) -> str:
-    return f"/controller/{signal}" if axis is None else f"/controller/{axis}/{signal}"
+def messages_of(axes: tuple[str, ...], names: Collection[str]) -> list[Messages]:
+    """Return the messages that carry signals by name, ``time`` included."""
+    found = []
+    for topic in topics(axes):
+        signals = {field: signal for field, signal in topic.signals.items() if signal in names}
+        if signals:
+            found.append(Messages(topic, signals, _layout(topic, signals)))
+    return found
+
+
+def flat_columns(run: Run) -> dict[str, Array]:
+    """Return a run's signals and time by name, each of shape (n, columns): by axis, then tendon."""
+    return {name: values.reshape(len(run), -1) for name, values in ({"time": run.time} | run.signals()).items()}
+
+
+def event_message(time: float, content: Mapping[str, Any]) -> bytes:
+    """Return the message of an event at a time (s): JSON in a String.
+
+    Raises
+    ------
+    TypeError, ValueError
+        JSON cannot express the content.
+    """
+    return cdr.text(json.dumps({**content, "time": time}))
+
+
+def _layout(topic: Topic, signals: Mapping[str, str]) -> cdr.Layout:
+    if topic.type == JOINT_STATE:
+        return cdr.joint_state(topic.joints, dict.fromkeys(signals, len(topic.joints)), topic.frame)
+    return cdr.wrench(topic.frame) if topic.type == WRENCH else cdr.number()

@@ -1,29 +1,33 @@
-"""A recording at a glance."""
+"""Summaries: what a recording holds, and what came of a run with a controller."""
 
-import math
 import tomllib
+from collections.abc import Sequence
+from math import degrees, isnan
 
 import numpy as np
+from numpy.typing import NDArray
 from rich import box
 from rich.console import Group
 from rich.table import Column, Table
 from rich.text import Text
 
+from tenodesis import statics
+from tenodesis.control import FAULTS, OperatingState, Request
 from tenodesis.errors import InstrumentError, RecordingError
-from tenodesis.recording import choices
-from tenodesis.recording.outcome import outcome
+from tenodesis.instrument import Instrument
+from tenodesis.recording.metadata import CONTROLLER, controller_choices, controller_instrument, in_words
 from tenodesis.recording.reader import Recording
 from tenodesis.recording.tables import columns
-from tenodesis.signals import COMMANDS, CONTROL, MEASURED, Run
+from tenodesis.run import COMMANDS, CONTROL, MEASURED, Array, Run
 
 _RANGED = {**COMMANDS, **MEASURED, **CONTROL}.keys() - {"operating_state", "faults", "phase", "request"}
-"""Signals whose ranges are shown; those of states would say nothing."""
+"""Signals whose ranges are shown; those of states have no meaning."""
 
 _VERSIONS = ("tenodesis", "python", "numpy")
 
 
 def describe(recording: Recording) -> Group:
-    """Return what a recording holds, for a rich console: what made it, its topics, and its signals' ranges."""
+    """Return what a recording holds, for a rich console: what made it, its topics, and the ranges of its signals."""
     parts: list[Text | Table] = []
     if recording.damage is not None:
         parts.append(Text(recording.damage, style="bold red"))
@@ -37,7 +41,7 @@ def _facts(recording: Recording) -> Table:
     facts = {
         "instrument": _instrument(recording),
         "axes": ", ".join(run.axes),
-        "protocol": _name(metadata.get("protocol", "")),
+        "protocol": _protocol_name(metadata.get("protocol", "")),
         "seed": metadata.get("seed", ""),
         "made with": ", ".join(f"{name} {metadata[name]}" for name in _VERSIONS if name in metadata),
         "duration": f"{recording.duration:.6g} s",
@@ -52,17 +56,17 @@ def _facts(recording: Recording) -> Table:
 
 
 def _controller(recording: Recording) -> dict[str, str]:
-    """Return which controller there was, and what came of it; nothing where there was none."""
+    """Return what the controller was, and what came of the run; empty without a controller."""
     try:
-        made = choices.choices_of(recording)
+        choices = controller_choices(recording)
         inst = recording.instrument()
-        told = choices.instrument_of(recording)
+        controller_inst = controller_instrument(recording)
     except (InstrumentError, RecordingError) as problem:
-        return {"controller": str(problem)} if choices.CONTROLLER in recording.metadata else {}
-    if made is None:
+        return {"controller": str(problem)} if CONTROLLER in recording.metadata else {}
+    if choices is None:
         return {}
-    names = [str(name) for name in made.get("faults", [])]
-    return {"controller": choices.in_words(made, told, inst), **outcome(recording.run, inst, names)}
+    names = [str(name) for name in choices.get("faults", [])]
+    return {"controller": in_words(choices, controller_inst, inst), **outcome(recording.run, inst, names)}
 
 
 def _instrument(recording: Recording) -> str:
@@ -74,7 +78,7 @@ def _instrument(recording: Recording) -> str:
         return str(problem)
 
 
-def _name(protocol: str) -> str:
+def _protocol_name(protocol: str) -> str:
     """Return a protocol's name, or its first line where it has none."""
     try:
         name = tomllib.loads(protocol).get("name")
@@ -88,7 +92,7 @@ def _topics(recording: Recording) -> Table:
     for name, topic in recording.topics.items():
         reason = recording.left_out.get(name)
         kind = topic.type if reason is None else f"{topic.type}, left out: {reason}"
-        rate = "" if math.isnan(topic.rate) else f"{topic.rate:.6g} Hz"
+        rate = "" if isnan(topic.rate) else f"{topic.rate:.6g} Hz"
         table.add_row(Text(name), f"{topic.messages}", rate, Text(kind))
     return table
 
@@ -102,7 +106,93 @@ def _ranges(run: Run) -> Table:
         seen = values[~np.isnan(values)]
         ends = [float(seen.min()), float(seen.max())] if seen.size else []
         if unit == "rad":
-            ends, unit = [math.degrees(end) for end in ends], "deg"
+            ends, unit = [degrees(end) for end in ends], "deg"
         least, greatest = (f"{end:.4g}" for end in ends) if ends else ("", "")
         table.add_row(name, least, greatest, unit)
     return table
+
+
+def tip_error(run: Run, inst: Instrument) -> Array:
+    """Return the tip's angle less the one of eq. 18 without load and friction, rad, shape (n, axes).
+
+    Angles that only the encoders have are taken from there.
+
+    Raises
+    ------
+    KeyError
+        The run has no handle angle, or no output angle.
+    """
+    rows = (len(run), len(run.axes))
+    handle, output = (
+        (run[name] if name in run.signals() else run[f"measured_{name}"]).reshape(rows)
+        for name in ("handle_angle", "output_angle")
+    )
+    error = np.empty(rows)
+    for n, planar in enumerate(inst.planar):
+        within = np.clip(handle[:, n], -planar.handle_range, planar.handle_range)
+        # Eq. 19 with equal tensions.
+        aim = statics.estimate_output_angle(planar, within, planar.pretension, planar.pretension)
+        error[:, n] = output[:, n] - aim
+    return error
+
+
+def outcome(run: Run, inst: Instrument, names: Sequence[str] = FAULTS) -> dict[str, str]:
+    """Return what came of a run with a controller: its state, faults and tip in words; empty without a controller.
+
+    Parameters
+    ----------
+    run
+        The run.
+    inst
+        The instrument that ran.
+    names
+        Names of the faults, in the order of their bits.
+    """
+    if run.operating_state is None or run.faults is None or not len(run):
+        return {}
+    state = run.operating_state.reshape(len(run), -1)[:, 0]
+    facts = {"state": _states(state, run.time), "faults": _faults(run.faults, run.time, names)}
+    signals = run.signals().keys()
+    if {"handle_angle", "measured_handle_angle"} & signals and {"output_angle", "measured_output_angle"} & signals:
+        facts["tip"] = _tip(run, tip_error(run, inst), _compensating(run, state))
+    return facts
+
+
+def _compensating(run: Run, state: Array) -> NDArray[np.bool_]:
+    """Return the rows (n,) in which the controller was enabled, other than to home."""
+    enabled: NDArray[np.bool_] = state == OperatingState.ENABLED
+    if run.request is not None:
+        for row in np.flatnonzero(run.request.reshape(len(run), -1)[:, 0] == Request.HOME):
+            rest = np.flatnonzero(~enabled[row + 1 :])
+            enabled[row : row + 1 + rest[0] if rest.size else None] = False
+    return enabled
+
+
+def _tip(run: Run, error: Array, during: NDArray[np.bool_]) -> str:
+    parts = []
+    for name, off in zip(run.axes, error.T, strict=True):
+        rms = f", {degrees(np.sqrt(np.mean(off[during] ** 2))):.2f} deg RMS while enabled" if during.any() else ""
+        parts.append(f"{name} {degrees(off[-1]):+.2f} deg off eq. 18 at the end{rms}")
+    return "; ".join(parts)
+
+
+def _states(state: Array, time: Array) -> str:
+    """Return the state at the end and how long each state lasted, in order of their first rows."""
+    step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    known = state[~np.isnan(state)]
+    seen = dict.fromkeys(known.tolist())
+    lasted = ", ".join(f"{_state_name(value)} {np.count_nonzero(known == value) * step:.3g} s" for value in seen)
+    end = _state_name(state[-1]) if known.size else "not running"
+    return f"{end} at the end" + (f" ({lasted})" if len(seen) > 1 else "")
+
+
+def _state_name(state: float) -> str:
+    return OperatingState(int(state)).name if state in set(OperatingState) else f"state {state:g}"
+
+
+def _faults(faults: Array, time: Array, names: Sequence[str]) -> str:
+    """Return which faults there were, and when each came first."""
+    masks = np.bitwise_or.reduce(np.nan_to_num(faults).astype(np.int64).reshape(time.size, -1), axis=1)
+    found = {name: np.flatnonzero(masks >> bit & 1) for bit, name in enumerate(names)}
+    first = sorted((int(rows[0]), name) for name, rows in found.items() if rows.size)
+    return ", ".join(f"{name} from {time[row]:.6g} s" for row, name in first) or "none"

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tenodesis.errors import RecordingError
+from tenodesis.files import atomic_file
 from tenodesis.recording.schemas import TENDONS
-from tenodesis.signals import SIGNALS, Array, Run
-from tenodesis.whole import whole
+from tenodesis.run import SIGNALS, Array, Run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,15 +50,15 @@ def to_pandas(run: Run) -> "pd.DataFrame":
 
 
 def to_csv(run: Run, path: str | Path) -> None:
-    """Write a run as CSV, every number to its last bit and NaN as an empty cell.
+    """Write a run as CSV, numbers to the last bit and NaN as an empty cell.
 
     Raises
     ------
     RecordingError
-        The file cannot be written; one that was there is as it was.
+        The file cannot be written; an existing file stays as it was.
     """
     table = {TIME: run.time, **columns(run)}
-    with _whole(Path(path)) as new, new.open("w", newline="", encoding="utf-8") as file:
+    with _replacing(Path(path)) as new, new.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(table)
         for row in np.column_stack([*table.values()]).tolist():
@@ -71,10 +71,10 @@ def to_parquet(run: Run, path: str | Path) -> None:
     Raises
     ------
     RecordingError
-        pandas or pyarrow is not installed, or the file cannot be written; one that was there is as it was.
+        pandas or pyarrow is not installed, or the file cannot be written; an existing file stays as it was.
     """
     table = to_pandas(run)
-    with _whole(Path(path)) as new:
+    with _replacing(Path(path)) as new:
         try:
             table.to_parquet(new)
         except ImportError:
@@ -82,10 +82,10 @@ def to_parquet(run: Run, path: str | Path) -> None:
 
 
 @contextmanager
-def _whole(path: Path) -> Iterator[Path]:
-    """Give a place beside a path to write to, and move what is there to the path at the end."""
+def _replacing(path: Path) -> Iterator[Path]:
+    """Give a temporary path to write to, and move the file to its path at the end."""
     try:
-        with whole(path) as new:
+        with atomic_file(path) as new:
             yield new
     except OSError as problem:
         raise RecordingError(f"{path} cannot be written: {problem.strerror or problem}.") from None

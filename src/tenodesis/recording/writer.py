@@ -14,10 +14,10 @@ from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from numpy.typing import NDArray
 
 from tenodesis.errors import RecordingError
-from tenodesis.recording import cdr, messages, schemas
+from tenodesis.recording import cdr, schemas
 from tenodesis.recording.chunks import ChunkedFile
-from tenodesis.recording.messages import Messages
-from tenodesis.signals import Array, Run
+from tenodesis.recording.schemas import Messages
+from tenodesis.run import Array, Run
 
 _LAST_STAMP = 2**31 * cdr.SECOND - 1
 _SEQUENCES = 2**32
@@ -41,9 +41,9 @@ class Recorder:
         Text by key, kept with the runs: ``instrument`` (the instrument file), ``seed``, ``protocol``, ``time_step``
         and others; axes and versions are added.
     start_time
-        Stamp of time 0, ns since the epoch; 0 makes equal runs equal files.
+        Stamp of time 0, ns since the epoch; with 0, equal runs give equal files.
     chunk_seconds
-        Recorded time after which rows are on their way to the disk, s; a crash loses no more than that.
+        Recorded time after which rows are sent to the disk, s; a crash loses no more than that.
     overwrite
         Whether to replace a file that exists.
 
@@ -119,14 +119,14 @@ class Recorder:
                 self._write_rows(stamps[start:stop], {name: values[start:stop] for name, values in columns.items()})
 
     def event(self, time: float, content: Mapping[str, Any]) -> None:
-        """Append what happened at a time (s) of the runs: what JSON can tell, under names.
+        """Append what happened at a time (s) of the runs: values by name that JSON can express.
 
         It reaches the disk with the rows around it, or by `flush`.
 
         Raises
         ------
         RecordingError
-            The file cannot be written, the time has no stamp, or JSON cannot tell the content.
+            The file cannot be written, the time has no stamp, or JSON cannot express the content.
         """
         if self._file is None:
             raise RecordingError(f"{self.path} is closed; nothing more can be written to it.")
@@ -137,9 +137,9 @@ class Recorder:
                 f"{_LAST_STAMP // cdr.SECOND} s."
             )
         try:
-            data = messages.event(time, content)
+            data = schemas.event_message(time, content)
         except (TypeError, ValueError) as problem:
-            raise RecordingError(f"{self.path}: an event cannot be told in JSON: {problem}.") from None
+            raise RecordingError(f"{self.path}: an event cannot be written as JSON: {problem}.") from None
         with self._reported():
             if self._events_channel is None:
                 self._events_channel = self._channel(schemas.EVENTS, schemas.STRING, {})
@@ -148,7 +148,7 @@ class Recorder:
             self._events += 1
 
     def flush(self) -> None:
-        """Send what was written until now on its way to the disk, so that a crash does not lose it.
+        """Send what was written until now to the disk, so that a crash does not lose it.
 
         Raises
         ------
@@ -176,7 +176,7 @@ class Recorder:
         self._file = None
 
     def _texts(self, metadata: Mapping[str, str]) -> dict[str, str]:
-        from tenodesis import __version__  # noqa: PLC0415
+        from tenodesis.version import __version__  # noqa: PLC0415
 
         for key, text in metadata.items():
             if not isinstance(text, str):
@@ -188,9 +188,7 @@ class Recorder:
         try:
             return self.path.open("wb" if overwrite else "xb")
         except FileExistsError:
-            raise RecordingError(
-                f"{self.path} exists already; allowed is a path that does not, or overwrite=True."
-            ) from None
+            raise RecordingError(f"{self.path} exists already; give another path, or overwrite=True.") from None
         except FileNotFoundError:
             raise RecordingError(f"{self.path} cannot be written: there is no folder {self.path.parent}.") from None
         except OSError as problem:
@@ -229,7 +227,7 @@ class Recorder:
             expected = schemas.shape(name, len(run), self.axes)
             if values.shape != expected:
                 raise RecordingError(f"{self.path}: {name} has shape {values.shape}; it must have {expected}.")
-        return messages.columns(run) if len(run) else {}
+        return schemas.flat_columns(run) if len(run) else {}
 
     def _stamps(self, time: Array) -> NDArray[np.int64]:
         """Return the stamps (n,), in ns, of times (n,), in s."""
@@ -252,10 +250,11 @@ class Recorder:
         if self._signals is not None:
             return
         self._signals = columns.keys() - {"time"}
-        for one in messages.of_signals(self.axes, columns.keys()):
-            # A wrench has all its numbers always, so that those which mean something are named.
-            told = {"signals": " ".join(one.signals.values())}
-            self._channels.append(_Channel(self._channel(one.topic.name, one.topic.type, told), one))
+        for messages in schemas.messages_of(self.axes, columns.keys()):
+            # A wrench always has all its numbers; the channel names those that carry a signal.
+            carried = {"signals": " ".join(messages.signals.values())}
+            channel = self._channel(messages.topic.name, messages.topic.type, carried)
+            self._channels.append(_Channel(channel, messages))
 
     def _channel(self, topic: str, message_type: str, metadata: dict[str, str]) -> int:
         if message_type not in self._schemas:

@@ -1,12 +1,12 @@
-"""Scale models: designed from stock parts, with a plan for the workshop, and what they measure carried back."""
+"""Scale models: designed from stock parts, with a plan for the workshop, and their measurements carried back."""
 
 from tenodesis.errors import DesignError
 from tenodesis.scaling.candidates import COMBINATIONS, Wheel
 from tenodesis.scaling.catalogue import Catalogue, Constraints, json_schema, load, shipped
-from tenodesis.scaling.design import Choice, Design, Front, Objectives, TestLoad, design, name_of, told_better
+from tenodesis.scaling.design import Choice, Design, Front, Objectives, TestLoad, design, name_of, rivals_text
 from tenodesis.scaling.pins import PINS
 from tenodesis.scaling.pins import parse as parse_pins
-from tenodesis.scaling.weights import Hanging, hang
+from tenodesis.scaling.weights import WeightSelection, select_weights
 
 __all__ = [
     "COMBINATIONS",
@@ -17,16 +17,16 @@ __all__ = [
     "Design",
     "DesignError",
     "Front",
-    "Hanging",
     "Objectives",
     "TestLoad",
+    "WeightSelection",
     "Wheel",
     "design",
-    "hang",
     "json_schema",
     "load",
     "name_of",
     "parse_pins",
+    "rivals_text",
+    "select_weights",
     "shipped",
-    "told_better",
 ]

@@ -1,30 +1,30 @@
-"""Every scale model that parts and lengths allow: numbered, and worked out only when it is its turn."""
+"""Every scale model that parts and lengths allow: numbered, with parameters computed on demand."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.errors import DesignError
 from tenodesis.instrument import PARAMETERS, Instrument
+from tenodesis.run import Array
 from tenodesis.scaling.catalogue import Catalogue, Constraints, Rod, Rope
 from tenodesis.scaling.pins import missing, same
-from tenodesis.signals import Array
 from tenodesis.similarity.parameters import field_of, value_of
 
 COMBINATIONS = 1_000_000
-"""How many scale models a search goes through if lengths are free to be cut that finely."""
+"""Default number of scale models of a search, which sets how finely free lengths are divided."""
 
 _FEWEST_LEVELS = 3
 _MOST_LEVELS = 200
-_MADE_TO = 1e-3  # m
-_END_EFFECTOR_MADE_TO = 1e-4  # m; it decides the similarity
+_RESOLUTION = 1e-3  # m, of lengths made in a workshop
+_END_EFFECTOR_RESOLUTION = 1e-4  # m; this length decides the similarity
 _NO_UNDERCUT = 17
-"""Teeth from which a gear of 20 degrees pressure angle is not undercut."""
+"""Least teeth of a gear with 20 degrees pressure angle that is not undercut."""
 
 
 class Wheel(NamedTuple):
@@ -40,41 +40,35 @@ class Wheel(NamedTuple):
         return self.radius + (self.module or 0.0)
 
 
-class Parts(NamedTuple):
-    """What scale models are made of beside their lengths; a pretension (N) that is NaN is to be scaled."""
-
-    model: Instrument
-    pairs: tuple[tuple[Wheel, Wheel], ...]
-    ropes: tuple[Rope, ...]
-    rods: tuple[Rod | None, ...]
-    pretension: float
+_Parts: TypeAlias = tuple[Instrument, tuple[tuple[Wheel, Wheel], ...], tuple[Rope, ...], tuple[Rod | None, ...], float]
+"""The first fields of :class:`Candidates`: the instrument, pairs, ropes, rods and pretension."""
 
 
 @dataclass(frozen=True)
 class Candidates:
-    """The scale models of an instrument that a catalogue allows, before anything but radii is asked of them.
+    """The scale models of an instrument that a catalogue allows, before any limit except the ratio of radii.
 
-    Lengths in m; the last of a pair's end-effector lengths is the most similar one that is allowed.
+    Lengths in m; the last of a pair's end-effector lengths is the most similar one within the constraints.
     """
 
-    model: Instrument
+    real_size: Instrument
     pairs: tuple[tuple[Wheel, Wheel], ...]
     """Distal and proximal wheels."""
     ropes: tuple[Rope, ...]
     rods: tuple[Rod | None, ...]
     pretension: float
-    """As pinned, N; NaN to scale the instrument's."""
+    """As pinned, N; NaN for the scaled one of the real-size instrument."""
     overall_lengths: Array
     between: Array
-    """End-effector lengths that every pair has."""
+    """End-effector lengths common to all pairs."""
     end_effector_lengths: Array
     """By pair and level."""
     handle_lengths: Array
-    """By overall length: as near as is allowed to the same share of it, since friction in the sheath acts on that."""
+    """By overall length: the real-size share of it, within the constraints, since sheath friction acts on it."""
 
     @cached_property
     def shape(self) -> tuple[int, ...]:
-        """How many pairs, ropes, rods, overall lengths and end-effector lengths there are."""
+        """Number of pairs, ropes, rods, overall lengths and end-effector lengths."""
         return (
             len(self.pairs),
             len(self.ropes),
@@ -87,7 +81,7 @@ class Candidates:
         return math.prod(self.shape)
 
     def columns(self, numbers: NDArray[np.int64]) -> dict[str, Array]:
-        """Return the core's parameters of some candidates, by name; what does not apply is left out."""
+        """Return the core's parameters of some candidates, by name, without those that do not apply."""
         pair, rope, rod, length, level = np.unravel_index(numbers, self.shape)
         distal = np.array([one.radius for one, _ in self.pairs])[pair]
         columns = {
@@ -99,9 +93,9 @@ class Candidates:
             "tendon_diameter": np.array([one.diameter for one in self.ropes])[rope],
             "tendon_length": self.overall_lengths[length],
         }
-        if "backbone_length" in self.model.parameter_fields.values():
-            scale = distal / value_of(self.model, "distal_radius")
-            columns["backbone_length"] = scale * value_of(self.model, "backbone_length")
+        if "backbone_length" in self.real_size.parameter_fields.values():
+            scale = distal / value_of(self.real_size, "distal_radius")
+            columns["backbone_length"] = scale * value_of(self.real_size, "backbone_length")
             columns["backbone_rigidity"] = np.array([one.rigidity for one in self.rods if one is not None])[rod]
         return columns
 
@@ -119,62 +113,39 @@ class Candidates:
         return self.pairs[pair], self.ropes[rope], self.rods[rod]
 
     def chunks(self, size: int) -> Iterator[NDArray[np.int64]]:
-        """Yield the numbers of all candidates, some at a time."""
+        """Yield the numbers of all candidates in chunks of a size."""
         for begin in range(0, len(self), size):
             yield np.arange(begin, min(begin + size, len(self)), dtype=np.int64)
 
 
 def candidates(
-    model: Instrument, catalogue: Catalogue, pins: Mapping[str, Any], combinations: int = COMBINATIONS
+    real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any], combinations: int = COMBINATIONS
 ) -> Candidates:
-    """Return the scale models that a catalogue allows for an instrument.
-
-    Parameters
-    ----------
-    model
-        The real-size instrument.
-    catalogue
-        What there is, narrowed to what is pinned.
-    pins
-        Pinned values in SI units.
-    combinations
-        About how many there are to be; the levels of the lengths follow from it.
+    """Return about `combinations` scale models that a catalogue, narrowed to pins (SI units), allows for an instrument.
 
     Raises
     ------
     DesignError
-        The catalogue lacks parts, or no two of them make the ratio of the radii.
+        The catalogue lacks parts, or no two wheels have the ratio of the radii.
     """
-    catalogue.refuse_incomplete(model.joint_type)
+    catalogue.refuse_incomplete(real_size.joint_type)
     constraints = catalogue.constraints
-    pairs = _pairs(model, catalogue, pins)
-    rods: tuple[Rod | None, ...] = catalogue.rods if model.joint_type == "continuum" else (None,)
+    pairs = _pairs(real_size, catalogue, pins)
+    rods: tuple[Rod | None, ...] = catalogue.rods if real_size.joint_type == "continuum" else (None,)
     levels = _lengths_levels(constraints, combinations / (len(pairs) * len(catalogue.ropes) * len(rods)))
-    parts = Parts(model, pairs, catalogue.ropes, rods, pins.get("pretension", math.nan))
-    return _with_lengths(parts, constraints, levels)
+    pretension = pins.get("pretension", math.nan)
+    return _with_lengths((real_size, pairs, catalogue.ropes, rods, pretension), constraints, levels)
 
 
 def finer(found: Candidates, catalogue: Catalogue, numbers: NDArray[np.int64], combinations: int) -> Candidates:
-    """Return candidates of the parts that some are made of, with the same lengths and as many between as are asked for.
-
-    Parameters
-    ----------
-    found
-        The candidates.
-    catalogue
-        What they are of.
-    numbers
-        Those whose parts are kept.
-    combinations
-        About how many there are to be.
-    """
+    """Return about `combinations` candidates of the parts of some numbers, with more lengths between the same ones."""
     pair, rope, rod, *_ = np.unravel_index(numbers, found.shape)
     pairs = tuple(found.pairs[i] for i in np.unique(pair))
     ropes = tuple(found.ropes[i] for i in np.unique(rope))
     rods = tuple(found.rods[i] for i in np.unique(rod))
     levels = _lengths_levels(catalogue.constraints, combinations / (len(pairs) * len(ropes) * len(rods)))
-    free = Parts(found.model, pairs, ropes, rods, found.pretension)
-    return _with_lengths(free, catalogue.constraints, max(levels - found.overall_lengths.size, 2), among=found)
+    parts = (found.real_size, pairs, ropes, rods, found.pretension)
+    return _with_lengths(parts, catalogue.constraints, max(levels - found.overall_lengths.size, 2), among=found)
 
 
 def _lengths_levels(constraints: Constraints, combinations: float) -> int:
@@ -182,22 +153,22 @@ def _lengths_levels(constraints: Constraints, combinations: float) -> int:
     return int(np.clip(np.ceil(combinations ** (1 / max(sum(free), 1))), _FEWEST_LEVELS, _MOST_LEVELS))
 
 
-def _with_lengths(parts: Parts, constraints: Constraints, levels: int, among: Candidates | None = None) -> Candidates:
-    model = parts.model
-    distal = np.array([one.radius for one, _ in parts.pairs])
-    overall = _overall(model, constraints.overall_length, distal, levels)
+def _with_lengths(parts: _Parts, constraints: Constraints, levels: int, among: Candidates | None = None) -> Candidates:
+    real_size, pairs, *_ = parts
+    distal = np.array([wheel.radius for wheel, _ in pairs])
+    overall = _overall(real_size, constraints.overall_length, distal, levels)
     between = _between(constraints.end_effector_length, levels)
     if among is not None:
         overall = np.unique(np.concatenate([overall, among.overall_lengths]))
         between = np.unique(np.concatenate([between, among.between]))
-    similar = distal * (value_of(model, "end_effector_length") / value_of(model, "distal_radius"))
-    nearest = _made(similar, constraints.end_effector_length, _END_EFFECTOR_MADE_TO)[:, None]
-    handle = overall * model.handle_length / (model.tendon_length or model.overall_length)
+    similar = distal * (value_of(real_size, "end_effector_length") / value_of(real_size, "distal_radius"))
+    nearest = _made(similar, constraints.end_effector_length, _END_EFFECTOR_RESOLUTION)[:, None]
+    handle = overall * real_size.handle_length / (real_size.tendon_length or real_size.overall_length)
     return Candidates(
         *parts,
         overall,
         between,
-        np.concatenate([np.tile(between, (len(parts.pairs), 1)), nearest], axis=1),
+        np.concatenate([np.tile(between, (len(pairs), 1)), nearest], axis=1),
         _made(handle, constraints.handle_length),
     )
 
@@ -206,47 +177,47 @@ def _given(*ranges: tuple[float, float] | None) -> list[tuple[float, float]]:
     return [one for one in ranges if one is not None]
 
 
-def _overall(model: Instrument, allowed: tuple[float, float] | None, distal: Array, levels: int) -> Array:
-    if allowed is None:
-        scale = np.unique(distal / value_of(model, "distal_radius"))
-        return np.linspace(scale[0], scale[-1], min(levels, scale.size)) * model.overall_length
-    return np.unique(_made(np.linspace(*allowed, levels), allowed))
+def _overall(real_size: Instrument, limits: tuple[float, float] | None, distal: Array, levels: int) -> Array:
+    if limits is None:
+        scale = np.unique(distal / value_of(real_size, "distal_radius"))
+        return np.linspace(scale[0], scale[-1], min(levels, scale.size)) * real_size.overall_length
+    return np.unique(_made(np.linspace(*limits, levels), limits))
 
 
-def _between(allowed: tuple[float, float] | None, levels: int) -> Array:
-    """Return the lengths of an end-effector that are tried beside the most similar one."""
-    if allowed is None or allowed[0] == allowed[1]:
+def _between(limits: tuple[float, float] | None, levels: int) -> Array:
+    """Return the end-effector lengths to try besides the most similar one."""
+    if limits is None or limits[0] == limits[1]:
         return np.empty(0)
-    return np.unique(_made(np.linspace(*allowed, levels - 1), allowed, _END_EFFECTOR_MADE_TO))
+    return np.unique(_made(np.linspace(*limits, levels - 1), limits, _END_EFFECTOR_RESOLUTION))
 
 
-def _made(lengths: Array, allowed: tuple[float, float] | None, made_to: float = _MADE_TO) -> Array:
-    """Return lengths as a workshop makes them, within what is allowed; those that are not limited as they are."""
-    if allowed is None:
+def _made(lengths: Array, limits: tuple[float, float] | None, resolution: float = _RESOLUTION) -> Array:
+    """Return lengths rounded to the workshop's resolution within their range; those without a range unchanged."""
+    if limits is None:
         return lengths
-    made: Array = np.clip(np.round(lengths / made_to) * made_to, *allowed)
+    made: Array = np.clip(np.round(lengths / resolution) * resolution, *limits)
     return made
 
 
-def _pairs(model: Instrument, catalogue: Catalogue, pins: Mapping[str, Any]) -> tuple[tuple[Wheel, Wheel], ...]:
-    wheels = _wheels(model, catalogue)
-    distal_field, proximal_field = (field_of(model, f"{which}_radius") for which in ("distal", "proximal"))
+def _pairs(real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any]) -> tuple[tuple[Wheel, Wheel], ...]:
+    wheels = _wheels(real_size, catalogue)
+    distal_field, proximal_field = (field_of(real_size, f"{which}_radius") for which in ("distal", "proximal"))
     foreign = [key for key in pins if key.endswith(("_radius", "_offset")) and key not in (
         distal_field, proximal_field, "spool_radius")]  # fmt: skip
     if foreign:
         raise DesignError(
-            f"{foreign[0]} is pinned, but {model.name} has joint_type {model.joint_type}; "
-            f"allowed are {distal_field} and {proximal_field}."
+            f"{foreign[0]} is pinned, but {real_size.name} has joint_type {real_size.joint_type}; "
+            f"its radii are {distal_field} and {proximal_field}."
         )
     distals = _pinned(wheels, distal_field, pins, catalogue)
     proximals = _pinned(wheels, proximal_field, pins, catalogue)
-    small, large = value_of(model, "distal_radius"), value_of(model, "proximal_radius")
+    small, large = value_of(real_size, "distal_radius"), value_of(real_size, "proximal_radius")
     factor = catalogue.constraints.factor
     if factor is not None:
         low, high = (bound * small * (1 + sign * 1e-9) for bound, sign in zip(factor, (-1, 1), strict=True))
         within = [one for one in distals if low <= one.radius <= high]
         if not within:
-            raise DesignError(_no_radius(model, catalogue, distals, factor))
+            raise DesignError(_no_radius(real_size, catalogue, distals, factor))
         distals = within
     tolerance = catalogue.constraints.ratio_tolerance
     pairs: dict[tuple[float, float], tuple[Wheel, Wheel]] = {}
@@ -264,34 +235,36 @@ def _pairs(model: Instrument, catalogue: Catalogue, pins: Mapping[str, Any]) -> 
         if distal_field in pins and proximal_field in pins:
             raise DesignError(
                 f"{distal_field} and {proximal_field} are pinned to R/r = {nearest[1]:.6g}, which is "
-                f"{100 * nearest[0]:.3g} % off the {large / small:.6g} of {model.name}; allowed is "
-                f"ratio_tolerance = {100 * tolerance:g} %."
+                f"{100 * nearest[0]:.3g} % off the {large / small:.6g} of {real_size.name}; "
+                f"ratio_tolerance is {100 * tolerance:g} %."
             )
         raise DesignError(
-            f"no two wheels of catalogue {catalogue.name} make R/r = {large / small:.6g} of {model.name} to within "
-            f"ratio_tolerance = {tolerance:g}; the nearest make {nearest[1]:.6g} ({100 * nearest[0]:.2g} % off)."
+            f"no two wheels of catalogue {catalogue.name} have R/r = {large / small:.6g} of {real_size.name} within "
+            f"ratio_tolerance = {tolerance:g}; the nearest have {nearest[1]:.6g} ({100 * nearest[0]:.2g} % off)."
         )
     return tuple(pairs[size] for size in sorted(pairs))
 
 
-def _no_radius(model: Instrument, catalogue: Catalogue, distals: Sequence[Wheel], factor: tuple[float, float]) -> str:
-    small = value_of(model, "distal_radius")
+def _no_radius(
+    real_size: Instrument, catalogue: Catalogue, distals: Sequence[Wheel], factor: tuple[float, float]
+) -> str:
+    small = value_of(real_size, "distal_radius")
     low, high = factor
     asked = f"factor = {low:g}" if low == high else f"factor from {low:g} to {high:g}"
     near = min(distals, key=lambda one: max(low * small - one.radius, one.radius - high * small))
     return (
-        f"{asked} asks for a distal radius of {1e3 * low * small:.6g}"
+        f"{asked} needs a distal radius of {1e3 * low * small:.6g}"
         f"{'' if low == high else f' to {1e3 * high * small:.6g}'} mm, which no wheel of catalogue {catalogue.name} "
         f"has; the nearest has {1e3 * near.radius:.6g} mm (factor {near.radius / small:.6g})."
     )
 
 
-def _wheels(model: Instrument, catalogue: Catalogue) -> list[Wheel]:
-    if model.joint_type != "tendon-gear":
+def _wheels(real_size: Instrument, catalogue: Catalogue) -> list[Wheel]:
+    if real_size.joint_type != "tendon-gear":
         return [Wheel(pulley.radius) for pulley in catalogue.pulleys]
     gears = catalogue.gears
     if gears is None:
-        raise DesignError(f"catalogue {catalogue.name} has no gears, which {model.name} is made of.")
+        raise DesignError(f"catalogue {catalogue.name} has no gears, which {real_size.name} needs.")
     least, most = gears.teeth
     return [Wheel(module * teeth / 2, module, teeth) for module in gears.modules for teeth in range(least, most + 1)]
 
@@ -306,7 +279,7 @@ def _pinned(wheels: list[Wheel], field: str, pins: Mapping[str, Any], catalogue:
 
 
 def _makeable(pair: tuple[Wheel, Wheel]) -> tuple[Any, ...]:
-    """Return what to choose between pairs of the same radii by: no undercut, one module, the coarser teeth."""
+    """Return the order of preference of pairs with the same radii: no undercut, one module, coarser teeth."""
     one, other = pair
     undercut = sum(wheel.teeth is not None and wheel.teeth < _NO_UNDERCUT for wheel in pair)
     return undercut, one.module != other.module, -(one.module or 0.0), -(other.module or 0.0)

@@ -1,4 +1,4 @@
-"""What the workshop has and what the design must keep to: catalogues, merged from files."""
+"""Catalogues, merged from files: the parts at hand and the constraints of a design."""
 
 from collections.abc import Mapping
 from functools import reduce
@@ -8,15 +8,14 @@ from typing import Any, TypeVar
 from pydantic import Field
 
 from tenodesis.errors import DesignError
-from tenodesis.hardware import Table
-from tenodesis.scaling.catalogue_file import CatalogueFile, parse
-from tenodesis.scaling.constraints_table import Constraints
+from tenodesis.files import FileTable, read_text
+from tenodesis.scaling.catalogue_file import CatalogueFile, Constraints, parse
 from tenodesis.scaling.parts import (
     KINDS,
+    CataloguePart,
     Encoder,
     Gears,
     LoadCell,
-    Part,
     Pulley,
     Rod,
     Rope,
@@ -44,7 +43,7 @@ __all__ = [
 ]
 
 STANDARD = "standard"
-"""The shipped catalogue that is meant where none is named."""
+"""The shipped catalogue that is used by default."""
 
 _ALWAYS = ("ropes", "load_cells", "spools", "weights")
 NEEDED: Mapping[str, tuple[str, ...]] = {
@@ -57,7 +56,7 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
 _SHIPPED = Path(__file__).parents[1] / "catalogue"
 
 
-class Catalogue(Table):
+class Catalogue(FileTable):
     """Parts at hand and constraints, in SI units; use :func:`load`."""
 
     name: str
@@ -82,7 +81,7 @@ class Catalogue(Table):
             A list is empty, or there is no such joint type.
         """
         if joint_type not in NEEDED:
-            raise DesignError(f"joint_type is {joint_type!r}; allowed are {', '.join(NEEDED)}.")
+            raise DesignError(key="joint_type", value=joint_type, allowed=f"one of {', '.join(NEEDED)}")
         for kind in NEEDED[joint_type]:
             held = self.gears.modules if kind == "gears" and self.gears else getattr(self, kind)
             if not held:
@@ -93,12 +92,12 @@ class Catalogue(Table):
 
 
 def shipped() -> tuple[str, ...]:
-    """Return the names of the catalogues that come with the package."""
+    """Return the names of the shipped catalogues."""
     return tuple(sorted(file.stem for file in _SHIPPED.glob("*.toml")))
 
 
 def load(*names_or_paths: str | Path) -> Catalogue:
-    """Read and merge catalogues that come with the package, by name, and catalogue files, by path.
+    """Read and merge shipped catalogues, by name, and catalogue files, by path.
 
     Parts of all files are joined; a part that several have is the last one's. Of gears and constraints, a later
     file's values replace an earlier one's key by key. What a file includes comes before it.
@@ -132,9 +131,9 @@ def _read(name_or_path: str | Path, folder: Path, chain: tuple[Path, ...]) -> Ca
     wanted = str(name_or_path)
     path = _SHIPPED / f"{wanted}.toml" if wanted in shipped() else folder / wanted
     source = f"{wanted} (included by {chain[-1].name})" if chain else wanted
-    text = _text(path, source)
+    text = read_text(path, DesignError, source=source, kind="catalogue", names=shipped())
     if path.resolve() in chain:
-        raise DesignError(f"{source}: it includes itself; allowed are catalogues that do not include one another.")
+        raise DesignError(f"{source}: it includes itself; catalogues must not include one another.")
     file = parse(text, source)
     own = Catalogue(
         name=file.name or path.stem,
@@ -146,22 +145,6 @@ def _read(name_or_path: str | Path, folder: Path, chain: tuple[Path, ...]) -> Ca
     )
     included = [_read(other, path.parent, (*chain, path.resolve())) for other in file.include]
     return reduce(_merged, [*included, own])
-
-
-def _text(path: Path, source: str) -> str:
-    try:
-        return path.read_text("utf-8-sig")
-    except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
-        raise DesignError(
-            f"{source}: there is no such file and no catalogue of that name; "
-            f"allowed is the path of a TOML file or one of {', '.join(shipped())}."
-        ) from None
-    except UnicodeDecodeError:
-        raise DesignError(f"{source} is not UTF-8 text; allowed is a TOML file.") from None
-    except OSError as problem:
-        raise DesignError(f"{source} cannot be read: {problem.strerror}.") from None
-    except ValueError:
-        raise DesignError(f"{source} is no path; allowed is the path of a TOML file.") from None
 
 
 def _merged(earlier: Catalogue, later: Catalogue) -> Catalogue:
@@ -176,8 +159,8 @@ def _merged(earlier: Catalogue, later: Catalogue) -> Catalogue:
     )
 
 
-_P = TypeVar("_P", bound=Part)
-_T = TypeVar("_T", bound=Table)
+_P = TypeVar("_P", bound=CataloguePart)
+_T = TypeVar("_T", bound=FileTable)
 
 
 def _joined(earlier: tuple[_P, ...], later: tuple[_P, ...]) -> tuple[_P, ...]:

@@ -1,4 +1,4 @@
-"""Scale models: a design with all that follows from it, and the front of designs that no other one beats."""
+"""Scale models: a design with its parts, objectives and test loads, and the Pareto front of designs."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,18 +8,18 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
-from tenodesis.errors import DesignError, InstrumentError
+from tenodesis.errors import ArgumentError, DesignError, InstrumentError
 from tenodesis.instrument import Instrument
+from tenodesis.run import Array
 from tenodesis.scaling import catalogue as catalogues
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates, Wheel
 from tenodesis.scaling.catalogue import Catalogue, Encoder, LoadCell, Rod, Rope, Spool
-from tenodesis.scaling.front import ERROR_STEP, RELATIVE_STEP
+from tenodesis.scaling.judge import tip_force
 from tenodesis.scaling.limits import limits
 from tenodesis.scaling.pins import narrowed, parse
-from tenodesis.scaling.sweep import Progress, Sweep, exact_costs, sweep, tip_force
+from tenodesis.scaling.sweep import ERROR_STEP, RELATIVE_STEP, Progress, Sweep, exact_costs, sweep
 from tenodesis.scaling.transfer_friction import carry_friction
-from tenodesis.scaling.weights import Hanging, hang
-from tenodesis.signals import Array
+from tenodesis.scaling.weights import WeightSelection, select_weights
 from tenodesis.similarity import Comparison, compare
 from tenodesis.similarity.parameters import alone, field_of, value_of
 
@@ -27,28 +27,28 @@ Preference: TypeAlias = Literal["similarity", "resolution", "size", "margin", "b
 PREFERENCES: tuple[Preference, ...] = get_args(Preference)
 
 SIMILAR_ENOUGH = 0.1
-"""Similarity error, deg, below which other things count more."""
+"""Similarity error, deg, below which a smaller one is no better."""
 
 
 YIELD = 0.1
-"""Share of other objectives that one might give up for one."""
+"""Share of the other objectives that may be given up for one of them."""
 
 
 class Objectives(NamedTuple):
-    """What designs are judged by; the tension margin is better large, the others small."""
+    """Objectives of a design; a large tension margin is better, of the others a small one."""
 
     similarity_error: float
-    """Largest over the working range, without friction, deg; a tip that snaps through counts as at its stop."""
+    """Largest error over the working range, without friction, deg; a tip that snaps through counts as at its stop."""
     force_resolution: float
-    """Least force on the real-size instrument, N, that weights can make and load cells can tell."""
+    """Smallest force on the real-size instrument, N, that weights can set and load cells can resolve."""
     overall_length: float
-    """m."""
+    """Length, m."""
     tension_margin: float
     """Breaking load over the largest tension."""
 
 
 class Rival(NamedTuple):
-    """A scale model that another one is compared with."""
+    """A scale model that is at least as good in every objective."""
 
     objectives: Objectives
     made_of: str
@@ -67,41 +67,41 @@ class Choice(NamedTuple):
 
 
 class TestLoad(NamedTuple):
-    """A force on the real-size instrument (N), that of the scaled-up tip (N), and what is hung for it."""
+    """A force on the real-size instrument (N), that on the scaled-up tip (N), and the weights for it."""
 
     real_force: float
     force: float
-    hanging: Hanging
+    weights: WeightSelection
     error: float
-    """What is hung over what is wanted, N on the real-size instrument."""
+    """Force by the weights minus the wanted one, N on the real-size instrument."""
 
 
 @dataclass(frozen=True)
 class Design:
-    """A scaled-up instrument, what it is made of, and how well it stands for the real-size one."""
+    """A scaled-up instrument with its parts, objectives, test loads and resolutions."""
 
-    model: Instrument
-    prototype: Instrument
+    real_size: Instrument
+    scaled_up: Instrument
     choice: Choice
     catalogue: Catalogue
     objectives: Objectives
     comparison: Comparison
     tests: tuple[TestLoad, ...]
     largest_tension: float
-    """Over the working range, N."""
+    """Largest tension over the working range, N."""
     angle_resolution: float
-    """Of the distal encoder, deg, on either instrument the same."""
+    """Resolution of the distal encoder, deg, the same for both instruments."""
     tension_resolution: float
-    """Of the load cells, N on the real-size instrument."""
+    """Resolution of the load cells, N of real-size tension."""
     force_resolution: float
-    """Of the load cells, N at the real-size tip."""
+    """Resolution of the load cells, N at the real-size tip."""
 
 
 @dataclass(frozen=True)
 class Front:
-    """The designs that no other one beats in everything, in the order of their similarity error.
+    """The Pareto front of designs, sorted by their similarity error.
 
-    Designs differ where a bench could tell: by 0.01 deg of similarity error, or 1 % of anything else.
+    Designs count as different by 0.01 deg of similarity error, or 1 % of another objective.
     """
 
     sweep: Sweep
@@ -117,23 +117,23 @@ class Front:
         IndexError
             There is no such design.
         DesignError
-            Its weights make a test force not nearly enough.
+            Its weights cannot set a test force precisely enough.
         """
         return _design(self.sweep, int(self.sweep.numbers[index]))
 
     @property
-    def model(self) -> Instrument:
+    def real_size(self) -> Instrument:
         """The real-size instrument."""
-        return self.sweep.model
+        return self.sweep.real_size
 
     @property
     def examined(self) -> int:
-        """How many scale models were judged."""
+        """Number of scale models judged."""
         return self.sweep.examined
 
     @property
     def feasible(self) -> int:
-        """How many of them met every constraint."""
+        """Number of those that met every constraint."""
         return self.sweep.feasible
 
     @cached_property
@@ -149,13 +149,13 @@ class Front:
         return rows
 
     def ranked(self, prefer: Preference = "similarity") -> list[int]:
-        """Return the indices of the designs that are as good in what is preferred, the best in the rest first.
+        """Return the indices of the designs that are best in the preferred objective, sorted by the others.
 
         Parameters
         ----------
         prefer
-            One objective; as good is to 0.1 deg, or 1 %. Of these, or for "balanced" of all, the first is the one
-            whose worst rank in the other objectives is best.
+            One objective; designs within 0.1 deg, or 1 %, of its best value count as best. Of these, or for
+            "balanced" of all, the first is the one whose worst rank in all objectives is best.
 
         Raises
         ------
@@ -163,7 +163,7 @@ class Front:
             The preference is unknown.
         """
         if prefer not in PREFERENCES:
-            raise ValueError(f"prefer is {prefer!r}; allowed are {', '.join(PREFERENCES)}.")
+            raise ArgumentError(key="prefer", value=prefer, allowed=f"one of {', '.join(PREFERENCES)}")
         costs = self.sweep.costs
         good = np.ones(len(costs), bool)
         if prefer != "balanced":
@@ -175,39 +175,41 @@ class Front:
         return order
 
     def best(self, prefer: Preference = "similarity") -> int:
-        """Return the index of the design to take, the first of :meth:`ranked`."""
+        """Return the index of the first design of :meth:`ranked`."""
         return self.ranked(prefer)[0]
 
     def described(self, index: int) -> str:
-        """Return in a line what a design is made of."""
+        """Return the main parts and lengths of a design in one line."""
         return _described(self.sweep.candidates, int(self.sweep.numbers[index]))
 
-    def rivals(self, objectives: Objectives) -> list["Rival"]:
-        """Return all scale models judged, not only the front's, that are as good in everything and better in something.
+    def rivals(self, objectives: Objectives) -> list[Rival]:
+        """Return all judged scale models that dominate given objectives, the most similar first.
 
-        The most similar one is the first.
+        They are as good in every objective and better in one; they need not be on the front.
         """
         costs = np.array([*objectives[:3], 1 / objectives.tension_margin])
-        # To rounding the same is as good.
+        # Equal up to rounding is as good.
         bound = costs * (1 + 1e-9) + 1e-12
         found = []
         for stage in self.sweep.stages:
-            may = np.flatnonzero((stage.lower <= bound).all(axis=1))
-            if not may.size:
+            possible = np.flatnonzero((stage.lower <= bound).all(axis=1))
+            if not possible.size:
                 continue
             judge = self.sweep.judge(stage)
-            exact, allowed = exact_costs(judge, limits(self.sweep.catalogue, self.sweep.tests), stage.held[may])
+            exact, allowed = exact_costs(
+                judge, limits(self.sweep.catalogue, self.sweep.forces), stage.feasible[possible]
+            )
             better = (exact < costs * (1 - 1e-9) - 1e-12).any(axis=1)
             good = allowed & (exact <= bound).all(axis=1) & better
             for row in np.flatnonzero(good):
                 error, resolution, length, inverse = exact[row].tolist()
-                made_of = _described(stage.candidates, int(stage.held[may][row]))
+                made_of = _described(stage.candidates, int(stage.feasible[possible][row]))
                 found.append(Rival(Objectives(error, resolution, length, 1 / inverse), made_of))
-        # What both stages judged is one.
+        # A scale model may have been judged in both stages.
         return sorted(set(found))
 
     def table(self) -> dict[str, list[Any]]:
-        """Return what each design is made of and its objectives, by column, lengths in mm."""
+        """Return objectives, parts and lengths (mm) of all designs, by column."""
         rows = [_row(self.sweep.candidates, int(number)) for number in self.sweep.numbers]
         made = {key: [row[key] for row in rows] for key in rows[0]}
         judged = {
@@ -220,69 +222,73 @@ class Front:
 
 
 def design(
-    model: Instrument,
+    real_size: Instrument,
     catalogue: Catalogue | None = None,
     *,
     pins: Mapping[str, Any] | None = None,
     combinations: int = COMBINATIONS,
     progress: Progress = lambda *_: None,
 ) -> Front:
-    """Find the scale models of an instrument that no other one beats in everything.
+    """Find the Pareto front of an instrument's scale models.
 
     Parameters
     ----------
-    model
+    real_size
         The real-size instrument; of two axes, the first.
     catalogue
-        Parts and constraints; by default what is shipped.
+        Parts and constraints; by default the standard catalogue.
     pins
-        Choices fixed beforehand, in SI units or as text: lengths, radii, ``factor``, ``rope``, ``pretension`` ...
+        Fixed choices, in SI units or as text: lengths, radii, ``factor``, ``rope``, ``pretension`` ...
     combinations
-        About how many scale models to judge.
+        Approximate number of scale models to judge.
     progress
-        Called with what is done, how much of it is, and how much there is.
+        Called with the name of the step, the amount done and the total.
 
     Returns
     -------
     Front
-        The designs, in the order of their similarity error.
+        The designs, sorted by their similarity error.
 
     Raises
     ------
     DesignError
-        A pin names nothing there is, or no scale model meets the constraints; the message names those that contradict
-        each other.
+        A pin names no part, or no scale model meets the constraints; the message says which contradict each other.
     """
-    if not isinstance(model, Instrument):
-        raise TypeError(f"model is {model!r}; allowed is an instrument, as tenodesis.load gives it.")
+    if not isinstance(real_size, Instrument):
+        raise TypeError(f"real_size is {real_size!r}; it must be an instrument, as tenodesis.load returns it.")
     if isinstance(combinations, bool) or not isinstance(combinations, int) or not 1 <= combinations <= 10**9:
-        raise ValueError(f"combinations is {combinations!r}; allowed is a whole number from 1 to 10**9.")
+        raise ArgumentError(key="combinations", value=combinations, allowed="an integer from 1 to 10**9")
     given = parse(pins or {})
     parts = narrowed(catalogues.load() if catalogue is None else catalogue, given)
-    return Front(sweep(alone(model), parts, given, combinations=combinations, progress=progress))
+    return Front(sweep(alone(real_size), parts, given, combinations=combinations, progress=progress))
 
 
-def name_of(model: Instrument) -> str:
-    """Return what the scale model of an instrument is called."""
-    return f"{model.name[:50]}-scaled-up"
+def name_of(real_size: Instrument) -> str:
+    """Return the name of an instrument's scale model."""
+    return f"{real_size.name[:50]}-scaled-up"
 
 
-_TOLD = (("similarity error", " deg"), ("force resolution", " N"), ("overall length", " m"), ("tension margin", ""))
+_OBJECTIVES = (
+    ("similarity error", " deg"),
+    ("force resolution", " N"),
+    ("overall length", " m"),
+    ("tension margin", ""),
+)
 
 
-def told_better(front: Front, objectives: Objectives) -> str:
-    """Say by how much other scale models would be better, as the rest of a sentence."""
+def rivals_text(front: Front, objectives: Objectives) -> str:
+    """Return as the rest of a sentence by how much other scale models are better."""
     rivals = front.rivals(objectives)
     if not rivals:
         return f"no scale model beats this one in everything: it is on the front. {_trades(front, objectives)}"
-    one = rivals[0]
+    best = rivals[0]
     gains = ", ".join(
         f"{name} {_shown(other)} instead of {_shown(own)}{unit}"
-        for (name, unit), other, own in zip(_TOLD, one.objectives, objectives, strict=True)
+        for (name, unit), other, own in zip(_OBJECTIVES, best.objectives, objectives, strict=True)
     )
     count = f"{len(rivals)} scale models are" if rivals[1:] else "one scale model is"
     return (
-        f"{count} as good or better in everything; the most similar one has {gains} ({one.made_of}). "
+        f"{count} as good or better in everything; the most similar one has {gains} ({best.made_of}). "
         f"{_trades(front, objectives)}"
     )
 
@@ -292,20 +298,20 @@ def _shown(value: float) -> str:
 
 
 def _trades(front: Front, objectives: Objectives) -> str:
-    """Say what each objective could be, by the front, if the others may be a little worse."""
+    """Return in words how good each objective can be on the front if the others may be slightly worse."""
     costs = np.array([*objectives[:3], 1 / objectives.tension_margin])
-    told = []
-    for column, (name, unit) in enumerate(_TOLD):
+    gains = []
+    for column, (name, unit) in enumerate(_OBJECTIVES):
         others = [n for n in range(4) if n != column]
         within = (front.sweep.costs[:, others] <= costs[others] * (1 + YIELD)).all(axis=1)
         best = front.sweep.costs[within, column].min(initial=costs[column])
-        told_apart = ERROR_STEP if column == 0 else costs[column] * RELATIVE_STEP
-        if best < costs[column] - told_apart:
+        resolution = ERROR_STEP if column == 0 else costs[column] * RELATIVE_STEP
+        if best < costs[column] - resolution:
             value, own = (1 / one if column == 3 else one for one in (best, costs[column]))
-            told.append(f"{name} {_shown(value)} instead of {_shown(own)}{unit}")
-    if not told:
-        return f"Giving up {100 * YIELD:g} % of the others wins nothing."
-    return f"Giving up {100 * YIELD:g} % of the others, one can have " + ", or ".join(told) + "."
+            gains.append(f"{name} {_shown(value)} instead of {_shown(own)}{unit}")
+    if not gains:
+        return f"Giving up {100 * YIELD:g} % of the others gains nothing."
+    return f"Giving up {100 * YIELD:g} % of the others, one can have " + ", or ".join(gains) + "."
 
 
 def _row(found: Candidates, number: int) -> dict[str, Any]:
@@ -329,7 +335,7 @@ def _described(found: Candidates, number: int) -> str:
 
 
 def _ranks(values: Array) -> Array:
-    """Return every value's place among all, from 0 to 1; equal values share the first."""
+    """Return the rank of every value from 0 to 1; equal values share the lowest."""
     ordered = np.sort(values)
     places: Array = np.searchsorted(ordered, values) / max(values.size - 1, 1)
     return places
@@ -338,32 +344,32 @@ def _ranks(values: Array) -> Array:
 def _design(found: Sweep, number: int) -> Design:
     judge = found.judge(found.stages[-1])
     columns = judge.columns(np.array([number]), fine=True)
-    one = {name: float(values[0]) for name, values in columns.items()}
+    values = {name: float(column[0]) for name, column in columns.items()}
     error, resolution, length, inverse = judge.costs(columns)[0].tolist()
     wheels, rope, rod = found.candidates.parts(number)
     choice = Choice(
         *wheels,
         rope,
         rod,
-        judge.load_cell(one["largest_tension"]),
-        _encoder(found.catalogue, one["distal_radius"]),
+        judge.load_cell(values["largest_tension"]),
+        _encoder(found.catalogue, values["distal_radius"]),
         judge.spool(number),
     )
-    tests = tuple(hung(found.catalogue, force, one) for force in found.tests.hung)
-    prototype = _prototype(found, choice, one, tests)
-    comparison = compare(found.model, prototype, largest_force=found.tests.largest)
+    tests = tuple(weights_for(found.catalogue, force, values) for force in found.forces.tests)
+    scaled_up = _scaled_up(found, choice, values, tests)
+    comparison = compare(found.real_size, scaled_up, largest_force=found.forces.largest)
     return Design(
-        found.model,
-        prototype,
+        found.real_size,
+        scaled_up,
         choice,
         found.catalogue,
         Objectives(error, resolution, length, 1 / inverse),
         comparison,
         tests,
-        one["largest_tension"],
-        math.degrees(prototype.sensors.encoder_range / 2**prototype.sensors.encoder_bits),
+        values["largest_tension"],
+        math.degrees(scaled_up.sensors.encoder_range / 2**scaled_up.sensors.encoder_bits),
         choice.load_cell.resolution / comparison.tension_factor,
-        float(tip_force(choice.load_cell.resolution, one)),
+        float(tip_force(choice.load_cell.resolution, values)),
     )
 
 
@@ -373,52 +379,43 @@ def _encoder(catalogue: Catalogue, radius: float) -> Encoder | None:
     return min(fitting, key=lambda one: (one.range / 2**one.bits, one.noise), default=None)
 
 
-def hung(catalogue: Catalogue, force: float, one: Mapping[str, float]) -> TestLoad:
-    """Return what to hang for a force (N) on the real-size instrument.
-
-    Parameters
-    ----------
-    catalogue
-        The weights there are.
-    force
-        The force.
-    one
-        Rig arm (m) and force factor of the scale model, by name.
+def weights_for(catalogue: Catalogue, force: float, values: Mapping[str, float]) -> TestLoad:
+    """Return the weights for a force (N) on the real-size instrument, from the rig arm (m) and force factor by name.
 
     Raises
     ------
     DesignError
-        The weights do not come near enough; the message names the nearest set.
+        The weights do not come close enough; the message names the closest set.
     """
     constraints = catalogue.constraints
-    lever = constraints.cable_pulley_radius / one["rig_arm"]
-    wanted = force * one["force_factor"]
-    hanging = hang(wanted / lever, catalogue.weights, cable_mass=constraints.cable_mass)
-    error = hanging.error * lever / one["force_factor"]
+    lever = constraints.cable_pulley_radius / values["rig_arm"]
+    wanted = force * values["force_factor"]
+    weights = select_weights(wanted / lever, catalogue.weights, cable_mass=constraints.cable_mass)
+    error = weights.error * lever / values["force_factor"]
     if abs(error) > constraints.force_tolerance * force:
         raise DesignError(
-            f"the weights of catalogue {catalogue.name} cannot make {force:g} N on the real-size instrument to "
-            f"force_tolerance = {100 * constraints.force_tolerance:g} %: the nearest is {hanging.sentence}, "
+            f"the weights of catalogue {catalogue.name} cannot set {force:g} N on the real-size instrument to "
+            f"force_tolerance = {100 * constraints.force_tolerance:g} %: the nearest is {weights.sentence}, "
             f"{100 * error / force:+.2g} % or {error:+.2g} N on the real-size instrument."
         )
-    return TestLoad(force, hanging.weight * lever, hanging, error)
+    return TestLoad(force, weights.weight * lever, weights, error)
 
 
-def _prototype(found: Sweep, choice: Choice, one: Mapping[str, float], tests: Sequence[TestLoad]) -> Instrument:
-    model, constraints = found.model, found.catalogue.constraints
+def _scaled_up(found: Sweep, choice: Choice, values: Mapping[str, float], tests: Sequence[TestLoad]) -> Instrument:
+    real_size, constraints = found.real_size, found.catalogue.constraints
     changes: dict[str, Any] = {
-        field: one[parameter] for field, parameter in model.parameter_fields.items() if parameter in one
+        field: values[parameter] for field, parameter in real_size.parameter_fields.items() if parameter in values
     }
     length = changes.pop("tendon_length")
-    factor = one["distal_radius"] / value_of(model, "distal_radius")
+    factor = values["distal_radius"] / value_of(real_size, "distal_radius")
     changes |= {
-        "name": name_of(model),
-        "description": f"Scale model of {model.name}, distal radius times {factor:.4g}"[:200],
+        "name": name_of(real_size),
+        "description": f"Scale model of {real_size.name}, distal radius times {factor:.4g}"[:200],
         "overall_length": length,
         "tendon_length": None,
         "tendon_stiffness": None,
-        "stem_diameter": model.stem_diameter and model.stem_diameter * factor,
-        "pretension": one["pretension"],
+        "stem_diameter": real_size.stem_diameter and real_size.stem_diameter * factor,
+        "pretension": values["pretension"],
         "breaking_load": choice.rope.breaking_load,
         "overrides": None,
         "dynamics": None,
@@ -426,8 +423,8 @@ def _prototype(found: Sweep, choice: Choice, one: Mapping[str, float], tests: Se
         "control": None,
         "conditions": {
             "forces": tuple(test.force for test in tests if test.force > 0),
-            "cycles": model.conditions.cycles,
-            "sampling_rate": model.conditions.sampling_rate,
+            "cycles": real_size.conditions.cycles,
+            "sampling_rate": real_size.conditions.sampling_rate,
             "cable_pulley_radius": constraints.cable_pulley_radius,
         },
         "sensors.load_cell_range": choice.load_cell.range,
@@ -442,10 +439,10 @@ def _prototype(found: Sweep, choice: Choice, one: Mapping[str, float], tests: Se
     changes["drives.spool_radius"] = choice.spool.radius
     changes["sources"] = _sources(found, choice, changes)
     try:
-        prototype = model.replace(**changes)
-        return carry_friction(model, prototype) if model.friction.law != "none" else prototype
+        scaled_up = real_size.replace(**changes)
+        return carry_friction(real_size, scaled_up) if real_size.friction.law != "none" else scaled_up
     except InstrumentError as problem:
-        raise DesignError(f"the scale model is no instrument: {problem}") from None
+        raise DesignError(f"the scale model is not a valid instrument: {problem}") from None
 
 
 def _bits(counts: float) -> int:
@@ -453,10 +450,10 @@ def _bits(counts: float) -> int:
 
 
 def _sources(found: Sweep, choice: Choice, changes: Mapping[str, Any]) -> dict[str, str]:
-    model, name = found.model, found.catalogue.name
+    real_size, name = found.real_size, found.catalogue.name
     sources = {
-        field_of(model, "distal_radius"): _made_of(choice.distal),
-        field_of(model, "proximal_radius"): _made_of(choice.proximal),
+        field_of(real_size, "distal_radius"): _made_of(choice.distal),
+        field_of(real_size, "proximal_radius"): _made_of(choice.proximal),
         "tendon_diameter": choice.rope.name,
         "tendon_modulus": f"{choice.rope.name}: {choice.rope.source}",
         "breaking_load": f"{choice.rope.name}: {choice.rope.source}",
@@ -464,10 +461,10 @@ def _sources(found: Sweep, choice: Choice, changes: Mapping[str, Any]) -> dict[s
         "overall_length": f"tenodesis scale, catalogue {name}",
         "end_effector_length": f"tenodesis scale, catalogue {name}",
         "handle_length": f"tenodesis scale, catalogue {name}",
-        "conditions.forces": "equal loss of dexterity, as the weights make it",
+        "conditions.forces": "equal loss of dexterity, as set by the weights",
         "conditions.cable_pulley_radius": f"catalogue {name}",
-        "output_range": f"as {model.name}",
-        "handle_range": f"as {model.name}",
+        "output_range": f"as {real_size.name}",
+        "handle_range": f"as {real_size.name}",
         "sensors.load_cell_range": f"{choice.load_cell.name}: {choice.load_cell.source}",
     }
     if choice.rod is not None:

@@ -1,4 +1,4 @@
-"""What every scale model must meet: limits, each an amount and the bound it must not pass."""
+"""The limits of scale models, each an amount and its upper bound, and which of them contradict each other."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -10,20 +10,20 @@ from numpy.typing import NDArray
 
 from tenodesis.errors import DesignError
 from tenodesis.instrument import Instrument
-from tenodesis.quantity import STANDARD_GRAVITY
+from tenodesis.run import Array
 from tenodesis.scaling.catalogue import Catalogue, Weight
-from tenodesis.scaling.weights import finest
-from tenodesis.signals import Array
+from tenodesis.scaling.weights import least_difference
+from tenodesis.units import STANDARD_GRAVITY
 
 Columns = Mapping[str, Array]
-"""Parameters and findings of some scale models, by name, and the rope's breaking load and the larger wheel's size."""
+"""Parameters and results of some scale models by name, with the rope's breaking load and the larger wheel's size."""
 
 
 class Limit(NamedTuple):
-    """One limit: the constraint it comes from, what it asks, its unit, and amount and bound of every scale model."""
+    """A limit: its constraint, requirement, amount and unit, and amount and bound of every scale model."""
 
     key: str
-    asks: str
+    requires: str
     amount_is: str
     unit: str
     compute: Callable[[Columns], tuple[Array, Array | float]]
@@ -31,18 +31,18 @@ class Limit(NamedTuple):
     def met(self, columns: Columns) -> NDArray[np.bool_]:
         """Return which scale models meet it."""
         amount, bound = self.compute(columns)
-        # A length that is pinned to its bound may be off by rounding.
+        # A length pinned to its bound may differ by rounding.
         return np.asarray(amount <= bound + 1e-12 * np.abs(bound))
 
 
 class Forces(NamedTuple):
-    """The forces (N, real-size) that the instrument is judged and tested up to."""
+    """The largest force at which scale models are judged, and the test forces; N, real-size."""
 
     largest: float
-    hung: tuple[float, ...]
+    tests: tuple[float, ...]
 
 
-def forces_of(model: Instrument, catalogue: Catalogue) -> Forces:
+def forces_of(real_size: Instrument, catalogue: Catalogue) -> Forces:
     """Return the forces that a scale model is judged and tested at, N on the real-size instrument.
 
     Raises
@@ -51,24 +51,33 @@ def forces_of(model: Instrument, catalogue: Catalogue) -> Forces:
         A test force exceeds the largest force.
     """
     constraints = catalogue.constraints
-    hung = constraints.test_forces or model.conditions.forces or (1.0,)
-    largest = constraints.largest_force or max(model.conditions.forces, default=max(hung))
-    if max(hung) > largest:
+    tests = constraints.test_forces or real_size.conditions.forces or (1.0,)
+    largest = constraints.largest_force or max(real_size.conditions.forces, default=max(tests))
+    if max(tests) > largest:
         raise DesignError(
-            f"test_forces go up to {max(hung):g} N and largest_force is {largest:g} N, which contradict each other; "
-            "allowed are test forces up to the largest force."
+            f"test_forces go up to {max(tests):g} N and largest_force is {largest:g} N, which contradict each other; "
+            "test forces must not exceed the largest force.",
+            key="test_forces",
+            value=tests,
+            allowed=f"forces up to {largest:g} N",
         )
-    return Forces(largest, tuple(hung))
+    return Forces(largest, tuple(tests))
 
 
-def limits(catalogue: Catalogue, tests: Forces) -> tuple[Limit, ...]:
+def limits(catalogue: Catalogue, forces: Forces) -> tuple[Limit, ...]:
     """Return the limits that a catalogue's constraints and parts set."""
     constraints = catalogue.constraints
-    rho, largest = constraints.cable_pulley_radius, max(tests.hung)
+    rho, largest = constraints.cable_pulley_radius, max(forces.tests)
     masses = sum(weight.mass * weight.count for weight in catalogue.weights)
     step = finest_difference(catalogue)
     widest = max(cell.range for cell in catalogue.load_cells)
-    found = [
+    least_radius = min((encoder.least_distal_radius for encoder in catalogue.encoders), default=0.0)
+    # A constraint that is not given is met by any scale model.
+    bed = min(constraints.print_bed or (math.inf,))
+    torque, error = (
+        math.inf if bound is None else bound for bound in (constraints.spool_torque, constraints.similarity_error)
+    )
+    return (
         Limit(
             "handle_range",
             "the tip bends as far as the handle asks for",
@@ -103,82 +112,65 @@ def limits(catalogue: Catalogue, tests: Forces) -> tuple[Limit, ...]:
             "mass to hang",
             "kg",
             lambda c: (
-                max(tests.hung) * c["force_factor"] * c["rig_arm"] / rho / STANDARD_GRAVITY
+                max(forces.tests) * c["force_factor"] * c["rig_arm"] / rho / STANDARD_GRAVITY
                 + 2 * constraints.cable_mass,
                 masses,
             ),
         ),
         Limit(
             "force_tolerance",
-            f"weights fine enough for the smallest test force, {min(tests.hung):g} N on the real-size instrument, "
+            f"weights fine enough for the smallest test force, {min(forces.tests):g} N on the real-size instrument, "
             f"to {100 * constraints.force_tolerance:g} %",
             "force of half the lightest weight",
             "N",
             lambda c: (
                 0.5 * step * STANDARD_GRAVITY * rho / c["rig_arm"],
-                constraints.force_tolerance * min(tests.hung) * c["force_factor"],
+                constraints.force_tolerance * min(forces.tests) * c["force_factor"],
             ),
         ),
-    ]
-    if catalogue.encoders:
-        least = min(encoder.least_distal_radius for encoder in catalogue.encoders)
-        found.append(
-            Limit(
-                "encoders",
-                "a distal encoder fits",
-                "distal radius needed",
-                "m",
-                lambda c: (np.full_like(c["distal_radius"], least), c["distal_radius"]),
-            )
-        )
-    if constraints.print_bed is not None:
-        bed = min(constraints.print_bed)
-        found.append(
-            Limit(
-                "print_bed",
-                f"the largest wheel fits on the print bed's {1e3 * bed:g} mm",
-                "its diameter",
-                "m",
-                lambda c: (2 * c["largest_wheel"], bed),
-            )
-        )
-    if constraints.spool_torque is not None:
-        torque = constraints.spool_torque
-        found.append(
-            Limit(
-                "spool_torque",
-                f"the drives hold the largest tension with {torque:g} N*m",
-                "torque needed",
-                "N*m",
-                lambda c: (c["largest_tension"] * c["spool_radius"], torque),
-            )
-        )
-    if constraints.similarity_error is not None:
-        error = constraints.similarity_error
-        found.append(
-            Limit(
-                "similarity_error",
-                f"the output angles differ by at most {math.degrees(error):.3g} deg",
-                "largest difference",
-                "rad",
-                lambda c: (c["largest_error"], error),
-            )
-        )
-    return tuple(found)
+        Limit(
+            "encoders",
+            "a distal encoder fits",
+            "distal radius needed",
+            "m",
+            lambda c: (np.full_like(c["distal_radius"], least_radius), c["distal_radius"]),
+        ),
+        Limit(
+            "print_bed",
+            f"the largest wheel fits on the print bed's {1e3 * bed:g} mm",
+            "its diameter",
+            "m",
+            lambda c: (2 * c["largest_wheel"], bed),
+        ),
+        Limit(
+            "spool_torque",
+            f"the drives hold the largest tension with {torque:g} N*m",
+            "torque needed",
+            "N*m",
+            lambda c: (c["largest_tension"] * c["spool_radius"], torque),
+        ),
+        Limit(
+            "similarity_error",
+            f"the output angles differ by at most {math.degrees(error):.3g} deg",
+            "largest difference",
+            "rad",
+            lambda c: (c["largest_error"], error),
+        ),
+    )
 
 
 def finest_difference(catalogue: Catalogue) -> float:
-    """Return the least mass that one cable can have more than the other, kg."""
+    """Return the smallest possible difference in mass between the two cables, kg."""
     return _finest(catalogue.weights, catalogue.constraints.cable_mass)
 
 
 @cache
 def _finest(weights: tuple[Weight, ...], cable_mass: float) -> float:
-    return finest(weights, cable_mass=cable_mass)
+    return least_difference(weights, cable_mass=cable_mass)
 
 
 class Tally:
-    """Counts which limits, and which two of them, scale models meet, to name what contradicts what."""
+    """Counts how many scale models meet each limit and each two of them, to find those that contradict each other."""
 
     def __init__(self, limits: tuple[Limit, ...]) -> None:
         self._limits = limits
@@ -206,34 +198,34 @@ class Tally:
         return next((limit for n, limit in enumerate(self._limits) if not met[n]), None)
 
     def nearest(self, limit: Limit) -> str:
-        """Say how near scale models come to a limit that none meets."""
+        """Return in words how close scale models come to a limit that none meets."""
         _, amount, bound = self._nearest[self._limits.index(limit)]
         return (
-            f"of {self._examined} scale models the nearest has, as {limit.amount_is}, {_told(amount, limit.unit)} "
-            f"against {_told(bound, limit.unit)} there is"
+            f"the nearest of {self._examined} scale models has {limit.amount_is} {_text(amount, limit.unit)}; the "
+            f"bound is {_text(bound, limit.unit)}"
         )
 
     def contradiction(self) -> DesignError:
         """Return the error that says which limit, or which two, cannot be met."""
         alone = self.unmeetable()
         if alone is not None:
-            return DesignError(f"{alone.key} cannot be met: {alone.asks}; {self.nearest(alone)}.")
+            return DesignError(f"{alone.key} cannot be met: {alone.requires}; {self.nearest(alone)}.")
         met = self._both.diagonal()
         for i, one in enumerate(self._limits):
             for j, other in enumerate(self._limits[:i]):
                 if not self._both[i, j]:
                     return DesignError(
                         f"{other.key} and {one.key} contradict each other: of {self._examined} scale models {met[j]} "
-                        f"meet the one ({other.asks}), {met[i]} the other ({one.asks}), and none both."
+                        f"meet the one ({other.requires}), {met[i]} the other ({one.requires}), and none both."
                     )
         scarce = sorted(range(len(self._limits)), key=lambda n: met[n])[:3]
-        told = ", ".join(f"{self._limits[n].key} ({met[n]})" for n in scarce)
+        counts = ", ".join(f"{self._limits[n].key} ({met[n]})" for n in scarce)
         return DesignError(
-            f"no scale model of {self._examined} meets all limits, though any two can be met; fewest meet {told}."
+            f"no scale model of {self._examined} meets all limits, though any two can be met; fewest meet {counts}."
         )
 
 
-def _told(amount: float, unit: str) -> str:
+def _text(amount: float, unit: str) -> str:
     if unit == "m":
         return f"{1e3 * amount:.4g} mm"
     if unit == "rad":

@@ -1,4 +1,4 @@
-"""Parts a scale model is built from and tested with, one by one or as a series that differs in size alone."""
+"""Parts to build and test a scale model with, each alone or as a series that differs in size only."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -6,42 +6,39 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
-from tenodesis.hardware import Bits, Length, Span, Table, Turn
-from tenodesis.instrument import Force, Modulus, Name
-from tenodesis.quantity import Quantity, annotation
+from tenodesis.files import FileTable
+from tenodesis.instrument import Name
+from tenodesis.units import AngleError, Bits, EncoderRange, Length, Mass, Modulus, PositiveForce, PositiveMass, Strength
 
-Mass = Annotated[float, *annotation(Quantity("mass", "kg", "500 g", at_least=0, below=1e3))]
-PieceMass = Annotated[float, *annotation(Quantity("mass", "kg", "500 g", above=0, below=1e3))]
-Strength = Annotated[float, *annotation(Quantity("tensile strength", "Pa", "1570 MPa", above=1e6, below=1e11))]
 Source = Annotated[str, Field(max_length=400)]
 
 _Count = Annotated[int, Field(ge=1, le=1000, strict=True)]
 _Teeth = Annotated[int, Field(ge=6, le=1000, strict=True)]
 _Factor = Annotated[float, Field(gt=0, lt=1, strict=True)]
 _SAME = 9
-"""Digits by which two sizes are the same one, however their units were written."""
+"""Significant digits to which two sizes are compared, whatever their units in the file."""
 
 
 def ordered(pair: tuple[float, float]) -> tuple[float, float]:
-    """Return a least and a most value that are in order.
+    """Return a pair of least and most value, once it is in order.
 
     Raises
     ------
     ValueError
-        The least is more than the most.
+        The least is greater than the most.
     """
     if pair[0] > pair[1]:
-        raise ValueError(f"its least, {pair[0]:g}, is more than its most, {pair[1]:g}; allowed is the least first")
+        raise ValueError(f"its least, {pair[0]:g}, is more than its most, {pair[1]:g}; the least must come first")
     return pair
 
 
 def twice(keys: Sequence[str]) -> str | None:
-    """Return the first key that is there twice."""
+    """Return the first key that occurs twice."""
     return next((key for place, key in enumerate(keys) if key in keys[:place]), None)
 
 
-class Gears(Table):
-    """Spur gears one can buy or cut: every module with every number of teeth."""
+class Gears(FileTable):
+    """Available spur gears: every module with every number of teeth."""
 
     modules: tuple[Length, ...] = Field(default=(), description="Modules")
     teeth: Annotated[tuple[_Teeth, _Teeth], AfterValidator(ordered)] = Field(
@@ -52,60 +49,57 @@ class Gears(Table):
     def _distinct(self) -> Self:
         again = twice([_size(module) for module in self.modules])
         if again:
-            raise ValueError(f"modules has {again} twice; allowed is every module once")
+            raise ValueError(f"modules has {again} twice; it must have every module once")
         return self
 
 
-class Part(Table):
-    """One part of a catalogue, told from others of its kind by its key."""
+class CataloguePart(FileTable):
+    """One part of a catalogue, identified among its kind by its key."""
 
     source: Source = Field(default="", description="Where the values are from")
 
     @property
     def key(self) -> str:
-        """What no other part of the kind has: its name or its size."""
+        """Name or size, unique among the parts of a kind."""
         return str(getattr(self, "name", ""))
 
     def expand(self) -> tuple[Self, ...]:
-        """Return the parts that this table of a file stands for."""
+        """Return the parts that this table of a file describes."""
         return (self,)
 
 
-class Pulley(Part):
+class _Round(CataloguePart):
+    """A part with a radius at which the tendon lies."""
+
+    radius: Length = Field(description="Radius at which the tendon lies")
+
+    @property
+    def key(self) -> str:
+        """Radius in mm."""
+        return _size(self.radius)
+
+
+class Pulley(_Round):
     """A round pulley; of a continuum, also the distance of its tendons from the backbone."""
 
-    radius: Length = Field(description="Radius at which the tendon runs")
 
-    @property
-    def key(self) -> str:
-        """Radius in mm."""
-        return _size(self.radius)
-
-
-class Spool(Part):
+class Spool(_Round):
     """The spool of a drive."""
 
-    radius: Length = Field(description="Radius at which the tendon is wound")
 
-    @property
-    def key(self) -> str:
-        """Radius in mm."""
-        return _size(self.radius)
+class Rope(CataloguePart):
+    """A wire rope for tendons."""
 
-
-class Rope(Part):
-    """A wire rope that serves as a tendon."""
-
-    name: Name = Field(description="What the parts list calls it")
+    name: Name = Field(description="Name in the parts list")
     diameter: Length = Field(description="Nominal diameter")
     modulus: Modulus = Field(description="Young's modulus over the full circle of the diameter: stiffness is E A / L")
-    breaking_load: Force = Field(description="Minimum breaking force")
+    breaking_load: PositiveForce = Field(description="Minimum breaking force")
 
 
-class Rod(Part):
-    """A round rod or wire that serves as the backbone of a continuum."""
+class Rod(CataloguePart):
+    """A round rod or wire for the backbone of a continuum."""
 
-    name: Name = Field(description="What the parts list calls it")
+    name: Name = Field(description="Name in the parts list")
     diameter: Length = Field(description="Diameter")
     modulus: Modulus = Field(description="Young's modulus")
 
@@ -115,37 +109,37 @@ class Rod(Part):
         return self.modulus * math.pi * self.diameter**4 / 64
 
 
-class LoadCell(Part):
+class LoadCell(CataloguePart):
     """A load cell for the tension of a tendon."""
 
-    name: Name = Field(description="What the parts list calls it")
-    range: Force = Field(description="Largest force it can tell")
-    resolution: Force = Field(description="Smallest difference of force it can tell")
+    name: Name = Field(description="Name in the parts list")
+    range: PositiveForce = Field(description="Largest force that it can measure")
+    resolution: PositiveForce = Field(description="Smallest difference of force that it resolves")
 
     @model_validator(mode="after")
     def _finer_than_its_range(self) -> Self:
         if self.resolution >= self.range:
             raise ValueError(
                 f"resolution is {self.resolution:g} N, which is not below the range of {self.range:g} N; "
-                "allowed is a finer resolution"
+                "it must be finer"
             )
         return self
 
 
-class Encoder(Part):
-    """A joint encoder, and how large a distal joint must be to carry it."""
+class Encoder(CataloguePart):
+    """A joint encoder, and the smallest distal joint that can carry it."""
 
-    name: Name = Field(description="What the parts list calls it")
+    name: Name = Field(description="Name in the parts list")
     least_distal_radius: Length = Field(description="Smallest distal radius that it fits")
     bits: Bits = Field(description="Bits of its converter")
-    range: Span = Field(description="Angle that the converter's range stands for")
-    noise: Turn = Field(description="Standard deviation of a reading")
+    range: EncoderRange = Field(description="Angle of the converter's full range")
+    noise: AngleError = Field(description="Standard deviation of a reading")
 
 
-class Weight(Part):
+class Weight(CataloguePart):
     """Weights of one mass."""
 
-    mass: PieceMass = Field(description="Nominal mass")
+    mass: PositiveMass = Field(description="Nominal mass")
     count: _Count = Field(default=1, description="How many there are")
     tolerance: Mass = Field(default=0.0, description="Largest error of one")
 
@@ -155,8 +149,8 @@ class Weight(Part):
         return f"{self.mass * 1e3:.{_SAME}g} g"
 
 
-class _Series(Table):
-    """Parts that differ in size alone, written as one table."""
+class _Series(FileTable):
+    """Parts that differ in size only, written as one table."""
 
     source: Source = Field(default="", description="Where the values are from")
 
@@ -202,20 +196,22 @@ class RodSeries(_Series):
         )
 
 
-class PulleySeries(_Series):
-    """Pulleys of several radii."""
+class _RoundSeries(_Series):
+    """Round parts of several radii."""
 
-    radii: tuple[Length, ...] = Field(min_length=1, description="Radii at which the tendon runs")
+    radii: tuple[Length, ...] = Field(min_length=1, description="Radii at which the tendon lies")
+
+
+class PulleySeries(_RoundSeries):
+    """Pulleys of several radii."""
 
     def expand(self) -> tuple[Pulley, ...]:
         """Return the pulleys."""
         return tuple(Pulley(radius=radius, source=self.source) for radius in self.radii)
 
 
-class SpoolSeries(_Series):
+class SpoolSeries(_RoundSeries):
     """Spools of several radii."""
-
-    radii: tuple[Length, ...] = Field(min_length=1, description="Radii at which the tendon is wound")
 
     def expand(self) -> tuple[Spool, ...]:
         """Return the spools."""
@@ -223,9 +219,9 @@ class SpoolSeries(_Series):
 
 
 class WeightSeries(_Series):
-    """A set of weights: its masses, and of each how many and how good."""
+    """A set of weights: its masses, with their counts and tolerances."""
 
-    masses: tuple[PieceMass, ...] = Field(min_length=1, description="Nominal masses")
+    masses: tuple[PositiveMass, ...] = Field(min_length=1, description="Nominal masses")
     counts: tuple[_Count, ...] = Field(description="How many there are of each mass")
     tolerances: tuple[Mass, ...] = Field(default=(), description="Largest error of one of each mass")
 
@@ -234,7 +230,9 @@ class WeightSeries(_Series):
         for key in ("counts", "tolerances"):
             given = len(getattr(self, key))
             if given != len(self.masses) and (given or key == "counts"):
-                raise ValueError(f"{key} and masses have {given} and {len(self.masses)} values; allowed are as many")
+                raise ValueError(
+                    f"{key} and masses have {given} and {len(self.masses)} values; both must have the same number"
+                )
         return self
 
     def expand(self) -> tuple[Weight, ...]:
@@ -247,10 +245,10 @@ class WeightSeries(_Series):
 
 
 def _form(*plurals: str) -> Discriminator:
-    """Tell a series from a single part by the key that only a series has."""
+    """Return what distinguishes a series from a single part: a key that only a series has."""
 
     def form(value: Any) -> str:
-        keys = value if isinstance(value, dict) else dict(value) if isinstance(value, Table) else {}
+        keys = value if isinstance(value, dict) else dict(value) if isinstance(value, FileTable) else {}
         return "series" if any(plural in keys for plural in plurals) else "one"
 
     return Discriminator(form)
@@ -269,7 +267,7 @@ def _size(length: float) -> str:
     return f"{length * 1e3:.{_SAME}g} mm"
 
 
-KINDS: dict[str, tuple[type[Table], ...]] = {
+KINDS: dict[str, tuple[type[FileTable], ...]] = {
     "pulleys": (Pulley, PulleySeries),
     "ropes": (Rope, RopeSeries),
     "rods": (Rod, RodSeries),
@@ -278,10 +276,10 @@ KINDS: dict[str, tuple[type[Table], ...]] = {
     "spools": (Spool, SpoolSeries),
     "weights": (Weight, WeightSeries),
 }
-"""Kinds of parts by the key of a catalogue: the model of one and, where there is one, that of a series."""
+"""Kinds of parts by their key in a catalogue: the table of a single part and, if any, that of a series."""
 
 
 def expanded(tables: Sequence[Any]) -> Iterator[Any]:
-    """Yield the parts that tables of a file stand for."""
+    """Yield the parts that tables of a file describe."""
     for table in tables:
         yield from table.expand()

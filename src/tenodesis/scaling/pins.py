@@ -1,4 +1,4 @@
-"""Choices that are fixed beforehand: a catalogue narrowed to them."""
+"""Choices fixed beforehand, and a catalogue narrowed to them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
@@ -6,19 +6,19 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from tenodesis.errors import DesignError
-from tenodesis.instrument import Length, Tension
 from tenodesis.scaling.catalogue import Catalogue
 from tenodesis.similarity.parameters import RADII
+from tenodesis.units import Force, Length
 
 _T = TypeVar("_T")
 
 SAME_LENGTH = 1e-6
-"""Relative difference up to which a length is the one that is pinned."""
+"""Relative difference up to which a length equals the pinned one."""
 
 _RANGES = ("overall_length", "end_effector_length", "handle_length")
 _PARTS = {"rope": "ropes", "rod": "rods", "load_cell": "load_cells", "encoder": "encoders"}
 PINS = ("factor", *_RANGES, *RADII, "tendon_diameter", *_PARTS, "spool_radius", "pretension")
-"""What may be pinned."""
+"""Keys that may be pinned."""
 
 
 def parse(pins: Mapping[str, Any], *, file: bool = False) -> dict[str, Any]:
@@ -42,29 +42,29 @@ def parse(pins: Mapping[str, Any], *, file: bool = False) -> dict[str, Any]:
 
 def _value(key: str, value: Any, file: bool) -> Any:
     if key not in PINS:
-        raise DesignError(f"{key} cannot be pinned; allowed are {', '.join(PINS)}.")
+        raise DesignError(
+            f"{key} cannot be pinned; keys that can are {', '.join(PINS)}.", key=key, allowed=", ".join(PINS)
+        )
     if key in _PARTS:
         return str(value)
-    kind: Any = Tension if key == "pretension" else float if key == "factor" else Length
+    kind: Any = Force if key == "pretension" else float if key == "factor" else Length
     try:
         found = TypeAdapter(kind).validate_python(value, context={"file": file})
     except ValidationError as invalid:
-        told = invalid.errors(include_url=False)[0]["msg"].removeprefix("Value error, ")
-        raise DesignError(f"{key} = {value!r} is pinned: {told}.") from None
+        problem = invalid.errors(include_url=False)[0]["msg"].removeprefix("Value error, ")
+        raise DesignError(f"{key} = {value!r} is pinned: {problem}.", key=key, value=value) from None
     if key == "factor" and not 0.1 <= found <= 1000:
-        raise DesignError(f"factor = {found:g} is pinned; allowed is a number from 0.1 to 1000.")
+        raise DesignError(key="factor", value=found, allowed="a number from 0.1 to 1000")
     return found
 
 
 def same(one: float, other: float) -> bool:
-    """Return whether two lengths, m, are the same part's."""
+    """Return whether two lengths, m, are those of the same part."""
     return abs(one - other) <= SAME_LENGTH * abs(other)
 
 
 def narrowed(catalogue: Catalogue, pins: Mapping[str, Any]) -> Catalogue:
-    """Return a catalogue that leaves only what is pinned of parts and ranges.
-
-    Radii stay as they are, since they are made of modules and teeth.
+    """Return a catalogue with only the pinned parts and ranges; radii stay, since they result from modules and teeth.
 
     Raises
     ------
@@ -108,9 +108,10 @@ def _nearest(
 
 
 def missing(key: str, wanted: float, sizes: Sequence[float], catalogue: Catalogue) -> DesignError:
-    """Return the error that no part has a size (m) that is pinned, with the nearest ones there are."""
+    """Return the error that no part has the pinned size (m), with the nearest sizes."""
     near = sorted(set(sizes), key=lambda one: abs(one - wanted))[:2]
-    told = " and ".join(f"{1e3 * one:.6g} mm" for one in sorted(near)) or "none"
+    sizes_mm = " and ".join(f"{1e3 * one:.6g} mm" for one in sorted(near)) or "none"
     return DesignError(
-        f"{key} = {1e3 * wanted:.6g} mm is pinned, but no part of catalogue {catalogue.name} has it; nearest: {told}."
+        f"{key} = {1e3 * wanted:.6g} mm is pinned, but no part of catalogue {catalogue.name} has it; "
+        f"nearest: {sizes_mm}."
     )

@@ -1,57 +1,127 @@
-"""The workshop plan of a design: one page, as HTML that needs nothing beside it and as PDF."""
+"""The workshop plan of a design, as self-contained HTML and as PDF: what to build, to hang and to expect."""
 
 import json
+import math
 import re
-from base64 import b64encode
-from bisect import bisect_left
-from dataclasses import asdict
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from errno import EISDIR
 from functools import cache
 from importlib import resources
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
-import jinja2
 import matplotlib as mpl
-import typst
 from markupsafe import Markup, escape
 
-from tenodesis.bench import style
 from tenodesis.errors import DesignError
-from tenodesis.scaling.plan_content import Plan, content
-from tenodesis.scaling.plan_tables import Limits
-from tenodesis.whole import together
+from tenodesis.extras import require
+from tenodesis.files import atomic_files
+from tenodesis.report import style
+from tenodesis.report.content import fixed
+from tenodesis.report.page import about, render
+from tenodesis.scaling import figures, plan_tables
+from tenodesis.scaling.plan_tables import SNAPPED, PlanTable
+from tenodesis.scaling.plan_text import angle, falling_short, plain, quantity, signed
+from tenodesis.similarity import SimilarityError
 
 if TYPE_CHECKING:
     from tenodesis.scaling.design import Design
 
-__all__ = ["Limits", "Plan", "content", "write"]
-
-_SIZES = (8.4, 8.1, 7.8, 7.5, 7.2, 6.9, 6.6, 6.3, 6.0)
-"""Sizes of type, pt: the largest that fits is taken; below the last nobody reads."""
-_CUTS = (
-    Limits(drawings=2),
-    Limits(groups=5, warnings=6, drawings=2),
-    Limits(12, 6, 4, 5, 2),
-    Limits(8, 5, 4, 4, 2),
-    Limits(6, 4, 3, 3, 2),
-    Limits(4, 3, 2, 2, 0),
-)
-_TITLE = ((50, 2.0), (90, 1.5), (1000, 1.2))
-"""Sizes of the title over that of the type, by its most characters."""
-_ENDLESS = r"(\S{24,})"
+_LONG = 120  # characters; a longer name of a catalogue, made of many names, is shortened
 _SYMBOL = r"([^\W\d_]+)_(\w+)"
+_PRETENSION_OFF = 0.005
+"""Share by which the pretension may differ from the similar one without a warning."""
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class Card:
+    """A key figure at the top of the plan, and what it is."""
+
+    value: str
+    label: str
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure as SVG, and its caption."""
+
+    caption: str
+    svg: str
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All content of the plan, in plain text; an underscore stands before the index of a symbol such as l_d."""
+
+    title: str
+    lead: str
+    cards: tuple[Card, ...]
+    warnings: tuple[str, ...]
+    parts: PlanTable
+    lengths: PlanTable
+    loads: PlanTable
+    pretension: PlanTable
+    factors: PlanTable
+    resolution: PlanTable
+    similarity: PlanTable
+    groups: PlanTable
+    drawings: tuple[Drawing, ...]
+    footer: str
+
+    @property
+    def rows(self) -> list[list[PlanTable | Drawing]]:
+        """Tables and figures in their order on the page, those of a row side by side."""
+        output, tensions, errors = self.drawings
+        return [
+            [self.parts],
+            [self.loads],
+            [self.lengths, self.factors],
+            [self.pretension, self.resolution],
+            [output, tensions],
+            [self.groups, errors],
+            [self.similarity],
+        ]
+
+
+def content(design: "Design") -> Plan:
+    """Return the content of the plan of a design."""
+    error = design.comparison.error(pretension=design.scaled_up.pretension)
+    output, tensions, errors = figures.plan_figures(design, error)
+    return Plan(
+        title=f"{design.scaled_up.name}: scale model of {design.real_size.name}",
+        lead=_lead(design),
+        cards=_cards(design, error),
+        warnings=tuple(_warnings(design, error)),
+        parts=plan_tables.parts(design),
+        lengths=plan_tables.lengths(design),
+        loads=plan_tables.loads(design),
+        pretension=plan_tables.pretension(design),
+        factors=plan_tables.factors(design.comparison),
+        resolution=plan_tables.resolution(design),
+        similarity=plan_tables.similarity(design, error),
+        groups=plan_tables.groups(design.comparison),
+        drawings=(
+            Drawing(_output_caption(design), output),
+            Drawing("Expected tensions, scaled-up, and their bounds", tensions),
+            Drawing("Scaled-up minus real-size output angle", errors),
+        ),
+        footer=f"tenodesis {about()['tenodesis']} · curves and loads without friction · "
+        "research software, not a medical device",
+    )
 
 
 def write(design: "Design", folder: Path) -> tuple[Path, Path]:
-    """Write the plan of a design as plan.html and plan.pdf, each exactly one A4 page, both or neither.
+    """Write the plan of a design as plan.html and plan.pdf (A4), both or neither.
 
     Parameters
     ----------
     design
         The design.
     folder
-        Where to; made if absent.
+        Where to write; made if absent.
 
     Returns
     -------
@@ -63,13 +133,13 @@ def write(design: "Design", folder: Path) -> tuple[Path, Path]:
     DesignError
         The folder cannot be written.
     """
-    plan, size = _fitted(design)
-    files = {"plan.html": _html(plan, size).encode(), "plan.pdf": _pdf(plan, size)}
+    plan = content(design)
+    files = {"plan.html": html(plan).encode(), "plan.pdf": pdf(plan)}
     try:
         for name in files:
             if (folder / name).is_dir():
                 raise IsADirectoryError(EISDIR, f"{name} is a folder")
-        with together(folder) as new:
+        with atomic_files(folder) as new:
             for name, data in files.items():
                 (new / name).write_bytes(data)
     except OSError as problem:
@@ -77,68 +147,103 @@ def write(design: "Design", folder: Path) -> tuple[Path, Path]:
     return folder / "plan.html", folder / "plan.pdf"
 
 
-def _fitted(design: "Design") -> tuple[Plan, float]:
-    """Return the fullest plan that fits a page, and its size of type (pt)."""
-    plan = content(design)
-    fitting = bisect_left(_SIZES, True, key=lambda size: _pages(plan, size) == 1)
-    if fitting < len(_SIZES):
-        return plan, _SIZES[fitting]
-    for limits in _CUTS:
-        plan = content(design, limits)
-        if _pages(plan, _SIZES[-1]) == 1:
-            break
-    return plan, _SIZES[-1]
+def html(plan: Plan) -> str:
+    """Return the plan as an HTML page."""
+    return render("tenodesis.scaling", "plan.html.j2", plan=plan, colors=_colors(), marked=_marked)
 
 
-def _html(plan: Plan, size: float) -> str:
-    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    template = environment.from_string(_template("plan.html.j2").decode())
-    return template.render(plan=plan, **_look(plan, size), marked=_marked, broken=_broken, encoded=_encoded)
-
-
-def _pdf(plan: Plan, size: float) -> bytes:
-    return typst.compile(_template("plan.typ"), sys_inputs=_inputs(plan, size), font_paths=_fonts())
-
-
-def _pages(plan: Plan, size: float) -> int:
-    told = typst.query(
-        _template("plan.typ"), "<pages>", field="value", one=True, sys_inputs=_inputs(plan, size), font_paths=_fonts()
+def pdf(plan: Plan) -> bytes:
+    """Return the plan as PDF, A4."""
+    data = {
+        "title": plan.title,
+        "lead": plan.lead,
+        "cards": [asdict(card) for card in plan.cards],
+        "warnings": plan.warnings,
+        "rows": [[asdict(block) for block in row] for row in plan.rows],
+        "footer": plan.footer,
+        "colors": _colors(),
+    }
+    template = (resources.files("tenodesis.scaling") / "plan.typ").read_bytes()
+    compiled: bytes = require("typst", "design").compile(
+        template, sys_inputs={"data": json.dumps(data)}, font_paths=_fonts()
     )
-    return int(json.loads(told))
-
-
-def _inputs(plan: Plan, size: float) -> dict[str, str]:
-    return {"data": json.dumps(asdict(plan) | _look(plan, size))}
-
-
-def _template(name: str) -> bytes:
-    return (resources.files("tenodesis.scaling") / name).read_bytes()
+    return compiled
 
 
 @cache
-def _fonts() -> typst.Fonts:
-    """Return the fonts that come with matplotlib, so that the page is the same on every machine."""
-    return typst.Fonts(include_system_fonts=False, font_paths=[Path(mpl.get_data_path()) / "fonts/ttf"])
+def _fonts() -> Any:
+    """Return the fonts that come with matplotlib, so that the PDF is the same on every machine."""
+    return require("typst", "design").Fonts(
+        include_system_fonts=False, font_paths=[Path(mpl.get_data_path()) / "fonts/ttf"]
+    )
 
 
-def _look(plan: Plan, size: float) -> dict[str, Any]:
-    """Return what both templates look by: size of type (pt), that of the title over it, and colours."""
-    title = next(relative for most, relative in _TITLE if len(plan.title) <= most)
-    colors = {"ink": style.INK, "muted": style.MUTED, "line": style.GRID, "accent": style.ACCENT}
-    return {"size": size, "title_size": title, "colors": colors}
-
-
-def _encoded(svg: str) -> str:
-    """Return a figure as the text of a data address, within which its ids meet no other figure's."""
-    return b64encode(svg.encode()).decode()
-
-
-def _broken(text: str) -> Markup:
-    """Return text as HTML whose words without end may be broken anywhere."""
-    parts = re.split(_ENDLESS, text)
-    return Markup("").join(Markup("<wbr>").join(part) if index % 2 else part for index, part in enumerate(parts))
+def _colors() -> dict[str, str]:
+    return {"ink": style.INK, "muted": style.MUTED, "line": style.GRID, "accent": style.ACCENT}
 
 
 def _marked(text: str) -> Markup:
-    """Return text as HTML, the indices of its symbols lowered."""
+    """Return text as HTML with the indices of its symbols as subscripts."""
     return Markup(re.sub(_SYMBOL, r"\1<sub>\2</sub>", str(escape(text))))
+
+
+def _lead(design: "Design") -> str:
+    axis = f"axis {design.scaled_up.axes[0]}" if len(design.scaled_up.axes) == 1 else "both axes alike"
+    joints = dict.fromkeys((design.scaled_up.joint_type, design.real_size.joint_type))
+    catalogue = shorten(design.catalogue.name, _LONG, placeholder=" …")
+    return f"{' for '.join(joints)} joint · {axis} · from catalogue {catalogue}"
+
+
+def _cards(design: "Design", error: SimilarityError) -> tuple[Card, ...]:
+    pretension = f"pretension to set on either tendon ({quantity(design.real_size.pretension, 'N', 3)} real-size)"
+    snapped = f", {SNAPPED}" if error.held_by_one else ""
+    return (
+        Card(quantity(design.scaled_up.pretension, "N", 3), pretension),
+        Card(f"× {fixed(float(design.comparison.force_factor()), 3)}", "force at the tip, scaled-up over real-size"),
+        Card(angle(design.objectives.similarity_error), f"largest similarity error over the working range{snapped}"),
+        Card(quantity(design.objectives.force_resolution, "N", 2), "resolution of the real-size tip force"),
+        Card(f"{fixed(design.objectives.tension_margin, 1)} ×", "rope's breaking load over its largest tension"),
+    )
+
+
+def _output_caption(design: "Design") -> str:
+    tests = figures.shown(design.tests)
+    which = f" at {len(tests)} of {len(design.tests)} test loads" if len(tests) < len(design.tests) else ""
+    return f"Expected output{which}: real-size pale, scaled-up thin"
+
+
+def _warnings(design: "Design", error: SimilarityError) -> Iterator[str]:
+    """Yield what a workshop must not overlook, one sentence each."""
+    constraints, choice = design.catalogue.constraints, design.choice
+    similar = design.real_size.pretension * design.comparison.tension_factor
+    off = design.scaled_up.pretension / similar - 1 if similar else 0.0
+    if abs(off) > _PRETENSION_OFF:
+        yield (
+            f"Pretension is {quantity(design.scaled_up.pretension, 'N', 3)}, {plain(abs(100 * off), 2)} % "
+            f"{'below' if off < 0 else 'above'} the similar {quantity(similar, 'N', 3)}: tendons do not go slack at "
+            "similar loads."
+        )
+    for test in design.tests:
+        share = test.error / test.real_force
+        if abs(share) > constraints.force_tolerance:
+            yield (
+                f"The weights for {quantity(test.real_force, 'N', 3)} real-size are off by {signed(100 * share, 2)} %, "
+                f"more than {plain(100 * constraints.force_tolerance, 2)} %."
+            )
+    cell_margin = choice.load_cell.range / design.largest_tension if design.largest_tension else math.inf
+    for what, margin, asked in (
+        ("The rope breaks", design.objectives.tension_margin, constraints.tension_margin),
+        ("The range of the load cells ends", cell_margin, constraints.load_cell_margin),
+    ):
+        if margin < asked * (1 - _ROUNDING):
+            yield f"{what} at {falling_short(margin, asked)} × the largest tension; {plain(asked, 9)} × is required."
+    if choice.encoder is None:
+        yield f"No encoder of the catalogue fits a distal radius of {quantity(choice.distal.radius, 'mm', 4, 'm')}."
+    if error.held_by_one:
+        yield (
+            f"On {plain(100 * error.held_by_one, 2)} % of the working range one of the two snaps through and the other "
+            f"does not; with that tip at its stop, the error goes up to {angle(error.largest_snapped)}."
+        )
+    neither = error.unsolved - error.held_by_one
+    if neither > _ROUNDING:
+        yield f"On {plain(100 * neither, 2)} % of the working range neither holds the load."

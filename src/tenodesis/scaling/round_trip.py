@@ -1,17 +1,13 @@
-"""The round trip: what a scaled-up instrument does on the bench, carried back, against the real-size one's own twin."""
+"""The round trip: a run of the scaled-up twin carried over to real size, against the real-size twin itself."""
 
-import tempfile
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from tenodesis.instrument import Instrument
-from tenodesis.protocols import Cycles, Protocol
-from tenodesis.recording import Recording
-from tenodesis.recording.session import record
+from tenodesis.run import Array
 from tenodesis.scaling.transfer import carry
-from tenodesis.signals import Array
+from tenodesis.simulate import Cycles, Protocol, execute
 from tenodesis.twin import TIME_STEP, Twin
 
 SPEED = float(np.radians(40))
@@ -19,9 +15,9 @@ SPEED = float(np.radians(40))
 
 
 class RoundTrip(NamedTuple):
-    """Both output angles (rad) over the handle angle (rad) of the real-size instrument, row by row.
+    """Output angles (rad) over the real-size handle angle (rad), each of shape (n,).
 
-    `predicted` is the scaled-up one's distal encoder, carried over; `direct` the real-size twin's own.
+    `predicted` is by the scaled-up distal encoder, carried over; `direct` is that of the real-size twin.
     """
 
     handle_angle: Array
@@ -39,21 +35,23 @@ class RoundTrip(NamedTuple):
         return float(np.degrees(np.abs(self.predicted - self.direct).max()))
 
 
-def round_trip(model: Instrument, prototype: Instrument, force: float, *, amplitude: float, seed: int = 0) -> RoundTrip:
-    """Run two hysteresis cycles on the scaled-up twin, carry the recording over, and run the real-size twin directly.
+def round_trip(
+    real_size: Instrument, scaled_up: Instrument, force: float, *, amplitude: float, seed: int = 0
+) -> RoundTrip:
+    """Run two hysteresis cycles on the scaled-up twin, carry them over, and run the real-size twin directly.
 
-    The second cycle is returned: in the first one, what stuck before is still remembered.
+    The second cycle is returned: the first one still depends on the initial state of friction.
 
     Parameters
     ----------
-    model, prototype
+    real_size, scaled_up
         The real-size and the scaled-up instrument, of one axis, with their friction.
     force
         Constant force at the scaled-up tip, N.
     amplitude
-        Unloaded output angle that the handle goes to, to either side, rad.
+        Unloaded output angle at the ends of the cycle, on either side, rad.
     seed
-        Of the sensors' noise.
+        Seed of the sensors' noise.
 
     Raises
     ------
@@ -61,13 +59,11 @@ def round_trip(model: Instrument, prototype: Instrument, force: float, *, amplit
         A tip is loaded past what it can hold.
     """
     cycles = Cycles(output_amplitude=amplitude, symmetric=True, speed=SPEED, count=2, force=force)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "scaled-up.mcap"
-        record(prototype, Protocol(name="cycles", phases=(cycles,)), path, seed=seed)
-        carried = carry(Recording.open(path), model).run
+    run = execute(Twin(scaled_up, seed=seed), Protocol(name="cycles", phases=(cycles,)))
+    carried = carry(run, real_size, scaled_up=scaled_up).run
     time = np.arange(1, int(carried.time[-1] / TIME_STEP)) * TIME_STEP
     handle, load = (np.interp(time, carried.time, carried[name]) for name in ("commanded_handle_angle", "force"))
-    direct = Twin(model, seed=seed).run(handle, load)["output_angle"]
+    direct = Twin(real_size, seed=seed).run(handle, load)["output_angle"]
     predicted = np.interp(time, carried.time, carried["measured_output_angle"])
     turns = np.flatnonzero(handle <= handle.min() + np.radians(0.1))
     kept = slice(int(turns[turns < 0.8 * time.size][-1]), None)

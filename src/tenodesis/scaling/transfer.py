@@ -1,4 +1,4 @@
-"""Carry a recording made on a scaled-up instrument to real-size units."""
+"""Carry a run or recording of a scaled-up instrument over to real-size units."""
 
 import math
 from collections.abc import Mapping
@@ -12,51 +12,55 @@ import tomli_w
 
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument
-from tenodesis.instrument_text import to_toml
+from tenodesis.instrument.text import to_toml
 from tenodesis.recording import Recorder, Recording
 from tenodesis.recording.schemas import TRANSFERRED
+from tenodesis.run import SIGNALS, Array, Run
 from tenodesis.scaling.transfer_factors import QUANTITY, comparison, factors
 from tenodesis.scaling.transfer_friction import carry_friction, left_behind, shared_axes
-from tenodesis.signals import SIGNALS, Array, Run
 from tenodesis.similarity import Comparison
 
 FACTORS = "transfer_factors"
-"""Metadata of the factors, by axis, as TOML."""
+"""Key of the metadata that holds the factors, by axis, as TOML."""
 BEFORE = "scaled_up_"
-"""What the keys of the metadata of the recording that was carried over begin with."""
+"""Prefix of the keys of the original recording's metadata."""
 
-_MADE_ANEW = ("axes", "tenodesis", "python", "numpy")
+_RENEWED = ("axes", "tenodesis", "python", "numpy")
+"""Metadata that the recorder writes itself."""
 _SAME = 0.01
-"""Share by which a pretension or a ratio may be off and still count as the same."""
+"""Share by which a pretension or a ratio may differ and still count as the same."""
 
 
 @dataclass(frozen=True)
 class Carried:
-    """A recording in real-size units; :func:`carry` makes it."""
+    """A run in real-size units; :func:`carry` makes it."""
 
-    recording: Recording
     run: Run
     """In real-size units."""
-    model: Instrument
-    """The real-size instrument with the axes of the recording, and with the friction carried over if there is one."""
-    prototype: Instrument
-    """The scaled-up instrument that was recorded."""
+    real_size: Instrument
+    """The real-size instrument with the axes of the run, and with the friction carried over if there is any."""
+    scaled_up: Instrument
+    """The scaled-up instrument of the original run."""
     comparisons: Mapping[str, Comparison]
-    """Both instruments as they are, by axis."""
+    """Both instruments as built, by axis."""
     factors: Mapping[str, Mapping[str, float]]
     """Scaled-up over real-size, by axis and key."""
     warnings: tuple[str, ...]
     """What was not similar, damaged or not carried over, in sentences."""
+    source: str = ""
+    """Name of the recording that was carried over, if it was one."""
+    original: Mapping[str, str] | None = None
+    """Metadata of that recording."""
 
     @cached_property
     def metadata(self) -> dict[str, str]:
-        """The metadata of the recording to write; what made the original goes on under other keys."""
-        before = {f"{BEFORE}{key}": text for key, text in self.recording.metadata.items() if key not in _MADE_ANEW}
+        """Metadata of the recording to write; those of the original go on with a prefix."""
+        before = {f"{BEFORE}{key}": text for key, text in (self.original or {}).items() if key not in _RENEWED}
         return {
             **before,
-            "instrument": to_toml(self.model),
-            TRANSFERRED: self.recording.path.name,
-            f"{BEFORE}instrument": to_toml(self.prototype),
+            "instrument": to_toml(self.real_size),
+            TRANSFERRED: self.source or f"a run of {self.scaled_up.name}",
+            f"{BEFORE}instrument": to_toml(self.scaled_up),
             FACTORS: tomli_w.dumps({axis: dict(own) for axis, own in self.factors.items()}),
         }
 
@@ -74,9 +78,9 @@ class Carried:
         """Return the largest similarity error up to the largest force, without friction, deg; NaN without a force."""
         if not self.largest_force > 0:
             return math.nan
-        pairs = self.comparisons.values()
         return max(
-            one.error(pretension=one.prototype.pretension, largest_force=self.largest_force).largest for one in pairs
+            pair.error(pretension=pair.scaled_up.pretension, largest_force=self.largest_force).largest
+            for pair in self.comparisons.values()
         )
 
     def write(self, path: str | Path, *, overwrite: bool = False) -> None:
@@ -91,92 +95,87 @@ class Carried:
             recorder.write(self.run)
 
 
-def transfer(
-    recording: Recording,
-    model: Instrument,
-    *,
-    scaled_up: Instrument | None = None,
-    time_factor: float | None = None,
-) -> Run:
-    """Return a recording's signals in real-size units; arguments and errors as for :func:`carry`."""
-    return carry(recording, model, scaled_up=scaled_up, time_factor=time_factor).run
-
-
 def carry(
-    recording: Recording,
-    model: Instrument,
+    source: Recording | Run,
+    real_size: Instrument,
     *,
     scaled_up: Instrument | None = None,
     time_factor: float | None = None,
 ) -> Carried:
-    """Carry a recording made on a scaled-up instrument to real-size units.
+    """Carry a recording or run of a scaled-up instrument over to real-size units.
 
-    Angles and what a controller says of its state are the same; forces, tensions, torques, spool angles, velocities and
-    time are divided by the factors of similarity of their axis, of the instruments as their tables mismatch say they
-    truly are. A radial force is divided by the factor of tension.
+    Angles and the controller's states stay the same; forces, tensions, torques, spool angles, velocities and time are
+    divided by the similarity factors of their axis, between the instruments as built: with the true stiffness and
+    pretension of their tables mismatch. A radial force is divided by the factor of tension.
 
     Parameters
     ----------
-    recording
-        The recording, whole or damaged.
-    model
+    source
+        The recording, complete or damaged, or the run.
+    real_size
         The real-size instrument; it may have axes that were not recorded.
     scaled_up
-        The instrument that was recorded; by default the one that the recording holds.
+        The instrument of the run; by default the one that the recording holds.
     time_factor
-        Factor of time; by default that of the tips' swings.
+        Factor of time; by default that of the tips' periods.
 
     Raises
     ------
     RecordingError
-        The recording has no instrument or no rows, or other axes than the scaled-up instrument.
+        There is no instrument or there are no rows, or the axes differ from those of the scaled-up instrument.
     InstrumentError
         The two have different joint types, the real-size one lacks an axis, or the carried friction is not allowed.
     ValueError
-        The time factor is no number above 0.
+        The time factor is not a number above 0.
     """
-    prototype = _prototype(recording, scaled_up)
-    run, axes = recording.run, recording.run.axes
-    shared_axes(prototype, model)
+    recording = source if isinstance(source, Recording) else None
+    run = source if isinstance(source, Run) else source.run
+    where = str(recording.path) if recording else "the run"
+    original = _scaled_up(recording, run, scaled_up, where)
+    shared_axes(original, real_size)
     if not len(run):
-        raise RecordingError(f"{recording.path} has no rows; there is nothing to carry over.")
-    pairs = {axis: comparison(model.axis(axis), prototype.axis(axis)) for axis in axes}
+        raise RecordingError(f"{where} has no rows; there is nothing to carry over.")
+    pairs = {axis: comparison(real_size.axis(axis), original.axis(axis)) for axis in run.axes}
     scale = {axis: factors(pair, time_factor) for axis, pair in pairs.items()}
     # Axes share one clock.
-    scale = {axis: factors(pair, scale[axes[0]]["time"]) for axis, pair in pairs.items()}
+    time = scale[run.axes[0]]["time"]
+    scale = {axis: factors(pair, time) for axis, pair in pairs.items()}
     carried: dict[str, Any] = {
-        name: values / _column([scale[axis][QUANTITY[name]] for axis in axes], name) if name in QUANTITY else values
+        name: values / _by_axis([own[QUANTITY[name]] for own in scale.values()], name) if name in QUANTITY else values
         for name, values in run.signals().items()
     }
-    rubbing = prototype.friction.law != "none"
-    source = recording.path.name
-    told = carry_friction(prototype, model, source=source, time_factor=time_factor) if rubbing else model
+    name = recording.path.name if recording else ""
+    result = real_size
+    if original.friction.law != "none":
+        result = carry_friction(original, real_size, source=name, time_factor=time_factor)
     return Carried(
-        recording,
-        replace(run, time=run.time / scale[axes[0]]["time"], **carried),
-        told if told.axes == axes else told.axis(axes[0]),
-        prototype,
+        replace(run, time=run.time / time, **carried),
+        result if result.axes == run.axes else result.axis(run.axes[0]),
+        original,
         pairs,
         scale,
-        _warnings(recording, prototype, model, pairs),
+        (*(_damages(recording) if recording else ()), *_warnings(original, real_size, pairs)),
+        name,
+        recording.metadata if recording else None,
     )
 
 
-def _prototype(recording: Recording, scaled_up: Instrument | None) -> Instrument:
-    if scaled_up is None and "instrument" not in recording.metadata:
+def _scaled_up(recording: Recording | None, run: Run, given: Instrument | None, where: str) -> Instrument:
+    if given is not None:
+        inst = given
+    elif recording is not None and "instrument" in recording.metadata:
+        inst = recording.instrument()
+    else:
+        raise RecordingError(f"{where} does not hold its instrument; give the scaled-up instrument as well.")
+    if inst.axes != run.axes:
         raise RecordingError(
-            f"{recording.path} does not hold its instrument; allowed is to give the scaled-up instrument beside it."
-        )
-    inst = recording.instrument() if scaled_up is None else scaled_up
-    if inst.axes != recording.run.axes:
-        raise RecordingError(
-            f"{recording.path} has the axes {' and '.join(recording.run.axes)}, {inst.name} {' and '.join(inst.axes)}; "
-            "allowed is a scaled-up instrument with the same."
+            f"{where} has the axes {' and '.join(run.axes)}, {inst.name} {' and '.join(inst.axes)}; "
+            "the scaled-up instrument must have the same."
         )
     return inst
 
 
-def _column(scales: list[float], signal: str) -> Array | float:
+def _by_axis(scales: list[float], signal: str) -> Array | float:
     """Return factors by axis in the shape of a signal's axes and tendons."""
     if len(scales) == 1:
         return scales[0]
@@ -185,41 +184,42 @@ def _column(scales: list[float], signal: str) -> Array | float:
 
 
 def _largest(run: Run, *names: str) -> float:
-    there = run.signals()
-    sizes = [np.abs(there[name]) for name in names if name in there]
+    signals = run.signals()
+    sizes = [np.abs(signals[name]) for name in names if name in signals]
     known = [float(np.nanmax(size)) for size in sizes if not np.isnan(size).all()]
     return max(known, default=math.nan)
 
 
-def _warnings(
-    recording: Recording, prototype: Instrument, model: Instrument, pairs: Mapping[str, Comparison]
-) -> tuple[str, ...]:
-    sentences = [] if recording.damage is None else [recording.damage]
-    sentences += [f"{topic} of {recording.path} is left out: {why}." for topic, why in recording.left_out.items()]
+def _damages(recording: Recording) -> list[str]:
+    damage = [] if recording.damage is None else [recording.damage]
+    return damage + [f"{topic} of {recording.path} is left out: {why}." for topic, why in recording.left_out.items()]
+
+
+def _warnings(scaled_up: Instrument, real_size: Instrument, pairs: Mapping[str, Comparison]) -> list[str]:
+    sentences = []
     for axis, pair in pairs.items():
-        where = f" ({axis})" if len(pairs) > 1 else ""
-        sentences += _dissimilar(pair, where)
-    if prototype.friction.law == "none":
-        sentences.append(f"{prototype.name} has no friction to carry over: {model.name} keeps its own.")
-    return (*sentences, *left_behind(prototype))
+        sentences += _dissimilar(pair, f" ({axis})" if len(pairs) > 1 else "")
+    if scaled_up.friction.law == "none":
+        sentences.append(f"{scaled_up.name} has no friction to carry over: {real_size.name} keeps its own.")
+    return [*sentences, *left_behind(scaled_up)]
 
 
 def _dissimilar(pair: Comparison, where: str) -> list[str]:
-    """Say of one axis that the ratio of radii is not the same, or the pretension not the scaled one."""
-    model, prototype = pair.model, pair.prototype
+    """Return sentences for one axis whose ratio of radii differs, or whose pretension is not the scaled one."""
+    real_size, scaled_up = pair.real_size, pair.scaled_up
     sentences = []
     ratio = next(group for group in pair.groups if group.name == "R/r")
     if not abs(ratio.ratio - 1) <= _SAME:
         sentences.append(
-            f"R/r is {ratio.prototype:.4g} on {prototype.name} and {ratio.model:.4g} on {model.name}{where}: "
-            "the same handle angle asks for another output angle."
+            f"R/r is {ratio.scaled_up:.4g} on {scaled_up.name} and {ratio.real_size:.4g} on {real_size.name}{where}: "
+            "the same handle angle leads to another output angle."
         )
-    right = model.pretension * pair.tension_factor
-    more = prototype.pretension - right
-    if abs(more) > _SAME * right:
+    similar = pair.scaled_pretension
+    more = scaled_up.pretension - similar
+    if abs(more) > _SAME * similar:
         sentences.append(
-            f"the pretension of {prototype.name}{where} was {prototype.pretension:.4g} N, {abs(more):.3g} N "
-            f"{'more' if more > 0 else 'less'} than the {right:.4g} N that {model.pretension:.4g} N of {model.name} "
-            "scale to: slack is not similar."
+            f"the pretension of {scaled_up.name}{where} was {scaled_up.pretension:.4g} N, {abs(more):.3g} N "
+            f"{'more' if more > 0 else 'less'} than the {similar:.4g} N that {real_size.pretension:.4g} N of "
+            f"{real_size.name} scale to: slack is not similar."
         )
     return sentences

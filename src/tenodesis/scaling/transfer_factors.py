@@ -1,9 +1,10 @@
-"""By which factors what was measured on a scaled-up instrument is carried to the real-size one."""
+"""The factors by which signals of a scaled-up instrument are carried over to the real-size one."""
 
 import math
 from collections.abc import Mapping
 
-from tenodesis import twin
+from tenodesis import plant
+from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument
 from tenodesis.similarity import Comparison, compare
 
@@ -36,11 +37,11 @@ QUANTITY = {
     "spool_velocity": "spool_velocity",
     "output_velocity": "output_velocity",
 }
-"""What scales a signal, by its name; the others are the same on both: angles, numbers and states."""
+"""Factor of each signal that scales; the others are the same on both instruments: angles, ratios and states."""
 
 
-def as_it_is(inst: Instrument) -> Instrument:
-    """Return an instrument of one axis with the stiffness and pretension that its table mismatch says it truly has."""
+def as_built(inst: Instrument) -> Instrument:
+    """Return an instrument of one axis with the true stiffness and pretension of its table mismatch."""
     mismatch = inst.mismatch
     if mismatch.stiffness_ratio == 1 and mismatch.pretension_ratio == 1:
         return inst
@@ -50,15 +51,15 @@ def as_it_is(inst: Instrument) -> Instrument:
             "pretension": inst.pretension * mismatch.pretension_ratio,
             "mismatch.stiffness_ratio": None,
             "mismatch.pretension_ratio": None,
-            # An inertia that is not given would follow the stiffness.
-            "dynamics.tip_inertia": twin.numbers(inst)["tip_inertia"],
+            # The default inertia depends on the nominal stiffness.
+            "dynamics.tip_inertia": plant.parameters(inst)["tip_inertia"],
         }
     )
 
 
-def comparison(model: Instrument, prototype: Instrument) -> Comparison:
-    """Return the comparison of two instruments of one axis as they are, tables mismatch included."""
-    return compare(as_it_is(model), as_it_is(prototype))
+def comparison(real_size: Instrument, scaled_up: Instrument) -> Comparison:
+    """Return the comparison of two instruments of one axis as built, with their tables mismatch."""
+    return compare(as_built(real_size), as_built(scaled_up))
 
 
 def factors(compared: Comparison, time_factor: float | None = None) -> Mapping[str, float]:
@@ -67,12 +68,12 @@ def factors(compared: Comparison, time_factor: float | None = None) -> Mapping[s
     Raises
     ------
     ValueError
-        A time factor is given that is no number above 0.
+        The time factor is not a number above 0.
     """
     found = {key: float(compared.factors[key]) for key in KEYS}
     if time_factor is not None:
         if not 0 < time_factor < math.inf:
-            raise ValueError(f"time_factor is {time_factor!r}; allowed is a number above 0.")
+            raise ArgumentError(key="time_factor", value=time_factor, allowed="a number above 0")
         found["time"] = float(time_factor)
         found["spool_velocity"] = found["spool_angle"] / found["time"]
     return found | {"output_velocity": 1 / found["time"]}

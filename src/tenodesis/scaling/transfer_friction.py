@@ -11,22 +11,22 @@ from tenodesis.scaling.transfer_factors import comparison, factors
 _T = TypeVar("_T", bound=Instrument)
 
 
-def carry_friction(scaled: Instrument, model: _T, *, source: str = "", time_factor: float | None = None) -> _T:
+def carry_friction(scaled: Instrument, real_size: _T, *, source: str = "", time_factor: float | None = None) -> _T:
     """Return the real-size instrument with the friction of the scaled-up one.
 
-    Coefficients and bends are what they are, since capstan friction knows no scale; a constant friction scales as a
-    tension, viscous friction and the speed and memory of the Stribeck law by their dimensions.
+    Coefficients and bends stay the same, since capstan friction is dimensionless; constant friction scales as a
+    tension; viscous friction and the speed and memory of the Stribeck law scale by their dimensions.
 
     Parameters
     ----------
     scaled
         The scaled-up instrument, its friction identified.
-    model
-        The real-size instrument; of its file only the table friction and where that is from change.
+    real_size
+        The real-size instrument; only its table friction and the source of that change.
     source
-        The file of the scaled-up instrument or recording, for the sources; its name alone if not given.
+        The file of the scaled-up instrument or recording, named in the sources.
     time_factor
-        Factor of time; by default that of the tips' swings.
+        Factor of time; by default that of the tips' periods.
 
     Raises
     ------
@@ -36,16 +36,19 @@ def carry_friction(scaled: Instrument, model: _T, *, source: str = "", time_fact
     """
     if scaled.friction.law == "none":
         raise InstrumentError(
-            f"{scaled.name} has no friction to carry over; allowed is one with a friction.law other than none."
+            f"{scaled.name} has no friction to carry over; its friction.law must not be none.",
+            key="friction.law",
+            value=scaled.friction.law,
+            allowed="a law other than none",
         )
-    axis = shared_axes(scaled, model)[0]
-    scale = factors(comparison(model.axis(axis), scaled.axis(axis)), time_factor)
-    sources = {key: text for key, text in model.sources.items() if key.partition(".")[0] != "friction"}
+    axis = shared_axes(scaled, real_size)[0]
+    scale = factors(comparison(real_size.axis(axis), scaled.axis(axis)), time_factor)
+    sources = {key: text for key, text in real_size.sources.items() if key.partition(".")[0] != "friction"}
     sources["friction"] = f"carried over from {scaled.name}" + (f" ({source})" if source else "")
-    return model.replace(friction=_scaled(scaled, scale), sources=sources)
+    return real_size.replace(friction=_scaled(scaled, scale), sources=sources)
 
 
-def shared_axes(scaled: Instrument, model: Instrument) -> tuple[str, ...]:
+def shared_axes(scaled: Instrument, real_size: Instrument) -> tuple[str, ...]:
     """Return the axes of the scaled-up instrument.
 
     Raises
@@ -53,24 +56,27 @@ def shared_axes(scaled: Instrument, model: Instrument) -> tuple[str, ...]:
     InstrumentError
         The real-size one lacks one of them, or has another joint type.
     """
-    if scaled.joint_type != model.joint_type:
+    if scaled.joint_type != real_size.joint_type:
         raise InstrumentError(
-            f"{scaled.name} has joint_type {scaled.joint_type}, {model.name} {model.joint_type}; "
-            "allowed to carry over are results of an instrument of the same joint type."
+            f"{scaled.name} has joint_type {scaled.joint_type}, {real_size.name} {real_size.joint_type}; "
+            "both must have the same.",
+            key="joint_type",
+            value=scaled.joint_type,
+            allowed=real_size.joint_type,
         )
     for axis in scaled.axes:
-        model.axis(axis)
+        real_size.axis(axis)
     return scaled.axes
 
 
 def left_behind(scaled: Instrument) -> tuple[str, ...]:
-    """Return sentences on what the scaled-up instrument's table mismatch tells and no other instrument inherits."""
+    """Return sentences on entries of the scaled-up instrument's table mismatch that are not carried over."""
     mismatch = scaled.mismatch
     sentences = []
     if mismatch.stiffness_ratio != 1:
         sentences.append(
             f"{scaled.name} has mismatch.stiffness_ratio {mismatch.stiffness_ratio:g}: a property of its ropes, which "
-            "is not carried over; the factors are those of the ropes as they are."
+            "is not carried over; the factors are those of its true ropes."
         )
     errors = {
         "handle_encoder_offset": f"{degrees(mismatch.handle_encoder_offset):.3g} deg",
@@ -82,13 +88,13 @@ def left_behind(scaled: Instrument) -> tuple[str, ...]:
     found = [f"{key} {text}" for key, text in errors.items() if getattr(mismatch, key) != getattr(defaults, key)]
     if found:
         sentences.append(
-            f"{scaled.name} has mismatch.{', '.join(found)}: measured signals are carried over as they were read."
+            f"{scaled.name} has mismatch.{', '.join(found)}: measured signals are carried over as measured."
         )
     return tuple(sentences)
 
 
 def _scaled(scaled: Instrument, scale: Mapping[str, float]) -> dict[str, object]:
-    """Return the table friction of the real-size file, without what is by default or its law does not know."""
+    """Return the table friction of the real-size file, without defaults and without keys that its law does not use."""
     friction = scaled.friction
     speed = scale["motor_stroke"] / scale["time"]
     by_dimension = {

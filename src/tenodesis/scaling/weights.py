@@ -1,7 +1,7 @@
-"""Which weights to hang on the load rig's two cables so that they make a force (Fig. 13).
+"""The selection of weights for the load rig's two cables that give a force (Fig. 13).
 
-Two cables run over a pulley on the rig's bar. What hangs on the loading cable more than on the counter cable turns the
-bar so that the tip feels a positive force, one that opposes positive flexion; more on the counter cable turns it back.
+Two cables run over a pulley on the rig's bar. More weight on the loading cable than on the counter cable turns the bar
+such that the tip feels a positive force, one that opposes positive flexion; more on the counter cable, a negative one.
 """
 
 import math
@@ -13,24 +13,24 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis.errors import DesignError
-from tenodesis.quantity import STANDARD_GRAVITY
+from tenodesis.errors import ArgumentError, DesignError
+from tenodesis.units import STANDARD_GRAVITY
 
 _GRID = 1e-6
-"""Mass that all masses are whole multiples of, kg: that of the least weight of OIML R 111."""
+"""Resolution of all masses, kg: the smallest weight of OIML R 111."""
 
 _EXACT = 1e-9
-"""Share that two masses may differ by and still be the same."""
+"""Relative difference up to which two masses count as equal."""
 
 _BASE = 1000
-"""What sums of masses are carried at, so that the solver's tolerance of a whole number, 1e-6, stays far from one."""
+"""Base of the digits of sums, small enough that the solver's integrality tolerance, 1e-6, cannot matter."""
 
 _AS_WANTED = 5e-4
-"""Share of the weight below which its error is not worth a word."""
+"""Relative error of the weight below which it is not mentioned."""
 
 
 class Pieces(Protocol):
-    """Equal weights at hand: mass of each and its tolerance, kg, and how many there are."""
+    """Equal weights: their mass and its tolerance, kg, and how many there are."""
 
     @property
     def mass(self) -> float:
@@ -42,76 +42,76 @@ class Pieces(Protocol):
 
     @property
     def tolerance(self) -> float:
-        """Largest error of one's mass, kg."""
+        """Largest error of the mass of one, kg."""
 
 
 @dataclass(frozen=True)
-class Hanging:
-    """What hangs on the two cables: masses in kg, heaviest first, forces in N."""
+class WeightSelection:
+    """The weights on the two cables: masses in kg, heaviest first, forces in N."""
 
     loading: tuple[float, ...]
-    """On the cable that makes a positive tip force."""
+    """Masses on the cable that gives a positive tip force."""
     counter: tuple[float, ...]
-    """On the other one."""
+    """Masses on the other cable."""
     wanted: float
-    """Weight that the loading cable should have more, N."""
+    """Wanted difference in weight, loading minus counter cable, N."""
     tolerance: float
-    """Largest error of the weight by the tolerances of all pieces that hang, N."""
+    """Largest error of the weight by the tolerances of all pieces, N."""
 
     @property
     def difference(self) -> float:
-        """Mass on the loading cable more than on the counter cable, kg."""
+        """Mass on the loading cable minus that on the counter cable, kg."""
         return math.fsum((*self.loading, *(-mass for mass in self.counter)))
 
     @property
     def weight(self) -> float:
-        """Weight on the loading cable more than on the counter cable, N: the twin's command of that name."""
+        """Weight on the loading cable minus that on the counter cable, N: the twin's command of that name."""
         return self.difference * STANDARD_GRAVITY
 
     @property
     def error(self) -> float:
-        """Weight more than wanted, N."""
+        """Weight minus the wanted one, N."""
         return self.weight - self.wanted
 
     @property
     def relative_error(self) -> float:
-        """The error over the size of what is wanted; infinite for an error of nothing wanted."""
+        """The error over the magnitude of the wanted weight; infinite for an error where none is wanted."""
         if self.wanted:
             return self.error / abs(self.wanted)
         return math.copysign(math.inf, self.error) if self.error else 0.0
 
     @property
     def pieces(self) -> int:
-        """Number of weights that hang."""
+        """Number of weights on both cables."""
         return len(self.loading) + len(self.counter)
 
     @property
     def sentence(self) -> str:
-        """What to hang where, and how near that comes, without a full stop."""
+        """The weights on each cable and their error, without a full stop."""
         cables = ", ".join(
             f"{_listed(masses)} on the {cable} cable"
             for cable, masses in (("loading", self.loading), ("counter", self.counter))
         )
-        return f"{cables}: {self.weight:.4g} N, {self._nearness()}"
+        return f"{cables}: {self.weight:.4g} N, {self._error_text()}"
 
-    def _nearness(self) -> str:
+    def _error_text(self) -> str:
         off = self.relative_error
         if abs(off) < _AS_WANTED:
             return "as wanted"
         size = f"{abs(off):.1%}".replace("%", " %") if math.isfinite(off) else f"{abs(self.error):.3g} N"
-        # A weight that pulls the other way is judged by its sign, not by its size.
+        # Signed: more is more positive, also for a negative weight.
         return f"{size} {'more' if off > 0 else 'less'} than wanted"
 
 
-def hang(weight: float, weights: Sequence[Pieces], *, cable_mass: float) -> Hanging:
-    """Return the pieces whose difference comes nearest to a weight, and of these the fewest.
+def select_weights(weight: float, weights: Sequence[Pieces], *, cable_mass: float) -> WeightSelection:
+    """Return the weights whose difference is nearest to a wanted one, with as few pieces as possible.
 
     Parameters
     ----------
     weight
-        Weight that the loading cable should have more than the counter cable, N; negative for a negative tip force.
+        Wanted weight on the loading cable minus that on the counter cable, N; negative for a negative tip force.
     weights
-        What there is to hang; masses count to the milligram.
+        Weights at hand; masses count to the milligram.
     cable_mass
         Least mass on either cable, which keeps it taut, kg.
 
@@ -123,38 +123,38 @@ def hang(weight: float, weights: Sequence[Pieces], *, cable_mass: float) -> Hang
         There are no weights, or too few to keep both cables taut.
     """
     if not math.isfinite(weight):
-        raise ValueError(f"weight is {weight!r}; allowed is a finite force in N.")
+        raise ArgumentError(key="weight", value=weight, allowed="a finite force in N")
     _check_cable_mass(cable_mass)
     problem = _Problem.of(weights, cable_mass)
-    hung = problem.solve(abs(weight) / STANDARD_GRAVITY)
-    loading, counter = (hung.heavier, hung.lighter) if weight >= 0 else (hung.lighter, hung.heavier)
-    used = sum(one.tolerance * count for one, count in zip(weights, (loading + counter).tolist(), strict=True))
-    return Hanging(_masses(weights, loading), _masses(weights, counter), weight, used * STANDARD_GRAVITY)
+    found = problem.solve(abs(weight) / STANDARD_GRAVITY)
+    loading, counter = (found.heavier, found.lighter) if weight >= 0 else (found.lighter, found.heavier)
+    used = sum(piece.tolerance * count for piece, count in zip(weights, (loading + counter).tolist(), strict=True))
+    return WeightSelection(_masses(weights, loading), _masses(weights, counter), weight, used * STANDARD_GRAVITY)
 
 
-def finest(weights: Sequence[Pieces], cable_mass: float) -> float:
-    """Return the least difference above zero of what hangs on two cables, kg: the step that forces can be made by.
+def least_difference(weights: Sequence[Pieces], cable_mass: float) -> float:
+    """Return the smallest possible difference above zero between the two cables, kg: the resolution of the force.
 
-    Parameters and errors are those of :func:`hang`; also, a DesignError where all differences are zero.
+    Parameters and errors are those of :func:`select_weights`; also, a DesignError where all differences are zero.
     """
     _check_cable_mass(cable_mass)
     problem = _Problem.of(weights, cable_mass)
-    found = problem.nearest_made(1, 1)
+    found = problem.nearest_possible(1, 1)
     if found is None:
         raise DesignError(
-            f"the weights, {problem.told_total}, make no difference between two cables with {problem.told_least} or "
-            "more on each; allowed are more weights or a smaller cable_mass."
+            f"the weights, {problem.total}, give no difference between two cables with {problem.least_mass} or more on "
+            "each; use more weights or a smaller cable_mass."
         )
     return found * problem.unit
 
 
 def _check_cable_mass(cable_mass: float) -> None:
     if not 0 <= cable_mass < math.inf:
-        raise ValueError(f"cable_mass is {cable_mass!r}; allowed is a mass of at least 0 kg.")
+        raise ArgumentError(key="cable_mass", value=cable_mass, allowed="a mass of at least 0 kg")
 
 
-class _Hung(NamedTuple):
-    """How many pieces of each mass hang on either cable, and their difference in units."""
+class _Solution(NamedTuple):
+    """Number of pieces of each mass on either cable, and their difference in units."""
 
     heavier: NDArray[np.int64]
     lighter: NDArray[np.int64]
@@ -166,10 +166,10 @@ class _Hung(NamedTuple):
 
 
 class _Sums(NamedTuple):
-    """Sums of masses, digit by digit, and what they must be.
+    """Linear equations for sums of masses, digit by digit.
 
-    Unknown are the counts on either cable, the digits of what the lighter cable has beyond its least mass, those of
-    what the difference has beyond its bound, and what is carried in each sum.
+    Unknown are the counts on either cable, the digits of the lighter cable's mass beyond its least one, those of the
+    difference beyond its bound, and the carries of each sum.
     """
 
     matrix: NDArray[np.float64]
@@ -178,7 +178,7 @@ class _Sums(NamedTuple):
 
 
 class _Problem(NamedTuple):
-    """How many pieces there are of each mass, and least mass of a cable, in whole units; a unit in kg."""
+    """Masses, their counts, and the least mass on a cable, as integer multiples of a unit (kg)."""
 
     masses: NDArray[np.int64]
     counts: NDArray[np.int64]
@@ -188,53 +188,53 @@ class _Problem(NamedTuple):
     @classmethod
     def of(cls, weights: Sequence[Pieces], cable_mass: float) -> "_Problem":
         if not weights:
-            raise DesignError("there are no weights to hang; allowed is a catalogue that has some.")
+            raise DesignError("there are no weights to hang; use a catalogue that has some.")
         masses = np.array([round(one.mass / _GRID) for one in weights], np.int64)
         if masses.min() < 1:
             raise DesignError(
-                f"a weight has a mass of {min(one.mass for one in weights):g} kg; allowed is 1 mg or more."
+                f"a weight has a mass of {min(one.mass for one in weights):g} kg; it must be at least 1 mg."
             )
         counts = np.array([one.count for one in weights], np.int64)
-        # The smaller the numbers, the faster they are solved for, and the surer.
+        # Small integers are solved for faster and more reliably.
         unit = int(np.gcd.reduce(masses))
         return cls(masses // unit, counts, math.ceil(cable_mass / (unit * _GRID) - _EXACT), unit * _GRID)
 
     @property
-    def told_total(self) -> str:
-        """All there is, for a sentence."""
+    def total(self) -> str:
+        """Mass of all weights, for a sentence."""
         return f"{float(self.masses @ self.counts) * self.unit:.6g} kg in all"
 
     @property
-    def told_least(self) -> str:
-        """Least mass of a cable, for a sentence."""
+    def least_mass(self) -> str:
+        """Least mass on a cable, for a sentence."""
         return f"{self.least * self.unit:.6g} kg"
 
-    def solve(self, mass: float) -> _Hung:
-        """Return what to hang for a difference (kg, not negative)."""
+    def solve(self, mass: float) -> _Solution:
+        """Return the pieces for a difference (kg, not negative)."""
         target = mass / self.unit
         same = _EXACT * max(1.0, target)
         below, above = math.floor(target + same), math.ceil(target - same)
-        # Most sets can make every difference, so that no search for the nearest is needed.
+        # Most sets give every difference, so that no search for the nearest is needed.
         found = self._fewest(_nearest((below, above), target, same))
         if found is None:
-            sides = (self.nearest_made(below, -1), self.nearest_made(above, 1))
+            sides = (self.nearest_possible(below, -1), self.nearest_possible(above, 1))
             found = self._fewest(_nearest([one for one in sides if one is not None], target, same))
         if found is None:
             raise DesignError(
-                f"the weights, {self.told_total}, do not keep two cables taut with {self.told_least} on each; allowed "
-                "are more weights or a smaller cable_mass."
+                f"the weights, {self.total}, do not keep two cables taut with {self.least_mass} on each; use more "
+                "weights or a smaller cable_mass."
             )
         return found
 
-    def _fewest(self, differences: Iterable[int]) -> _Hung | None:
-        """Return the fewest pieces that make one of some differences, None if none can be made."""
-        made = (self._hung(one) for one in differences)
-        return min((hung for hung in made if hung is not None), key=lambda hung: hung.pieces, default=None)
+    def _fewest(self, differences: Iterable[int]) -> _Solution | None:
+        """Return the fewest pieces that give one of some differences, None if none is possible."""
+        solutions = (self._lightest(difference) for difference in differences)
+        return min((one for one in solutions if one is not None), key=lambda one: one.pieces, default=None)
 
-    def nearest_made(self, bound: int, side: int) -> int | None:
-        """Return the difference from zero on nearest to a bound, not below it (side 1) or not above it (-1), if any."""
+    def nearest_possible(self, bound: int, side: int) -> int | None:
+        """Return the possible difference, at least zero, nearest to a bound: from above (side 1) or from below (-1)."""
         sums, difference = self._sums(bound, side), bound
-        # Place by place from the highest, since one cost of all places would have numbers too far apart.
+        # Digit by digit from the highest: a single cost of all digits would be badly scaled.
         beyond = [_BASE - 1.0] * sums.places
         for place in reversed(range(sums.places)):
             cost = np.zeros(sums.matrix.shape[1])
@@ -244,21 +244,21 @@ class _Problem(NamedTuple):
                 return None
             difference = found.difference
             beyond[place] = float(_digits(abs(difference - bound), sums.places)[place])
-        # What is called the heavier cable may only be the lighter, and is then not known to be taut.
+        # With a negative difference the cables are swapped, and the lighter one is not known to be taut.
         return difference if difference >= 0 else None
 
-    def _hung(self, difference: int) -> _Hung | None:
-        """Return the fewest pieces that make a difference, and of these the lightest, whose inertia disturbs least."""
+    def _lightest(self, difference: int) -> _Solution | None:
+        """Return the fewest pieces that give a difference, and of these the lightest, with the least inertia."""
         sums = self._sums(difference, 1)
         share = self.masses / (2.0 * float(self.masses @ self.counts))
         cost = np.concatenate([np.tile(1 + share, 2), np.zeros(sums.matrix.shape[1] - 2 * self.masses.size)])
         return self._optimum(cost, sums, [0.0] * sums.places)
 
     def _sums(self, bound: int, side: int) -> _Sums:
-        """Return what must hold of both sums: the difference is on one side of a bound, the lighter cable is taut.
+        """Return the equations of both sums: the difference is on one side of a bound, the lighter cable is taut.
 
-        Sums of masses are made digit by digit, with what is carried from one to the next among the unknowns: with whole
-        masses for coefficients, the solver's tolerance of what counts as whole would let small weights slip through.
+        Sums are made digit by digit, with the carries among the unknowns: with masses as coefficients, small weights
+        would be lost in the solver's integrality tolerance.
         """
         places = len(_digits(max(int(self.masses @ self.counts), bound, self.least)))
         by_mass = np.array([_digits(int(mass), places) for mass in self.masses], float).T
@@ -272,8 +272,8 @@ class _Problem(NamedTuple):
         )
         return _Sums(matrix, np.array([*_digits(bound, places), *_digits(self.least, places)], float), places)
 
-    def _optimum(self, cost: NDArray[np.float64], sums: _Sums, beyond: Sequence[float]) -> _Hung | None:
-        """Return the pieces of least cost whose sums are right, if any; digits beyond the bound have upper limits."""
+    def _optimum(self, cost: NDArray[np.float64], sums: _Sums, beyond: Sequence[float]) -> _Solution | None:
+        """Return the pieces of least cost that satisfy the equations, if any; `beyond` bounds the digits beyond."""
         from scipy.optimize import Bounds, LinearConstraint, milp  # noqa: PLC0415 - takes half a second
 
         kinds, carried = self.masses.size, 2 * sums.places - 2
@@ -295,11 +295,11 @@ class _Problem(NamedTuple):
             return None
         counts = np.rint(found.x).astype(np.int64)
         heavier, lighter = counts[:kinds], counts[kinds : 2 * kinds]
-        return _Hung(heavier, lighter, int(self.masses @ (heavier - lighter)))
+        return _Solution(heavier, lighter, int(self.masses @ (heavier - lighter)))
 
 
 def _digits(number: int, count: int = 0) -> list[int]:
-    """Return the digits of a number, last first, filled up to a count."""
+    """Return the digits of a number, last first, padded with zeros to a count."""
     digits: list[int] = []
     while number or len(digits) < max(count, 1):
         number, digit = divmod(number, _BASE)
@@ -308,13 +308,13 @@ def _digits(number: int, count: int = 0) -> list[int]:
 
 
 def _nearest(differences: Iterable[int], target: float, same: float) -> set[int]:
-    """Return which differences are nearest to a target, up to what counts as the same."""
+    """Return the differences nearest to a target, equal ones within a tolerance."""
     off = {one: abs(one - target) for one in differences}
     return {one for one, far in off.items() if far <= min(off.values()) + same}
 
 
 def _masses(weights: Sequence[Pieces], counts: NDArray[np.int64]) -> tuple[float, ...]:
-    masses = (one.mass for one, count in zip(weights, counts.tolist(), strict=True) for _ in range(count))
+    masses = (piece.mass for piece, count in zip(weights, counts.tolist(), strict=True) for _ in range(count))
     return tuple(sorted(masses, reverse=True))
 
 

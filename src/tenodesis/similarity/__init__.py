@@ -1,6 +1,7 @@
-"""Similarity of two instruments: what scales how, which groups match, what the mismatch costs and what causes it.
+"""Similarity of two instruments: factors, dimensionless groups, the similarity error, and its causes.
 
-The paper calls the small instrument the model and the large one the prototype; a factor is prototype over model.
+The paper calls the real-size instrument the model and the scaled-up one the prototype; a factor is scaled-up over
+real-size.
 """
 
 from tenodesis.similarity.causes import Cause, Causes

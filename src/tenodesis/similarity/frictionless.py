@@ -5,12 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tenodesis import statics
+from tenodesis.similarity.pair import Pair
+
 GRID = (161, 61)
 """Handle angles and forces of the grid that similarity is judged on."""
 
 
-class Spread:
-    """What errors (deg, NaN where one instrument has none) come to; whoever holds `error` inherits it."""
+class ErrorStatistics:
+    """Statistics of `error` (deg, NaN where either instrument has no equilibrium), for classes that have it."""
 
     error: NDArray[np.float64]
 
@@ -27,8 +30,8 @@ class Spread:
     @property
     def quantile_95(self) -> float:
         """Magnitude that 95 % of the errors stay below, deg; NaN if there is none."""
-        there = np.abs(self.error[np.isfinite(self.error)])
-        return float(np.quantile(there, 0.95)) if there.size else float("nan")
+        finite = np.abs(self.error[np.isfinite(self.error)])
+        return float(np.quantile(finite, 0.95)) if finite.size else float("nan")
 
     @property
     def unsolved(self) -> float:
@@ -37,28 +40,28 @@ class Spread:
 
 
 def rms(values: NDArray[np.float64]) -> float:
-    """Return the root mean square of the values that are there; NaN if none is."""
-    there = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(there**2))) if there.size else float("nan")
+    """Return the root mean square of the finite values; NaN if there is none."""
+    finite = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(finite**2))) if finite.size else float("nan")
 
 
 @dataclass(frozen=True)
-class SimilarityError(Spread):
-    """How far the prototype's output angle strays from the model's over the working range.
+class SimilarityError(ErrorStatistics):
+    """Difference in output angle between the scaled-up and the real-size instrument over the working range.
 
-    Angles in deg, forces in N on the model. `handle_angle` (rad, length m) and `force` (N, length n) span the grid,
-    `error` (deg, m by n) is prototype minus model, NaN where either has no equilibrium; `model_angle` and
-    `prototype_angle` (rad, m by n) are NaN where it has none itself. `stop` is the prototype's, rad.
+    `handle_angle` (rad, shape (m,)) and `force` (N on the real-size instrument, shape (n,)) span the grid. `error`
+    (deg, shape (m, n)) is scaled-up minus real-size, NaN where either has no equilibrium; `real_size_angle` and
+    `scaled_up_angle` (rad, shape (m, n)) are NaN where that instrument has none. `stop` is the scaled-up one's, rad.
     """
 
-    model_pretension: float
-    prototype_pretension: float
+    real_size_pretension: float
+    scaled_up_pretension: float
     force_factor: float
     handle_angle: NDArray[np.float64]
     force: NDArray[np.float64]
     error: NDArray[np.float64]
-    model_angle: NDArray[np.float64]
-    prototype_angle: NDArray[np.float64]
+    real_size_angle: NDArray[np.float64]
+    scaled_up_angle: NDArray[np.float64]
     stop: float
 
     @property
@@ -70,17 +73,17 @@ class SimilarityError(Spread):
     @property
     def held_by_one(self) -> float:
         """Share of the grid that exactly one of the two instruments holds."""
-        return float((np.isnan(self.model_angle) != np.isnan(self.prototype_angle)).mean())
+        return float((np.isnan(self.real_size_angle) != np.isnan(self.scaled_up_angle)).mean())
 
     @property
     def snapped(self) -> NDArray[np.float64]:
-        """The error, deg, if a prototype that has snapped through stands at its stop, where the load drives it.
+        """The error, deg, with a scaled-up tip that has snapped through at its stop, where the load drives it.
 
-        NaN where the model has no equilibrium: that is beyond the range the prototype is meant for.
+        NaN where the real-size instrument has no equilibrium: that is beyond its working range.
         """
         at_stop = np.where(self.force > 0, -self.stop, self.stop)
-        angle = np.where(np.isnan(self.prototype_angle), at_stop, self.prototype_angle)
-        return np.degrees(angle - self.model_angle)
+        angle = np.where(np.isnan(self.scaled_up_angle), at_stop, self.scaled_up_angle)
+        return np.degrees(angle - self.real_size_angle)
 
     @property
     def largest_snapped(self) -> float:
@@ -91,3 +94,25 @@ class SimilarityError(Spread):
     def rms_snapped(self) -> float:
         """Root mean square of :attr:`snapped`, deg."""
         return rms(self.snapped)
+
+
+def similarity_error(
+    pair: Pair,
+    *,
+    pretension: float | None = None,
+    force_factor: float | None = None,
+    largest_force: float | None = None,
+    grid: tuple[int, int] = GRID,
+) -> SimilarityError:
+    """Return the frictionless error; :meth:`tenodesis.similarity.Comparison.error` describes the arguments."""
+    scaled = pair.scaled_pretension if pretension is None else pretension
+    factor = float(pair.force_factor()) if force_factor is None else force_factor
+    handle = np.linspace(-pair.reach, pair.reach, grid[0])
+    force = np.linspace(0.0, pair.largest_force if largest_force is None else largest_force, grid[1])
+    expected = statics.output_angle(pair.real_size, handle[:, None], force)
+    scaled_up = pair.scaled_up.replace(pretension=scaled)
+    found = statics.output_angle(scaled_up, pair.scaled_up_handle_angle(handle)[:, None], force * factor)
+    error = np.degrees(found - expected)
+    return SimilarityError(
+        pair.real_size.pretension, scaled, factor, handle, force, error, expected, found, scaled_up.output_stop
+    )

@@ -1,9 +1,9 @@
-"""The dimensionless groups of the whole model, by what each of them governs."""
+"""The dimensionless groups of an instrument, statics to drives, by what each of them governs."""
 
 from math import isnan, nan
 from typing import Literal, NamedTuple, TypeAlias
 
-from tenodesis import _core, statics, twin
+from tenodesis import _core, plant, statics
 from tenodesis.instrument import Instrument
 from tenodesis.similarity.parameters import tension_scale
 
@@ -14,7 +14,7 @@ SAME = 1e-9
 
 
 IMPOSED = ("Theta", "J/(kappa t^2)")
-"""Groups that are equal in any two instruments, since the factors of force and of time are taken from them."""
+"""Groups that are equal in any two instruments, since the factors of force and of time follow from them."""
 
 
 class Definition(NamedTuple):
@@ -66,12 +66,12 @@ DEFINITIONS: dict[str, Definition] = {
 
 
 class Group(NamedTuple):
-    """A dimensionless group of the model and its value in both instruments; NaN for one that has no such group."""
+    """A dimensionless group and its value in both instruments; NaN for an instrument that has no such group."""
 
     name: str
     kind: Kind
-    model: float
-    prototype: float
+    real_size: float
+    scaled_up: float
 
     @property
     def meaning(self) -> str:
@@ -80,79 +80,79 @@ class Group(NamedTuple):
 
     @property
     def ratio(self) -> float:
-        """Prototype over model, NaN where the model's is zero."""
-        return self.prototype / self.model if self.model else nan
+        """Scaled-up over real-size, NaN where the real-size value is zero."""
+        return self.scaled_up / self.real_size if self.real_size else nan
 
     @property
     def imposed(self) -> bool:
-        """Whether the factor of force or of time makes the group equal, so that it tells nothing of similarity."""
+        """Whether the group is equal by the choice of the force or time factor, so that it is no sign of similarity."""
         return self.name in IMPOSED
 
     @property
     def matches(self) -> bool:
         """Whether the group is the same in both instruments."""
-        return abs(self.prototype - self.model) <= SAME * abs(self.model)
+        return abs(self.scaled_up - self.real_size) <= SAME * abs(self.real_size)
 
 
 def unit_of_time(inst: Instrument) -> float:
-    """Return sqrt(J / kappa), the time of the straight tip's swing over two pi, s."""
-    return 1 / twin.swing(inst)
+    """Return sqrt(J / kappa), the period of the straight tip over two pi, s."""
+    return 1 / plant.natural_frequency(inst)
 
 
 def groups_of(inst: Instrument) -> dict[str, float]:
-    """Return the groups of one instrument by name, but for those of the load (Tables I and II, physics of the twin).
+    """Return the groups of one instrument by name, without those of the load (Tables I and II, physics of the twin).
 
-    The spools' radius is a factor and no group: only the tendon length it winds counts. Groups of the Stribeck law
-    and of a hand that gives way are there for instruments that have them.
+    The spools' radius has a factor but no group: only the tendon length it winds counts. Groups of the Stribeck law
+    and of a compliant hand are included for instruments that have them.
     """
-    numbers = twin.numbers(inst)
-    distal, proximal = numbers["distal_radius"], numbers["proximal_radius"]
+    values = plant.parameters(inst)
+    distal, proximal = values["distal_radius"], values["proximal_radius"]
     stiffness, tension, time = inst.tendon_stiffness, tension_scale(inst), unit_of_time(inst)
-    in_handle, (at_handle, at_tip) = numbers["handle_length_share"], _core.joint_shares(inst.spec)
-    spool = numbers["spool_radius"]
+    in_handle, (at_handle, at_tip) = values["handle_length_share"], _core.joint_shares(inst.spec)
+    spool = values["spool_radius"]
     kappa = float(statics.flexural_stiffness(inst, 0.0))
     groups = {
         "R/r": proximal / distal,
-        "l_d/r": numbers["end_effector_length"] / distal,
-        "l_p/R": numbers["handle_length"] / proximal,
+        "l_d/r": values["end_effector_length"] / distal,
+        "l_p/R": values["handle_length"] / proximal,
         "T_o/(kr)": inst.pretension / tension,
         "handle share": in_handle,
         "proximal joint share": at_handle,
         "stem share": 1 - in_handle - at_handle - at_tip,
         "distal joint share": at_tip,
-        "theta_stop": numbers["output_stop"],
-        "mu": numbers["vertex_coefficient"],
-        "mu_s": numbers["sheath_coefficient"],
-        "phi_s": numbers["sheath_bend"],
-        "dphi_s/dtheta_h": numbers["sheath_bend_rate"],
+        "theta_stop": values["output_stop"],
+        "mu": values["vertex_coefficient"],
+        "mu_s": values["sheath_coefficient"],
+        "phi_s": values["sheath_bend"],
+        "dphi_s/dtheta_h": values["sheath_bend_rate"],
         "n_s": float(inst.friction.sheath_contacts),
-        "f_c/(kr)": numbers["constant"] / tension,
-        "c_v/(kt)": numbers["viscous"] / (stiffness * time),
-        "v_m t/r": spool * numbers["spool_speed_limit"] * time / distal,
-        "a_m t^2/r": spool * numbers["spool_acceleration_limit"] * time**2 / distal,
-        "t_m/t": numbers["drive_time_constant"] / time,
-        "b r_s/r": spool * numbers["backlash"] / distal,
-        "q r_s/r": spool * numbers["motor_encoder_resolution"] / distal,
-        "zeta": numbers["tip_damping"] / (2 * kappa * time),
+        "f_c/(kr)": values["constant"] / tension,
+        "c_v/(kt)": values["viscous"] / (stiffness * time),
+        "v_m t/r": spool * values["spool_speed_limit"] * time / distal,
+        "a_m t^2/r": spool * values["spool_acceleration_limit"] * time**2 / distal,
+        "t_m/t": values["drive_time_constant"] / time,
+        "b r_s/r": spool * values["backlash"] / distal,
+        "q r_s/r": spool * values["motor_encoder_resolution"] / distal,
+        "zeta": values["tip_damping"] / (2 * kappa * time),
     }
     if inst.joint_type == "continuum":
-        length = numbers["backbone_length"]
+        length = values["backbone_length"]
         groups |= {
             "L_b/r": length / distal,
-            "EI/(k r^2 L_b)": numbers["backbone_rigidity"] / (stiffness * distal**2 * length),
+            "EI/(k r^2 L_b)": values["backbone_rigidity"] / (stiffness * distal**2 * length),
         }
     if inst.friction.law == "stribeck":
         groups |= {
-            "mu_0/mu": numbers["static_ratio"],
-            "v_S t/r": numbers["stribeck_speed"] * time / distal,
-            "t_f/t": numbers["memory"] / time,
+            "mu_0/mu": values["static_ratio"],
+            "v_S t/r": values["stribeck_speed"] * time / distal,
+            "t_f/t": values["memory"] / time,
         }
-    hand = numbers["hand_stiffness"]
+    hand = values["hand_stiffness"]
     if hand:
         groups |= {
             "K_h/(k R^2)": hand / (stiffness * proximal**2),
-            "J_h/(K_h t^2)": numbers["hand_inertia"] / (hand * time**2),
-            "c_h/(K_h t)": numbers["hand_damping"] / (hand * time),
+            "J_h/(K_h t^2)": values["hand_inertia"] / (hand * time**2),
+            "c_h/(K_h t)": values["hand_damping"] / (hand * time),
         }
     return groups
 
@@ -167,9 +167,9 @@ def groups_under_load(inst: Instrument, force: float, mid_range: float, time: fl
     }
 
 
-def paired(model: dict[str, float], prototype: dict[str, float]) -> tuple[Group, ...]:
+def paired(real_size: dict[str, float], scaled_up: dict[str, float]) -> tuple[Group, ...]:
     """Return the groups that either instrument has, in the order of their definitions."""
-    pairs = ((name, model.get(name, nan), prototype.get(name, nan)) for name in DEFINITIONS)
+    pairs = ((name, real_size.get(name, nan), scaled_up.get(name, nan)) for name in DEFINITIONS)
     return tuple(
         Group(name, DEFINITIONS[name].kind, ours, theirs)
         for name, ours, theirs in pairs

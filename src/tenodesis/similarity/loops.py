@@ -2,37 +2,35 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis import twin
+from tenodesis import plant, twin
+from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument
-from tenodesis.similarity.frictionless import Spread
+from tenodesis.run import Array
+from tenodesis.similarity.frictionless import ErrorStatistics
+from tenodesis.similarity.pair import Pair
 from tenodesis.similarity.parameters import alone
-
-if TYPE_CHECKING:
-    from tenodesis.similarity.comparison import Comparison
-
-Array = NDArray[np.float64]
 
 SPEED = float(np.radians(10))
 """Speed of the real-size handle, rad/s."""
 
 FORCES = 5
-"""Constant forces that a default set has, from none to the largest that both hold."""
+"""Number of default forces, from none to the largest that both hold."""
 
 STROKE_STEPS = 180
-"""Steps at rest from one end of the working range to the other."""
+"""Quasi-static steps from one end of the working range to the other."""
 
 _TRIED = 33
-_LOADING = 1.0  # s on the model, handle straight
-_PHASE = 0.4  # of the tip's swing in a step, where that is finer than the twin's own
+_LOADING = 1.0  # s of real-size time, handle straight
+_PHASE = 0.4  # rad of the tip's oscillation per step, where that is finer than the twin's own step
 
 
 class Place(NamedTuple):
-    """Where in a loop: handle angle (rad) and force (N) of the model, and whether the handle flexes or extends."""
+    """A point of a loop: real-size handle angle (rad) and force (N), and whether the handle flexes or extends."""
 
     handle_angle: float
     force: float
@@ -40,16 +38,16 @@ class Place(NamedTuple):
 
 
 class Path(NamedTuple):
-    """What is done to the model over time: steps of `time_step` (s), the first `loading` of them at a straight handle.
+    """Commands to the real-size instrument: steps of `time_step` (s), the first `loading` of them at a straight handle.
 
-    Then the handle flexes to the end of the working range, extends to the other and flexes again.
+    Then the handle flexes to the end of the working range, extends to the other end and flexes again.
     """
 
     time_step: float
     loading: int
     handle_angle: Array
     share: Array
-    """Of the constant force."""
+    """Share of the constant force, by step."""
 
     @property
     def flexing(self) -> NDArray[np.bool_]:
@@ -58,62 +56,63 @@ class Path(NamedTuple):
 
 
 @dataclass(frozen=True)
-class LoopError(Spread):
-    """How far the prototype's loops stray from the model's under constant forces.
+class LoopError(ErrorStatistics):
+    """Difference between the loops of the scaled-up and of the real-size instrument under constant forces.
 
-    For m forces and n rows: `time` (s) and `handle_angle` (rad), both of the model, (n,); `force` (N on the model),
-    (m,); `model_angle`, `prototype_angle` (rad) and `error` (deg), (m, n), NaN after a tip was lost.
+    For m forces and n rows: real-size `time` (s) and `handle_angle` (rad), shape (n,); `force` (N on the real-size
+    instrument), shape (m,); `real_size_angle`, `scaled_up_angle` (rad) and `error` (deg), shape (m, n), NaN after a tip
+    was lost.
     """
 
-    model_pretension: float
-    prototype_pretension: float
+    real_size_pretension: float
+    scaled_up_pretension: float
     force_factor: float
     time_factor: float
     time: Array
     handle_angle: Array
     flexing: NDArray[np.bool_]
     force: Array
-    model_angle: Array
-    prototype_angle: Array
+    real_size_angle: Array
+    scaled_up_angle: Array
     error: Array
 
     @property
     def worst(self) -> Place:
-        """Where the largest error is."""
+        """Point of the largest error."""
         at = np.unravel_index(np.nanargmax(np.abs(self.error)), self.error.shape)
         return Place(float(self.handle_angle[at[1]]), float(self.force[at[0]]), bool(self.flexing[at[1]]))
 
     @property
     def held_by_one(self) -> float:
-        """Share of the rows that exactly one of the two instruments gets to."""
-        return float((np.isnan(self.model_angle) != np.isnan(self.prototype_angle)).mean())
+        """Share of the rows that exactly one of the two instruments reaches."""
+        return float((np.isnan(self.real_size_angle) != np.isnan(self.scaled_up_angle)).mean())
 
     @property
     def largest_force(self) -> float:
-        """Largest force, N on the model, that both hold all the way; NaN if there is none."""
+        """Largest force, N on the real-size instrument, that both hold to the end; NaN if there is none."""
         held = ~np.isnan(self.error).any(axis=1)
         return float(self.force[held].max()) if held.any() else float("nan")
 
 
 def error_at_rest(
-    comparison: "Comparison", pretension: float | None, force_factor: float | None, forces: Sequence[float] | None
+    pair: Pair, pretension: float | None, force_factor: float | None, forces: Sequence[float] | None
 ) -> LoopError:
-    """Return the error of quasi-static loops; :meth:`Comparison.error_at_rest` says more."""
-    return _error(_Pair(comparison, pretension, force_factor), path_at_rest(comparison.reach), forces, True)
+    """Return the error of quasi-static loops; :meth:`tenodesis.similarity.Comparison.error_at_rest` has the details."""
+    return _error(_Setup(pair, pretension, force_factor), path_at_rest(pair.reach), forces, quasi_static=True)
 
 
 def cycle_error(
-    comparison: "Comparison",
+    pair: Pair,
     pretension: float | None,
     force_factor: float | None,
     forces: Sequence[float] | None,
     speed: float,
 ) -> LoopError:
-    """Return the error of loops in time; :meth:`Comparison.cycle_error` says more."""
-    step = min(twin.TIME_STEP, _PHASE / twin.swing(comparison.model))
-    stroke = max(2, 2 * round(comparison.reach / speed / step))
-    path = _path(comparison.reach, step, stroke, max(1, round(_LOADING / step)))
-    return _error(_Pair(comparison, pretension, force_factor), path, forces, False)
+    """Return the error of loops in time; :meth:`tenodesis.similarity.Comparison.cycle_error` has the details."""
+    step = min(twin.TIME_STEP, _PHASE / plant.natural_frequency(pair.real_size))
+    stroke = max(2, 2 * round(pair.reach / speed / step))
+    path = _path(pair.reach, step, stroke, max(1, round(_LOADING / step)))
+    return _error(_Setup(pair, pretension, force_factor), path, forces, quasi_static=False)
 
 
 def path_at_rest(reach: float) -> Path:
@@ -121,32 +120,20 @@ def path_at_rest(reach: float) -> Path:
     return _path(reach, 2 * reach / SPEED / STROKE_STEPS, STROKE_STEPS, STROKE_STEPS // 10)
 
 
-def judged(inst: Instrument, time_step: float) -> Instrument:
-    """Return the first axis as its file means it: without mismatch, its handle where it is told to be."""
+def nominal(inst: Instrument, time_step: float) -> Instrument:
+    """Return the first axis without mismatch, sampled at every step, with a handle that follows its command exactly."""
     return alone(inst).replace(
         mismatch=None, **{"dynamics.hand_stiffness": None, "sensors.sampling_rate": 1 / time_step}
     )
 
 
-def loops(
-    inst: Instrument | Sequence[Instrument], path: Path, handle_angle: Array, forces: Array, *, quasi_static: bool
-) -> Array:
-    """Return the output angles after loading, rad, by run and step; NaN after the tip was lost.
+def loops(inst: Instrument, path: Path, handle_angle: Array, forces: Array, *, quasi_static: bool) -> Array:
+    """Return the output angles of a one-axis instrument after loading, rad, shape (forces, steps); NaN once lost.
 
-    Parameters
-    ----------
-    inst
-        The instrument, or one per force; of one axis.
-    path
-        What is done over time, at the instrument's own time step.
-    handle_angle
-        The instrument's handle angles in place of the path's, rad.
-    forces
-        Constant force per run, N.
+    The handle angles (rad, by step) replace those of the path; the forces (N) are constant, one per run.
     """
-    insts = [inst] * forces.size if isinstance(inst, Instrument) else list(inst)
     batch = twin.run_many(
-        insts,
+        [inst] * forces.size,
         np.broadcast_to(handle_angle, (forces.size, handle_angle.size)),
         forces[:, None] * path.share,
         time_step=path.time_step,
@@ -164,47 +151,47 @@ def _path(reach: float, time_step: float, stroke: int, loading: int) -> Path:
     return Path(time_step, loading, handle, share)
 
 
-class _Pair:
-    """Both instruments with the prototype's pretension and the factors of force and time."""
+class _Setup:
+    """Both instruments with the scaled-up pretension and the factors of force and time."""
 
-    def __init__(self, comparison: "Comparison", pretension: float | None, force_factor: float | None) -> None:
-        self.comparison = comparison
-        self.pretension = comparison.scaled_pretension if pretension is None else pretension
-        self.force_factor = float(comparison.force_factor()) if force_factor is None else force_factor
-        self.time_factor = comparison.time_factor
+    def __init__(self, pair: Pair, pretension: float | None, force_factor: float | None) -> None:
+        self.pair = pair
+        self.pretension = pair.scaled_pretension if pretension is None else pretension
+        self.force_factor = float(pair.force_factor()) if force_factor is None else force_factor
+        self.time_factor = pair.time_factor
 
     def loops(self, path: Path, force: Array, quasi_static: bool) -> tuple[Array, Array]:
-        """Return the output angles of model and prototype, rad."""
+        """Return the output angles of the real-size and the scaled-up instrument, rad."""
         theirs = path._replace(time_step=path.time_step * self.time_factor)
-        model = judged(self.comparison.model, path.time_step)
-        prototype = judged(self.comparison.prototype, theirs.time_step).replace(pretension=self.pretension)
-        mapped = self.comparison.prototype_handle_angle(path.handle_angle)
+        real_size = nominal(self.pair.real_size, path.time_step)
+        scaled_up = nominal(self.pair.scaled_up, theirs.time_step).replace(pretension=self.pretension)
+        mapped = self.pair.scaled_up_handle_angle(path.handle_angle)
         return (
-            loops(model, path, path.handle_angle, force, quasi_static=quasi_static),
-            loops(prototype, theirs, mapped, force * self.force_factor, quasi_static=quasi_static),
+            loops(real_size, path, path.handle_angle, force, quasi_static=quasi_static),
+            loops(scaled_up, theirs, mapped, force * self.force_factor, quasi_static=quasi_static),
         )
 
     def default_forces(self) -> Array:
         """Return forces from none to the largest that both hold at rest through the working range, to a few percent."""
-        tried = np.linspace(0.0, self.comparison.largest_force, _TRIED)
-        expected, found = self.loops(path_at_rest(self.comparison.reach), tried, True)
+        tried = np.linspace(0.0, self.pair.largest_force, _TRIED)
+        expected, found = self.loops(path_at_rest(self.pair.reach), tried, True)
         lost = np.isnan(expected + found).any(axis=1)
         held = tried[: np.argmax(lost)] if lost.any() else tried
         return np.linspace(0.0, held[-1] if held.size else 0.0, FORCES)
 
 
-def _error(pair: _Pair, path: Path, forces: Sequence[float] | None, quasi_static: bool) -> LoopError:
-    force = pair.default_forces() if forces is None else np.array(forces, float)
+def _error(setup: _Setup, path: Path, forces: Sequence[float] | None, *, quasi_static: bool) -> LoopError:
+    force = setup.default_forces() if forces is None else np.array(forces, float)
     if force.ndim != 1 or not force.size or not np.isfinite(force).all():
-        raise ValueError(f"forces is {forces!r}; allowed is a row of finite numbers.")
-    expected, found = pair.loops(path, force, quasi_static)
+        raise ArgumentError(key="forces", value=forces, allowed="a list of finite numbers")
+    expected, found = setup.loops(path, force, quasi_static)
     rows = slice(path.loading, None)
     time: Array = path.time_step * np.arange(1.0, path.handle_angle.size + 1)
     return LoopError(
-        pair.comparison.model.pretension,
-        pair.pretension,
-        pair.force_factor,
-        pair.time_factor,
+        setup.pair.real_size.pretension,
+        setup.pretension,
+        setup.force_factor,
+        setup.time_factor,
         time[rows],
         path.handle_angle[rows],
         path.flexing,

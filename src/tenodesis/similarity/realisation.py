@@ -1,11 +1,11 @@
-"""An instrument made to have given groups, keeping another's mechanism, distal radius, tendon stiffness and time."""
+"""An instrument with given groups, and with the mechanism, distal radius, tendon stiffness and time of another."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from tenodesis import _core
-from tenodesis.hardware import FrictionLaw
 from tenodesis.instrument import Instrument
+from tenodesis.instrument.hardware import FrictionLaw
 from tenodesis.similarity.groups import unit_of_time
 from tenodesis.similarity.parameters import field_of, tension_scale, value_of
 
@@ -15,7 +15,7 @@ COUPLED = ("R/r", "l_d/r", "L_b/r", "EI/(k r^2 L_b)", "T_o/(kr)")
 """Groups of the frictionless model that an instrument can be given."""
 
 SEGMENTS = ("handle share", "distal joint share")
-"""Groups of the compliance: the proximal joint's share follows with R/r, the stem's is what is left."""
+"""Groups of the compliance: the proximal joint's share follows from R/r, the stem's is the rest."""
 
 FRICTION = ("mu", "mu_s", "phi_s", "dphi_s/dtheta_h", "f_c/(kr)", "c_v/(kt)", "mu_0/mu", "v_S t/r", "t_f/t")
 """Groups of friction that an instrument can be given."""
@@ -24,14 +24,14 @@ _NEUTRAL = {"mu_0/mu": 1.0}
 
 
 class Realisation(NamedTuple):
-    """What instruments with given groups are made from."""
+    """Template, friction law and handle range of instruments with given groups."""
 
     template: Instrument
     law: FrictionLaw
     handle_range: float
 
     def instrument(self, groups: Mapping[str, float]) -> Instrument:
-        """Return the instrument that has these groups and else the template's.
+        """Return the instrument that has these groups, and the template's where a group is not given.
 
         Raises
         ------
@@ -77,12 +77,12 @@ class Realisation(NamedTuple):
         )
 
 
-def law_of_both(model: Instrument, prototype: Instrument) -> FrictionLaw:
-    """Return the friction law that both instruments' laws are cases of."""
-    return max(model.friction.law, prototype.friction.law, key=_LAWS.index)
+def law_of_both(real_size: Instrument, scaled_up: Instrument) -> FrictionLaw:
+    """Return the more general friction law of the two instruments."""
+    return max(real_size.friction.law, scaled_up.friction.law, key=_LAWS.index)
 
 
 def friction_of(groups: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
-    """Return an instrument's groups of friction; those that only the other has are such that they do nothing."""
+    """Return an instrument's groups of friction; those that only the other has get a value without effect."""
     idle = dict(other) | _NEUTRAL
     return {name: groups.get(name, idle.get(name, 0.0)) for name in FRICTION if name in groups or name in other}

@@ -1,10 +1,11 @@
-"""Tolerance studies: what manufacturing and identification leave open, and what that does to the scale model."""
+"""Tolerance studies: the effect of manufacturing tolerances and identification errors on a scale model."""
 
 from tenodesis.tolerance.conduct import study
 from tenodesis.tolerance.defaults import default
 from tenodesis.tolerance.files import Tolerance, Tolerances, json_schema, load, parse
 from tenodesis.tolerance.parameters import Parameter
-from tenodesis.tolerance.results import Indices, Response, Study
+from tenodesis.tolerance.results import Response, Study
+from tenodesis.tolerance.sampling import Indices
 
 __all__ = [
     "Indices",

@@ -1,4 +1,4 @@
-"""One tolerance study: sample, run, and say what varies by how much and why."""
+"""One tolerance study: sample the parameters, run the twin, and evaluate the responses."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,11 +9,10 @@ from tenodesis import similarity
 from tenodesis._core import Status
 from tenodesis.errors import StudyError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 from tenodesis.tolerance import engines, sampling
-from tenodesis.tolerance.cycle import cycles
 from tenodesis.tolerance.defaults import default
-from tenodesis.tolerance.evaluation import Task, angles_of, evaluate
+from tenodesis.tolerance.evaluation import Task, angles_of, cycles, evaluate
 from tenodesis.tolerance.files import Tolerances
 from tenodesis.tolerance.parameters import Parameter, resolve
 from tenodesis.tolerance.results import Study, respond
@@ -22,14 +21,14 @@ SAMPLES = 4096
 """Default number of base samples."""
 LEAST_SAMPLES, MOST_SAMPLES = 8, 1 << 17
 CHUNK = 256
-"""Samples per chunk: large beside what it costs to send one, small beside a second."""
+"""Samples per chunk: much longer to evaluate than to send, much shorter than a second."""
 TORNADO = (0.05, 0.95)
-"""Quantiles between which the tornado chart moves each parameter."""
+"""Quantiles between which the tornado chart varies each parameter."""
 
 
 def study(
-    model: Instrument,
-    prototype: Instrument,
+    real_size: Instrument,
+    scaled_up: Instrument,
     tolerances: Tolerances | None = None,
     *,
     samples: int = SAMPLES,
@@ -37,105 +36,105 @@ def study(
     force: float | None = None,
     engine: str | engines.Engine = "threads",
     address: str | None = None,
-    progress: Callable[[int, int], None] = lambda done, whole: None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Study:
-    """Return what tolerances do to a scaled-up instrument's loss of angle and to its similarity, with friction.
+    """Return the effect of tolerances on a scaled-up instrument's output loss and similarity, with friction.
 
-    The forces on the scaled-up instrument are those on the real-size one times the force factor of the nominal pair,
-    since the laboratory hangs nominal weights. Two instruments of one joint type are compared at equal handle angles,
-    of two at those of equal unloaded output of the nominal pair. A study's numbers do not depend on engine, threads or
+    The force on the scaled-up instrument is that on the real-size one times the force factor of the nominal pair,
+    since the laboratory uses nominal weights. Instruments of the same joint type are compared at equal handle angles,
+    others at handle angles of equal unloaded output of the nominal pair. Results do not depend on engine, threads or
     chunks.
 
     Parameters
     ----------
-    model
+    real_size
         The real-size instrument; of two axes, the first.
-    prototype
-        The scaled-up one, as its file has it, mismatch included.
+    scaled_up
+        The scaled-up one as in its file, including mismatch.
     tolerances
-        What varies; by default :func:`tenodesis.tolerance.default` of the scaled-up instrument.
+        The tolerances; by default :func:`tenodesis.tolerance.default` of the scaled-up instrument.
     samples
-        Base samples N, rounded up to a power of two as Sobol' sequences want it; N (parameters + 2) runs.
+        Base samples N, rounded up to a power of two for Sobol' sequences; N (parameters + 2) runs.
     seed
         Seed of the samples and of the confidence intervals.
     force
-        Force on the real-size instrument, N; by default the largest that the scaled-up one is tested under, brought
-        down to real size, or else the largest that the real-size one is tested under, or 1 N.
+        Force on the real-size instrument, N; by default the largest test force of the scaled-up one, scaled to real
+        size, or else the largest test force of the real-size one, or 1 N.
     engine
-        threads for this machine, ray for a Ray cluster, or an engine of one's own.
+        threads for this machine, ray for a Ray cluster, or an object with the methods of :class:`Engine`.
     address
-        Where the cluster is, host:port or auto.
+        Address of the cluster, host:port or auto.
     progress
-        Called with the samples done and the samples in all.
+        Called with the number of samples done and their total.
 
     Raises
     ------
     StudyError
-        A tolerance, a number or the engine is not allowed, the scaled-up instrument does not reach half of the
-        real-size one's working range, or the nominal instruments do not hold the force.
+        A tolerance or an argument is not valid, the scaled-up instrument does not reach half of the real-size working
+        range, or the nominal instruments do not hold the force.
     """
     if not isinstance(samples, int | np.integer) or not LEAST_SAMPLES <= samples <= MOST_SAMPLES:
-        raise StudyError(f"samples is {samples!r}; allowed is a whole number from {LEAST_SAMPLES} to {MOST_SAMPLES}.")
+        raise StudyError(key="samples", value=samples, allowed=f"an integer from {LEAST_SAMPLES} to {MOST_SAMPLES}")
     if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or not 0 <= seed < 2**32:
-        raise StudyError(f"seed is {seed!r}; allowed is a whole number from 0 to 2**32 - 1.")
+        raise StudyError(key="seed", value=seed, allowed="an integer from 0 to 2**32 - 1")
     runner = engines.named(engine, address) if isinstance(engine, str) else engine
-    model, prototype = (one.axis(one.axes[0]) if len(one.axes) > 1 else one for one in (model, prototype))
-    given = default(prototype) if tolerances is None else tolerances
-    parameters = resolve(given, model, prototype)
+    real_size, scaled_up = (one.axis(one.axes[0]) if len(one.axes) > 1 else one for one in (real_size, scaled_up))
+    given = default(scaled_up) if tolerances is None else tolerances
+    parameters = resolve(given, real_size, scaled_up)
     count = 1 << (int(samples) - 1).bit_length()
 
-    comparison = _compared(model, prototype)
+    comparison = _compared(real_size, scaled_up)
     factor = float(comparison.force_factor())
-    real_force = _force(model, prototype, factor, force)
+    real_force = _force(real_size, scaled_up, factor, force)
     task = _task(comparison, parameters, real_force, factor)
     scheme = sampling.scheme(parameters, count, int(seed))
-    whole = np.concatenate([scheme, _tornado(parameters)])
-    table = _evaluated(runner, task, whole, progress)
+    samples_and_tornado = np.concatenate([scheme, _tornado(parameters)])
+    table = _evaluated(runner, task, samples_and_tornado, progress)
 
     rows = len(scheme)
     status = table[:rows, -1].astype(np.int64)
     found = Study(
-        model, prototype, given, parameters, count, int(seed), real_force, factor, task.cycle.end, scheme, status
+        real_size, scaled_up, given, parameters, count, int(seed), real_force, factor, task.cycle.end, scheme, status
     )
     if found.failed == 1:
         raise StudyError(
-            f"every sample of {prototype.name} lost its tip under {real_force:g} N on {model.name}; allowed is a "
+            f"every sample of {scaled_up.name} lost its tip under {real_force:g} N on {real_size.name}; use a "
             "smaller force or narrower tolerances."
         )
     responses = {key: respond(key, table[:rows, n], found, table[rows:, n]) for n, key in enumerate(task.responses)}
     return replace(found, responses=responses)
 
 
-def _force(model: Instrument, prototype: Instrument, factor: float, force: float | None) -> float:
+def _force(real_size: Instrument, scaled_up: Instrument, factor: float, force: float | None) -> float:
     if force is None:
-        tested = max(prototype.conditions.forces, default=0.0) / factor
-        return tested or max(model.conditions.forces, default=1.0)
+        tested = max(scaled_up.conditions.forces, default=0.0) / factor
+        return tested or max(real_size.conditions.forces, default=1.0)
     if isinstance(force, bool) or not isinstance(force, int | float) or not (np.isfinite(force) and force > 0):
-        raise StudyError(f"force is {force!r}; allowed is a force above 0 N.")
+        raise StudyError(key="force", value=force, allowed="a force above 0 N")
     return float(force)
 
 
-def _compared(model: Instrument, prototype: Instrument) -> similarity.Comparison:
+def _compared(real_size: Instrument, scaled_up: Instrument) -> similarity.Comparison:
     try:
-        return similarity.compare(model, prototype)
+        return similarity.compare(real_size, scaled_up)
     except ValueError as problem:
-        raise StudyError(f"{prototype.name} for {model.name}: {problem}") from None
+        raise StudyError(f"{scaled_up.name} for {real_size.name}: {problem}") from None
 
 
 def _task(comparison: similarity.Comparison, parameters: tuple[Parameter, ...], force: float, factor: float) -> Task:
-    """Return what all samples have in common, once the nominal instruments have been through it."""
-    model, prototype = comparison.model, comparison.prototype
-    way, other = cycles(comparison)
+    """Return the data common to all samples, once the nominal instruments have held the force."""
+    real_size, scaled_up = comparison.real_size, comparison.scaled_up
+    cycle, scaled_up_cycle = cycles(comparison)
     keys = tuple((one.instrument, one.key) for one in parameters)
-    reference, lost = angles_of(model, way, force)
+    reference, lost = angles_of(real_size, cycle, force)
     both = any(one.instrument == "real-size" for one in parameters)
-    task = Task(model, prototype, keys, way, other, force, force * factor, None if both else reference)
+    task = Task(real_size, scaled_up, keys, cycle, scaled_up_cycle, force, force * factor, None if both else reference)
     nominal = evaluate(task, np.array([[one.nominal for one in parameters]]))[0, -1]
-    for inst, status, own in ((model, lost, force), (prototype, nominal, force * factor)):
+    for inst, status, own in ((real_size, lost, force), (scaled_up, nominal, force * factor)):
         if status != Status.OK:
             raise StudyError(
-                f"{inst.name} as its file has it does not hold {own:.4g} N through its working range "
-                f"({force:.4g} N on {model.name}); allowed is a smaller force, or more pretension."
+                f"{inst.name} as in its file does not hold {own:.4g} N through its working range "
+                f"({force:.4g} N on {real_size.name}); use a smaller force or more pretension."
             )
     return task
 

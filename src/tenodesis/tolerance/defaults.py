@@ -1,4 +1,4 @@
-"""Tolerances where none are given: a workshop's general tolerances, and what an identification leaves open."""
+"""Default tolerances: a workshop's general tolerances, and typical errors of an identification."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from tenodesis.tolerance.files import Tolerance, Tolerances
 
 _FINE = ((6e-3, 0.05), (30e-3, 0.1), (120e-3, 0.15), (400e-3, 0.2), (1.0, 0.3))
 _MEDIUM = ((6e-3, 0.1), (30e-3, 0.2), (120e-3, 0.3), (400e-3, 0.5), (1.0, 0.8))
-# Up to this dimension (m), by half width (mm); beyond the last, the class from 1 to 2 m.
+# Largest dimension (m) and its half width (mm); above, that of 1 to 2 m.
 _BEYOND = {"f": 0.5, "m": 1.2}
 
 _LENGTHS = ("overall_length", "end_effector_length", "handle_length", "backbone_length")
@@ -41,20 +41,19 @@ _IDENTIFICATION: dict[str, dict[str, Any]] = {
 }
 
 
-def default(prototype: Instrument) -> Tolerances:
-    """Return the tolerances of a scaled-up instrument for which none are given.
+def default(scaled_up: Instrument) -> Tolerances:
+    """Return the default tolerances of a scaled-up instrument.
 
-    Radii have ISO 2768-1 class f, lengths class m, each as a half width by its size; stiffness, pretension and friction
-    have what we take an identification to leave open. Whatever the instrument does not have, or has as zero, is left
-    out.
+    Radii have ISO 2768-1 class f and lengths class m, as half widths by their size; stiffness, pretension and friction
+    have what we assume as the error of an identification. Keys that the instrument lacks, or has as zero, are left out.
     """
     found = []
     for keys, grade in ((RADII, "f"), (_LENGTHS, "m")):
         for key in keys:
-            if getattr(prototype, key, None):
-                found.append(_machined(key, getattr(prototype, key), grade))
+            if getattr(scaled_up, key, None):
+                found.append(_machined(key, getattr(scaled_up, key), grade))
     for key, values in _IDENTIFICATION.items():
-        if _given(prototype, key):
+        if _given(scaled_up, key):
             found.append(Tolerance(key=key, **values))
     return Tolerances(
         name="defaults",

@@ -1,4 +1,7 @@
-"""What one sample comes to: its instruments taken through the cycle on the quasi-static twin."""
+"""The responses of one sample: its instruments on the quasi-static twin through a cycle under constant load.
+
+The handle flexes, goes a little beyond the working range, comes back, and flexes again.
+"""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -11,68 +14,119 @@ from tenodesis import statics, twin
 from tenodesis._core import Status
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
-from tenodesis.tolerance.cycle import Cycle
+from tenodesis.run import Array
+from tenodesis.similarity import Comparison
 from tenodesis.tolerance.files import InstrumentName
 
 INVALID = -1
-"""Status of a sample that is no valid instrument."""
+"""Status of a sample that is not a valid instrument."""
 
-OF_PROTOTYPE = ("loss_flexion", "loss_extension", "loop_width", "similarity_rms", "similarity_largest")
-OF_MODEL = ("real_size_loss_flexion", "real_size_loss_extension", "real_size_loop_width")
+OF_SCALED_UP = ("loss_flexion", "loss_extension", "loop_width", "similarity_rms", "similarity_largest")
+OF_REAL_SIZE = ("real_size_loss_flexion", "real_size_loss_extension", "real_size_loop_width")
+
+STEPS = 24
+"""Steps from straight to the end of the working range."""
+BEYOND = 6
+"""Steps beyond the end, so that every contact slides before the end is approached in extension."""
+LOADING = 8
+SPEED = float(np.radians(10))
+"""Speed of the handle, rad/s; it affects viscous friction only."""
+
+
+class Cycle(NamedTuple):
+    """Handle angle (rad) and share of the load by step, shape (n,), and the steps at which responses are read."""
+
+    handle: Array
+    load: Array
+    end: float
+    """Handle angle at the end of the working range, rad."""
+    time_step: float
+
+    @property
+    def extension(self) -> slice:
+        """Steps from the end back to straight."""
+        first = LOADING + BEYOND + STEPS + BEYOND - 1
+        return slice(first, first + STEPS + 1)
+
+    @property
+    def flexion(self) -> slice:
+        """Steps from straight to the end, the second time."""
+        last = len(self.handle)
+        return slice(last - STEPS - 1, last)
+
+
+def cycles(comparison: Comparison) -> tuple[Cycle, Cycle]:
+    """Return the cycles of the real-size and the scaled-up instrument, at corresponding handle angles.
+
+    They go to the end of the real-size working range, or less far where a handle does not reach a quarter beyond it.
+    """
+    real_size = comparison.real_size
+    room = min(real_size.handle_range, _range_of_scaled_up(comparison)) / (1 + BEYOND / STEPS)
+    end = min(statics.reach(real_size), room)
+    top = STEPS + BEYOND
+    nodes = np.concatenate(
+        [np.zeros(LOADING), np.arange(1, top + 1), np.arange(top - 1, -1, -1), np.arange(1, STEPS + 1)]
+    )
+    load = np.ones(nodes.size)
+    load[:LOADING] = np.arange(1, LOADING + 1) / LOADING
+    handle = nodes * (end / STEPS)
+    mapped = np.asarray(comparison.scaled_up_handle_angle(handle))
+    other = float(comparison.scaled_up_handle_angle(end))
+    return Cycle(handle, load, end, end / STEPS / SPEED), Cycle(mapped, load, other, end / STEPS / SPEED)
+
+
+def _range_of_scaled_up(comparison: Comparison) -> float:
+    """Return the real-size handle angle that corresponds to the end of the scaled-up handle's range, rad."""
+    real_size, scaled_up = comparison.real_size, comparison.scaled_up
+    if comparison.same_mechanism:
+        return scaled_up.handle_range
+    bent = statics.output_angle(scaled_up, scaled_up.handle_range)
+    if bent >= statics.output_angle(real_size, real_size.handle_range):
+        return real_size.handle_range
+    return float(statics.handle_angle(real_size, bent))
 
 
 class Task(NamedTuple):
-    """All that the samples of a study have in common; it can be sent to another machine."""
+    """The data common to all samples of a study; it can be sent to another machine."""
 
-    model: Instrument
-    prototype: Instrument
+    real_size: Instrument
+    scaled_up: Instrument
     keys: tuple[tuple[InstrumentName, str], ...]
-    """What the columns of the samples are."""
+    """Instrument and key of each column of the samples."""
     cycle: Cycle
-    """Of the real-size instrument."""
-    prototype_cycle: Cycle
-    model_force: float
-    prototype_force: float
+    """Cycle of the real-size instrument."""
+    scaled_up_cycle: Cycle
+    real_size_force: float
+    scaled_up_force: float
     reference: Array | None
     """Output angle of the real-size instrument over the cycle, rad; None where its samples differ."""
 
     @property
     def responses(self) -> tuple[str, ...]:
         """Names of the responses, by column."""
-        return OF_PROTOTYPE if self.reference is not None else (*OF_PROTOTYPE, *OF_MODEL)
+        return OF_SCALED_UP if self.reference is not None else (*OF_SCALED_UP, *OF_REAL_SIZE)
 
 
 def evaluate(task: Task, rows: Array) -> Array:
-    """Return responses and status of samples, without any effect of which others are worked out beside them.
+    """Return responses (deg, NaN where a run was lost) and, as the last column, the status of samples.
 
-    Parameters
-    ----------
-    task
-        What the samples have in common.
-    rows
-        Values by sample and key, SI units, shape (n, keys).
-
-    Returns
-    -------
-    numpy.ndarray
-        Responses in deg, NaN where a run was lost, and in the last column the status: a number of
-        :class:`tenodesis.statics.Status`, or :data:`INVALID`.
+    The rows are samples in SI units, shape (n, keys). The status is a number of :class:`tenodesis.statics.Status`, or
+    :data:`INVALID`. A sample's result does not depend on the others.
     """
-    prototypes = [_built(task, "prototype", row) for row in rows]
-    angles, status = _angles(prototypes, task.prototype_cycle, task.prototype_force)
-    responses = [*_losses(prototypes, task.prototype_cycle, angles)]
+    scaled_up = [_built(task, "scaled-up", row) for row in rows]
+    angles, status = _angles(scaled_up, task.scaled_up_cycle, task.scaled_up_force)
+    responses = [*_losses(scaled_up, task.scaled_up_cycle, angles)]
     if task.reference is not None:
-        reference, of_model = task.reference, []
+        reference, of_real_size = task.reference, []
     else:
-        models = [_built(task, "model", row) for row in rows]
-        reference, other = _angles(models, task.cycle, task.model_force)
+        real_size = [_built(task, "real-size", row) for row in rows]
+        reference, other = _angles(real_size, task.cycle, task.real_size_force)
         status = np.where(status == Status.OK, other, status)
-        of_model = [*_losses(models, task.cycle, reference)]
+        of_real_size = [*_losses(real_size, task.cycle, reference)]
     error = np.concatenate(
         [(angles - reference)[:, task.cycle.extension], (angles - reference)[:, task.cycle.flexion]], axis=1
     )
-    responses += [np.sqrt(np.mean(error**2, axis=1)), np.abs(error).max(axis=1), *of_model]
+    responses += [np.sqrt(np.mean(error**2, axis=1)), np.abs(error).max(axis=1), *of_real_size]
     table = np.degrees(np.column_stack(responses))
     unreachable = np.isnan(table).any(axis=1) & (status == Status.OK)
     status = np.where(unreachable, int(Status.UNREACHABLE), status)
@@ -86,10 +140,9 @@ def angles_of(inst: Instrument, cycle: Cycle, force: float) -> tuple[Array, int]
     return angles[0], int(status[0])
 
 
-def _built(task: Task, which: str, row: Array) -> Instrument | None:
-    inst: Instrument = getattr(task, which)
-    named = "real-size" if which == "model" else "scaled-up"
-    changes = {key: float(value) for (of, key), value in zip(task.keys, row, strict=True) if of == named}
+def _built(task: Task, which: InstrumentName, row: Array) -> Instrument | None:
+    inst = task.real_size if which == "real-size" else task.scaled_up
+    changes = {key: float(value) for (of, key), value in zip(task.keys, row, strict=True) if of == which}
     try:
         return inst.replace(**changes) if changes else inst
     except InstrumentError:
@@ -100,12 +153,12 @@ def _angles(insts: Sequence[Instrument | None], cycle: Cycle, force: float) -> t
     """Return output angles by sample and step, rad, and the status of every run."""
     angles = np.full((len(insts), cycle.handle.size), np.nan)
     status = np.full(len(insts), INVALID)
-    there = [n for n, inst in enumerate(insts) if inst is not None]
+    valid = [n for n, inst in enumerate(insts) if inst is not None]
     try:
-        _run(insts, there, cycle, force, (angles, status))
+        _run(insts, valid, cycle, force, (angles, status))
     except ValueError:
-        # One that the twin refuses must not take the others with it.
-        for n in there:
+        # The twin refuses one of them; the others must still run.
+        for n in valid:
             with suppress(ValueError):
                 _run(insts, [n], cycle, force, (angles, status))
     return angles, status
@@ -113,25 +166,25 @@ def _angles(insts: Sequence[Instrument | None], cycle: Cycle, force: float) -> t
 
 def _run(
     insts: Sequence[Instrument | None],
-    there: list[int],
+    valid: list[int],
     cycle: Cycle,
     force: float,
     out: tuple[Array, NDArray[np.int64]],
 ) -> None:
-    """Run those that are there and put their angles and status where they belong."""
-    chosen = [inst for n in there if (inst := insts[n]) is not None]
+    """Run the valid instruments and write their angles and status into `out`."""
+    chosen = [inst for n in valid if (inst := insts[n]) is not None]
     if not chosen:
         return
     batch = twin.run_many(
         chosen, cycle.handle, force * cycle.load, seeds=[0] * len(chosen), time_step=cycle.time_step, quasi_static=True
     )
     angles, status = out
-    angles[there] = batch["output_angle"]
-    status[there] = batch.status
+    angles[valid] = batch["output_angle"]
+    status[valid] = batch.status
 
 
 def _losses(insts: Sequence[Instrument | None], cycle: Cycle, angles: Array) -> tuple[Array, Array, Array]:
-    """Return loss at the end in flexion and in extension, and the loop's mean width, rad."""
+    """Return the loss at the end in flexion and in extension, and the mean width of the loop, rad."""
     end = np.array([cycle.end])
     unloaded = np.array([np.nan if inst is None else statics.output_angle(inst, end)[0] for inst in insts])
     flexion, extension = angles[:, cycle.flexion], angles[:, cycle.extension][:, ::-1]

@@ -8,15 +8,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from tenodesis.bench import style
-from tenodesis.bench.content import Plot
+from tenodesis.report import style
+from tenodesis.report.content import Plot
 from tenodesis.tolerance.results import Response, Study
 
 _BINS = 48
 _MOST_BARS = 12
 _LOW, _HIGH = style.ANTAGONIST, style.AGONIST
 NAMES = ("distributions", "tornado", "sobol")
-"""Figures that a study may have."""
+"""Names of the figures that a study may have."""
 _SHOWN = {
     "loss_flexion": ("output loss, in flexion", "output loss [deg]"),
     "similarity_rms": ("similarity error, rms", "similarity error [deg]"),
@@ -25,7 +25,7 @@ _SHOWN = {
 
 
 def plots(study: Study) -> list[Plot]:
-    """Return the figures that a study has."""
+    """Return the figures of a study."""
     pages = [_distributions(study), _tornado(study)]
     if any(response.indices for response in _shown(study)):
         pages.append(_sobol(study))
@@ -37,9 +37,8 @@ def _shown(study: Study) -> list[Response]:
 
 
 def _conditions(study: Study) -> str:
-    return (
-        f"{study.force:.3g} N on {study.model.name}, {study.force * study.force_factor:.3g} N on {study.prototype.name}"
-    )
+    scaled_force = study.force * study.force_factor
+    return f"{study.force:.3g} N on {study.real_size.name}, {scaled_force:.3g} N on {study.scaled_up.name}"
 
 
 def _distributions(study: Study) -> Plot:
@@ -70,7 +69,7 @@ def _distributions(study: Study) -> Plot:
 
 def _histograms(axis: Axes, responses: Sequence[Response], names: Sequence[str]) -> None:
     everything = np.concatenate([one.samples for one in responses])
-    # The tails beyond would squeeze what matters.
+    # Longer tails would compress the rest.
     low, high = np.quantile(everything, [0.0005, 0.9995])
     low = min(low, *(one.nominal for one in responses))
     high = max(high, *(one.nominal for one in responses))
@@ -85,7 +84,7 @@ def _histograms(axis: Axes, responses: Sequence[Response], names: Sequence[str])
 
 
 def _panels(study: Study) -> tuple[Figure, list[tuple[Axes, Response, list[int]]]]:
-    """Return a panel for each response that is shown, and its parameters, the dominating one first."""
+    """Return a panel for each response that is shown, and its parameters by falling influence."""
     responses = _shown(study)
     bars = min(_MOST_BARS, len(study.parameters))
     fig, axes = style.figure(len(responses), width=4.4 * len(responses), height=1.5 + 0.34 * bars)
@@ -105,9 +104,9 @@ def _tornado(study: Study) -> Plot:
     curves = {}
     for axis, one, order in panels:
         for side, color, label in ((0, _LOW, "at its 5 % quantile"), (1, _HIGH, "at its 95 % quantile")):
-            change = one.swings[order, side] - one.nominal
+            change = one.at_quantiles[order, side] - one.nominal
             axis.barh(range(len(order)), change, left=one.nominal, height=0.66, color=color, label=label)
-            curves[f"{one.key} {label} [deg]"] = one.swings[:, side]
+            curves[f"{one.key} {label} [deg]"] = one.at_quantiles[:, side]
         if order:
             axis.axvline(one.nominal, color=style.INK, lw=1.2)
             axis.margins(x=0.08)
@@ -153,8 +152,8 @@ def _sobol(study: Study) -> Plot:
     fig.legend(handles, names, loc="outside upper left", ncols=2)
     return Plot(
         "sobol",
-        "Sobol indices with their 95 % confidence intervals: first, what knowing a parameter alone would take off the "
-        "variance; total, what stays of it while that parameter alone is unknown.",
+        "Sobol indices with their 95 % confidence intervals: first, the share of the variance that would vanish "
+        "if a parameter alone were known; total, the share that remains if it alone is unknown.",
         fig,
         curves,
     )

@@ -1,12 +1,12 @@
-"""Tolerance files: which keys of which instrument vary, by how much, and where that is from."""
+"""Tolerance files: which keys of which instrument vary, by how much, and the source of that."""
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from tenodesis.errors import StudyError
+from tenodesis.files import FileTable, parse_toml, read_text, validated
 from tenodesis.instrument import Name
 
 InstrumentName: TypeAlias = Literal["scaled-up", "real-size"]
@@ -28,12 +28,8 @@ def _written(value: Any) -> Any:
 Width = Annotated[str | float, BeforeValidator(_written)]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Tolerance(_Strict):
-    """How far one number of an instrument file may be from what the file says."""
+class Tolerance(FileTable):
+    """Tolerance of one value of an instrument file."""
 
     key: str = Field(description="Key of the instrument file; within a table with a dot, friction.vertex_coefficient")
     distribution: DistributionName = Field(description="uniform, triangular or normal, about the file's value")
@@ -41,12 +37,12 @@ class Tolerance(_Strict):
         default=None, description='Of a uniform or triangular distribution: "0.1 mm", or "5 %" of the file\'s value'
     )
     standard_deviation: Width | None = Field(default=None, description="Of a normal distribution, written alike")
-    instrument: InstrumentName = Field(default="scaled-up", description="Which instrument it is of")
+    instrument: InstrumentName = Field(default="scaled-up", description="The instrument that it applies to")
     source: str = Field(default="", max_length=200, description="Where it is from")
 
     @property
     def width_key(self) -> str:
-        """Which of the two widths the distribution has."""
+        """Key of the width that the distribution has."""
         return _WIDTH_OF[self.distribution]
 
     @property
@@ -64,26 +60,26 @@ class Tolerance(_Strict):
             if key != self.width_key and getattr(self, key) is not None:
                 raise ValueError(
                     f"{key} of {self.key} is given, which a {self.distribution} distribution does not have; "
-                    f"allowed is {self.width_key}"
+                    f"it has {self.width_key}"
                 )
         return self
 
 
-class Tolerances(_Strict):
+class Tolerances(FileTable):
     """The tolerances of a study."""
 
-    name: Name = Field(default="tolerances", description="What they are called in the report")
+    name: Name = Field(default="tolerances", description="Name in the report")
     description: str = Field(default="", max_length=200, description="One line about them")
     parameters: tuple[Tolerance, ...] = Field(max_length=50, description="One table per key that varies")
 
     @model_validator(mode="after")
     def _some_and_each_once(self) -> Self:
         if not self.parameters:
-            raise ValueError("parameters is empty; allowed is at least one table [[parameters]]")
+            raise ValueError("parameters is empty; it must have at least one table [[parameters]]")
         seen: set[tuple[str, str]] = set()
         for one in self.parameters:
             if (one.key, one.instrument) in seen:
-                raise ValueError(f"{one.key} of {one.instrument} is given twice; allowed is once")
+                raise ValueError(f"{one.key} of {one.instrument} is given twice; it must be given once")
             seen.add((one.key, one.instrument))
         return self
 
@@ -96,15 +92,7 @@ def load(path: str | Path) -> Tolerances:
     StudyError
         There is no such file, it cannot be read, or it is not valid.
     """
-    try:
-        text = Path(path).read_text("utf-8-sig")
-    except UnicodeDecodeError:
-        raise StudyError(f"{path} is not UTF-8 text; allowed is a TOML file.") from None
-    except OSError as problem:
-        raise StudyError(f"{path} cannot be read: {problem.strerror}; allowed is the path of a TOML file.") from None
-    except ValueError:
-        raise StudyError(f"{str(path)!r} is no path; allowed is the path of a TOML file.") from None
-    return parse(text, str(path))
+    return parse(read_text(Path(path), StudyError), str(path))
 
 
 def parse(text: str, source: str = "tolerances") -> Tolerances:
@@ -115,40 +103,13 @@ def parse(text: str, source: str = "tolerances") -> Tolerances:
     StudyError
         The text is not TOML or not valid; the message starts with `source`.
     """
-    try:
-        values = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        raise StudyError(f"{source} is not valid TOML: {problem}.") from None
-    except RecursionError:
-        raise StudyError(f"{source} is not valid TOML: it is nested too deeply.") from None
+    values = parse_toml(text, StudyError, source)
     if not values.get("parameters"):
         raise StudyError(f"{source} has no parameters; allowed is at least one table [[parameters]].")
-    try:
-        return Tolerances.model_validate(values)
-    except ValidationError as invalid:
-        sentences = [_sentence(error) for error in invalid.errors(include_url=False)]
-        raise StudyError("\n".join(f"{source}: {sentence}" for sentence in dict.fromkeys(sentences))) from None
+    return validated(Tolerances, values, StudyError, source, entries={"parameters": "parameter"})
 
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON schema of tolerance files, for editors that complete and check TOML."""
     schema = Tolerances.model_json_schema()
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "Tenodesis tolerances"}
-
-
-def _sentence(error: Any) -> str:
-    """Say what is wrong with one value: its place and key, what it is, and what is allowed."""
-    location = error["loc"]
-    place = ""
-    model: type[BaseModel] = Tolerances
-    if location[:1] == ("parameters",) and len(location) > 1:
-        place, model, location = f"parameter {location[1] + 1}: ", Tolerance, location[2:]
-    key = str(location[0]) if location else ""
-    told = str(error["msg"]).removeprefix("Value error, ").removeprefix("Input should be ").rstrip(".")
-    if error["type"] == "missing":
-        return f"{place}{key} is missing; it is required."
-    if error["type"] == "extra_forbidden":
-        return f"{place}{key} is not a known key; allowed are {', '.join(model.model_fields)}."
-    if not key:
-        return f"{place}{told}."
-    return f"{place}{key} = {error['input']!r}: {'' if error['type'] == 'value_error' else 'it must be '}{told}."

@@ -1,4 +1,4 @@
-"""What varies in a study: a number of an instrument, its distribution, and the bounds that its file allows."""
+"""Parameters of a study: values of an instrument with their distributions and the bounds of its file."""
 
 import math
 import re
@@ -10,11 +10,11 @@ from pydantic.fields import FieldInfo
 
 from tenodesis.errors import StudyError
 from tenodesis.instrument import Instrument
-from tenodesis.quantity import Quantity, annotation, in_unit
 from tenodesis.tolerance.files import DistributionName, InstrumentName, Tolerance, Tolerances
+from tenodesis.units import Quantity, annotation, in_unit
 
 MOST_OUTSIDE = 1e-6
-"""Largest probability that a distribution may leave to values no instrument file allows; it is cut off there."""
+"""Largest probability of values outside the bounds of an instrument file; the distribution is truncated there."""
 
 _FIXED = {
     "handle_range": "it bounds the cycle, which is the same for all samples",
@@ -26,36 +26,36 @@ _SHOWN = {"m": "mm", "Pa": "GPa", "rad": "deg"}
 
 
 class Parameter(NamedTuple):
-    """One number that varies: SI units, without a unit 1."""
+    """One value that varies, in SI units."""
 
     key: str
     instrument: InstrumentName
     nominal: float
-    """What the instrument file says, also the median."""
+    """Value of the instrument file, also the median."""
     distribution: DistributionName
     width: float
     """Half width of a uniform or triangular distribution, standard deviation of a normal one."""
     lower: float
-    """Least value that an instrument file allows."""
+    """Lower bound of an instrument file."""
     upper: float
-    """Largest value that an instrument file allows."""
+    """Upper bound of an instrument file."""
     unit: str
     source: str
 
     @property
     def label(self) -> str:
-        """What it is called in figures and tables."""
+        """Name in figures and tables."""
         return self.key.replace("_", " ").replace(".", " ") + " (real-size)" * (self.instrument == "real-size")
 
     def shown(self, value: float, digits: int = 4) -> str:
-        """Return a value as it reads best: in mm, GPa and degrees."""
+        """Return a value with its unit, in mm, GPa and degrees."""
         unit = _SHOWN.get(self.unit, self.unit)
         number = f"{value * in_unit(unit, self.unit) if unit != '1' else value:.{digits}g}"
         return f"{number} {unit}".removesuffix(" 1").replace("*", "·").replace("^2", "²").replace(" deg", "°")
 
     @property
-    def spread(self) -> str:
-        """The distribution in a few characters."""
+    def width_text(self) -> str:
+        """Width of the distribution, for tables."""
         if self.distribution == "normal":
             return f"s = {self.shown(self.width, 3)}"
         return f"± {self.shown(self.width, 3)}" + " triangular" * (self.distribution == "triangular")
@@ -68,17 +68,17 @@ class _Number(NamedTuple):
     upper: float
 
 
-def resolve(tolerances: Tolerances, model: Instrument, prototype: Instrument) -> tuple[Parameter, ...]:
-    """Return what varies, from tolerances and the two instruments they are about.
+def resolve(tolerances: Tolerances, real_size: Instrument, scaled_up: Instrument) -> tuple[Parameter, ...]:
+    """Return the parameters of a study, from tolerances and the two instruments.
 
     Raises
     ------
     StudyError
-        A key is unknown or no number, a width is not understood, zero or negative, or a distribution leaves what an
-        instrument file allows.
+        A key is unknown or not a number, a width is not understood, zero or negative, or a distribution exceeds the
+        bounds of an instrument file.
     """
     return tuple(
-        _parameter(one, model if one.instrument == "real-size" else prototype) for one in tolerances.parameters
+        _parameter(one, real_size if one.instrument == "real-size" else scaled_up) for one in tolerances.parameters
     )
 
 
@@ -102,16 +102,18 @@ def _parameter(tolerance: Tolerance, inst: Instrument) -> Parameter:
 
 def _number(key: str, inst: Instrument) -> _Number:
     if key in _FIXED:
-        raise StudyError(f"{key} of {inst.name} cannot vary: {_FIXED[key]}; allowed is another key.")
+        raise StudyError(f"{key} of {inst.name} cannot vary: {_FIXED[key]}.", key=key)
     known = dict(_fields(inst))
     if key not in known:
-        allowed = ", ".join(name for name, (value, _) in known.items() if _varies(name, value))
-        raise StudyError(f"{key} is not a known key of {inst.name}; allowed are {allowed}.")
+        keys = ", ".join(name for name, (value, _) in known.items() if _varies(name, value))
+        raise StudyError(
+            f"{key} is not a known key of {inst.name}; keys that can vary are {keys}.", key=key, allowed=keys
+        )
     value, field = known[key]
     if value is None:
-        raise StudyError(f"{key} of {inst.name} is not given, so it cannot vary; allowed is a key its file has.")
+        raise StudyError(f"{key} of {inst.name} is not given, so it cannot vary; use a key that its file has.", key=key)
     if not isinstance(value, float):
-        raise StudyError(f"{key} of {inst.name} is {_told(value)}; allowed is a key with a number that can vary.")
+        raise StudyError(f"{key} of {inst.name} is {_kind(value)}; only a number can vary.", key=key, value=value)
     return _Number(value, _quantity(field), *_bounds(field))
 
 
@@ -119,15 +121,15 @@ def _varies(key: str, value: object) -> bool:
     return key not in _FIXED and isinstance(value, float)
 
 
-def _told(value: object) -> str:
+def _kind(value: object) -> str:
     if isinstance(value, int):
-        return f"{value}, a whole number"
-    return f"{value!r}, no number" if isinstance(value, str) else "no number"
+        return f"{value}, an integer"
+    return f"{value!r}, not a number" if isinstance(value, str) else "not a number"
 
 
-def _fields(model: BaseModel, prefix: str = "") -> Iterator[tuple[str, tuple[Any, FieldInfo]]]:
-    for name, field in type(model).model_fields.items():
-        value, key = getattr(model, name), prefix + (field.alias or name)
+def _fields(table: BaseModel, prefix: str = "") -> Iterator[tuple[str, tuple[Any, FieldInfo]]]:
+    for name, field in type(table).model_fields.items():
+        value, key = getattr(table, name), prefix + (field.alias or name)
         if isinstance(value, BaseModel):
             yield from _fields(value, f"{key}.")
         yield key, (value, field)
@@ -158,25 +160,25 @@ def _width(tolerance: Tolerance, inst: Instrument, number: _Number) -> float:
     percent = _PERCENT.fullmatch(tolerance.width) if isinstance(tolerance.width, str) else None
     if percent is not None:
         if number.value == 0:
-            raise StudyError(
-                f"{place}: the file's value is 0, of which there is no share; allowed is an absolute width."
-            )
+            raise StudyError(f"{place}: the file's value is 0, of which there is no share; use an absolute width.")
         width = float(percent["number"]) / 100 * abs(number.value)
     elif number.quantity is None:
         try:
             width = float(tolerance.width)
         except ValueError:
-            raise StudyError(f'{place}: it is not understood; allowed is a number, or a share like "5 %".') from None
+            raise StudyError(f'{place}: it is not understood; it must be a number, or a share like "5 %".') from None
     else:
         of = number.quantity
         written = Annotated[float, *annotation(Quantity(of.name, of.unit, of.example, above=0))]
         try:
             return float(TypeAdapter(written).validate_python(tolerance.width, context={"file": True}))
         except ValidationError as invalid:
-            told = invalid.errors(include_url=False)[0]["msg"].removeprefix("Value error, ")
-            raise StudyError(f'{place}: {told}, or a share like "5 %".') from None
+            problem = invalid.errors(include_url=False)[0]["msg"].removeprefix("Value error, ")
+            raise StudyError(f'{place}: {problem}, or a share like "5 %".') from None
     if not (math.isfinite(width) and width > 0):
-        raise StudyError(f"{place}: allowed is a width above 0.")
+        raise StudyError(
+            f"{place}: it must be above 0.", key=tolerance.key, value=tolerance.width, allowed="a width above 0"
+        )
     return width
 
 
@@ -192,20 +194,22 @@ def _refuse_outside(parameter: Parameter, inst: Instrument, width_key: str) -> N
     share = f"{100 * outside:.2g} %"
     raise StudyError(
         f"{parameter.key} of {inst.name}: a {parameter.distribution} distribution about "
-        f"{parameter.shown(parameter.nominal)} with a {width_key} of {parameter.shown(parameter.width)} leaves what an "
-        f"instrument file allows ({' '.join(bounds)}) with a probability of {share}; allowed is a narrower one."
+        f"{parameter.shown(parameter.nominal)} with a {width_key} of {parameter.shown(parameter.width)} exceeds the "
+        f"bounds of an instrument file ({' '.join(bounds)}) with a probability of {share}; use a narrower one.",
+        key=parameter.key,
+        value=parameter.width,
     )
 
 
 def probability_outside(parameter: Parameter) -> float:
-    """Return the probability that a parameter's distribution leaves what an instrument file allows."""
+    """Return the probability that a parameter's distribution exceeds the bounds of an instrument file."""
     centre, width = parameter.nominal, parameter.width
     from scipy import stats  # noqa: PLC0415 - takes half a second
 
     if parameter.distribution == "normal":
-        spread: Any = stats.norm(centre, width)
+        distribution: Any = stats.norm(centre, width)
     else:
-        spread = stats.uniform(centre - width, 2 * width)
+        distribution = stats.uniform(centre - width, 2 * width)
     if parameter.distribution == "triangular":
-        spread = stats.triang(0.5, loc=centre - width, scale=2 * width)
-    return float(spread.cdf(parameter.lower) + spread.sf(parameter.upper))
+        distribution = stats.triang(0.5, loc=centre - width, scale=2 * width)
+    return float(distribution.cdf(parameter.lower) + distribution.sf(parameter.upper))

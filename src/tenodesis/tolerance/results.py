@@ -1,4 +1,4 @@
-"""What a study found: distributions of the responses, and which parameters they are from."""
+"""Results of a study: distributions of the responses, and the parameters that cause them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,20 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
-from tenodesis.tolerance import sampling
+from tenodesis.run import Array
 from tenodesis.tolerance.files import Tolerances
 from tenodesis.tolerance.parameters import Parameter
+from tenodesis.tolerance.sampling import CLOSE, Indices, estimate
 
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 LEAST_COMPLETE = 0.95
 """Share of base samples that must have all their runs for Sobol indices to be valid."""
-LEAST_SPREAD = 1e-6
-"""Spread of a response, deg, up to which it is the rounding of an equilibrium and no finding."""
-CLOSE = 0.1
-"""Half width of the confidence intervals up to which indices count as converged."""
+LEAST_RANGE = 1e-6
+"""Range of a response, deg, up to which it is rounding of the equilibrium."""
 TOO_FEW = 0.5
-"""Half width from which on the samples are too few to say what dominates."""
+"""Half width above which the samples are too few to rank parameters."""
 
 DESCRIPTIONS: Mapping[str, str] = {
     "loss_flexion": "loss in flexion",
@@ -33,26 +31,7 @@ DESCRIPTIONS: Mapping[str, str] = {
     "real_size_loss_extension": "real-size: loss in extension",
     "real_size_loop_width": "real-size: loop width",
 }
-"""Responses by name: output loss by how the end is approached, mean width of the loop, similarity error."""
-
-
-@dataclass(frozen=True)
-class Indices:
-    """Sobol indices of a response by parameter, with half widths of their 95 % confidence intervals.
-
-    A first index is the share of the variance that knowing this parameter alone would take away, a total index the
-    share that stays while it alone is unknown.
-    """
-
-    first: Array
-    first_half_width: Array
-    total: Array
-    total_half_width: Array
-
-    @property
-    def converged(self) -> bool:
-        """Whether every total index is known to a tenth."""
-        return bool(self.total_half_width.max() <= CLOSE)
+"""Responses by name: output loss by the direction of approach, mean width of the loop, similarity error."""
 
 
 @dataclass(frozen=True)
@@ -61,23 +40,23 @@ class Response:
 
     key: str
     scheme: Array
-    """By row of Saltelli's scheme; NaN where a run was lost."""
+    """Value by row of Saltelli's scheme; NaN where a run was lost."""
     nominal: float
-    swings: Array
-    """With one parameter at its 5 % and its 95 % quantile and the others at the median, shape (parameters, 2)."""
+    at_quantiles: Array
+    """Value with one parameter at its 5 % and 95 % quantile and the others at the median, shape (parameters, 2)."""
     samples: Array
-    """Of the independent samples, the scheme's A and B, without those that were lost."""
+    """Values of the independent samples, the scheme's A and B, without lost ones."""
     indices: Indices | None
-    """None where they are not valid, or the response does not vary."""
+    """Sobol indices; None where they are not valid or the response does not vary."""
 
     @property
     def varies(self) -> bool:
         """Whether its samples differ by more than rounding."""
-        return bool(np.ptp(self.scheme[~np.isnan(self.scheme)]) > LEAST_SPREAD)
+        return bool(np.ptp(self.scheme[~np.isnan(self.scheme)]) > LEAST_RANGE)
 
     @property
     def description(self) -> str:
-        """What it is."""
+        """Name in reports."""
         return DESCRIPTIONS[self.key]
 
     @property
@@ -96,14 +75,14 @@ class Response:
 
     @cached_property
     def order(self) -> tuple[int, ...]:
-        """Parameters from the one that dominates down: by total index, or by swing where there is none.
+        """Parameters by falling influence: by total index, or by the tornado's range where there is none.
 
         Empty for a response that does not vary.
         """
         if not self.varies:
             return ()
-        swing = np.nan_to_num(np.abs(self.swings[:, 1] - self.swings[:, 0]))
-        weight = swing if self.indices is None else self.indices.total
+        width = np.nan_to_num(np.abs(self.at_quantiles[:, 1] - self.at_quantiles[:, 0]))
+        weight = width if self.indices is None else self.indices.total
         return tuple(int(n) for n in np.argsort(-weight, kind="stable"))
 
 
@@ -111,27 +90,27 @@ class Response:
 class Study:
     """A tolerance study; :func:`tenodesis.tolerance.study` makes it."""
 
-    model: Instrument
-    prototype: Instrument
+    real_size: Instrument
+    scaled_up: Instrument
     tolerances: Tolerances
     parameters: tuple[Parameter, ...]
     samples: int
     """Base samples N: the Monte-Carlo samples are 2 N, the runs N (parameters + 2) and the tornado's."""
     seed: int
     force: float
-    """On the real-size instrument, N."""
+    """Force on the real-size instrument, N."""
     force_factor: float
     end: float
     """Handle angle at which the losses are read, rad."""
     matrix: Array
     """Values by row of the scheme and parameter, SI units."""
     status: NDArray[np.int64]
-    """By row: 0 is a run to the end, otherwise why it was lost."""
+    """Status by row: 0 for a run to the end, otherwise why it was lost."""
     responses: Mapping[str, Response] = field(default_factory=dict)
 
     @property
     def runs(self) -> int:
-        """Samples worked out, the tornado's and the nominal one included."""
+        """Number of runs, including the tornado's and the nominal one."""
         return len(self.matrix) + 2 * len(self.parameters) + 1
 
     @property
@@ -146,50 +125,50 @@ class Study:
 
     @property
     def incomplete(self) -> float:
-        """Share of the base samples that lack a run, and are left out of the indices."""
+        """Share of the base samples that lack a run and are left out of the indices."""
         return 1 - float(complete_blocks(self.status, self.samples).mean())
 
     @property
     def indices_valid(self) -> bool:
-        """Whether enough runs came to an end for Sobol indices."""
+        """Whether enough runs reached the end for Sobol indices."""
         return self.incomplete <= 1 - LEAST_COMPLETE
 
     @property
     def statements(self) -> tuple[str, ...]:
-        """What must be said of failed runs and of convergence, in sentences."""
-        told = []
+        """Sentences on failed runs and on convergence."""
+        sentences = []
         if self.failed:
-            told.append(
-                f"{100 * self.failed:.2g} % of the samples failed (the tip was lost, or the instrument is none); they "
-                "are left out of means and quantiles, which hold for those that did not."
+            sentences.append(
+                f"{100 * self.failed:.2g} % of the samples failed (the tip was lost, or the instrument is invalid); "
+                "they are left out of means and quantiles, which hold for the others."
             )
         if not self.indices_valid:
-            told.append(
+            sentences.append(
                 f"{100 * self.incomplete:.2g} % of the base samples lack a run, more than the "
                 f"{100 * (1 - LEAST_COMPLETE):.0f} % up to which Sobol indices are valid; there are none."
             )
         elif self.incomplete:
-            told.append(
+            sentences.append(
                 f"{100 * self.incomplete:.2g} % of the base samples lack a run and are left out of the indices."
             )
-        told += [
-            f"The {one.description} does not vary: all its samples are within {LEAST_SPREAD:g} deg."
+        sentences += [
+            f"The {one.description} does not vary: all its samples are within {LEAST_RANGE:g} deg."
             for one in self.responses.values()
             if not one.varies
         ]
-        there = [one.indices for one in self.responses.values() if one.indices is not None]
-        if there:
-            widest = max(float(one.total_half_width.max()) for one in there)
+        indices = [one.indices for one in self.responses.values() if one.indices is not None]
+        if indices:
+            widest = max(float(one.total_half_width.max()) for one in indices)
             if widest > TOO_FEW:
-                told.append(
-                    f"The {self.samples} base samples are too few for Sobol indices: some total index is known to no "
-                    f"better than ±{widest:.2g} (95 % confidence), so that what dominates is not certain; four times "
-                    "the samples halve it."
+                sentences.append(
+                    f"The {self.samples} base samples are too few for Sobol indices: some total index is known only to "
+                    f"±{widest:.2g} (95 % confidence), so that the ranking is uncertain; four times the "
+                    "samples halve it."
                 )
             else:
                 hint = "" if widest <= CLOSE else "; this is wide, four times the samples halve it"
-                told.append(f"The total indices are known to ±{widest:.2g} or better (95 % confidence){hint}.")
-        return tuple(told)
+                sentences.append(f"The total indices are known to ±{widest:.2g} or better (95 % confidence){hint}.")
+        return tuple(sentences)
 
 
 def base_rows(samples: int, parameters: int) -> NDArray[np.int64]:
@@ -205,12 +184,12 @@ def complete_blocks(status: NDArray[np.int64], samples: int) -> NDArray[np.bool_
 
 
 def respond(key: str, scheme: Array, study: Study, rest: Array) -> Response:
-    """Return one response from its values by row of the scheme and, in `rest`, of the nominal row and the tornado's."""
+    """Return a response from its values by row of the scheme and, in `rest`, of the nominal and the tornado's rows."""
     samples = scheme[study.base]
     complete = complete_blocks(study.status, study.samples)
     values = scheme.reshape(study.samples, -1)[complete].ravel()
     indices = None
-    if study.indices_valid and values.size and np.ptp(values) > LEAST_SPREAD:
-        indices = Indices(*sampling.estimate(study.parameters, values, study.seed))
-    swings = rest[1:].reshape(2, len(study.parameters)).T
-    return Response(key, scheme, float(rest[0]), swings, samples[~np.isnan(samples)], indices)
+    if study.indices_valid and values.size and np.ptp(values) > LEAST_RANGE:
+        indices = estimate(study.parameters, values, study.seed)
+    at_quantiles = rest[1:].reshape(2, len(study.parameters)).T
+    return Response(key, scheme, float(rest[0]), at_quantiles, samples[~np.isnan(samples)], indices)

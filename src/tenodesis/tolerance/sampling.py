@@ -1,11 +1,13 @@
 """Samples and sensitivity indices, by SALib."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from tenodesis.signals import Array
+from tenodesis.extras import require
+from tenodesis.run import Array
 from tenodesis.tolerance.parameters import Parameter
 
 CONFIDENCE = 0.95
@@ -13,17 +15,31 @@ CONFIDENCE = 0.95
 _RESAMPLES = 200
 
 
-class Estimate(NamedTuple):
-    """Sensitivity indices by parameter, with half widths of their confidence intervals."""
+CLOSE = 0.1
+"""Half width of the confidence intervals up to which indices count as converged."""
+
+
+@dataclass(frozen=True)
+class Indices:
+    """Sobol indices of a response by parameter, with half widths of their 95 % confidence intervals.
+
+    A first index is the share of the variance that would vanish if this parameter alone were known, a total index the
+    share that remains if it alone is unknown.
+    """
 
     first: Array
     first_half_width: Array
     total: Array
     total_half_width: Array
 
+    @property
+    def converged(self) -> bool:
+        """Whether every total index is known within a tenth."""
+        return bool(self.total_half_width.max() <= CLOSE)
+
 
 def _problem(parameters: Sequence[Parameter]) -> dict[str, Any]:
-    """Return SALib's description, of deviations from the nominal value since it takes no negative triangles."""
+    """Return SALib's description of deviations from the nominal values; its triangles must not be negative."""
     described = [_described(one) for one in parameters]
     return {
         "num_vars": len(parameters),
@@ -50,7 +66,7 @@ def scheme(parameters: Sequence[Parameter], samples: int, seed: int) -> Array:
     numpy.ndarray
         Values in SI units, shape (samples * (parameters + 2), parameters).
     """
-    from SALib.sample import sobol  # noqa: PLC0415  # takes a second
+    sobol = require("SALib.sample.sobol", "design")
 
     deviations = sobol.sample(_problem(parameters), samples, calc_second_order=False, seed=seed)
     return _nominal(parameters) + np.asarray(deviations, np.float64)
@@ -58,15 +74,15 @@ def scheme(parameters: Sequence[Parameter], samples: int, seed: int) -> Array:
 
 def levels(parameters: Sequence[Parameter], probabilities: Sequence[float]) -> Array:
     """Return the parameters' quantiles, SI units, shape (probabilities, parameters)."""
-    from SALib.util import scale_samples  # noqa: PLC0415
+    scale_samples = require("SALib.util", "design").scale_samples
 
     shares = np.tile(np.asarray(probabilities, np.float64)[:, np.newaxis], (1, len(parameters)))
     return _nominal(parameters) + np.asarray(scale_samples(shares, _problem(parameters)), np.float64)
 
 
-def estimate(parameters: Sequence[Parameter], values: Array, seed: int) -> Estimate:
+def estimate(parameters: Sequence[Parameter], values: Array, seed: int) -> Indices:
     """Return the Sobol indices of a response, given for every row of the scheme."""
-    from SALib.analyze import sobol  # noqa: PLC0415
+    sobol = require("SALib.analyze.sobol", "design")
 
     found = sobol.analyze(
         _problem(parameters),
@@ -77,7 +93,7 @@ def estimate(parameters: Sequence[Parameter], values: Array, seed: int) -> Estim
         # SALib takes zero for no seed.
         seed=seed + 1,
     )
-    return Estimate(*(np.asarray(found[key], np.float64) for key in ("S1", "S1_conf", "ST", "ST_conf")))
+    return Indices(*(np.asarray(found[key], np.float64) for key in ("S1", "S1_conf", "ST", "ST_conf")))
 
 
 def _nominal(parameters: Sequence[Parameter]) -> Array:

@@ -5,11 +5,12 @@ orientations are rotation matrices.
 """
 
 from collections.abc import Mapping, Sequence
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from tenodesis.extras import require
 
 Array = NDArray[np.float64]
 Poses = Mapping[str, tuple[Array, Array]]
@@ -18,7 +19,7 @@ Poses = Mapping[str, tuple[Array, Array]]
 
 def mujoco_poses(xml: str, postures: Sequence[Mapping[str, float]]) -> list[Poses]:
     """Return the poses of all bodies of a MuJoCo model at positions of its joints by name, rad and m."""
-    mujoco = _peer("mujoco", "MuJoCo")
+    mujoco = require("mujoco", "verify")
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     found: list[Poses] = []
@@ -33,7 +34,7 @@ def mujoco_poses(xml: str, postures: Sequence[Mapping[str, float]]) -> list[Pose
 
 def pinocchio_poses(urdf: str, postures: Sequence[Mapping[str, float]]) -> list[Poses]:
     """Return the poses of all links of a URDF in Pinocchio at positions of its joints by name, rad and m."""
-    pinocchio = _peer("pinocchio", "Pinocchio")
+    pinocchio = require("pinocchio", "verify")
     model = pinocchio.buildModelFromXML(urdf)
     data = model.createData()
     found: list[Poses] = []
@@ -46,7 +47,7 @@ def pinocchio_poses(urdf: str, postures: Sequence[Mapping[str, float]]) -> list[
 
 def pinocchio_jacobian(urdf: str, posture: Mapping[str, float], link: str) -> Mapping[str, Array]:
     """Return the velocity (m/s) over angular velocity (rad/s) of a link (6,), by joint, along the base's axes."""
-    pinocchio = _peer("pinocchio", "Pinocchio")
+    pinocchio = require("pinocchio", "verify")
     model = pinocchio.buildModelFromXML(urdf)
     data = model.createData()
     place = _place(pinocchio, model, data, posture)
@@ -61,10 +62,3 @@ def _place(pinocchio: Any, model: Any, data: Any, posture: Mapping[str, float]) 
         place[model.joints[model.getJointId(joint)].idx_q] = position
     pinocchio.framesForwardKinematics(model, data, place)
     return place
-
-
-def _peer(module: str, name: str) -> Any:
-    try:
-        return import_module(module)
-    except ImportError as absent:
-        raise RuntimeError(f"{name} is not installed: pip install 'tenodesis[verify]'") from absent

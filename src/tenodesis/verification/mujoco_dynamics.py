@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis.errors import NoSolutionError
-from tenodesis.verification.mujoco_peer import Instrument, _mujoco, _xml, settle
+from tenodesis.extras import require
+from tenodesis.verification.mujoco_peer import Instrument, _xml, settle
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -91,14 +92,14 @@ def simulate(
         The series differ in shape, are empty or not finite, or time step, inertia, damping or substeps make no sense.
     NoSolutionError
         There is no equilibrium to start from.
-    RuntimeError
+    MissingExtraError
         MuJoCo is not installed.
     """
     inputs = _inputs(handle_angle, force, radial_force)
     _check(time_step, inertia, damping)
     if substeps < 1:
         raise ValueError(f"substeps must be at least 1, not {substeps}")
-    mujoco = _mujoco()
+    mujoco = require("mujoco", "verify")
     spec = _mechanism(mujoco, inst, None, time_step=time_step / substeps, inertia=inertia, damping=damping)
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
     for load in spec.actuators:  # its control is then the rate of the load, which changes within a step, too
@@ -156,11 +157,11 @@ def steps_per_second(
         Time step, inertia or damping make no sense.
     NoSolutionError
         The load is more than the joint bears.
-    RuntimeError
+    MissingExtraError
         MuJoCo is not installed.
     """
     _check(time_step, inertia, damping)
-    mujoco = _mujoco()
+    mujoco = require("mujoco", "verify")
     spec = _mechanism(mujoco, inst, handle_angle, time_step=time_step, inertia=inertia, damping=damping)
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     spec.option.solver = mujoco.mjtSolver.mjSOL_PGS  # exact for a single tie

@@ -9,11 +9,12 @@ pitch toward y.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
 from itertools import product
 from math import asin, cos, hypot, inf, isnan, nan, pi, sin
 from typing import Any, Protocol
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from tenodesis.extras import require
 
 _TIME_STEP = 1e-3  # s
 # The straight joint, at its stiffest, is overdamped at this rate (rad/s): it then creeps to the nearest
@@ -211,17 +212,9 @@ def two_axis_xml(inst: Instrument, yaw: float, pitch: float, *, gap: float | Non
     return _xml(inst, {"yaw": yaw, "pitch": pitch}, gap)
 
 
-def _mujoco() -> Any:
-    """Import MuJoCo, which the rest of the package does without."""
-    try:
-        return import_module("mujoco")
-    except ImportError as absent:
-        raise RuntimeError("MuJoCo is not installed: pip install 'tenodesis[verify]'") from absent
-
-
 def _settle(xml: str, loads: tuple[float, ...]) -> list[Settled]:
     """Settle each axis of a model, first unloaded and then under these loads (N, in actuator order)."""
-    mujoco = _mujoco()
+    mujoco = require("mujoco", "verify")
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     steps = 0

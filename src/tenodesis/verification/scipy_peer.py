@@ -7,10 +7,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import elementwise
 
 from tenodesis.instrument import TendonGear
 
 Array = NDArray[np.float64]
+
+_elementwise: Any = elementwise  # the stubs do not know functions of several arguments
 
 
 def residual(theta_d: Array, inst: TendonGear, handle_angle: Array, force: Array) -> Array:
@@ -28,12 +31,11 @@ def brackets(inst: TendonGear, handle_angle: ArrayLike, force: ArrayLike) -> tup
     On the side that a load pushes to, the residual rises to one peak and falls again; the root next to the unloaded
     angle is the equilibrium.
     """
-    optimize = _optimize()
     handle, load = np.broadcast_arrays(np.asarray(handle_angle, float), np.asarray(force, float))
     unloaded = np.arcsin(inst.proximal_gear_radius / inst.distal_gear_radius * np.sin(handle / 2))
     sign = np.where(load < 0, -1.0, 1.0)
     far = -sign * (np.pi / 2 - 1e-9)
-    peak = optimize.find_minimum(
+    peak = _elementwise.find_minimum(
         lambda theta, h, f, s: -s * residual(theta, inst, h, f),
         (np.minimum(far, unloaded), (far + unloaded) / 2, np.maximum(far, unloaded)),
         args=(handle, load, sign),
@@ -43,28 +45,13 @@ def brackets(inst: TendonGear, handle_angle: ArrayLike, force: ArrayLike) -> tup
 
 
 def output_angle(inst: TendonGear, handle_angle: ArrayLike, force: ArrayLike) -> Array:
-    """Return the output angle at a held handle under load (eq. 9), rad; NaN where there is no equilibrium.
-
-    Raises
-    ------
-    RuntimeError
-        SciPy is not installed.
-    """
+    """Return the output angle at a held handle under load (eq. 9), rad; NaN where there is no equilibrium."""
     handle, load = np.broadcast_arrays(np.asarray(handle_angle, float), np.asarray(force, float))
     peak, unloaded, solvable = brackets(inst, handle, load)
-    root = _optimize().find_root(
+    root = _elementwise.find_root(
         lambda theta, h, f: residual(theta, inst, h, f),
         (peak, unloaded),
         args=(handle, load),
         tolerances={"xatol": 1e-14, "xrtol": 1e-15, "fatol": 0.0, "frtol": 0.0},
     )
     return np.where(load == 0, 2 * unloaded, np.where(solvable, 2 * root.x, np.nan))
-
-
-def _optimize() -> Any:
-    """Import SciPy's elementwise optimisation, which the rest of the package does without."""
-    try:
-        from scipy.optimize import elementwise  # noqa: PLC0415
-    except ImportError as absent:
-        raise RuntimeError("SciPy is not installed: pip install 'tenodesis[verify]'") from absent
-    return elementwise

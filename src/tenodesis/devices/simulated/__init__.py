@@ -1,1 +1,6 @@
 """Simulated hardware, for tests of devices and for trying them without a bench."""
+
+from tenodesis.extras import require
+
+require("canopen", "devices")
+require("can", "devices")

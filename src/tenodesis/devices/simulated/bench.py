@@ -13,10 +13,10 @@ import numpy as np
 from canopen import objectdictionary as od
 
 from tenodesis.devices.device import Measurement
-from tenodesis.devices.settings import CanAngle, CanAxis, CanOpen, CanTension
 from tenodesis.devices.simulated.cia402 import Drive, Node
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array, Run
+from tenodesis.instrument.devices import CanAngle, CanAxis, CanOpen, CanTension
+from tenodesis.run import Array, Run
 from tenodesis.twin import Twin
 
 _TYPES = {

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable
 import canopen
 from canopen import objectdictionary as od
 
+from tenodesis.devices.cia402 import State
+
 _RAMPS = (0x6083, 0x6084, 0x6085, 0x60C5, 0x60C6, 0x607F)
 _DRIVE_OBJECTS: tuple[tuple[int, str, int, str], ...] = (
     (0x603F, "Error code", od.UNSIGNED16, "ro"),
@@ -32,14 +34,12 @@ _HEARTBEAT_LOST, _PDO_LENGTH, _PDO_TIMEOUT = 0x8130, 0x8210, 0x8250
 _COMMUNICATION = 0x10  # bit of the error register
 _PRE_OPERATIONAL = "PRE-OPERATIONAL"
 
-NOT_READY, DISABLED, READY, SWITCHED_ON, ENABLED, QUICK_STOP, FAULT = (
-    "not ready to switch on",
-    "switch on disabled",
-    "ready to switch on",
-    "switched on",
-    "operation enabled",
-    "quick stop active",
-    "fault",
+NOT_READY, DISABLED, READY = State.NOT_READY, State.SWITCH_ON_DISABLED, State.READY
+SWITCHED_ON, ENABLED, QUICK_STOP, FAULT = (
+    State.SWITCHED_ON,
+    State.OPERATION_ENABLED,
+    State.QUICK_STOP_ACTIVE,
+    State.FAULT,
 )
 _STATUS = {
     NOT_READY: 0x00,
@@ -192,7 +192,7 @@ class Drive(Node):
             assert isinstance(variable, od.ODVariable)
             variable.access_type, variable.name = access, name
         self.counter = counter
-        self.state = DISABLED
+        self.state: State = DISABLED
         self.target = 0
         """Target velocity in force."""
         self._aim = self._aim_step = 0  # target position, and by how much it went on with the last SYNC
@@ -388,7 +388,7 @@ class Drive(Node):
         self.set(0x603F, 0, 0)
         self._become(DISABLED)
 
-    def _become(self, state: str, why: str = "") -> None:
+    def _become(self, state: State, why: str = "") -> None:
         if state != self.state:
             self.state = state
             self.log.append(f"{state}: {why}" if why else state)

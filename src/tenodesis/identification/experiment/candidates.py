@@ -1,4 +1,7 @@
-"""Candidates for a protocol: blocks of phases that each begin and end straight and unloaded, the spools as before."""
+"""Candidates for a protocol, and what a bench would do without a plan, in the same time.
+
+A candidate is a block of phases that begins and ends straight and unloaded, with the spools where they were.
+"""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -8,9 +11,9 @@ from typing import NamedTuple, TypeAlias
 from tenodesis import statics
 from tenodesis.errors import IdentificationError, NoSolutionError
 from tenodesis.instrument import Instrument
-from tenodesis.protocols import Cycles, Hold, Ramp, StepLoad
-from tenodesis.protocols.protocol import AnyPhase
-from tenodesis.protocols.reach import largest
+from tenodesis.simulate import Cycles, Hold, Ramp, StepLoad
+from tenodesis.simulate.protocol import AnyPhase
+from tenodesis.simulate.reach import largest
 
 Phase: TypeAlias = AnyPhase
 
@@ -35,6 +38,10 @@ _STEP_TIME = 0.6
 _REVERSAL_TIME = 1.0
 _MOST_SPEED = 0.5
 """Share of the drives' speed limit."""
+_PAPER_LOADING, _PAPER_RESTING = 0.5, 0.25
+_PAPER_CYCLES = 2
+_PLAIN_PERIOD = 6.6
+"""Of the plain cycles, s: those of the paper's Fig. 14 at 10 deg/s on its scaled-up instrument."""
 
 
 class Candidate(NamedTuple):
@@ -56,7 +63,9 @@ def loads(inst: Instrument, forces: Sequence[float] | None = None) -> tuple[floa
     if forces is not None:
         for force in forces:
             if not 0 < force < math.inf:
-                raise IdentificationError(f"forces names {force:g} N; allowed are forces above 0 N.")
+                raise IdentificationError(
+                    f"forces names {force:g} N; forces must be above 0 N.", key="forces", value=force
+                )
         return tuple(sorted(set(forces)))
     try:
         limit = float(statics.slack_force(inst, 0.0))
@@ -75,6 +84,40 @@ def candidates(inst: Instrument, forces: Sequence[float]) -> list[Candidate]:
         *_strokes(inst, reach, forces),
         *_levels(inst, reach, forces),
     ]
+
+
+def baselines(inst: Instrument, forces: Sequence[float], duration: float) -> dict[str, tuple[Phase, ...]]:
+    """Return protocols by name: plain cycles without load, and the paper's cycles of Fig. 14.
+
+    Parameters
+    ----------
+    inst
+        The instrument, of one axis.
+    forces
+        Forces at the tip of the paper's cycles, N; without any they are left out.
+    duration
+        How long each lasts, s, as near as whole cycles allow.
+    """
+    try:
+        amplitude = min(statics.reach(inst), largest(inst))
+    except NoSolutionError:
+        amplitude = largest(inst)
+    count = max(1, round(duration / _PLAIN_PERIOD))
+    found: dict[str, tuple[Phase, ...]] = {
+        "plain cycles": (Cycles(amplitude=amplitude, period=duration / count, count=count),)
+    }
+    each = duration / max(1, len(forces)) - _PAPER_LOADING - _PAPER_RESTING
+    if forces and each > 0:
+        loaded = [
+            (
+                Ramp(force=force, duration=_PAPER_LOADING),
+                Hold(duration=_PAPER_RESTING),
+                Cycles(amplitude=amplitude, period=each / _PAPER_CYCLES, count=_PAPER_CYCLES),
+            )
+            for force in forces
+        ]
+        found["the paper's cycles"] = tuple(phase for phases in loaded for phase in phases)
+    return found
 
 
 def _cycles(reach: float, forces: Sequence[float]) -> Iterator[Candidate]:
@@ -134,7 +177,7 @@ def _wound(inst: Instrument, way: tuple[float, float], share: float) -> tuple[tu
     """Return phases that wind the spools so that a tension changes by a share of the pretension, and their reverse."""
     angle = share * inst.pretension / inst.tendon_stiffness / inst.drives.spool_radius
     limit = _MOST_SPEED * inst.drives.motor_speed / inst.drives.gear_ratio
-    # A trapezoid of speed: it comes and goes linearly.
+    # a trapezoid of speed
     steady = round(max(_STROKE_TIME, angle / limit), 2)
     speed = float(f"{angle / (steady + _SPEEDING):.3g}")
 
@@ -172,7 +215,7 @@ def _middle(forces: Sequence[float]) -> Sequence[float]:
 
 
 def _degrees(angle: float) -> float:
-    # Down, so that no share is beyond the range.
+    # rounded down, so that no share is beyond the range
     return math.floor(math.degrees(angle) * 10 + 1e-6) / 10
 
 

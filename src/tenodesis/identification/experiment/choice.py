@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.identification.experiment.information import Information
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 CriterionName: TypeAlias = Literal["D", "A"]
 
@@ -20,7 +20,7 @@ class Criterion:
 
     D is the volume of the wanted parameters' confidence region, A the sum of their variances over their scales; both of
     the marginal covariance, whose inverse is the Schur complement of the others in the information (Atkinson, Donev and
-    Tobias 2007, ch. 10). What nothing tells counts as known to its scale.
+    Tobias 2007, ch. 10). What nothing identifies counts as known to its scale.
 
     Parameters
     ----------
@@ -54,29 +54,29 @@ class Criterion:
 
 
 def choose(
-    told: Sequence[Information], seconds: Sequence[float], duration: float, criterion: Criterion, *, most: int
+    offered: Sequence[Information], seconds: Sequence[float], duration: float, criterion: Criterion, *, most: int
 ) -> list[int]:
     """Return which candidates to take, some of them several times: greedy by gain a second, then by exchange.
 
     Parameters
     ----------
-    told
-        What each candidate tells; of several together it is taken for the sum.
+    offered
+        Information of each candidate; that of several together is taken to be the sum.
     seconds
         How long each lasts, s.
     duration
         How long all of them may last, s.
     criterion
-        What is to become small.
+        To be minimised.
     most
-        How often one may be taken.
+        How often each may be taken.
 
     Returns
     -------
     list of int
         Indices in ascending order; empty where none fits.
     """
-    pool = _Pool(told, np.asarray(seconds, dtype=np.float64), duration, criterion, most)
+    pool = _Pool(offered, np.asarray(seconds, dtype=np.float64), duration, criterion, most)
     chosen = pool.filled([])
     for _ in range(_PASSES):
         better = pool.exchanged(chosen)
@@ -88,10 +88,10 @@ def choose(
 
 class _Pool:
     def __init__(
-        self, told: Sequence[Information], seconds: Array, duration: float, criterion: Criterion, most: int
+        self, offered: Sequence[Information], seconds: Array, duration: float, criterion: Criterion, most: int
     ) -> None:
-        self._curvature = np.stack([one.curvature for one in told])
-        self._scores = np.stack([one.scores for one in told])
+        self._curvature = np.stack([one.curvature for one in offered])
+        self._scores = np.stack([one.scores for one in offered])
         self._seconds, self._duration, self._criterion, self._most = seconds, duration, criterion, most
 
     def filled(self, chosen: list[int]) -> list[int]:
@@ -108,7 +108,7 @@ class _Pool:
             chosen.append(int(fitting[best]))
 
     def exchanged(self, chosen: list[int]) -> list[int]:
-        """Return the choice with each candidate in turn put out for the one that serves best in its place."""
+        """Return the choice with each candidate in turn exchanged for the best one in its place."""
         chosen = list(chosen)
         for place in range(len(chosen)):
             rest = chosen[:place] + chosen[place + 1 :]

@@ -5,9 +5,9 @@ import math
 import numpy as np
 from matplotlib.figure import Figure
 
-from tenodesis.bench import style
-from tenodesis.identification.experiment.planning import HALF, Plan
+from tenodesis.identification.experiment.plan import HALF, Plan
 from tenodesis.identification.figures import readable
+from tenodesis.report import style
 
 _KEPT = 4000
 """Samples drawn."""
@@ -61,7 +61,9 @@ def intervals(plan: Plan) -> Figure:
         axis.plot(widths, range(len(names)), mark, color=colour, ms=7, label=one.name, clip_on=False)
         for row, width in enumerate(widths):
             if not math.isfinite(width):
-                axis.annotate("not told", (1.0, row), xycoords=axis.get_yaxis_transform(), color=colour, fontsize=8)
+                axis.annotate(
+                    "not identifiable", (1.0, row), xycoords=axis.get_yaxis_transform(), color=colour, fontsize=8
+                )
     axis.set_xscale("log")
     units = [readable(one.unit)[1] for name in names for one in plan.parameters if one.name == name]
     labels = [name.replace("_", " ") + (f" [{unit}]" if unit else "") for name, unit in zip(names, units, strict=True)]

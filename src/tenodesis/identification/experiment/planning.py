@@ -1,118 +1,33 @@
 """Planning an experiment: the protocol after which the wanted parameters are known best."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple, get_args
 
 import numpy as np
-from scipy import special
 
-from tenodesis import protocols
+from tenodesis import simulate
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import identifiability
-from tenodesis.identification.differences import scales
 from tenodesis.identification.experiment import candidates as blocks
-from tenodesis.identification.experiment.baselines import baselines
-from tenodesis.identification.experiment.bench import Bench, UnfitError
-from tenodesis.identification.experiment.candidates import Candidate, Phase
+from tenodesis.identification.experiment.candidates import Candidate, Phase, baselines
 from tenodesis.identification.experiment.choice import Criterion, CriterionName, choose
 from tenodesis.identification.experiment.information import Information
-from tenodesis.identification.experiment.text import to_text
-from tenodesis.identification.models.twin import TwinProblem
-from tenodesis.identification.problem import Parameter
+from tenodesis.identification.experiment.plan import HELD_WITH, Block, Plan, Prediction, to_text
+from tenodesis.identification.experiment.simulated import InfeasibleProtocolError, SimulatedExperiment
+from tenodesis.identification.twin_model.problem import TwinProblem
 from tenodesis.instrument import Instrument
-from tenodesis.protocols import Protocol
-from tenodesis.signals import Array, Run
+from tenodesis.run import Array, Run
+from tenodesis.simulate import Protocol
 from tenodesis.threads import threads
 
 DURATION = 30.0
 LONGEST = 600.0
 """Longest protocol that is planned, s."""
 WANTED = ("friction", "stiffness", "pretension")
-"""Groups that are wanted unless told, where the model has them."""
-OPTIMISTIC = (
-    "Predicted intervals know of the sensors' noise and rounding alone: they are the least that a bench can hope for. "
-    "What the model leaves out, its longer time steps, loads that are not known exactly and an instrument that is not "
-    "what its file says make them wider."
-)
-
-_HELD = {"friction.sheath_bend": "friction.sheath_coefficient"}
-"""What is held unless wanted, since it acts only in a product with another."""
-HALF = float(special.ndtri(0.975))
-"""Half a 95 % interval, in standard deviations."""
-
-
-class Block(NamedTuple):
-    """A part of the proposed protocol: what it is, when it begins and how long it lasts, s."""
-
-    candidate: Candidate
-    begins: float
-    seconds: float
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """What a protocol would tell."""
-
-    name: str
-    seconds: float
-    std: Mapping[str, float]
-    """Standard deviation of every open parameter with all of them open, SI; infinite where nothing depends on it."""
-    objective: float
-    """The criterion, in natural logarithms."""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """A proposed protocol and what it would tell."""
-
-    inst: Instrument
-    law: str
-    distal_encoder: bool
-    duration: float
-    criterion: CriterionName
-    forces: tuple[float, ...]
-    parameters: tuple[Parameter, ...]
-    wanted: tuple[str, ...]
-    open: tuple[str, ...]
-    """Parameters that the predictions take for unknown, the wanted among them."""
-    held: tuple[str, ...]
-    protocol: Protocol
-    blocks: tuple[Block, ...]
-    run: Run
-    """What the twin does in it."""
-    proposed: Prediction
-    baselines: tuple[Prediction, ...]
-    growth: tuple[Mapping[str, float], ...]
-    """Standard deviation of every open parameter after each block."""
-    untold: Mapping[str, str]
-    """Why no candidate tells them, by the names of parameters."""
-    left_out: Mapping[str, str]
-    """Why candidates were left out, by name."""
-    warnings: tuple[str, ...]
-
-    @property
-    def interval_95(self) -> dict[str, tuple[float, float]]:
-        """Predicted 95 % intervals about the file's values, within the bounds, with all of them open, SI."""
-        by_name = {one.name: one for one in self.parameters}
-        return {
-            name: (
-                max(by_name[name].lower, by_name[name].start - HALF * std),
-                min(by_name[name].upper, by_name[name].start + HALF * std),
-            )
-            for name, std in self.proposed.std.items()
-        }
-
-    def told(self, name: str) -> bool:
-        """Return whether the protocol is predicted to tell a parameter, by the rule that fits are judged by."""
-        partner = {other: held for held, other in _HELD.items()}.get(name)
-        if name in self.untold and partner not in self.held:
-            return False
-        one = next(one for one in self.parameters if one.name == name)
-        scale = float(scales([one], np.array([one.start]))[0])
-        return self.proposed.std[name] < identifiability.TOLD * scale
+"""Groups that are wanted by default, where the model has them."""
 
 
 def plan(
@@ -135,66 +50,66 @@ def plan(
     inst
         The instrument; of two axes the first.
     want
-        Names of parameters or groups; friction, stiffness and pretension unless told.
+        Names of parameters or groups; friction, stiffness and pretension by default.
     duration
         How long the protocol may last, s.
     distal_encoder
         Whether the bench has one.
     forces
-        Known forces at the tip that the bench has, N; none if empty; unless told, shares of the slack limit.
+        Known forces at the tip that the bench has, N; none if empty; by default shares of the slack limit.
     law
-        Friction law; the instrument's unless told.
+        Friction law; the instrument's by default.
     criterion
         D for the smallest confidence region, A for the smallest sum of variances.
     progress
-        Told how much is done of how much.
+        Called with how many of how many protocols are tried.
 
     Raises
     ------
     IdentificationError
-        The request is not valid, or nothing that tells the wanted parameters fits into the duration.
+        The request is not valid, or no candidate fits into the duration.
     """
-    inst = inst.axis(inst.axes[0]) if inst.axes[1:] else inst
+    inst = inst.planar[0]
     _check(duration, criterion)
-    bench = Bench(inst, law or inst.friction.law, distal_encoder=distal_encoder)
-    wanted = _wanted(bench, want)
-    free, held = _free(bench, wanted)
+    experiment = SimulatedExperiment(inst, law or inst.friction.law, distal_encoder=distal_encoder)
+    wanted = _wanted(experiment, want)
+    free, held = _free(experiment, wanted)
     measure = Criterion(criterion, free, wanted)
-    given = blocks.loads(bench.inst, forces)
-    offered = blocks.candidates(bench.inst, given)
-    compared = baselines(bench.inst, _of_paper(bench.inst, given), duration)
+    given = blocks.loads(experiment.inst, forces)
+    offered = blocks.candidates(experiment.inst, given)
+    compared = baselines(experiment.inst, _of_paper(experiment.inst, given), duration)
     report = _Progress(progress, len(offered) + len(compared) + _ORDERS)
 
-    tried, left_out = _tried(bench, offered, report)
+    tried, left_out = _tried(experiment, offered, report)
     if not tried:
         reasons = "; ".join(dict.fromkeys(left_out.values()))
         raise IdentificationError(f"{inst.name} can run none of the candidates: {reasons}.")
-    everything = sum((one.told for one in tried[1:]), tried[0].told)
-    best = _best(bench, tried, duration=duration, measure=measure, left_out=left_out, report=report)
-    names = [one.name for one in bench.parameters]
+    everything = sum((one.information for one in tried[1:]), tried[0].information)
+    best = _best(experiment, tried, duration=duration, measure=measure, left_out=left_out, report=report)
+    names = [one.name for one in experiment.parameters]
     predictions, skipped = [], []
     for name, phases in compared.items():
         try:
-            run = bench.run(phases)
-        except UnfitError as problem:
+            run = experiment.run(phases)
+        except InfeasibleProtocolError as problem:
             left_out[name] = str(problem)
             skipped.append(f"Not compared with {name}: {problem}.")
         else:
-            (told,) = bench.tells(run)[1]
-            predictions.append(_prediction(bench, name, run, told, free=free, measure=measure))
+            (information,) = experiment.information(run)[1]
+            predictions.append(_prediction(experiment, name, run, information, free=free, measure=measure))
         report.step()
     ends = [*(one.begins + one.seconds for one in best.blocks[:-1]), math.inf]
-    fitted, grown = bench.tells(best.run, ends)
-    proposed = _prediction(bench, "the proposed protocol", best.run, grown[-1], free=free, measure=measure)
-    untold = _untold(bench, fitted, everything, given)
+    fitted, grown = experiment.information(best.run, ends)
+    proposed = _prediction(experiment, "the proposed protocol", best.run, grown[-1], free=free, measure=measure)
+    unidentifiable = _unidentifiable(experiment, fitted, everything, given)
     found = Plan(
-        inst=bench.inst,
-        law=bench.law,
+        inst=experiment.inst,
+        law=experiment.law,
         distal_encoder=distal_encoder,
         duration=duration,
         criterion=criterion,
         forces=given,
-        parameters=bench.parameters,
+        parameters=experiment.parameters,
         wanted=tuple(names[one] for one in wanted),
         open=tuple(names[one] for one in free),
         held=tuple(names[one] for one in held),
@@ -203,73 +118,85 @@ def plan(
         run=best.run,
         proposed=proposed,
         baselines=tuple(predictions),
-        growth=tuple(_std(bench, one, free) for one in grown),
-        untold=untold,
+        growth=tuple(_std(experiment, one, free) for one in grown),
+        unidentifiable=unidentifiable,
         left_out=left_out,
         warnings=(),
     )
     return replace(found, warnings=(*_warnings(found), *skipped))
 
 
-class _Tried(NamedTuple):
+class _TriedCandidate(NamedTuple):
     candidate: Candidate
     seconds: float
-    told: Information
+    information: Information
 
 
-class _Whole(NamedTuple):
-    """A whole protocol as it was tried."""
+class _TriedProtocol(NamedTuple):
+    """A protocol of several blocks as it was tried."""
 
     protocol: Protocol
     blocks: tuple[Block, ...]
     run: Run
-    told: Information
+    information: Information
 
 
 class _Progress:
-    def __init__(self, told: Callable[[int, int], None] | None, whole: int) -> None:
-        self._told, self._whole, self._done = told, whole, 0
+    def __init__(self, report: Callable[[int, int], None] | None, total: int) -> None:
+        self._report, self._total, self._done = report, total, 0
 
     def step(self) -> None:
-        self._done = min(self._done + 1, self._whole)
-        if self._told is not None:
-            self._told(self._done, self._whole)
+        self._done = min(self._done + 1, self._total)
+        if self._report is not None:
+            self._report(self._done, self._total)
 
 
 def _check(duration: float, criterion: str) -> None:
     if not 0 < duration <= LONGEST:
-        raise IdentificationError(f"duration is {duration:g} s; allowed is a time above 0 s and up to {LONGEST:g} s.")
+        raise IdentificationError(
+            f"duration is {duration:g} s; it must be above 0 s and up to {LONGEST:g} s.",
+            key="duration",
+            value=duration,
+        )
     if criterion not in get_args(CriterionName):
-        raise IdentificationError(f"criterion is {criterion!r}; allowed are {', '.join(get_args(CriterionName))}.")
+        raise IdentificationError(key="criterion", value=criterion, allowed=" or ".join(get_args(CriterionName)))
 
 
-def _wanted(bench: Bench, want: Sequence[str] | None) -> list[int]:
+def _wanted(experiment: SimulatedExperiment, want: Sequence[str] | None) -> list[int]:
     """Return the indices of the parameters that names of parameters or groups stand for."""
-    names = [one.name for one in bench.parameters]
-    groups = bench.groups
+    names = [one.name for one in experiment.parameters]
+    groups = experiment.groups
     words = [group for group in WANTED if group in groups] if want is None else list(want)
     if not words:
-        raise IdentificationError(f"want is empty; allowed are one or more of {', '.join([*groups, *names])}.")
+        raise IdentificationError(f"want is empty; it must name some of {', '.join([*groups, *names])}.", key="want")
     found: list[str] = []
     for word in words:
-        if bench.law == "none" and word.startswith("friction"):
+        if experiment.law == "none" and word.startswith("friction"):
             raise IdentificationError(
-                f"want names {word}, but {bench.inst.name} has no friction; allowed is an instrument with a table "
-                'friction, a guess will do: law = "capstan", vertex_coefficient = 0.1.'
+                f"want names {word}, but {experiment.inst.name} has no friction; it must have a table friction, "
+                'for which a guess will do: law = "capstan", vertex_coefficient = 0.1.',
+                key="want",
+                value=word,
             )
-        if word == "mismatch.output_encoder_offset" and not bench.distal_encoder:
-            raise IdentificationError(f"want names {word}, but there is no distal encoder; allowed is a bench with it.")
+        if word == "mismatch.output_encoder_offset" and not experiment.distal_encoder:
+            raise IdentificationError(
+                f"want names {word}, but there is no distal encoder; the bench must have one.", key="want", value=word
+            )
         if word not in names and word not in groups:
-            allowed = ", ".join([*groups, *names])
-            raise IdentificationError(f"want names {word!r}, which this bench does not have; allowed are {allowed}.")
+            known = ", ".join([*groups, *names])
+            raise IdentificationError(
+                f"want names {word!r}, which is no parameter here; it must name some of {known}.",
+                key="want",
+                value=word,
+            )
         found += groups.get(word, (word,))
     return [names.index(name) for name in dict.fromkeys(found)]
 
 
-def _free(bench: Bench, wanted: Sequence[int]) -> tuple[list[int], list[int]]:
+def _free(experiment: SimulatedExperiment, wanted: Sequence[int]) -> tuple[list[int], list[int]]:
     """Return the indices of the parameters that are open, and of those held since they act only in a product."""
-    names = [one.name for one in bench.parameters]
-    held = [names.index(name) for name in _HELD if name in names and names.index(name) not in wanted]
+    names = [one.name for one in experiment.parameters]
+    held = [names.index(name) for name in HELD_WITH if name in names and names.index(name) not in wanted]
     return [index for index in range(len(names)) if index not in held], held
 
 
@@ -278,18 +205,20 @@ def _of_paper(inst: Instrument, forces: Sequence[float]) -> tuple[float, ...]:
     return inst.conditions.forces or tuple(forces[:3]) if forces else ()
 
 
-def _tried(bench: Bench, offered: Sequence[Candidate], report: _Progress) -> tuple[list[_Tried], dict[str, str]]:
-    """Return what each candidate tells by itself, and why others cannot be run."""
+def _tried(
+    experiment: SimulatedExperiment, offered: Sequence[Candidate], report: _Progress
+) -> tuple[list[_TriedCandidate], dict[str, str]]:
+    """Return the information of each candidate by itself, and why others cannot be run."""
 
-    def one(candidate: Candidate) -> _Tried | str:
+    def one(candidate: Candidate) -> _TriedCandidate | str:
         try:
-            run = bench.run(candidate.phases)
-        except UnfitError as problem:
+            run = experiment.run(candidate.phases)
+        except InfeasibleProtocolError as problem:
             return str(problem)
-        (told,) = bench.tells(run)[1]
-        return _Tried(candidate, float(run.time[-1]), told)
+        (information,) = experiment.information(run)[1]
+        return _TriedCandidate(candidate, float(run.time[-1]), information)
 
-    _ = bench.values, bench.scale
+    _ = experiment.values, experiment.scale
     tried, left_out = [], {}
     with ThreadPoolExecutor(threads()) as pool:
         for candidate, found in zip(offered, pool.map(one, offered), strict=True):
@@ -302,48 +231,50 @@ def _tried(bench: Bench, offered: Sequence[Candidate], report: _Progress) -> tup
 
 
 _ORDERS = 3
-"""Whole protocols that are tried."""
+"""Orders of the blocks that are tried."""
 _REPEATS = 2
-"""How often a candidate may be taken where there is time for others: what the model lacks comes again with it."""
+"""How often a candidate may be taken where there is time for others: repeats repeat the model's errors."""
 
 
 def _best(
-    bench: Bench,
-    tried: Sequence[_Tried],
+    experiment: SimulatedExperiment,
+    tried: Sequence[_TriedCandidate],
     *,
     duration: float,
     measure: Criterion,
     left_out: dict[str, str],
     report: _Progress,
-) -> _Whole:
-    """Return the best of several whole protocols, history between their blocks included.
+) -> _TriedProtocol:
+    """Return the best of several orders of the chosen blocks, run as one protocol each.
 
-    A block that the whole cannot be run with is left out, and the choice made again.
+    A block with which no order can be run is left out, and the choice made again.
     """
     pool, reason = list(tried), ""
     while True:
         seconds = [one.seconds for one in pool]
         most = max(_REPEATS, math.ceil(_REPEATS * duration / sum(seconds)))
-        chosen = choose([one.told for one in pool], seconds, duration, measure, most=most)
+        chosen = choose([one.information for one in pool], seconds, duration, measure, most=most)
         if not chosen:
             raise IdentificationError(
-                f"duration is {duration:g} s, too short: the shortest of the candidates takes {min(seconds):.3g} s; "
-                f"allowed is at least that, and {DURATION:g} s is usual."
+                f"duration is {duration:g} s, too short: the shortest of the candidates takes {min(seconds):.3g} s; it "
+                f"must be at least that, and {DURATION:g} s is usual.",
+                key="duration",
+                value=duration,
             )
-        wholes = []
+        protocols = []
         for order in _orders(chosen):
             try:
-                wholes.append(_whole(bench, [pool[place] for place in order]))
-            except UnfitError as problem:
+                protocols.append(_joined(experiment, [pool[place] for place in order]))
+            except InfeasibleProtocolError as problem:
                 reason = str(problem)
             report.step()
-        if wholes:
-            return min(wholes, key=lambda one: measure.one(one.told))
+        if protocols:
+            return min(protocols, key=lambda one: measure.one(one.information))
         gone = max(chosen, key=lambda place: len(pool[place].candidate.phases))
-        left_out[pool[gone].candidate.name] = f"not within the whole protocol: {reason}"
+        left_out[pool[gone].candidate.name] = f"not together with the other blocks: {reason}"
         del pool[gone]
         if not pool:
-            raise IdentificationError(f"{bench.inst.name} can run no protocol of the candidates: {reason}.")
+            raise IdentificationError(f"{experiment.inst.name} can run no protocol of the candidates: {reason}.")
 
 
 def _orders(chosen: Sequence[int]) -> list[list[int]]:
@@ -354,85 +285,93 @@ def _orders(chosen: Sequence[int]) -> list[list[int]]:
     return [order for place, order in enumerate(orders) if order not in orders[:place]]
 
 
-def _whole(bench: Bench, order: Sequence[_Tried]) -> _Whole:
+def _joined(experiment: SimulatedExperiment, order: Sequence[_TriedCandidate]) -> _TriedProtocol:
     phases: list[Phase] = [phase for one in order for phase in one.candidate.phases]
     proposed = Protocol(
         name="identification",
-        description=f"Proposed to identify {bench.inst.name}"[:200],
+        description=f"Proposed to identify {experiment.inst.name}"[:200],
         phases=tuple(phases),
     )
-    # What is tried is what the file will say, digits and all.
-    protocol = protocols.parse(to_text(proposed))
-    run = bench.run(protocol.phases)
+    # run with the digits that the file will have
+    protocol = simulate.parse(to_text(proposed))
+    run = experiment.run(protocol.phases)
     begins = np.concatenate([[0.0], np.cumsum([one.seconds for one in order])])
     parts = tuple(
         Block(one.candidate, float(begin), one.seconds) for one, begin in zip(order, begins[:-1], strict=True)
     )
-    return _Whole(protocol, parts, run, bench.tells(run)[1][0])
+    return _TriedProtocol(protocol, parts, run, experiment.information(run)[1][0])
 
 
 def _prediction(
-    bench: Bench, name: str, run: Run, told: Information, *, free: Sequence[int], measure: Criterion
+    experiment: SimulatedExperiment,
+    name: str,
+    run: Run,
+    information: Information,
+    *,
+    free: Sequence[int],
+    measure: Criterion,
 ) -> Prediction:
     return Prediction(
         name=name,
         seconds=float(run.time[-1]),
-        std=_std(bench, told, free),
-        objective=measure.one(told),
+        std=_std(experiment, information, free),
+        objective=measure.one(information),
     )
 
 
-def _std(bench: Bench, told: Information, free: Sequence[int]) -> dict[str, float]:
+def _std(experiment: SimulatedExperiment, information: Information, free: Sequence[int]) -> dict[str, float]:
     """Return the standard deviation of parameters that are open together, SI."""
-    std = told.of(free).spread().std * bench.scale[list(free)]
-    return dict(zip((bench.parameters[index].name for index in free), std.tolist(), strict=True))
+    std = information.of(free).uncertainty().std * experiment.scale[list(free)]
+    return dict(zip((experiment.parameters[index].name for index in free), std.tolist(), strict=True))
 
 
-def _untold(bench: Bench, problem: TwinProblem, everything: Information, forces: Sequence[float]) -> dict[str, str]:
-    """Return why all candidates together do not tell some parameters, by those parameters' names."""
-    base = problem.residuals(bench.values, 0)
+def _unidentifiable(
+    experiment: SimulatedExperiment, problem: TwinProblem, everything: Information, forces: Sequence[float]
+) -> dict[str, str]:
+    """Return why all candidates together do not identify some parameters, by those parameters' names."""
+    base = problem.residuals(experiment.values, 0)
 
     def change(values: Array) -> float:
         return float(np.sum((problem.residuals(values, 0) - base) ** 2))
 
-    indices = range(len(bench.parameters))
-    told = identifiability.examine(
-        problem, indices, bench.values, scale=bench.scale, found=everything.spread(), change=change
+    indices = range(len(experiment.parameters))
+    examined = identifiability.examine(
+        problem, indices, experiment.values, scale=experiment.scale, found=everything.uncertainty(), change=change
     )
     why: dict[str, str] = {}
-    for one in told.combinations:
+    for one in examined.combinations:
         if len(one.names) == 1:
-            sentence = f"No candidate tells {one.names[0]}: what the sensors read hardly depends on it."
+            sentence = f"No candidate identifies {one.names[0]}: the readings hardly depend on it."
         else:
             names = " and ".join([", ".join(one.names[:-1]), one.names[-1]])
-            known = f"only {one.known} acts" if one.known else "they change what the sensors read in the same way"
-            sentence = f"No candidate tells {names} apart: {known}."
-        reason = _reason(bench, problem, one.names)
+            known = f"only {one.known} acts" if one.known else "they change the readings in the same way"
+            sentence = f"No candidate identifies {names} separately: {known}."
+        reason = _reason(experiment, problem, one.names)
         why |= dict.fromkeys(one.names, f"{sentence} {reason}" if reason else sentence)
-    for name, fine in told.identifiable.items():
+    for name, fine in examined.identifiable.items():
         if not fine and name not in why:
-            reason = _reason(bench, problem, (name,))
-            sentence = f"No candidate tells {name}: it leans on several others."
+            reason = _reason(experiment, problem, (name,))
+            sentence = f"No candidate identifies {name}: it depends on several others."
             why[name] = f"{sentence} {reason}" if reason else sentence
-    if not forces and bench.inst.joint_type != "continuum":
+    if not forces and experiment.inst.joint_type != "continuum":
         # A continuum's backbone is a known force.
         sentence = (
-            f"No candidate tells {', '.join(_SCALING)} apart: without a known force at the tip all tensions scale "
-            "together, but for the tip's swing, whose inertia is held at the file's. Put known loads on the tip, or "
-            "hold the gains at a calibration's."
+            f"No candidate identifies {', '.join(_SCALING)} separately: without a known force at the tip all tensions "
+            "scale together, but for the tip's oscillation, whose inertia is held at the file's. Put known loads on "
+            "the tip, or hold the gains at a calibration's."
         )
         why |= dict.fromkeys(_SCALING, sentence)
     return why
 
 
-def _reason(bench: Bench, problem: TwinProblem, names: Sequence[str]) -> str | None:
-    """Return what is behind it that some parameters cannot be told, or what would tell them."""
-    if "handle_length_share" in names and bench.law == "none":
+def _reason(experiment: SimulatedExperiment, problem: TwinProblem, names: Sequence[str]) -> str | None:
+    """Return why some parameters are not identifiable, or what would make them so."""
+    if "handle_length_share" in names and experiment.law == "none":
         return "Without friction the tension is the same all along a tendon."
-    if "friction.sheath_coefficient" in names and not bench.inst.friction.sheath_bend:
+    if "friction.sheath_coefficient" in names and not experiment.inst.friction.sheath_bend:
         return "The sheath of the file has no bend: give its bend, measured."
-    if not bench.distal_encoder and any(name.startswith(("mismatch.load_cell", "stiffness")) for name in names):
-        return "A distal encoder would, or holding the load cells' gains and biases at a calibration's."
+    if not experiment.distal_encoder and any(name.startswith(("mismatch.load_cell", "stiffness")) for name in names):
+        return "A distal encoder would identify them, or holding the load cells' gains and biases at a calibration's."
     return problem.advice(names)
 
 
@@ -442,21 +381,21 @@ _SCALING = (
     "mismatch.load_cell_gain.agonist",
     "mismatch.load_cell_gain.antagonist",
 )
-"""What scales together where no force is known."""
+"""Parameters that scale together where no force is known."""
 
 
 def _warnings(found: Plan) -> tuple[str, ...]:
-    """Return what is to be borne in mind of a plan."""
+    """Return what to bear in mind of a plan, a sentence each."""
     values = {one.name: one for one in found.parameters}
     out = [
         f"{name} is held at the file's {math.degrees(values[name].start):.4g} deg: only its product with "
-        f"{_HELD[name]} acts, which errs by the share by which the bend does."
+        f"{HELD_WITH[name]} acts, which has the relative error of the bend."
         for name in found.held
     ]
     for name in found.wanted:
-        if not found.told(name) and name not in found.untold:
+        if not found.identifiable(name) and name not in found.unidentifiable:
             out.append(
-                f"{name} is not told by the proposed protocol within {found.duration:g} s, but candidates could: "
+                f"{name} is not identifiable by the proposed protocol within {found.duration:g} s, but by candidates: "
                 "allow a longer duration, or want less."
             )
     weak = [name for name in found.wanted if name in _COEFFICIENTS and not values[name].start]
@@ -469,10 +408,10 @@ def _warnings(found: Plan) -> tuple[str, ...]:
         (one.name, name)
         for one in found.baselines
         for name in found.wanted
-        if one.std[name] < found.proposed.std[name] and name not in found.untold
+        if one.std[name] < found.proposed.std[name] and name not in found.unidentifiable
     ]
     for name in dict.fromkeys(name for _, name in worse):
-        better = " and ".join(baseline for baseline, told in worse if told == name)
+        better = " and ".join(baseline for baseline, better_known in worse if better_known == name)
         out.append(f"{name} would be known better by {better}, the others less.")
     return tuple(out)
 

@@ -1,24 +1,20 @@
 """A plan as files: the protocol to record, one HTML page that needs nothing beside it, a figure and all numbers."""
 
 import io
-import json
 import math
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import jinja2
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from tenodesis.bench import style
-from tenodesis.errors import IdentificationError
 from tenodesis.identification.experiment import figures
-from tenodesis.identification.experiment.planning import HALF, OPTIMISTIC, Plan, Prediction
-from tenodesis.identification.experiment.text import to_text
+from tenodesis.identification.experiment.plan import HALF, OPTIMISTIC, Plan, Prediction, to_text
 from tenodesis.identification.figures import readable
-from tenodesis.identification.results import about
-from tenodesis.whole import together
+from tenodesis.identification.report import as_text, write_files
+from tenodesis.identification.results import LIBRARIES
+from tenodesis.report import page, style
+from tenodesis.report.page import json_number
 
 PROTOCOL, PAGE, FIGURE, NUMBERS = "protocol.toml", "plan.html", "plan.svg", "plan.json"
 """What a plan is written as."""
@@ -43,29 +39,23 @@ def write(plan: Plan, out: Path) -> list[Path]:
                 figures.intervals(plan),
                 "Predicted 95 % intervals of the wanted parameters, all others open as well, in the same time.",
             ),
-            "growth": (figures.growth(plan), "How the wanted parameters come to be known, block by block."),
+            "growth": (figures.growth(plan), "Uncertainty of the wanted parameters, block by block."),
         }
         svgs = {name: (_svg(figure), caption) for name, (figure, caption) in drawn.items()}
     texts = {
         PROTOCOL: to_text(plan.protocol, comment=_comment(plan)),
         FIGURE: svgs["course"][0],
-        NUMBERS: json.dumps(to_json(plan), indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        NUMBERS: as_text(to_json(plan)),
         PAGE: _page(plan, svgs),
     }
-    try:
-        with together(out, last=PAGE) as new:
-            for name, text in texts.items():
-                (new / name).write_text(text, "utf-8")
-    except OSError as problem:
-        raise IdentificationError(f"{out} cannot be written: {problem.strerror or problem}.") from problem
-    return [out / name for name in texts]
+    return write_files(out, texts, last=PAGE)
 
 
 def to_json(plan: Plan) -> dict[str, Any]:
     """Return a plan as plain numbers, SI; what is not finite is None."""
     return {
         "schema": SCHEMA,
-        "about": about(),
+        "about": page.about(*LIBRARIES),
         "instrument": plan.inst.name,
         "law": plan.law,
         "distal_encoder": plan.distal_encoder,
@@ -86,22 +76,22 @@ def to_json(plan: Plan) -> dict[str, Any]:
                 "unit": one.unit,
                 "meaning": one.meaning,
                 "wanted": one.name in plan.wanted,
-                "std": _number(plan.proposed.std[one.name]),
+                "std": json_number(plan.proposed.std[one.name]),
                 "interval_95": list(plan.interval_95[one.name]),
-                "told": plan.told(one.name),
+                "told": plan.identifiable(one.name),
             }
             for one in plan.parameters
             if one.name in plan.open
         },
         "baselines": {one.name: _prediction(one) for one in plan.baselines},
-        "not_told_by_any": dict(plan.untold),
+        "not_told_by_any": dict(plan.unidentifiable),
         "left_out": dict(plan.left_out),
         "warnings": [*plan.warnings, OPTIMISTIC],
     }
 
 
 def shown(plan: Plan, name: str) -> tuple[str, str]:
-    """Return the value and the half width of the predicted interval of a parameter, as people read them."""
+    """Return the value and the half width of the predicted interval of a parameter, in readable units."""
     one = next(one for one in plan.parameters if one.name == name)
     factor, unit = readable(one.unit)
     width = HALF * plan.proposed.std[name] * factor
@@ -113,42 +103,42 @@ def ratio(plan: Plan, baseline: Prediction, name: str) -> str:
     """Return how many times as wide a parameter's interval would be by a baseline."""
     own, other = plan.proposed.std[name], baseline.std[name]
     if not math.isfinite(other):
-        return "not told"
+        return "not identifiable"
     return f"{other / own:.3g}" if math.isfinite(own) and own else ""
 
 
 def _prediction(one: Prediction) -> dict[str, Any]:
     return {
         "seconds": one.seconds,
-        "std": {name: _number(value) for name, value in one.std.items()},
+        "std": {name: json_number(value) for name, value in one.std.items()},
     }
 
 
 def _comment(plan: Plan) -> str:
-    lines = [f"Proposed for {plan.inst.name} to tell {', '.join(plan.wanted)}.", "Blocks, each from rest to rest:"]
+    lines = [f"Proposed for {plan.inst.name} to identify {', '.join(plan.wanted)}.", "Blocks, each from rest to rest:"]
     return "\n".join([*lines, *(f"  {one.begins:7.2f} s  {one.candidate.name}" for one in plan.blocks)])
 
 
 def _page(plan: Plan, svgs: dict[str, tuple[str, str]]) -> str:
-    text = (resources.files(__package__) / _TEMPLATE).read_text("utf-8")
-    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     rows = [
         {
             "name": name.replace("_", " "),
             "cells": shown(plan, name),
             "ratios": [ratio(plan, one, name) for one in plan.baselines],
-            "told": plan.told(name),
+            "identifiable": plan.identifiable(name),
             "wanted": name in plan.wanted,
         }
         for name in sorted(plan.open, key=lambda name: name not in plan.wanted)
     ]
-    return environment.from_string(text).render(
+    return page.render(
+        "tenodesis.identification.experiment",
+        _TEMPLATE,
         plan=plan,
         rows=rows,
         drawn=[(name, Markup(style.inlined(name, svg)), caption) for name, (svg, caption) in svgs.items()],
-        reasons=list(dict.fromkeys(plan.untold.values())),
+        reasons=list(dict.fromkeys(plan.unidentifiable.values())),
         optimistic=OPTIMISTIC,
-        about=about(),
+        about=page.about(*LIBRARIES),
     )
 
 
@@ -156,7 +146,3 @@ def _svg(figure: Figure) -> str:
     file = io.StringIO()
     figure.savefig(file, format="svg", metadata={"Date": None})
     return file.getvalue()
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

@@ -1,6 +1,5 @@
-"""Formats of recordings: one file each, all giving `Measured`."""
+"""Formats of recordings, one file each: all give a `MeasuredRun`, checked by what they share (`raw`, `table`)."""
 
-from tenodesis.identification.formats.measured import Measured, Source
-from tenodesis.identification.formats.names import distinct_names, load_all
+from tenodesis.identification.formats.measured import MeasuredRun, Source, distinct_names, load_all
 
-__all__ = ["Measured", "Source", "distinct_names", "load_all"]
+__all__ = ["MeasuredRun", "Source", "distinct_names", "load_all"]

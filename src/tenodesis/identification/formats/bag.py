@@ -1,4 +1,4 @@
-"""Bags of ROS 2 that are kept in SQLite, read into what MCAP files are read into."""
+"""ROS 2 bags in SQLite, read into what MCAP files are read into."""
 
 import sqlite3
 from collections.abc import Collection
@@ -27,7 +27,7 @@ def is_sqlite(path: Path) -> bool:
 
 
 def scan(path: Path, wanted: Collection[str]) -> Contents:
-    """Read the wanted topics of a bag, in order of their arrival, up to where the file is damaged.
+    """Return the wanted topics of a bag, in order of arrival, up to where the file is damaged.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def scan(path: Path, wanted: Collection[str]) -> Contents:
             _read(bag, number, contents)
     bag.close()
     if any(message.data.startswith(_ZSTANDARD) for messages in contents.messages.values() for message in messages[:1]):
-        raise RecordingError(f"{path} holds compressed messages; allowed are plain ones, as ros2 bag convert writes.")
+        raise RecordingError(f"{path} holds compressed messages; they must be plain, as ros2 bag convert writes them.")
     return contents
 
 

@@ -17,17 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.formats.instrument_run import (
-    COLUMNS,
-    LEAST_EXCITATION,
-    TENDONS,
-    InstrumentRun,
-    checked,
-)
+from tenodesis.identification.formats.instrument_run import COLUMNS, LEAST_EXCITATION, TENDONS, InstrumentRun, checked
 from tenodesis.identification.formats.measured import checksum
 from tenodesis.identification.formats.raw import GRAM_FORCE, Unit, spread_of
 from tenodesis.identification.formats.table import heading, read_table, scale_of
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 MAP_SUFFIX = ".columns.toml"
 SHARED_MAP = "columns.toml"
@@ -51,12 +45,12 @@ _UNITS_MISTAKEN = {
         Unit("gram-force", GRAM_FORCE, 2 / GRAM_FORCE, 60 / GRAM_FORCE),
     ),
 }
-"""What a column may be in that cannot be in the unit that is said."""
+"""Units that a column may be in when its values cannot be in the stated one."""
 _CHECKED = ("handle_angle", "measured_handle_angle", "measured_output_angle", "tension_agonist", "tension_antagonist")
 
 
 class _Place(NamedTuple):
-    """Where a column stands in the file, its unit, and how many SI units one of its numbers is."""
+    """Where a column stands in the file, its stated unit, and the factor from its numbers to SI."""
 
     at: int
     unit: str
@@ -86,13 +80,14 @@ def load(path: Path) -> InstrumentRun:
         places = _recognised(path, headings, notes)
     if "handle_angle" not in places and "measured_handle_angle" in places:
         places["handle_angle"] = places["measured_handle_angle"]
-        notes.append("the handle is where its encoder says, for no commanded angle was recorded")
+        notes.append("the handle angle is that of its encoder, for no commanded angle was recorded")
     needed = (_TIME, "handle_angle", *(f"tension_{tendon}" for tendon in TENDONS))
     lacking = [name for name in needed if name not in places]
     if lacking:
         raise IdentificationError(
-            f"{path} lacks {', '.join(lacking)}: its headings are {', '.join(map(repr, headings))}; allowed are those "
-            f"of tenodesis export recording, or a map {own.name}, or {SHARED_MAP} for all files of the folder."
+            f"{path} lacks {', '.join(lacking)}: its headings are {', '.join(map(repr, headings))}; they must be those "
+            f"of tenodesis export recording, or be explained by a map {own.name}, or {SHARED_MAP} for all files of the "
+            "folder."
         )
     table = {name: read.column(place.at) for name, place in places.items()}
     # a column without a number was not recorded
@@ -103,7 +98,7 @@ def load(path: Path) -> InstrumentRun:
 
 
 def _recognised(path: Path, headings: Sequence[str], notes: list[str]) -> dict[str, _Place]:
-    """Return the columns that headings tell: those of an export, of its first axis, or the columns' own names."""
+    """Return the columns that headings name: those of an export, of its first axis, or the columns' own names."""
     places: dict[str, _Place] = {}
     axes: dict[str, None] = {}
     for at, text in enumerate(headings):
@@ -134,49 +129,50 @@ def _mapped(path: Path, headings: Sequence[str]) -> dict[str, _Place]:
     for name, entry in given.items():
         where = f"{path}: {name}"
         if name not in _UNITS:
-            raise IdentificationError(f"{where} is no column; allowed are {', '.join(_UNITS)}.")
+            raise IdentificationError(f"{where} is no column; it must be one of {', '.join(_UNITS)}.", key=name)
         keys = {"column", "unit", "factor"}
         if not isinstance(entry, Mapping) or not {"column", "unit"} <= set(entry) <= keys:
             raise IdentificationError(
-                f'{where} is {entry!r}; allowed is a table like {{ column = "t", unit = "{_UNITS[name]}" }}, with a '
-                "factor if wanted."
+                key=where,
+                value=entry,
+                allowed=f'a table like {{ column = "t", unit = "{_UNITS[name]}" }}, with a factor if wanted',
             )
         if entry["column"] not in headings:
             raise IdentificationError(
-                f"{where}.column is {entry['column']!r}; allowed are {', '.join(map(repr, headings))}."
+                key=f"{where}.column", value=entry["column"], allowed=f"one of {', '.join(map(repr, headings))}"
             )
         factor = entry.get("factor", 1)
         if isinstance(factor, bool) or not isinstance(factor, int | float) or not isfinite(factor) or not factor:
-            raise IdentificationError(f"{where}.factor is {factor!r}; allowed is a finite number other than 0.")
+            raise IdentificationError(key=f"{where}.factor", value=factor, allowed="a finite number other than 0")
         unit = str(entry["unit"])
         places[name] = _Place(headings.index(entry["column"]), unit, factor * _scale(unit, name, str(path)))
     return places
 
 
 def _scale(unit: str, column: str, place: str) -> float:
-    """Return how many SI units of a column one of these units is."""
+    """Return the factor from a unit to the SI unit of a column."""
     return scale_of(unit, _UNITS[column], f"{place}: the unit of {column}")
 
 
 def _in_si(path: Path, name: str, values: Array, place: _Place, notes: list[str]) -> Array:
-    """Return a column in SI, in the unit that its magnitude shows where it cannot be in the one that is said."""
-    said = place.scale * values
-    spread = spread_of(said[np.isfinite(said)])
+    """Return a column in SI, by its stated unit, or by the one its magnitude shows if it cannot be in that."""
+    stated_values = place.scale * values
+    spread = spread_of(stated_values[np.isfinite(stated_values)])
     kind = _UNITS[name]
-    # a tip or a tendon that hardly moves is judged as what it is said to be; a handle that does not is of no use
+    # a tip or a tendon that hardly moves may be in the stated unit; a handle that does not move is of no use
     small, large = name == "handle_angle" and spread < LEAST_EXCITATION, spread > _MOST.get(kind, inf)
     if name not in _CHECKED or not (small or large):
-        return said
+        return stated_values
     stated = _scale(place.unit, name, path.name)
     number = spread / stated
     fits = [one for one in _UNITS_MISTAKEN[kind] if one.scale != stated and one.least <= number <= one.most]
     if len(fits) == 1:
         notes.append(f"{name} taken as {fits[0].name}, not {place.unit}: its values have a spread of {number:.4g}")
-        return said * (fits[0].scale / stated)
+        return stated_values * (fits[0].scale / stated)
     if small:
-        return said
+        return stated_values
     problem = "may be " + " or ".join(one.name for one in fits) if fits else "fits no unit"
     raise IdentificationError(
-        f"{path.name}: {name} (spread of {number:.4g}) cannot be in {place.unit} and {problem}; allowed is a spread of "
-        f"up to {_MOST[kind]:g} {kind}, with the unit in the heading, such as '{name} [{kind}]'"
+        f"{path.name}: {name} (spread of {number:.4g}) cannot be in {place.unit} and {problem}; it must have a "
+        f"spread of up to {_MOST[kind]:g} {kind}, with the unit in the heading, such as '{name} [{kind}]'"
     )

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tenodesis.identification.formats.measured import Measured
+from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.formats.raw import CLOCKS, Raw, spread_of
 from tenodesis.instrument import Instrument
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 TENDONS = ("agonist", "antagonist")
 
@@ -37,11 +37,11 @@ _ANGLES = ("measured_handle_angle", "measured_output_angle")
 
 
 @dataclass(frozen=True)
-class InstrumentRun(Measured):
-    """One axis of a recording, with the instrument that it says it was made on.
+class InstrumentRun(MeasuredRun):
+    """One axis of a recording, with the instrument it was made on if the recording holds it.
 
-    Columns are of :data:`COLUMNS`: the handle where it was commanded to be, or else where its encoder says, both
-    tensions, and whatever else was recorded.
+    Columns are of :data:`COLUMNS`: the handle's commanded angle, or else that of its encoder, both tensions, and
+    whatever else was recorded.
     """
 
     instrument: Instrument | None = None
@@ -59,7 +59,7 @@ def checked(
 ) -> InstrumentRun:
     """Return a run whose columns are in SI and in order, or refuse it with the reason.
 
-    The clock's unit is told among `clocks` by its magnitude.
+    The clock's unit is the first of `clocks` with a plausible magnitude.
 
     Raises
     ------

@@ -18,8 +18,8 @@ from tenodesis.identification.formats.measured import checksum
 from tenodesis.identification.formats.raw import CLOCKS, WIDE, Raw
 from tenodesis.instrument import Instrument
 from tenodesis.recording import Recording, cdr, container, schemas
-from tenodesis.recording.decode import Decoded, MisfitError, decode
-from tenodesis.signals import SIGNALS, Array
+from tenodesis.recording.decode import Decoded, Misfit, MisfitError, decode
+from tenodesis.run import SIGNALS, Array
 
 __all__ = ["TENDONS", "InstrumentRun", "load"]
 
@@ -39,12 +39,8 @@ _SECONDS = CLOCKS[:1]
 """Stamps count nanoseconds, whatever their magnitude."""
 
 
-_TOPICS = frozenset(topic.name for axes in (("",), ("yaw", "pitch")) for topic in schemas.topics(axes))
-"""Every topic that a recording may have."""
-
-
 class _Signals(NamedTuple):
-    """What was read of the first axis: by time, as (n,) or per tendon (n, 2)."""
+    """Signals of the first axis over time, each (n,) or per tendon (n, 2)."""
 
     time: Array
     axes: tuple[str, ...]
@@ -95,14 +91,14 @@ def _files(path: Path) -> list[Path]:
     mcap, sqlite = (sorted(path.glob(f"*{suffix}")) for suffix in (".mcap", bag.SUFFIX))
     if mcap and sqlite:
         raise IdentificationError(
-            f"{path} holds {mcap[0].name} and {sqlite[0].name}, the same twice for all one knows; allowed is a bag of "
+            f"{path} holds {mcap[0].name} and {sqlite[0].name}, which may be the same twice; it must be a bag of "
             "one kind, or one of its files."
         )
     if not mcap and not sqlite:
         packed = next(iter(sorted(path.glob("*.zstd"))), None)
         found = "" if packed is None else f" ({packed.name} is compressed: unpack it first)"
         raise IdentificationError(
-            f"{path} holds no MCAP file and no {bag.SUFFIX} file{found}; allowed is a recording, or the folder of a "
+            f"{path} holds no MCAP file and no {bag.SUFFIX} file{found}; it must be a recording, or the folder of a "
             "ROS 2 bag."
         )
     return mcap or sqlite
@@ -111,12 +107,12 @@ def _files(path: Path) -> list[Path]:
 def _recorded(path: Path) -> _Signals | None:
     """Return a recording whose topics share their stamps, or None for one whose topics do not."""
     recording = Recording.open(path)
-    if any(reason.startswith("its stamps") for reason in recording.left_out.values()):
+    if any(topic.reason is Misfit.STAMPS for topic in recording.left_out.values()):
         return None
     run = recording.run
     notes = [] if recording.damage is None else [recording.damage]
     notes += [f"{topic} is left out: {reason}" for topic, reason in recording.left_out.items()]
-    longest = max((info.messages for name, info in recording.topics.items() if name in _TOPICS), default=0)
+    longest = max((info.messages for name, info in recording.topics.items() if name in schemas.TOPICS), default=0)
     if recording.damage is None and longest > len(run):
         notes.append(f"topics do not end together: the first {len(run)} of up to {longest} rows are taken")
     found = {name: run.signals()[name] for name in _SIGNALS if name in run.signals()}
@@ -170,7 +166,7 @@ def _decoded(files: Sequence[Path], notes: list[str]) -> dict[str, list[Decoded]
         for number, messages in contents.messages.items():
             channel = contents.channels[number]
             schema = contents.schemas.get(channel.schema_id)
-            if channel.topic not in _TOPICS or schema is None:
+            if channel.topic not in schemas.TOPICS or schema is None:
                 continue
             try:
                 found = decode(factory, schema, channel.message_encoding, messages)
@@ -187,7 +183,7 @@ def _decoded(files: Sequence[Path], notes: list[str]) -> dict[str, list[Decoded]
 
 def _contents(file: Path) -> container.Contents:
     if bag.is_sqlite(file):
-        return bag.scan(file, _TOPICS)
+        return bag.scan(file, schemas.TOPICS)
     try:
         data = file.read_bytes()
     except OSError as problem:
@@ -214,7 +210,7 @@ def _series(path: Path, name: str, parts: Sequence[Decoded], begin: int, notes: 
 
 
 def _first_axis(joints: Sequence[str], own: _Series, field: str, count: int) -> list[int] | None:
-    """Return where the numbers of the first axis stand, or the number itself, None where they are not told."""
+    """Return the columns of the first axis in a topic's numbers, None where the joints leave them open."""
     if not joints:
         return [0]
     at = [own.joints.index(joint) for joint in joints if joint in own.joints][:count]
@@ -233,24 +229,26 @@ def _known(time: Array, own: Array) -> NDArray[np.bool_]:
 
 
 def _columns(signals: Mapping[str, Array], path: Path, notes: list[str]) -> dict[str, Array]:
-    handle = next((name for name in ("commanded_handle_angle", "measured_handle_angle") if _there(signals, name)), None)
-    missing = [name for name in ("measured_tension",) if not _there(signals, name)]
+    handle = next(
+        (name for name in ("commanded_handle_angle", "measured_handle_angle") if _has_values(signals, name)), None
+    )
+    missing = [name for name in ("measured_tension",) if not _has_values(signals, name)]
     if missing or handle is None:
         lacking = ", ".join([*missing, *([] if handle else ["measured_handle_angle"])])
         raise IdentificationError(f"{path} lacks {lacking}; it has {', '.join(signals) or 'no signals'}.")
     if handle == "measured_handle_angle":
-        notes.append("the handle is where its encoder says, for no commanded angle was recorded")
+        notes.append("the handle angle is that of its encoder, for no commanded angle was recorded")
     columns = {"handle_angle": signals[handle]}
     for name in ("measured_handle_angle", "measured_output_angle", "force", "radial_force"):
-        if _there(signals, name):
+        if _has_values(signals, name):
             columns[name] = signals[name]
     for name, column in (("measured_tension", "tension"), ("measured_spool_angle", "spool")):
-        if _there(signals, name):
+        if _has_values(signals, name):
             columns |= {f"{column}_{tendon}": signals[name][:, n] for n, tendon in enumerate(TENDONS)}
     return columns
 
 
-def _there(signals: Mapping[str, Array], name: str) -> bool:
+def _has_values(signals: Mapping[str, Array], name: str) -> bool:
     return name in signals and bool(np.isfinite(signals[name]).any())
 
 
@@ -259,4 +257,4 @@ def _instrument(recording: Recording) -> Instrument | None:
         inst = recording.instrument()
     except (InstrumentError, RecordingError):
         return None
-    return inst.axis(inst.axes[0]) if inst.axes[1:] else inst
+    return inst.planar[0]

@@ -1,14 +1,17 @@
-"""A recording made by others, in SI units, and where published ones come from."""
+"""A measured run in SI units, where published ones come from, and the names by which several are kept apart."""
 
 import hashlib
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import os
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.signals import Array
+from tenodesis.run import Array
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,7 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredRun:
     """One recording: columns in SI units by name over one strictly increasing clock."""
 
     name: str
@@ -69,7 +72,47 @@ class Measured:
         return float(np.median(np.diff(self.time)))
 
 
+_MeasuredRun = TypeVar("_MeasuredRun", bound=MeasuredRun)
+
+
 def checksum(path: Path) -> str:
     """Return the SHA-256 of a file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def distinct_names(paths: Sequence[Path]) -> list[str]:
+    """Return the shortest end of each path that no other path has."""
+    parts = [Path(os.path.abspath(path)).parts for path in paths]  # noqa: PTH100 - a link keeps the name it was given
+    depths = [1] * len(parts)
+    while True:
+        names = ["/".join(part[-depth:]) for part, depth in zip(parts, depths, strict=True)]
+        seen = Counter(names)
+        longer = [
+            depth + 1 if seen[name] > 1 and depth < len(part) else depth
+            for name, part, depth in zip(names, parts, depths, strict=True)
+        ]
+        if longer == depths:
+            return names
+        depths = longer
+
+
+def load_all(load: Callable[[Path], _MeasuredRun], paths: Sequence[Path]) -> list[_MeasuredRun]:
+    """Return the recordings of several files, each under a name of its own.
+
+    Raises
+    ------
+    IdentificationError
+        One of them cannot be used.
+    """
+    return [_named(load, path, name) for path, name in zip(paths, distinct_names(paths), strict=True)]
+
+
+def _named(load: Callable[[Path], _MeasuredRun], path: Path, name: str) -> _MeasuredRun:
+    try:
+        return replace(load(path), name=name)
+    except IdentificationError as problem:
+        sentence = str(problem)
+        if path.name and sentence.startswith(path.name):
+            raise IdentificationError(name + sentence.removeprefix(path.name)) from None
+        raise

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.formats.measured import Measured, Source
-from tenodesis.quantity import STANDARD_GRAVITY
-from tenodesis.signals import Array
+from tenodesis.identification.formats.measured import MeasuredRun, Source
+from tenodesis.run import Array
+from tenodesis.units import STANDARD_GRAVITY
 
 LEAST_SAMPLES = 200
 MOST_CORRUPT = 0.02
@@ -40,7 +40,7 @@ _OFFSET, _OFFSET_SHARE = 0.05, 0.1
 _MOVES = 0.1
 """Share of its spread by which a column moves."""
 _MIDDLE = (0.05, 0.95)
-"""Quantiles that a spread is between: more corrupt values than are allowed, all on one side, do not reach it."""
+"""Quantiles that a spread is between: as many corrupt values as may be dropped do not reach it."""
 
 
 class Unit(NamedTuple):
@@ -52,12 +52,12 @@ class Unit(NamedTuple):
     least: float
     most: float
     """Plausible spread of the column in this unit."""
-    whole: bool | None = None
-    """Whether values are whole numbers (True: counts), never all whole (False: physical), or either (None)."""
+    integer: bool | None = None
+    """Whether values are integers (True: counts), never all integers (False: physical), or either (None)."""
 
 
 class Raw:
-    """Rows of one file on their way to `Measured`: every check may drop rows and leaves a note."""
+    """Rows of one file on their way to `MeasuredRun`: every check may drop rows and leaves a note."""
 
     def __init__(self, name: str, time: ArrayLike, columns: Mapping[str, ArrayLike]) -> None:
         self.name = name
@@ -98,7 +98,7 @@ class Raw:
         self.drop(bad, f"not numbers in every column{which}")
 
     def averaged(self) -> None:
-        """Take the mean of rows that follow one another with the same time: what sensors said while it was held."""
+        """Take the mean of successive rows with the same time: what sensors read while the clock was held."""
         first = np.flatnonzero(np.concatenate([[True], np.diff(self.time) != 0])[: self.time.size])
         if first.size == self.time.size:
             return
@@ -144,9 +144,9 @@ class Raw:
     def unit(self, units: Sequence[Unit], *columns: str, advice: str = "") -> str:
         """Bring columns of one kind to SI from the unit that their magnitude shows, and return that unit's name.
 
-        All are taken to be in one unit: the column that moves most tells it. The first unit is the format's own; any
-        other is said in a note. Refused where no unit is plausible, several are, or no column moves. Plausible is
-        judged on the spread of the middle 90 % of the values, and on whether most are whole numbers.
+        All are taken to be in one unit, which the column that moves most shows. The first unit is the format's own; any
+        other is noted. Refused where no unit is plausible, several are, or no column moves. Plausible is
+        judged on the spread of the middle 90 % of the values, and on whether most are integers.
 
         Parameters
         ----------
@@ -155,24 +155,24 @@ class Raw:
         columns
             Their names.
         advice
-            What to do where magnitudes do not tell the unit.
+            What to do where magnitudes leave the unit open.
         """
         named, several = " and ".join(columns), len(columns) > 1
         spread, widest = max((spread_of(self.columns[column]), column) for column in columns)
         values = self.columns[widest]
-        whole = bool((values == np.round(values)).mean() > 0.5) if values.size else False
-        kin = [u for u in units if u.whole is None or u.whole == whole]
-        if not spread or (kin and all(spread < u.least for u in kin)):
-            least = " or ".join(f"{u.least:.3g} {u.name}" for u in kin)
+        integer = bool((values == np.round(values)).mean() > 0.5) if values.size else False
+        candidates = [u for u in units if u.integer is None or u.integer == integer]
+        if not spread or (candidates and all(spread < u.least for u in candidates)):
+            least = " or ".join(f"{u.least:.3g} {u.name}" for u in candidates)
             moves = "move by at most" if several else "moves by"
             raise self.refuse(f"no excitation: {named} {moves} {spread:.3g}, and at least {least} is needed")
-        fits = [u for u in kin if u.least <= spread <= u.most]
+        fits = [u for u in candidates if u.least <= spread <= u.most]
         if len(fits) != 1:
-            kind = "whole numbers" if whole else "fractions"
-            allowed = "; ".join(f"{u.least:.4g} to {u.most:.4g} in {u.name}" for u in units)
+            kind = "integers" if integer else "fractions"
+            ranges = "; ".join(f"{u.least:.4g} to {u.most:.4g} in {u.name}" for u in units)
             problem = "may be " + " or ".join(u.name for u in fits) if fits else "fits no unit"
             raise self.refuse(
-                f"{named} ({kind} with a spread of {spread:.4g}) {problem}; a spread may be {allowed}"
+                f"{named} ({kind} with a spread of {spread:.4g}) {problem}; a spread may be {ranges}"
                 f"{f'; {advice}' if advice else ''}"
             )
         if fits[0] is not units[0]:
@@ -193,7 +193,7 @@ class Raw:
         self.drop(np.abs(values - middle) > limit, f"outliers of {column} (over {limit:.3g} off the rows around them)")
 
     def saturated(self, column: str, least: int = 20, *, may_rest_at_zero: bool = False) -> None:
-        """Drop rows where a noisy sensor stays at its highest or lowest value, if they are at least so many.
+        """Drop rows where a noisy sensor stays at its highest or lowest value, if at least `least` of them do.
 
         It stays where it reads the same three times and more, and at least twice as long as at any other value: one
         that holds those as well is not that noisy. A slack tendon rests at zero, which is no fault of its load cell.
@@ -242,18 +242,20 @@ class Raw:
             )
 
     def gaps(self, factor: float = WIDE) -> None:
-        """Note intervals over so many times the median one; refuse the file if they take too much of its duration."""
+        """Note intervals over `factor` times the median one; refuse the file if they take too much of its duration."""
         step = np.diff(self.time)
         usual = float(np.median(step))
         wide = step > factor * usual
         if not wide.any():
             return
-        missing, whole = float(step[wide].sum()), float(self.time[-1] - self.time[0])
+        missing, duration = float(step[wide].sum()), float(self.time[-1] - self.time[0])
         first = float(self.time[:-1][wide][0])
-        said = f"{counted(int(wide.sum()), 'gap')} of {missing:.3g} s together in {whole:.3g} s, first at {first:.6g} s"
-        if missing > MOST_MISSING * whole:
-            raise self.refuse(f"{said}; at most {100 * MOST_MISSING:g} % may be missing")
-        self.note(said)
+        found = (
+            f"{counted(int(wide.sum()), 'gap')} of {missing:.3g} s together in {duration:.3g} s, first at {first:.6g} s"
+        )
+        if missing > MOST_MISSING * duration:
+            raise self.refuse(f"{found}; at most {100 * MOST_MISSING:g} % may be missing")
+        self.note(found)
 
     def enough(self, least: int = LEAST_SAMPLES) -> None:
         """Refuse fewer samples than asked for."""
@@ -268,13 +270,13 @@ class Raw:
                 f"no excitation: {column} moves by {spread:.3g} {unit}, and at least {least:.3g} {unit} is needed"
             )
 
-    def done(self, source: Source | None = None, checksum: str = "") -> Measured:
+    def done(self, source: Source | None = None, checksum: str = "") -> MeasuredRun:
         """Return the recording; the source is that of the format's published files, which this one may not be of."""
         notes = tuple(self.notes)
         published = source if source is not None and source.published(checksum) else None
         if source is not None:
             notes = (source.note(checksum), *notes)
-        return Measured(self.name, self.time, dict(self.columns), notes, published, checksum)
+        return MeasuredRun(self.name, self.time, dict(self.columns), notes, published, checksum)
 
 
 def spread_of(values: Array) -> float:

@@ -9,8 +9,8 @@ import numpy as np
 import pint
 
 from tenodesis.errors import IdentificationError
-from tenodesis.quantity import in_unit
-from tenodesis.signals import Array
+from tenodesis.run import Array
+from tenodesis.units import in_unit
 
 _HEADING = re.compile(r"\s*(?P<name>[^\[\]]*?)\s*(?:\[\s*(?P<unit>[^\]]*?)\s*\])?\s*")
 
@@ -51,7 +51,7 @@ def read_table(path: Path) -> Table:
     """
     lines = [line for line in _lines(path) if not line.startswith(("#", "%"))]
     if not lines:
-        raise IdentificationError(f"{path} is empty; allowed is a line of headings and rows of numbers.")
+        raise IdentificationError(f"{path} is empty; it must hold a line of headings and rows of numbers.")
     separator = max(",;\t", key=lines[0].count)
     try:
         headings, *rows = csv.reader(lines, delimiter=separator, skipinitialspace=True)
@@ -67,7 +67,7 @@ def heading(text: str) -> Heading:
 
 
 def scale_of(unit: str, si_unit: str, what: str) -> float:
-    """Return how many SI units one of these units is.
+    """Return the factor from a unit to an SI unit.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def scale_of(unit: str, si_unit: str, what: str) -> float:
         return in_unit(si_unit, unit)
     # pint raises whatever its tokenizer does
     except (pint.PintError, ValueError, TypeError, AttributeError, KeyError, SyntaxError, AssertionError):
-        raise IdentificationError(f"{what} is {unit!r}; allowed is a unit of the dimension of {si_unit}.") from None
+        raise IdentificationError(key=what, value=unit, allowed=f"a unit of the dimension of {si_unit}") from None
 
 
 def read_rows(

@@ -1,0 +1,5 @@
+"""The command line as `python -m tenodesis.cli`."""
+
+from tenodesis.cli.commands import main
+
+main()

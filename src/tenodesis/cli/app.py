@@ -1,0 +1,68 @@
+"""The commands as typer runs them: each is a stub until it is called."""
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from tenodesis.cli.commands import ALL, Command, Group, print_overview
+
+_DEFAULT = "list"
+
+
+class _Stub(TyperCommand):
+    """A command whose module is imported when it is called."""
+
+    def __init__(self, name: str, command: Command, hidden: bool = False) -> None:
+        super().__init__(name, help=command.help, hidden=hidden)
+        self._function = command.function
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        """Return the context of the command itself, which runs in place of this one."""
+        return built(info_name or "", load(self._function)).make_context(info_name, args, parent=parent, **extra)
+
+
+class _Commands(TyperGroup):
+    """A group of stubs; its help imports none of them."""
+
+    def __init__(self, *, group: Group = ALL, **settings: Any) -> None:
+        super().__init__(**settings | {"help": group.help, "no_args_is_help": group.default is None})
+        self._group = group
+        for name, command in group.commands.items():
+            nested = isinstance(command, Group)
+            self.commands[name] = _Commands(name=name, group=command) if nested else _Stub(name, command)
+        if group.default is not None:
+            self.commands[_DEFAULT] = _Stub(_DEFAULT, group.default, hidden=True)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Name the default command where none is."""
+        return super().parse_args(ctx, args or ([_DEFAULT] if self._group.default is not None else []))
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print the help from the table of commands."""
+        usage = " ".join([ctx.command_path, *self.collect_usage_pieces(ctx)])
+        print_overview(usage, self._group.help, self._group.commands.items())
+
+
+def load(function: str) -> Callable[..., None]:
+    """Return the function of a command, from MODULE.FUNCTION within this package."""
+    module, _, name = function.partition(".")
+    found: Callable[..., None] = getattr(import_module(f"tenodesis.cli.{module}"), name)
+    return found
+
+
+def built(name: str, function: Callable[..., None]) -> Any:
+    """Return a function as a command."""
+    alone = typer.Typer(add_completion=False)
+    alone.command(name)(function)
+    return typer.main.get_command(alone)
+
+
+app = typer.Typer(cls=_Commands, add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.callback()
+def _root() -> None:
+    """Keep the group, which has no commands of its own as typer sees it."""

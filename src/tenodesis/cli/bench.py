@@ -1,0 +1,79 @@
+"""The command that computes every figure and table of the paper: ``tenodesis bench``."""
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from tenodesis import instrument
+from tenodesis.cli.common import InstrumentFile, ProgressBar, console, table
+from tenodesis.errors import InstrumentError
+from tenodesis.paper.context import Context
+from tenodesis.paper.run import run, steps
+
+_BRIEF = (
+    r"loss\.at_\d+deg\.|tension\.slack_force|transmissibility\.straight|table1\.stiffness|table2\.(force|tension)|"
+    r"similarity\..*\.(rms|largest)$|care\.[167]|verification\.\w+\.\w+$|axes"
+)
+"""Names of the results that the summary shows; the report has all."""
+
+
+def bench(
+    instrument_file: InstrumentFile = "real-size",
+    scaled_up: Annotated[
+        str | None,
+        typer.Option(help="Its scale model: file or name. Default: scaled-up, for real-size."),
+    ] = None,
+    axis: Annotated[
+        str | None,
+        typer.Option(help="Axis to compute, where yaw and pitch have values of their own. Default: the first."),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for report, figures, curves and results.")] = Path("out"),
+) -> None:
+    """Compute every figure and table of the paper for an instrument and write out/report.html."""
+    inst = instrument.load(instrument_file)
+    if scaled_up is None and instrument_file == "real-size":
+        scaled_up = "scaled-up"
+    scaled = None if scaled_up is None else instrument.load(scaled_up)
+    if scaled is not None and scaled.joint_type != inst.joint_type:
+        raise InstrumentError(
+            f"{scaled.name} has joint_type {scaled.joint_type}, {inst.name} {inst.joint_type}; a scale model must "
+            "be of the same joint type.",
+            key="joint_type",
+            value=scaled.joint_type,
+            allowed=inst.joint_type,
+        )
+    if axis is not None or inst.overrides:
+        inst = inst.axis(axis or inst.axes[0])
+    done, total = 0, steps(inst, scaled)
+    with ProgressBar("") as bar:
+
+        def report(name: str) -> None:
+            nonlocal done
+            done += 1
+            bar(done, total, f"{name:<16}")
+
+        context = run(inst, scaled, out, report)
+    console.print(_summary(context))
+    console.print(
+        f"Report: [bold]{out / 'report.html'}[/bold]  (figures/, curves/, recordings/ and results.json beside it)"
+    )
+
+
+def _summary(context: Context) -> Table:
+    """Return the most important results, beside those that the paper prints."""
+    summary = table(f"{escape(context.inst.name)}: summary, by name in results.json")
+    summary.add_column("result", overflow="fold")
+    for heading in ("computed", "published", "residual"):
+        summary.add_column(heading, justify="right", no_wrap=True)
+    for key, result in context.results.items():
+        if not re.match(_BRIEF, key):
+            continue
+        unit = {"1": "", "deg": "°"}.get(result.unit, f" {result.unit}")
+        published = "" if result.published is None else f"{result.published.value:g}{unit}"
+        residual = "" if result.residual is None else f"{result.residual:+.2g}{unit}"
+        summary.add_row(key, f"{result.value:.5g}{unit}", published, residual)
+    return summary

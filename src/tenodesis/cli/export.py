@@ -1,0 +1,72 @@
+"""The commands that write an instrument for other programs: a controller's C header, URDF and MuJoCo."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tenodesis import control, instrument, kinematics
+from tenodesis.cli.common import InstrumentFile, Overwrite, refuse_existing, value_errors, write_errors, write_text
+from tenodesis.control.controller import ActuationName, LawName, ObserverName
+from tenodesis.instrument import Instrument
+
+Out = Annotated[Path | None, typer.Option(help="The file. Default: by the instrument's name.", show_default=False)]
+
+
+def export_controller(  # noqa: PLR0917
+    instrument_file: InstrumentFile,
+    axis: Annotated[str | None, typer.Option(help="Axis to control alone. Default: all.", show_default=False)] = None,
+    observer: Annotated[ObserverName, typer.Option(help="What estimates the tip angle.")] = "friction",
+    law: Annotated[LawName, typer.Option(help="Compensation law.")] = "robust",
+    actuation: Annotated[ActuationName, typer.Option(help="Which motors act.")] = "differential",
+    not_homed: Annotated[bool, typer.Option("--not-homed", help="The spools' zero is unknown: home first.")] = False,
+    own_clock: Annotated[bool, typer.Option("--own-clock", help="Ticks count as one period each.")] = False,
+    name: Annotated[
+        str | None, typer.Option(help="Of the constant in C. Default: the instrument's.", show_default=False)
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="The file. Default: NAME.h.", show_default=False)] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Write a controller's parameters as a C header, for tenodesis_init."""
+    inst = instrument.load(instrument_file)
+    if axis is not None:
+        inst = inst.axis(axis)
+    name = control.identifier(inst.name) if name is None else name
+    path = Path(f"{name}.h") if out is None else out
+    refuse_existing([path], overwrite)
+    with value_errors(), write_errors(path):
+        control.export_header(
+            inst,
+            path,
+            name,
+            observer=observer,
+            law=law,
+            actuation=actuation,
+            homed=not not_homed,
+            own_clock=own_clock,
+            source=instrument_file,
+        )
+    axes = " and ".join(inst.axes)
+    typer.echo(f"{path}: {name}, the controller of {inst.name} ({axes}), for tenodesis_init.")
+
+
+def export_urdf(instrument_file: InstrumentFile, out: Out = None, overwrite: Overwrite = False) -> None:
+    """Write an instrument as a URDF robot: links, joints, mimics; no tendons. The file says what it does not carry."""
+    _export(instrument_file, kinematics.urdf, ".urdf", out, overwrite)
+
+
+def export_mjcf(instrument_file: InstrumentFile, out: Out = None, overwrite: Overwrite = False) -> None:
+    """Write an instrument as a MuJoCo model: bodies, tied joints, tendons. The file says what it does not carry."""
+    _export(instrument_file, kinematics.mjcf, ".xml", out, overwrite)
+
+
+def _export(
+    source: str, writer: Callable[[Instrument], str], extension: str, out: Path | None, overwrite: bool
+) -> None:
+    inst = instrument.load(source)
+    path = Path(f"{inst.name.replace(' ', '-').replace('/', '-')}{extension}") if out is None else out
+    refuse_existing([path], overwrite)
+    write_text(path, writer(inst))
+    axes = " and ".join(inst.axes)
+    typer.echo(f"{path}: {inst.name} ({axes}); its first lines say what the format does not carry.")

@@ -1,0 +1,243 @@
+"""The command that finds a model's parameters in recordings."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.markup import escape
+
+from tenodesis import instrument
+from tenodesis.cli.common import ProgressBar, check_choice, check_outputs, console, say, table, write_errors, write_text
+from tenodesis.errors import CommandError
+from tenodesis.identification import report
+from tenodesis.identification.figures import axis_label
+from tenodesis.identification.fit import LEAST_REPLICATES, STARTS, fit
+from tenodesis.identification.formats import MeasuredRun, load_all
+from tenodesis.identification.goodness import unexplained, worse_held_out
+from tenodesis.identification.problem import Problem, WithGroups
+from tenodesis.identification.registry import FORMATS
+from tenodesis.identification.results import Fit, to_json
+from tenodesis.identification.split import LEAST_SHARE, FittedPart, split
+from tenodesis.identification.uncertainty import LossName
+
+_BEND = "sheath_bend"
+
+
+def identify(  # noqa: PLR0917
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help="Recordings to fit.")],
+    format_name: Annotated[str, typer.Option("--format", help=f"{', '.join(FORMATS)}.")] = "mcap",
+    test: Annotated[list[Path] | None, typer.Option(metavar="FILE", help="Recording held out; repeatable.")] = None,
+    train_until: Annotated[
+        float | None,
+        typer.Option(metavar="SHARE", help="Fit this share of each LOG's duration, hold out what follows."),
+    ] = None,
+    train_from: Annotated[
+        float | None,
+        typer.Option(metavar="SHARE", help="Fit each LOG from this share of its duration on, hold out what is before."),
+    ] = None,
+    parameters: Annotated[
+        str | None,
+        typer.Option("--fit", metavar="NAMES", help="Parameters or groups: friction,stiffness. Default: all."),
+    ] = None,
+    instrument_file: Annotated[
+        str | None,
+        typer.Option("--instrument", metavar="INSTRUMENT", help="Where values start: file or shipped name."),
+    ] = None,
+    law: Annotated[
+        str | None,
+        typer.Option(help="Friction law; each format has its own choice. Default: the format's.", show_default=False),
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Parameters, intervals and errors go there as well.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for report.html, result.json and instrument.toml.")] = Path(
+        "out/identification"
+    ),
+    starts: Annotated[
+        int, typer.Option(help="Starts of the search, the first from the file's or the model's values.", min=1)
+    ] = STARTS,
+    bootstrap: Annotated[
+        int, typer.Option(help=f"Replicates of a block bootstrap, at least {LEAST_REPLICATES}; 0 for none.", min=0)
+    ] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of starts and bootstrap.", min=0)] = 0,
+    loss: Annotated[
+        LossName | None,
+        typer.Option(help="soft_l1 against outliers. Default: the format's.", show_default=False),
+    ] = None,
+) -> None:
+    """Identify a model from recordings: parameters with intervals, errors on held-out runs, and the instrument file."""
+    tests = test or []
+    _check_files(logs, tests)
+    outputs = [("--out", out / name) for name in (report.PAGE, report.NUMBERS, report.INSTRUMENT)]
+    outputs += [] if json_file is None else [("--json", json_file)]
+    given = [] if instrument_file is None else [Path(instrument_file)]
+    check_outputs(outputs, [*logs, *tests, *given])
+    check_choice("--format", format_name, FORMATS)
+    if law is not None:
+        check_choice("--law", law, FORMATS[format_name].laws)
+    if 0 < bootstrap < LEAST_REPLICATES:
+        raise CommandError(key="--bootstrap", value=bootstrap, allowed=f"0 for none, or at least {LEAST_REPLICATES}")
+    share, part = _split(train_until, train_from)
+    inst = None if instrument_file is None else instrument.load(instrument_file)
+    kind = FORMATS[format_name]
+    chosen = law or kind.law
+    measured = load_all(kind.load, [*logs, *tests])
+    _check_different(measured)
+
+    def build(train: Sequence[MeasuredRun], held_out: Sequence[MeasuredRun]) -> Problem:
+        return kind.problem(train, held_out, law=chosen, instrument=inst)
+
+    count = len(logs)
+    if share is None:
+        problem = build(measured[:count], measured[count:])
+    else:
+        problem = split(measured[:count], measured[count:], share, part, build)
+    with ProgressBar("starts and replicates") as bar:
+        found = fit(
+            problem,
+            None if parameters is None else chosen_parameters(problem, parameters),
+            train=range(count),
+            test=range(count, len(problem.runs)),
+            starts=starts,
+            bootstrap=bootstrap,
+            seed=seed,
+            loss=loss or kind.loss,
+            progress=bar,
+        )
+    held_out = [one for one in found.files if one.split == "test"]
+    doubts = (*unexplained(problem, found.vector, held_out), *worse_held_out(found.files))
+    found = replace(found, warnings=(*found.warnings, *doubts))
+    notes = {one.name: one.notes for one in measured}
+    for one in measured[count:]:
+        notes[one.name] += _extrapolated(one, measured[:count])
+    runs = range(len(problem.runs))
+    written = report.write(problem, found, out, runs=runs, format=format_name, law=chosen, notes=notes)
+    if json_file is not None:
+        with write_errors(json_file):
+            json_file.parent.mkdir(parents=True, exist_ok=True)
+        write_text(json_file, report.as_text(to_json(found, format=format_name, law=chosen, notes=notes)))
+    _print_fit(found, written if json_file is None else [*written, json_file], notes)
+
+
+def chosen_parameters(problem: Problem, text: str) -> list[str]:
+    """Return the parameters that names of parameters, groups, or words within the names stand for.
+
+    Raises
+    ------
+    CommandError
+        A name stands for none.
+    """
+    names = [one.name for one in problem.parameters]
+    groups = problem.groups if isinstance(problem, WithGroups) else {}
+    found: list[str] = []
+    for word in (part.strip() for part in text.split(",")):
+        if word in names:
+            meant = [word]
+        elif word in groups:
+            meant = list(groups[word])
+        else:
+            meant = [name for name in names if word and word in name.replace(".", "_").split("_")]
+        if not meant:
+            allowed = ", ".join([*names, *(f"{group} (group)" for group in groups)])
+            raise CommandError(
+                f"--fit names {word!r}, which is no parameter of this model; it must be one of {allowed}.",
+                key="--fit",
+                value=word,
+                allowed=f"one of {allowed}",
+            )
+        found += meant
+    return list(dict.fromkeys(found))
+
+
+def _split(until: float | None, from_: float | None) -> tuple[float | None, FittedPart]:
+    """Return the share at which recordings are split, None where they are not, and which part is fitted."""
+    if until is not None and from_ is not None:
+        raise CommandError("--train-until and --train-from are both given; give one of them.")
+    share = until if from_ is None else from_
+    if share is not None and not LEAST_SHARE <= share <= 1 - LEAST_SHARE:
+        option = "--train-until" if from_ is None else "--train-from"
+        allowed = f"between {LEAST_SHARE:g} and {1 - LEAST_SHARE:g}"
+        raise CommandError(f"{option} is {share:g}; it must be {allowed}.", key=option, value=share, allowed=allowed)
+    return share, "until" if from_ is None else "from"
+
+
+def _check_files(logs: Sequence[Path], tests: Sequence[Path]) -> None:
+    seen: dict[Path, str] = {}
+    for what, paths in (("LOG", logs), ("--test", tests)):
+        for path in paths:
+            if not path.exists():
+                raise CommandError(
+                    f"{what} is {path}, which does not exist; it must be the path of a recording.", key=what, value=path
+                )
+            place = path.resolve()
+            if place in seen:
+                raise CommandError(f"{path} is given as {seen[place]} and as {what}; give it once.")
+            seen[place] = what
+
+
+def _check_different(measured: Sequence[MeasuredRun]) -> None:
+    """Refuse a copy under another name: held out it would say nothing, and fitted it would count twice."""
+    for one, other in combinations(measured, 2):
+        same_bytes = bool(one.checksum) and one.checksum == other.checksum
+        same_columns = one.columns.keys() == other.columns.keys() and np.array_equal(one.time, other.time)
+        if same_bytes or (same_columns and all(np.array_equal(one[name], other[name]) for name in one.columns)):
+            raise CommandError(f"{one.name} and {other.name} hold the same samples; give a recording once.")
+
+
+def _extrapolated(one: MeasuredRun, trained: Sequence[MeasuredRun]) -> tuple[str, ...]:
+    """Return a note where a held-out recording was made at a bend of the sheath beyond those of the fitted ones."""
+    if _BEND not in one.columns:
+        return ()
+    bend, bends = (float(np.degrees(one[_BEND][0])), [float(np.degrees(other[_BEND][0])) for other in trained])
+    if min(bends) <= bend <= max(bends):
+        return ()
+    told = f"{min(bends):.4g}" if min(bends) == max(bends) else f"{min(bends):.4g} to {max(bends):.4g}"
+    return (f"held out at a sheath bend of {bend:.4g} deg, fitted at {told} deg: extrapolation",)
+
+
+def _print_fit(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, ...]]) -> None:
+    for names, sentence in report.grouped(notes):
+        say(f"{names}: {sentence}.")
+    _print_parameters(found)
+    keys = list(dict.fromkeys(key for one in found.files for key in one.rmse))
+    errors = table("rmse, measured minus model")
+    errors.add_column("run", overflow="fold")
+    errors.add_column("use")
+    for key in keys:
+        errors.add_column(escape(axis_label(key)), justify="right")
+    for run in found.files:
+        values = (f"{run.rmse[key]:.4g}" if key in run.rmse else "" for key in keys)
+        errors.add_row(escape(run.name), "fitted" if run.split == "train" else "held out", *values)
+    for name, rmse in (("fitted", found.train_rmse), ("held out", found.test_rmse)):
+        if rmse:
+            errors.add_row("all", name, *(f"{rmse[key]:.4g}" if key in rmse else "" for key in keys))
+    console.print(errors)
+    for sentence in (*found.identifiability.statements, *found.warnings):
+        say(sentence)
+    say(
+        f"{found.same_optimum} of {found.starts} starts came to this optimum; {found.evaluations} evaluations in "
+        f"{found.seconds:.3g} s."
+    )
+    say(f"Written: {', '.join(str(path) for path in written)}")
+
+
+def _print_parameters(found: Fit) -> None:
+    parameters = table("parameters", padding=(0, 1, 0, 0))
+    parameters.add_column("parameter", no_wrap=True)
+    parameters.add_column("value", justify="right", no_wrap=True)
+    parameters.add_column("unit", no_wrap=True)
+    for heading in ("95 % interval", "bootstrap") if found.bootstrap else ("std", "95 % interval"):
+        parameters.add_column(heading, justify="right", min_width=9 if heading != "std" else None)
+    parameters.add_column("identifiable", min_width=4)
+    for one in (one for one in found.parameters if one.name in found.free):
+        row = report.shown(found, one)
+        spread = (row.interval, row.bootstrap) if found.bootstrap else (row.std, row.interval)
+        parameters.add_row(one.name, row.value, row.unit, *spread, row.identifiable)
+    console.print(parameters)
+    held = [one.name for one in found.parameters if one.name not in found.free]
+    if held:
+        say(f"Held: {', '.join(held)}.")

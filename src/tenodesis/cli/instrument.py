@@ -1,0 +1,43 @@
+"""The commands about instrument files: check one, and the schemas of all kinds of files."""
+
+import json
+from typing import Annotated, Literal, TypeAlias
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from tenodesis import instrument
+from tenodesis.cli.common import InstrumentFile, console
+
+Kind: TypeAlias = Literal["instrument", "catalogue", "tolerances"]
+
+
+def schema(
+    kind: Annotated[Kind, typer.Argument(metavar="KIND", help="Kind of file: instrument, catalogue or tolerances.")] = (
+        "instrument"
+    ),
+) -> None:
+    """Print the JSON schema of a kind of file, for editors that complete and check TOML."""
+    from tenodesis import scaling, tolerance  # noqa: PLC0415 - instrument files do without them
+
+    schemas = {
+        "instrument": instrument.json_schema,
+        "catalogue": scaling.json_schema,
+        "tolerances": tolerance.json_schema,
+    }
+    typer.echo(json.dumps(schemas[kind](), indent=2, ensure_ascii=False))
+
+
+def check(instrument_file: InstrumentFile) -> None:
+    """Check an instrument file and print its values in SI units."""
+    inst: instrument.Instrument = instrument.load(instrument_file)
+    title = f"{escape(inst.name)}: {inst.joint_type}, {' and '.join(inst.axes)}"
+    values = Table("key", "value", "source", title=title)
+    for key, value, quantity in inst.quantities():
+        values.add_row(key, f"{value:.6g} {quantity.unit}", escape(inst.sources.get(key, "")))
+    for axis, own in inst.overrides.items():
+        for key, value, quantity in inst.axis(axis).quantities():
+            if key in own:
+                values.add_row(f"{axis}: {key}", f"{value:.6g} {quantity.unit}", "")
+    console.print(values)

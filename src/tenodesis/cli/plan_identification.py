@@ -1,0 +1,106 @@
+"""The command that proposes a bench protocol for an identification."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from tenodesis import instrument
+from tenodesis.cli.common import InstrumentFile, ProgressBar, check_outputs, console, quantity, say, table
+from tenodesis.identification.experiment import DURATION, OPTIMISTIC, Plan, plan, report
+from tenodesis.identification.experiment.choice import CriterionName
+from tenodesis.units import Duration, PositiveForce
+
+_NONE = "none"
+
+
+def plan_identification(  # noqa: PLR0917
+    instrument_file: InstrumentFile,
+    want: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES",
+            help="Parameters or groups. Default: friction,stiffness,pretension.",
+            show_default=False,
+        ),
+    ] = None,
+    duration: Annotated[str, typer.Option(help="How long the protocol may last.")] = f"{DURATION:g} s",
+    without_distal_encoder: Annotated[
+        bool, typer.Option("--without-distal-encoder", help="The bench has no encoder at the tip.")
+    ] = False,
+    forces: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FORCES",
+            help='Known forces at the tip, "0.5 N,1 N", or none. Default: shares of the slack limit.',
+            show_default=False,
+        ),
+    ] = None,
+    law: Annotated[str | None, typer.Option(help="Friction law. Default: the file's.", show_default=False)] = None,
+    criterion: Annotated[CriterionName, typer.Option(help="D: confidence region; A: sum of variances.")] = "D",
+    axis: Annotated[str | None, typer.Option(help="Axis to plan for. Default: the first.", show_default=False)] = None,
+    out: Annotated[Path, typer.Option(help="Folder for protocol.toml, plan.html, plan.svg and plan.json.")] = Path(
+        "out/plan-identification"
+    ),
+) -> None:
+    """Propose the bench protocol that makes parameters identifiable, and predict how well they will be known."""
+    inst = instrument.load(instrument_file)
+    if axis is not None:
+        inst = inst.axis(axis)
+    names = (report.PROTOCOL, report.PAGE, report.FIGURE, report.NUMBERS)
+    check_outputs([("--out", out / name) for name in names], [Path(instrument_file)])
+    seconds = quantity("--duration", duration, Duration)
+    loads = None if forces is None else _forces(forces)
+    with ProgressBar("protocols tried") as bar:
+        found = plan(
+            inst,
+            None if want is None else [word.strip() for word in want.split(",") if word.strip()],
+            duration=seconds,
+            distal_encoder=not without_distal_encoder,
+            forces=loads,
+            law=law,
+            criterion=criterion,
+            progress=bar,
+        )
+    written = report.write(found, out)
+    _print_plan(found)
+    say(f"Written: {', '.join(str(path) for path in written)}")
+    alone = "" if axis is None else f" --axis {axis}"
+    say(f"Record: tenodesis record {out / report.PROTOCOL} {instrument_file}{alone} --out LOG.mcap")
+    say(
+        f"Identify: tenodesis identify LOG.mcap --instrument {instrument_file} --law {found.law} --fit "
+        f"{','.join(found.open)}"
+    )
+
+
+def _forces(text: str) -> list[float]:
+    if text.strip() == _NONE:
+        return []
+    return [quantity("--forces", part.strip(), PositiveForce) for part in text.split(",")]
+
+
+def _print_plan(found: Plan) -> None:
+    title = f"{escape(found.inst.name)}: proposed protocol, {found.proposed.seconds:.4g} s"
+    blocks = table(title)
+    for heading in ("begins [s]", "lasts [s]"):
+        blocks.add_column(heading, justify="right")
+    blocks.add_column("block", overflow="fold")
+    for block in found.blocks:
+        blocks.add_row(f"{block.begins:.2f}", f"{block.seconds:.2f}", escape(block.candidate.name))
+    console.print(blocks)
+    intervals = table("predicted 95 % intervals, all parameters open; times as wide by the others")
+    intervals.add_column("wanted", no_wrap=True)
+    for heading in ("file", "half width"):
+        intervals.add_column(heading, justify="right", no_wrap=True)
+    for one in found.baselines:
+        intervals.add_column(one.name, justify="right", overflow="fold")
+    intervals.add_column("")
+    for name in found.wanted:
+        ratios = (report.ratio(found, one, name) for one in found.baselines)
+        intervals.add_row(
+            name, *report.shown(found, name), *ratios, "" if found.identifiable(name) else "not identifiable"
+        )
+    console.print(intervals)
+    for sentence in (*dict.fromkeys(found.unidentifiable.values()), *found.warnings, OPTIMISTIC):
+        say(sentence)

@@ -1,0 +1,274 @@
+"""The commands about recordings: make one, look at it, run it again, export it."""
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from tenodesis import instrument, simulate
+from tenodesis import twin as twins
+from tenodesis.cli.common import (
+    InstrumentFile,
+    Overwrite,
+    ProgressBar,
+    console,
+    file_size,
+    quantity,
+    refuse_existing,
+    say,
+    table,
+    value_errors,
+    write_errors,
+)
+from tenodesis.control import Controller
+from tenodesis.control.controller import ActuationName, LawName, ObserverName
+from tenodesis.errors import CommandError
+from tenodesis.instrument import Instrument
+from tenodesis.live import account
+from tenodesis.recording import Recording, tables
+from tenodesis.recording.replay import Replay
+from tenodesis.recording.replay import replay as run_again
+from tenodesis.recording.simulation import record as record_run
+from tenodesis.recording.summary import describe, outcome
+from tenodesis.run import Run
+from tenodesis.units import Duration, in_unit
+
+
+def record(  # noqa: PLR0917
+    protocol_file: Annotated[
+        str, typer.Argument(metavar="PROTOCOL", help="Protocol file, or the name of one that is shipped.")
+    ],
+    instrument_file: InstrumentFile = "scaled-up",
+    out: Annotated[
+        Path | None,
+        typer.Option(help="The file. Default: recordings/PROTOCOL-INSTRUMENT[-LAW].mcap.", show_default=False),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 0,
+    time_step: Annotated[str, typer.Option(help="Time step, with its unit.")] = f"{twins.TIME_STEP * 1e3:g} ms",
+    quasi_static: Annotated[bool, typer.Option("--quasi-static", help="Leave inertia and damping out.")] = False,
+    overwrite: Overwrite = False,
+    axis: Annotated[str | None, typer.Option(help="Axis to run alone. Default: all.", show_default=False)] = None,
+    law: Annotated[
+        LawName | None,
+        typer.Option(help="Compensation law of a controller in the loop. Default: no controller.", show_default=False),
+    ] = None,
+    observer: Annotated[
+        ObserverName | None,
+        typer.Option(help="What estimates the tip angle for the controller. Default: friction.", show_default=False),
+    ] = None,
+    actuation: Annotated[
+        ActuationName | None, typer.Option(help="Which motors act. Default: differential.", show_default=False)
+    ] = None,
+    controller_instrument: Annotated[
+        str | None,
+        typer.Option(
+            metavar="INSTRUMENT",
+            help="Instrument that the controller assumes: file or name. Default: INSTRUMENT.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Run a protocol on the twin of an instrument and record it, with --law under a controller.
+
+    A protocol that begins with a pretension phase finds slack tendons, which a controller homes.
+    """
+    inst = instrument.load(instrument_file)
+    assumed = inst if controller_instrument is None else instrument.load(controller_instrument)
+    if axis is not None:
+        inst, assumed = inst.axis(axis), assumed.axis(axis)
+    protocol = simulate.load(protocol_file)
+    step = quantity("--time-step", time_step, Duration)
+    with value_errors():
+        protocol.plan(inst, step)
+        controller = _controller(
+            assumed, inst, protocol, step, law=law, observer=observer, actuation=actuation, other=controller_instrument
+        )
+    path = _default_path(protocol_file, instrument_file, law) if out is None else out
+    refuse_existing([path], overwrite)
+    with value_errors(), _progress(path) as progress:
+        run = record_run(
+            inst,
+            protocol,
+            path,
+            controller=controller,
+            time_step=step,
+            seed=seed,
+            quasi_static=quasi_static,
+            overwrite=overwrite,
+            progress=progress,
+        )
+    say(f"{path}: {protocol.name} on {inst.name}, {run.time[-1]:.6g} s, {len(run)} rows, {file_size(path)}.")
+    _print_outcome(run, inst)
+
+
+def info(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings.")],
+) -> None:
+    """Print what recordings hold: what made them, their topics, their signals' ranges, and what happened besides."""
+    for file in files:
+        recording = Recording.open(file)
+        if files[1:]:
+            console.rule(escape(str(file)))
+        console.print(describe(recording))
+        events = account.describe(recording)
+        if events is not None:
+            console.print(events)
+
+
+def replay(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording.")],
+    instrument_file: Annotated[
+        str | None,
+        typer.Option("--instrument", metavar="INSTRUMENT", help="Instrument file or shipped name. Default: recorded."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Recording to write the replay to.", show_default=False)] = None,
+    plot: Annotated[Path | None, typer.Option(help="Figure to draw: PNG, SVG or PDF.", show_default=False)] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Run a recording's commands again and print how the twin differs from the recording."""
+    if out is not None:
+        refuse_existing([out], overwrite)
+    recording = Recording.open(file)
+    inst = None if instrument_file is None else instrument.load(instrument_file)
+    with value_errors():
+        again = run_again(recording, inst)
+    if recording.damage is not None:
+        say(recording.damage)
+    _print_differences(again)
+    if not again.exact:
+        _print_outcome(again.run, again.inst)
+    if out is not None:
+        again.write(out, overwrite=overwrite)
+        say(f"{out}: the replay, {again.run.time[-1]:.6g} s, {len(again.run)} rows, {file_size(out)}.")
+    if plot is not None:
+        from tenodesis.report.replay import plot as draw  # noqa: PLC0415
+
+        draw(again, plot)
+        say(f"{plot}: recorded and replayed output angles and tensions.")
+
+
+def export_recording(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording.")],
+    to: Annotated[Path, typer.Option(help="Table to write: .csv or .parquet.")],
+) -> None:
+    """Write a recording's signals as a table, with a column for each signal of each axis or tendon, in SI units."""
+    writers = {".csv": tables.to_csv, ".parquet": tables.to_parquet}
+    if to.suffix not in writers:
+        raise CommandError(
+            f"{to} has the extension {to.suffix!r}; it must be one of {', '.join(writers)}.",
+            key="--to",
+            value=to,
+            allowed=f"a file with one of the extensions {', '.join(writers)}",
+        )
+    recording = Recording.open(file)
+    writers[to.suffix](recording.run, to)
+    if recording.damage is not None:
+        say(recording.damage)
+    say(f"{to}: {len(recording.run)} rows, {file_size(to)}.")
+
+
+def _controller(
+    assumed: Instrument,
+    inst: Instrument,
+    protocol: simulate.Protocol,
+    time_step: float,
+    *,
+    law: LawName | None,
+    observer: ObserverName | None,
+    actuation: ActuationName | None,
+    other: str | None,
+) -> Controller | None:
+    """Return the controller of an assumed instrument, with a tick per sample; homed unless it finds slack tendons."""
+    if law is None:
+        given = {"--observer": observer, "--actuation": actuation, "--controller-instrument": other}
+        for option, text in given.items():
+            if text is not None:
+                raise CommandError(f"{option} is {text!r}, but there is no controller without --law.", key=option)
+        return None
+    controller = Controller(
+        assumed,
+        observer or "friction",
+        law,
+        actuation or "differential",
+        homed=not isinstance(protocol.phases[0], simulate.Pretension),
+        period=max(time_step, 1 / inst.sensors.sampling_rate),
+    )
+    controller.check_instrument(inst)
+    return controller
+
+
+def _print_outcome(run: Run, inst: Instrument) -> None:
+    """Print what came of a run if it had a controller."""
+    for about, fact in outcome(run, inst).items():
+        say(f"{about}: {fact}.")
+
+
+def _default_path(protocol_file: str, instrument_file: str, law: str | None) -> Path:
+    folder = Path("recordings")
+    with write_errors(folder):
+        folder.mkdir(exist_ok=True)
+    parts = (Path(protocol_file).stem, Path(instrument_file).stem, *(() if law is None else (law,)))
+    return folder / f"{'-'.join(parts)}.mcap"
+
+
+@contextmanager
+def _progress(path: Path) -> Iterator["_Interruptible"]:
+    """Show the progress of a run, and let Ctrl-C end it between two blocks."""
+    with ProgressBar("", " s") as bar:
+        shown = _Interruptible(bar)
+        before = signal.signal(signal.SIGINT, shown.interrupt)
+        try:
+            yield shown
+        except KeyboardInterrupt:
+            raise CommandError(f"interrupted; {_recorded(path)}.") from None
+        except ValueError as problem:
+            if not shown.called:
+                raise
+            raise CommandError(f"{str(problem).rstrip('.')}; {_recorded(path)}.") from problem
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+
+def _recorded(path: Path) -> str:
+    """Return in words what an interrupted recording holds."""
+    run = Recording.open(path).run
+    return f"{path} holds the run up to there, {run.time[-1] if len(run) else 0:.6g} s, {len(run)} rows"
+
+
+class _Interruptible:
+    """Progress of a run, whose next report ends the run after an interrupt."""
+
+    def __init__(self, bar: ProgressBar) -> None:
+        self._bar, self._interrupted, self.called = bar, False, False
+
+    def interrupt(self, *_: object) -> None:
+        self._interrupted = True
+
+    def __call__(self, done: float, total: float) -> None:
+        self.called = True
+        if self._interrupted:
+            raise KeyboardInterrupt
+        self._bar(done, total)
+
+
+def _print_differences(again: Replay) -> None:
+    """Print whether a replay is the same to the last bit, or by how much it differs."""
+    recording, rows = again.recording, len(again.run)
+    if again.exact:
+        say(f"{recording.path}: replayed bit by bit on {again.inst.name}, {again.run.time[-1]:.6g} s, {rows} rows.")
+        return
+    differences = table(
+        f"{escape(str(recording.path))}: replay on {escape(again.inst.name)}, difference to the recording"
+    )
+    differences.add_column("signal")
+    for heading in ("rms", "largest", "unit"):
+        differences.add_column(heading, justify="left" if heading == "unit" else "right")
+    for name, difference in again.differences().items():
+        unit = "deg" if difference.unit == "rad" else difference.unit
+        factor = in_unit(unit, difference.unit)
+        differences.add_row(name, f"{difference.rms * factor:.3g}", f"{difference.largest * factor:.3g}", unit)
+    console.print(differences)

@@ -1,0 +1,201 @@
+"""The command that designs a scale model: ``tenodesis scale``."""
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.markup import escape
+
+from tenodesis import instrument, scaling
+from tenodesis.cli.common import (
+    Overwrite,
+    ProgressBar,
+    console,
+    refuse_existing,
+    say,
+    table,
+    value_errors,
+    write_errors,
+)
+from tenodesis.errors import CommandError
+from tenodesis.extras import require
+from tenodesis.files import atomic_files
+from tenodesis.instrument import Instrument
+from tenodesis.instrument.text import to_file
+from tenodesis.report import style
+from tenodesis.scaling import Catalogue, Design, Front, Objectives, figures, plan
+from tenodesis.scaling.design import PREFERENCES, Preference
+from tenodesis.scaling.sweep import Progress as Report
+
+_SHOWN = 10
+_TRIED = 20
+_HEADING = """Scale model of {}, designed by tenodesis scale; plan.html says what to build and to hang.
+The tip's inertia and damping, and the ropes' true modulus, are to be measured once it stands."""
+
+
+def scale(  # noqa: PLR0917
+    instrument_file: Annotated[
+        str,
+        typer.Argument(metavar="INSTRUMENT", help="The real-size instrument: file, or name of one that is shipped."),
+    ] = "real-size",
+    catalogue: Annotated[
+        list[str] | None,
+        typer.Option(
+            help=f"Parts and constraints: file, or one of {', '.join(scaling.shipped())}; several are merged in order. "
+            "Default: standard.",
+            show_default=False,
+        ),
+    ] = None,
+    factor: Annotated[
+        float | None, typer.Option(help="Scaled-up over real-size distal radius. Default: free.", show_default=False)
+    ] = None,
+    pin: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=VALUE",
+            help=f"Fix a choice, as in --pin 'overall_length=1 m': {', '.join(scaling.PINS)}.",
+            show_default=False,
+        ),
+    ] = None,
+    prefer: Annotated[Preference, typer.Option(help="Which design of the front to take: the best in this.")] = (
+        "similarity"
+    ),
+    pick: Annotated[
+        int | None, typer.Option(help="Row of front.csv to take instead, from 1 on.", show_default=False)
+    ] = None,
+    combinations: Annotated[
+        int,
+        typer.Option(
+            help="About how many scale models to judge, first over all parts, then over lengths of the good ones."
+        ),
+    ] = scaling.COMBINATIONS,
+    out: Annotated[Path, typer.Option(help="Folder for instrument file, plan and front.")] = Path("prototype"),
+    overwrite: Overwrite = False,
+) -> None:
+    """Design a scale model of an instrument from stock parts: instrument file, test plan, and how similar it is."""
+    for module in ("moocore", "typst"):
+        require(module, "design")
+    model = instrument.load(instrument_file)
+    parts = scaling.load(*(catalogue or ()))
+    pins = _pins(factor, pin or [])
+    files = ["scaled-up.toml", "plan.html", "plan.pdf", "front.csv", "front.svg", "front.png"]
+    refuse_existing([out / file for file in files], overwrite)
+    with ProgressBar("", None) as bar:
+
+        def report(doing: str, done: int, total: int) -> None:
+            bar(done, total, f"{doing:<20}")
+
+        front = _front(model, parts, pins, combinations, report)
+        chosen, design = _chosen(front, prefer, pick)
+        free = _front(model, parts, {}, combinations, report) if pins else None
+        report("writing the plan", 0, 1)
+        _write(out, files, front, design, free)
+        report("writing the plan", 1, 1)
+    _print_front(front, chosen, design, free)
+    picture = "a picture of the front without pins" if pins else "its picture"
+    say(f"{out / files[0]}, {out / 'plan.html'}, {out / 'plan.pdf'}, {out / 'front.csv'} and {picture} are written.")
+
+
+def _pins(factor: float | None, pins: Sequence[str]) -> dict[str, Any]:
+    given: dict[str, str] = {}
+    for pin in pins:
+        key, equals, value = pin.partition("=")
+        if not equals or not key.strip() or not value.strip():
+            raise CommandError(key="--pin", value=pin, allowed="KEY=VALUE, like 'overall_length=1 m'")
+        if key.strip() in given:
+            raise CommandError(f"--pin names {key.strip()} twice; name it once.")
+        given[key.strip()] = value.strip()
+    if factor is not None and "factor" in given:
+        raise CommandError(f"--factor is {factor:g} and --pin names factor as well; give one of them.")
+    return scaling.parse_pins(given, file=True) | ({} if factor is None else scaling.parse_pins({"factor": factor}))
+
+
+def _front(model: Instrument, parts: Catalogue, pins: dict[str, Any], combinations: int, report: Report) -> Front:
+    with value_errors():
+        return scaling.design(model, parts, pins=pins, combinations=combinations, progress=report)
+
+
+def _chosen(front: Front, prefer: Preference, pick: int | None) -> tuple[int, Design]:
+    """Return the index of the design to take, and the design: the first whose test forces can be hung."""
+    if pick is not None:
+        if not 1 <= pick <= len(front):
+            raise CommandError(key="--pick", value=pick, allowed=f"a row of the front, from 1 to {len(front)}")
+        return pick - 1, front[pick - 1]
+    problems = []
+    for index in front.ranked(prefer)[:_TRIED]:
+        try:
+            return index, front[index]
+        except scaling.DesignError as problem:
+            problems.append(problem)
+    raise problems[0]
+
+
+def _write(out: Path, files: Sequence[str], front: Front, design: Design, free: Front | None) -> None:
+    """Write everything beside its place first, and move it there when all of it is written."""
+    with write_errors(out), atomic_files(out) as new:
+        (new / files[0]).write_text(to_file(design.scaled_up, comment=_HEADING.format(design.real_size.name)), "utf-8")
+        plan.write(design, new)
+        _write_front(front, new / "front.csv")
+        _draw_front(free or front, design.objectives, new)
+
+
+def _write_front(front: Front, path: Path) -> None:
+    table = {"row": list(range(1, len(front) + 1)), **front.table()}
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(table)
+        for row in zip(*table.values(), strict=True):
+            writer.writerow(f"{value:.9g}" if isinstance(value, float) else value for value in row)
+
+
+def _draw_front(front: Front, chosen: Objectives, folder: Path) -> None:
+    with style.applied():
+        figure = figures.draw_front(front, {"this design": chosen})
+        figure.savefig(folder / "front.svg", metadata={"Date": None}, dpi=200)
+        figure.savefig(folder / "front.png", dpi=200)
+
+
+def _print_front(front: Front, chosen: int, design: Design, free: Front | None) -> None:
+    title = (
+        f"{escape(front.real_size.name)}: {front.examined} scale models judged, "
+        f"{front.feasible} meet every constraint, {len(front)} on the front"
+    )
+    designs = table(title)
+    headings = ("row", "error", "resolution", "length", "margin", "made of")
+    for heading in headings:
+        if heading == "made of":
+            designs.add_column(heading, overflow="fold")
+        else:
+            designs.add_column(heading, justify="right", no_wrap=True, min_width=len(heading) + 1)
+    for index in _representatives(front, chosen):
+        one = front.objectives[index]
+        row = [
+            str(index + 1),
+            f"{one.similarity_error:.2f}°",
+            f"{1e3 * one.force_resolution:.3g} mN",
+            f"{1e3 * one.overall_length:.4g} mm",
+            f"{one.tension_margin:.3g}",
+            escape(front.described(index)),
+        ]
+        designs.add_row(*row, style="bold" if index == chosen else None)
+    console.print(designs)
+    say(
+        "Error: largest similarity error over the working range. Resolution: least force on the real instrument. "
+        "Margin: breaking load over the largest tension."
+    )
+    factors = design.comparison.factors
+    say(
+        f"Row {chosen + 1} is taken: {design.scaled_up.name}, length x {factors['length']:.4g}, force x "
+        f"{factors['force']:.4g}, tension x {factors['tension']:.4g}; pretension {design.scaled_up.pretension:.4g} N."
+    )
+    if free is not None:
+        say(f"Without the pins, {scaling.rivals_text(free, design.objectives)}")
+
+
+def _representatives(front: Front, chosen: int) -> list[int]:
+    """Return a few designs of the front: the best by every preference, the chosen one, and some between."""
+    best = {chosen, *(front.best(prefer) for prefer in PREFERENCES)}
+    step = max(len(front) // max(_SHOWN - len(best), 1), 1)
+    return sorted(best | set(list(range(0, len(front), step))[: max(_SHOWN - len(best), 0)]))

@@ -1,0 +1,101 @@
+"""The command about tolerances: what manufacturing and identification leave open."""
+
+import time
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from tenodesis import instrument, tolerance
+from tenodesis.cli.common import ProgressBar, console, quantity, say, table
+from tenodesis.extras import require
+from tenodesis.report.content import fixed
+from tenodesis.tolerance.conduct import SAMPLES
+from tenodesis.tolerance.report import write
+from tenodesis.tolerance.results import QUANTILES
+from tenodesis.units import PositiveForce
+
+_NAMED = 3
+"""How many of the dominating parameters the table names."""
+
+
+def study_tolerances(  # noqa: PLR0917
+    real_size: Annotated[str, typer.Argument(metavar="REAL", help="Real-size instrument: file or shipped name.")],
+    scaled_up: Annotated[str, typer.Argument(metavar="SCALED", help="Scaled-up instrument: file or shipped name.")],
+    tolerances: Annotated[
+        Path | None,
+        typer.Option(help="Tolerance file. Default: ISO 2768-1 and what an identification leaves.", show_default=False),
+    ] = None,
+    samples: Annotated[
+        int, typer.Option(help="Base samples N, rounded up to a power of two; N (parameters + 2) runs.")
+    ] = SAMPLES,
+    seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
+    force: Annotated[
+        str | None,
+        typer.Option(help="Force on the real-size instrument. Default: the largest test force.", show_default=False),
+    ] = None,
+    out: Annotated[
+        Path,
+        typer.Option(help="Folder for page, figures, samples and numbers; those of an earlier study are replaced."),
+    ] = Path("out/tolerance"),
+    engine: Annotated[Literal["threads", "ray"], typer.Option(help="What runs the samples.")] = "threads",
+    address: Annotated[
+        str | None, typer.Option(help="Of the Ray cluster: host:port of its head, or auto.", show_default=False)
+    ] = None,
+) -> None:
+    """Study what tolerances do to a scale model's loss of angle and similarity, and which of them dominate."""
+    require("SALib", "design")
+    model, prototype = instrument.load(real_size), instrument.load(scaled_up)
+    given = None if tolerances is None else tolerance.load(tolerances)
+    newton = None if force is None else quantity("--force", force, PositiveForce)
+    begun = time.monotonic()
+    with ProgressBar("samples") as bar:
+        study = tolerance.study(
+            model,
+            prototype,
+            given,
+            samples=samples,
+            seed=seed,
+            force=newton,
+            engine=engine,
+            address=address,
+            progress=bar,
+        )
+    took = time.monotonic() - begun
+    write(study, out)
+    console.print(_distributions(study))
+    console.print(_dominating(study))
+    for statement in study.statements:
+        say(statement)
+    console.print(f"{study.runs} runs in {took:.3g} s, {study.runs / took:.0f} a second.", highlight=False)
+    console.print(
+        f"Page: [bold]{escape(str(out / 'tolerance.html'))}[/bold]  (figures/, samples.csv and tolerance.json)"
+    )
+
+
+def _distributions(study: tolerance.Study) -> Table:
+    names = f"{escape(study.scaled_up.name)} for {escape(study.real_size.name)}"
+    title = f"{names}, {study.force:.3g} N at real size: quantiles in deg"
+    quantiles = table(title)
+    quantiles.add_column("response", overflow="fold")
+    for heading in ("nominal", "mean", "std", *(f"{100 * share:g} %" for share in QUANTILES)):
+        quantiles.add_column(heading, justify="right", no_wrap=True)
+    for one in study.responses.values():
+        values = (one.nominal, one.mean, one.std, *(one.quantile(share) for share in QUANTILES))
+        quantiles.add_row(one.description, *(fixed(value) for value in values))
+    return quantiles
+
+
+def _dominating(study: tolerance.Study) -> Table:
+    indices = table("what dominates: total Sobol index")
+    indices.add_column("response", overflow="fold")
+    indices.add_column("parameters", overflow="fold")
+    for one in study.responses.values():
+        named = [
+            study.parameters[n].label + ("" if one.indices is None else f" {fixed(one.indices.total[n])}")
+            for n in one.order[:_NAMED]
+        ]
+        indices.add_row(one.description, escape(", ".join(named)) if one.varies else "does not vary")
+    return indices

@@ -1,0 +1,100 @@
+"""The command that carries an experiment on a scaled-up instrument to the real-size one."""
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from tenodesis import instrument
+from tenodesis.cli.common import console, refuse_existing, say, table, value_errors, warn, write_text
+from tenodesis.errors import CommandError
+from tenodesis.instrument.text import to_file
+from tenodesis.recording import Recording
+from tenodesis.scaling.transfer import Carried, carry
+from tenodesis.scaling.transfer_factors import KEYS, QUANTITY
+from tenodesis.scaling.transfer_friction import carry_friction
+
+
+def transfer(  # noqa: PLR0917
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Recording made on the scaled-up instrument.")],
+    to: Annotated[str, typer.Option(metavar="INSTRUMENT", help="Real-size instrument: file or shipped name.")],
+    out: Annotated[
+        Path | None, typer.Option(help="The file. Default: LOG-INSTRUMENT.mcap, beside LOG.", show_default=False)
+    ] = None,
+    scaled_up: Annotated[
+        str | None,
+        typer.Option(metavar="INSTRUMENT", help="What was recorded: file or name. Default: what LOG holds."),
+    ] = None,
+    instrument_out: Annotated[
+        Path | None,
+        typer.Option(help="Instrument file to write: the real-size one with the friction of the scaled-up one."),
+    ] = None,
+    time_factor: Annotated[
+        float | None, typer.Option(help="Factor of time. Default: that of the tips' swings.", show_default=False)
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that exist, but no input.")] = False,
+) -> None:
+    """Carry a recording of a scaled-up instrument to real-size units, and its friction to the real-size file."""
+    model = instrument.load(to)
+    given = None if scaled_up is None else instrument.load(scaled_up)
+    path = log.with_name(f"{log.stem}-{Path(to).stem}.mcap") if out is None else out
+    _refuse([("--out", path), ("--instrument-out", instrument_out)], (log, to, scaled_up), overwrite=overwrite)
+    with value_errors():
+        carried = carry(Recording.open(log), model, scaled_up=given, time_factor=time_factor)
+    with_friction = None
+    if instrument_out is not None:
+        source = log.name if scaled_up is None else scaled_up
+        with_friction = to_file(carry_friction(carried.scaled_up, model, source=source, time_factor=time_factor))
+    carried.write(path, overwrite=overwrite)
+    if instrument_out is not None and with_friction is not None:
+        write_text(instrument_out, with_friction)
+    _print_factors(carried)
+    say(f"{path}: {log} in units of {model.name}, {carried.run.time[-1]:.6g} s, {len(carried.run)} rows.")
+    if instrument_out is not None:
+        say(f"{instrument_out}: {model.name} with the friction of {carried.scaled_up.name}.")
+
+
+def _print_factors(carried: Carried) -> None:
+    """Print the factors and what they were used for, what came out, and the warnings."""
+    title = f"{escape(carried.scaled_up.name)} over {escape(carried.real_size.name)}"
+    factors = table(title)
+    factors.add_column("factor")
+    for axis in carried.factors:
+        factors.add_column(axis, justify="right")
+    factors.add_column("divides", overflow="fold")
+    signals = carried.run.signals()
+    for key in (*KEYS, "output_velocity"):
+        used = ["time"] if key == "time" else [name for name in signals if QUANTITY.get(name) == key]
+        factors.add_row(key, *(f"{own[key]:.5g}" for own in carried.factors.values()), ", ".join(used))
+    console.print(factors)
+    same = [name for name in signals if name not in QUANTITY]
+    say(f"unchanged: {', '.join(same) or 'nothing'}.")
+    for what, size in (("force", carried.largest_force), ("tension", carried.largest_tension)):
+        if not math.isnan(size):
+            say(f"largest {what} on {carried.real_size.name}: {size:.4g} N.")
+    error = carried.similarity_error()
+    if not math.isnan(error):
+        say(f"largest similarity error up to that force, without friction: {error:.2g} deg.")
+    for sentence in carried.warnings:
+        warn(sentence)
+
+
+def _refuse(
+    outputs: Iterable[tuple[str, Path | None]], inputs: Iterable[Path | str | None], *, overwrite: bool
+) -> None:
+    """Refuse to write into no folder, over an input, over the other output, or unasked over any file."""
+    taken = {Path(path).resolve() for path in inputs if path is not None}
+    for option, path in outputs:
+        if path is None:
+            continue
+        if path.resolve() in taken:
+            raise CommandError(f"{option} is {path}, which is an input or another output; give another path.")
+        refuse_existing([path], overwrite)
+        if not path.parent.is_dir():
+            raise CommandError(f"{option} is {path}, but there is no folder {path.parent}; it must exist.")
+        if path.is_dir():
+            raise CommandError(f"{option} is {path}, which is a folder; it must be a file.")
+        taken.add(path.resolve())

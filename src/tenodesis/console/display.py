@@ -1,0 +1,85 @@
+"""The signals that the page shows, of one instant or of a period of time, with one column per axis."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tenodesis import statics
+from tenodesis.instrument import Instrument
+from tenodesis.run import Array
+
+_HANDLE = ("handle_angle", "measured_handle_angle")
+_OUTPUT = ("output_angle", "measured_output_angle", "estimated_output_angle")
+"""Sources of the tip angle, the best first: the twin, the encoder at the tip, the observer."""
+_TENSION = ("tension", "measured_tension")
+_DISTAL = ("distal_tension", "tension", "measured_tension")
+
+
+class ShownSignals(NamedTuple):
+    """Signals of n instants, or of one without that dimension; NaN where they are unknown."""
+
+    time: Array
+    """s, shape (n,)"""
+    handle: Array
+    """Handle angle, rad, shape (n, axes)"""
+    output: Array
+    """Output angle, rad, shape (n, axes)"""
+    target: Array
+    """Output angle that the controller aims at for the handle angle, rad, shape (n, axes)"""
+    estimated: Array
+    """Output angle as estimated by the observer, rad, shape (n, axes)"""
+    deviation: Array
+    """Standard deviation of the estimated angle, rad, shape (n, axes)"""
+    force: Array
+    """Tangential force at the tip, N, shape (n, axes)"""
+    friction_scale: Array
+    """Friction over that of the instrument file, shape (n, axes)"""
+    tension: Array
+    """At the spools, agonist first, N, shape (n, axes, 2)"""
+    distal_tension: Array
+    """At the tip, agonist first, N, shape (n, axes, 2)"""
+    stroke: Array
+    """Length that each motor has wound, m, shape (n, axes, 2)"""
+
+
+def shown_signals(inst: Instrument, signals: Mapping[str, ArrayLike]) -> ShownSignals:
+    """Return the signals to show, from signals in the shapes of :data:`tenodesis.run.SIGNALS`."""
+    axes = len(inst.axes)
+    time = np.asarray(signals["time"], float)
+    single, pair = (*time.shape, axes), (*time.shape, axes, 2)
+
+    def first(names: tuple[str, ...], shape: tuple[int, ...]) -> Array:
+        """Return the first of some signals that has any finite value."""
+        for name in names:
+            values = signals.get(name)
+            if values is not None and np.isfinite(values).any():
+                return np.asarray(values, float).reshape(shape)
+        return np.full(shape, np.nan)
+
+    handle = first(_HANDLE, single)
+    return ShownSignals(
+        time=time,
+        handle=handle,
+        output=first(_OUTPUT, single),
+        target=_target(inst, handle),
+        estimated=first(("estimated_output_angle",), single),
+        deviation=first(("estimated_output_angle_std",), single),
+        force=first(("force", "estimated_force"), single),
+        friction_scale=first(("friction_scale",), single),
+        tension=first(_TENSION, pair),
+        distal_tension=first(_DISTAL, pair),
+        stroke=first(("measured_spool_angle", "spool_angle"), pair) * inst.drives.spool_radius,
+    )
+
+
+def _target(inst: Instrument, handle: Array) -> Array:
+    """Return the output angle that the controller aims at, rad (eq. 18), at handle angles, rad, shape (..., axes)."""
+    target = np.empty(handle.shape)
+    for n, planar in enumerate(inst.planar):
+        within = np.nan_to_num(np.clip(handle[..., n], -planar.handle_range, planar.handle_range))
+        # Eq. 19 with equal tensions.
+        angles = statics.estimate_output_angle(planar, within, planar.pretension, planar.pretension)
+        target[..., n] = np.where(np.isfinite(handle[..., n]), angles, np.nan)
+    return target

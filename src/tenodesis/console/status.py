@@ -1,0 +1,211 @@
+"""The top of the panel: state, faults with advice, who operates, and the buttons that the state allows."""
+
+from collections.abc import Iterable
+from functools import partial
+from html import escape
+from typing import Any, NamedTuple
+
+from tenodesis.console.plots import TensionColours
+from tenodesis.console.session import PageState, Session, enable, set_properties
+from tenodesis.instrument import Instrument
+from tenodesis.live.commands import ControllerRequest
+from tenodesis.live.status import RuntimeState, Status
+
+
+class Advice(NamedTuple):
+    """What a fault means, and what to do about it."""
+
+    meaning: str
+    remedy: str
+
+
+ADVICE = {
+    "tendon_break": Advice(
+        "A tendon has no tension, although its motor has wound it.",
+        "Check whether it broke or came off its spool. Repair it, then home, then enable.",
+    ),
+    "tendon_slack": Advice(
+        "A tendon has been slack for too long.",
+        "Move the handle back or take the load off. If it stays slack, home: the pretension is lost.",
+    ),
+    "over_tension": Advice(
+        "A tendon tension is above the tension limit.",
+        "Take the load off the tip and bring the handle toward straight, then clear.",
+    ),
+    "load_cell_stuck": Advice(
+        "A load cell repeats exactly the same value, without noise.",
+        "Check its cable and amplifier, then clear.",
+    ),
+    "load_cell_range": Advice(
+        "A load cell shows a tension that no tendon can have.",
+        "Check its cable and calibration, then clear.",
+    ),
+    "load_cell_drift": Advice(
+        "The load cells do not agree with the length that the motors have wound.",
+        "Take the load off, let the cells warm up, set their zero again. Then home, then enable.",
+    ),
+    "encoder_dropout": Advice(
+        "The handle's encoder shows an angle beyond the handle's range.",
+        "Check its cable, then clear.",
+    ),
+    "encoder_jump": Advice(
+        "The handle's encoder jumps faster than a hand can move.",
+        "Check its cable and its coupling, then clear.",
+    ),
+    "spool_slip": Advice(
+        "The tension dropped suddenly and no tendon broke: a spool slipped on its shaft.",
+        "Tighten it. Then home, then enable.",
+    ),
+    "motor_not_following": Advice(
+        "A spool does not turn as commanded.",
+        "Check whether something blocks it and whether its drive has power, then clear.",
+    ),
+    "tick_late": Advice(
+        "The controller got no tick for too long, or the measurements are not updated.",
+        "Close programs that load the machine, or check the device's connection, then clear.",
+    ),
+    "not_a_number": Advice(
+        "A measurement is not a number.",
+        "Check the device's connection, then clear.",
+    ),
+    "homing_failed": Advice(
+        "The pretension was not reached while homing.",
+        "Check for a jammed or broken tendon and that the tip is free, then home again.",
+    ),
+}
+"""By the names in :data:`tenodesis.control.FAULTS`."""
+
+_COLOURS = {
+    RuntimeState.DISABLED: "#5b6675",
+    RuntimeState.ENABLED: "#15703f",
+    RuntimeState.PAUSED: "#8a5a00",
+    RuntimeState.FAULT: "#b4232f",
+    RuntimeState.GONE: "#b4232f",
+}
+_MEANING = {
+    RuntimeState.DISABLED: "The motors are off. Enable to let the controller move them.",
+    RuntimeState.ENABLED: "The controller moves the motors.",
+    RuntimeState.PAUSED: "The motors hold their positions. Resume to go on.",
+    RuntimeState.FAULT: "The motors hold their positions until the fault is cleared.",
+    RuntimeState.GONE: "The motors are stopped by their own watchdogs.",
+}
+
+
+def status_line(status: Status, origin: str, notes: Iterable[str] = ()) -> str:
+    """Return as HTML state, faults with advice, notes, and who operates, for the browser of an origin."""
+    words = "Homing: the motors wind the tendons to the pretension." if status.homing else _MEANING[status.state]
+    if status.stopped and status.state != RuntimeState.GONE:
+        words = "Stopped: the motors hold their positions until you resume."
+    elif status.state in (RuntimeState.DISABLED, RuntimeState.PAUSED) and not status.homed and not status.homing:
+        words = "Not homed: the zero of the spools is unknown, home first."
+    lines = [
+        '<div style="font-size:.8rem;line-height:1.35;color:#1b2733;padding:.3em .8em 0">',
+        f'<span style="background:{_COLOURS[status.state]};color:#fff;border-radius:4px;padding:.1em .5em;'
+        'font-weight:600">'
+        f"{escape(status.state)}</span> {words}",
+        *(_fault(name, name in status.first_faults) for name in status.faults),
+    ]
+    lines += [_warning(sentence) for sentence in (status.problem, *_recorder(status), *notes) if sentence]
+    if status.state != RuntimeState.GONE:
+        lines.append(f"<div>{_operator(status, origin)}</div>")
+    return "".join([*lines, "</div>"])
+
+
+def timing_line(status: Status) -> str:
+    """Return as HTML the loop's rate and the compute time of its ticks."""
+    timing = status.timing
+    text = (
+        f"{timing.rate:.0f} Hz, {timing.p50 * 1e6:.0f} µs per tick (99 %: {timing.p99 * 1e6:.0f} µs, worst: "
+        f"{timing.worst * 1e6:.0f} µs); {timing.late} late and {timing.missed} missed of {timing.ticks} ticks"
+    )
+    notes = "".join(f"<div>{escape(sentence)}</div>" for sentence in status.realtime)
+    return f'<div style="font-size:.75rem;line-height:1.35;color:#4a5563;padding:.2em .8em">{text}{notes}</div>'
+
+
+def _fault(name: str, first: bool) -> str:
+    advice = ADVICE.get(name)
+    text = "" if advice is None else f" {escape(advice.meaning)} <b>{escape(advice.remedy)}</b>"
+    mark = " (first)" if first else ""
+    return (
+        '<div style="border-left:4px solid #b4232f;background:#fdf0ef;padding:.3em .5em;margin:.3em 0">'
+        f"<b>{escape(name)}</b>{mark}:{text}</div>"
+    )
+
+
+def _warning(sentence: str) -> str:
+    return (
+        '<div style="border-left:4px solid #8a5a00;background:#fdf6e7;padding:.3em .5em;margin:.3em 0">'
+        f"{escape(sentence)}</div>"
+    )
+
+
+def _recorder(status: Status) -> list[str]:
+    lost = status.recorder_lost
+    return [f"The recorder has lost {lost} ticks: the recording has a gap."] if lost else []
+
+
+def _operator(status: Status, origin: str) -> str:
+    if status.operator == origin:
+        return "You operate; others watch."
+    if status.operator is None:
+        return "There is no operator. Take control to move something."
+    return f"{escape(status.operator)} operates; you watch."
+
+
+_TRANSITIONS: dict[RuntimeState, tuple[tuple[str, ControllerRequest], ...]] = {
+    RuntimeState.DISABLED: (("Enable", "enable"),),
+    RuntimeState.ENABLED: (("Pause", "pause"), ("Disable", "disable")),
+    RuntimeState.PAUSED: (("Resume", "resume"), ("Disable", "disable")),
+    RuntimeState.FAULT: (("Clear the fault", "clear"),),
+}
+"""Buttons of each state, with what they request."""
+_BUTTON_COLOURS = {"enable": "green", "resume": "green", "clear": "orange"}
+
+
+class StatusHeader:
+    """The state, the scale of the tendons' colours, and the buttons that the state allows."""
+
+    def __init__(self, session: Session, inst: Instrument) -> None:
+        self._session = session
+        gui: Any = session.client.gui
+        self._line = gui.add_html("")
+        gui.add_html(f'<div style="padding:.35em .8em .2em">{TensionColours(inst).legend()}</div>')
+        self._take = gui.add_button("Take control", color="blue", hint="Other browsers then only watch.")
+        self._restart = gui.add_button("Start the instrument again", color="orange", visible=False)
+        self._buttons: dict[ControllerRequest, Any] = {
+            request: gui.add_button(label, color=_BUTTON_COLOURS.get(request, "gray"), visible=False)
+            for buttons in _TRANSITIONS.values()
+            for label, request in buttons
+        }
+        session.on(self._take, "operator", self._acquire)
+        session.on(self._restart, "restart", lambda: session.run_in_background("restart", session.link.restart))
+        for request, button in self._buttons.items():
+            session.on(button, "request", partial(session.link.request, request))
+
+    def update(self, state: PageState) -> None:
+        """Show the state and its buttons."""
+        status = state.status
+        starting = self._session.is_busy("load", "restart")
+        set_properties(self._line, content=status_line(status, self._session.origin, self._notes(starting=starting)))
+        other = status.operator is not None and not state.operating
+        set_properties(
+            self._take,
+            visible=not state.operating and status.state != RuntimeState.GONE,
+            label="Take control from the operator" if other else "Take control",
+        )
+        set_properties(self._restart, visible=status.state == RuntimeState.GONE and not starting)
+        offered = {request for _, request in _TRANSITIONS.get(status.state, ())}
+        for request, button in self._buttons.items():
+            set_properties(button, visible=state.operating and request in offered)
+        enable(self._buttons.values(), state.operating)
+
+    def _notes(self, *, starting: bool) -> list[str]:
+        notes = ["An instrument is starting."] if starting else []
+        if self._session.replaying:
+            notes.append("The view replays a recording; all else on this page is live.")
+        return notes
+
+    def _acquire(self) -> None:
+        other = self._session.link.status().operator
+        if not self._session.link.acquire(force=other is not None):
+            self._session.notify("Another browser has just taken control.", "You watch")

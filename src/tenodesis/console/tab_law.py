@@ -1,0 +1,77 @@
+"""The tab of the controller: law, motors, homing, faults to inject, and the loop's timing."""
+
+from math import nan
+from typing import Any, NamedTuple
+
+from tenodesis.console.session import PageState, Session, enable, set_properties
+from tenodesis.console.status import timing_line
+
+LAWS = {
+    "off": "Off: the motors stand still; the angle that the load takes is lost.",
+    "paper": "The paper's law (eq. 22) as a set point: winds by half the difference of the tensions.",
+    "paper-feedback": "The paper's law in feedback: the spools wind as long as the tensions differ.",
+    "exact": "The stroke of the frictionless theory, slack included.",
+    "robust": "Estimates the friction from small strokes, and restores the lost angle in spite of it.",
+}
+"""Compensation laws."""
+
+ACTUATIONS = {
+    "agonist": "One motor winds the agonist tendon.",
+    "differential": "Both motors act: one winds the length that the other lets out.",
+}
+"""Actuation modes."""
+
+
+class _Fault(NamedTuple):
+    """Arguments of the link's fault injection."""
+
+    place: str
+    mode: str
+    value: float
+    seconds: float
+
+
+_FAULTS = {
+    "A load cell's cable breaks": _Fault("tension.agonist", "set", nan, 0.5),
+    "A load cell freezes": _Fault("tension.agonist", "hold", 0.0, 1.0),
+    "The handle's encoder jumps": _Fault("handle_angle", "add", 0.5, 0.5),
+    "The controller gets no ticks": _Fault("tick", "hold", 0.0, 0.5),
+    "A drive does not move": _Fault("spool_velocity.agonist", "set", 0.0, 1.0),
+}
+
+
+class LawTab:
+    """Law, actuation, homing, and fault injection into the twin."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        gui: Any = session.client.gui
+        status = session.link.status()
+        self._law = gui.add_dropdown("Law", tuple(LAWS), initial_value=status.law)
+        self._law_text = gui.add_markdown("")
+        self._actuation = gui.add_dropdown("Motors", tuple(ACTUATIONS), initial_value=status.actuation)
+        self._actuation_text = gui.add_markdown("")
+        self._home = gui.add_button("Home: find the pretension again", icon="home")
+        with gui.add_folder("Try a fault", expand_by_default=False, visible=session.link.capabilities.simulated):
+            self._fault = gui.add_dropdown("Fault", tuple(_FAULTS))
+            self._inject = gui.add_button("Inject it into the twin", color="orange")
+        with gui.add_folder("Timing of the loop", expand_by_default=False):
+            self._timing = gui.add_html("")
+        session.on(self._law, "law", self._choose)
+        session.on(self._actuation, "law", self._choose)
+        session.on(self._home, "request", lambda: session.link.request("home"))
+        session.on(self._inject, "inject_fault", lambda: session.link.inject_fault(*_FAULTS[self._fault.value]))
+
+    def update(self, state: PageState) -> None:
+        """Show the choices that are in force."""
+        status = state.status
+        enable((self._law, self._actuation, self._home, self._fault, self._inject), state.operating)
+        if not self._session.just_changed(self._law, self._actuation):
+            set_properties(self._law, value=status.law)
+            set_properties(self._actuation, value=status.actuation)
+        set_properties(self._law_text, content=f"*{LAWS.get(status.law, '')}*")
+        set_properties(self._actuation_text, content=f"*{ACTUATIONS.get(status.actuation, '')}*")
+        set_properties(self._timing, content=timing_line(status))
+
+    def _choose(self) -> None:
+        self._session.link.law(self._law.value, self._actuation.value)

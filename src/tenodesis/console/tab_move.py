@@ -1,0 +1,194 @@
+"""The tab of the motion: handle angles, recorded motions, and the load at the tip."""
+
+import time
+from math import degrees, floor, isfinite, log10
+from typing import Any, Literal
+
+import numpy as np
+
+from tenodesis import simulate
+from tenodesis.console.session import PageState, Session, enable, set_properties
+from tenodesis.errors import LiveError, ProtocolError
+from tenodesis.instrument import Instrument
+from tenodesis.live.status import RuntimeState
+from tenodesis.run import Array
+from tenodesis.simulate import Motion, Protocol
+
+_APPLY, _REMOVE = "Apply the load as a step", "Remove the load as a step"
+_SYNTHETIC = "wrist, synthetic"
+_ANGLE_UNITS: tuple[Literal["deg", "rad"], ...] = ("deg", "rad")
+_MOVED = 0.02
+"""Handle angle above which the handle counts as moved, rad."""
+_HINTS = {
+    (RuntimeState.DISABLED, True): "**3.** Press *Enable*: the motors bring the jaws back into the shadow.",
+    (RuntimeState.PAUSED, True): "**3.** Press *Resume*: the motors bring the jaws back into the shadow.",
+    (
+        RuntimeState.ENABLED,
+        True,
+    ): "**4.** The motors restore the lost angle. Under *Law* choose *off*: it is lost.",
+    (RuntimeState.DISABLED, False): "**3.** Press *Enable*, and under *Law* choose *robust*: the jaws come back.",
+    (RuntimeState.PAUSED, False): "**3.** Press *Resume*, and under *Law* choose *robust*: the jaws come back.",
+    (RuntimeState.ENABLED, False): "**4.** The angle is lost. Under *Law* choose *robust*: the motors restore it.",
+}
+"""What to try next once the tip is loaded, by the state and whether the compensation is on."""
+
+
+class MoveTab:
+    """Sliders of handle angle and load, and recorded motions of the hand."""
+
+    def __init__(self, session: Session, inst: Instrument) -> None:
+        self._session = session
+        gui: Any = session.client.gui
+        self._simulated = session.link.capabilities.simulated
+        self._motions = {_SYNTHETIC: simulate.load("wrist")}
+        self._next = gui.add_markdown("", visible=False)
+        most = largest_force(inst)
+        fine = 10.0 ** floor(log10(most / 50))
+        self._hand: list[Any] = []
+        for axis in inst.axes:
+            reach = floor(10 * degrees(inst.axis(axis).handle_range) + 1e-6) / 10
+            self._hand.append(gui.add_slider(f"Handle {axis}, °", min=-reach, max=reach, step=0.1, initial_value=0.0))
+        self._force: list[Any] = [
+            gui.add_slider(
+                f"Load {axis}, N",
+                min=-most,
+                max=most,
+                step=fine,
+                initial_value=0.0,
+                hint="Tangential force at the tip; a positive one pushes against positive flexion.",
+            )
+            for axis in inst.axes
+        ]
+        self._axis = gui.add_dropdown("Step on", inst.axes, visible=len(inst.axes) > 1)
+        self._size = gui.add_number("Step, N", initial_value=_usual_force(inst, most), min=-most, max=most, step=fine)
+        self._step = gui.add_button(_APPLY, color="violet", hint="A sudden load, as when the tip hits tissue.")
+        if not self._simulated:
+            gui.add_markdown("*Here a hand moves the handle and weights load the tip; the sliders only show both.*")
+        with gui.add_folder("Recorded motion", expand_by_default=False, visible=self._simulated):
+            self._motion = gui.add_dropdown("Motion", tuple(self._motions))
+            self._play = gui.add_button("Play the motion", icon="player-play")
+            self._upload = gui.add_upload_button(
+                "Motion from a CSV file",
+                mime_type=".csv,text/csv",
+                hint="With a column of time in s and one of the angle, such as time_s and angle_deg.",
+            )
+        for slider in self._hand:
+            session.on(slider, "hand", self._move)
+        for slider in self._force:
+            session.on(slider, "force", self._load)
+        session.on(self._step, "force", self._toggle_load)
+        # Reading and planning a long motion takes seconds.
+        session.on(self._play, "play", lambda: session.run_in_background("play", self._play_motion))
+        session.on(self._upload, "upload motion", lambda: session.run_in_background("motion", self._add_motion))
+        self._enabled_at = time.monotonic()
+        """Time at which the sliders were enabled last, s."""
+
+    def update(self, state: PageState) -> None:
+        """Enable the sliders for the operator while no protocol runs; otherwise let them follow the instrument."""
+        free = state.operating and self._simulated and not state.status.protocol_runs
+        enable((*self._hand, *self._force, self._axis, self._size, self._step, self._play), free)
+        set_properties(self._step, label=_REMOVE if self._step_slider.value else _APPLY)
+        hint = next_to_try(state) if free else ""
+        set_properties(self._next, content=hint, visible=bool(hint))
+        if not free:
+            self._enabled_at = time.monotonic()
+        # They follow until the browser moves one: the other's value is sent with it.
+        if self._session.changed_at(*self._hand) < self._enabled_at:
+            _follow(self._hand, np.degrees(state.shown.handle))
+        if self._session.changed_at(*self._force, self._step) < self._enabled_at:
+            _follow(self._force, state.shown.force)
+
+    @property
+    def _step_slider(self) -> Any:
+        """The slider of the load that is applied as a step."""
+        return self._force[self._axis.options.index(self._axis.value)]
+
+    def _move(self) -> None:
+        self._session.link.hand(np.radians(_values(self._hand)))
+
+    def _load(self) -> None:
+        self._session.link.force(_values(self._force))
+
+    def _toggle_load(self) -> None:
+        self._step_slider.value = 0.0 if self._step_slider.value else self._size.value
+        self._load()
+
+    def _play_motion(self) -> None:
+        self._session.link.play(self._motions[self._motion.value])
+
+    def _add_motion(self) -> None:
+        file = self._upload.value
+        self._motions[file.name] = motion_protocol(file.content, file.name)
+        with self._session.client.atomic():
+            self._motion.options = tuple(self._motions)
+            self._motion.value = file.name
+        self._session.notify(file.name, "Motion read", good=True)
+
+
+def next_to_try(state: PageState) -> str:
+    """Return as Markdown what a newcomer may try next."""
+    if not np.abs(state.shown.handle).max() > _MOVED:
+        return "**1.** Move the handle: the jaws follow. The green shadow is where they should be."
+    if not np.abs(state.shown.force).max() > 0:
+        return "**2.** Apply the load: tissue pushes on the tip, and the jaws leave the shadow."
+    return _HINTS.get((state.status.state, state.status.law != "off"), "")
+
+
+def largest_force(inst: Instrument) -> float:
+    """Return the largest load that the page offers, N: the largest test force of the instrument file."""
+    return round(max(inst.conditions.forces, default=inst.pretension / 30), 3)
+
+
+def _usual_force(inst: Instrument, most: float) -> float:
+    forces = sorted(inst.conditions.forces)
+    return round(forces[(len(forces) - 1) // 2], 3) if forces else most / 2
+
+
+def _values(sliders: list[Any]) -> Array:
+    """Return the values of sliders, clipped to their ranges: a browser may send anything."""
+    values = np.array([float(slider.value) for slider in sliders])
+    if not np.isfinite(values).all():
+        raise LiveError(key="slider", value=values.tolist(), allowed="finite")
+    return values.clip([slider.min for slider in sliders], [slider.max for slider in sliders])
+
+
+def _follow(sliders: list[Any], values: Array) -> None:
+    """Set sliders to values, rounded to their steps; unknown values are left out."""
+    for slider, value in zip(sliders, values, strict=True):
+        if isfinite(value):
+            shown = round(float(np.clip(value, slider.min, slider.max)) / slider.step) * slider.step
+            if abs(slider.value - shown) > slider.step / 2:
+                slider.value = round(shown, 9)
+
+
+def motion_protocol(content: bytes, name: str) -> Protocol:
+    """Return a protocol that moves the first axis as recorded in a CSV file.
+
+    The time's column is the first whose name begins with time, the angle's the first that ends with deg or rad.
+
+    Raises
+    ------
+    ProtocolError
+        It is not UTF-8, or has no such columns, or they are no motion.
+    """
+    try:
+        data = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ProtocolError(f"{name} is not UTF-8 text; it must be a CSV file.") from None
+    lines = (line for line in data.splitlines() if line.strip() and not line.lstrip().startswith("#"))
+    header = [cell.strip().strip('"') for cell in next(lines, "").split(",")]
+    times = [column for column in header if column.lower().startswith("time")]
+    angles = [
+        (column, unit) for column in header for unit in _ANGLE_UNITS if column.lower().rstrip("])").endswith(unit)
+    ]
+    if not times or not angles:
+        raise ProtocolError(
+            f"{name} has the columns {', '.join(header) or 'none'}; it must have one whose name begins with time, in "
+            "s, and one whose name ends with deg or rad."
+        )
+    column, unit = angles[0]
+    try:
+        motion = Motion(data=data, time_column=times[0], angle_column=column, angle_unit=unit, limit=True)
+    except ValueError as problem:
+        raise ProtocolError(f"{name}: {problem}") from None
+    return Protocol(name=name[:60], description="A recorded motion", phases=(motion,))

@@ -1,0 +1,117 @@
+"""The tab of the instrument: the one that runs, and others to run from a file."""
+
+import stat
+from functools import partial
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from tenodesis import instrument
+from tenodesis.console.session import PageState, Session, as_plain, enable, set_properties
+from tenodesis.errors import InstrumentError, LiveError
+
+_LARGEST_FILE = 1_000_000
+"""Largest instrument file that is read, bytes; a device may never end."""
+_SPEEDS = {"a tenth": 0.1, "a quarter": 0.25, "as the clock": 1.0, "twice": 2.0, "five times": 5.0}
+
+
+class SetupTab:
+    """The instrument that runs, and ways to run another; the errors of a file are listed key by key."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        gui: Any = session.client.gui
+        inst = session.link.inst
+        gui.add_markdown(
+            f"**{as_plain(inst.name)}**, {' and '.join(inst.axes)}, on *{as_plain(session.link.device)}*. "
+            f"{as_plain(inst.description)}"
+        )
+        self._shipped = gui.add_dropdown("Shipped", instrument.shipped())
+        self._load = gui.add_button("Run this one")
+        self._path = gui.add_text("Path", "", hint="On the machine that runs the instrument.")
+        self._load_path = gui.add_button("Run the one of this path")
+        self._upload = gui.add_upload_button("Instrument file from here", mime_type=".toml", icon="upload")
+        self._problems = gui.add_html("")
+        self._speed = gui.add_dropdown(
+            "Simulated time", tuple(_SPEEDS), initial_value="as the clock", visible=session.link.capabilities.simulated
+        )
+        self._release = gui.add_button(
+            "Give control away", color="gray", hint="The motors pause; another browser can take control."
+        )
+        self._shown: list[Any] = [
+            self._shipped,
+            self._load,
+            self._path,
+            self._load_path,
+            self._upload,
+            self._speed,
+            self._release,
+        ]
+        session.on(self._load, "load", partial(self._begin, lambda: self._run(self._shipped.value)))
+        session.on(self._load_path, "load", partial(self._begin, self._run_path))
+        session.on(self._upload, "load", partial(self._begin, self._run_upload))
+        session.on(self._release, "operator", session.link.release)
+        session.on(self._speed, "speed", lambda: session.link.speed(_SPEEDS[self._speed.value]))
+
+    def update(self, state: PageState) -> None:
+        """Enable the controls for the operator."""
+        enable(self._shown, state.operating)
+        speeds = [name for name, factor in _SPEEDS.items() if factor == state.status.speed]
+        if speeds and not self._session.just_changed(self._speed):
+            set_properties(self._speed, value=speeds[0])
+
+    def _begin(self, load: Any) -> None:
+        # Error messages quote the file, so that only the operator may open one.
+        if not self._session.link.heartbeat():
+            raise LiveError("You only watch; take control first.")
+        self._session.run_in_background("load", load)
+
+    def _run(self, name_or_path: str) -> None:
+        self._run_checked(lambda: instrument.load(name_or_path), name_or_path)
+
+    def _run_path(self) -> None:
+        given = self._path.value.strip()
+        _check_size(given)
+        self._run(given)
+
+    def _run_upload(self) -> None:
+        file = self._upload.value
+
+        def parse() -> instrument.Instrument:
+            try:
+                return instrument.parse(file.content.decode("utf-8-sig"), file.name)
+            except UnicodeDecodeError:
+                raise InstrumentError(f"{file.name} is not UTF-8 text; it must be a TOML file.") from None
+
+        self._run_checked(parse, file.content.decode("utf-8-sig", "replace"))
+
+    def _run_checked(self, parse: Any, source: str) -> None:
+        """Run an instrument if it is valid, and list its errors otherwise."""
+        try:
+            inst = parse()
+        except InstrumentError as problem:
+            set_properties(self._problems, content=_error_list(str(problem)))
+            return
+        set_properties(self._problems, content="")
+        self._session.notify("This takes a few seconds.", f"Starting {inst.name}", good=True)
+        self._session.link.load(source)
+
+
+def _check_size(path: str) -> None:
+    """Refuse what is no regular file, or is too large; whether it can be read shows later."""
+    try:
+        found = Path(path).stat()
+    except (OSError, ValueError):
+        return
+    if not stat.S_ISREG(found.st_mode) or found.st_size > _LARGEST_FILE:
+        raise InstrumentError(
+            f"{path} is no instrument file; it must be a regular file of at most {_LARGEST_FILE / 1e6:g} MB."
+        )
+
+
+def _error_list(problems: str) -> str:
+    items = "".join(f"<li>{escape(line)}</li>" for line in problems.splitlines() if line.strip())
+    return (
+        '<div style="border-left:4px solid #b4232f;background:#fdf0ef;padding:.3em .5em;font-size:.8rem" role="alert">'
+        f'<b>This file cannot be run:</b><ul style="margin:.2em 0;padding-left:1.2em">{items}</ul></div>'
+    )

@@ -1,0 +1,491 @@
+"""A da Vinci tool on a bench that measures angle and torque at its spindle and at its jaw: its files and its model.
+
+O'Neill, Stephens and Kowalewski, IEEE RA-L 3(4):3027-3034, 2018. A text file without column names; lines of % are a
+header. The jaw's columns are the reference: a model may use them to be fitted, and for nothing else.
+
+The model gives the jaw angle from the spindle's angle and torque, through an elastic transmission with friction: a
+tendon of even stiffness and friction along its length, cut into n equal pieces. Each contact passes the torque on
+within its friction band and holds it inside (stick-slip); between contacts the tendon stretches. With u[i] the torque
+past contact i, p the pretension and h the friction exponent, T = u + p is the tendon's tension times the spindle's
+radius (Euler, Eytelwein):
+
+    u[0]    slides on   torque -+ spindle friction              load-independent, at the spindle's bearing
+    u[i]    slides on   (u[i-1] + p) e^(-+h/n) - p              and T ends at zero: a tendon cannot push
+    jaw   = offset +- (ratio spindle + compliance mean(u))      mean by the trapezoidal rule
+
+(capstan; other friction laws have other bounds.)
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from tenodesis.errors import IdentificationError
+from tenodesis.identification.datasets.dual import Dual, Operand, number, unknowns
+from tenodesis.identification.datasets.friction_laws import band, held, hysteresis
+from tenodesis.identification.formats.measured import MeasuredRun, Source, checksum
+from tenodesis.identification.formats.raw import Raw, Unit
+from tenodesis.identification.formats.table import read_rows
+from tenodesis.identification.problem import Parameter, Trace
+from tenodesis.identification.registry import Format
+from tenodesis.instrument import Instrument
+from tenodesis.run import Array
+
+# The files.
+
+COLUMNS = 10
+TORQUE_PER_COUNT = 3.9811e-5
+"""N*m per count of both torque sensors."""
+SPINDLE_COUNTS = 8192
+"""Counts of the spindle's encoder per turn."""
+JAW_COUNTS = 4000
+"""Counts of the jaw's encoder per turn."""
+MOST_COUNTS = 1500
+MOST_SPINDLE = MOST_COUNTS * 2 * math.pi / SPINDLE_COUNTS
+"""How far the spindle may be off its median before a row is corrupt, rad: where its encoder is zero is the tool's."""
+
+_TURN = 2 * math.pi
+_JUMP = math.radians(5)
+"""Off the rows around, rad: the bench turns by less than 2 degrees in a millisecond even when its drive runs away."""
+_TORQUE_JUMP = 0.04
+"""Off the rows around, N*m."""
+_LEAST_ANGLE = math.radians(1)
+_LEAST_TORQUE = 2e-3
+
+SOURCE = Source(
+    repository="MRDLab/mis-tool-characterization",
+    commit="03658b2ccefef9adceebc38dd4a17bd6e190cd2e",
+    folder="data/Tool_4_Maryland_L_4",
+    licence="database ODbL 1.0, contents DbCL 1.0 (attribution, share-alike)",
+    citation="O'Neill, Stephens, Kowalewski, IEEE RA-L 3(4):3027-3034, 2018",
+    checksums={
+        "00.TXT": "796f89cb5e4469d590ae78db7a2a504ca0673f939c0255c00b1421b70d05ce62",
+        "01.TXT": "70eac4b90f92cb1005fa9507af7001edec4251c75b3a67de40e1175d168d2145",
+        "02.TXT": "dc180d55e1b28d10db893d8d779a386e8447e3fc992210251de330925898b4fd",
+        "03.TXT": "5da7dff6ff951697b4c587d0f9c9a853673cc7e724ed6a04a4960d5b6a9977f4",
+        "04.TXT": "48cbd949a66420f20ce3f000c3be2d4cfc97c1c77535317746aa161683ee4736",
+        "05.TXT": "ced7f47ff1c4d83305965af8e02a283bc9ed0f7e33a241f4fdf1ccfa346d4ecf",
+        "06.TXT": "629b0c36f20f7d9db84610dff0afc1f3f294207c90cb8694742991bb94a971c3",
+        "07.TXT": "c106c87ae325d0e88c247001b097f828c7cb6bb69bf3dde84affe691e2c43c0b",
+        "08.TXT": "863717442bbc86bb2e5d03370c97b67f1180a0f1859f6cfb6655d710de57288b",
+        "09.TXT": "741b6c4986201b6cbf8c84748288685e38b6768079bcbe72f934ba67774b472b",
+        "30.TXT": "da6d50c9ce180160a646f6aa7188646c54133c7c9eecae3579e105b64a96151c",
+        "34.TXT": "b60e8b792b68e27b875780edd98455c0a5db2ca12bf070d53e250c814dad26d6",
+        "38.TXT": "a1a0db39064e1a3c12d3e41b122135bf42e06f290518d2225f35979a08c8c257",
+    },
+)
+
+
+def load(path: Path) -> MeasuredRun:
+    """Return one recording of a da Vinci tool.
+
+    Columns: spindle_angle, jaw_angle (rad), spindle_torque, jaw_torque (N*m), by the signs of the file; the last is as
+    it was measured, for no model takes it. The first seconds, in which the bench settles, are kept: a model with memory
+    needs them.
+
+    Raises
+    ------
+    IdentificationError
+        The file cannot be read, its units fit none that are known, or its samples cannot be used.
+    """
+    rows = read_rows(path, COLUMNS)
+    raw = Raw(
+        path.name,
+        rows[:, 0],
+        {
+            "spindle_angle": rows[:, 1],
+            "spindle_torque": rows[:, 2],
+            "jaw_angle": rows[:, 4],
+            "jaw_torque": rows[:, 5],
+        },
+    )
+    raw.finite()
+    raw.enough()
+    raw.clock()
+    for column, counts in (("spindle_angle", SPINDLE_COUNTS), ("jaw_angle", JAW_COUNTS)):
+        raw.unit(_angle(counts), column)
+        raw.excited(column, _LEAST_ANGLE, "rad")
+    # the jaw's torque may well be constant: it is the load
+    raw.unit(_TORQUE, "spindle_torque", "jaw_torque")
+    raw.excited("spindle_torque", _LEAST_TORQUE, "N*m")
+    spindle = raw.columns["spindle_angle"]
+    limit = f"{MOST_COUNTS} counts, {math.degrees(MOST_SPINDLE):.3g} deg"
+    raw.drop(np.abs(spindle - np.median(spindle)) > MOST_SPINDLE, f"corrupt (the spindle over {limit}, off its median)")
+    for column, jump in (("spindle_angle", _JUMP), ("jaw_angle", _JUMP), ("spindle_torque", _TORQUE_JUMP)):
+        raw.outliers(column, jump)
+    raw.saturated("spindle_torque")
+    raw.enough()
+    raw.gaps()
+    return raw.done(SOURCE, checksum(path))
+
+
+def _angle(counts: int) -> tuple[Unit, ...]:
+    return (
+        Unit("counts", _TURN / counts, _LEAST_ANGLE / _TURN * counts, counts / 2, integer=True),
+        # neither the spindle nor the jaw turns by half a turn, so that the two cannot be taken for one another
+        Unit("rad", 1.0, _LEAST_ANGLE, math.pi, integer=False),
+        Unit("deg", math.radians(1), 5, 180, integer=False),
+    )
+
+
+_TORQUE = (
+    Unit("counts", TORQUE_PER_COUNT, _LEAST_TORQUE / TORQUE_PER_COUNT, 1 / TORQUE_PER_COUNT, integer=True),
+    Unit("N*m", 1.0, _LEAST_TORQUE, 1.0, integer=False),
+    Unit("mN*m", 1e-3, 1e3 * _LEAST_TORQUE, 1e3, integer=False),
+)
+
+
+# The model.
+
+DEFAULT_LAW = "capstan-constant"
+CONTACTS = 8
+"""Contacts that the transmission is cut into."""
+SETTLING = 2.0
+"""Time from the start in which the bench settles, s: the model runs through it, and no error is taken in it."""
+INTERVAL = 0.01
+"""Mean over which torque is smoothed, and the interval of the samples that are fitted, s."""
+NOISE = 2 * math.pi / 4000 / math.sqrt(12)
+"""Standard deviation of the jaw's encoder, rad: that of rounding to its 4000 counts."""
+
+Offset: TypeAlias = Literal["shared", "run"]
+
+_LEVEL_SPAN = 0.2
+"""Time from the start whose mean torque friction is taken to have held before, s: the drive starts with a kick."""
+_SPEED_SPAN = 0.1
+"""Time over which the spindle's speed is taken, s."""
+_LEAST = 200
+_OFFSET = math.radians(30)
+"""How far the jaw's offset may be off the one of a plane through the recordings, rad."""
+_RATIO, _COMPLIANCE = (0.1, 5.0), (0.1, 4.0)
+"""What such a plane is believed: 1 and rad/(N*m)."""
+
+
+_START = Parameter(
+    "start", "1", 0.2, 0.0, 1.0, "Where in its band friction holds as a run begins: 0 lower, 1 upper bound"
+)
+_BEARING = Parameter("spindle_friction", "N*m", 0.01, 0.0, 0.05, "Load-independent friction at the spindle")
+_CAPSTAN = (
+    Parameter("friction_exponent", "1", 0.5, 0.0, 2.0, "Friction coefficient times wrap angle all along the tendon"),
+    Parameter("pretension", "N*m", 0.05, 0.0, 0.15, "Pretension of the tendon times the spindle's radius"),
+)
+_STRIBECK = (
+    Parameter("static_excess", "1", 0.1, 0.0, 3.0, "By how much friction at rest exceeds friction in motion"),
+    Parameter("stribeck_speed", "rad/s", 0.1, 0.005, 3.0, "Spindle speed at which that excess has fallen to 1/e"),
+)
+LAWS: Mapping[str, tuple[Parameter, ...]] = {
+    "none": (),
+    "coulomb": (
+        _START,
+        _BEARING,
+        Parameter("sliding_friction", "N*m", 0.05, 0.0, 0.5, "Load-independent friction all along the tendon"),
+    ),
+    "capstan": (_START, *_CAPSTAN),
+    "capstan-constant": (_START, _BEARING, *_CAPSTAN),
+    "capstan-power": (
+        _START,
+        _BEARING,
+        *_CAPSTAN,
+        Parameter("load_index", "1", 0.9, 0.3, 1.0, "Power of the tension that friction grows with; 1 is capstan"),
+    ),
+    "stribeck": (_START, _BEARING, *_CAPSTAN, *_STRIBECK),
+    "bouc-wen": (
+        Parameter("hysteresis_torque", "N*m", 0.05, 0.0, 0.5, "Friction torque far from a reversal"),
+        Parameter("hysteresis_angle", "rad", 0.05, 0.001, 3.0, "Spindle angle over which friction reverses"),
+        Parameter("hysteresis_shape", "1", 0.5, 0.0, 1.0, "Share of friction that a reversal meets at once (beta)"),
+        Parameter("hysteresis_start", "1", 0.0, -1.0, 1.0, "Friction torque as a run begins over the full one"),
+    ),
+}
+"""Parameters of each friction law, after those that all have."""
+_SHAPES = ("load_index", "static_excess", "stribeck_speed")
+
+
+@dataclass(frozen=True)
+class Series:
+    """What the model reads of a run, and the jaw angle it is compared with, each (1 + n,); rad, N*m, rad/s.
+
+    The first sample is before the run: the torque it began from.
+    """
+
+    time: Array
+    spindle: Array
+    torque: Array
+    """By the sign in which it mostly works against its load."""
+    speed: Array
+    jaw: Array
+    counted: slice
+    """Samples after the bench has settled."""
+
+
+class Signs(NamedTuple):
+    """How the sensors' signs go together, by the training runs."""
+
+    load: float
+    """Sign of the spindle's mean torque."""
+    jaw: float
+    """Whether the jaw turns with the spindle's sensor (1) or against it (-1)."""
+
+
+class Tool:
+    """A tool with its recordings.
+
+    Parameters
+    ----------
+    train, test
+        Recordings with spindle_angle, spindle_torque and jaw_angle; the signs of the sensors come from train.
+    law
+        Friction law, a key of `LAWS`.
+    offset
+        shared: one offset of the jaw's encoder for all runs, so that none of a test run's jaw angles is used. run: each
+        run's error is taken less its own mean over the run, as if its encoder had been set apart.
+    contacts
+        Contacts that the transmission is cut into.
+
+    Raises
+    ------
+    IdentificationError
+        There is no such law, or a recording is too short.
+    """
+
+    def __init__(
+        self,
+        train: Sequence[MeasuredRun],
+        test: Sequence[MeasuredRun] = (),
+        *,
+        law: str = DEFAULT_LAW,
+        offset: Offset = "shared",
+        contacts: int = CONTACTS,
+    ) -> None:
+        if law not in LAWS:
+            raise IdentificationError(key="law", value=law, allowed=f"one of {', '.join(LAWS)}")
+        if offset not in ("shared", "run"):
+            raise IdentificationError(key="offset", value=offset, allowed="shared or run")
+        if contacts < 1:
+            raise IdentificationError(key="contacts", value=contacts, allowed="an integer of at least 1")
+        if not train:
+            raise IdentificationError("train is empty; it must hold at least one recording.", key="train")
+        self.law, self.offset, self.contacts = law, offset, contacts
+        self.signs = _signs(train)
+        recordings = [*train, *test]
+        self.runs = tuple(one.name for one in recordings)
+        self._full = [_series(one, self.signs) for one in recordings]
+        self._thin = [_thinned(one) for one in self._full]
+        self._kinematics = _kinematics(self._thin[: len(train)], self.signs)[0 if offset == "shared" else 1 :]
+        self.parameters = (*self._kinematics, *LAWS[law])
+        self._names = tuple(one.name for one in self.parameters)
+
+    @property
+    def groups(self) -> dict[str, tuple[str, ...]]:
+        """Names of parameters by group."""
+        return {
+            "friction": tuple(one.name for one in LAWS[self.law]),
+            "stiffness": ("compliance",),
+            "kinematics": tuple(one.name for one in self.parameters if one.name in ("offset", "ratio")),
+        }
+
+    def residuals(self, values: Array, run: int) -> Array:
+        """Return measured minus modelled jaw angle every 10 ms, (n,), in standard deviations of the encoder."""
+        return self._errors(values, self._thin[run]) / NOISE
+
+    def jacobian(self, values: Array, run: int) -> Array:
+        """Return the derivatives of the residuals, (n, parameters)."""
+        series = self._thin[run]
+        slopes = self._modelled(values, series, exact=True).slopes[:, series.counted]
+        if self.offset == "run":
+            slopes = slopes - slopes.mean(axis=1, keepdims=True)
+        return np.ascontiguousarray(-slopes.T / NOISE)
+
+    def errors(self, values: Array, run: int) -> dict[str, Array]:
+        """Return measured minus modelled jaw angle at all samples after settling, deg."""
+        return {"output_angle_deg": np.degrees(self._errors(values, self._full[run]))}
+
+    def predict(self, values: Array, run: int) -> Array:
+        """Return the modelled jaw angle at all samples, (n,), rad, by nothing but the run's proximal signals."""
+        return self._model(values, self._full[run])[1:]
+
+    def traces(self, values: Array, run: int) -> dict[str, Trace]:
+        """Return measured and modelled jaw angle at all samples after settling, deg."""
+        series = self._full[run]
+        measured = series.jaw[series.counted]
+        model = measured - self._errors(values, series)
+        return {"output_angle_deg": Trace(series.time[series.counted], np.degrees(measured), np.degrees(model))}
+
+    def sample_time(self, run: int) -> float:
+        """Return the time between the samples that are fitted, s."""
+        return float(np.median(np.diff(self._thin[run].time[1:])))
+
+    def advice(self, names: Sequence[str]) -> str | None:
+        """Return which recording would make these parameters identifiable."""
+        asked = set(names)
+        if asked & {"friction_exponent", "pretension", "spindle_friction", "sliding_friction"}:
+            return "Record runs at more loads at the jaw, the highest several times the lowest, each with reversals."
+        if "start" in asked or "hysteresis_start" in asked:
+            return "Nothing is lost: how a run began matters only up to its first reversal."
+        if asked & {"ratio", "offset", "compliance"}:
+            return "Record the same motion at several loads at the jaw, over a larger angle."
+        return None
+
+    def _errors(self, values: Array, series: Series) -> Array:
+        error: Array = (series.jaw - self._model(values, series))[series.counted]
+        return error - error.mean() if self.offset == "run" else error
+
+    def _model(self, values: Array, series: Series) -> Array:
+        return self._modelled(values, series, exact=False).value
+
+    def _modelled(self, values: Array, series: Series, *, exact: bool) -> Dual:
+        given = unknowns(self._names, values, exact=exact)
+        turned = given["ratio"] * series.spindle + self.signs.load * given["compliance"] * self._mean(given, series)
+        return self.signs.jaw * turned + given.get("offset", number(0.0))
+
+    def _mean(self, given: Mapping[str, Dual], series: Series) -> Dual:
+        """Return the mean torque along the transmission, (n,)."""
+        torque = number(series.torque)
+        if self.law == "none":
+            return torque
+        if self.law == "bouc-wen":
+            full, width, beta, start = (given[one.name] for one in LAWS[self.law])
+            return torque - full * hysteresis(number(-self.signs.load * series.spindle), width, beta, start)
+        # a law that knows no tension knows no slack
+        slack = "pretension" in given
+        pretension = given.get("pretension", number(0.0))
+        tension = torque + pretension
+        bearing: dict[str, Operand] = {"constant": given.get("spindle_friction", 0.0)}
+        # the tendon reaches from the bearing to the last contact: a half of its pieces' length at either end
+        passed = [_behind("coulomb", bearing, tension, given["start"], series.speed, slack=slack)]
+        along = self._along(given)
+        for _ in range(self.contacts):
+            passed.append(_behind(self.law, along, passed[-1], given["start"], series.speed, slack=slack))
+        pieces = [0.5 / self.contacts * (one + other) for one, other in pairwise(passed)]
+        return sum(pieces[1:], pieces[0]) - pretension
+
+    def _along(self, given: Mapping[str, Dual]) -> dict[str, Operand]:
+        """Return the friction of one contact along the tendon, by the names of its law."""
+        friction: dict[str, Operand] = {name: given[name] for name in _SHAPES if name in given}
+        for name, ours in (("exponent", "friction_exponent"), ("constant", "sliding_friction")):
+            if ours in given:
+                friction[name] = given[ours] * (1 / self.contacts)
+        return friction
+
+
+def problem(
+    train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None
+) -> Tool:
+    """Return the model with its recordings, those of train first.
+
+    Raises
+    ------
+    IdentificationError
+        There is no such law, a recording is too short, or an instrument is given, which the tool is not.
+    """
+    if instrument is not None:
+        raise IdentificationError(
+            "instrument is given; it must be left out: a davinci-tool recording is of a tool without instrument file.",
+            key="instrument",
+        )
+    return Tool(train, test, law=law)
+
+
+def _behind(
+    law: str, friction: Mapping[str, Operand], tension: Dual, start: Dual, speed: Array, *, slack: bool
+) -> Dual:
+    """Return the tension behind a contact whose run begins somewhere in its band."""
+    lower, upper = band(law, friction, tension, speed=speed, slack=slack)
+    return held(lower, upper, lower.first() + start * (upper - lower).first())
+
+
+def _kinematics(train: Sequence[Series], signs: Signs) -> tuple[Parameter, ...]:
+    """Return the parameters that act without friction, which start where a plane through the training runs has them."""
+    columns = [
+        np.column_stack([np.ones(one.jaw.size), signs.jaw * one.spindle, signs.jaw * signs.load * one.torque])[
+            one.counted
+        ]
+        for one in train
+    ]
+    jaw = np.concatenate([one.jaw[one.counted] for one in train])
+    offset, ratio, compliance = np.linalg.lstsq(np.vstack(columns), jaw)[0].tolist()
+    ratio, compliance = float(np.clip(ratio, *_RATIO)), float(np.clip(compliance, *_COMPLIANCE))
+    return (
+        Parameter(
+            "offset",
+            "rad",
+            offset,
+            offset - _OFFSET,
+            offset + _OFFSET,
+            "Jaw angle at spindle angle zero without torque, common to all runs",
+        ),
+        Parameter("ratio", "1", ratio, ratio / 2, 2 * ratio, "Jaw angle per spindle angle without torque"),
+        Parameter(
+            "compliance",
+            "rad/(N*m)",
+            compliance,
+            0.0,
+            5 * compliance,
+            "Jaw angle lost per torque all along the transmission",
+        ),
+    )
+
+
+def _signs(train: Sequence[MeasuredRun]) -> Signs:
+    load = float(np.concatenate([one["spindle_torque"] for one in train]).mean())
+    turned = sum(
+        float(np.mean((one["spindle_angle"] - one["spindle_angle"].mean()) * (one["jaw_angle"]))) for one in train
+    )
+    return Signs(math.copysign(1.0, load), math.copysign(1.0, turned))
+
+
+def _series(one: MeasuredRun, signs: Signs) -> Series:
+    """Return a run at all samples, torque and speed smoothed over what has gone before."""
+    window = max(1, round(INTERVAL / one.sample_time))
+    span = max(1, round(_SPEED_SPAN / one.sample_time))
+    spindle = one["spindle_angle"]
+    before = np.maximum(np.arange(len(one)) - span, 0)
+    passed = np.maximum(one.time - one.time[before], one.sample_time)
+    first = int(np.searchsorted(one.time, one.time[0] + SETTLING))
+    if len(one) - first < _LEAST:
+        raise IdentificationError(
+            f"{one.name} has {max(len(one) - first, 0)} samples after the first {SETTLING:g} s, in which the bench "
+            f"settles; at least {_LEAST} are needed."
+        )
+    torque = signs.load * one["spindle_torque"]
+    level = float(torque[one.time < one.time[0] + _LEVEL_SPAN].mean())
+    return Series(
+        np.append(one.time[0] - one.sample_time, one.time),
+        np.append(spindle[0], spindle),
+        np.append(level, _causal_mean(torque, window)),
+        np.append(0.0, (spindle - spindle[before]) / passed),
+        np.append(one["jaw_angle"][0], one["jaw_angle"]),
+        slice(1 + first, None),
+    )
+
+
+def _thinned(one: Series) -> Series:
+    """Return the run at the interval that is fitted, each sample a mean over it; the one before the run stays."""
+    step = max(1, round(INTERVAL / float(np.median(np.diff(one.time)))))
+
+    def block(values: Array) -> Array:
+        run = values[1:]
+        means = run[: run.size // step * step].reshape(-1, step).mean(axis=1)
+        return np.append(values[0], means)
+
+    return Series(
+        block(one.time),
+        block(one.spindle),
+        np.append(one.torque[0], one.torque[step::step]),
+        np.append(one.speed[0], one.speed[step::step]),
+        block(one.jaw),
+        slice(1 + -(-(one.counted.start - 1) // step), None),
+    )
+
+
+def _causal_mean(values: Array, window: int) -> Array:
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    end = np.arange(1, values.size + 1)
+    begin = np.maximum(end - window, 0)
+    return np.asarray((total[end] - total[begin]) / (end - begin), dtype=np.float64)
+
+
+FORMAT = Format(load, problem, laws=tuple(LAWS), law=DEFAULT_LAW)

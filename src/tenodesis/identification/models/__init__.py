@@ -1,1 +1,0 @@
-"""Physical models, one file each, with the recordings they are fitted to."""

@@ -1,0 +1,260 @@
+"""The search for an optimum: the training runs as one function of the free parameters, from many starts."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from scipy import special
+
+from tenodesis.errors import IdentificationError
+from tenodesis.identification import bootstrap
+from tenodesis.identification.differences import differenced, scales
+from tenodesis.identification.problem import Problem, WithChannels, WithDerivatives, WithSystematicErrors
+from tenodesis.identification.uncertainty import Linearised, LossName
+from tenodesis.run import Array
+
+DerivativesName: TypeAlias = Literal["exact", "differences"]
+
+LEAST_PER_PARAMETER = 10
+"""Samples of the training runs per fitted parameter."""
+MOST_STEPS = 100
+"""Iterations of a search."""
+
+_REFIT_STEPS = 20
+"""Iterations of a search from the optimum, for a replicate of the bootstrap."""
+_TOLERANCE = 1e-9
+_DECADES = 100.0
+"""Ratio of bounds above which starts are drawn by the logarithm."""
+_NEAR_BOUND = 1e-2
+"""Share of its range within which a parameter is tried on its bound."""
+
+
+class SearchEnd(NamedTuple):
+    """Where a search ended."""
+
+    at: Array
+    cost: float
+    converged: bool
+
+
+class Search:
+    """The training runs of a problem as one function of the free parameters, to be searched for an optimum."""
+
+    def __init__(
+        self, problem: Problem, free: Sequence[int], train: Sequence[int], loss: LossName, derivatives: DerivativesName
+    ) -> None:
+        self.problem, self.free, self.train, self.loss = problem, list(free), train, loss
+        self.exact = derivatives == "exact"
+        self.evaluations = self.jacobians = 0
+        self.start = np.array([one.start for one in problem.parameters], dtype=np.float64)
+        self.lower = np.array([problem.parameters[index].lower for index in free])
+        self.upper = np.array([problem.parameters[index].upper for index in free])
+        self.samples = sum(problem.residuals(self.start, run).size for run in train)
+        least = LEAST_PER_PARAMETER * len(self.free)
+        if self.samples < least:
+            raise IdentificationError(
+                f"the training runs have {self.samples} samples, which is too few for {len(self.free)} parameters; "
+                f"at least {least} are needed, {LEAST_PER_PARAMETER} for each."
+            )
+
+    def full(self, at: Array) -> Array:
+        """Return the values of all parameters, with those of the free ones in place."""
+        values = self.start.copy()
+        values[self.free] = at
+        return values
+
+    def residuals(self, at: Array) -> Array:
+        """Return the residuals of all training runs, one after the other, (n,)."""
+        self.evaluations += 1
+        values = self.full(at)
+        return np.concatenate([self.problem.residuals(values, run) for run in self.train])
+
+    def jacobian(self, at: Array) -> Array:
+        """Return their derivatives by the free parameters, (n, free parameters)."""
+        values = self.full(at)
+        given = [one for run in self.train if (one := self._own(values, run)) is not None]
+        if len(given) == len(self.train):
+            self.jacobians += 1
+            return np.concatenate(given)
+        return differenced(self.residuals, at, self.lower, self.upper, self._scale(at))
+
+    def _own(self, values: Array, run: int) -> Array | None:
+        """Return the problem's own derivatives by what is free, (n, free), or None to have them differenced."""
+        if not self.exact:
+            return None
+        if isinstance(self.problem, WithDerivatives):
+            return self.problem.derivatives(values, run, self.free)
+        jacobian = self.problem.jacobian(values, run)
+        return None if jacobian is None else jacobian[:, self.free]
+
+    def solve(
+        self, start: Array, *, aim: Array | None = None, held: Sequence[int] = (), steps: int = MOST_STEPS
+    ) -> SearchEnd | None:
+        """Return the optimum found from a start, or None where the model has no answer there.
+
+        Parameters
+        ----------
+        start
+            Of the free parameters.
+        aim
+            Subtracted from the residuals, for the bootstrap.
+        held
+            Which of the free parameters stay as they are.
+        steps
+            Most iterations.
+        """
+        loose = [index for index in range(start.size) if index not in set(held)]
+
+        def moved(part: Array) -> Array:
+            at = start.copy()
+            at[loose] = part
+            return at
+
+        def residuals(part: Array) -> Array:
+            found = self.residuals(moved(part))
+            return found if aim is None else found - aim
+
+        def jacobian(part: Array) -> Array:
+            return self._finite(self.jacobian(moved(part)))[:, loose]
+
+        if not np.isfinite(residuals(start[loose])).all():
+            return None
+        if not loose:
+            return SearchEnd(start, self._cost(residuals(start[loose])), converged=True)
+        from scipy.optimize import least_squares  # noqa: PLC0415 - slow to load
+
+        found = least_squares(
+            residuals,
+            start[loose],
+            jac=jacobian,
+            bounds=(self.lower[loose], self.upper[loose]),
+            x_scale=self._scale(start)[loose],
+            loss=self.loss,
+            ftol=_TOLERANCE,
+            xtol=_TOLERANCE,
+            gtol=_TOLERANCE,
+            max_nfev=steps,
+        )
+        return SearchEnd(moved(np.asarray(found.x)), float(found.cost), converged=found.status != 0)
+
+    def on_bounds(self, found: SearchEnd) -> tuple[Array, float]:
+        """Return the optimum and its cost, with parameters moved onto the bounds that the search stops short of.
+
+        A parameter is moved onto a bound where the cost is no higher there. One without any effect stays where it
+        started.
+        """
+        at, cost = found.at, found.cost
+        inert = ~self._finite(self.jacobian(at)).any(axis=0)
+        if inert.any():
+            kept = np.where(inert, self.start[self.free], at)
+            same = self._cost(self.residuals(kept))
+            at, cost = (kept, same) if same <= cost else (at, cost)
+        reach = _NEAR_BOUND * (self.upper - self.lower)
+        for bound in (self.lower, self.upper):
+            for index in np.flatnonzero((np.abs(at - bound) < reach) & (at != bound) & ~inert):
+                there = at.copy()
+                there[index] = bound[index]
+                if self._cost(self.residuals(there)) <= cost * (1 + 1e-9):
+                    again = self.solve(
+                        there, held=[int(index), *np.flatnonzero((at == self.lower) | (at == self.upper))]
+                    )
+                    if again is not None and again.cost <= cost * (1 + 1e-9):
+                        at, cost = again.at, again.cost
+        return at, cost
+
+    def linearised(self, at: Array, run: int, scale: Array) -> Linearised:
+        """Return a run at the optimum."""
+        values = self.full(at)
+        own = self._own(values, run)
+        jacobian = (
+            differenced(lambda x: self.problem.residuals(self.full(x), run), at, self.lower, self.upper, scale)
+            if own is None
+            else own
+        )
+        return Linearised(
+            self.problem.residuals(values, run),
+            self._finite(jacobian) * scale,
+            channels(self.problem, run),
+            self.problem.systematic_errors(values, run) if isinstance(self.problem, WithSystematicErrors) else None,
+        )
+
+    def unanswered(self) -> IdentificationError:
+        """Return the error for a model that has no answer at any start."""
+        for run in self.train:
+            if not np.isfinite(self.problem.residuals(self.start, run)).all():
+                return IdentificationError(
+                    f"the model has no answer for {self.problem.runs[run]} at any of the starts: residuals are not "
+                    "finite; starts and bounds must be such that it has one."
+                )
+        return IdentificationError("the model has no answer at any of the starts: residuals are not finite.")
+
+    def _scale(self, at: Array) -> Array:
+        return scales(self.problem.parameters, self.full(at))[self.free]
+
+    def _cost(self, residuals: Array) -> float:
+        squares = residuals**2
+        return float(0.5 * np.sum(squares if self.loss == "linear" else 2 * (np.sqrt(1 + squares) - 1)))
+
+    def _finite(self, jacobian: Array) -> Array:
+        if not np.isfinite(jacobian).all():
+            names = [self.problem.parameters[index].name for index in self.free]
+            bad = [name for name, column in zip(names, jacobian.T, strict=True) if not np.isfinite(column).all()]
+            raise IdentificationError(f"the derivatives of the model with respect to {bad[0]} are not finite.")
+        return jacobian
+
+
+def starting_points(search: Search, count: int, seed: int) -> list[Array]:
+    """Return the starts of a search: the parameters' own, and others drawn within the bounds (Latin hypercube)."""
+    own = search.start[search.free]
+    if count == 1:
+        return [own]
+    from scipy.stats import qmc  # noqa: PLC0415 - slow to load
+
+    shares = qmc.LatinHypercube(len(search.free), rng=np.random.default_rng([seed, 0])).random(count - 1)
+    wide = (search.lower > 0) & (search.upper > _DECADES * np.abs(search.lower))
+    low = np.where(wide, np.log(np.where(wide, search.lower, 1)), search.lower)
+    high = np.where(wide, np.log(np.where(wide, search.upper, 1)), search.upper)
+    drawn = low + shares * (high - low)
+    drawn[:, wide] = np.exp(drawn[:, wide])
+    return [own, *np.clip(drawn, search.lower, search.upper)]
+
+
+def replicates(
+    search: Search,
+    at: Array,
+    runs: Sequence[Linearised],
+    count: int,
+    *,
+    seed: int,
+    freedom: float,
+    done: Callable[[int], None],
+) -> Array:
+    """Return the optimum of each replicate, shape (count, free parameters).
+
+    Drawn residuals are swollen by what the parameters took up, and so that percentiles are as far out as Student's t
+    with the effective samples left over (Hesterberg 2015).
+    """
+    draw = np.random.default_rng([seed, 1])
+    lengths = [
+        max(bootstrap.block_length(series) for series in one.residuals.reshape(one.channels, -1)) for one in runs
+    ]
+    centred = np.concatenate([one.residuals for one in runs])
+    swell = math.sqrt(1 + at.size / freedom) * float(special.stdtrit(freedom, 0.975) / special.ndtri(0.975))
+    out = np.empty((count, at.size))
+    for replicate in range(count):
+        fresh = np.concatenate(
+            [
+                bootstrap.resampled(one.residuals, one.channels, length, draw)
+                for one, length in zip(runs, lengths, strict=True)
+            ]
+        )
+        again = search.solve(at, aim=centred - swell * fresh, steps=_REFIT_STEPS)
+        out[replicate] = at if again is None else again.at
+        done(replicate + 1)
+    return out
+
+
+def channels(problem: Problem, run: int) -> int:
+    """Return how many sensors the residuals of a run hold, one after the other."""
+    return problem.channels(run) if isinstance(problem, WithChannels) else 1

@@ -1,0 +1,336 @@
+"""The instrument's own twin as a model of its recordings, with exact derivatives through stick and slip."""
+
+from collections.abc import Sequence
+from math import degrees, pi, sqrt
+from typing import Any
+
+import numpy as np
+
+from tenodesis import _core, plant
+from tenodesis._core import Status
+from tenodesis.errors import IdentificationError
+from tenodesis.identification.formats.instrument_run import TENDONS, InstrumentRun
+from tenodesis.identification.formats.measured import MeasuredRun
+from tenodesis.identification.problem import Parameter, Trace
+from tenodesis.identification.twin_model import tuning
+from tenodesis.identification.twin_model.marginalise import Marginalisation, marginalise
+from tenodesis.identification.twin_model.steps import READINGS, SteppedRun, in_steps
+from tenodesis.identification.twin_model.unknowns import LARGEST_OFFSET, UNKNOWNS
+from tenodesis.instrument import Instrument
+from tenodesis.run import Array
+
+DEFAULT_LAW = "capstan"
+
+LAWS = ("none", "capstan", "capstan-constant", "stribeck")
+"""Friction laws of the twin."""
+
+_ROW = _core.twin_parameters()
+_ANGLES = {"measured_handle_angle": "handle_angle_deg", "measured_output_angle": "output_angle_deg"}
+
+
+class TwinProblem:
+    """Recordings of an instrument, and its twin as their model.
+
+    The handle angle is the commanded one, or that of its encoder less its offset; spool angles are those of their
+    encoders. A run that does not begin at rest and straight is led there first.
+    """
+
+    def __init__(self, runs: Sequence[MeasuredRun], law: str, inst: Instrument) -> None:
+        if law not in LAWS:
+            raise IdentificationError(
+                key="law", value=law, allowed=f"one of {', '.join(LAWS)} for recordings of an instrument"
+            )
+        # The file's own mismatch is what is to be identified.
+        self._inst = _under(law, inst.replace(mismatch=None))
+        self._nominal = plant.parameters(self._inst) | {"hand_stiffness": 0.0}
+        for run in runs:
+            self._check_range(run)
+            self._check_rate(run)
+        kind, parameters, handle_range = self._inst.spec.__getstate__()
+        self._spec = _core.Spec(kind, parameters, handle_range + 2 * LARGEST_OFFSET + 0.01)
+        finest = [in_steps(run, self._inst, 1) for run in runs]
+        given = {name for run in finest for name in run.measured}
+        handle_as_read = any(run.handle_as_read for run in finest)
+        spooled = any("spool_agonist" in run.columns for run in runs)
+        self._names = [
+            name for name in UNKNOWNS if _applies(name, law, given, spooled=spooled, handle_as_read=handle_as_read)
+        ]
+        self._variables = [_ROW.index(UNKNOWNS[name].number) for name in self._names]
+        stride = min(self._stride(run, fine) for run, fine in zip(runs, finest, strict=True))
+        self._runs = finest if stride == 1 else [in_steps(run, self._inst, stride) for run in runs]
+        self._known: dict[int, dict[bytes, Marginalisation]] = {}
+
+    def _check_range(self, run: MeasuredRun) -> None:
+        # an encoder with an offset may show a handle beyond its range
+        largest, limit = float(np.abs(run["handle_angle"]).max()), self._inst.handle_range
+        if largest > limit + LARGEST_OFFSET:
+            raise IdentificationError(
+                f"{run.name}: handle_angle is up to {degrees(largest):.4g} deg; it must be within the range of "
+                f"{self._inst.name}, ±{degrees(limit):.4g} deg, but for an encoder's offset: another instrument, or a "
+                "wider handle_range.",
+                key="handle_angle",
+                value=largest,
+            )
+
+    def _check_rate(self, run: MeasuredRun) -> None:
+        longest = plant.longest_step(self._inst)
+        if run.sample_time > longest * (1 + 1e-6):
+            raise IdentificationError(
+                f"{run.name} has a sample every {1e3 * run.sample_time:.3g} ms, too few for the tip of "
+                f"{self._inst.name}, which oscillates at {plant.natural_frequency(self._inst) / (2 * pi):.3g} Hz; it "
+                f"must be at most {1e3 * longest:.3g} ms.",
+                key="sample_time",
+                value=run.sample_time,
+            )
+
+    def _stride(self, run: MeasuredRun, finest: SteppedRun) -> int:
+        """Return how many samples make the longest steps that hardly move the parameters of a fit."""
+        longest = min(tuning.LONGEST_STEP, plant.longest_step(self._inst))
+        stride = max(1, int(longest / run.sample_time * (1 + 1e-6)))
+        if stride == 1:
+            return 1
+        numbers = [self._nominal[name] for name in _ROW]
+        fine = self._run(finest, numbers, [])[:, 0, finest.lead :]
+        while stride > 1:
+            coarse = in_steps(run, self._inst, stride)
+            count = len(coarse.commands) - coarse.lead
+            means = fine[:, : count * stride].reshape(len(READINGS), count, stride).mean(axis=2)
+            rows = [READINGS.index(name) for name in coarse.measured]
+            scale = sqrt(stride) / np.array([coarse.deviation[name] for name in coarse.measured])
+            there = self._run(coarse, numbers, [])[:, 0, coarse.lead :]
+            off = ((there - means)[rows] * scale[:, None]).ravel()
+            known = np.isfinite(off)
+            if known.any() and np.sqrt(np.mean(off[known] ** 2)) < tuning.COARSE_STEP:
+                slopes = self._run(coarse, numbers, self._variables)[rows, 1:, coarse.lead :] * scale[:, None, None]
+                slopes = slopes.transpose(0, 2, 1).reshape(off.size, -1)[known]
+                directions, sizes, _ = np.linalg.svd(slopes, full_matrices=False)
+                if (
+                    np.linalg.norm(directions[:, sizes > tuning.UNSEEN_DIRECTION * sizes.max()].T @ off[known])
+                    < tuning.STEP_BIAS
+                ):
+                    break
+            stride //= 2
+        return stride
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The unknowns, starting from the instrument file."""
+        out = []
+        for name in self._names:
+            one = UNKNOWNS[name]
+            upper = one.upper
+            if name == "handle_length_share":
+                upper = min(upper, tuning.MOST_HANDLE_SHARE * (1 - sum(_core.joint_shares(self._inst.spec))))
+            if name == "dynamics.tip_damping":
+                critical = 2 * plant.natural_frequency(self._inst) * self._nominal["tip_inertia"]
+                upper = tuning.MOST_DAMPING * max(critical, self._nominal["tip_damping"])
+            start = float(np.clip(self._nominal[one.number], one.lower, upper))
+            out.append(Parameter(name, one.unit, start, one.lower, upper, one.meaning))
+        return tuple(out)
+
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """Names of the recordings."""
+        return tuple(run.name for run in self._runs)
+
+    @property
+    def groups(self) -> dict[str, tuple[str, ...]]:
+        """Names of parameters by group: stiffness, pretension, friction, sheath, drives, sensors, load_cells."""
+        kinds = dict.fromkeys(UNKNOWNS[name].group for name in self._names)
+        return {kind: tuple(name for name in self._names if UNKNOWNS[name].group == kind) for kind in kinds}
+
+    def channels(self, run: int) -> int:
+        """Return how many sensors the residuals of a run hold."""
+        return len(self._runs[run].measured)
+
+    def sample_time(self, run: int) -> float:
+        """Return the time between residuals of a sensor, s."""
+        return float(np.median(np.diff(self._runs[run].time)))
+
+    def residuals(self, values: Array, run: int) -> Array:
+        """Return measured minus model, in standard deviations, one sensor after the other."""
+        residuals = self._plain(self._model(values, run, [])[:, 0], run)
+        return self._whitened(residuals, residuals, values, run)
+
+    def jacobian(self, values: Array, run: int) -> Array:
+        """Return the derivatives of the residuals by every parameter, exact through stick and slip."""
+        return self.derivatives(values, run, range(len(self._names)))
+
+    def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
+        """Return the derivatives of the residuals by some parameters, given their indices, shape (n, how many)."""
+        one = self._runs[run]
+        model = self._model(values, run, [self._variables[index] for index in which])
+        parts = [
+            -np.nan_to_num(model[READINGS.index(name), 1:].T / one.deviation[name], nan=0.0) for name in one.measured
+        ]
+        return self._whitened(np.concatenate(parts), self._plain(model[:, 0], run), values, run)
+
+    def systematic_errors(self, values: Array, run: int) -> Array:
+        """Return the effects of systematic errors on residuals, one deviation each, (n, m).
+
+        They are rounding that noise does not average out, and nonlinear effects of errors of the commands.
+        """
+        one = self._runs[run]
+        model = self._model(values, run, [])[:, 0]
+        count, sensors = len(one.kept), list(one.sensors.items())
+        waves = []
+        for place, (name, sensor) in enumerate(sensors):
+            for number, size in sensor.harmonics(sensor.deviation**2):
+                turns = number * model[READINGS.index(name)]
+                for wave in (np.cos(turns), np.sin(turns)):
+                    waves.append(np.zeros(count * len(sensors)))
+                    waves[-1][place * count : (place + 1) * count] = sqrt(size) / sensor.deviation * wave
+        plain = self._plain(model, run)
+        near = self._marginalisation(plain, values, run)
+        errors = np.nan_to_num(np.stack([np.zeros(plain.size), *waves], axis=1))
+        return errors if near is None else near.whitened(np.concatenate([errors, near.nonlinear], axis=1))
+
+    def errors(self, values: Array, run: int) -> dict[str, Array]:
+        """Return measured minus model: output_angle_deg where there is a distal encoder, tension_N of both tendons."""
+        off = self._differences(values, run)
+        errors = {"tension_N": np.concatenate([off[f"tension_{tendon}"] for tendon in TENDONS])}
+        if "measured_output_angle" in off:
+            errors = {"output_angle_deg": np.degrees(off["measured_output_angle"])} | errors
+        return errors
+
+    def traces(self, values: Array, run: int) -> dict[str, Trace]:
+        """Return every sensor's signal beside the model's."""
+        one = self._runs[run]
+        off = self._differences(values, run)
+        traces = {}
+        for name, measured in one.measured.items():
+            scale = 180 / pi if name in _ANGLES else 1.0
+            traces[_ANGLES.get(name, f"{name}_N")] = Trace(one.time, measured * scale, (measured - off[name]) * scale)
+        return traces
+
+    def instrument(self, values: Array) -> Instrument:
+        """Return the instrument with these values in place, those that differ from its own."""
+        # inertia and damping, which follow from the stiffness by default, were not fitted and stay
+        inst = self._inst.replace(**{"dynamics.tip_inertia": self._nominal["tip_inertia"]})
+        inst = inst.replace(**{"dynamics.tip_damping": self._nominal["tip_damping"]})
+        for one, value in zip(self.parameters, values, strict=True):
+            if value != one.start:
+                inst = inst.replace(**UNKNOWNS[one.name].changes(inst, float(value)))
+        return inst
+
+    def advice(self, names: Sequence[str]) -> str | None:
+        """Return which recording would make these parameters identifiable, if one is known."""
+        asked = set(names)
+        if {"friction.sheath_coefficient", "friction.sheath_bend"} <= asked:
+            return "A sheath's friction is its coefficient times its bend: record a run at another, measured bend."
+        if any("load_cell" in name for name in asked) and {"stiffness_ratio", "pretension_ratio"} & asked:
+            return "Record handle cycles under two or more known forces at the tip, and one with a tendon let slack."
+        if "drives.backlash" in asked:
+            return "Record reversals of the spools under low tension."
+        if "handle_length_share" in asked:
+            return "Record reversals of the spools as well as of the handle: they strain different shares of a tendon."
+        if asked & {"friction.vertex_coefficient", "friction.sheath_coefficient", "friction.constant"}:
+            return "Record cycles at two pretensions and both small and large handle angles, with common-mode pulls."
+        return None
+
+    def _plain(self, model: Array, run: int) -> Array:
+        """Return measured minus a model, by reading and kept step, in standard deviations."""
+        one = self._runs[run]
+        parts = [(data - model[READINGS.index(name)]) / one.deviation[name] for name, data in one.measured.items()]
+        return np.asarray(np.nan_to_num(np.concatenate(parts), nan=tuning.LOST_RESIDUAL), dtype=np.float64)
+
+    def _whitened(self, rows: Array, plain: Array, values: Array, run: int) -> Array:
+        """Return rows, (n,) or (n, m), with the errors that encoders leave in commands marginalised out."""
+        near = self._marginalisation(plain, values, run)
+        return rows if near is None else near.whitened(rows)
+
+    def _marginalisation(self, plain: Array, values: Array, run: int) -> Marginalisation | None:
+        """Return how errors of commands are marginalised out near some values.
+
+        None where there are none, or where plain residuals show that parameters are far off.
+        """
+        one = self._runs[run]
+        if not one.input_errors or one.stride * np.mean(plain**2) > tuning.FAR:
+            return None
+        width = np.array([parameter.upper - parameter.lower for parameter in self.parameters]) * tuning.CELL
+        near = np.round(values / width) * width
+        known = self._known.setdefault(run, {})
+        if near.tobytes() not in known:
+            if len(known) >= tuning.CELLS_KEPT:
+                del known[next(iter(known))]
+            known[near.tobytes()] = marginalise(one, lambda commands: self._expected(commands, near, run))
+        return known[near.tobytes()]
+
+    def _expected(self, commands: Array, values: Array, run: int) -> Array:
+        """Return the model's sensor readings of a run, in standard deviations, one sensor after the other."""
+        one = self._runs[run]
+        model = self._run(one._replace(commands=commands), self._numbers(values), [])[:, 0, one.kept]
+        parts = [model[READINGS.index(name)] / sensor.deviation for name, sensor in one.sensors.items()]
+        return np.asarray(np.nan_to_num(np.concatenate(parts)), dtype=np.float64)
+
+    def _numbers(self, values: Array) -> list[float]:
+        given = {UNKNOWNS[name].number: float(value) for name, value in zip(self._names, values, strict=True)}
+        return [(self._nominal | given)[name] for name in _ROW]
+
+    def _differences(self, values: Array, run: int) -> dict[str, Array]:
+        """Return measured minus model by sensor; NaN from where the model's tip is lost."""
+        model = self._model(values, run, [])[:, 0]
+        return {name: data - model[READINGS.index(name)] for name, data in self._runs[run].measured.items()}
+
+    def _model(self, values: Array, run: int, variables: Sequence[int]) -> Array:
+        """Return the model's sensor readings and their derivatives, by reading, row and kept step."""
+        one = self._runs[run]
+        return self._run(one, self._numbers(values), variables)[:, :, one.kept]
+
+    def _run(self, run: SteppedRun, numbers: list[float], variables: Sequence[int]) -> Array:
+        numbers[_ROW.index("time_step")] = run.time_step
+        friction = self._inst.friction
+        spec = _core.TwinSpec(
+            self._spec, numbers, friction.law == "stribeck", friction.sheath_contacts, 1, quasi_static=False
+        )
+        out = np.full((len(READINGS), 1 + len(variables), len(run.commands)), np.nan)
+        _, status = _core.twin_gradient(spec, run.commands, run.handle_as_read, list(variables), out)
+        if status in (Status.NOT_FINITE, Status.OUT_OF_RANGE):
+            raise IdentificationError(f"{run.name}: a command is not finite or beyond the handle's range.")
+        return out
+
+
+def problem(
+    train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None
+) -> TwinProblem:
+    """Return the problem of an instrument's recordings.
+
+    Raises
+    ------
+    IdentificationError
+        No instrument is known, or the law is none of the twin's.
+    """
+    runs = [*train, *test]
+    known = [run.instrument for run in runs if isinstance(run, InstrumentRun) and run.instrument is not None]
+    inst = instrument or (known[0] if known else None)
+    if inst is None:
+        raise IdentificationError(f"{runs[0].name} does not hold its instrument; give --instrument.", key="instrument")
+    return TwinProblem(runs, law, inst.planar[0])
+
+
+def _applies(name: str, law: str, given: set[str], *, spooled: bool, handle_as_read: bool) -> bool:
+    """Return whether recordings of these sensors, under a friction law, can depend on a parameter."""
+    if name.startswith("friction.") and law == "none":
+        return False
+    if name == "friction.constant":
+        return law in ("capstan-constant", "stribeck")
+    if name in ("friction.static_ratio", "friction.stribeck_speed"):
+        return law == "stribeck"
+    if name == "mismatch.output_encoder_offset":
+        return "measured_output_angle" in given
+    if name == "mismatch.handle_encoder_offset":
+        return handle_as_read or "measured_handle_angle" in given
+    return name != "drives.backlash" or spooled
+
+
+def _under(law: str, inst: Instrument) -> Instrument:
+    if law == inst.friction.law:
+        return inst
+    if law == "none":
+        return inst.replace(friction=None)
+    changes: dict[str, Any] = {"friction.law": law}
+    if law != "stribeck":
+        changes["friction.static_ratio"] = None
+    if law == "capstan":
+        changes["friction.constant"] = None
+    return inst.replace(**changes)

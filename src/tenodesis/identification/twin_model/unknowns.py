@@ -1,0 +1,104 @@
+"""The parameters of a twin that recordings may identify, and where they stand in an instrument file."""
+
+from collections.abc import Callable
+from math import pi
+from typing import Any, NamedTuple
+
+from tenodesis.identification.formats.instrument_run import TENDONS
+from tenodesis.instrument import Instrument
+
+
+class Unknown(NamedTuple):
+    """A parameter of the twin: its name in the core, unit, bounds, meaning, changes to an instrument, and group."""
+
+    number: str
+    unit: str
+    lower: float
+    upper: float
+    meaning: str
+    changes: Callable[[Instrument, float], dict[str, Any]]
+    group: str
+
+
+def _stiffness(inst: Instrument, ratio: float) -> dict[str, Any]:
+    if inst.given_stiffness is not None:
+        return {"tendon_stiffness": inst.given_stiffness * ratio}
+    return {"tendon_modulus": (inst.tendon_modulus or 0.0) * ratio}
+
+
+def _pretension(inst: Instrument, ratio: float) -> dict[str, Any]:
+    return {"pretension": inst.pretension * ratio}
+
+
+def _key(key: str) -> Callable[[Instrument, float], dict[str, Any]]:
+    return lambda _, value: {key: value}
+
+
+def _of_pair(key: str, place: int) -> Callable[[Instrument, float], dict[str, Any]]:
+    def changes(inst: Instrument, value: float) -> dict[str, Any]:
+        pair = list(getattr(inst.mismatch, key))
+        pair[place] = value
+        return {f"mismatch.{key}": tuple(pair)}
+
+    return changes
+
+
+def _in_file(  # noqa: PLR0917
+    key: str, unit: str, upper: float, meaning: str, group: str, lower: float = 0.0
+) -> tuple[str, Unknown]:
+    return key, Unknown(key.partition(".")[2], unit, lower, upper, meaning, _key(key), group)
+
+
+# The largest bend and coefficient together stay below the largest friction exponent that the core takes.
+UNKNOWNS = {
+    "stiffness_ratio": Unknown(
+        "stiffness_ratio", "1", 0.2, 3.0, "true over nominal stiffness of the tendons", _stiffness, "stiffness"
+    ),
+    "handle_length_share": Unknown(
+        "handle_length_share",
+        "1",
+        0.02,
+        0.8,
+        "share of a tendon's compliance between spool and handle joint",
+        _key("friction.handle_compliance_share"),
+        "stiffness",
+    ),
+    "pretension_ratio": Unknown(
+        "pretension_ratio", "1", 0.1, 4.0, "true over nominal pretension", _pretension, "pretension"
+    ),
+    **dict(
+        [
+            _in_file("friction.vertex_coefficient", "1", 1.0, "friction coefficient at the joints", "friction"),
+            _in_file("friction.sheath_coefficient", "1", 1.0, "friction coefficient in the sheath", "friction"),
+            _in_file("friction.sheath_bend", "rad", 3 * pi, "total bend of the sheath", "sheath"),
+            _in_file(
+                "friction.constant", "N", 20.0, "load-independent friction of each joint and of the sheath", "friction"
+            ),
+            _in_file("friction.static_ratio", "1", 3.0, "static over kinetic friction coefficient", "friction", 1.0),
+            _in_file(
+                "friction.stribeck_speed", "m/s", 0.1, "slip speed at which static friction has gone", "friction", 1e-5
+            ),
+            _in_file("friction.viscous", "N*s/m", 100.0, "viscous friction of each joint and of the sheath", "viscous"),
+            _in_file("dynamics.tip_damping", "N*m*s", 1.0, "viscous damping of the tip", "viscous"),
+            _in_file("drives.backlash", "rad", 0.5, "backlash of the gearbox, at the spool", "drives"),
+            _in_file("mismatch.handle_encoder_offset", "rad", 0.3, "offset of the handle's encoder", "sensors", -0.3),
+            _in_file("mismatch.output_encoder_offset", "rad", 0.3, "offset of the distal encoder", "sensors", -0.3),
+        ]
+    ),
+    **{
+        f"mismatch.load_cell_{kind}.{tendon}": Unknown(
+            f"{tendon}_load_cell_{kind}",
+            unit,
+            lower,
+            upper,
+            f"{kind} of the {tendon}'s load cell",
+            _of_pair(f"load_cell_{kind}", place),
+            "load_cells",
+        )
+        for kind, unit, lower, upper in (("gain", "1", 0.5, 2.0), ("bias", "N", -20.0, 20.0))
+        for place, tendon in enumerate(TENDONS)
+    },
+}
+"""Every parameter that recordings may identify, by name."""
+
+LARGEST_OFFSET = UNKNOWNS["mismatch.handle_encoder_offset"].upper

@@ -1,0 +1,20 @@
+"""Instruments: one file describes one, and everything else is computed from it."""
+
+from tenodesis.instrument.instrument import PARAMETERS, AxisName, Instrument, Name
+from tenodesis.instrument.load import json_schema, load, parse, shipped
+from tenodesis.instrument.mechanisms import JOINT_TYPES, Continuum, TendonGear, TendonPulley
+
+__all__ = [
+    "JOINT_TYPES",
+    "PARAMETERS",
+    "AxisName",
+    "Continuum",
+    "Instrument",
+    "Name",
+    "TendonGear",
+    "TendonPulley",
+    "json_schema",
+    "load",
+    "parse",
+    "shipped",
+]

@@ -1,0 +1,260 @@
+"""Table devices of an instrument file: wiring and calibration of the devices of its bench."""
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Generic, Literal, Self, TypeAlias, TypeVar
+
+from pydantic import Field, model_validator
+
+from tenodesis.files import FileTable
+from tenodesis.units import (
+    Angle,
+    AnglePerCount,
+    AnglePerVolt,
+    MotorSpeed,
+    SignedForce,
+    SignedVoltage,
+    SpeedPerVolt,
+    TensionPerCount,
+    TensionPerVolt,
+    Time,
+    Voltage,
+)
+
+Channel = Annotated[str, Field(min_length=1, max_length=100)]
+
+NodeId = Annotated[int, Field(ge=1, le=127, strict=True)]
+ObjectIndex = Annotated[int, Field(ge=0x1000, le=0xFFFF, strict=True)]
+SubIndex = Annotated[int, Field(ge=0, le=255, strict=True)]
+Drive = TypeVar("Drive", bound=FileTable)
+CanType: TypeAlias = Literal["i8", "u8", "i16", "u16", "i32", "u32", "f32"]
+CanMode: TypeAlias = Literal["cyclic-velocity", "profile-velocity", "cyclic-position"]
+
+
+class Axis(FileTable, Generic[Drive]):
+    """The drives of one bending axis."""
+
+    agonist: Drive = Field(description="Drive of the agonist tendon")
+    antagonist: Drive = Field(description="Drive of the antagonist tendon")
+
+    @property
+    def drives(self) -> tuple[Drive, Drive]:
+        """Drives of agonist and antagonist."""
+        return self.agonist, self.antagonist
+
+
+class CanSource(FileTable):
+    """The object of a node that holds a sensor's reading, and that its PDOs can carry."""
+
+    node: NodeId = Field(description="Node that has the sensor: a drive, or a CiA 401 or 404 module")
+    object: ObjectIndex = Field(description="Index of the object, such as 0x6401")
+    sub: SubIndex = Field(default=0, description="Its sub-index")
+    type: CanType = Field(default="i16", description="Its type; the ends of an integer's range count as saturated")
+
+
+class CanAngle(CanSource):
+    """An angle's sensor."""
+
+    gain: AnglePerCount = Field(description="Angle per count, or per 1 of f32")
+    offset: Angle = Field(default=0.0, description="Angle at count 0")
+
+
+class CanTension(CanSource):
+    """A load cell."""
+
+    gain: TensionPerCount = Field(description="Tension per count, or per 1 of f32")
+    offset: SignedForce = Field(default=0.0, description="Tension at count 0")
+
+
+class CanDrive(FileTable):
+    """A CiA 402 drive; counts per turn, gear ratio and limits are those of the table drives."""
+
+    node: NodeId = Field(description="Its node id")
+    reversed: bool = Field(default=False, strict=True, description="Whether positive turns unwind")
+
+
+class CanAxis(Axis[CanDrive]):
+    """The sensors and drives of one bending axis on the CAN bus."""
+
+    handle_angle: CanAngle = Field(description="Encoder of the handle")
+    agonist_tension: CanTension = Field(description="Load cell of the agonist tendon")
+    antagonist_tension: CanTension = Field(description="Load cell of the antagonist tendon")
+    output_angle: CanAngle | None = Field(default=None, description="Distal encoder, as a bench may have")
+
+    @property
+    def sources(self) -> dict[str, CanAngle | CanTension]:
+        """The sensors' objects, by what they measure."""
+        named: dict[str, CanAngle | CanTension | None] = {
+            "handle angle": self.handle_angle,
+            "agonist tension": self.agonist_tension,
+            "antagonist tension": self.antagonist_tension,
+            "output angle": self.output_angle,
+        }
+        return {name: source for name, source in named.items() if source is not None}
+
+
+class CanCounter(FileTable):
+    """An object of each drive, u16, that counts its measurements: if it stands still, readings are old."""
+
+    object: ObjectIndex = Field(description="Index of the object")
+    sub: SubIndex = Field(default=0, description="Its sub-index")
+
+
+class CanOpen(FileTable):
+    """A CAN bus with a CiA 402 drive per tendon; SYNC comes once per sampling period of the table sensors."""
+
+    interface: str = Field(default="socketcan", description="Interface, by its name in python-can")
+    channel: str = Field(default="can0", description="Channel of that interface")
+    bitrate: int | None = Field(
+        default=None, ge=10_000, le=8_000_000, strict=True, description="Bits per second, if it is not set elsewhere"
+    )
+    options: dict[str, str | int | float | bool] = Field(default={}, description="Further options of the interface")
+    mode: CanMode = Field(
+        default="cyclic-velocity",
+        description="Mode of the drives: cyclic-velocity, profile-velocity or cyclic-position",
+    )
+    velocity_unit: MotorSpeed | None = Field(
+        default=None, description="Motor speed per 1 of target velocity; without it one count per second"
+    )
+    zero: Literal["keep", "here"] = Field(
+        default="keep", description="Where positions count from: as the drives have it, or from where they are opened"
+    )
+    counter: CanCounter | None = Field(default=None, description="Counter of a drive's measurements")
+    master: NodeId = Field(default=127, description="Node id of this computer")
+    heartbeat: Annotated[Time, Field(ge=1e-3, le=1.0)] = Field(
+        default=0.01, description="Time between heartbeats, both ways; three of them missed are a loss"
+    )
+    yaw: CanAxis | None = Field(default=None, description="Sensors and drives of yaw")
+    pitch: CanAxis | None = Field(default=None, description="Sensors and drives of pitch")
+
+    @model_validator(mode="after")
+    def _nodes(self) -> Self:
+        if self.yaw is None and self.pitch is None:
+            raise ValueError("neither yaw nor pitch is given; give one table for each axis of the instrument")
+        seen: dict[int, str] = {self.master: "master"}
+        for place, drive in self.drives():
+            if drive.node in seen:
+                raise ValueError(
+                    f"{place}.node is {drive.node}, which is {seen[drive.node]} already; it must be another one"
+                )
+            seen[drive.node] = place
+        for axis in filter(None, (self.yaw, self.pitch)):
+            if any(source.node == self.master for source in axis.sources.values()):
+                raise ValueError(f"a sensor's node is {self.master}, which is master; it must be another node")
+        return self
+
+    def drives(self) -> Iterator[tuple[str, CanDrive]]:
+        """Yield the drives with their keys."""
+        for name, axis in (("yaw", self.yaw), ("pitch", self.pitch)):
+            if axis is not None:
+                yield f"{name}.agonist", axis.agonist
+                yield f"{name}.antagonist", axis.antagonist
+
+
+class NiAngle(FileTable):
+    """An analogue encoder."""
+
+    channel: Channel = Field(description="Analogue input, such as ai0")
+    gain: AnglePerVolt = Field(description="Angle per volt")
+    offset: Angle = Field(default=0.0, description="Angle at 0 V")
+
+
+class NiTension(FileTable):
+    """An amplified load cell."""
+
+    channel: Channel = Field(description="Analogue input, such as ai2")
+    gain: TensionPerVolt = Field(description="Tension per volt")
+    offset: SignedForce = Field(default=0.0, description="Tension at 0 V")
+
+
+class NiDrive(FileTable):
+    """A drive with an analogue speed input, and its motor's quadrature encoder."""
+
+    speed: Channel = Field(description="Analogue output of the speed command, such as ao0")
+    gain: SpeedPerVolt = Field(description="Motor speed per volt; negative where positive turns unwind")
+    standstill: SignedVoltage = Field(default=0.0, description="Voltage at which the motor stands")
+    counter: Channel = Field(description="Counter of the motor's encoder, such as ctr0")
+    reversed: bool = Field(default=False, strict=True, description="Whether the encoder counts down as it winds")
+
+
+class NiAxis(Axis[NiDrive]):
+    """The sensors and drives of one bending axis."""
+
+    handle_angle: NiAngle = Field(description="Encoder of the handle")
+    agonist_tension: NiTension = Field(description="Load cell of the agonist tendon")
+    antagonist_tension: NiTension = Field(description="Load cell of the antagonist tendon")
+    output_angle: NiAngle | None = Field(default=None, description="Distal encoder, as a bench may have")
+
+    @property
+    def inputs(self) -> tuple[NiAngle | NiTension, ...]:
+        """The analogue inputs: handle, agonist, antagonist and, where there is one, output."""
+        given = (self.handle_angle, self.agonist_tension, self.antagonist_tension)
+        return given if self.output_angle is None else (*given, self.output_angle)
+
+
+class NiDaq(FileTable):
+    """A data acquisition device of National Instruments, at the sampling rate of the table sensors."""
+
+    device: Channel = Field(default="Dev1", description="Name of the device in its driver")
+    wiring: Literal["differential", "single-ended", "default"] = Field(
+        default="differential", description="How analogue inputs are wired"
+    )
+    input_limit: Voltage = Field(default=10.0, description="Range of the analogue inputs to either side")
+    output_limit: Voltage = Field(default=10.0, description="Largest speed command to either side")
+    ahead: Annotated[int, Field(ge=1, le=100, strict=True)] = Field(
+        default=6,
+        description="Speed commands buffered in the device: each delays by a sample; out of them, it stops",
+    )
+    alive: Channel | None = Field(
+        default=None, description="Digital line that changes with every command, for a relay that needs it to"
+    )
+    watchdog: Time | None = Field(
+        default=0.025, description="Time without a command after which a device that can sets the outputs by itself"
+    )
+    yaw: NiAxis | None = Field(default=None, description="Sensors and drives of yaw")
+    pitch: NiAxis | None = Field(default=None, description="Sensors and drives of pitch")
+
+    @model_validator(mode="after")
+    def _channels(self) -> Self:
+        axes = [axis for axis in (self.yaw, self.pitch) if axis is not None]
+        if not axes:
+            raise ValueError("neither yaw nor pitch is given; give one table for each axis of the instrument")
+        used = [one.channel for axis in axes for one in axis.inputs]
+        used += [name for axis in axes for drive in axis.drives for name in (drive.speed, drive.counter)]
+        twice = next((name for name in used if used.count(name) > 1), None)
+        if twice is not None:
+            raise ValueError(f"channel {twice!r} is given twice; each signal must have a channel of its own")
+        for axis in axes:
+            for drive in axis.drives:
+                if not math.fabs(drive.standstill) < self.output_limit:
+                    raise ValueError(
+                        f"standstill of {drive.speed} is {drive.standstill:g} V; it must be below output_limit, "
+                        f"{self.output_limit:g} V"
+                    )
+        return self
+
+
+class Serial(FileTable):
+    """A microcontroller with the firmware at a serial port."""
+
+    port: Annotated[str, Field(min_length=1, max_length=300)] = Field(
+        default="/dev/ttyACM0", description="Port, socket://HOST:PORT or unix://PATH"
+    )
+    baud_rate: Annotated[int, Field(ge=1200, le=20_000_000, strict=True)] = Field(
+        default=3_000_000, description="Bits per second"
+    )
+    timeout: Annotated[Time, Field(gt=0, le=10)] = Field(
+        default=0.25, description="Longest wait for an answer, with all repetitions"
+    )
+    sensors: Literal["twin", "board"] = Field(
+        default="twin",
+        description="Plant of the controller: the twin, or sensors and motors of the board itself",
+    )
+
+
+class Devices(FileTable):
+    """The devices of a bench; one table each."""
+
+    canopen: CanOpen | None = Field(default=None, description="CiA 402 drives on a CAN bus")
+    nidaq: NiDaq | None = Field(default=None, description="Data acquisition by nidaqmx")
+    serial: Serial | None = Field(default=None, description="A microcontroller with the firmware")

@@ -1,0 +1,218 @@
+"""Tables of an instrument file beyond the statics: friction, dynamics, drives, sensors, mismatch, control, geometry."""
+
+import math
+from itertools import pairwise
+from typing import Annotated, Literal, Self, TypeAlias
+
+from pydantic import Field, model_validator
+
+from tenodesis.files import FileTable
+from tenodesis.units import (
+    Angle,
+    AngleError,
+    Bits,
+    Coefficient,
+    Damping,
+    EncoderRange,
+    Force,
+    Gain,
+    HandStiffness,
+    HomingSpeed,
+    Inertia,
+    Length,
+    LengthDeviation,
+    LoadCellRange,
+    MotorAcceleration,
+    MotorSpeed,
+    PivotRange,
+    Rate,
+    Ratio,
+    Share,
+    SheathBend,
+    SignedForce,
+    SlipSpeed,
+    Spacing,
+    StopAngle,
+    TendonSpeedLimit,
+    Time,
+    TurnRange,
+    Viscosity,
+)
+
+MOST_EXPONENT = 10.0
+"""Largest friction exponent of one contact: beyond it, rounding of the tension ratio would break the law."""
+
+SafeState: TypeAlias = Literal["hold", "neutral"]
+FrictionLaw: TypeAlias = Literal["none", "capstan", "capstan-constant", "stribeck"]
+
+
+class Friction(FileTable):
+    """Friction between a tendon and the surfaces it bends around; without this table there is none."""
+
+    law: FrictionLaw = Field(default="none", description="none, capstan, capstan-constant or stribeck")
+    vertex_coefficient: Coefficient = Field(default=0.0, description="Friction coefficient at the joints' vertices")
+    sheath_coefficient: Coefficient = Field(default=0.0, description="Friction coefficient in the sheath")
+    sheath_bend: SheathBend = Field(default=0.0, description="Total bend of the sheath with the handle straight")
+    sheath_bend_per_handle_angle: Coefficient = Field(default=0.0, description="Bend added per angle of the handle")
+    sheath_contacts: int = Field(default=1, ge=1, le=32, strict=True, description="Contacts that make up the sheath")
+    handle_compliance_share: Annotated[float, Field(gt=0, lt=1)] | None = Field(
+        default=None,
+        description="Share of a tendon's compliance between spool and handle joint; without it, by the handle's length",
+    )
+    constant: Force = Field(default=0.0, description="Load-independent friction of each joint and of the sheath")
+    viscous: Viscosity = Field(default=0.0, description="Viscous friction of each joint and of the sheath")
+    static_ratio: Annotated[float, Field(ge=1, le=10)] = Field(
+        default=1.0, description="Static over kinetic coefficient of the Stribeck law"
+    )
+    stribeck_speed: SlipSpeed = Field(default=1e-3, description="Slip speed at which static friction has mostly gone")
+    memory: Time = Field(default=5e-3, description="Time by which friction lags behind the slip speed")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.law == "none" and (self.vertex_coefficient or self.sheath_coefficient or self.constant):
+            raise ValueError('law is "none", but coefficients are given; give another law or no coefficients')
+        if self.law in ("none", "capstan") and self.constant:
+            raise ValueError(f'constant is {self.constant:g} N, which law "{self.law}" does not have')
+        if self.law != "stribeck" and self.static_ratio != 1:
+            raise ValueError(f'static_ratio is {self.static_ratio:g}, which only law "stribeck" has')
+        bend = self.sheath_bend + self.sheath_bend_per_handle_angle * math.pi
+        exponents = {
+            "vertex_coefficient": self.vertex_coefficient * self.static_ratio * math.pi,
+            "sheath_coefficient": self.sheath_coefficient * self.static_ratio * bend / self.sheath_contacts,
+        }
+        for key, exponent in exponents.items():
+            if exponent > MOST_EXPONENT:
+                raise ValueError(
+                    f"{key} is {getattr(self, key):g}, which with static_ratio and bend makes a friction exponent of "
+                    f"{exponent:.3g} at one contact; it must be at most {MOST_EXPONENT:g}: give a smaller coefficient "
+                    "or bend, or more sheath_contacts"
+                )
+        return self
+
+
+class Dynamics(FileTable):
+    """Inertia and damping of tip and hand."""
+
+    tip_inertia: Inertia | None = Field(
+        default=None,
+        description="Inertia about the output angle; without it the unloaded tip has 20 Hz",
+    )
+    tip_damping: Damping | None = Field(
+        default=None, description="Viscous damping of the output angle; without it a fifth of critical damping"
+    )
+    output_stop: StopAngle | None = Field(
+        default=None, description="Output angle of the mechanical stop; without it a third beyond the working range"
+    )
+    hand_stiffness: HandStiffness = Field(
+        default=0.0, description="Stiffness of the hand on the handle; 0: the handle is at its commanded angle"
+    )
+    hand_damping: Damping = Field(default=0.05, description="Damping of the hand on the handle")
+    hand_inertia: Inertia = Field(default=2e-3, description="Inertia of hand and handle")
+
+
+class Drives(FileTable):
+    """Spools on speed-controlled motors; speeds are the motor's."""
+
+    spool_radius: Length = Field(default=5e-3, description="Radius of the spools")
+    gear_ratio: Annotated[float, Field(gt=0, le=1e4)] = Field(default=1.0, description="Motor turns per spool turn")
+    motor_speed: MotorSpeed = Field(default=20.0, description="Largest speed of the motor")
+    motor_acceleration: MotorAcceleration = Field(default=400.0, description="Largest acceleration of the motor")
+    time_constant: Time = Field(default=0.01, description="Time constant of the speed loop")
+    backlash: AngleError = Field(default=0.0, description="Backlash of the gearbox, at the spool")
+    encoder_counts: int = Field(default=4096, ge=1, le=2**24, strict=True, description="Counts per turn of the motor")
+
+
+class Sensors(FileTable):
+    """Analogue joint encoders and load cells, and how often they are sampled."""
+
+    sampling_rate: Rate = Field(default=2000.0, description="Samples per second")
+    encoder_bits: Bits = Field(default=12, description="Bits of the converter of a joint encoder")
+    encoder_range: EncoderRange = Field(default=2 * math.pi, description="Angle over the converter's range")
+    encoder_noise: AngleError = Field(default=math.radians(0.03), description="Standard deviation of an encoder")
+    load_cell_range: LoadCellRange = Field(default=200.0, description="Largest tension a load cell can measure")
+    load_cell_bits: Bits = Field(default=16, description="Bits of the converter of a load cell")
+    load_cell_noise: Force = Field(default=0.03, description="Standard deviation of a load cell")
+
+
+class Mismatch(FileTable):
+    """Differences of the instrument on the bench from its file, and of its sensors from the truth."""
+
+    stiffness_ratio: Ratio = Field(default=1.0, description="True over nominal stiffness of the tendons")
+    pretension_ratio: Ratio = Field(default=1.0, description="True over nominal pretension")
+    handle_encoder_offset: Angle = Field(default=0.0, description="Offset of the handle's encoder")
+    output_encoder_offset: Angle = Field(default=0.0, description="Offset of the distal encoder")
+    load_cell_gain: tuple[Ratio, Ratio] = Field(default=(1.0, 1.0), description="Gains of the load cells")
+    load_cell_bias: tuple[SignedForce, SignedForce] = Field(default=(0.0, 0.0), description="Bias of the load cells")
+
+
+class Control(FileTable):
+    """Gains, limits and times of the controller; what is left out follows from the instrument."""
+
+    dead_band: AngleError = Field(default=math.radians(0.1), description="Angle error that is not corrected")
+    gain: Gain | None = Field(
+        default=None, description="Gain on the tip's lag; without it 12/s, or less for a tip below 8 Hz"
+    )
+    position_gain: Gain = Field(default=4.0, description="Gain on a spool's set point, for the laws that have one")
+    tendon_speed: TendonSpeedLimit | None = Field(
+        default=None, description="Largest speed of a tendon at its spool; without it half of the drive's"
+    )
+    tension_limit: Force | None = Field(
+        default=None, description="Tension above which no tendon is wound; without it 80 N, or 3 pretensions if more"
+    )
+    least_tension: Share = Field(default=0.15, description="Tension that both tendons keep, over the pretension")
+    common_stroke: Share = Field(default=0.4, description="Change of tension by a common stroke, over the pretension")
+    friction_uncertainty: Share = Field(default=0.4, description="Initial deviation of the friction scale")
+    stiffness_uncertainty: Annotated[float, Field(ge=0, le=1)] = Field(
+        default=0.25, description="Initial deviation of the tendons' compliance"
+    )
+    reference_uncertainty: LengthDeviation = Field(
+        default=5e-6, description="Standard deviation of a tendon's length at its pretension"
+    )
+    mean_band: Share = Field(default=0.3, description="Share by which friction may change the mean tension")
+    watchdog: Time = Field(default=0.025, description="Time without a tick after which the motors stop")
+    safe_state: SafeState = Field(default="hold", description="What motors do after a fault: hold, or creep to neutral")
+    homing_speed: HomingSpeed = Field(default=5e-3, description="Speed at which slack tendons are wound")
+    homing_stroke: Length = Field(default=0.03, description="Length wound after which a tendon counts as broken")
+
+
+class Geometry(FileTable):
+    """Lengths along the instrument and limits of its joints; what is left out follows from the rest."""
+
+    stem_length: Length | None = Field(
+        default=None, description="Between the joints' ends nearest to the stem; by default the rest of overall_length"
+    )
+    joint_spacing: Spacing | None = Field(
+        default=None, description="Between two distal joints, from end to end; by default a distal joint's diameter"
+    )
+    handle_joint_spacing: Spacing | None = Field(
+        default=None, description="Between two proximal joints, from end to end; by default a proximal joint's diameter"
+    )
+    jaw_length: Length | None = Field(
+        default=None, description="Length of the jaws, for drawings; by default 0.4 of end_effector_length"
+    )
+    insertion: Length | None = Field(
+        default=None, description="Stem beyond the port at rest; by default half of stem_length"
+    )
+    least_insertion: Length | None = Field(
+        default=None, description="Smallest length of stem beyond the port; by default 0.2 of stem_length"
+    )
+    most_insertion: Length | None = Field(
+        default=None, description="Largest length of stem beyond the port; by default 0.8 of stem_length"
+    )
+    pivot_range: PivotRange = Field(
+        default=math.radians(60), description="Largest pan and largest tilt of the stem about the port, to either side"
+    )
+    spin_range: TurnRange = Field(default=math.pi, description="Largest spin of the stem about itself, to either side")
+    roll_range: TurnRange = Field(default=math.pi, description="Largest roll of the end-effector, to either side")
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        given = [
+            (key, getattr(self, key))
+            for key in ("least_insertion", "insertion", "most_insertion")
+            if getattr(self, key) is not None
+        ]
+        for (low, less), (high, more) in pairwise(given):
+            if less > more:
+                raise ValueError(f"{low} is {less:g} m and {high} is {more:g} m; {low} must be at most {high}")
+        return self

@@ -1,0 +1,283 @@
+"""The instrument that everything is computed from: what all instruments have, whatever their joints."""
+
+import math
+from collections.abc import Iterator, Mapping
+from functools import cache, cached_property
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    Field,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+
+from tenodesis import _core
+from tenodesis.errors import InstrumentError
+from tenodesis.files import FileTable, validated
+from tenodesis.instrument.devices import Devices
+from tenodesis.instrument.hardware import Control, Drives, Dynamics, Friction, Geometry, Mismatch, Sensors
+from tenodesis.units import (
+    STIFFNESS,
+    Angle,
+    AngleRange,
+    Force,
+    Length,
+    Modulus,
+    Moment,
+    PositiveForce,
+    Quantity,
+    Rate,
+    Stiffness,
+    quantity_of,
+)
+
+PARAMETERS = tuple(_core.parameters())
+"""The core's parameters of an instrument, in its order."""
+
+
+def _printable(name: str) -> str:
+    if not (1 <= len(name) <= 60 and name.isprintable()):
+        raise ValueError("it must be 1 to 60 printable characters")
+    return name
+
+
+Name = Annotated[str, AfterValidator(_printable)]
+"""Name of an instrument or a protocol."""
+
+AxisName = Literal["yaw", "pitch"]
+
+
+_STOP_BEYOND_RANGE = 4 / 3
+_FARTHEST_STOP = 2.9  # rad; half a turn is the end of every mechanism
+
+
+class Conditions(FileTable):
+    """Conditions under which an instrument is tested, all optional."""
+
+    forces: tuple[PositiveForce, ...] = Field(default=(), max_length=12, description="Tangential tip forces, N")
+    cycles: int | None = Field(default=None, ge=1, strict=True, description="Cycles of flexion and extension")
+    sampling_rate: Rate | None = Field(default=None, description="Samples per second")
+    cable_force: PositiveForce | None = Field(default=None, description="Force on one weight cable of the load rig")
+    cable_pulley_radius: Length | None = Field(default=None, description="Radius the weight cable acts at")
+    external_moment: Moment | None = Field(default=None, description="Moment of the load rig on the distal joint")
+    handle_angles: tuple[Angle, ...] = Field(default=(), description="Handle angles held, one per state")
+    output_angles: tuple[Angle, ...] = Field(default=(), description="Output angles held, one per state")
+
+
+class Instrument(FileTable):
+    """An instrument in SI units and radians; use :func:`load`, then :meth:`replace` for variants of it.
+
+    Raises
+    ------
+    InstrumentError
+        By `load` and `replace`, when a value is missing, unknown or not allowed.
+    """
+
+    joint_type: str
+
+    name: Name = Field(description="What the instrument is called in figures and tables")
+    description: str = Field(default="", max_length=200, description="One line about the instrument")
+    axes: tuple[AxisName, ...] = Field(default=("yaw",), description="Bending axes: yaw, pitch, or both")
+
+    stem_diameter: Length | None = Field(default=None, description="Outer diameter of the stem")
+    overall_length: Length = Field(description="Overall length; the tendons' length unless that is given")
+    end_effector_length: Length = Field(description="From the distal joint's moving part to where the force acts")
+    handle_length: Length = Field(description="From the proximal joint's moving part to where the hand acts")
+    tendon_diameter: Length | None = Field(default=None, description="Diameter of a tendon's load-bearing section")
+    tendon_modulus: Modulus | None = Field(default=None, description="Young's modulus of a tendon")
+    tendon_length: Length | None = Field(default=None, description="Length of a tendon if not the overall length")
+    given_stiffness: Stiffness | None = Field(
+        default=None, alias="tendon_stiffness", description="Stiffness of one tendon if not by E A / L"
+    )
+    pretension: Force = Field(description="Tension of either tendon at rest")
+    handle_range: AngleRange = Field(description="Largest handle angle to either side")
+    output_range: AngleRange = Field(
+        default=math.radians(80), description="Working range of the output angle to either side"
+    )
+    breaking_load: PositiveForce | None = Field(default=None, description="Tension at which a tendon breaks")
+    conditions: Conditions = Conditions()
+    friction: Friction = Friction()
+    dynamics: Dynamics = Dynamics()
+    drives: Drives = Drives()
+    sensors: Sensors = Sensors()
+    mismatch: Mismatch = Mismatch()
+    control: Control = Control()
+    geometry: Geometry = Geometry()
+    devices: Devices = Devices()
+    overrides: Mapping[AxisName, Mapping[str, Any]] = Field(
+        default={}, description="Values that differ on one axis, by axis"
+    )
+    sources: Mapping[str, str] = Field(default={}, description="Where each value is from, by key")
+
+    parameter_fields: ClassVar[Mapping[str, str]] = {}
+    """Parameter of the core, by the field that sets it."""
+
+    @property
+    def tendon_stiffness(self) -> float:
+        """Stiffness of one tendon, N/m: as given, or E A / L (Table I)."""
+        return _core.tendon_stiffness(self.spec)
+
+    @property
+    def rig_arm(self) -> float:
+        """Distance from the load rig's pivot to the tip of the straight instrument, m (Fig. 13)."""
+        return _core.rig_arm(self.spec)
+
+    @property
+    def output_stop(self) -> float:
+        """Output angle at which the distal joint meets its mechanical stop, rad."""
+        return self.dynamics.output_stop or min(_STOP_BEYOND_RANGE * self.output_range, _FARTHEST_STOP)
+
+    @cached_property
+    def spec(self) -> _core.Spec:
+        """The first axis as the core takes it."""
+        row = dict.fromkeys(PARAMETERS, math.nan)
+        for field, parameter in self.parameter_fields.items():
+            value = getattr(self, field)
+            row[parameter] = math.nan if value is None else value
+        if self.tendon_length is None:
+            row["tendon_length"] = self.overall_length
+        joint = _core.JointType[self.joint_type.replace("-", "_").upper()]
+        return _core.Spec(joint, [row[parameter] for parameter in PARAMETERS], self.handle_range)
+
+    def quantities(self) -> Iterator[tuple[str, float, Quantity]]:
+        """Yield key, value in SI and kind of quantity of every dimension given, stiffness included."""
+        for name, field in type(self).model_fields.items():
+            quantity = quantity_of(field)
+            value = getattr(self, name)
+            if quantity is not None and value is not None:
+                yield field.alias or name, value, quantity
+        if self.given_stiffness is None:
+            yield "tendon_stiffness", self.tendon_stiffness, STIFFNESS
+
+    def replace(self, **changes: Any) -> Self:
+        """Return this instrument with some values changed.
+
+        Parameters
+        ----------
+        **changes
+            New values by key, in SI units or as text with a unit; None for a key left out again. A key within a table
+            is written with a dot: ``**{"friction.vertex_coefficient": 0.2}``.
+
+        Raises
+        ------
+        InstrumentError
+            A key is unknown or a value is not allowed.
+        """
+        return validated(type(self), self._with(changes), InstrumentError)
+
+    def axis(self, name: str) -> Self:
+        """Return the instrument of one axis alone, with that axis's own values in place.
+
+        Raises
+        ------
+        InstrumentError
+            The instrument has no such axis.
+        """
+        if name not in self.axes:
+            raise InstrumentError(f"{self.name} has no axis {name!r}; it has {' and '.join(self.axes)}.")
+        own = {axis: values for axis, values in self.overrides.items() if axis == name}
+        return self.replace(axes=(name,), overrides=None, **dict(*own.values()))
+
+    @cached_property
+    def planar(self) -> tuple[Self, ...]:
+        """The instrument of each axis alone, in the order of :attr:`axes`; itself where it has one axis."""
+        return (self,) if len(self.axes) == 1 else tuple(self.axis(name) for name in self.axes)
+
+    def _with(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the values of this instrument by key, with changes; None leaves a key out."""
+        fields = type(self).model_fields
+        values = {fields[key].alias or key: getattr(self, key) for key in self.model_fields_set}
+        for key, value in changes.items():
+            table, _, inner = key.partition(".")
+            held = values.get(table, getattr(self, table, None))
+            held = {} if held is None and table in fields else held
+            if inner and isinstance(held, BaseModel | dict):
+                own = dict(held) if isinstance(held, dict) else held.model_dump(exclude_unset=True)
+                values[table] = {name: item for name, item in (own | {inner: value}).items() if item is not None}
+            else:
+                values[key] = value
+        return {key: value for key, value in values.items() if value is not None}
+
+    def _check_override(self, axis: AxisName, values: Mapping[str, Any], *, in_file: bool) -> None:
+        if axis not in self.axes[1:]:
+            raise ValueError(
+                f"overrides.{axis} is given, but the second axis is {self.axes[1] if self.axes[1:] else 'not there'}; "
+                "the first axis has its values at the top"
+            )
+        allowed = [key for key, _, _ in self.quantities()]
+        foreign = [key for key in values if key not in {*allowed, "tendon_length"}]
+        if foreign:
+            raise ValueError(
+                f"overrides.{axis}: {foreign[0]} is not a known key; it must be one of {', '.join(allowed)}"
+            )
+        bare = [key for key, value in values.items() if in_file and isinstance(value, int | float)]
+        if bare:
+            raise ValueError(f"overrides.{axis}.{bare[0]} = {values[bare[0]]!r}: it has no unit")
+        alone = self._with({"axes": (axis,), "overrides": None} | dict(values))
+        try:
+            validated(type(self), alone, InstrumentError, f"overrides.{axis}")
+        except InstrumentError as invalid:
+            raise ValueError(str(invalid).rstrip(".")) from None
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy by way of :meth:`replace`, since a copy's changes must be checked and reach the core."""
+        return self.replace(**(update or {}))
+
+    def __hash__(self) -> int:
+        return hash((self.joint_type, self.name, tuple((key, value) for key, value, _ in self.quantities())))
+
+    @field_validator("axes")
+    @classmethod
+    def _distinct_axes(cls, axes: tuple[AxisName, ...]) -> tuple[AxisName, ...]:
+        if not axes or len(set(axes)) < len(axes):
+            raise ValueError("it must name one or two different axes, yaw and pitch")
+        return axes
+
+    @model_validator(mode="after")
+    def _coherent(self, info: ValidationInfo) -> Self:
+        missing = [key for key in ("tendon_diameter", "tendon_modulus") if getattr(self, key) is None]
+        if self.given_stiffness is None and missing:
+            raise ValueError(f"{missing[0]} is missing; give tendon_diameter and tendon_modulus, or tendon_stiffness")
+        stiffness = self.tendon_stiffness
+        if not STIFFNESS.allows(stiffness):
+            raise ValueError(f"tendon_stiffness follows as {stiffness:.3g} N/m; it must be {STIFFNESS.allowed}")
+        if self.pretension / stiffness >= (self.tendon_length or self.overall_length):
+            raise ValueError(
+                f"pretension is {self.pretension:g} N, which would stretch tendons of {stiffness:.3g} N/m by more than "
+                "their length; give less pretension or a stiffer tendon"
+            )
+        if self.breaking_load is not None and self.pretension >= self.breaking_load:
+            raise ValueError(
+                f"pretension is {self.pretension:g} N, at which a tendon of {self.breaking_load:g} N breaking_load has "
+                "broken; give less pretension or a stronger tendon"
+            )
+        reach = _core.unloaded_limit(self.spec)
+        if not reach < 1:
+            raise ValueError(
+                f"handle_range is {math.degrees(self.handle_range):.4g} deg, which would bend the distal joint "
+                f"{reach:.4g} times as far as it can (for gears, R/r sin(handle_range / 2) must stay below 1); "
+                "give a smaller handle_range or a larger distal radius"
+            )
+        for axis, values in self.overrides.items():
+            self._check_override(axis, values, in_file=bool(info.context and info.context.get("file")))
+        for key in self.sources:
+            if key not in _known(type(self)):
+                raise ValueError(f"sources.{key} names no key of an instrument")
+        return self
+
+
+@cache
+def _known(kind: type[BaseModel]) -> frozenset[str]:
+    """Return the keys that a file may have, those within tables with a dot."""
+    return frozenset(_keys(kind))
+
+
+def _keys(kind: type[BaseModel], prefix: str = "") -> Iterator[str]:
+    for name, field in kind.model_fields.items():
+        key = prefix + (field.alias or name)
+        yield key
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            yield from _keys(field.annotation, key + ".")

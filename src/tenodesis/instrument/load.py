@@ -1,0 +1,66 @@
+"""Instrument files: shipped or by path, read into instruments."""
+
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from tenodesis.errors import InstrumentError
+from tenodesis.files import parse_toml, read_text, validated
+from tenodesis.instrument.instrument import Instrument
+from tenodesis.instrument.mechanisms import ANY_INSTRUMENT, JOINT_TYPES
+
+
+def shipped() -> tuple[str, ...]:
+    """Return the names of the instruments that come with the package."""
+    files = (Path(entry.name) for entry in _shipped_folder().iterdir())
+    return tuple(sorted(file.stem for file in files if file.suffix == ".toml"))
+
+
+def load(name_or_path: str | Path) -> Instrument:
+    """Read an instrument that comes with the package, by name, or an instrument file, by path.
+
+    Raises
+    ------
+    InstrumentError
+        There is no such instrument or file, it cannot be read, or it is not valid.
+    """
+    source = str(name_or_path)
+    if source in shipped():
+        return parse((_shipped_folder() / f"{source}.toml").read_text("utf-8"), source)
+    text = read_text(Path(name_or_path), InstrumentError, source=source, kind="instrument", names=shipped())
+    return parse(text, source)
+
+
+def parse(text: str, source: str = "instrument") -> Instrument:
+    """Read an instrument from the text (str) of an instrument file.
+
+    Raises
+    ------
+    InstrumentError
+        The text is not TOML or not a valid instrument; the message starts with `source`.
+    """
+    values = parse_toml(text, InstrumentError, source)
+    joint_type = values.get("joint_type")
+    if not isinstance(joint_type, str) or joint_type not in JOINT_TYPES:
+        found, allowed = (
+            "is missing" if joint_type is None else f"is {joint_type!r}",
+            f"one of {', '.join(JOINT_TYPES)}",
+        )
+        raise InstrumentError(
+            f"{source}: joint_type {found}; it must be {allowed}.", key="joint_type", value=joint_type, allowed=allowed
+        )
+    return validated(JOINT_TYPES[joint_type], values, InstrumentError, source, context={"file": True})
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON schema of instrument files, for editors that complete and check TOML."""
+    schema = ANY_INSTRUMENT.json_schema(by_alias=True)
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "Tenodesis instrument",
+        **schema,
+    }
+
+
+def _shipped_folder() -> Any:
+    return resources.files("tenodesis") / "instruments"

@@ -1,0 +1,91 @@
+"""Instruments and other tables of quantities written as files that are read back to the last bit."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import tomli_w
+from pydantic import BaseModel
+
+from tenodesis.instrument import Instrument
+from tenodesis.units import in_unit, quantity_of
+
+
+def to_toml(inst: Instrument) -> str:
+    """Return the text of an instrument file, defaults included, which :func:`tenodesis.parse` reads back as `inst`.
+
+    Numbers among the overrides come back as text with their unit.
+    """
+    units = {key: quantity.unit for key, _, quantity in inst.quantities()}
+    units["tendon_length"] = "m"
+    own = {
+        axis: {key: _with_unit(value, units[key]) for key, value in values.items() if value is not None}
+        for axis, values in inst.overrides.items()
+    }
+    return tomli_w.dumps(with_units(inst) | {"overrides": own})
+
+
+_READABLE = {"m": "mm", "Pa": "GPa", "rad": "deg", "s": "ms", "rad/s": "deg/s", "m/s": "mm/s"}
+
+
+def to_file(inst: Instrument, *, comment: str = "") -> str:
+    """Return the text of an instrument file for people to read and edit.
+
+    It has the values that were given, no defaults, in the units of drawings, to nine digits.
+
+    Parameters
+    ----------
+    inst
+        The instrument, one axis.
+    comment
+        Comment at the beginning of the file.
+    """
+    values = {key: value for key, value in _readable(with_units(inst, unset=False)).items() if value not in ({}, [])}
+    lines = "".join(f"# {line}\n" for line in comment.splitlines())
+    return f"{lines}\n{tomli_w.dumps(values)}" if lines else tomli_w.dumps(values)
+
+
+def _readable(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: item if key == "sources" else _readable(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_readable(item) for item in value]
+    number, _, unit = value.partition(" ") if isinstance(value, str) else ("", "", "")
+    try:
+        shown = float(number) * in_unit(_READABLE.get(unit, unit), unit)
+    except ValueError:
+        return value
+    return f"{shown:.9g} {_READABLE.get(unit, unit)}"
+
+
+def with_units(model: BaseModel, *, unset: bool = True) -> dict[str, Any]:
+    """Return the values of a table by key, as in a file; quantities are text with their SI unit.
+
+    Parameters
+    ----------
+    model
+        The model.
+    unset
+        Whether to include defaults.
+    """
+    values: dict[str, Any] = {}
+    for name, field in type(model).model_fields.items():
+        value = getattr(model, name)
+        if value is None or not (unset or name in model.model_fields_set):
+            continue
+        quantity = quantity_of(field)
+        values[field.alias or name] = _plain(value, unset) if quantity is None else _with_unit(value, quantity.unit)
+    return values
+
+
+def _with_unit(value: Any, unit: str) -> Any:
+    if isinstance(value, tuple | list):
+        return [_with_unit(item, unit) for item in value]
+    return value if isinstance(value, str) else f"{float(value)!r} {unit}"
+
+
+def _plain(value: Any, unset: bool) -> Any:
+    if isinstance(value, BaseModel):
+        return with_units(value, unset=unset)
+    if isinstance(value, Mapping):
+        return dict(value)
+    return [_plain(item, unset) for item in value] if isinstance(value, tuple) else value

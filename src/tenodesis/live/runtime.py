@@ -1,0 +1,183 @@
+"""A live loop with all that looks after it: its operator's lease, its protocol, its recorder and its events."""
+
+import logging
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tenodesis.control import OperatingState
+from tenodesis.control.controller import fault_names
+from tenodesis.errors import LiveError
+from tenodesis.live.journal import Journal
+from tenodesis.live.lease import Lease
+from tenodesis.live.loop import LiveLoop
+from tenodesis.live.protocol_runner import ProtocolRunner
+from tenodesis.live.record import TICK, Reader, signals_of
+from tenodesis.live.recording_process import RecordingProcess
+from tenodesis.live.status import RuntimeState, Status, Timing
+
+_TURN = 0.02
+"""Between two looks at what has happened, s."""
+_MISSED_EVERY = 0.25
+"""Between two events about ticks that were missed, s."""
+_log = logging.getLogger(__name__)
+
+
+class Runtime:
+    """Runs one loop from `start` to `finish`.
+
+    Parameters
+    ----------
+    loop
+        The loop; it is started and finished here.
+    recordings
+        Folder of recordings.
+
+    Raises
+    ------
+    LiveError
+        The folder cannot be written.
+    """
+
+    def __init__(self, loop: LiveLoop, recordings: Path) -> None:
+        self.loop = loop
+        self._reader = Reader(loop.folder)
+        try:
+            self.journal = Journal(loop.folder, self._time)
+        except OSError as problem:
+            raise LiveError(f"{loop.folder} cannot be written: {problem.strerror or problem}.") from None
+        self.recorder = RecordingProcess(loop.folder, recordings)
+        self.lease = Lease(loop.core.lease)
+        self.protocols = ProtocolRunner(loop, self.lease, self.recorder, self.journal, self._tick)
+        self._ending = threading.Event()
+        self._upkeep = threading.Thread(target=self._look_after, name="upkeep", daemon=True)
+        self._state: tuple[RuntimeState, tuple[str, ...]] | None = None
+        self._trouble: tuple[bool, str | None] = (False, None)
+        self._missed = (0, 0.0)
+        self._operator: str | None = None
+
+    def start(self) -> None:
+        """Begin to tick."""
+        self.loop.start()
+        self.journal.write("started", "runtime", law=self.loop.law, actuation=self.loop.actuation)
+        self._upkeep.start()
+
+    def finish(self) -> None:
+        """Stop the motors, close the recording, and end."""
+        self._ending.set()
+        self.loop.finish()
+        self.protocols.leave_recording()
+        self.protocols.end("the runtime has ended")
+        # What it writes down is the last that the recorder reads; a thread that is held up has nothing to add.
+        self._upkeep.join(1.0)
+        self.journal.write("ended", "runtime")
+        self.recorder.stop()
+        self.journal.close()
+
+    def release(self, holder: object, origin: str) -> None:
+        """End the lease of an operator, and pause; of another than the operator nothing."""
+        if self._ending.is_set() or not self.lease.release(holder):
+            return
+        with suppress(LiveError):
+            self.loop.request("pause")
+        self.journal.write("operator_gone", origin)
+
+    def status(self) -> Status:
+        """Return the state of the runtime."""
+        loop, core = self.loop, self.loop.core
+        tick = self._tick()
+        recorder = self.recorder
+        lost = int(recorder.status().get("lost", 0)) if recorder.path is not None else 0
+        compute, control, lateness = core.compute, core.control, core.lateness
+        return Status(
+            state=_state(tick),
+            homed=bool(tick.get("homed", 0)),
+            homing=bool(tick.get("homing", 0)),
+            stopped=bool(tick.get("stopped", 0)),
+            faults=fault_names(_mask(tick, "faults")),
+            first_faults=fault_names(int(tick.get("first_faults", 0))),
+            law=loop.law,
+            actuation=loop.actuation,
+            operator=self.lease.origin,
+            timing=Timing(
+                ticks=core.ticks,
+                late=core.late,
+                missed=core.missed + loop.unanswered,
+                lost=lost,
+                p50=compute[0],
+                p99=compute[1],
+                worst=compute[2],
+                controller_p50=control[0],
+                controller_worst=control[2],
+                lateness_p99=lateness[1],
+                lateness_worst=lateness[2],
+                rate=1 / loop.period,
+            ),
+            realtime=tuple(core.refused),
+            protocol=self.protocols.status,
+            recording=recorder.path,
+            recorder_lost=lost,
+            speed=core.speed,
+            problem=self._problem(),
+        )
+
+    def _tick(self) -> dict[str, Any]:
+        row = self._reader.newest()
+        return {} if row is None else signals_of(row, self.loop.inst.axes)
+
+    def _time(self) -> float:
+        row = self._reader.newest()
+        return 0.0 if row is None else float(row[TICK.index("time")])
+
+    def _problem(self) -> str | None:
+        return self.loop.problem or self.recorder.problem or self.journal.problem
+
+    def _look_after(self) -> None:
+        while not self._ending.wait(_TURN):
+            for work in (self.protocols.advance, self.recorder.look, self._write_changes, self.journal.flush):
+                try:
+                    work()
+                except Exception:
+                    # What goes wrong in one of them must not end the others.
+                    _log.exception("looking after the loop failed")
+
+    def _write_changes(self) -> None:
+        tick = self._tick()
+        if not tick:
+            return
+        state, faults = _state(tick), fault_names(_mask(tick, "faults"))
+        if (state, faults) != self._state:
+            self._state = (state, faults)
+            first = fault_names(int(tick["first_faults"]))
+            self.journal.write("state", "runtime", state=state, faults=faults, first_faults=first)
+        trouble = (bool(tick["stopped"]), self._problem())
+        if trouble != self._trouble:
+            self._trouble = trouble
+            self.journal.write("problem", "runtime", stopped=trouble[0], text=trouble[1])
+        operator = self.lease.origin
+        if self._operator is not None and operator is None:
+            self.journal.write("no_operator", "runtime", before=self._operator)
+        self._operator = operator
+        self._write_missed()
+
+    def _write_missed(self) -> None:
+        missed, (known, written) = self.loop.core.missed + self.loop.unanswered, self._missed
+        if missed < known:
+            self._missed = (missed, written)
+        elif missed > known and time.monotonic() - written >= _MISSED_EVERY:
+            self._missed = (missed, time.monotonic())
+            self.journal.write("ticks_missed", "runtime", ticks=missed - known, in_all=missed)
+
+
+def _state(tick: dict[str, Any]) -> RuntimeState:
+    states = np.nan_to_num(np.atleast_1d(tick.get("operating_state", 0.0)))
+    return RuntimeState[OperatingState(int(states.max())).name]
+
+
+def _mask(tick: dict[str, Any], name: str) -> int:
+    values = np.nan_to_num(np.atleast_1d(tick.get(name, 0.0))).astype(np.int64)
+    return int(np.bitwise_or.reduce(values))

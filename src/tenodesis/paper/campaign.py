@@ -1,0 +1,343 @@
+"""The campaign: statistics of the robust law over held states, friction errors and noise seeds, against its targets."""
+
+from collections.abc import Callable, Sequence
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from tenodesis import similarity, statics
+from tenodesis.control.parameters import tension_limit
+from tenodesis.instrument import Instrument
+from tenodesis.paper import step_response
+from tenodesis.paper.context import Context
+from tenodesis.paper.fig15_compensated import FRICTION_ERRORS, friction_label
+from tenodesis.report.content import Section, Table, fixed, named
+from tenodesis.twin import TIME_STEP
+
+TITLE = "The robust law over states, friction errors and seeds"
+SEED_DIVISOR = 4
+"""By how much fewer seeds the conditions beyond the step load itself have."""
+_BEFORE, _AFTER = 4.0, 10.0  # s
+_SHARE_OF_SLACK = 0.9
+_LOW_PRETENSION = 0.4
+_BEND, _BENDING = np.pi / 2, 2.0  # rad, s
+_ONE_SCALE = (
+    "the controller does not measure the bend, and its one friction scale stands for the sheath and the joints alike; "
+    "it is compared with the scale of the sheath in the file. A changed scale is found in the next strokes, and these "
+    "come when a tendon slips or the tip is off: a change of the sheath after the motors have come to rest is not "
+    "observable"
+)
+
+
+class Condition(NamedTuple):
+    """A condition of the campaign: the plant, the model of its controller, and the load by state."""
+
+    key: str
+    name: str
+    inst: Instrument
+    load: Callable[[float], float]
+    """N, by output angle, rad."""
+    identified: bool = True
+    """Whether the controller knows the tendons' true stiffness."""
+    bend: tuple[float, float] = (0.0, 0.0)
+    """Additional bend of the sheath before the load and two seconds after, rad."""
+    limit: str = ""
+    """The reason where targets are missed."""
+
+
+class Trial(NamedTuple):
+    """One run of the campaign."""
+
+    state: float
+    error: float
+    """Of the friction that the controller assumes, as a share of the true friction."""
+    response: step_response.Response
+    excursion: float
+    """How much larger the largest error is than with the motors stopped when the load comes, deg."""
+    scale_error: float
+    """Error of the friction found, as a share of the true one; NaN where there is none."""
+
+
+class Metric(NamedTuple):
+    """A statistic of the campaign: its names, its target and how it follows from the trials."""
+
+    key: str
+    heading: str
+    unit: str
+    description: str
+    of: Callable[[Sequence[Trial]], float]
+    target: Callable[[Instrument], float] | None
+    decimals: int = 2
+
+
+def _rms(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+METRICS = (
+    Metric(
+        "final_error_rms",
+        "final error, RMS [°]",
+        "deg",
+        "RMS of the final tip error against eq. 18",
+        lambda trials: _rms([trial.response.final for trial in trials]),
+        lambda _: 0.3,
+    ),
+    Metric(
+        "final_error_worst",
+        "worst [°]",
+        "deg",
+        "Largest final tip error against eq. 18",
+        lambda trials: max(abs(trial.response.final) for trial in trials),
+        lambda _: 0.7,
+    ),
+    Metric(
+        "time",
+        "time to within 1° [s]",
+        "s",
+        "Longest time from the load until the tip stays within 1 deg, none if it does not",
+        lambda trials: max(trial.response.settling_time for trial in trials),
+        lambda _: 3.0,
+    ),
+    Metric(
+        "excursion",
+        "excursion [°]",
+        "deg",
+        "How much larger the largest error is than with the motors stopped when the load comes, at most",
+        lambda trials: max(trial.excursion for trial in trials),
+        lambda _: 1.0,
+    ),
+    Metric(
+        "tension",
+        "highest tension [N]",
+        "N",
+        "Highest tension",
+        lambda trials: max(trial.response.highest_tension for trial in trials),
+        tension_limit,
+        1,
+    ),
+    Metric(
+        "observer_error_rms",
+        "observer at rest, RMS [°]",
+        "deg",
+        "RMS error of the observer at rest",
+        lambda trials: _rms([trial.response.observer_error for trial in trials]),
+        lambda _: 0.3,
+    ),
+    Metric(
+        "friction_error",
+        "friction scale, worst [%]",
+        "%",
+        "Largest error of the friction scale found",
+        lambda trials: 100 * max(abs(trial.scale_error) for trial in trials),
+        lambda _: 10.0,
+        1,
+    ),
+    Metric(
+        "rest",
+        "motors at rest after [s]",
+        "s",
+        "Longest time from the load until the motors stand, none if they do not",
+        lambda trials: max(trial.response.rest_time for trial in trials),
+        None,
+    ),
+)
+
+
+def conditions(context: Context) -> list[Condition]:
+    """Return the conditions of the campaign, the step load of Fig. 15 first."""
+    inst = context.tested
+    force = step_response.step_force(inst)
+    loose = inst.replace(pretension=_LOW_PRETENSION * inst.pretension)
+
+    def same(_: float) -> float:
+        return force
+
+    found = [
+        Condition("step_load", f"step load of {force:.3g} N", inst, same),
+        Condition(
+            "slack_limit",
+            f"{_SHARE_OF_SLACK:g} of the load that slackens a tendon",
+            inst,
+            lambda state: _SHARE_OF_SLACK * float(statics.slack_force(inst, state)),
+            limit="the tension limit leaves the drives little room to stop",
+        ),
+        Condition(
+            "low_pretension",
+            f"T<sub>o</sub> = {loose.pretension:g} N",
+            loose,
+            same,
+            limit="the tip is back after two or three strokes, which are short at a low pretension and show little of "
+            "the friction; the observer’s own standard deviation of the scale is 0.2 to 0.3 there",
+        ),
+        Condition(
+            "bending",
+            "sheath bent by 90° more within 2 s of the load",
+            inst,
+            same,
+            bend=(0.0, _BEND),
+            limit=_ONE_SCALE,
+        ),
+        Condition(
+            "straightening",
+            "sheath straightened by 90° within 2 s of the load",
+            inst,
+            same,
+            bend=(_BEND, 0.0),
+            limit=_ONE_SCALE,
+        ),
+        Condition(
+            "nominal_stiffness",
+            f"controller assumes the nominal stiffness, the true stiffness is {inst.mismatch.stiffness_ratio:g} of it",
+            inst,
+            same,
+            identified=False,
+            limit="the compliance is estimated together with friction from the same strokes",
+        ),
+    ]
+    if inst.mismatch.stiffness_ratio == 1:
+        found.pop()
+    if context.scaled is not None and inst.name != context.inst.name:
+        real = context.inst.planar[0]
+        factor = float(similarity.compare(real, inst).factors["force"])
+        found.append(
+            Condition(
+                "instrument",
+                f"{named(real)} under {force / factor:.2g} N, as by similarity",
+                real,
+                lambda _: force / factor,
+                limit="with straight joints friction is the sheath’s alone, less than 2 % of the tension, and hardly "
+                "observable in the few strokes that bring the tip back",
+            )
+        )
+    return found
+
+
+def trials(condition: Condition, seeds: int) -> list[Trial]:
+    """Run a condition over its states, friction errors and a number of noise seeds."""
+    inst = condition.inst
+    start, end = condition.bend
+    time = np.arange(1, round((_BEFORE + _AFTER) / TIME_STEP) + 1) * TIME_STEP
+    bend = start + (end - start) * np.clip((time - _BEFORE) / _BENDING, 0, 1)
+    models = {error: step_response.controller_model(inst, 1 + error, condition.identified) for error in FRICTION_ERRORS}
+    motions = {
+        state: step_response.held_motion(inst, state, condition.load(state), _BEFORE, _AFTER)
+        for state in step_response.held_states(inst)
+    }
+
+    def work(case: tuple[float, float, int]) -> Trial:
+        state, error, seed = case
+        motion, model = motions[state], models[error]
+        enabled, stopped = (
+            step_response.response(
+                step_response.simulate_motion(
+                    inst, model, motion, "robust", seed=seed, paused=paused, sheath_bend=bend
+                ),
+                motion,
+            )
+            for paused in (False, True)
+        )
+        found = enabled.friction_scale * (1 + error) - 1 if inst.friction.law != "none" else np.nan
+        return Trial(state, error, enabled, enabled.largest - stopped.largest, found)
+
+    return list(step_response.in_parallel(work, product(motions, FRICTION_ERRORS, range(seeds))).values())
+
+
+def section(context: Context) -> Section:
+    """Compute the campaign with the context's noise seeds, a quarter of them beyond the step load itself."""
+    inst, seeds = context.tested, context.seeds
+    if not seeds or not step_response.can_compensate(inst):
+        why = f"{named(inst)} cannot be compensated" if seeds else "the number of noise seeds is 0"
+        return Section("campaign", TITLE, f"<p>Not run: {why}.</p>")
+    few = max(1, seeds // SEED_DIVISOR)
+    rows, missed, lost = [], [], []
+    main: list[Trial] = []
+    for n, condition in enumerate(conditions(context)):
+        found = trials(condition, few if n else seeds)
+        if not found:
+            lost.append(condition.name)
+            continue
+        main = main or found
+        row, failed = _row(context, condition, found)
+        rows.append(row)
+        if failed:
+            because = f": {condition.limit}" if condition.limit and context.is_paper else ""
+            missed.append(f"<li>{condition.name} ({'; '.join(failed)}){because}.</li>")
+    if not rows:
+        text = f"<p>Not run: in none of the states does {named(inst)} hold the load.</p>"
+        return Section("campaign", TITLE, text)
+    table = Table(
+        f"The robust law over {len(step_response.held_states(inst))} states, errors of −30 %, 0 and +30 % in the "
+        f"friction that the controller assumes, and {seeds} noise seeds ({few} in all rows but the first)",
+        [
+            "condition",
+            *(m.heading + ("" if m.target is None else f", target {m.target(inst):g}") for m in METRICS),
+        ],
+        rows,
+    )
+    text = _text(main, missed, lost) + step_response.caveat(inst)
+    return Section("campaign", TITLE, text, [], [table, _by_state(main)])
+
+
+def _row(context: Context, condition: Condition, found: Sequence[Trial]) -> tuple[list[str], list[str]]:
+    """Return the cells of a condition, and the metrics that miss their targets."""
+    cells, failed = [f"{condition.name} ({len(found)} runs)"], []
+    for metric in METRICS:
+        value = metric.of(found)
+        shown = _shown(metric, value)
+        if np.isnan(value):
+            cells.append(shown)
+            continue
+        name = condition.name.replace("<sub>o</sub>", "o")
+        key, about = f"campaign.{condition.key}.{metric.key}", f"{metric.description}, robust law, {name}"
+        context.add(key, value, metric.unit, about)
+        met = metric.target is None or value <= metric.target(condition.inst)
+        cells.append(shown + ("" if metric.target is None else " met" if met else " missed"))
+        if not met:
+            failed.append(f"{metric.heading.partition(' [')[0]} {shown}")
+    return cells, failed
+
+
+def _shown(metric: Metric, value: float) -> str:
+    return "never" if np.isinf(value) else fixed(value, metric.decimals)
+
+
+def _by_state(main: Sequence[Trial]) -> Table:
+    rows = []
+    for state, error in dict.fromkeys((trial.state, trial.error) for trial in main):
+        part = [trial for trial in main if (trial.state, trial.error) == (state, error)]
+        rows.append(
+            [
+                f"{np.degrees(state):.4g}°, {friction_label(error)}",
+                *(_shown(metric, metric.of(part)) for metric in METRICS),
+                fixed(max(abs(trial.response.before) for trial in part)),
+            ]
+        )
+    return Table(
+        "The step load by state and error of the assumed friction",
+        ["state, friction", *(metric.heading for metric in METRICS), "error before the load, worst [°]"],
+        rows,
+    )
+
+
+def _text(main: Sequence[Trial], missed: Sequence[str], lost: Sequence[str]) -> str:
+    text = (
+        f"<p>Each run: handle to its angle, the load at {_BEFORE:g} s, {_AFTER:g} s under it, the controller enabled "
+        "from the start. Every run is made twice: with the motors enabled, and with the motors stopped when the load "
+        "comes, which shows the load’s own effect. The excursion is the largest error of the first run minus that of "
+        "the second, negative if the first stays nearer to eq. 18. The time is the last moment at which the tip is 1° "
+        "off. The tension is the true tension at the spools, its target the controller’s limit.</p>"
+    )
+    moving = sum(np.isinf(trial.response.rest_time) for trial in main)
+    if moving:
+        text += (
+            f"<p>In {moving} of the {len(main)} runs of the first row the motors still move in the last second, or "
+            "move again: at the end of a stroke the tip is found two dead bands off once more, or its estimate is too "
+            "uncertain, and another stroke begins.</p>"
+        )
+    if lost:
+        text += f"<p>Not run, since the joint does not hold the load: {'; '.join(lost)}.</p>"
+    if not missed:
+        return text + "<p>All targets are met.</p>"
+    return text + f"<p>Missed targets and the reasons:</p><ul>{''.join(missed)}</ul>"

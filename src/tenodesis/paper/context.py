@@ -1,0 +1,113 @@
+"""What the sections of the report share: the instruments, the loads they are drawn for, and the results they leave."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tenodesis import instrument as instruments
+from tenodesis import statics
+from tenodesis.instrument import Instrument
+from tenodesis.report.content import Column, Published, Result, ResultTable
+from tenodesis.run import Run
+from tenodesis.simulate import Protocol
+
+SEEDS = 20
+"""Noise seeds of the robust law's campaign."""
+
+
+@dataclass(frozen=True)
+class RecordedRun:
+    """A protocol that was run on the twin of an instrument, with the seed of its noise."""
+
+    inst: Instrument
+    protocol: Protocol
+    seed: int
+    run: Run
+
+
+def _ignore(_: str) -> None:
+    pass
+
+
+@dataclass
+class Context:
+    """What the sections work on, and the results they leave."""
+
+    inst: Instrument
+    scaled: Instrument | None
+    is_paper: bool
+    """Whether both instruments are the paper's own, so that its printed numbers apply."""
+    seeds: int = SEEDS
+    """Noise seeds of the robust law's campaign; 0 leaves it out."""
+    progress: Callable[[str], None] = _ignore
+    """Called with the name of what is being computed."""
+    results: dict[str, Result] = field(default_factory=dict)
+    recordings: dict[str, RecordedRun] = field(default_factory=dict)
+    """Runs of the twin that are written as recordings, by name of the file."""
+
+    @classmethod
+    def of(
+        cls,
+        inst: Instrument,
+        scaled: Instrument | None = None,
+        *,
+        seeds: int = SEEDS,
+        progress: Callable[[str], None] = _ignore,
+    ) -> "Context":
+        """Return the context of a report on an instrument and its scale model.
+
+        The working range of an instrument whose handle does not reach its end is shortened to what it reaches.
+        """
+        is_paper = inst == instruments.load("real-size") and scaled == instruments.load("scaled-up")
+        reached = statics.output_angle(inst, np.array([inst.handle_range]))[0]
+        return cls(
+            inst.replace(output_range=reached) if reached < inst.output_range else inst,
+            scaled,
+            is_paper,
+            seeds,
+            progress,
+        )
+
+    @property
+    def tested(self) -> Instrument:
+        """The instrument that the experiments are done on, one axis: in the paper's report its scale model."""
+        inst = self.scaled if self.is_paper and self.scaled is not None else self.inst
+        return inst.planar[0]
+
+    def figure_of(self, name: str) -> str:
+        """Return how a caption refers to a figure of the paper."""
+        return f"paper: {name}" if self.is_paper else f"as {name} of the paper"
+
+    def add(self, key: str, value: float, unit: str, description: str, published: Published | None = None) -> float:
+        """Record a result under a new key and return its value."""
+        if key in self.results:
+            raise KeyError(f"result {key} is recorded twice")
+        self.results[key] = Result(key, float(value), unit, description, published if self.is_paper else None)
+        return float(value)
+
+    def table(self, caption: str, *columns: str | Column) -> ResultTable:
+        """Return an empty table whose numbers become results of this report."""
+        return ResultTable(caption, columns, self.add)
+
+
+def forces(inst: Instrument) -> list[float]:
+    """Return the loads that curves are drawn for, N: none, and those of the instrument's conditions."""
+    by_text = {f"{force:g}": force for force in inst.conditions.forces or (0.5, 1.0, 1.5)}
+    return [0.0, *sorted(by_text.values())]
+
+
+def shown_force(inst: Instrument) -> float:
+    """Return the load that single-load figures are drawn for, N."""
+    loads = forces(inst)[1:]
+    return loads[min(1, len(loads) - 1)]
+
+
+def load_name(force: float) -> str:
+    """Return a load (N) as tables and legends name it."""
+    return "no load" if force == 0 else f"{force:g} N"
+
+
+def held_angles(inst: Instrument) -> Sequence[float]:
+    """Return the output angles (rad) of the held states: those of the conditions, or four over the working range."""
+    return inst.conditions.output_angles or tuple(np.linspace(0.0, 0.9 * inst.output_range, 4))

@@ -1,0 +1,213 @@
+"""The twin under a load that is applied suddenly, with the controller in the loop, and the response of the tip."""
+
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tenodesis import statics
+from tenodesis.control import Controller, LawName, Request
+from tenodesis.errors import NoSolutionError
+from tenodesis.instrument import Instrument
+from tenodesis.paper.context import held_angles, shown_force
+from tenodesis.paper.fig15_step_load import APPROACH, rigged
+from tenodesis.report.content import Array
+from tenodesis.run import Run
+from tenodesis.statics import Actuation
+from tenodesis.threads import threads
+from tenodesis.twin import TIME_STEP, Twin
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+NEAR = 1.0
+"""Error within which the tip counts as back, deg."""
+
+_AVERAGED, _LAST = 0.5, 1.0  # s
+_FOLLOWS = 0.5  # deg
+_STANDS = 1e-2  # rad/s
+_COEFFICIENTS = ("vertex_coefficient", "sheath_coefficient", "constant")
+
+
+class Motion(NamedTuple):
+    """Handle angle (rad) and force (N) by step, both (n,): the handle is moved and held, then the load comes."""
+
+    handle_angle: Array
+    force: Array
+    loaded: int
+    """First step under the load."""
+    desired: float
+    """Output angle without friction and load, rad."""
+
+
+class Response(NamedTuple):
+    """The response of the tip and the motors to the load; errors are against the angle of eq. 18."""
+
+    before: float
+    """Error before the load, deg."""
+    final: float
+    """Error at the end, deg."""
+    settling_time: float
+    """Time from the load after which the tip stays near, s; infinite if it does not."""
+    overshoot: float
+    """How far the tip goes beyond the desired angle after the load, deg; negative if it stays short of it."""
+    largest: float
+    """Largest error after the load, deg."""
+    rest_time: float
+    """Time from the load after which the motors stand, s; infinite if they move in the last second."""
+    highest_tension: float
+    """N"""
+    observer_error: float
+    """Error of the observer at the end, deg; NaN if it has no estimate."""
+    friction_scale: float
+    """Friction scale that the observer has found."""
+    faulted: bool
+
+
+def controller_model(inst: Instrument, friction: float = 1.0, identified: bool = True) -> Instrument:
+    """Return the controller's model of an instrument: friction by a factor, the tendons' stiffness identified or not.
+
+    Raises
+    ------
+    ValueError
+        There is no such instrument.
+    """
+    changes: dict[str, float] = {}
+    if friction != 1:
+        changes = {f"friction.{key}": friction * getattr(inst.friction, key) for key in _COEFFICIENTS}
+    if identified and inst.mismatch.stiffness_ratio != 1:
+        # A stiffness in the file takes precedence over the modulus.
+        key = "tendon_modulus" if inst.given_stiffness is None else "tendon_stiffness"
+        nominal = inst.tendon_modulus if key == "tendon_modulus" else inst.tendon_stiffness
+        if nominal is not None:
+            changes[key] = nominal * inst.mismatch.stiffness_ratio
+    return inst.replace(**changes) if changes else inst
+
+
+def can_compensate(inst: Instrument) -> bool:
+    """Return whether a controller can compensate an instrument."""
+    try:
+        Controller(controller_model(inst))
+    except ValueError:
+        return False
+    return True
+
+
+def caveat(inst: Instrument) -> str:
+    """Return what errors against eq. 18 leave out, as HTML; nothing if a law can bring them to zero."""
+    if inst.joint_type != "continuum":
+        return ""
+    return (
+        "<p>Errors are against the unloaded angle. The laws bring a continuum beyond it, to where tendons that do not "
+        "stretch would, since they restore the angle that its backbone’s own moment takes as well.</p>"
+    )
+
+
+def step_force(inst: Instrument) -> float:
+    """Return the force that the step load makes at the tip, N."""
+    return rigged(inst) or shown_force(inst)
+
+
+def held_states(inst: Instrument) -> list[float]:
+    """Return the output angles (rad) that are held, where the handle reaches them."""
+    angles = held_angles(inst)
+    handle = statics.handle_angle(inst, np.array(angles))
+    return [output for output, angle in zip(angles, handle, strict=True) if abs(angle) <= inst.handle_range]
+
+
+def held_motion(inst: Instrument, desired: float, force: float, before: float, after: float) -> Motion:
+    """Return the motion to the handle angle that without friction gives an output angle (rad), and the load (N) on it.
+
+    The load comes after `before` s and stays for `after` s.
+    """
+    handle = float(statics.handle_angle(inst, desired))
+    steps = round((before + after) / TIME_STEP)
+    time = np.arange(1, steps + 1) * TIME_STEP
+    part = np.clip(time / max(abs(handle) / APPROACH * 15 / 8, TIME_STEP), 0, 1)
+    loaded = round(before / TIME_STEP)
+    path = handle * part**3 * (10 - 15 * part + 6 * part**2)
+    return Motion(path, np.where(np.arange(steps) < loaded, 0, force), loaded, desired)
+
+
+def simulate_motion(
+    inst: Instrument,
+    model: Instrument,
+    motion: Motion,
+    law: LawName,
+    actuation: Actuation = "differential",
+    *,
+    seed: int = 15,
+    paused: bool = False,
+    sheath_bend: ArrayLike = 0.0,
+) -> Run:
+    """Run the twin with a controller that has a model of the instrument; paused: the motors stop when the load comes.
+
+    Raises
+    ------
+    NoSolutionError
+        The joint does not hold the load.
+    """
+    request = np.zeros(len(motion.force), int)
+    if paused:
+        request[motion.loaded] = Request.PAUSE
+    return Twin(inst, seed=seed).run(
+        motion.handle_angle,
+        motion.force,
+        controller=Controller(model, law=law, actuation=actuation),
+        request=request,
+        sheath_bend=sheath_bend,
+    )
+
+
+def response(run: Run, motion: Motion) -> Response:
+    """Work out the response of the tip and the motors in a run of a motion."""
+    error = np.degrees(run["output_angle"] - motion.desired)
+    after = error[motion.loaded :]
+    averaged, last = round(_AVERAGED / TIME_STEP), round(_LAST / TIME_STEP)
+    off = np.flatnonzero(np.abs(after) > NEAR)
+    back = 0 if not off.size else int(off[-1]) + 1
+    turning = np.flatnonzero(np.abs(run["spool_velocity"][motion.loaded :]).max(1) > _STANDS)
+    stands = 0 if not turning.size else int(turning[-1]) + 1
+    observer_error = np.degrees(run["estimated_output_angle"] - run["output_angle"])[-averaged:].mean()
+    return Response(
+        before=float(error[motion.loaded - 1]),
+        final=float(after[-averaged:].mean()),
+        settling_time=back * TIME_STEP if back < after.size else np.inf,
+        overshoot=float(after.max()),
+        largest=float(np.abs(after).max()),
+        rest_time=stands * TIME_STEP if stands < after.size - last else np.inf,
+        highest_tension=float(run["tension"].max()),
+        observer_error=float(observer_error),
+        friction_scale=float(run["friction_scale"][-1]),
+        faulted=bool(run["faults"][-1]),
+    )
+
+
+def tip_delay(run: Run, paused: Run, motion: Motion, spool_radius: float) -> tuple[float, float]:
+    """Return when after the load the tip follows the motors, s, and what the agonist's motor has wound by then, m.
+
+    The tip follows once it is half a degree above where it is with the motors paused; NaN if it never does.
+    """
+    ahead = np.degrees(run["output_angle"] - paused["output_angle"])[motion.loaded :]
+    follows = np.flatnonzero(ahead > _FOLLOWS)
+    if not follows.size:
+        return np.nan, np.nan
+    wound = run["spool_angle"][motion.loaded :, 0]
+    return float(follows[0]) * TIME_STEP, spool_radius * float(wound[follows[0]] - wound[0])
+
+
+def in_parallel(work: Callable[[T], R], cases: Iterable[T]) -> dict[T, R]:
+    """Return the results by case, in order, computed over threads; without those where the joint does not hold."""
+
+    def attempt(case: T) -> R | None:
+        try:
+            return work(case)
+        except NoSolutionError:
+            return None
+
+    cases = list(cases)
+    with ThreadPoolExecutor(threads()) as pool:
+        found = zip(cases, pool.map(attempt, cases), strict=True)
+        return {case: result for case, result in found if result is not None}

@@ -1,0 +1,161 @@
+"""The instrument in space: its workspace through the port, and how much of it a load takes."""
+
+import html
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from scipy.spatial.transform import Rotation
+
+from tenodesis import kinematics
+from tenodesis.errors import InstrumentError, MissingExtraError
+from tenodesis.instrument import Instrument
+from tenodesis.kinematics import Posture, Workspace
+from tenodesis.paper.context import Context
+from tenodesis.report import style
+from tenodesis.report.content import Chart, Column, Plot, Section, named, number
+from tenodesis.verification import kinematics_peers
+
+WIDE = np.radians(90.0)
+"""Span of directions from which a place counts as one where the end-effector can work from many sides."""
+
+_TITLE = "Workspace through the port"
+_POSTURES = 20
+_FORCES = 13
+_SHADES = 16
+
+
+def section(context: Context) -> Section:
+    """Compute the workspace through the port, without a load and with one, and check the chain against MuJoCo."""
+    inst = context.inst
+    try:
+        lengths = kinematics.dimensions(inst)
+    except InstrumentError as problem:
+        return Section("workspace", _TITLE, f"<p>Left out: {html.escape(str(problem))}</p>")
+    force = context.add(
+        "workspace.force",
+        max(inst.conditions.forces, default=1.0),
+        "N",
+        "Force that the loaded workspace is computed for",
+    )
+    free, loaded = kinematics.workspace(inst), kinematics.workspace(inst, force)
+    wide = f"{np.degrees(WIDE):g}"
+    table = context.table(
+        "Workspace in the plane of the pan.",
+        "load",
+        Column("largest output angle [°]", "workspace.{name}.bend", "deg", "Largest output angle {load}", digits=1),
+        Column(
+            "area [cm²]", "workspace.{name}.area", "cm^2", "Area that the tip reaches in the plane of pan, {load}", 0
+        ),
+        Column(
+            f"area with ≥ {wide}° [cm²]",
+            "workspace.{name}.wide_area",
+            "cm^2",
+            f"Part of it where the end-effector can point over at least {wide} deg, {{load}}",
+            digits=0,
+        ),
+        Column("mean span [°]", "workspace.{name}.span", "deg", "Mean angle that it can point over, {load}", digits=1),
+    )
+    for shown, name, space, load in (
+        ("no load", "unloaded", free, "without a load"),
+        (f"{force:.3g} N", "loaded", loaded, f"against {force:.3g} N"),
+    ):
+        area, wide_area = 1e4 * space.area, 1e4 * space.area_with(WIDE)
+        table.row(shown, np.degrees(space.bend), area, wide_area, np.degrees(space.mean_span), name=name, load=load)
+    text = (
+        f"<p>{named(inst)} as the chain of Fig. 1: spherical and prismatic joint at the port, then yaw, pitch and roll "
+        f"of the end-effector; a stem of {1e3 * lengths.stem_length:.0f} mm. Pan and insertion bring the tip to a "
+        "place; the bending joints set the directions from which the end-effector can work there. A load reduces the "
+        "span of these directions, since the handle reaches the end of its range before the output angle does: "
+        f"{force:.3g} N {_taken(free, loaded)}. Compensation by the motors restores this, as far as their stroke "
+        f"allows. Limits of pan and insertion are our choice where the file has none. {_check(context)}</p>"
+    )
+    return Section("workspace", _TITLE, text, [_plot(inst, force, free, loaded)], [table])
+
+
+def _taken(free: Workspace, loaded: Workspace) -> str:
+    """Return how much a load takes, as part of a sentence."""
+    span, area = (
+        100 * (1 - after / before) for before, after in ((free.mean_span, loaded.mean_span), (free.area, loaded.area))
+    )
+    return f"takes {span:.0f} % of the mean span of directions and {area:.0f} % of the area that the tip reaches"
+
+
+def _check(context: Context) -> str:
+    """Return a sentence on how far the bodies are from MuJoCo's."""
+    try:
+        distance = _off_mujoco(context.inst)
+    except MissingExtraError as missing:
+        return f"The check of the chain against MuJoCo is left out: {html.escape(str(missing))}"
+    about = "Largest distance, or difference of an entry of a rotation matrix, from MuJoCo's pose of a body"
+    context.add("workspace.mujoco", distance, "m", about)
+    return (
+        f"Positions of all bodies equal those of the exported model in MuJoCo to {number(distance, 1)} m, and the "
+        "entries of their rotation matrices as closely."
+    )
+
+
+def _off_mujoco(inst: Instrument) -> float:
+    """Return how far the bodies are from MuJoCo's at random postures, m and as entries of rotation matrices."""
+    random = np.random.default_rng(0)
+    postures = []
+    for _ in range(_POSTURES):
+        drawn = {key: float(random.uniform(*ends)) for key, ends in kinematics.limits(inst)._asdict().items()}
+        handle = {f"handle_{axis}": float(random.uniform(-1, 1)) * inst.axis(axis).handle_range for axis in inst.axes}
+        postures.append(Posture(**drawn, **handle))
+    joints = [kinematics.joint_positions(inst, posture) for posture in postures]
+    worst = 0.0
+    for posture, theirs in zip(postures, kinematics_peers.mujoco_poses(kinematics.mjcf(inst), joints), strict=True):
+        for name, frame in kinematics.frames(inst, posture).bodies.items():
+            position, rotation = theirs[name]
+            turned = Rotation.from_quat(frame.quaternion, scalar_first=True).as_matrix()
+            worst = max(worst, float(np.abs(frame.position - position).max()))
+            worst = max(worst, float(np.abs(turned - rotation).max()))
+    return worst
+
+
+def _plot(inst: Instrument, force: float, free: Workspace, loaded: Workspace) -> Plot:
+    fig, axes = style.figure(3, width=10.5, height=3.6)
+    shades = Normalize(0.0, float(np.degrees(free.span.max())))
+    for axis, space, load in ((axes[0], free, "no load"), (axes[1], loaded, f"{force:.3g} N against flexion")):
+        _draw(axis, space, shades)
+        axis.set(title=load, xlabel="x [mm]", ylabel="z, into the patient [mm]" if axis is axes[0] else "")
+    fig.colorbar(
+        ScalarMappable(shades, "viridis"), ax=list(axes[:2]), label="span of directions [deg]", shrink=0.8, pad=0.02
+    )
+    chart, axis = Chart(fig), axes[2]
+    forces = chart.keep("force [N]", np.linspace(0.0, 2 * force, _FORCES))
+    spaces = [kinematics.workspace(inst, float(each), points=61) for each in forces]
+    span = np.degrees([space.mean_span for space in spaces])
+    heading = "mean span of directions [deg]"
+    chart.curve(axis, forces, heading, span, color=style.ACCENT, label="mean span of directions")
+    bend = chart.keep("largest output angle [deg]", np.degrees([space.bend for space in spaces]))
+    axis.plot(forces, 2 * bend, color=style.INK, label="span of output angles")
+    axis.axvline(force, color=style.REFERENCE, lw=1, ls=":")
+    axis.set(title="by load", xlabel="tip force [N]", ylabel="[deg]", ylim=(0, 2.5 * bend.max() + 1))
+    axis.legend(loc="upper right")
+    for load, space in (("no load", free), (f"{force:.3g} N", loaded)):
+        inside = space.span > 0
+        share = np.where(inside, space.span, 0).sum(axis=0) / np.maximum(inside.sum(axis=0), 1)
+        chart.keep(f"distance from the port, {load} [mm]", 1e3 * space.distance)
+        chart.keep(f"mean span of directions there, {load} [deg]", np.degrees(share))
+    return chart.plot(
+        "workspace_section",
+        "Workspace through the port in the plane of the pan: the shade is the angle over which the end-effector can "
+        "point at a place. Right: its mean, by load.",
+    )
+
+
+def _draw(axis: Axes, space: Workspace, shades: Normalize) -> None:
+    angle, distance = np.meshgrid(space.angle, 1e3 * space.distance, indexing="ij")
+    x, z = distance * np.sin(angle), distance * np.cos(angle)
+    span = np.degrees(space.span)
+    levels = np.linspace(0.0, shades.vmax or 1.0, _SHADES + 1)
+    levels[0] = 1e-3 * levels[-1]  # where the tip cannot go stays white
+    axis.contourf(x, z, span, levels, norm=shades, cmap="viridis")
+    wide = axis.contour(x, z, np.degrees(space.span), [np.degrees(WIDE)], colors="white", linewidths=1.0)
+    axis.clabel(wide, fmt=lambda level: f"{level:.0f}°", fontsize=7)
+    axis.plot(0, 0, "o", color=style.ACCENT, ms=5)
+    axis.annotate("port", (0, 0), (6, -3), textcoords="offset points", color=style.ACCENT)
+    axis.set(aspect="equal", ylim=(-0.15 * distance.max(), 1.05 * distance.max()))

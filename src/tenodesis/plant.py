@@ -1,0 +1,157 @@
+"""What controller and twin both need of an instrument: its parameters in the core's order, its longest time step."""
+
+from math import pi, sqrt
+
+import numpy as np
+
+from tenodesis import _core, statics
+from tenodesis.errors import ArgumentError
+from tenodesis.instrument import PARAMETERS, Instrument
+
+TIME_STEP = 5e-4
+"""Default time step, s."""
+_TWIN_PARAMETERS = _core.twin_parameters()
+# A longer step would leave fewer than a dozen to a period of the tip, and the integration's error would not be small.
+_LARGEST_PHASE_STEP = 0.5  # rad
+_DEFAULT_NATURAL_FREQUENCY = 2 * pi * 20.0  # rad/s
+_DEFAULT_DAMPING_RATIO = 0.2
+_STOP_STIFFNESS_RATIO = 20.0  # mechanical stop over tip
+
+
+def natural_frequency(inst: Instrument) -> float:
+    """Return the angular natural frequency of the straight, unloaded, frictionless tip, rad/s."""
+    return sqrt(float(statics.flexural_stiffness(inst, 0.0)) / _tip_inertia(inst))
+
+
+def longest_step(inst: Instrument) -> float:
+    """Return the longest time step that the tip's natural frequency allows, s."""
+    return _LARGEST_PHASE_STEP / natural_frequency(inst)
+
+
+def parameters(inst: Instrument, time_step: float = TIME_STEP) -> dict[str, float]:
+    """Return the parameters of an instrument's twin and axis, SI units, by the core's names; NaN where not given."""
+    return dict(zip((*_TWIN_PARAMETERS, *PARAMETERS), parameter_row(inst, time_step), strict=True))
+
+
+def parameter_row(inst: Instrument, time_step: float) -> list[float]:
+    """Return the parameters of a twin, then those of its axis, SI units, in the core's order."""
+    friction, dynamics, drives = inst.friction, inst.dynamics, inst.drives
+    sensors, mismatch = inst.sensors, inst.mismatch
+    stiffness = float(statics.flexural_stiffness(inst, 0.0))
+    inertia = _tip_inertia(inst)
+    damping = dynamics.tip_damping
+    values = {
+        "vertex_coefficient": friction.vertex_coefficient,
+        "sheath_coefficient": friction.sheath_coefficient,
+        "sheath_bend": friction.sheath_bend,
+        "sheath_bend_rate": friction.sheath_bend_per_handle_angle,
+        "viscous": friction.viscous,
+        "constant": friction.constant,
+        "static_ratio": friction.static_ratio,
+        "stribeck_speed": friction.stribeck_speed,
+        "memory": friction.memory,
+        "handle_length_share": _handle_compliance_share(inst),
+        "stiffness_ratio": mismatch.stiffness_ratio,
+        "pretension_ratio": mismatch.pretension_ratio,
+        "tip_inertia": inertia,
+        "tip_damping": 2 * _DEFAULT_DAMPING_RATIO * sqrt(stiffness * inertia) if damping is None else damping,
+        "output_stop": inst.output_stop,
+        "stop_stiffness": _STOP_STIFFNESS_RATIO * stiffness,
+        "hand_stiffness": dynamics.hand_stiffness,
+        "hand_damping": dynamics.hand_damping,
+        "hand_inertia": dynamics.hand_inertia,
+        "spool_radius": drives.spool_radius,
+        "spool_speed_limit": drives.motor_speed / drives.gear_ratio,
+        "spool_acceleration_limit": drives.motor_acceleration / drives.gear_ratio,
+        "drive_time_constant": drives.time_constant,
+        "backlash": drives.backlash,
+        "rig_pulley_radius": inst.conditions.cable_pulley_radius or 0.0,
+        "encoder_noise": sensors.encoder_noise,
+        "encoder_range": sensors.encoder_range,
+        "encoder_resolution": sensors.encoder_range / 2**sensors.encoder_bits,
+        "handle_encoder_offset": mismatch.handle_encoder_offset,
+        "output_encoder_offset": mismatch.output_encoder_offset,
+        "motor_encoder_resolution": 2 * pi / drives.encoder_counts / drives.gear_ratio,
+        "load_cell_noise": sensors.load_cell_noise,
+        "load_cell_range": sensors.load_cell_range,
+        # The converter's range is to either side of 0.
+        "load_cell_resolution": 2 * sensors.load_cell_range / 2**sensors.load_cell_bits,
+        "time_step": time_step,
+    }
+    for n, tendon in enumerate(("agonist", "antagonist")):
+        values[f"{tendon}_load_cell_gain"] = mismatch.load_cell_gain[n]
+        values[f"{tendon}_load_cell_bias"] = mismatch.load_cell_bias[n]
+    return [values[name] for name in _TWIN_PARAMETERS] + inst.spec.__getstate__()[1]
+
+
+def spec(inst: Instrument, time_step: float, quasi_static: bool) -> _core.TwinSpec:
+    """Return the specification of a twin of the core; errors as :func:`steps_per_sample`."""
+    per_sample = steps_per_sample(inst, time_step, quasi_static)
+    parameters = parameter_row(inst, time_step)[: len(_TWIN_PARAMETERS)]
+    friction = inst.friction
+    return _core.TwinSpec(
+        inst.spec, parameters, friction.law == "stribeck", friction.sheath_contacts, per_sample, quasi_static
+    )
+
+
+def steps_per_sample(inst: Instrument, time_step: float, quasi_static: bool) -> int:
+    """Return how many time steps (s) a sampling period takes.
+
+    Raises
+    ------
+    ValueError
+        The time step does not suit the instrument, or its joints and handle leave no compliance to the stem.
+    """
+    if not (np.isfinite(time_step) and time_step > 0):
+        raise ArgumentError(key="time_step", value=time_step, allowed="a time above 0 s")
+    longest = longest_step(inst)
+    if not quasi_static and time_step > longest:
+        allowed = f"at most {longest:.3g} s"
+        problem = (
+            f"time_step is {time_step:g} s; it must be {allowed}, a twelfth of a period of the tip of {inst.name} "
+            f"({natural_frequency(inst) / (2 * pi):.3g} Hz)."
+        )
+        raise ArgumentError(problem, key="time_step", value=time_step, allowed=allowed)
+    period = 1 / inst.sensors.sampling_rate
+    per_sample = max(1, round(period / time_step))
+    if period > time_step and abs(per_sample * time_step / period - 1) > 1e-6:
+        allowed = f"an integer fraction of the sampling period of {period:g} s, or more"
+        problem = f"time_step is {time_step:g} s; it must be {allowed}."
+        raise ArgumentError(problem, key="time_step", value=time_step, allowed=allowed)
+    _check_compliance(inst)
+    return per_sample
+
+
+def _check_compliance(inst: Instrument) -> None:
+    """Raise ArgumentError for an instrument whose handle and joints leave no compliance of a tendon to the stem."""
+    share, joints = _handle_compliance_share(inst), sum(_core.joint_shares(inst.spec))
+    if share + joints < 1:
+        return
+    if inst.friction.handle_compliance_share is None:
+        raise ArgumentError(
+            f"handle_length and joints take {share + joints:.3g} of the length of a tendon of {inst.name}; it must be "
+            "less than 1: give a shorter handle_length or a longer tendon_length.",
+            key="handle_length",
+            value=inst.handle_length,
+            allowed="less than the tendon's length without the joints",
+        )
+    raise ArgumentError(
+        f"friction.handle_compliance_share is {share:g}, which with the joints makes {share + joints:.3g} of the "
+        f"compliance of {inst.name}; it must be below {1 - joints:.3g}.",
+        key="friction.handle_compliance_share",
+        value=share,
+        allowed=f"below {1 - joints:.3g}",
+    )
+
+
+def _tip_inertia(inst: Instrument) -> float:
+    """Return the inertia about the output angle, kg m^2: as given, or such that the unloaded tip has 20 Hz."""
+    given = inst.dynamics.tip_inertia
+    stiffness = float(statics.flexural_stiffness(inst, 0.0))
+    return stiffness / _DEFAULT_NATURAL_FREQUENCY**2 if given is None else given
+
+
+def _handle_compliance_share(inst: Instrument) -> float:
+    """Return the share of a tendon's compliance between spool and handle joint, by length unless it is given."""
+    given = inst.friction.handle_compliance_share
+    return inst.handle_length / (inst.tendon_length or inst.overall_length) if given is None else given

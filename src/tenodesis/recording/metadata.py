@@ -1,0 +1,131 @@
+"""The metadata of a recording: what was run, and the controller that it makes again."""
+
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+import tomli_w
+
+from tenodesis.control import FAULTS, Controller
+from tenodesis.errors import RecordingError
+from tenodesis.instrument import Instrument, parse
+from tenodesis.instrument.text import to_toml
+from tenodesis.recording.reader import Recording
+from tenodesis.simulate import Protocol
+from tenodesis.twin import TIME_STEP
+
+CONTROLLER = "controller"
+"""Key of the controller's choices, as TOML."""
+CONTROLLER_INSTRUMENT = "controller_instrument"
+"""Key of the instrument as the controller has it, where that is not the one that was recorded."""
+DYNAMIC = "dynamic"
+"""Mode of a twin with inertia and damping."""
+QUASI_STATIC = "quasi-static"
+"""Mode of a twin without."""
+
+
+def metadata_of(
+    inst: Instrument,
+    protocol: Protocol | None = None,
+    *,
+    seed: int = 0,
+    time_step: float = TIME_STEP,
+    quasi_static: bool = False,
+    controller: Controller | None = None,
+) -> dict[str, str]:
+    """Return the metadata of a twin's recording, from which it can be replayed.
+
+    Parameters
+    ----------
+    inst, protocol, controller
+        What was run: the instrument, the protocol if the run followed one, and the controller if one closed the loop.
+    seed, time_step, quasi_static
+        Of the twin, as for :class:`tenodesis.twin.Twin`.
+    """
+    return (
+        {"instrument": to_toml(inst)}
+        | ({} if protocol is None else {"protocol": protocol.to_toml()})
+        | {"seed": str(seed), "time_step": repr(float(time_step))}
+        | {"mode": QUASI_STATIC if quasi_static else DYNAMIC}
+        | ({} if controller is None else _metadata_of_controller(controller, inst))
+    )
+
+
+def metadata_of_replay(recording: Recording, inst: Instrument) -> dict[str, str]:
+    """Return the metadata of a recording's replay on an instrument; the controller's instrument stays what it was."""
+    metadata = {**recording.metadata, "instrument": to_toml(inst), "replay_of": str(recording.path)}
+    if CONTROLLER in metadata and CONTROLLER_INSTRUMENT not in metadata and recording.instrument() != inst:
+        metadata[CONTROLLER_INSTRUMENT] = recording.metadata["instrument"]
+    return metadata
+
+
+def controller_choices(recording: Recording) -> dict[str, Any] | None:
+    """Return the controller's choices as a recording holds them, or None if it had no controller.
+
+    Raises
+    ------
+    RecordingError
+        They are not TOML.
+    """
+    text = recording.metadata.get(CONTROLLER)
+    try:
+        return None if text is None else tomllib.loads(text)
+    except tomllib.TOMLDecodeError as problem:
+        raise RecordingError(f"{recording.path}: metadata {CONTROLLER} is not valid TOML: {problem}.") from None
+
+
+def controller_instrument(recording: Recording) -> Instrument:
+    """Return the instrument as the controller has it.
+
+    Raises
+    ------
+    RecordingError
+        The recording does not hold its instrument.
+    InstrumentError
+        The instrument is not valid in this version.
+    """
+    text = recording.metadata.get(CONTROLLER_INSTRUMENT)
+    return recording.instrument() if text is None else parse(text, f"{recording.path}: {CONTROLLER_INSTRUMENT}")
+
+
+def restored_controller(recording: Recording) -> Controller | None:
+    """Return a recording's controller as it was at its start, or None if it had no controller.
+
+    Raises
+    ------
+    RecordingError
+        The choices in the recording make no controller.
+    InstrumentError
+        The controller's instrument is not valid in this version.
+    """
+    choices = controller_choices(recording)
+    if choices is None:
+        return None
+    choices.pop("faults", None)
+    inst = controller_instrument(recording)
+    try:
+        return Controller(inst, **choices)
+    except (TypeError, ValueError) as problem:
+        raise RecordingError(f"{recording.path}: metadata {CONTROLLER}: {problem}") from None
+
+
+def in_words(choices: Mapping[str, Any], controller_inst: Instrument, inst: Instrument) -> str:
+    """Return a controller's choices in a few words, with its instrument if that is not the one that ran."""
+    words = f"{choices.get('law')} law, {choices.get('observer')} observer, {choices.get('actuation')} actuation"
+    return words if controller_inst == inst else f"{words}, made for another instrument ({controller_inst.name})"
+
+
+def _metadata_of_controller(controller: Controller, inst: Instrument) -> dict[str, str]:
+    choices = {
+        "law": controller.law,
+        "observer": controller.observer,
+        "actuation": controller.actuation,
+        "homed": controller.homed_at_start,
+        "enabled": controller.enabled_at_start,
+        "precision": getattr(controller, "precision", "double"),
+        "own_clock": getattr(controller, "own_clock", False),
+        "period": controller.parameters.common["period"],
+    }
+    # With the names of the fault bits, a file explains its own faults.
+    metadata = {CONTROLLER: tomli_w.dumps({**choices, "faults": list(FAULTS)})}
+    return metadata if controller.inst == inst else metadata | {CONTROLLER_INSTRUMENT: to_toml(controller.inst)}

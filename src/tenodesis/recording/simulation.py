@@ -1,0 +1,140 @@
+"""Record what a twin does: a protocol while it runs, or a run that was simulated before."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tenodesis.control import Controller
+from tenodesis.instrument import Instrument
+from tenodesis.recording import schemas
+from tenodesis.recording.metadata import metadata_of
+from tenodesis.recording.writer import Recorder
+from tenodesis.run import CONTROL, Run, concatenate
+from tenodesis.simulate import Pretension, Protocol, execute
+from tenodesis.simulate.execution import check_controllable
+from tenodesis.twin import TIME_STEP, Twin
+
+_LEAST_SLACK = 2e-3
+"""Length by which the motors let tendons out, at least, m."""
+
+
+def record(
+    inst: Instrument,
+    protocol: Protocol,
+    path: str | Path,
+    *,
+    controller: Controller | None = None,
+    time_step: float = TIME_STEP,
+    seed: int = 0,
+    quasi_static: bool = False,
+    overwrite: bool = False,
+    progress: Callable[[float, float], object] | None = None,
+) -> Run:
+    """Run a protocol on the twin of an instrument, and record it while it runs.
+
+    A protocol that begins with a pretension phase finds slack tendons: the motors let them out first, which is recorded
+    as well, and a controller homes them; it starts to run after that.
+
+    Parameters
+    ----------
+    inst
+        The instrument.
+    protocol
+        The protocol; all of it is checked before the file is opened.
+    path
+        The file.
+    controller
+        Closes the loop, as for :func:`tenodesis.simulate.execute`; it is reset first.
+    time_step, seed, quasi_static
+        As for :class:`tenodesis.twin.Twin`.
+    overwrite
+        Whether to replace a file that exists.
+    progress
+        Called after every block with the seconds done and those of the whole run. What it raises ends the run; the file
+        holds what was done until then.
+
+    Returns
+    -------
+    Run
+        What was recorded.
+
+    Raises
+    ------
+    ProtocolError
+        The instrument, or the controller, cannot run the protocol, or a tendon does not get tight.
+    RecordingError
+        The file cannot be written, or exists.
+    NoSolutionError
+        The tip was loaded past what it can hold; the file holds the blocks before.
+    ValueError
+        The twin cannot have this time step or seed, or the controller is for other axes or joints.
+    """
+    twin = Twin(inst, time_step=time_step, seed=seed, quasi_static=quasi_static)
+    plan = protocol.plan(inst, time_step)
+    if controller is not None:
+        controller.reset()
+        controller.check_instrument(inst)
+        check_controllable(plan, controller.inst)
+    metadata = metadata_of(
+        inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
+    )
+    with Recorder(path, axes=inst.axes, metadata=metadata, overwrite=overwrite) as recorder:
+        runs = []
+        if isinstance(protocol.phases[0], Pretension):
+            loosened = twin.loosen(_slackening(inst))
+            runs.append(loosened if controller is None else without_control(loosened))
+            recorder.write(runs[0])
+        runs.append(execute(twin, protocol, controller, on_block=recorder.write, progress=progress))
+    return concatenate(runs)
+
+
+def write_run(
+    run: Run,
+    inst: Instrument,
+    path: str | Path,
+    *,
+    protocol: Protocol | None = None,
+    controller: Controller | None = None,
+    time_step: float = TIME_STEP,
+    seed: int = 0,
+    quasi_static: bool = False,
+    overwrite: bool = False,
+) -> None:
+    """Write a run that was simulated before, to the same file that :func:`record` would write while it runs.
+
+    Parameters
+    ----------
+    run
+        The run.
+    inst, protocol, controller
+        What was run: the instrument, the protocol if the run followed one, and the controller if one closed the loop.
+    time_step, seed, quasi_static
+        Of the twin that made the run.
+    path, overwrite
+        As for :func:`record`.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be written, or exists, or the run has other axes than the instrument.
+    """
+    metadata = metadata_of(
+        inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
+    )
+    with Recorder(path, axes=inst.axes, metadata=metadata, overwrite=overwrite) as recorder:
+        recorder.write(run)
+
+
+def without_control(run: Run) -> Run:
+    """Return a run with the signals of a controller that did not run yet, all NaN."""
+    absent: dict[str, Any] = {name: np.full(schemas.shape(name, len(run), run.axes), np.nan) for name in CONTROL}
+    return replace(run, **absent)
+
+
+def _slackening(inst: Instrument) -> float:
+    """Return a length to let the motors out by, m, after which every tendon hangs slack."""
+    ratio = inst.mismatch.pretension_ratio / inst.mismatch.stiffness_ratio
+    return max(_LEAST_SLACK, *(1.25 * ratio * axis.pretension / axis.tendon_stiffness for axis in inst.planar))

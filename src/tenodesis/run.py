@@ -1,0 +1,167 @@
+"""The signals of a run, simulated or recorded: what each is, and the run that holds them."""
+
+# ruff: noqa: RUF009 - a field's default carries what the signal is
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, NamedTuple, TypeAlias, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tenodesis.errors import ArgumentError
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+class Signal(NamedTuple):
+    """One signal: its SI unit, whether each tendon has its own, and what it is."""
+
+    unit: str
+    per_tendon: bool
+    description: str
+
+
+def _signal(group: str, unit: str, description: str, *, per_tendon: bool = False) -> Any:
+    """Return the default of a signal's field: None, with what the signal is as metadata."""
+    return field(default=None, metadata={"group": group, "signal": Signal(unit, per_tendon, description)})
+
+
+@dataclass(frozen=True)
+class Run:
+    """The signals of a run, one row per time step; :data:`SIGNALS` says what each is.
+
+    Shapes, for n steps: (n,) and per tendon (n, 2), agonist first; with two axes (n, 2) and (n, 2, 2), axis before
+    tendon. A signal that was not recorded is None.
+    """
+
+    time: Array
+    axes: tuple[str, ...]
+    commanded_handle_angle: Array | None = _signal("command", "rad", "Handle angle that the hand aims at")
+    force: Array | None = _signal("command", "N", "Tangential force at the tip; positive opposes positive flexion")
+    radial_force: Array | None = _signal("command", "N", "Force along the end-effector; positive outward")
+    commanded_spool_velocity: Array | None = _signal(
+        "command", "rad/s", "Spool velocity asked of the drives; positive winds", per_tendon=True
+    )
+    measured_handle_angle: Array | None = _signal("measured", "rad", "Handle angle by its encoder")
+    measured_output_angle: Array | None = _signal(
+        "measured", "rad", "Output angle by the distal encoder, which only a bench has"
+    )
+    measured_tension: Array | None = _signal(
+        "measured", "N", "Tendon tension by the load cells beside the spools", per_tendon=True
+    )
+    measured_spool_angle: Array | None = _signal(
+        "measured", "rad", "Spool angle by the motors' encoders", per_tendon=True
+    )
+    handle_angle: Array | None = _signal("truth", "rad", "Handle angle")
+    handle_torque: Array | None = _signal("truth", "N*m", "Torque the hand holds the handle with")
+    output_angle: Array | None = _signal("truth", "rad", "Output angle of the end-effector")
+    output_velocity: Array | None = _signal("truth", "rad/s", "Its rate")
+    tension: Array | None = _signal("truth", "N", "Tendon tension beside the spool", per_tendon=True)
+    distal_tension: Array | None = _signal("truth", "N", "Tendon tension at the tip", per_tendon=True)
+    spool_angle: Array | None = _signal("truth", "rad", "Spool angle", per_tendon=True)
+    spool_velocity: Array | None = _signal("truth", "rad/s", "Its rate", per_tendon=True)
+    estimated_output_angle: Array | None = _signal("control", "rad", "Output angle by the controller's observer")
+    estimated_output_angle_std: Array | None = _signal("control", "rad", "Its standard deviation")
+    estimated_force: Array | None = _signal("control", "N", "Tangential force at the tip by the observer")
+    estimated_force_std: Array | None = _signal("control", "N", "Its standard deviation")
+    friction_scale: Array | None = _signal(
+        "control", "1", "Estimated friction over that of the controller's instrument file"
+    )
+    friction_scale_std: Array | None = _signal("control", "1", "Its standard deviation")
+    operating_state: Array | None = _signal("control", "1", "0 disabled, 1 enabled, 2 paused, 3 fault")
+    faults: Array | None = _signal("control", "1", "Faults as a mask of bits, tenodesis.control.FAULTS in order")
+    phase: Array | None = _signal("control", "1", "Of the robust law: 0 rest, 1 track, 2 pull, 3 release")
+    request: Array | None = _signal("control", "1", "Request to the controller, tenodesis.control.Request; 0 none")
+
+    def signals(self) -> dict[str, Array]:
+        """Return the signals that were recorded, by name, without the time."""
+        named = {name: getattr(self, name) for name in SIGNALS}
+        return {name: values for name, values in named.items() if values is not None}
+
+    @overload
+    def __getitem__(self, key: str) -> Array: ...
+    @overload
+    def __getitem__(self, key: slice) -> "Run": ...
+    def __getitem__(self, key: str | slice) -> "Array | Run":
+        """Return a signal by name, or the rows of a slice as a run of their own.
+
+        Raises
+        ------
+        KeyError
+            The signal is unknown or was not recorded.
+        """
+        if isinstance(key, slice):
+            return self._map(lambda values: values[key])
+        values = getattr(self, key) if key in SIGNALS else None
+        if values is None:
+            raise KeyError(f"{key} is not among the signals; they are {', '.join(self.signals())}")
+        return np.asarray(values)
+
+    def between(self, start: float = -np.inf, stop: float = np.inf) -> "Run":
+        """Return the rows from one time to another, s, both included."""
+        first, last = np.searchsorted(self.time, start, "left"), np.searchsorted(self.time, stop, "right")
+        return self[int(first) : int(last)]
+
+    def axis(self, name: str) -> "Run":
+        """Return the run of one axis alone, its signals of shape (n,) and per tendon (n, 2).
+
+        Raises
+        ------
+        KeyError
+            There is no such axis.
+        """
+        if name not in self.axes:
+            raise KeyError(f"{name} is not among the axes; they are {', '.join(self.axes)}")
+        if len(self.axes) == 1:
+            return self
+        index = self.axes.index(name)
+        own: dict[str, Any] = {key: values[:, index] for key, values in self.signals().items()}
+        return replace(self, axes=(name,), **own)
+
+    def _map(self, change: Callable[[Array], Array]) -> "Run":
+        """Return this run with its time and all signals changed alike."""
+        changed: dict[str, Any] = {key: change(values) for key, values in self.signals().items()}
+        return replace(self, time=change(self.time), **changed)
+
+    def __len__(self) -> int:
+        return int(self.time.size)
+
+
+SIGNALS: dict[str, Signal] = {one.name: one.metadata["signal"] for one in fields(Run) if one.metadata}
+"""What each signal is, by its name."""
+
+
+def _group(group: str) -> dict[str, Signal]:
+    return {one.name: SIGNALS[one.name] for one in fields(Run) if one.metadata.get("group") == group}
+
+
+COMMANDS = _group("command")
+"""What is done to the instrument."""
+
+MEASURED = _group("measured")
+"""What sensors say; sampled and held."""
+
+TRUTH = _group("truth")
+"""What only a twin knows, and no bench."""
+
+CONTROL = _group("control")
+"""What a controller estimates and does, NaN as long as it does not run, and what was requested of it."""
+
+
+def concatenate(runs: Sequence[Run]) -> Run:
+    """Return runs, one after another, as one.
+
+    Raises
+    ------
+    ValueError
+        There is none, or they have different axes or signals.
+    """
+    if not runs:
+        raise ArgumentError(key="runs", value=runs, allowed="one run or more")
+    first = runs[0]
+    names = tuple(first.signals())
+    if any(run.axes != first.axes or tuple(run.signals()) != names for run in runs):
+        raise ArgumentError("the runs differ in axes or signals; they must have the same.", key="runs")
+    joined: dict[str, Any] = {name: np.concatenate([getattr(run, name) for run in runs]) for name in ("time", *names)}
+    return replace(first, **joined)

@@ -1,0 +1,35 @@
+"""The closed loop: protocols from TOML or Python, their execution on a twin, and fault injection.
+
+Angles in rad, forces in N, speeds in rad/s or m/s, durations in s, or text with a unit. Forces may jump, the handle
+never does: a phase that begins at a handle angle of its own moves there smoothly first. A command that a phase does not
+name stays as it was, spool velocities included.
+"""
+
+from tenodesis.errors import ProtocolError
+from tenodesis.run import concatenate
+from tenodesis.simulate.command import Plant
+from tenodesis.simulate.execution import execute
+from tenodesis.simulate.fault_injection import INJECTION_POINTS, FaultInjection
+from tenodesis.simulate.motion import Motion
+from tenodesis.simulate.phases import Cycles, Hold, Ramp, StepLoad
+from tenodesis.simulate.pretension import Pretension
+from tenodesis.simulate.protocol import Protocol, load, parse, shipped
+
+__all__ = [
+    "INJECTION_POINTS",
+    "Cycles",
+    "FaultInjection",
+    "Hold",
+    "Motion",
+    "Plant",
+    "Pretension",
+    "Protocol",
+    "ProtocolError",
+    "Ramp",
+    "StepLoad",
+    "concatenate",
+    "execute",
+    "load",
+    "parse",
+    "shipped",
+]

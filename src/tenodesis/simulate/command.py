@@ -1,0 +1,147 @@
+"""Commands at one instant and along a segment of time, the shapes of strokes, and the plant that takes commands."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, Protocol, Self, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tenodesis.control import Controller
+from tenodesis.instrument import Instrument
+from tenodesis.run import Array, Run
+
+AngleByStep: TypeAlias = Callable[[NDArray[np.int64]], Array]
+"""Handle angles (n,), in rad, after numbers of steps (n,), counted from 1."""
+
+ShapeName: TypeAlias = Literal["triangle", "sine", "smooth"]
+
+
+class Shape(NamedTuple):
+    """Shape of a stroke: the fraction of the way at a fraction of the time, and its largest over its mean speed."""
+
+    way: Callable[[Array], Array]
+    peak: float
+
+
+SHAPES: dict[ShapeName, Shape] = {
+    "triangle": Shape(np.copy, 1.0),
+    "sine": Shape(lambda time: (1 - np.cos(np.pi * time)) / 2, np.pi / 2),
+    "smooth": Shape(lambda time: time**3 * (10 + time * (6 * time - 15)), 15 / 8),
+}
+SMOOTH = SHAPES["smooth"]
+"""The stroke of minimum jerk."""
+
+
+class Command(NamedTuple):
+    """Command at one instant, by axis: handle angle (rad), forces (N) and spool velocities (rad/s)."""
+
+    handle_angle: Array
+    force: Array
+    radial_force: Array
+    spool_velocity: Array
+
+    @classmethod
+    def rest(cls, axes: int) -> Self:
+        """Return the command of an instrument that is straight, unloaded and not driven."""
+        return cls(np.zeros(axes), np.zeros(axes), np.zeros(axes), np.zeros((axes, 2)))
+
+    def on(self, axis: int, **changes: float | Sequence[float] | Array | None) -> Self:
+        """Return this command with some values changed on one axis; None leaves a value as it is."""
+        changed = {}
+        for name, value in changes.items():
+            if value is not None:
+                changed[name] = getattr(self, name).copy()
+                changed[name][axis] = value
+        return self._replace(**changed)
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A part of a phase: every command goes linearly from start to end, where the last step is.
+
+    A path, if there is one, gives the handle angle of one axis instead.
+    """
+
+    start: Command
+    end: Command
+    steps: int
+    axis: int = 0
+    path: AngleByStep | None = None
+
+    def sample(self, first: int, last: int) -> dict[str, Array]:
+        """Return the commands from step `first` + 1 to step `last`; a single axis has no dimension of its own."""
+        done = np.arange(first + 1, last + 1)
+        columns = {
+            name: between(start, end, done / self.steps)
+            for name, start, end in zip(Command._fields, self.start, self.end, strict=True)
+        }
+        if self.path is not None:
+            columns["handle_angle"][:, self.axis] = self.path(done)
+        single = self.start.handle_angle.size == 1
+        return {name: values[:, 0] if single else values for name, values in columns.items()}
+
+
+def between(start: float | Array, end: float | Array, fraction: Array) -> Array:
+    """Return values (n, ...) at fractions (n,) of the way from start to end (...); exact at either end."""
+    first, last = np.asarray(start, float), np.asarray(end, float)
+    along = fraction.reshape(-1, *(1,) * first.ndim)
+    return np.where(along < 1, first + along * (last - first), last)
+
+
+def sampled(segments: Sequence[Segment], size: int) -> Iterator[dict[str, Array]]:
+    """Yield the commands of consecutive segments in blocks of at most `size` steps."""
+    pieces: list[dict[str, Array]] = []
+    room = size
+    for segment in segments:
+        first = 0
+        while first < segment.steps:
+            last = min(first + room, segment.steps)
+            pieces.append(segment.sample(first, last))
+            room -= last - first
+            first = last
+            if room == 0:
+                yield joined(pieces)
+                pieces, room = [], size
+    if pieces:
+        yield joined(pieces)
+
+
+def joined(blocks: Sequence[dict[str, Array]]) -> dict[str, Array]:
+    """Return consecutive blocks of commands as one."""
+    return {name: np.concatenate([block[name] for block in blocks]) for name in Command._fields}
+
+
+class Plant(Protocol):
+    """What a protocol is run on: a twin, or whatever takes commands as it does."""
+
+    @property
+    def inst(self) -> Instrument:
+        """The instrument."""
+
+    @property
+    def time_step(self) -> float:
+        """Time step, s."""
+
+    @property
+    def spool_radius(self) -> float:
+        """Radius of the spools, m."""
+
+    def run(self, *, handle_angle: Array, force: Array, radial_force: Array, spool_velocity: Array) -> Run:
+        """Go on from the present state by as many time steps as there are commands."""
+
+
+class ControllablePlant(Plant, Protocol):
+    """A plant that can be run with a controller in the loop, which moves the spools itself."""
+
+    def run(
+        self,
+        *,
+        handle_angle: Array,
+        force: Array,
+        radial_force: Array,
+        spool_velocity: Array,
+        controller: Controller | None = None,
+        request: ArrayLike = 0,
+    ) -> Run:
+        """Go on as :meth:`Plant.run`; a controller gets a request at each step."""

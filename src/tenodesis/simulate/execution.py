@@ -1,0 +1,214 @@
+"""Running a protocol on a plant, with or without a controller in the loop."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tenodesis.control import Controller, OperatingState, Request
+from tenodesis.errors import ProtocolError
+from tenodesis.instrument import Instrument
+from tenodesis.run import Array, Run, concatenate
+from tenodesis.simulate.command import Command, ControllablePlant, Plant, Segment, sampled
+from tenodesis.simulate.pretension import Pretension
+from tenodesis.simulate.protocol import Planned, Protocol, block_size, errors_of
+
+_BLOCK = 1.0
+"""Longest block, s."""
+
+_HOMING_BLOCK = 0.01
+"""Time between two checks whether homing is done, s."""
+
+
+class Loop:
+    """A plant with a controller that moves its motors; the requests to the controller are in the runs.
+
+    Parameters
+    ----------
+    plant
+        The plant.
+    controller
+        The controller.
+
+    Raises
+    ------
+    ValueError
+        The controller is for other axes or joints.
+    """
+
+    def __init__(self, plant: ControllablePlant, controller: Controller) -> None:
+        controller.check_instrument(plant.inst)
+        self.plant, self.controller = plant, controller
+
+    @property
+    def time_step(self) -> float:
+        """Time step, s."""
+        return self.plant.time_step
+
+    def run(self, *, handle_angle: Array, force: Array, radial_force: Array, spool_velocity: Array) -> Run:
+        """Go on by as many time steps as there are commands; the controller's pending request comes with the first.
+
+        The spool velocities are 0.
+        """
+        request = np.zeros(len(handle_angle), np.uint8)
+        request[0] = self.controller.take_request()
+        run = self.plant.run(
+            handle_angle=handle_angle,
+            force=force,
+            radial_force=radial_force,
+            spool_velocity=spool_velocity,
+            controller=self.controller,
+            request=request,
+        )
+        return with_request(run, request.astype(np.float64))
+
+    def home(self, command: Command, timeout: float) -> Iterator[Run]:
+        """Home, resume if the controller starts enabled, and yield the plant's response in short runs.
+
+        A fault on the way ends homing, not the run.
+
+        Raises
+        ------
+        ProtocolError
+            Homing takes longer than the timeout (s).
+        """
+        steps = max(1, round(_HOMING_BLOCK / self.time_step))
+        (commands,) = sampled([Segment(command, command, steps)], steps)
+        self.controller.ask(Request.HOME)
+        run = self.run(**commands)
+        yield run
+        elapsed = steps * self.time_step
+        while run["operating_state"][-1].max() == OperatingState.ENABLED:
+            if elapsed >= timeout:
+                raise ProtocolError(
+                    f"the controller has not homed within the timeout of {timeout:g} s; give a larger timeout, or a "
+                    "larger control.homing_speed of the controller's instrument",
+                    key="timeout",
+                    value=timeout,
+                )
+            run = self.run(**commands)
+            yield run
+            elapsed += steps * self.time_step
+        if self.controller.enabled_at_start and run["operating_state"][-1].max() == OperatingState.PAUSED:
+            self.controller.ask(Request.RESUME)
+            yield self.run(**commands)
+
+
+def execute(
+    plant: ControllablePlant,
+    protocol: Protocol,
+    controller: Controller | None = None,
+    *,
+    on_block: Callable[[Run], object] | None = None,
+    progress: Callable[[float, float], object] | None = None,
+) -> Run:
+    """Run a protocol on a plant whose handle is straight, without load, the drives at rest.
+
+    A controller moves the motors itself. A pretension phase is then its homing, whether or not it was homed before: all
+    axes at once, to the pretension, at the speed and within the stroke of the table control of its instrument; after
+    that it resumes if it starts enabled. After a fault the motors hold and the protocol goes on; the run has the fault
+    among its signals.
+
+    Parameters
+    ----------
+    plant
+        The twin, or a bench.
+    protocol
+        The protocol; all of it is checked before the first command.
+    controller
+        Closes the loop, from its present state on.
+    on_block
+        Called with every block, 1 s of a run at most.
+    progress
+        Called after every block with the seconds done and those of the whole run, as :meth:`Protocol.duration` has it.
+
+    Raises
+    ------
+    ProtocolError
+        The instrument cannot run the protocol, or a tendon does not get tight; with a controller, the protocol moves
+        the spools or asks for a pretension that homing does not give, or homing outlasts its phase.
+    ValueError
+        The controller is for other axes or joints.
+    """
+    plan = protocol.plan(plant.inst, plant.time_step)
+    loop = None if controller is None else Loop(plant, controller)
+    if loop is not None:
+        check_controllable(plan, loop.controller.inst)
+    total = sum(planned.seconds for planned in plan)
+    runs: list[Run] = []
+    begun = 0.0
+    for planned in plan:
+        done = begun
+        begun += planned.seconds
+        for run in _runs(plant if loop is None else loop, planned):
+            runs.append(run)
+            done += len(run) * plant.time_step
+            if on_block is not None:
+                on_block(run)
+            if progress is not None:
+                progress(min(done, begun), total)
+    if progress is not None:
+        progress(total, total)
+    return concatenate(runs)
+
+
+def check_controllable(plan: Sequence[Planned], inst: Instrument) -> None:
+    """Check that a controller can run phases: that they leave the spools to it and ask of homing what it does.
+
+    Parameters
+    ----------
+    plan
+        The phases.
+    inst
+        The instrument as the controller has it.
+
+    Raises
+    ------
+    ProtocolError
+        The controller cannot run a phase.
+    """
+    for planned in plan:
+        with errors_of(planned.label):
+            if isinstance(planned.phase, Pretension):
+                _check_homing(planned.phase, planned.initial, inst)
+            elif any(command.spool_velocity.any() for part in planned.segments for command in (part.start, part.end)):
+                raise ProtocolError(
+                    "spool_velocity is given; with a controller a phase must leave the motors to it",
+                    key="spool_velocity",
+                )
+
+
+def with_request(run: Run, request: Array) -> Run:
+    """Return a run with the requests to its controller at each step, shape (n,)."""
+    return replace(run, request=request if len(run.axes) == 1 else np.stack([request] * len(run.axes), -1))
+
+
+def _check_homing(phase: Pretension, initial: Command, inst: Instrument) -> None:
+    if phase.axis is not None and len(inst.axes) > 1:
+        raise ProtocolError(
+            f"axis is {phase.axis}; with a controller give none, since it homes all axes", key="axis", value=phase.axis
+        )
+    if initial.force.any() or initial.radial_force.any():
+        raise ProtocolError("the tip is loaded; with a controller homing must be without load")
+    for planar in inst.planar:
+        if phase.tension is not None and abs(phase.tension - planar.pretension) > phase.tolerance:
+            raise ProtocolError(
+                f"tension is {phase.tension:g} N; with a controller it must be the pretension of "
+                f"{planar.pretension:g} N that {inst.name} has, to which it homes",
+                key="tension",
+                value=phase.tension,
+                allowed=f"{planar.pretension:g} N",
+            )
+
+
+def _runs(plant: Plant | Loop, planned: Planned) -> Iterator[Run]:
+    """Yield the runs of a phase."""
+    if not isinstance(planned.phase, Pretension):
+        for commands in sampled(planned.segments, block_size(plant.time_step, _BLOCK)):
+            yield plant.run(**commands)
+        return
+    with errors_of(planned.label):
+        if isinstance(plant, Loop):
+            yield from plant.home(planned.initial, planned.phase.timeout)
+        else:
+            yield from planned.phase.run(plant, planned.initial)

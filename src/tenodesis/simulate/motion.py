@@ -1,0 +1,166 @@
+"""Recorded motions of the handle: columns of a CSV file, and the phase that follows them."""
+
+import csv
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from tenodesis.errors import ProtocolError
+from tenodesis.run import Array
+from tenodesis.simulate.command import Segment
+from tenodesis.simulate.phases import Loaded, Start, check_choice
+from tenodesis.simulate.reach import check_handle_angles, largest
+from tenodesis.units import Angle
+
+_RADIANS = {"rad": 1.0, "deg": math.radians(1)}
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Samples of a recorded motion, each of shape (n,): times (s), values, and the lines of the file they are on."""
+
+    times: Array
+    values: Array
+    lines: tuple[int, ...]
+
+
+class Motion(Loaded):
+    """The handle follows a recording: `scale` times the recorded angle plus `offset`.
+
+    Between samples it follows a monotone piecewise cubic (Fritsch and Butland 1984), at rest at either end: it passes
+    through the samples, turns where they do, and its speed has no jumps.
+    """
+
+    kind: Literal["motion"] = "motion"
+    file: Path | None = Field(default=None, description="CSV file, relative to the protocol's file")
+    data: str | None = Field(default=None, description="What such a file holds, instead of it")
+    time_column: str = Field(default="time", description="Column of times, s")
+    angle_column: str = Field(default="angle", description="Column of angles")
+    angle_unit: Literal["deg", "rad"] = Field(description="Unit of that column")
+    scale: float = Field(default=1.0, strict=True, description="Handle angle by recorded angle")
+    offset: Angle = Field(default=0.0, description="Handle angle where the recorded one is 0")
+    limit: bool = Field(default=False, strict=True, description="Cut off what is beyond the ranges; else an error")
+
+    @field_validator("file")
+    @classmethod
+    def _resolve_file(cls, file: Path | None, info: ValidationInfo) -> Path | None:
+        return file and Path((info.context or {}).get("folder", "")) / file
+
+    @model_validator(mode="after")
+    def _check_readable(self) -> Self:
+        check_choice(self, "file", "data")
+        _ = self.samples
+        return self
+
+    @cached_property
+    def samples(self) -> Samples:
+        """The samples as they are in the file."""
+        if self.file is None:
+            return _parse(self.data or "", "data", self.time_column, self.angle_column)
+        return _read(self.file, self.time_column, self.angle_column)
+
+    def with_data(self) -> Self:
+        """Return the same phase with the samples in it instead of the file they are from."""
+        data = csv_text(self.samples.times, self.samples.values, self.time_column, self.angle_column)
+        given = {key: getattr(self, key) for key in self.model_fields_set if key != "file"}
+        return type(self)(**{**given, "data": data})
+
+    def segments(self, start: Start) -> Iterator[Segment]:
+        """Yield the move to the first sample, and the motion."""
+        from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - slow to load, and seldom needed
+
+        angles = self._handle_angles(start)
+        times = self.samples.times - self.samples.times[0]
+        first, last, end = float(angles[0]), float(angles[-1]), float(times[-1])
+        yield from self.approached(start, first)
+        # A sample of the same angle before the first and after the last makes the slope there 0.
+        curve = PchipInterpolator(np.concatenate([[-1.0], times, [end + 1.0]]), np.pad(angles, 1, mode="edge"))
+
+        def path(done: NDArray[np.int64]) -> Array:
+            # The curve does not overshoot, but its values are rounded.
+            return np.clip(curve(np.minimum(done * start.time_step, end)), angles.min(), angles.max())
+
+        yield self.moved(start, (first, last), start.steps(end), path)
+
+    def _handle_angles(self, start: Start) -> Array:
+        """Return the handle angle at every sample, rad, shape (n,)."""
+        angles = self.scale * _RADIANS[self.angle_unit] * self.samples.values + self.offset
+        if self.limit:
+            return np.clip(angles, -largest(start.inst), largest(start.inst))
+        places = zip(self.samples.lines, self.samples.times, strict=True)
+        names = [f"{self.file or 'data'}: line {line} ({time:g} s): the handle angle" for line, time in places]
+        check_handle_angles(start.inst, names, angles)
+        return angles
+
+
+def csv_text(times: Array, values: Array, time_column: str, value_column: str) -> str:
+    """Return two columns (n,) as CSV text that a motion takes as its data, to the last bit."""
+    lines = [",".join('"' + name.replace('"', '""') + '"' for name in (time_column, value_column))]
+    rows = zip(times.tolist(), values.tolist(), strict=True)
+    return "\n".join([*lines, *(f"{time!r},{value!r}" for time, value in rows), ""])
+
+
+def _read(file: Path, time_column: str, value_column: str) -> Samples:
+    try:
+        # Reading from a device would never end.
+        text = file.read_text("utf-8-sig") if file.is_file() else None
+    except UnicodeDecodeError:
+        raise ProtocolError(f"file is {str(file)!r}: it is not UTF-8 text; it must be a CSV file") from None
+    except OSError as problem:
+        raise ProtocolError(f"file is {str(file)!r}: it cannot be read: {problem.strerror}") from None
+    if text is None:
+        raise ProtocolError(f"file is {str(file)!r}: there is no such file; it must be the path of a CSV file")
+    return _parse(text, str(file), time_column, value_column)
+
+
+def _parse(text: str, source: str, time_column: str, value_column: str) -> Samples:
+    """Return two columns of CSV: commas, a header of names, comments after # in lines of their own."""
+    rows = _rows(text)
+    _, header = next(rows, (0, []))
+    columns = [_column(source, header, name) for name in (time_column, value_column)]
+    numbers, lines = [], []
+    for line, row in rows:
+        numbers.append([_number(f"{source}: line {line}", header, row, column) for column in columns])
+        lines.append(line)
+    if len(numbers) < 2:
+        raise ProtocolError(f"{source} has {len(numbers)} rows of numbers; it must have two or more")
+    times, values = np.array(numbers).T
+    late = np.flatnonzero(np.diff(times) <= 0)
+    if late.size:
+        at = int(late[0]) + 1
+        raise ProtocolError(
+            f"{source}: line {lines[at]}: {time_column} is {times[at]:g} after {times[at - 1]:g}; "
+            "times must increase strictly"
+        )
+    return Samples(times, values, tuple(lines))
+
+
+def _rows(text: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield line number and cells of each line that is neither empty nor a comment."""
+    for line, content in enumerate(text.splitlines(), 1):
+        if content.strip() and not content.lstrip().startswith("#"):
+            yield line, [cell.strip() for cell in next(csv.reader([content]))]
+
+
+def _column(source: str, header: list[str], name: str) -> int:
+    if name not in header:
+        raise ProtocolError(f"{source} has no column {name!r}; it has {', '.join(header) or 'none'}")
+    return header.index(name)
+
+
+def _number(place: str, header: list[str], row: list[str], column: int) -> float:
+    cell = row[column] if column < len(row) else ""
+    try:
+        number = float(cell)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise ProtocolError(f"{place}: {header[column]} is {cell!r}; it must be a finite number")
+    return number

@@ -1,0 +1,281 @@
+"""The open-loop phases of a protocol: hold, ramp, cycles and step load, and what all phases have in common."""
+
+import math
+from abc import abstractmethod
+from collections.abc import Iterator
+from typing import Literal, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from tenodesis.errors import ProtocolError
+from tenodesis.instrument import AxisName, Instrument
+from tenodesis.run import Array
+from tenodesis.simulate.command import SHAPES, SMOOTH, AngleByStep, Command, Segment, ShapeName, between
+from tenodesis.simulate.reach import check_handle_angle, unloaded_handle_angle
+from tenodesis.units import Angle, Delay, Duration, HandleSpeed, SignedForce, SignedMoment, SpoolVelocity
+
+
+class ProtocolModel(BaseModel):
+    """Part of a protocol file: unknown keys are errors, and nothing changes once it is made."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
+
+
+def check_choice(model: BaseModel, *keys: str, required: bool = True) -> None:
+    """Check that exactly one of some keys is given, or at most one where none is required.
+
+    Raises
+    ------
+    ValueError
+        None is given, or several are.
+    """
+    given = [key for key in keys if getattr(model, key) is not None]
+    if len(given) > 1:
+        raise ValueError(f"{_listed(given)} are given; give only one of them")
+    if required and not given:
+        raise ValueError(f"none of {_listed(keys)} is given; give exactly one of them")
+
+
+def _listed(keys: list[str] | tuple[str, ...]) -> str:
+    return ", ".join(keys[:-1]) + f" and {keys[-1]}"
+
+
+class Start(NamedTuple):
+    """Where a phase starts: the instrument of its axis alone, the axis's index, the last command, the time step (s)."""
+
+    inst: Instrument
+    axis: int
+    command: Command
+    time_step: float
+
+    def steps(self, seconds: float) -> int:
+        """Return the number of time steps of a duration (s), rounded up."""
+        return math.ceil(seconds / self.time_step * (1 - 1e-9))
+
+    def segment(self, first: Command, last: Command, seconds: float) -> Segment:
+        """Return the segment that goes linearly from one command to another in a duration (s)."""
+        return Segment(first, last, self.steps(seconds))
+
+
+class Phase(ProtocolModel):
+    """A part of a protocol, on one axis."""
+
+    axis: AxisName | None = Field(default=None, description="Axis it acts on; the first if not given")
+
+
+class OpenLoop(Phase):
+    """A phase whose commands are known before it runs."""
+
+    @abstractmethod
+    def segments(self, start: Start) -> Iterator[Segment]:
+        """Yield the segments of the phase.
+
+        Raises
+        ------
+        ProtocolError
+            The instrument cannot follow them.
+        """
+
+
+class Moving(OpenLoop):
+    """A phase that begins at a handle angle of its own."""
+
+    approach: HandleSpeed = Field(
+        default=math.radians(20), description="Largest handle speed on the way to where it begins"
+    )
+
+    def approached(self, start: Start, angle: float) -> Iterator[Segment]:
+        """Yield the smooth move (minimum jerk) to a handle angle (rad), if the handle is not there."""
+        begin = float(start.command.handle_angle[start.axis])
+        steps = start.steps(SMOOTH.peak * abs(angle - begin) / self.approach)
+        if steps:
+            yield Segment(
+                start.command,
+                start.command.on(start.axis, handle_angle=angle),
+                steps,
+                start.axis,
+                lambda done: between(begin, angle, SMOOTH.way(done / steps)),
+            )
+
+
+class Loaded(Moving):
+    """A phase that moves the handle under load."""
+
+    force: SignedForce | None = Field(default=None, description="Tangential force at the tip; as it was if not given")
+    force_end: SignedForce | None = Field(default=None, description="Force it goes to linearly; constant if not given")
+    radial_force: SignedForce | None = Field(
+        default=None, description="Force along the end-effector; as it was if not given"
+    )
+
+    def moved(self, start: Start, angles: tuple[float, float], steps: int, path: AngleByStep) -> Segment:
+        """Return the segment under this load that follows a path between two handle angles (rad)."""
+        first = start.command.on(start.axis, handle_angle=angles[0], force=self.force, radial_force=self.radial_force)
+        last = first.on(start.axis, handle_angle=angles[1], force=self.force_end)
+        return Segment(first, last, steps, start.axis, path)
+
+
+class Hold(OpenLoop):
+    """Handle, loads and spool velocities stay as they are."""
+
+    kind: Literal["hold"] = "hold"
+    duration: Duration = Field(description="How long")
+
+    def segments(self, start: Start) -> Iterator[Segment]:
+        """Yield its one segment."""
+        yield start.segment(start.command, start.command, self.duration)
+
+
+class Ramp(OpenLoop):
+    """The given commands go linearly to the given values; the others stay, and all stay there afterwards."""
+
+    kind: Literal["ramp"] = "ramp"
+    duration: Duration = Field(description="How long")
+    handle_angle: Angle | None = Field(default=None, description="Handle angle at the end")
+    force: SignedForce | None = Field(default=None, description="Tangential force at the tip at the end")
+    radial_force: SignedForce | None = Field(default=None, description="Force along the end-effector at the end")
+    spool_velocity: tuple[SpoolVelocity, SpoolVelocity] | None = Field(
+        default=None, description="Spool velocities at the end, agonist's and antagonist's; positive winds"
+    )
+
+    @model_validator(mode="after")
+    def _check_given(self) -> Self:
+        if (self.handle_angle, self.force, self.radial_force, self.spool_velocity) == (None,) * 4:
+            raise ValueError("nothing is ramped; give handle_angle, force, radial_force or spool_velocity")
+        return self
+
+    def segments(self, start: Start) -> Iterator[Segment]:
+        """Yield its one segment."""
+        if self.handle_angle is not None:
+            check_handle_angle(start.inst, "handle_angle", self.handle_angle)
+        end = start.command.on(
+            start.axis,
+            handle_angle=self.handle_angle,
+            force=self.force,
+            radial_force=self.radial_force,
+            spool_velocity=self.spool_velocity,
+        )
+        yield start.segment(start.command, end, self.duration)
+
+
+class Cycles(Loaded):
+    """Flexion and extension: the handle goes from one angle to another and back, `count` times.
+
+    The duration of a stroke is rounded up to full time steps, so that the handle is at either end exactly.
+    """
+
+    kind: Literal["cycles"] = "cycles"
+    amplitude: Angle | None = Field(default=None, description="Handle angle it goes to")
+    output_amplitude: Angle | None = Field(default=None, description="The same, as output angle without load")
+    start: Angle = Field(default=0.0, alias="from", description="Handle angle it goes from and back to")
+    symmetric: bool = Field(default=False, strict=True, description="From the negative of where it goes to")
+    speed: HandleSpeed | None = Field(default=None, description="Mean handle speed")
+    period: Duration | None = Field(default=None, description="Duration of a cycle")
+    count: int = Field(ge=1, le=1_000_000, strict=True, description="Number of cycles")
+    shape: ShapeName = Field(default="triangle", description="Handle angle over time")
+
+    @model_validator(mode="after")
+    def _check_choices(self) -> Self:
+        check_choice(self, "amplitude", "output_amplitude")
+        check_choice(self, "speed", "period")
+        if self.symmetric and "start" in self.model_fields_set:
+            raise ValueError("from and symmetric are both given; give only one of them")
+        return self
+
+    def ends(self, inst: Instrument) -> tuple[float, float]:
+        """Return the handle angles (rad) the cycles go from and to.
+
+        Raises
+        ------
+        ProtocolError
+            An angle is out of range, or both are the same.
+        """
+        if self.amplitude is not None:
+            far = check_handle_angle(inst, "amplitude", self.amplitude)
+        else:
+            far = unloaded_handle_angle(inst, "output_amplitude", self.output_amplitude or 0.0)
+        near = -far if self.symmetric else check_handle_angle(inst, "from", self.start)
+        if near == far:
+            raise ProtocolError("the cycles begin where they go to; give an amplitude that differs from there")
+        return near, far
+
+    def segments(self, start: Start) -> Iterator[Segment]:
+        """Yield the move to the first cycle, and the cycles."""
+        near, far = self.ends(start.inst)
+        yield from self.approached(start, near)
+        seconds = self.period / 2 if self.period is not None else abs(far - near) / (self.speed or 1.0)
+        stroke = start.steps(seconds)
+
+        def path(done: NDArray[np.int64]) -> Array:
+            cycle = done % (2 * stroke)
+            return between(near, far, SHAPES[self.shape].way(np.minimum(cycle, 2 * stroke - cycle) / stroke))
+
+        yield self.moved(start, (near, near), 2 * stroke * self.count, path)
+
+
+class StepLoad(Moving):
+    """The handle is held; after a delay a load is applied, held, and removed again if a release is given.
+
+    After the release the force is what it was before; without a release the load stays for the phases that follow.
+    """
+
+    kind: Literal["step-load"] = "step-load"
+    handle_angle: Angle | None = Field(default=None, description="Handle angle held; where it is if not given")
+    output_angle: Angle | None = Field(default=None, description="The same, as output angle without load")
+    delay: Delay = Field(default=0.0, description="Time at the handle angle before the load")
+    force: SignedForce | None = Field(default=None, description="Tangential force at the tip")
+    weight: SignedForce | None = Field(default=None, description="Force on the load rig's cable instead")
+    moment: SignedMoment | None = Field(default=None, description="Moment of the load rig instead")
+    rise: Delay = Field(default=0.0, description="Time in which the load comes and goes, linearly")
+    duration: Duration = Field(description="Time under the whole load")
+    release: Duration | None = Field(default=None, description="Time after the load was taken off; else it stays")
+
+    @model_validator(mode="after")
+    def _check_choices(self) -> Self:
+        check_choice(self, "handle_angle", "output_angle", required=False)
+        check_choice(self, "force", "weight", "moment")
+        return self
+
+    def segments(self, start: Start) -> Iterator[Segment]:
+        """Yield the move to the handle angle, the delay, the load, and its release."""
+        angle = self._angle(start)
+        free = start.command.on(start.axis, handle_angle=angle)
+        loaded = free.on(start.axis, force=self.tip_force(start.inst))
+        yield from self.approached(start, angle)
+        yield start.segment(free, free, self.delay)
+        yield start.segment(free, loaded, self.rise)
+        yield start.segment(loaded, loaded, self.duration)
+        if self.release is not None:
+            yield start.segment(loaded, free, self.rise)
+            yield start.segment(free, free, self.release)
+
+    def tip_force(self, inst: Instrument) -> float:
+        """Return the tangential force at the tip, N, whichever way the load is given.
+
+        Raises
+        ------
+        ProtocolError
+            The load is a weight and the instrument's file lacks the radius of the cable's pulley.
+        """
+        if self.force is not None:
+            return self.force
+        moment = self.moment
+        if self.weight is not None:
+            radius = inst.conditions.cable_pulley_radius
+            if radius is None:
+                raise ProtocolError(
+                    f"weight is given, but {inst.name} has no conditions.cable_pulley_radius; "
+                    "give that, or force or moment instead of weight",
+                    key="weight",
+                    value=self.weight,
+                )
+            moment = self.weight * radius
+        return (moment or 0.0) / inst.rig_arm
+
+    def _angle(self, start: Start) -> float:
+        if self.output_angle is not None:
+            return unloaded_handle_angle(start.inst, "output_angle", self.output_angle)
+        if self.handle_angle is not None:
+            return check_handle_angle(start.inst, "handle_angle", self.handle_angle)
+        return float(start.command.handle_angle[start.axis])

@@ -1,0 +1,228 @@
+"""Protocols: phases in order, their plan on an instrument, and the files they are read from."""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, NamedTuple, TypeAlias
+
+import tomli_w
+from pydantic import Field, field_validator
+
+from tenodesis.errors import ProtocolError
+from tenodesis.files import parse_toml, read_text, validated
+from tenodesis.instrument import Instrument, Name
+from tenodesis.instrument.text import with_units
+from tenodesis.run import Array
+from tenodesis.simulate.command import Command, Segment, joined, sampled
+from tenodesis.simulate.motion import Motion
+from tenodesis.simulate.phases import Cycles, Hold, ProtocolModel, Ramp, Start, StepLoad
+from tenodesis.simulate.pretension import Pretension
+
+AnyPhase: TypeAlias = Pretension | Hold | Cycles | StepLoad | Ramp | Motion
+
+LONGEST = 3600.0
+"""Longest run, s."""
+
+_SHIPPED = Path(__file__).parent / "shipped"
+
+
+class Planned(NamedTuple):
+    """A phase on an instrument: its label in errors, its initial command, and its segments if it is open-loop."""
+
+    phase: AnyPhase
+    label: str
+    initial: Command
+    segments: tuple[Segment, ...]
+    seconds: float
+
+
+class Protocol(ProtocolModel):
+    """What is done on the bench; the handle begins straight, without load, the drives at rest."""
+
+    name: Name = Field(description="What the protocol is called")
+    description: str = Field(default="", max_length=200, description="One line about the protocol")
+    phases: tuple[Annotated[AnyPhase, Field(discriminator="kind")], ...] = Field(description="What is done, in order")
+
+    @field_validator("phases")
+    @classmethod
+    def _check_phases(cls, phases: tuple[AnyPhase, ...]) -> tuple[AnyPhase, ...]:
+        if not phases:
+            raise ValueError("it must have one or more phases")
+        return phases
+
+    def to_toml(self) -> str:
+        """Return the text of a protocol file of this protocol, recorded motions included."""
+        phases = [phase.with_data() if isinstance(phase, Motion) else phase for phase in self.phases]
+        tables = [{"kind": phase.kind} | with_units(phase, unset=False) for phase in phases]
+        return tomli_w.dumps(with_units(self, unset=False) | {"phases": tables}, multiline_strings=True)
+
+    def duration(self, inst: Instrument, time_step: float = 1e-3) -> float:
+        """Return how long a run takes, s.
+
+        Parameters
+        ----------
+        inst
+            The instrument.
+        time_step
+            Time step, s; every move is rounded up to full time steps, and closed-loop phases count with their timeout.
+
+        Raises
+        ------
+        ProtocolError
+            The instrument cannot run it, or not within an hour.
+        """
+        return math.fsum(planned.seconds for planned in self.plan(inst, time_step))
+
+    def blocks(self, inst: Instrument, time_step: float, seconds: float = 1.0) -> Iterator[dict[str, Array]]:
+        """Yield the commands of the open-loop phases in blocks, each within one phase.
+
+        Parameters
+        ----------
+        inst
+            The instrument.
+        time_step
+            Time step, s.
+        seconds
+            Longest block, s.
+
+        Yields
+        ------
+        dict
+            By name, for n steps: handle_angle (rad), force and radial_force (N), of shape (n,), and spool_velocity
+            (rad/s), of shape (n, 2), agonist first; with two axes (n, 2) and (n, 2, 2), axis before tendon.
+
+        Raises
+        ------
+        ProtocolError
+            The instrument cannot run it, or not within an hour.
+        """
+        size = block_size(time_step, seconds)
+        for planned in self.plan(inst, time_step):
+            yield from sampled(planned.segments, size)
+
+    def commands(self, inst: Instrument, time_step: float) -> dict[str, Array]:
+        """Return all commands at once, as :meth:`blocks` yields them; the time step is in s.
+
+        Raises
+        ------
+        ProtocolError
+            A phase is closed-loop, the instrument cannot run it, or not within an hour.
+        """
+        closed = [phase.kind for phase in self.phases if isinstance(phase, Pretension)]
+        if closed:
+            raise ProtocolError(
+                f"{self.name}: the commands of a {closed[0]} phase follow from its load cells; "
+                "execute the protocol on a twin instead"
+            )
+        return joined(list(self.blocks(inst, time_step)))
+
+    def plan(self, inst: Instrument, time_step: float) -> list[Planned]:
+        """Return the phases as they are on an instrument, at a time step (s).
+
+        Raises
+        ------
+        ProtocolError
+            The instrument cannot run it, or not within an hour.
+        """
+        block_size(time_step, time_step)
+        plan: list[Planned] = []
+        command, total = Command.rest(len(inst.axes)), 0.0
+        for number, phase in enumerate(self.phases, 1):
+            label = f"{self.name}: phase {number} ({phase.kind})"
+            with errors_of(label):
+                planned, command = _planned(phase, label, inst, command, time_step)
+            plan.append(planned)
+            total += planned.seconds
+            if total > LONGEST * (1 + 1e-6):
+                raise ProtocolError(
+                    f"{label}: the run lasts {total / 3600:.4g} h by its end; it must last at most 1 h in all, since "
+                    "every time step is computed and kept."
+                )
+        return plan
+
+
+def shipped() -> tuple[str, ...]:
+    """Return the names of the protocols that come with the package."""
+    return tuple(sorted(file.stem for file in _SHIPPED.glob("*.toml")))
+
+
+def load(name_or_path: str | Path) -> Protocol:
+    """Read a protocol that comes with the package, by name, or a protocol file, by path.
+
+    Raises
+    ------
+    ProtocolError
+        There is no such protocol or file, it cannot be read, or it is not valid.
+    """
+    source = str(name_or_path)
+    path = _SHIPPED / f"{source}.toml" if source in shipped() else Path(name_or_path)
+    text = read_text(path, ProtocolError, source=source, kind="protocol", names=shipped())
+    return parse(text, source, folder=path.parent)
+
+
+def parse(text: str, source: str = "protocol", *, folder: Path | None = None) -> Protocol:
+    """Read a protocol from the text of a protocol file.
+
+    Parameters
+    ----------
+    text
+        The text.
+    source
+        What messages start with.
+    folder
+        Where recorded motions are; the working directory if not given.
+
+    Raises
+    ------
+    ProtocolError
+        The text is not TOML or not a valid protocol.
+    """
+    context = {"file": True, "folder": folder or Path()}
+    values = parse_toml(text, ProtocolError, source)
+    return validated(Protocol, values, ProtocolError, source, context=context, entries={"phases": "phase"})
+
+
+@contextmanager
+def errors_of(label: str) -> Iterator[None]:
+    """Name the phase that an error within is about."""
+    try:
+        yield
+    except ProtocolError as problem:
+        raise ProtocolError(
+            f"{label}: {problem}.", key=problem.key, value=problem.value, allowed=problem.allowed
+        ) from None
+
+
+def block_size(time_step: float, seconds: float) -> int:
+    """Return how many time steps (s) fit into a block of some seconds, at least 1.
+
+    Raises
+    ------
+    ProtocolError
+        Either is below 1e-9 s, or no number.
+    """
+    for key, value in (("time_step", time_step), ("seconds", seconds)):
+        if not 1e-9 <= value < math.inf:
+            raise ProtocolError(key=key, value=value, allowed="a time of at least 1e-9 s")
+    return max(1, math.floor(seconds / time_step * (1 + 1e-9)))
+
+
+def _planned(
+    phase: AnyPhase, label: str, inst: Instrument, initial: Command, time_step: float
+) -> tuple[Planned, Command]:
+    """Return a phase as it is after an initial command, and the command it ends with."""
+    if phase.axis is not None and phase.axis not in inst.axes:
+        allowed = " or ".join(inst.axes)
+        raise ProtocolError(
+            f"axis is {phase.axis}; it must be {allowed}, which {inst.name} has",
+            key="axis",
+            value=phase.axis,
+            allowed=allowed,
+        )
+    if isinstance(phase, Pretension):
+        return Planned(phase, label, initial, (), phase.timeout), phase.end(initial, inst)
+    axis = 0 if phase.axis is None else inst.axes.index(phase.axis)
+    segments = tuple(phase.segments(Start(inst.planar[axis], axis, initial, time_step)))
+    seconds = math.fsum(segment.steps * time_step for segment in segments)
+    return Planned(phase, label, initial, segments, seconds), segments[-1].end

@@ -1,0 +1,85 @@
+"""Handle angles that an instrument can reach."""
+
+from collections.abc import Sequence
+from math import degrees
+
+import numpy as np
+
+from tenodesis import statics
+from tenodesis.errors import NoSolutionError, ProtocolError
+from tenodesis.instrument import Instrument
+from tenodesis.run import Array
+
+_ROUNDING = 1 + 1e-9
+
+
+def check_handle_angles(inst: Instrument, names: Sequence[str], angles: Array) -> None:
+    """Check that handle angles keep to the handle's range and do not bend the unloaded tip to its stop.
+
+    Parameters
+    ----------
+    inst
+        The instrument, of one axis.
+    names
+        Name of each angle in the error.
+    angles
+        Handle angles, rad, shape (n,).
+
+    Raises
+    ------
+    ProtocolError
+        An angle does not; the first is named.
+    """
+    for name, angle in zip(names, angles, strict=True):
+        if abs(angle) > inst.handle_range:
+            raise _beyond(name, float(angle), f"within the handle's range of ±{degrees(inst.handle_range):.6g} deg")
+    bent = np.asarray(statics.output_angle(inst, angles))
+    beyond = np.flatnonzero(~(np.abs(bent) <= inst.output_stop * _ROUNDING))
+    if beyond.size:
+        first = int(beyond[0])
+        stop = f"within the joint's stops at ±{degrees(inst.output_stop):.6g} deg"
+        raise ProtocolError(
+            f"{names[first]} is {degrees(angles[first]):.6g} deg, which bends the unloaded tip to "
+            f"{degrees(bent[first]):.6g} deg; that must be {stop}",
+            key=names[first],
+            value=float(angles[first]),
+            allowed=stop,
+        )
+
+
+def check_handle_angle(inst: Instrument, key: str, angle: float) -> float:
+    """Return a handle angle (rad), given by a key, that :func:`check_handle_angles` accepts; errors as there."""
+    check_handle_angles(inst, [key], np.array([angle]))
+    return angle
+
+
+def unloaded_handle_angle(inst: Instrument, key: str, angle: float) -> float:
+    """Return the handle angle (rad) of an output angle (rad), given by a key, without load.
+
+    Raises
+    ------
+    ProtocolError
+        The output angle is beyond the output's range, or the handle cannot give it.
+    """
+    if abs(angle) > inst.output_range * _ROUNDING:
+        raise _beyond(key, angle, f"within the output range of ±{degrees(inst.output_range):.6g} deg")
+    try:
+        return float(statics.handle_angle(inst, angle))
+    except NoSolutionError as problem:
+        raise ProtocolError(
+            f"{key} is {degrees(angle):.6g} deg: {str(problem).rstrip('.')}", key=key, value=angle
+        ) from None
+
+
+def largest(inst: Instrument) -> float:
+    """Return the largest handle angle (rad) that keeps to the handle's range and, without load, the output's."""
+    try:
+        return min(inst.handle_range, float(statics.handle_angle(inst, inst.output_range)))
+    except NoSolutionError:
+        return inst.handle_range
+
+
+def _beyond(name: str, angle: float, allowed: str) -> ProtocolError:
+    return ProtocolError(
+        f"{name} is {degrees(angle):.6g} deg; it must be {allowed}", key=name, value=angle, allowed=allowed
+    )

@@ -1,0 +1,319 @@
+"""The paper's equations 1 to 22: what an instrument whose handle is held does under load, without friction.
+
+=====================  =========================================================
+Equations 1-8          :func:`tensions`; of eq. 8, :func:`slack_force`
+Equations 9, 18        :func:`output_angle`; with status, :func:`equilibrium`
+Equations 10-14        :func:`torque_transmissibility`
+Equations 15, 16       :func:`flexural_stiffness`
+Equation 17            :func:`loss_of_dexterity`
+Equation 19            :func:`estimate_output_angle`
+Equation 20            :func:`handle_angle`
+Equations 21, 22       :func:`compensation_stroke`
+=====================  =========================================================
+
+Angles in rad, forces in N, lengths in m. Every function takes numbers or arrays of any shapes that broadcast as in
+NumPy; it returns a float where all are numbers, and otherwise an array of the shape that they broadcast to. Functions
+act on an instrument's first axis; ``inst.axis("pitch")`` is the other one. A single point without a solution raises
+:class:`tenodesis.NoSolutionError`; in an array it becomes NaN, and :func:`equilibrium` gives the reason. Input that is
+not finite, or a handle angle beyond the handle's range, raises ``ValueError`` in either case.
+"""
+
+import inspect
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tenodesis._core import Status
+from tenodesis.errors import ArgumentError
+from tenodesis.instrument import Instrument
+from tenodesis.statics.query import INPUTS, FloatOrArray, check_solved, prepare, shaped, solve, variable
+
+Wound: TypeAlias = ArrayLike | tuple[ArrayLike, ArrayLike]
+"""Tendon length wound in by the motors, m: the agonist's, or a pair of agonist's and antagonist's."""
+
+Actuation: TypeAlias = Literal["agonist", "differential"]
+Law: TypeAlias = Literal["exact", "paper"]
+
+
+class Tensions(NamedTuple):
+    """Tendon tensions, N; the agonist is the tendon that a positive handle angle stretches."""
+
+    agonist: FloatOrArray
+    antagonist: FloatOrArray
+
+
+class Equilibrium(NamedTuple):
+    """Output angle (rad), tendon tensions (N) and status of a held instrument, NaN where there is no equilibrium."""
+
+    output_angle: FloatOrArray
+    agonist: FloatOrArray
+    antagonist: FloatOrArray
+    status: FloatOrArray
+
+
+def output_angle(
+    inst: Instrument,
+    handle_angle: ArrayLike,
+    force: ArrayLike = 0.0,
+    *,
+    radial_force: ArrayLike = 0.0,
+    wound: Wound = 0.0,
+) -> FloatOrArray:
+    """Return the output angle at a held handle under load (eqs. 9, 18), rad.
+
+    Parameters
+    ----------
+    inst
+        The instrument.
+    handle_angle
+        Handle angle, rad.
+    force
+        Tangential force at the tip, N, turning with it; positive opposes positive flexion.
+    radial_force
+        Force along the end-effector, N, turning with it; positive outward.
+    wound
+        Tendon length wound in by the motors, m: the agonist's, or a pair.
+
+    Raises
+    ------
+    ValueError
+        An input is not finite or beyond the handle's range.
+    NoSolutionError
+        A single point has no equilibrium.
+    """
+    return _evaluate("output_angle", inst, locals())[0]
+
+
+def handle_angle(
+    inst: Instrument,
+    output_angle: ArrayLike,
+    force: ArrayLike = 0.0,
+    *,
+    radial_force: ArrayLike = 0.0,
+    wound: Wound = 0.0,
+) -> FloatOrArray:
+    """Return the handle angle that holds an output angle under load (eq. 20, slack included), rad.
+
+    The inverse of :func:`output_angle`, with the same other parameters (N, m) and errors; output_angle is in rad.
+    """
+    return _evaluate("handle_angle", inst, locals())[0]
+
+
+def tensions(
+    inst: Instrument,
+    handle_angle: ArrayLike,
+    force: ArrayLike = 0.0,
+    *,
+    radial_force: ArrayLike = 0.0,
+    wound: Wound = 0.0,
+) -> Tensions:
+    """Return the tendon tensions at a held handle under load (eqs. 6-8), N.
+
+    Parameters and errors are those of :func:`output_angle`.
+    """
+    return Tensions(*_evaluate("tensions", inst, locals()))
+
+
+def torque_transmissibility(
+    inst: Instrument,
+    handle_angle: ArrayLike,
+    force: ArrayLike = 0.0,
+    *,
+    radial_force: ArrayLike = 0.0,
+    wound: Wound = 0.0,
+) -> FloatOrArray:
+    """Return the torque transmissibility, output over input moment (eqs. 10-14), dimensionless.
+
+    Parameters and errors are those of :func:`output_angle`. The moment of a continuum's own backbone is not counted.
+    """
+    return _evaluate("torque_transmissibility", inst, locals())[0]
+
+
+def equilibrium(
+    inst: Instrument,
+    handle_angle: ArrayLike,
+    force: ArrayLike = 0.0,
+    *,
+    radial_force: ArrayLike = 0.0,
+    wound: Wound = 0.0,
+) -> Equilibrium:
+    """Return output angle (rad), tensions (N) and status, without an error where there is no equilibrium.
+
+    Parameters are those of :func:`output_angle`; status is a :class:`Status`, or an array of its numbers.
+
+    Raises
+    ------
+    ValueError
+        An input is not finite or beyond the handle's range.
+    """
+    query = prepare("equilibrium", inst, locals())
+    outputs, status = solve(query)
+    angle, agonist, antagonist = (shaped(output[0], query.shape) for output in outputs)
+    reason = Status(int(status[0])) if query.shape == () else status.reshape(query.shape)
+    return Equilibrium(angle, agonist, antagonist, reason)
+
+
+def flexural_stiffness(inst: Instrument, output_angle: ArrayLike) -> FloatOrArray:
+    """Return the flexural stiffness of the distal joint at an output angle (rad), tendons taut (eqs. 15, 16), N·m/rad.
+
+    Raises
+    ------
+    ValueError
+        The angle is not finite.
+    NoSolutionError
+        A single angle is half a turn or more.
+    """
+    return _evaluate("flexural_stiffness", inst, locals())[0]
+
+
+def loss_of_dexterity(inst: Instrument, output_angle: ArrayLike, force: ArrayLike) -> FloatOrArray:
+    """Return the loss of dexterity at an output angle (rad) under a tangential force (N), rad (eq. 17).
+
+    It is the loss of output angle to first order in the force.
+
+    Raises
+    ------
+    ValueError
+        An input is not finite.
+    NoSolutionError
+        A single angle is half a turn or more.
+    """
+    return _evaluate("loss_of_dexterity", inst, locals())[0]
+
+
+def slack_force(inst: Instrument, output_angle: ArrayLike) -> FloatOrArray:
+    """Return the tangential force at which the antagonist goes slack at an output angle (rad), N (eq. 8).
+
+    Raises
+    ------
+    ValueError
+        The angle is not finite.
+    NoSolutionError
+        A single angle is half a turn or more.
+    """
+    return _evaluate("slack_force", inst, locals())[0]
+
+
+def estimate_output_angle(
+    inst: Instrument,
+    handle_angle: ArrayLike,
+    agonist: ArrayLike,
+    antagonist: ArrayLike,
+    wound: Wound = 0.0,
+    *,
+    slack_below: ArrayLike = 0.0,
+) -> FloatOrArray:
+    """Return the output angle estimated from handle angle and tensions (eq. 19, slack and motor aware), rad.
+
+    Parameters
+    ----------
+    inst
+        The instrument.
+    handle_angle
+        Handle angle, rad.
+    agonist, antagonist
+        Measured tendon tensions, N.
+    wound
+        Tendon length wound in by the motors, m: the agonist's, or a pair.
+    slack_below
+        Tension, N, up to which a tendon counts as slack; with noisy load cells, above their noise.
+
+    Raises
+    ------
+    ValueError
+        An input is not finite or beyond the handle's range.
+    NoSolutionError
+        At a single point both tendons are slack, or no angle fits.
+    """
+    return _evaluate("estimate_output_angle", inst, locals())[0]
+
+
+def compensation_stroke(
+    inst: Instrument,
+    agonist: ArrayLike,
+    antagonist: ArrayLike,
+    actuation: Actuation = "agonist",
+    law: Law = "exact",
+) -> FloatOrArray:
+    """Return the tendon length to wind so that the tip bends as if tendons did not stretch (eqs. 21, 22), m.
+
+    Parameters
+    ----------
+    inst
+        The instrument.
+    agonist, antagonist
+        Measured tendon tensions, N.
+    actuation
+        "agonist": one motor winds the agonist; "differential": it winds, and the antagonist's lets out the same.
+    law
+        "exact": restores all of the lost angle, slack included; "paper": eq. 22 as printed, whatever the actuation,
+        which restores half of it with one motor.
+
+    Raises
+    ------
+    ValueError
+        An input is not finite, or actuation or law is unknown.
+    NoSolutionError
+        At a single point the agonist's motor alone cannot restore the angle.
+    """
+    return _evaluate("compensation_stroke", inst, locals())[0]
+
+
+def gradient(
+    function: Callable[..., Any] | str, inst: Instrument, *args: Any, wrt: Sequence[str], **kwargs: Any
+) -> Any:
+    """Return the exact derivatives of one of this module's functions by parameters of the instrument or by inputs.
+
+    Parameters
+    ----------
+    function
+        The function, or its name: one of this module that returns angles, tensions, ratios, stiffnesses or strokes.
+    inst
+        The instrument.
+    *args, **kwargs
+        The function's other arguments.
+    wrt
+        What to differentiate by: keys of the instrument (SI units), or inputs such as "force" or "agonist_wound".
+
+    Returns
+    -------
+    dict of str to float or array
+        The derivative by each of `wrt`; for `tensions`, a :class:`Tensions` of derivatives. At the onset of slack,
+        where the derivative jumps, it is the one with the slack tendon.
+
+    Raises
+    ------
+    ValueError
+        The function or a name in `wrt` is unknown or has no effect, or an input is invalid.
+    NoSolutionError
+        A single point has no solution.
+    """
+    name = function if isinstance(function, str) else getattr(function, "__name__", str(function))
+    if name not in INPUTS or name == "equilibrium":
+        allowed = ", ".join(key for key in INPUTS if key != "equilibrium")
+        raise ArgumentError(key="function", value=name, allowed=f"one of {allowed}")
+    if isinstance(wrt, str) or not wrt:
+        raise ArgumentError(key="wrt", value=wrt, allowed="a list of names")
+    bound = inspect.signature(globals()[name]).bind(inst, *args, **kwargs)
+    bound.apply_defaults()
+    query = prepare(name, inst, bound.arguments)
+    outputs, status = solve(query, [variable(name, inst, key) for key in wrt])
+    check_solved(query, status)
+    derivatives = [[shaped(row, query.shape) for row in output] for output in outputs]
+    rows = [Tensions(*pair) for pair in zip(*derivatives, strict=True)] if name == "tensions" else derivatives[0]
+    return dict(zip(wrt, rows, strict=True))
+
+
+def reach(inst: Instrument) -> float:
+    """Return the handle angle (rad) that bends the unloaded tip through its working range, or the handle's range."""
+    needed = handle_angle(inst, np.array([inst.output_range]))[0]
+    return float(np.fmin(needed, inst.handle_range))
+
+
+def _evaluate(name: str, inst: Instrument, arguments: dict[str, Any]) -> list[FloatOrArray]:
+    query = prepare(name, inst, arguments)
+    outputs, status = solve(query)
+    check_solved(query, status)
+    return [shaped(output[0], query.shape) for output in outputs]

@@ -1,0 +1,220 @@
+"""How a function of the statics reaches the core: arguments checked and broadcast, points solved, errors explained."""
+
+from math import degrees, prod
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tenodesis import _core
+from tenodesis._core import Status
+from tenodesis.errors import ArgumentError, NoSolutionError
+from tenodesis.instrument import PARAMETERS, Instrument
+from tenodesis.threads import threads
+
+FloatOrArray: TypeAlias = Any
+"""A float where every argument was a number, otherwise an array of float64 of the shape they broadcast to."""
+
+_HELD_INPUTS = ("handle_angle", "force", "radial_force", "agonist_wound", "antagonist_wound")
+INPUTS = {
+    "output_angle": _HELD_INPUTS,
+    "tensions": _HELD_INPUTS,
+    "equilibrium": _HELD_INPUTS,
+    "torque_transmissibility": _HELD_INPUTS,
+    "handle_angle": ("output_angle", *_HELD_INPUTS[1:]),
+    "flexural_stiffness": ("output_angle",),
+    "loss_of_dexterity": ("output_angle", "force"),
+    "slack_force": ("output_angle",),
+    "estimate_output_angle": (
+        "handle_angle",
+        "agonist",
+        "antagonist",
+        "agonist_wound",
+        "antagonist_wound",
+        "slack_below",
+    ),
+    "compensation_stroke": ("agonist", "antagonist"),
+}
+"""Arguments of each function beside the instrument, in the core's order; wound lengths by tendon."""
+
+_OUTPUTS = {"tensions": 2, "equilibrium": 3}
+_ANGLES = {"handle_angle", "output_angle"}
+
+_REASONS = {
+    Status.NO_EQUILIBRIUM: "there is no equilibrium, the load is past the fold where the joint snaps through; "
+    "it must be smaller, or the pretension larger where a tendon is slack",
+    Status.UNREACHABLE: "it is outside what the mechanism can bend to and the handle's range of ±{range:.4g} deg "
+    "can reach",
+    Status.BOTH_SLACK: "both tendons are slack, so nothing holds the tip; at least one must be taut",
+    Status.NO_AUTHORITY: "letting the agonist out beyond slack restores no angle; "
+    "the agonist's tension must be at most the pretension of {pretension:g} N below the antagonist's",
+}
+
+
+class Query(NamedTuple):
+    """A function of the statics and its arguments, flat: columns of the common length, or of length one."""
+
+    name: str
+    operation: str
+    inst: Instrument
+    columns: list[NDArray[np.float64]]
+    shape: tuple[int, ...]
+
+    def value(self, key: str, index: int) -> float:
+        """Return an argument's value at a flat index."""
+        column = self.columns[INPUTS[self.name].index(key)]
+        return float(column[index if column.size > 1 else 0])
+
+
+def _operation(name: str, arguments: dict[str, Any]) -> str:
+    """Return the core's name of a function; the laws of compensation are operations of their own."""
+    if name != "compensation_stroke":
+        return name
+    for argument, allowed in (("actuation", ("agonist", "differential")), ("law", ("exact", "paper"))):
+        if arguments[argument] not in allowed:
+            raise ArgumentError(key=argument, value=arguments[argument], allowed=" or ".join(allowed))
+    if arguments["law"] == "paper":
+        return "compensation_stroke:paper"
+    return f"compensation_stroke:{arguments['actuation']}:exact"
+
+
+def prepare(name: str, inst: Instrument, arguments: dict[str, Any]) -> Query:
+    """Return a function's arguments, checked and broadcast, as :func:`solve` takes them."""
+    check_instrument(inst)
+    values = dict(arguments)
+    if "wound" in values:
+        wound = values.pop("wound")
+        pair = wound if isinstance(wound, tuple) else (wound, 0.0)
+        if len(pair) != 2:
+            raise ArgumentError(key="wound", value=wound, allowed="the agonist's length, or a tuple of both tendons'")
+        values["agonist_wound"], values["antagonist_wound"] = pair
+    arrays = [numbers(key, values[key]) for key in INPUTS[name]]
+    try:
+        shape = np.broadcast_shapes(*(array.shape for array in arrays))
+    except ValueError:
+        shapes = ", ".join(f"{key} {array.shape}" for key, array in zip(INPUTS[name], arrays, strict=True))
+        raise ArgumentError(f"the shapes do not broadcast: {shapes}.") from None
+    columns = [
+        array.reshape(1) if array.size == 1 else np.ascontiguousarray(np.broadcast_to(array, shape)).reshape(-1)
+        for array in arrays
+    ]
+    return Query(name, _operation(name, arguments), inst, columns, shape)
+
+
+def check_instrument(inst: Instrument) -> None:
+    """Raise TypeError for what is no instrument."""
+    if not isinstance(inst, Instrument):
+        raise TypeError(f"inst is {inst!r}; it must be an instrument, as tenodesis.load returns it.")
+
+
+def numbers(key: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Return an argument as float64; text, times, complex and masked values are refused, which NumPy would convert."""
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        array = np.array(None)
+    if array.dtype.kind not in "buif" or np.ma.isMaskedArray(value):
+        raise ArgumentError(key=key, value=value, allowed="a number or an array of numbers")
+    return array.astype(np.float64, copy=False)
+
+
+def solve(query: Query, variables: list[int] | None = None) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Return outputs, or their derivatives by some variables, and the status of every point.
+
+    Parameters
+    ----------
+    query
+        The function at n points.
+    variables
+        The core's indices of what to differentiate by; None for the outputs themselves.
+
+    Returns
+    -------
+    tuple of arrays
+        Outputs of shape (outputs, 1, n), or derivatives of shape (outputs, variables, n), and status of shape (n,).
+
+    Raises
+    ------
+    ValueError
+        An input is not finite or beyond the handle's range.
+    """
+    count = prod(query.shape)
+    rows = 1 if variables is None else len(variables)
+    out = np.empty((_OUTPUTS.get(query.name, 1), rows, count))
+    status = np.empty(count, np.uint8)
+    if variables is None:
+        _core.evaluate(query.inst.spec, query.operation, query.columns, out, status, threads())
+    else:
+        _core.gradient(query.inst.spec, query.operation, query.columns, variables, out, status, threads())
+    _check_valid(query, status)
+    return out, status
+
+
+def shaped(values: NDArray[np.float64], shape: tuple[int, ...]) -> FloatOrArray:
+    """Return flat values in a query's shape, a float for a single point."""
+    return float(values[0]) if shape == () else values.reshape(shape)
+
+
+def variable(name: str, inst: Instrument, key: str) -> int:
+    """Return the core's index of a parameter or an argument to differentiate by."""
+    inputs = INPUTS[name]
+    if key in inputs:
+        return len(PARAMETERS) + inputs.index(key)
+    fields = dict(inst.parameter_fields)
+    if inst.given_stiffness is None:
+        del fields["given_stiffness"]
+        if inst.tendon_length is None:
+            fields["overall_length"] = fields.pop("tendon_length")
+    else:
+        fields = {field: value for field, value in fields.items() if not field.startswith("tendon_")}
+        fields["tendon_stiffness"] = fields.pop("given_stiffness")
+    if key not in fields:
+        hint = " (tendon_stiffness follows from modulus, diameter and length here)" * (key == "tendon_stiffness")
+        allowed = f"one of {', '.join([*fields, *inputs])}"
+        raise ArgumentError(f"wrt names {key!r}{hint}; it must be {allowed}.", key="wrt", value=key, allowed=allowed)
+    return PARAMETERS.index(fields[key])
+
+
+def place(index: int, shape: tuple[int, ...]) -> str:
+    """Return a flat index as it would be written behind an array's name: "[3, 0]"; empty for a single value."""
+    return "" if shape == () else f"[{', '.join(str(i) for i in np.unravel_index(index, shape))}]"
+
+
+def _value(key: str, value: float) -> str:
+    return f"{value:.6g} rad ({degrees(value):.7g} deg)" if key in _ANGLES else f"{value:.6g}"
+
+
+def _check_valid(query: Query, status: NDArray[np.uint8]) -> None:
+    """Raise ArgumentError for the first argument that is not finite or beyond the handle's range."""
+    if not status.size or status.max() < Status.OUT_OF_RANGE:
+        return
+    first = int(np.argmax(status >= Status.OUT_OF_RANGE))
+    at = place(first, query.shape)
+    for key in INPUTS[query.name]:
+        value = query.value(key, first)
+        if not np.isfinite(value):
+            raise ArgumentError(key=f"{key}{at}", value=value, allowed="a finite number")
+    if status[first] == Status.NOT_FINITE:
+        key = max(INPUTS[query.name], key=lambda name: abs(query.value(name, first)))
+        raise ArgumentError(key=f"{key}{at}", value=query.value(key, first), allowed="a number of physical size")
+    angle = query.value("handle_angle", first)
+    raise handle_angle_error(query.inst, angle, at)
+
+
+def handle_angle_error(inst: Instrument, angle: float, at: str) -> ArgumentError:
+    """Return the error for a handle angle (rad) beyond the handle's range, at a place in its array."""
+    allowed = f"within the handle's range of ±{degrees(inst.handle_range):.4g} deg"
+    problem = f"handle_angle{at} is {_value('handle_angle', angle)}; it must be {allowed}."
+    return ArgumentError(problem, key=f"handle_angle{at}", value=angle, allowed=allowed)
+
+
+def check_solved(query: Query, status: NDArray[np.uint8]) -> None:
+    """Raise NoSolutionError where a single point has no solution."""
+    if query.shape != () or status[0] == Status.OK:
+        return
+    inputs = INPUTS[query.name]
+    values = {key: query.value(key, 0) for key in inputs}
+    given = ", ".join(f"{key} = {_value(key, value)}" for key, value in values.items() if value or key == inputs[0])
+    inst = query.inst
+    reason = _REASONS[Status(int(status[0]))].format(range=degrees(inst.handle_range), pretension=inst.pretension)
+    raise NoSolutionError(f"{query.name} of {inst.name} at {given}: {reason}.")

@@ -1,0 +1,9 @@
+"""The digital twin: one in time, or many side by side."""
+
+from tenodesis.plant import TIME_STEP
+from tenodesis.twin.batch import Batch, run_many
+from tenodesis.twin.loop import LoopController, SignalFault
+from tenodesis.twin.rows import as_run
+from tenodesis.twin.twin import Energy, State, Twin
+
+__all__ = ["TIME_STEP", "Batch", "Energy", "LoopController", "SignalFault", "State", "Twin", "as_run", "run_many"]

@@ -1,0 +1,184 @@
+"""Many twins side by side over threads."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tenodesis import _core, plant
+from tenodesis.errors import ArgumentError
+from tenodesis.instrument import Instrument
+from tenodesis.run import Array
+from tenodesis.threads import threads
+from tenodesis.twin.rows import ARGUMENTS, COMMANDS, SIGNALS, check_finite, check_handle_range, check_rig, check_seed
+
+
+@dataclass(frozen=True)
+class Batch:
+    """The runs of :func:`run_many`: kept signals by name, shape (runs, samples); NaN after a run ended early."""
+
+    time: Array
+    signals: Mapping[str, Array]
+    steps: NDArray[np.int64]
+    """Steps that each run took."""
+    status: NDArray[np.int64]
+    """Why each run ended, values of :class:`tenodesis.statics.Status`."""
+
+    def __getitem__(self, name: str) -> Array:
+        return self.signals[name]
+
+
+def run_many(
+    inst: Instrument | Sequence[Instrument],
+    handle_angle: ArrayLike,
+    force: ArrayLike = 0.0,
+    *,
+    radial_force: ArrayLike = 0.0,
+    weight: ArrayLike = 0.0,
+    spool_velocity: ArrayLike = 0.0,
+    vary: Mapping[str, ArrayLike] | None = None,
+    seeds: ArrayLike | None = None,
+    signals: Sequence[str] = ("output_angle",),
+    every: int = 1,
+    time_step: float = plant.TIME_STEP,
+    quasi_static: bool = False,
+) -> Batch:
+    """Run many twins of one axis from rest, side by side over threads; results do not depend on how many.
+
+    Parameters
+    ----------
+    inst
+        The instrument, or one per run; all of one joint type.
+    handle_angle, force, radial_force, weight
+        Commands as for :meth:`Twin.run`, shape (n,) for all runs or (runs, n).
+    spool_velocity
+        Spool velocities, rad/s, shape (n, 2) for all runs or (runs, n, 2).
+    vary
+        Values per run by key of the instrument, as :meth:`Instrument.replace` takes them: ``{"pretension": array}``,
+        ``{"friction.vertex_coefficient": array}``.
+    seeds
+        Seed per run; by default 0, 1, 2, ...
+    signals
+        Signals to keep, by name; a tendon's is written ``tension.agonist``.
+    every
+        Keep every n-th step.
+    time_step, quasi_static
+        As for :class:`Twin`.
+
+    Raises
+    ------
+    ValueError
+        Shapes do not fit, a command is not finite or beyond the handle's range, or a signal is unknown.
+    InstrumentError
+        A varied value is not allowed.
+    """
+    insts = _instruments(inst, vary or {})
+    commands = _shared_commands(len(insts), handle_angle, force, radial_force, weight, spool_velocity)
+    runs = len(insts)
+    if commands.shape[0] > 1 and runs == 1:
+        insts = insts * commands.shape[0]
+        runs = len(insts)
+    if commands.shape[0] not in (1, runs):
+        raise ArgumentError(f"commands are for {commands.shape[0]} runs, instruments for {runs}; it must be the same.")
+    prescribed = [one for one in insts if not one.dynamics.hand_stiffness]
+    if prescribed:
+        narrowest = min(prescribed, key=lambda one: one.handle_range)
+        for row in commands[:, :, 0]:
+            check_handle_range(narrowest, row)
+    if commands[:, :, COMMANDS.index("weight")].any():
+        for one in insts:
+            check_rig(one)
+    if not commands.shape[1]:
+        raise ArgumentError("handle_angle is empty; it must have one step or more.", key="handle_angle")
+    if not (isinstance(every, int | np.integer) and 1 <= every <= commands.shape[1]):
+        allowed = f"an integer from 1 to {commands.shape[1]}, the number of steps"
+        raise ArgumentError(key="every", value=every, allowed=allowed)
+    for name in signals:
+        if name not in SIGNALS:
+            allowed = f"one of {', '.join(SIGNALS)}"
+            raise ArgumentError(
+                f"signals has {name!r}; it must be {allowed}.", key="signals", value=name, allowed=allowed
+            )
+    chosen = [SIGNALS.index(name) for name in signals]
+    seed_row = _seeds(seeds, runs)
+    spec = plant.spec(insts[0], time_step, quasi_static)
+    parameters = _rows(insts, time_step, quasi_static)
+    out = np.full((runs, len(chosen), commands.shape[1] // every), np.nan)
+    ends = np.zeros((runs, 2), np.int64)
+    _core.run_many(spec, parameters, commands, seed_row, chosen, every, out, ends, threads())
+    time = (1 + np.arange(out.shape[2])) * every * time_step
+    return Batch(time, {name: out[:, n] for n, name in enumerate(signals)}, ends[:, 0], ends[:, 1])
+
+
+def _instruments(inst: Instrument | Sequence[Instrument], vary: Mapping[str, ArrayLike]) -> list[Instrument]:
+    insts = [inst] if isinstance(inst, Instrument) else list(inst)
+    if not insts:
+        raise ArgumentError("inst is empty; it must be one instrument or more.", key="inst")
+    columns = {key: np.atleast_1d(np.asarray(values)) for key, values in vary.items()}
+    for key, column in columns.items():
+        if column.ndim != 1 or not column.size or column.dtype == object:
+            problem = f"vary[{key!r}] has shape {column.shape}; it must be (runs,)."
+            raise ArgumentError(problem, key="vary", value=key, allowed="one value per run")
+    lengths = {column.size for column in columns.values()} | ({len(insts)} if len(insts) > 1 else set())
+    if len(lengths) > 1:
+        raise ArgumentError(f"vary has columns of {sorted(lengths)} runs; they must have as many.", key="vary")
+    if columns:
+        runs = lengths.pop()
+        insts = insts * runs if len(insts) == 1 else insts
+        insts = [
+            one.replace(**{key: column[n].item() for key, column in columns.items()}) for n, one in enumerate(insts)
+        ]
+    first = insts[0]
+    fixed = ("law", "sheath_contacts")
+    for one in insts:
+        if len(one.axes) != 1:
+            raise ArgumentError(f"{one.name} has two axes; it must have one: inst.axis(name).", key="inst")
+        same = all(getattr(one.friction, key) == getattr(first.friction, key) for key in fixed)
+        if one.joint_type != first.joint_type or not same or one.sensors.sampling_rate != first.sensors.sampling_rate:
+            raise ArgumentError(
+                "the runs differ in joint type, friction law, sheath contacts or sampling rate; all must be the same.",
+                key="inst",
+            )
+    return insts
+
+
+def _shared_commands(runs: int, *arguments: ArrayLike) -> Array:
+    """Return commands of shape (runs, n, columns), or (1, n, columns) if all runs share them."""
+    arrays = [np.asarray(argument, float) for argument in arguments]
+    named = dict(zip(ARGUMENTS, arrays, strict=False))
+    shapes = [array.shape[:-1] if name == "spool_velocity" else array.shape for name, array in named.items()]
+    try:
+        shape = np.broadcast_shapes(*shapes)
+    except ValueError:
+        given = ", ".join(f"{name} {array.shape}" for name, array in named.items())
+        raise ArgumentError(f"the shapes do not broadcast: {given}.") from None
+    shape = (1,) * (2 - len(shape)) + shape
+    if len(shape) != 2 or (shape[0] not in (1, runs) and runs != 1):
+        problem = f"commands have shape {shape}; it must be (n,) or ({runs}, n)."
+        raise ArgumentError(problem, key="handle_angle", value=shape)
+    rows = np.zeros((*shape, len(COMMANDS)))
+    for name, array in named.items():
+        check_finite(name, array)
+        rows[..., ARGUMENTS[name]] = array
+    return rows
+
+
+def _seeds(seeds: ArrayLike | None, runs: int) -> NDArray[np.uint64]:
+    given = list(range(runs)) if seeds is None else np.asarray(seeds).tolist()
+    if not isinstance(given, list) or len(given) != runs:
+        problem = f"seeds has shape {np.shape(given)}; it must be ({runs},)."
+        raise ArgumentError(problem, key="seeds", value=np.shape(given), allowed=f"({runs},)")
+    for seed in given:
+        check_seed(seed)
+    return np.array(given, np.uint64)
+
+
+def _rows(insts: Sequence[Instrument], time_step: float, quasi_static: bool) -> Array:
+    """Return the parameters of every run, each instrument checked and converted once."""
+    rows: dict[int, list[float]] = {}
+    for one in insts:
+        if id(one) not in rows:
+            plant.steps_per_sample(one, time_step, quasi_static)
+            rows[id(one)] = plant.parameter_row(one, time_step)
+    return np.array([rows[id(one)] for one in insts])

@@ -1,0 +1,96 @@
+"""The twin with a controller in its loop."""
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tenodesis import _core
+from tenodesis._core import Status
+from tenodesis.errors import ArgumentError
+from tenodesis.instrument import Instrument
+from tenodesis.run import Array
+from tenodesis.twin.rows import ARGUMENTS, CONTROL, SIGNALS
+
+
+class LoopController(Protocol):
+    """What can close a twin's loop: a :class:`tenodesis.control.Controller`."""
+
+    @property
+    def core(self) -> _core.Controller:
+        """The controller of the core."""
+
+    def check_instrument(self, inst: Instrument) -> None:
+        """Raise ValueError for an instrument with other axes or joints than the controller's."""
+
+    def take_request(self) -> int:
+        """Return the request that is pending, and forget it."""
+
+
+class SignalFault(Protocol):
+    """A fault of a signal between twin and controller: a :class:`tenodesis.simulate.FaultInjection`."""
+
+    def schedule(
+        self, axes: tuple[str, ...], start: float, time: Array, values: Array, modes: NDArray[np.uint8]
+    ) -> None:
+        """Write values and modes by axis, step and signal, as the core takes them; `start` is the first step's, s."""
+
+
+def run_closed_loop(
+    twins: list[_core.Twin],
+    rows: list[Array],
+    controller: LoopController,
+    request: NDArray[Any],
+    faults: Sequence[SignalFault],
+    *,
+    axes: tuple[str, ...],
+    first_step: int,
+    steps_per_tick: int,
+    time_step: float,
+) -> tuple[int, Status, list[Array], list[Array]]:
+    """Step the twins of the core with the controller in the loop; after a lost step both stay where they were.
+
+    Returns
+    -------
+    tuple
+        Steps taken, status, and by axis the twin's signals and the controller's, each of shape (n, columns).
+    """
+    count = rows[0].shape[0]
+    if any(np.any(row[:, ARGUMENTS["spool_velocity"]]) for row in rows):
+        raise ArgumentError("spool_velocity and a controller are both given; give one of them.", key="spool_velocity")
+    values = modes = None
+    if faults:
+        values = np.zeros((len(rows), count, len(_core.fault_injection_places())))
+        modes = np.zeros(values.shape, np.uint8)
+        time = np.arange(first_step + 1, first_step + 1 + count, dtype=np.float64) * time_step
+        for fault in faults:
+            fault.schedule(axes, first_step * time_step, time, values, modes)
+    outs = np.empty((len(rows), count, len(SIGNALS)))
+    control = np.empty((len(rows), count, len(CONTROL)))
+    requests = _requests(controller, request, count)
+    steps, status = _core.run_controlled(
+        twins,
+        controller.core,
+        np.stack(rows),
+        steps_per_tick,
+        time_step,
+        first_step,
+        requests,
+        values,
+        modes,
+        outs,
+        control,
+    )
+    return steps, Status(status), list(outs), list(control)
+
+
+def _requests(controller: LoopController, request: NDArray[Any], count: int) -> NDArray[np.uint8] | None:
+    """Return the requests of each step; one that is pending comes with the first."""
+    pending = controller.take_request()
+    if not pending and not request.any():
+        return None
+    requests = np.array(np.broadcast_to(request, (count,)), np.uint8)
+    if count and not requests[0]:
+        requests[0] = pending
+    return requests

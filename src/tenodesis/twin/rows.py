@@ -1,0 +1,118 @@
+"""Rows of the core: the commands that go in, what is checked before a run, and the signals that come out."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from tenodesis import _core
+from tenodesis._core import Status
+from tenodesis.errors import ArgumentError, NoSolutionError
+from tenodesis.instrument import Instrument
+from tenodesis.run import Array, Run
+from tenodesis.statics.query import handle_angle_error, place
+
+COMMANDS = _core.twin_commands()
+SIGNALS = _core.twin_signals()
+CONTROL = _core.control_signals()
+TENDONS = ("agonist", "antagonist")
+ARGUMENTS: dict[str, int | slice] = {
+    **{name: COMMANDS.index(name) for name in ("handle_angle", "force", "radial_force", "weight")},
+    "spool_velocity": slice(4, 6),
+    "sheath_bend": COMMANDS.index("sheath_bend"),
+    "let_out": slice(7, 9),
+}
+"""Columns of a command, by the argument that fills them."""
+PER_TENDON = ("spool_velocity", "let_out")
+
+_CONTROLLED = tuple(dict.fromkeys(name.partition(".")[0] for name in CONTROL))
+_MEASURED_AND_TRUE = tuple(dict.fromkeys(name.partition(".")[0] for name in SIGNALS if name != "sweeps"))
+
+
+def check_seed(seed: int) -> None:
+    """Raise ArgumentError for a seed that is no integer from 0 to 2**64 - 1."""
+    if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or not 0 <= seed < 2**64:
+        raise ArgumentError(key="seed", value=seed, allowed="an integer from 0 to 2**64 - 1")
+
+
+def check_finite(name: str, array: Array) -> None:
+    """Raise ArgumentError for the first value that is not finite."""
+    finite = np.isfinite(array)
+    if not finite.all():
+        first = int(np.argmin(finite))
+        at = place(first, array.shape)
+        raise ArgumentError(key=f"{name}{at}", value=float(array.flat[first]), allowed="a finite number")
+
+
+def check_handle_range(inst: Instrument, handle_angle: Array, axis: str = "") -> None:
+    """Raise ArgumentError for the first handle angle, rad, shape (n,), beyond the handle's range."""
+    wrong = np.flatnonzero(np.abs(handle_angle) > inst.handle_range + 1e-9)
+    if wrong.size:
+        first = int(wrong[0])
+        raise handle_angle_error(inst, float(handle_angle[first]), f"[{first}]{f' of {axis}' if axis else ''}")
+
+
+def check_rig(inst: Instrument) -> None:
+    """Raise ArgumentError for an instrument on which the load rig has no pulley to hang a weight on."""
+    if inst.conditions.cable_pulley_radius is None:
+        raise ArgumentError(
+            f"weight is given, but {inst.name} has no conditions.cable_pulley_radius; give a force, or that key.",
+            key="weight",
+        )
+
+
+def lost(status: Status, where: str) -> Exception:
+    """Return the exception for a run that the core ended at a step."""
+    if status == Status.OUT_OF_RANGE:
+        return NoSolutionError(f"at {where} the handle was pushed beyond its range; give a smaller load or angle.")
+    if status == Status.NOT_FINITE:
+        return ArgumentError(f"at {where} a command is not finite; it must be a finite number.")
+    return NoSolutionError(
+        f"at {where} the tip finds no equilibrium: the load is more than the tendons can hold; give a smaller load or "
+        "more pretension."
+    )
+
+
+def as_run(
+    time: Array,
+    axes: tuple[str, ...],
+    commanded: Mapping[str, Array],
+    outs: Sequence[Array],
+    controls: Sequence[Array] = (),
+) -> Run:
+    """Return rows of the core as a run.
+
+    Parameters
+    ----------
+    time
+        Time of each row, s, shape (n,).
+    axes
+        Names of the axes.
+    commanded
+        Signals of the commands, shaped as in the run.
+    outs, controls
+        By axis, the twin's signals and the controller's, each of shape (n, columns).
+    """
+    controlled = {name: _of_axes(controls, _columns(CONTROL, name)) for name in _CONTROLLED} if controls else {}
+    simulated = {name: _of_axes(outs, _columns(SIGNALS, name)) for name in _MEASURED_AND_TRUE}
+    return Run(time, axes, **{**commanded, **controlled, **simulated})
+
+
+def commanded(commands: Sequence[Array]) -> dict[str, Array]:
+    """Return the commands of each axis, each of shape (n, columns), as signals of a run."""
+    return {
+        f"{prefix}{name}": _of_axes(commands, ARGUMENTS[name])
+        for prefix, name in (("commanded_", "handle_angle"), ("", "radial_force"), ("commanded_", "spool_velocity"))
+    }
+
+
+def _of_axes(stack: Sequence[Array], columns: int | slice) -> Array:
+    per_axis = [rows[:, columns] for rows in stack]
+    return per_axis[0] if len(stack) == 1 else np.stack(per_axis, 1)
+
+
+def _columns(names: Sequence[str], name: str) -> int | slice:
+    """Return the column of a signal, or those of both tendons."""
+    if name in names:
+        return names.index(name)
+    first = names.index(f"{name}.{TENDONS[0]}")
+    return slice(first, first + len(TENDONS))

@@ -1,0 +1,314 @@
+"""Claims about single sections of the report: that they work for any instrument, and that files are written or none."""
+
+import re
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tenodesis as tn
+from tenodesis.errors import ReportError
+from tenodesis.instrument import Instrument
+from tenodesis.paper import (
+    campaign,
+    checks,
+    compensation_laws,
+    fig7_input_output,
+    fig8_tension,
+    fig9_transmissibility,
+    fig11_loss,
+    fig14_compensated,
+    fig14_cycles,
+    fig15_compensated,
+    fig15_step_load,
+    report,
+    run,
+    scale_model_design,
+    tables_1_2_scale_model,
+    workspace,
+)
+from tenodesis.paper.context import Context
+from tenodesis.paper.run import SECTIONS, write
+from tenodesis.report import style
+from tenodesis.report.content import Section
+
+from .conftest import ROOT
+
+STATICS = (fig7_input_output, fig8_tension, fig9_transmissibility, fig11_loss, compensation_laws)
+COMPENSATED = (fig15_compensated, fig14_compensated)
+REAL = (ROOT / "instruments/real-size.toml").read_text("utf-8")
+
+Sections = Iterable[Callable[[Context], Section]]
+
+
+def computed(context: Context, sections: Sections) -> str:
+    """Compute sections, draw their figures without saving them, and return the text of the report on them."""
+    with style.applied():
+        done = [section(context) for section in sections]
+        for plot in (plot for section in done for plot in section.plots):
+            plot.figure.draw_without_rendering()
+            assert plot.curves
+    drawings = {plot.name: "" for section in done for plot in section.plots}
+    return re.sub(r"<style.*?</style>", "", report.render(context, done, drawings), flags=re.S)
+
+
+def of(*modules: object) -> Sections:
+    return [module.section for module in modules]  # type: ignore[attr-defined]
+
+
+# A change of the real-size instrument's file, and the sections on which it bears besides the statics.
+UNUSUAL: dict[str, tuple[tuple[str, str], tuple[object, ...]]] = {
+    "handle that ends before the working range": (
+        ('handle_range = "45 deg"', 'handle_range = "30 deg"'),
+        (workspace, tables_1_2_scale_model, fig15_compensated),
+    ),
+    "distal gear larger than the proximal one": (
+        ('distal_gear_radius = "2 mm"', 'distal_gear_radius = "6 mm"'),
+        (tables_1_2_scale_model, fig15_step_load, fig14_compensated),
+    ),
+    "working range of half a turn": (
+        ('output_range = "80 deg"', 'output_range = "170 deg"'),
+        (workspace, fig14_cycles, fig15_compensated),
+    ),
+    "working range of one degree": (
+        ('output_range = "80 deg"', 'output_range = "1 deg"'),
+        (workspace, tables_1_2_scale_model, fig14_compensated),
+    ),
+    "loads past every fold": (
+        ('"0.5 N", "1 N", "2 N", "3 N"', '"20 N", "500 N"'),
+        (tables_1_2_scale_model, fig14_cycles, fig15_step_load, *COMPENSATED),
+    ),
+    "loads of next to nothing": (
+        ('"0.5 N", "1 N", "2 N", "3 N"', '"2 uN"'),
+        (workspace, fig14_cycles, fig15_compensated),
+    ),
+    "loads that are nearly the same": (
+        ('"0.5 N", "1 N", "2 N", "3 N"', '"1 N", "1.0000001 N"'),
+        (fig14_cycles, fig14_compensated),
+    ),
+    "twelve loads": (
+        ('"0.5 N", "1 N", "2 N", "3 N"', ", ".join(f'"{n / 10} N"' for n in range(1, 13))),
+        (fig14_cycles, fig15_step_load),
+    ),
+    "no loads": (
+        ('forces = ["0.5 N", "1 N", "2 N", "3 N"]', ""),
+        (workspace, tables_1_2_scale_model, fig14_cycles),
+    ),
+    "one held state": (
+        ("[conditions]", '[conditions]\noutput_angles = ["30 deg"]'),
+        (fig15_step_load, fig15_compensated),
+    ),
+    "held states next to each other": (
+        ("[conditions]", '[conditions]\noutput_angles = ["30 deg", "30.2 deg"]'),
+        (fig15_step_load, fig15_compensated),
+    ),
+    "held states out of reach": (
+        ("[conditions]", '[conditions]\noutput_angles = ["100 deg", "150 deg"]'),
+        (fig15_step_load, fig15_compensated),
+    ),
+    "no pretension": (
+        ('pretension = "30 N"', 'pretension = "0 N"'),
+        (tables_1_2_scale_model, fig14_cycles, fig15_step_load, *COMPENSATED),
+    ),
+    "a name with markup": (
+        ('name = "real-size"', 'name = "<b>R&D</b> [/v2] $x_1$ {0}"'),
+        (tables_1_2_scale_model, fig14_cycles, fig15_step_load),
+    ),
+    "soft tendons": (
+        ('tendon_modulus = "50 GPa"', 'tendon_modulus = "500 MPa"'),
+        (workspace, tables_1_2_scale_model, fig14_compensated),
+    ),
+    "a second axis of its own": (
+        ("[conditions]", '[overrides.pitch]\ndistal_gear_radius = "2.2 mm"\n[conditions]'),
+        (workspace, tables_1_2_scale_model, fig15_step_load),
+    ),
+}
+
+
+def unusual(name: str) -> Instrument:
+    (old, new), _ = UNUSUAL[name]
+    assert old in REAL
+    return tn.parse(REAL.replace(old, new, 1))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", UNUSUAL)
+def test_the_statics_of_unusual_instruments_get_a_report(name: str) -> None:
+    inst = unusual(name)
+    text = computed(Context.of(inst, inst), of(*STATICS))
+    assert ">nan" not in text
+    assert "<b>R&D" not in text
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("name", "module"),
+    [
+        pytest.param(name, module, id=f"{name}-{module.__name__.rpartition('.')[2]}")  # type: ignore[attr-defined]
+        for name, (_, modules) in UNUSUAL.items()
+        for module in modules
+    ],
+)
+def test_a_section_on_which_an_unusual_value_bears_gets_a_report(name: str, module: object) -> None:
+    inst = unusual(name)
+    text = computed(Context.of(inst, inst), of(module))
+    assert ">nan" not in text
+    assert "<b>R&D" not in text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name",
+    [
+        "handle that ends before the working range",
+        "distal gear larger than the proximal one",
+        "working range of half a turn",
+        "working range of one degree",
+        "no pretension",
+        "soft tendons",
+        "a second axis of its own",
+    ],
+)
+def test_scipy_and_mujoco_agree_with_the_statics_of_unusual_instruments(name: str) -> None:
+    inst = unusual(name)
+    context = Context.of(inst, inst)
+    computed(context, of(checks))
+    assert context.results["verification.scipy.instrument.disputed"].value == 0
+    assert context.results["verification.mujoco.instrument.disputed"].value <= 1  # on the fold itself
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("pulley", {"output_range": "170 deg"}),
+        ("pulley", {"handle_range": "10 deg"}),
+        ("continuum", {"backbone_rigidity": "2 N*m^2"}),
+        ("continuum", {"backbone_rigidity": "20 N*mm^2"}),
+    ],
+)
+def test_unusual_instruments_of_other_mechanisms_get_a_report_too(
+    name: str, changes: dict[str, str], request: pytest.FixtureRequest
+) -> None:
+    inst: Instrument = request.getfixturevalue(name).replace(**changes)
+    context = Context.of(inst, inst.replace(name="scaled"))
+    text = computed(context, of(*STATICS, tables_1_2_scale_model, fig14_cycles, fig15_step_load))
+    assert "shrinks faster" not in text
+
+
+@pytest.mark.parametrize("name", ["pulley", "continuum"])
+def test_other_mechanisms_get_a_report_without_the_papers_numbers(name: str, request: pytest.FixtureRequest) -> None:
+    inst: Instrument = request.getfixturevalue(name)
+    context = Context.of(inst)
+    rest = (workspace, tables_1_2_scale_model, scale_model_design, fig14_cycles, fig15_step_load, checks)
+    text = computed(context, of(*STATICS, *rest))
+    assert inst.name in text
+    assert "No scale model was given" in text
+    assert "Published and computed" not in text
+    assert all(result.published is None for result in context.results.values())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["pulley", "continuum"])
+def test_other_mechanisms_are_compensated_without_the_papers_numbers(name: str, request: pytest.FixtureRequest) -> None:
+    context = Context.of(request.getfixturevalue(name), seeds=1)
+    computed(context, of(*COMPENSATED, campaign))
+    assert context.results["campaign.step_load.final_error_rms"].value < 1
+    assert all(result.published is None for result in context.results.values())
+
+
+def test_a_changed_instrument_is_not_set_beside_the_papers_numbers() -> None:
+    context = Context.of(tn.load("real-size").replace(tendon_diameter="0.5 mm"), tn.load("scaled-up"))
+    assert not context.is_paper
+    computed(context, of(*STATICS, tables_1_2_scale_model, scale_model_design, fig14_cycles, fig15_step_load))
+    assert all(result.published is None for result in context.results.values())
+    assert Context.of(tn.load("real-size"), tn.load("scaled-up")).is_paper
+
+
+def test_what_cannot_be_compensated_is_left_out_with_a_sentence() -> None:
+    context = Context.of(tn.load("scaled-up").replace(pretension="0 N"), seeds=1)
+    text = computed(context, of(*COMPENSATED, campaign))
+    assert text.count("scaled-up cannot be compensated") == 3
+    assert not context.results
+
+
+def test_without_mujoco_its_checks_are_left_out_with_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    inst = tn.load("real-size")
+    context = Context.of(inst)
+    text = computed(context, of(workspace, checks))
+    assert text.count("left out: mujoco is not installed") == 2
+    assert not [key for key in context.results if "mujoco" in key or key.startswith(("axes.", "care."))]
+    assert context.results["verification.scipy.instrument.disputed"].value == 0
+
+
+def test_curves_are_the_statics_at_their_columns(real: Instrument) -> None:
+    (plot,) = fig7_input_output.section(Context.of(real)).plots
+    handle = np.radians(plot.curves["handle_angle [deg]"])
+    for force in (0, 1, 3):
+        output = np.asarray(plot.curves[f"output_angle at {force} N [deg]"])
+        drawn = np.isfinite(output)
+        expected = np.degrees(tn.statics.output_angle(real, handle, force))
+        assert drawn.any()
+        assert np.allclose(output[drawn], expected[drawn], atol=1e-9)
+
+
+def test_the_campaign_gives_the_same_results_again_over_threads() -> None:
+    condition = campaign.conditions(Context.of(tn.load("scaled-up")))[0]
+    first, second = (campaign.trials(condition, 1) for _ in range(2))
+    assert [trial.response for trial in first] == [trial.response for trial in second]
+
+
+def test_the_same_sections_are_written_as_the_same_files(tmp_path: Path, pulley: Instrument) -> None:
+    for out in (tmp_path / "first", tmp_path / "second"):
+        context = Context.of(pulley)
+        with style.applied():
+            write(context, [fig9_transmissibility.section(context), fig15_step_load.section(context)], out)
+    files = [path.relative_to(out) for path in out.rglob("*") if path.suffix in (".svg", ".csv", ".html", ".json")]
+    assert len(files) == 6
+    for file in files:
+        assert (tmp_path / "first" / file).read_bytes() == (tmp_path / "second" / file).read_bytes(), file
+
+
+def test_a_failed_run_leaves_the_old_report_complete_and_the_files_of_others_alone(
+    tmp_path: Path, pulley: Instrument, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    context = Context.of(pulley)
+    with style.applied():
+        sections = [fig9_transmissibility.section(context)]
+        (tmp_path / "figures").mkdir()
+        (tmp_path / "figures/mine.tex").write_text("mine")
+        write(context, sections, tmp_path)
+        assert (tmp_path / "report.html").exists()
+        before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+        assert before[tmp_path / "figures/mine.tex"] == b"mine"
+
+        def fail(*_: object) -> str:
+            raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr(report, "render", fail)
+        with pytest.raises(ReportError, match="cannot be written: No space left on device"):
+            write(context, sections, tmp_path)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+    assert {path.name for path in tmp_path.iterdir()} == {"curves", "figures", "report.html", "results.json"}
+
+
+def test_a_folder_that_cannot_be_made_is_named_before_anything_is_computed(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    progress: list[str] = []
+    with pytest.raises(ReportError, match="file/out cannot be written"):
+        run(tn.load("scaled-up"), None, tmp_path / "file/out", progress.append)
+    assert not progress
+
+
+def test_every_section_of_the_package_is_in_the_report() -> None:
+    modules = {section.__module__ for _, section in SECTIONS}
+    assert len(modules) == len(SECTIONS)
+    folder = ROOT / "src/tenodesis/paper"
+    assert modules == {
+        f"tenodesis.paper.{path.stem}"
+        for path in folder.glob("*.py")
+        if re.search(r"^def section\(", path.read_text("utf-8"), re.M)
+    }
