@@ -41,4 +41,4 @@ def tension_scale(inst: Instrument) -> float:
 
 def alone(inst: Instrument) -> Instrument:
     """Return the instrument of the first axis, which an instrument of two is judged by."""
-    return inst if len(inst.axes) == 1 else inst.axis(inst.axes[0])
+    return inst.planar[0]
