@@ -149,12 +149,12 @@ def test_a_controller_of_both_axes_or_of_one(tenodesis: Command) -> None:
         (("--law", "robust", "--observer", "paper"), 'observer "paper"; it must be "friction" with that law.'),
         (
             ("--law", "robust", "--controller-instrument", str(EXAMPLES / "pulley.toml")),
-            "the controller is for yaw of a tendon-pulley; allowed is a twin of such an instrument, not yaw of a "
+            "the controller is for yaw of a tendon-pulley; the twin must be of such an instrument, not yaw of a "
             "tendon-gear.",
         ),
         (
             ("--law", "robust", "--controller-instrument", "real-size"),
-            "the controller is for yaw and pitch of a tendon-gear; allowed is a twin of such an instrument, not yaw",
+            "the controller is for yaw and pitch of a tendon-gear; the twin must be of such an instrument, not yaw",
         ),
         (("--law", "robust", "--controller-instrument", "absent"), "absent: there is no such file and no instrument"),
         (("--observer", "exact"), "--observer is 'exact', but there is no controller without --law."),
@@ -187,7 +187,7 @@ def test_a_controller_that_cannot_be_is_refused_in_a_sentence(
         (("record", "short.toml", "--out", "run.mcap"), "run.mcap exists already; give another path, or --over"),
         (("record", "short.toml", "--time-step", "0.5"), "--time-step = '0.5': it has no unit"),
         (("record", "short.toml", "--time-step", "1 s", "--out", "x.mcap"), "time_step is 1 s; it must be at most"),
-        (("record", "short.toml", "--seed", "-1", "--out", "x.mcap"), "seed is -1; allowed is a whole number"),
+        (("record", "short.toml", "--seed", "-1", "--out", "x.mcap"), "seed is -1; it must be an integer"),
         (("record", "short.toml", "--axis", "pitch"), "scaled-up has no axis 'pitch'; it has yaw"),
         (("info", "absent.mcap"), "absent.mcap cannot be read: there is no such file"),
         (("info", "far.toml"), "far.toml is no MCAP file"),
@@ -245,7 +245,7 @@ def test_an_export_without_pandas_says_what_to_install(tenodesis: Command, monke
     monkeypatch.setitem(sys.modules, "pandas", None)
     code, _, err = tenodesis("export", "recording", "run.mcap", "--to", "run.parquet")
     assert code == 1
-    assert 'pip install "tenodesis[tables]"' in err
+    assert "pip install 'tenodesis[tables]'" in err
 
 
 def told_of(out: str) -> dict[str, str]:
