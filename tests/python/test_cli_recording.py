@@ -92,6 +92,7 @@ def test_a_truncated_recording_is_shown_replayed_and_exported(tenodesis: Command
     assert tenodesis("export", "recording", "run.mcap", "--to", "run.csv")[0] == 0
 
 
+@pytest.mark.slow
 def test_a_controller_is_recorded_shown_and_replayed(tenodesis: Command, tmp_path: Path) -> None:
     (tmp_path / "slack.toml").write_text(PROTOCOL.replace("[[phases]]", '[[phases]]\nkind = "pretension"\n[[phases]]'))
     choices = ("--law", "robust", "--observer", "friction", "--actuation", "differential")
@@ -315,6 +316,7 @@ def test_info_of_a_recording_broken_off_says_so_and_of_one_that_is_not_live_noth
     assert told["faults"] == "none"
 
 
+@pytest.mark.process
 def test_ctrl_c_leaves_a_readable_recording_and_says_so(tmp_path: Path) -> None:
     (tmp_path / "long.toml").write_text('name = "long"\n[[phases]]\nkind = "hold"\nduration = "3000 s"\n')
     command = [sys.executable, "-m", "tenodesis.cli", "record", "long.toml", "--out", "run.mcap"]
