@@ -96,7 +96,7 @@ std::tuple<std::size_t, Status> run_controlled(const std::vector<AnyTwin*>& twin
   require(std::cmp_equal(axes, controller.axes()) && fits(commands, command_count) && fits(out, signal_count) &&
               fits(control, control_signal_count) && steps_per_tick >= 1 &&
               (!requests || requests->shape(0) == count) && values.has_value() == modes.has_value() &&
-              (!values || (fits(*values, injection_place_count) && fits(*modes, injection_place_count))),
+              (!values || (fits(*values, injection_point_count) && fits(*modes, injection_point_count))),
           "commands, requests, injected faults and outputs do not fit");
   InjectedSteps injected;
   if (values && modes) injected = {values->data(), modes->data(), nullptr};
@@ -205,8 +205,8 @@ void bind_control(nb::module_& m) {
       "control_signals", [] { return list_of(control_signal_names); },
       "Names of the signals that a controller adds to a run.");
   m.def(
-      "fault_injection_places", [] { return list_of(fault_injection_places); },
-      "Places between instrument and controller where a fault can be injected.");
+      "fault_injection_points", [] { return list_of(fault_injection_points); },
+      "Points between instrument and controller where a fault can be injected.");
   m.def("run_controlled", &run_controlled, "twins"_a, "controller"_a, "commands"_a, "steps_per_tick"_a, "time_step"_a,
         "started"_a, "requests"_a.none(), "values"_a.none(), "modes"_a.none(), "out"_a, "control"_a,
         nb::sig("def run_controlled(twins: Sequence[Twin], controller: Controller, commands: NDArray[numpy.float64], "

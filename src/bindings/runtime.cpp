@@ -40,17 +40,14 @@ Runtime* make_runtime(runtime::Device& device, AnyController& controller, const 
   return new Runtime(device, controller, settings, ring, ring_capacity);
 }
 
-// A value that is not finite is only injected, as what a broken sensor reads: NaN.
+// A value that is not finite may be injected into a signal, as the reading of a broken sensor.
 bool give_order(Runtime& loop, int kind, int a, int b, int axis, double value, std::uint64_t ticks) {
   require(kind >= 0 && kind < runtime::order_count, "there is no such order");
-  if (OrderKind(kind) == OrderKind::inject) {
-    require(a >= 0 && std::cmp_less(a, injection_place_count) && b >= 0 && b <= static_cast<int>(InjectionMode::hold),
-            "there is no such place or mode of a fault");
-    require(std::isfinite(value) || (a != static_cast<int>(at_tick) && InjectionMode(b) == InjectionMode::set),
-            "value must be finite");
-  } else {
-    require(std::isfinite(value), "value must be finite");
-  }
+  const bool injects = OrderKind(kind) == OrderKind::inject_fault;
+  require(!injects || (a >= 0 && std::cmp_less(a, injection_point_count) && b >= 0 &&
+                       b <= static_cast<int>(InjectionMode::hold)),
+          "there is no such point or mode of fault injection");
+  require(std::isfinite(value) || (injects && a != static_cast<int>(at_tick)), "value must be finite");
   return loop.order({OrderKind(kind), a, b, axis, value, ticks});
 }
 
@@ -127,7 +124,7 @@ void bind_runtime(nb::module_& m) {
       .value("FORCE", OrderKind::force, "value: force at the tip, N; axis")
       .value("RADIAL", OrderKind::radial, "value: radial force at the tip, N; axis")
       .value("SPEED", OrderKind::speed, "value: simulated over real time; 0: as fast as possible")
-      .value("INJECT", OrderKind::inject, "a fault; a: place, b: mode, axis, value, ticks: for how long")
+      .value("INJECT_FAULT", OrderKind::inject_fault, "a: point, b: mode, axis, value, ticks: for how long")
       .value("DROP", OrderKind::drop, "the rest of a played motion");
 
   const nb::class_<runtime::Device> device(m, "LiveDevice", "What the live loop reads and writes.");
@@ -153,13 +150,6 @@ void bind_runtime(nb::module_& m) {
            "Take so many ticks as fast as possible, on this thread.")
       .def("order", &give_order, "kind"_a, "a"_a = 0, "b"_a = 0, "axis"_a = 0, "value"_a = 0.0, "ticks"_a = 0,
            "Give an order, by number of its kind; false where too many orders wait already.")
-      .def(
-          "tamper_not_a_number",
-          [](Runtime& loop, int place, int axis, std::uint64_t ticks) {
-            return give_order(loop, static_cast<int>(OrderKind::inject), place, static_cast<int>(InjectionMode::set),
-                              axis, std::numeric_limits<double>::quiet_NaN(), ticks);
-          },
-          "place"_a, "axis"_a, "ticks"_a, "Inject NaN; order does so, too.")
       .def("play", &play, "rows"_a, nb::sig("def play(self, rows: NDArray[numpy.float64]) -> int"),
            "Queue ticks of a motion, per axis handle angle, force, radial force; returns how many were taken.")
       .def(

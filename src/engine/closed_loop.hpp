@@ -11,13 +11,13 @@ namespace tenodesis::engine {
 
 /// What is injected into each step of a run; null pointers where nothing is.
 struct InjectedSteps {
-  const double* value{};           ///< axes x steps x places
+  const double* value{};           ///< axes x steps x points
   const unsigned char* mode{};     ///< an InjectionMode for each value
   const unsigned char* request{};  ///< per step; a Request other than none replaces the one that waits
 
-  Injection at(std::size_t axis, std::size_t step, std::size_t count, std::size_t place) const {
+  Injection at(std::size_t axis, std::size_t step, std::size_t count, std::size_t point) const {
     if (mode == nullptr) return {};
-    const std::size_t k = (axis * count + step) * injection_place_count + place;
+    const std::size_t k = (axis * count + step) * injection_point_count + point;
     return {InjectionMode(mode[k]), value[k]};
   }
 };
@@ -39,9 +39,9 @@ class ClosedLoop {
       for (std::size_t n = 0; n < twins_.size(); ++n) {
         Command<double> command = commands[n][i];
         for (std::size_t k = 0; k < 2; ++k) {
-          const std::size_t place = at_velocity + k;
-          command.spool_velocity[k] = controller_.injector.pass(n, place, controller_.last.axis[n].spool_velocity[k],
-                                                                injected.at(n, i, count, place));
+          const std::size_t point = at_velocity + k;
+          command.spool_velocity[k] = controller_.injector.pass(n, point, controller_.last.axis[n].spool_velocity[k],
+                                                                injected.at(n, i, count, point));
         }
         progress.status = twins_[n]->step(command);
         if (progress.status != Status::ok) return progress;
@@ -63,7 +63,7 @@ class ClosedLoop {
     for (std::size_t n = 0; n < twins_.size(); ++n) {
       const auto read = measurement_as<Measurement<double>>(twins_[n]->reading());
       input.axis[n] =
-          controller_.injector.pass(n, read, [&](std::size_t place) { return injected.at(n, i, count, place); });
+          controller_.injector.pass(n, read, [&](std::size_t point) { return injected.at(n, i, count, point); });
     }
     controller_.step(input, controller_.last);
   }

@@ -9,14 +9,14 @@
 
 namespace tenodesis::engine {
 
-/// Places where a fault can be injected, per axis; the tick is common to all axes, and its fault is the first axis's.
-inline constexpr std::array fault_injection_places{
+/// Points where a fault can be injected, per axis; the tick is common to all axes, and its fault is the first axis's.
+inline constexpr std::array fault_injection_points{
     "handle_angle",           "tension.agonist",        "tension.antagonist",        "spool_angle.agonist",
     "spool_angle.antagonist", "spool_velocity.agonist", "spool_velocity.antagonist", "tick"};
-inline constexpr std::size_t injection_place_count = fault_injection_places.size();
+inline constexpr std::size_t injection_point_count = fault_injection_points.size();
 
-/// The first of each kind of place.
-enum InjectionPlace : std::size_t {
+/// The first of each kind of point.
+enum InjectionPoint : std::size_t {
   at_handle_angle = 0,
   at_tension = 1,
   at_spool_angle = 3,
@@ -40,17 +40,17 @@ struct Injection {
 class FaultInjector {
  public:
   /// The value that arrives when one is sent.
-  double pass(std::size_t axis, std::size_t place, double value, const Injection& fault) {
-    double& last = last_[axis][place];
+  double pass(std::size_t axis, std::size_t point, double value, const Injection& fault) {
+    double& last = last_[axis][point];
     if (fault.mode == InjectionMode::hold) return last;
     if (fault.mode == InjectionMode::set) return last = fault.value;
     return last = fault.mode == InjectionMode::add ? value + fault.value : value;
   }
 
-  /// The same for all sensors of an axis; fault_at gives the fault of a place.
+  /// The same for all sensors of an axis; fault_at gives the fault of a point.
   template <class FaultAt>
   Measurement<double> pass(std::size_t axis, const Measurement<double>& read, const FaultAt& fault_at) {
-    const auto arrives = [&](std::size_t place, double value) { return pass(axis, place, value, fault_at(place)); };
+    const auto arrives = [&](std::size_t point, double value) { return pass(axis, point, value, fault_at(point)); };
     Measurement<double> measured{};
     measured.handle_angle = arrives(at_handle_angle, read.handle_angle);
     for (std::size_t i = 0; i < 2; ++i) {
@@ -68,7 +68,7 @@ class FaultInjector {
   }
 
  private:
-  double last_[most_axes][injection_place_count]{};
+  double last_[most_axes][injection_point_count]{};
 };
 
 }  // namespace tenodesis::engine

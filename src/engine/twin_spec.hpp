@@ -19,7 +19,8 @@ namespace tenodesis::engine {
   ROW(sheath_bend)                                                                                                     \
   ROW(sheath_bend_rate)                                                                                                \
   ROW(viscous)                                                                                                         \
-  ROW(constant) ROW(static_ratio) ROW(stribeck_speed) ROW(memory) ROW(handle_length_share) ROW(stiffness_ratio)        \
+  ROW(constant)                                                                                                        \
+  ROW(static_ratio) ROW(stribeck_speed) ROW(memory) ROW(handle_length_share) ROW(stiffness_ratio)                      \
       ROW(pretension_ratio) ROW(tip_inertia) ROW(tip_damping) ROW(output_stop) ROW(stop_stiffness) ROW(hand_stiffness) \
           ROW(hand_damping) ROW(hand_inertia) ROW(spool_radius) ROW(spool_speed_limit) ROW(spool_acceleration_limit)   \
               ROW(drive_time_constant) ROW(backlash) ROW(rig_pulley_radius) ROW(encoder_noise) ROW(encoder_range)      \

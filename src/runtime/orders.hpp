@@ -19,14 +19,14 @@ struct Settings {
 };
 
 enum class OrderKind : unsigned char {
-  request,  ///< a: a Request
-  law,      ///< a: ControlLaw, b: Actuation
-  hand,     ///< value: handle angle, rad; axis
-  force,    ///< value: N; axis
-  radial,   ///< value: N; axis
-  speed,    ///< value: simulated over real time; 0: as fast as possible
-  inject,   ///< a fault; a: place, b: InjectionMode, axis, value; ticks: for how long
-  drop,     ///< the rest of a played motion; the hand stays where it is
+  request,       ///< a: a Request
+  law,           ///< a: ControlLaw, b: Actuation
+  hand,          ///< value: handle angle, rad; axis
+  force,         ///< value: N; axis
+  radial,        ///< value: N; axis
+  speed,         ///< value: simulated over real time; 0: as fast as possible
+  inject_fault,  ///< a: point, b: InjectionMode, axis, value; ticks: for how long
+  drop,          ///< the rest of a played motion; the hand stays where it is
 };
 inline constexpr int order_count = 8;
 

@@ -232,7 +232,7 @@ class Runtime {
     measured_at_ = input_.time;
     for (std::size_t n = 0; n < axes(); ++n)
       input_.axis[n] =
-          controller_.injector.pass(n, input_.axis[n], [&](std::size_t place) { return injected(n, place); });
+          controller_.injector.pass(n, input_.axis[n], [&](std::size_t point) { return injected(n, point); });
     const bool given = inject_into_tick();
     // The request of a tick that does not reach the controller is made with the next.
     input_.request = given ? requests_.pop() : Request::none;
@@ -256,8 +256,8 @@ class Runtime {
 
   std::size_t axes() const { return static_cast<std::size_t>(device_.axes()); }
 
-  engine::Injection injected(std::size_t axis, std::size_t place) const {
-    const TimedInjection& injection = injection_[axis][place];
+  engine::Injection injected(std::size_t axis, std::size_t point) const {
+    const TimedInjection& injection = injection_[axis][point];
     return tick_ < injection.until ? injection.fault : engine::Injection{};
   }
 
@@ -274,9 +274,9 @@ class Runtime {
   void send_velocities(Velocities& speed) {
     for (std::size_t n = 0; n < axes(); ++n)
       for (std::size_t i = 0; i < 2; ++i) {
-        const std::size_t place = engine::at_velocity + i;
+        const std::size_t point = engine::at_velocity + i;
         speed[n][i] =
-            controller_.injector.pass(n, place, controller_.last.axis[n].spool_velocity[i], injected(n, place));
+            controller_.injector.pass(n, point, controller_.last.axis[n].spool_velocity[i], injected(n, point));
       }
   }
 
@@ -308,7 +308,7 @@ class Runtime {
           schedule();
           next_ = now();
           break;
-        case OrderKind::inject:
+        case OrderKind::inject_fault:
           injection_[n][static_cast<std::size_t>(order.a)] = {{engine::InjectionMode(order.b), order.value},
                                                               tick_ + order.ticks};
           break;
@@ -426,7 +426,7 @@ class Runtime {
   AnyInput input_{};
   Benches bench_{}, bench_before_{};
   std::array<Hand, most_axes> hand_{};
-  TimedInjection injection_[most_axes][engine::injection_place_count]{};
+  TimedInjection injection_[most_axes][engine::injection_point_count]{};
   RequestQueue requests_;
   bool stopped_{};
   std::uint64_t tick_{};

@@ -211,9 +211,9 @@ def faults() -> list[tuple[str, str, str]]:
 def control_signals() -> list[str]:
     """Names of the signals that a controller adds to a run."""
 
-def fault_injection_places() -> list[str]:
+def fault_injection_points() -> list[str]:
     """
-    Places between instrument and controller where a fault can be injected.
+    Points between instrument and controller where a fault can be injected.
     """
 
 def run_controlled(twins: Sequence[Twin], controller: Controller, commands: NDArray[numpy.float64], steps_per_tick: int, time_step: float, started: int, requests: NDArray[numpy.uint8] | None, values: NDArray[numpy.float64] | None, modes: NDArray[numpy.uint8] | None, out: NDArray[numpy.float64], control: NDArray[numpy.float64]) -> tuple[int, Status]:
@@ -259,8 +259,8 @@ class Order(enum.IntEnum):
     SPEED = 5
     """value: simulated over real time; 0: as fast as possible"""
 
-    INJECT = 6
-    """a fault; a: place, b: mode, axis, value, ticks: for how long"""
+    INJECT_FAULT = 6
+    """a: point, b: mode, axis, value, ticks: for how long"""
 
     DROP = 7
     """the rest of a played motion"""
@@ -310,9 +310,6 @@ class Runtime:
         """
         Give an order, by number of its kind; false where too many orders wait already.
         """
-
-    def tamper_not_a_number(self, place: int, axis: int, ticks: int) -> bool:
-        """Inject NaN; order does so, too."""
 
     def play(self, rows: NDArray[numpy.float64]) -> int:
         """

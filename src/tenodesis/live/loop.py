@@ -26,7 +26,7 @@ from tenodesis.twin import Twin
 
 _RING_SECONDS = 8.0
 """Time by which a reader may fall behind, s."""
-ORDERS = ("request", "law", "hand", "force", "radial", "speed", "inject_fault", "drop")
+ORDERS = tuple(order.name.lower() for order in _core.Order)
 """Orders in the queue of the core's loop, by number."""
 _MODES = ("none", "add", "set", "hold")
 _LARGEST_FORCE = 100.0
@@ -241,17 +241,8 @@ class LiveLoop:
         ticks = round(seconds / self.period)
         for n, name in enumerate(self.inst.axes):
             if axis in (None, name):
-                if np.isfinite(value):
-                    self._order(
-                        "inject_fault",
-                        INJECTION_POINTS.index(point),
-                        _MODES.index(mode),
-                        axis=n,
-                        value=float(value),
-                        ticks=ticks,
-                    )
-                else:
-                    self._given(self.core.tamper_not_a_number, INJECTION_POINTS.index(point), n, ticks)
+                place, how = INJECTION_POINTS.index(point), _MODES.index(mode)
+                self._order("inject_fault", place, how, axis=n, value=float(value), ticks=ticks)
 
     @property
     def pending(self) -> int:

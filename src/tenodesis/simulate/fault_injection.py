@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from tenodesis import _core
 from tenodesis.errors import ArgumentError
 
-INJECTION_POINTS = tuple(_core.fault_injection_places())
+INJECTION_POINTS = tuple(_core.fault_injection_points())
 """Signals that a fault can be injected into: sensors, spool velocities on their way to the drives, and the tick."""
 
 InjectionPoint: TypeAlias = Literal[

@@ -61,7 +61,7 @@ def run_closed_loop(
         raise ArgumentError("spool_velocity and a controller are both given; give one of them.", key="spool_velocity")
     values = modes = None
     if faults:
-        values = np.zeros((len(rows), count, len(_core.fault_injection_places())))
+        values = np.zeros((len(rows), count, len(_core.fault_injection_points())))
         modes = np.zeros(values.shape, np.uint8)
         time = np.arange(first_step + 1, first_step + 1 + count, dtype=np.float64) * time_step
         for fault in faults:
