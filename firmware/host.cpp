@@ -50,16 +50,6 @@ double rise(double share) {
   return u * u * u * (10 - 15 * u + 6 * u * u);
 }
 
-instrument::Input input_of(const Reading<double>& reading) {
-  instrument::Input input{};
-  input.handle_angle = static_cast<float>(reading.handle_angle);
-  for (int i = 0; i < 2; ++i) {
-    input.tension[i] = static_cast<float>(reading.tension[i]);
-    input.spool_angle[i] = static_cast<float>(reading.spool_angle[i]);
-  }
-  return input;
-}
-
 bool record(std::FILE* file) {
   const Plant bench = plant();
   auto twin = bench.rest(1);
@@ -70,7 +60,7 @@ bool record(std::FILE* file) {
   bool written = std::fwrite(&header, sizeof header, 1, file) == 1;
   for (std::uint32_t n = 0; n < ticks; ++n) {
     const double time = n * bench.time_step;
-    const instrument::Input input = input_of(twin.reading);
+    const auto input = measurement_as<instrument::Input>(twin.reading);
     const recording::Tick tick{input, controller.step(input)};
     written = written && std::fwrite(&tick, sizeof tick, 1, file) == 1;
     Command<double> command{};

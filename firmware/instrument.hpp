@@ -29,9 +29,7 @@ class Direct {
     using enum tenodesis::Request;
     Controller::Output got;
     controller_.step({.request = state_.started ? none : enable,
-                      .axis = {{measured.handle_angle,
-                                {measured.tension[0], measured.tension[1]},
-                                {measured.spool_angle[0], measured.spool_angle[1]}}}},
+                      .axis = {tenodesis::measurement_as<tenodesis::Measurement<float>>(measured)}},
                      state_, got);
     const auto& axis = got.axis[0];
     const auto& estimate = axis.estimate;

@@ -19,11 +19,6 @@ struct Energy {
   /// Lost at the contacts by the tensions at the step's end, where the friction law holds: not negative, except for
   /// rounding.
   S friction_at_end{};
-
-  /// Error of the balance.
-  constexpr S unaccounted(const S& stored_before) const {
-    return stored - stored_before - (handle + spools + load - friction - damping);
-  }
 };
 
 /// Energy stored in a state, J.

@@ -13,22 +13,17 @@ enum class Fault : std::uint8_t {
 #undef TENODESIS_FAULT
 };
 
-#define TENODESIS_FAULT(name, NAME, unit, meaning) +1
-inline constexpr int fault_count = TENODESIS_FAULT_TABLE(TENODESIS_FAULT);
+#define TENODESIS_FAULT(name, NAME, unit, meaning) #name,
+inline constexpr const char* fault_names[] = {TENODESIS_FAULT_TABLE(TENODESIS_FAULT)};
 #undef TENODESIS_FAULT
+inline constexpr int fault_count = sizeof fault_names / sizeof *fault_names;
 
 /// A fault's bit in a mask.
 constexpr std::uint32_t bit(Fault fault) { return std::uint32_t(1) << static_cast<std::uint32_t>(fault); }
 
 constexpr const char* name(Fault fault) {
-  switch (fault) {
-#define TENODESIS_FAULT(name, NAME, unit, meaning) \
-  case Fault::name:                                \
-    return #name;
-    TENODESIS_FAULT_TABLE(TENODESIS_FAULT)
-#undef TENODESIS_FAULT
-  }
-  return "unknown";
+  const int n = static_cast<int>(fault);
+  return n < fault_count ? fault_names[n] : "unknown";
 }
 
 /// Kinds of sensors whose readings are not to be used.

@@ -89,15 +89,15 @@ constexpr bool plausible(const P& p, bool continuum) {
   // In the precision of the controller: what is finite in double need not be in float.
   const auto positive = [](const S& v) { return v > S(0) && is_finite(v); };
   const auto not_negative = [](const S& v) { return v >= S(0) && is_finite(v); };
-#define TENODESIS_KEEPS_BOUND(name, unit, bound, meaning) &&bound(S(p.name))
-  const bool in_bounds = true TENODESIS_AXIS_PARAMETERS(TENODESIS_KEEPS_BOUND);
-#undef TENODESIS_KEEPS_BOUND
   const S shares = S(p.share_sheath) + S(p.share_handle) + S(p.share_stem) + S(p.share_tip);
   const S friction = S(p.sheath_coefficient) * (S(p.sheath_bend) + S(p.sheath_bend_rate) * S(p.handle_range)) +
                      S(p.vertex_coefficient) * (S(p.handle_range) + S(pi));
-  return in_bounds && abs(shares - S(1)) < S(0.01) && (!continuum || S(p.backbone_length) > S(0)) &&
-         S(p.handle_range) < S(pi) && friction <= most_friction<S> && S(p.pretension) < S(p.tension_limit) &&
-         S(p.homing_overshoot) < S(1) && S(p.limit[static_cast<int>(Fault::tick_late)].threshold) <= longest_tick<S>;
+#define TENODESIS_KEEPS_BOUND(name, unit, bound, meaning) bound(S(p.name)) &&
+  return TENODESIS_AXIS_PARAMETERS(TENODESIS_KEEPS_BOUND) abs(shares - S(1)) < S(0.01) &&
+         (!continuum || S(p.backbone_length) > S(0)) && S(p.handle_range) < S(pi) && friction <= most_friction<S> &&
+         S(p.pretension) < S(p.tension_limit) && S(p.homing_overshoot) < S(1) &&
+         S(p.limit[static_cast<int>(Fault::tick_late)].threshold) <= longest_tick<S>;
+#undef TENODESIS_KEEPS_BOUND
 }
 
 }  // namespace detail

@@ -99,7 +99,7 @@ std::tuple<std::size_t, Status> run_controlled(const std::vector<AnyTwin*>& twin
               (!values || (fits(*values, injection_place_count) && fits(*modes, injection_place_count))),
           "commands, requests, injected faults and outputs do not fit");
   InjectedSteps injected;
-  if (values) injected = {values->data(), modes->data(), nullptr};
+  if (values && modes) injected = {values->data(), modes->data(), nullptr};
   if (requests) injected.request = requests->data();
   std::vector<Commands> rows;
   rows.reserve(axes);
@@ -147,6 +147,7 @@ using Row = std::tuple<std::string, std::string, std::string>;
 template <class Table>
 std::vector<Row> rows_of(const Table& table) {
   std::vector<Row> rows;
+  rows.reserve(table.size());
   for (const auto& row : table) rows.emplace_back(row.name, row.unit, row.meaning);
   return rows;
 }

@@ -2,6 +2,8 @@
 
 #include "runtime/runtime.hpp"
 
+#include <utility>
+
 #include "module.hpp"
 #include "runtime/mailbox_device.hpp"
 #include "runtime/twin_device.hpp"
@@ -42,9 +44,9 @@ Runtime* make_runtime(runtime::Device& device, AnyController& controller, const 
 bool give_order(Runtime& loop, int kind, int a, int b, int axis, double value, std::uint64_t ticks) {
   require(kind >= 0 && kind < runtime::order_count, "there is no such order");
   if (OrderKind(kind) == OrderKind::inject) {
-    require(a >= 0 && std::size_t(a) < injection_place_count && b >= 0 && b <= static_cast<int>(InjectionMode::hold),
+    require(a >= 0 && std::cmp_less(a, injection_place_count) && b >= 0 && b <= static_cast<int>(InjectionMode::hold),
             "there is no such place or mode of a fault");
-    require(std::isfinite(value) || (std::size_t(a) != at_tick && InjectionMode(b) == InjectionMode::set),
+    require(std::isfinite(value) || (a != static_cast<int>(at_tick) && InjectionMode(b) == InjectionMode::set),
             "value must be finite");
   } else {
     require(std::isfinite(value), "value must be finite");

@@ -52,14 +52,14 @@ static_assert(channel_count == 5);
 
 // Layouts that are the same for every compiler: no padding, in either precision.
 constexpr std::size_t words(std::size_t reals, std::size_t integers) { return reals * sizeof(S) + integers * 4; }
-#define TENODESIS_ROW(...) +1
-constexpr std::size_t choice_count = TENODESIS_CHOICES(TENODESIS_ROW);
-constexpr std::size_t common_count = TENODESIS_COMMON_PARAMETERS(TENODESIS_ROW);
-constexpr std::size_t axis_count = TENODESIS_AXIS_PARAMETERS(TENODESIS_ROW);
+#define TENODESIS_ROW(...) 0,
+constexpr char choice_rows[] = {TENODESIS_CHOICES(TENODESIS_ROW)};
+constexpr char common_rows[] = {TENODESIS_COMMON_PARAMETERS(TENODESIS_ROW)};
+constexpr char axis_rows[] = {TENODESIS_AXIS_PARAMETERS(TENODESIS_ROW)};
 #undef TENODESIS_ROW
-static_assert(sizeof(tenodesis_axis_parameters) == words(axis_count + 2 * (TENODESIS_FAULTS + 1), 0));
+static_assert(sizeof(tenodesis_axis_parameters) == words(sizeof axis_rows + 2 * (TENODESIS_FAULTS + 1), 0));
 static_assert(sizeof(tenodesis_parameters) ==
-              words(common_count, choice_count) + TENODESIS_AXES * sizeof(tenodesis_axis_parameters));
+              words(sizeof common_rows, sizeof choice_rows) + TENODESIS_AXES * sizeof(tenodesis_axis_parameters));
 static_assert(sizeof(tenodesis_input) == words(5 * TENODESIS_AXES, 4));
 static_assert(sizeof(tenodesis_axis_output) == words(8, 2));
 static_assert(sizeof(tenodesis_output) == TENODESIS_AXES * sizeof(tenodesis_axis_output) + words(0, 6));

@@ -121,8 +121,8 @@ class BoardController : public AnyController {
     std::ranges::fill(phase_, Phase::rest);
   }
 
-  void forget() {
-    AnyController::forget();
+  void forget_session() {
+    forget();
     std::ranges::fill(phase_, Phase::track);
   }
 

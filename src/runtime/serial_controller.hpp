@@ -24,7 +24,7 @@ class SerialController final : public BoardController {
       link().start(parameters());
     else
       link().ask(link::Type::reset, nullptr, 0, link::Type::done, 0);
-    forget();
+    forget_session();
   }
 
  private:

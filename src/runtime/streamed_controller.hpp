@@ -75,7 +75,7 @@ class StreamedController final : public BoardController {
   void reset() override {
     const std::scoped_lock guard(mutex());
     if (link().start(parameters())) begin();
-    forget();
+    forget_session();
   }
 
   const link::Measured& measured(int axis) const { return received_.axis[axis].measured; }

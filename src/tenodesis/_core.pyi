@@ -208,9 +208,6 @@ def faults() -> list[tuple[str, str, str]]:
     Name, unit of the threshold and meaning of each fault, in the order of their bits.
     """
 
-def fault_names() -> list[str]:
-    """Names of the faults, in the order of their bits."""
-
 def control_signals() -> list[str]:
     """Names of the signals that a controller adds to a run."""
 

@@ -21,30 +21,30 @@ struct Frame {
   }
 };
 
-Stream encoded(const Frame& frame) {
+inline Stream encoded(const Frame& frame) {
   Stream bytes(encoded_size(frame.payload.size()));
   bytes.resize(encode(frame.header, frame.payload.data(), frame.payload.size(), bytes.data()));
   return bytes;
 }
 
-Frame frame_in(const Decoder& decoder) {
+inline Frame frame_in(const Decoder& decoder) {
   return {decoder.header(), {decoder.payload(), decoder.payload() + decoder.size()}};
 }
 
-std::vector<Frame> decoded(Decoder& decoder, const Stream& bytes) {
+inline std::vector<Frame> decoded(Decoder& decoder, const Stream& bytes) {
   std::vector<Frame> found;
   for (const std::uint8_t byte : bytes)
     if (decoder.push(byte)) found.push_back(frame_in(decoder));
   return found;
 }
 
-Stream operator+(Stream first, const Stream& other) {
+inline Stream operator+(Stream first, const Stream& other) {
   first.insert(first.end(), other.begin(), other.end());
   return first;
 }
 
 /// Bytes of which a share is 0.
-Stream noise(std::size_t count, double zeros) {
+inline Stream noise(std::size_t count, double zeros) {
   static std::mt19937 random{7};  // NOLINT(cert-msc32-c,cert-msc51-cpp,bugprone-random-generator-seed)
   Stream bytes(count);
   for (auto& byte : bytes) {
@@ -54,7 +54,7 @@ Stream noise(std::size_t count, double zeros) {
   return bytes;
 }
 
-Frame step_frame(std::uint32_t sequence = 3) {
+inline Frame step_frame(std::uint32_t sequence = 3) {
   Step step{};
   step.time = 500000;
   step.axis[0] = {0.3F, {25.5F, 24.25F}, {0, -0.125F}};

@@ -251,7 +251,7 @@ void a_fault_of_one_axis_stops_both() {
   ControlOutput<S, 2> output{};
   bool moved = false;
   for (std::size_t n = 0; n < 2000; ++n) {
-    Measurement<S> other = measurement_as<Measurement<S>>(trace.read[n]);
+    auto other = measurement_as<Measurement<S>>(trace.read[n]);
     if (n >= 1500) other.tension[0] = std::numeric_limits<S>::quiet_NaN();
     ControlInput<S, 2> input{tick * (n + 1),
                              n == 0 ? Request::enable : Request::none,
