@@ -381,7 +381,7 @@ def test_the_command_writes_both_files_and_tells_what_it_did(folder: Path, monke
     assert done.exit_code == 0
     for words in (
         "force 2.8802 force",
-        "as it was: commanded_handle_angle",
+        "unchanged: commanded_handle_angle",
         "largest force on real-size: 0.5208 N.",
         "largest tension on real-size: ",
         "largest similarity error up to that force, without friction: ",
@@ -407,7 +407,7 @@ def test_the_command_writes_both_files_and_tells_what_it_did(folder: Path, monke
         (["log.mcap", "--to", "real-size", "--time-factor", "0"], "time_factor is 0.0; it must be a number above 0."),
         (["log.mcap", "--to", "real-size", "--out", "pulley.toml"], "pulley.toml exists already; give another"),
         (["log.mcap", "--to", "real-size", "--instrument-out", "pulley.toml"], "pulley.toml exists already; give"),
-        (["log.mcap", "--to", "real-size", "--out", "log.mcap", "--overwrite"], "--out is log.mcap, which is in use"),
+        (["log.mcap", "--to", "real-size", "--out", "log.mcap", "--overwrite"], "--out is log.mcap, which is an input"),
         (["log.mcap", "--to", "real-size", "--out", "x", "--instrument-out", "x"], "--instrument-out is x, which is"),
         (["log.mcap", "--to", "real-size", "--out", "no/x.mcap"], "--out is no/x.mcap, but there is no folder no; "),
         (["log.mcap", "--to", "real-size", "--instrument-out", "no/x.toml"], "--instrument-out is no/x.toml, but"),
