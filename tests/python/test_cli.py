@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 import tenodesis as tn
 from tenodesis.cli import bench
 from tenodesis.cli.app import app, load
-from tenodesis.cli.commands import COMMANDS, Command, Group
+from tenodesis.cli.table import COMMANDS, Command, Group
 from tenodesis.instrument import Instrument
 from tenodesis.paper.context import Context
 from tenodesis.report.content import Published

@@ -7,7 +7,7 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from tenodesis.cli.commands import ALL, Command, Group, print_overview
+from tenodesis.cli.table import ALL, Command, Group, print_overview
 
 _DEFAULT = "list"
 

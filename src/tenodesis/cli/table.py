@@ -1,0 +1,131 @@
+"""The table of commands, and the overview that is printed from it without importing a command."""
+
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+
+class Command(NamedTuple):
+    """A command of the command line."""
+
+    help: str
+    """First line of its docstring, which a test holds."""
+    function: str
+    """MODULE.FUNCTION within this package"""
+
+
+class Group(NamedTuple):
+    """A command that has commands of its own."""
+
+    help: str
+    commands: "Mapping[str, Command | Group]"
+    default: Command | None = None
+    """Runs where no command is named."""
+
+
+EXPORTS = {
+    "recording": Command(
+        "Write a recording's signals as a table, with a column for each signal of each axis or tendon, in SI units.",
+        "recording.export_recording",
+    ),
+    "controller": Command(
+        "Write a controller's parameters as a C header, for tenodesis_init.", "export.export_controller"
+    ),
+    "urdf": Command(
+        "Write an instrument as a URDF robot: links, joints, mimics; no tendons. The file says what it does not carry.",
+        "export.export_urdf",
+    ),
+    "mjcf": Command(
+        "Write an instrument as a MuJoCo model: bodies, tied joints, tendons. The file says what it does not carry.",
+        "export.export_mjcf",
+    ),
+}
+DEVICES = {
+    "test": Command(
+        "Measure a device's rate, jitter and losses, with the motors at rest; exit code 1 if the controller needs "
+        "more.",
+        "devices.test_device",
+    ),
+}
+COMMANDS: dict[str, Command | Group] = {
+    "bench": Command(
+        "Compute every figure and table of the paper for an instrument and write out/report.html.", "bench.bench"
+    ),
+    "schema": Command(
+        "Print the JSON schema of a kind of file, for editors that complete and check TOML.", "instrument.schema"
+    ),
+    "check": Command("Check an instrument file and print its values in SI units.", "instrument.check"),
+    "record": Command(
+        "Run a protocol on the twin of an instrument and record it, with --law under a controller.",
+        "recording.record",
+    ),
+    "info": Command(
+        "Print what recordings hold: what made them, their topics, their signals' ranges, and what happened besides.",
+        "recording.info",
+    ),
+    "replay": Command(
+        "Run a recording's commands again and print how the twin differs from the recording.", "recording.replay"
+    ),
+    "scale": Command(
+        "Design a scale model of an instrument from stock parts: instrument file, test plan, and how similar it is.",
+        "scale.scale",
+    ),
+    "transfer": Command(
+        "Carry a recording of a scaled-up instrument to real-size units, and its friction to the real-size file.",
+        "transfer.transfer",
+    ),
+    "tolerance": Command(
+        "Study what tolerances do to a scale model's loss of angle and similarity, and which of them dominate.",
+        "tolerance.study_tolerances",
+    ),
+    "identify": Command(
+        "Identify a model from recordings: parameters with intervals, errors on held-out runs, and the instrument "
+        "file.",
+        "identify.identify",
+    ),
+    "plan-identification": Command(
+        "Propose the bench protocol that makes parameters identifiable, and predict how well they will be known.",
+        "plan_identification.plan_identification",
+    ),
+    "console": Command(
+        "Open the live instrument in the browser: move its handle, push on its tip, switch the compensation on and "
+        "off.",
+        "live.live_console",
+    ),
+    "foxglove": Command(
+        "Show a live instrument to Foxglove: the recordings' topics over a WebSocket, to watch and nothing else.",
+        "live.foxglove",
+    ),
+    "export": Group("Write what other programs read.", EXPORTS),
+    "devices": Group(
+        "List devices, or test one.", DEVICES, Command("List the devices and what each needs.", "devices.list_devices")
+    ),
+}
+ALL = Group(
+    "Model, scale, test and control tendon-driven hand-held surgical instruments. Research software, not a medical "
+    "device.",
+    COMMANDS,
+)
+
+
+def print_overview(usage: str, text: str, commands: Iterable[tuple[str, Command | Group]]) -> None:
+    """Print the help of a group of commands, as typer prints that of a command, without what that loads."""
+    from rich.console import Console  # noqa: PLC0415
+    from rich.padding import Padding  # noqa: PLC0415
+    from rich.panel import Panel  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415
+    from rich.text import Text  # noqa: PLC0415
+
+    def panel(title: str, rows: Iterable[tuple[str, ...]]) -> Panel:
+        table = Table(box=None, show_header=False, expand=True, pad_edge=False, highlight=False)
+        table.add_column(style="bold cyan", no_wrap=True)
+        table.add_column(ratio=10)
+        for name, told in rows:
+            table.add_row(name, Text(told))
+        return Panel(table, title=title, title_align="left", border_style="dim")
+
+    console = Console(highlight=False)
+    console.print(Padding(Text.assemble((" Usage: ", "yellow"), (usage, "bold")), (1, 0)))
+    console.print(Padding(Text(text), (0, 1, 1, 1)))
+    console.print(panel("Options", [("--help", "Show this message and exit.")]))
+    console.print(panel("Commands", [(name, command.help) for name, command in commands]))
+    console.print()
