@@ -1,4 +1,4 @@
-"""What the package raises when it is asked for something it cannot give: one family of exceptions that carry data."""
+"""One family of exceptions: each says in a sentence what is wrong, and carries key, value and what it must be."""
 
 
 class Error(Exception):

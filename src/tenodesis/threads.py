@@ -1,4 +1,4 @@
-"""How many threads large arrays are worked on with."""
+"""Number of threads that large arrays are computed with."""
 
 import os
 
@@ -10,7 +10,7 @@ _threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else
 
 
 def set_threads(count: int) -> None:
-    """Set how many threads large arrays are worked on with; results do not depend on it.
+    """Set the number of threads that large arrays are computed with; results do not depend on it.
 
     Raises
     ------
@@ -24,5 +24,5 @@ def set_threads(count: int) -> None:
 
 
 def threads() -> int:
-    """Return how many threads large arrays are worked on with: by default, the cores there are."""
+    """Return the number of threads that large arrays are computed with, by default the number of cores."""
     return _threads

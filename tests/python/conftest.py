@@ -48,10 +48,10 @@ def any_inst(request: pytest.FixtureRequest) -> Instrument:
 
 
 @contextmanager
-def refused(key: str, value: Any = ..., kind: type[Error] = ArgumentError) -> Iterator[None]:
+def refused(key: str, value: Any = ..., kind: type[Error] = ArgumentError) -> Iterator[pytest.ExceptionInfo[Error]]:
     """Expect an error about this key and value, whatever its wording."""
     with pytest.raises(kind) as caught:
-        yield
+        yield caught
     assert caught.value.key == key
     if value is not ...:
         np.testing.assert_equal(caught.value.value, value)

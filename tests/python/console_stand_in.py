@@ -22,6 +22,7 @@ from tenodesis.live.commands import ControllerRequest, RestartableConnection
 from tenodesis.live.status import ProtocolState, ProtocolStatus, RuntimeState, Status, Timing
 from tenodesis.run import Array, Run, concatenate
 from tenodesis.simulate import FaultInjection, Protocol
+from tenodesis.simulate.command import sampled
 
 TIME_STEP = 5e-4
 _BLOCK = 20
@@ -120,7 +121,8 @@ class StandIn:
         path = self.folder / f"{self.recorded:03d}-{protocol.name}.mcap"
         metadata = {"instrument": to_toml(self.inst), "protocol": protocol.to_toml()}
         self.recorder = tn.Recorder(path, axes=self.inst.axes, metadata=metadata)
-        self.playing = protocol.blocks(self.inst, TIME_STEP, _BLOCK * TIME_STEP)
+        segments = [segment for planned in protocol.plan(self.inst, TIME_STEP) for segment in planned.segments]
+        self.playing = sampled(segments, _BLOCK)
         self.protocol = ProtocolStatus(protocol.name, 0.0, seconds, ProtocolState.RUNNING)
 
     def _run(self) -> None:

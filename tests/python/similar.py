@@ -28,10 +28,10 @@ def geometrically_scaled(inst: Instrument, s: float) -> Instrument:
         power = {"m": 1, "N": 2, "N*m^2": 4}.get(quantity.unit, 0)
         if key != "tendon_stiffness" and power:
             changes[key] = value * s**power
-    numbers = plant.parameters(inst)
+    derived = plant.parameters(inst)
     powers = {
-        "dynamics.tip_inertia": (numbers["tip_inertia"], 5),
-        "dynamics.tip_damping": (numbers["tip_damping"], 4),
+        "dynamics.tip_inertia": (derived["tip_inertia"], 5),
+        "dynamics.tip_damping": (derived["tip_damping"], 4),
         "dynamics.hand_stiffness": (inst.dynamics.hand_stiffness, 3),
         "dynamics.hand_damping": (inst.dynamics.hand_damping, 4),
         "dynamics.hand_inertia": (inst.dynamics.hand_inertia, 5),

@@ -12,8 +12,9 @@ from tenodesis.instrument import TendonGear
 from tenodesis.instrument import load as load_instrument
 from tenodesis.instrument.text import with_units
 from tenodesis.scaling import catalogue
-from tenodesis.scaling.catalogue import NEEDED, Catalogue, Constraints, Rod, json_schema, load, shipped
-from tenodesis.scaling.parts import KINDS
+from tenodesis.scaling.catalogue import NEEDED, Catalogue, json_schema, load, shipped
+from tenodesis.scaling.catalogue_file import Constraints
+from tenodesis.scaling.parts import KINDS, Rod
 
 ROOT = Path(__file__).parents[2]
 PSI = 6894.757
@@ -310,7 +311,7 @@ CELL = '[[load_cells]]\nname = "cell"\nrange = "1 N"\n'
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("a =", "not valid TOML"),
         ("rope = 1", "rope is not a known key; it must be one of name,"),
@@ -365,10 +366,10 @@ CELL = '[[load_cells]]\nname = "cell"\nrange = "1 N"\n'
         ('include = "ropes"', "include = 'ropes': it must be a list."),
     ],
 )
-def test_a_bad_catalogue_is_refused_in_one_sentence(write: Any, text: str, told: str) -> None:
+def test_a_bad_catalogue_is_refused_in_one_sentence(write: Any, text: str, message: str) -> None:
     with pytest.raises(DesignError) as refused:
         load(write(text))
-    assert told in str(refused.value)
+    assert message in str(refused.value)
     assert "own.toml" in str(refused.value)
     assert str(refused.value).endswith(".")
 

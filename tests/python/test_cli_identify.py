@@ -17,7 +17,7 @@ import tenodesis as tn
 from tenodesis.cli import identify
 from tenodesis.errors import CommandError
 from tenodesis.files import atomic_file, atomic_files
-from tenodesis.identification import FORMATS, Format, Parameter, Trace, report
+from tenodesis.identification import FORMATS, Format, Parameter, Problem, Trace, report
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
@@ -25,7 +25,7 @@ from tenodesis.run import Array
 STEP = 0.01
 
 
-class Springs:
+class Springs(Problem):
     """Tension over stretch: pretension and stiffness, which are keys of an instrument; the angle is their sum."""
 
     def __init__(self, measured: Sequence[MeasuredRun], inst: Instrument | None) -> None:

@@ -146,7 +146,7 @@ def test_a_controller_of_both_axes_or_of_one(tenodesis: Command) -> None:
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        (("--law", "robust", "--observer", "paper"), 'observer "paper"; allowed with that law is "friction".'),
+        (("--law", "robust", "--observer", "paper"), 'observer "paper"; it must be "friction" with that law.'),
         (
             ("--law", "robust", "--controller-instrument", str(EXAMPLES / "pulley.toml")),
             "the controller is for yaw of a tendon-pulley; allowed is a twin of such an instrument, not yaw of a "
@@ -186,7 +186,7 @@ def test_a_controller_that_cannot_be_is_refused_in_a_sentence(
         ),
         (("record", "short.toml", "--out", "run.mcap"), "run.mcap exists already; give another path, or --over"),
         (("record", "short.toml", "--time-step", "0.5"), "--time-step = '0.5': it has no unit"),
-        (("record", "short.toml", "--time-step", "1 s", "--out", "x.mcap"), "time_step is 1 s; allowed is at most"),
+        (("record", "short.toml", "--time-step", "1 s", "--out", "x.mcap"), "time_step is 1 s; it must be at most"),
         (("record", "short.toml", "--seed", "-1", "--out", "x.mcap"), "seed is -1; allowed is a whole number"),
         (("record", "short.toml", "--axis", "pitch"), "scaled-up has no axis 'pitch'; it has yaw"),
         (("info", "absent.mcap"), "absent.mcap cannot be read: there is no such file"),

@@ -154,11 +154,13 @@ def test_robust_does_not_hunt(any_inst: Instrument, handle: float) -> None:
 def test_robust_is_at_rest_6_s_after_a_load_whatever_the_friction(
     scaled: Instrument, scale: float, handle: float
 ) -> None:
-    told = rubbed(scaled, tendon_modulus=0.85 * 50e9)
-    true = told.replace(**{"friction.vertex_coefficient": 0.1 * scale, "friction.sheath_coefficient": 0.1 * scale})
+    nominal = rubbed(scaled, tendon_modulus=0.85 * 50e9)
+    true = nominal.replace(**{"friction.vertex_coefficient": 0.1 * scale, "friction.sheath_coefficient": 0.1 * scale})
     for seed in (1, 2, 3):
         twin = Twin(true, seed=seed)
-        run = twin.run(eased(np.radians(handle), 1.5, 16), stepped(true, 16, share=0.37), controller=Controller(told))
+        run = twin.run(
+            eased(np.radians(handle), 1.5, 16), stepped(true, 16, share=0.37), controller=Controller(nominal)
+        )
         assert np.ptp(np.degrees(run["output_angle"][row(10) :])) < 0.5, seed
         assert abs(missed(true, run)[-1]) < 0.7, seed
 
@@ -168,7 +170,7 @@ def test_robust_keeps_still_at_rest_with_the_error_it_knows_within_two_dead_band
     run = held(inst, 14, stepped(inst, 12))
     at_rest = run["phase"] == 0
     assert at_rest[row(8) :].mean() > 0.9
-    # A drive that was told to move slows down first.
+    # A drive that was commanded to move slows down first.
     resting = at_rest & np.concatenate([np.zeros(200, bool), at_rest[:-200]])
     assert not run["commanded_spool_velocity"][resting & (run.time > 8)].any()
     known = np.degrees(run["estimated_output_angle"] - target(inst, run["measured_handle_angle"]))
@@ -200,18 +202,18 @@ def test_mean_tension_does_not_grow_over_cycles_of_the_handle(any_inst: Instrume
 
 @pytest.mark.parametrize("handle", [0, 25])
 def test_no_tendon_is_wound_beyond_the_limit(any_inst: Instrument, handle: float) -> None:
-    """The load alone stays below it; for 0.1 s after the load fell, its swing may add to what the motors wind."""
+    """The load alone stays below it; for 0.1 s after the load fell, its oscillation may add to what the motors wind."""
     inst = rubbed(any_inst)
     force = stepped(inst, 14, share=0.45)
     alone = held(inst, handle, force, law="off")["tension"]
     limit = max(1.02 * alone.max(), 1.8 * inst.pretension)
     run = held(inst.replace(**{"control.tension_limit": limit}), handle, force)
     assert run["operating_state"].max() == OperatingState.ENABLED
-    swinging = np.abs(run.time - 4.05) < 0.05
-    assert run["tension"][~swinging].max() <= 1.02 * limit
+    oscillating = np.abs(run.time - 4.05) < 0.05
+    assert run["tension"][~oscillating].max() <= 1.02 * limit
     assert run["tension"].max() <= 1.06 * limit
     above = run["measured_tension"][:-1] > limit + 5 * inst.sensors.load_cell_noise
-    assert (run["commanded_spool_velocity"][1:][above & ~swinging[1:, np.newaxis]] <= 0).all()
+    assert (run["commanded_spool_velocity"][1:][above & ~oscillating[1:, np.newaxis]] <= 0).all()
 
 
 def test_at_the_limit_strokes_do_not_turn_back_at_every_tick(scaled: Instrument) -> None:

@@ -251,7 +251,7 @@ def test_a_wrong_instrument_file_is_explained_key_by_key_and_a_right_one_runs(wi
     window.sees("pretension")
     assert bench.inst.name == "scaled-up"
     window.choose("Shipped", "real-size")
-    window.press("Run this one")
+    window.press("Run this instrument")
     wait(lambda: bench.inst.name == "real-size")
     window.sees("Handle pitch, °")
     bench.begin(tn.load("scaled-up"))

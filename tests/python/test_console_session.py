@@ -281,7 +281,7 @@ def test_who_watches_does_not_open_instrument_files(page: Page, bench: StandIn) 
         wait(lambda: operates(bench, first) or operates(bench, second))
         watcher = second if operates(bench, first) else first
         watcher.set("Path", "/etc/passwd")
-        watcher.set("Run the one of this path", True)
+        watcher.set("Run the file at this path", True)
         wait(lambda: "You only watch; take control first." in watcher.told)
         assert not any("passwd" in told for told in watcher.told)
 
@@ -291,7 +291,7 @@ def test_what_is_no_instrument_file_is_refused_by_its_name(page: Page, bench: St
     with Guest(page.port) as guest:
         wait(lambda: operates(bench, guest))
         guest.set("Path", path)
-        guest.set("Run the one of this path", True)
+        guest.set("Run the file at this path", True)
         known = path.partition("\0")[0]
         wait(lambda: guest.sees(known) or any(known in told for told in guest.told))
         assert asked_by(bench, "load") == []

@@ -134,10 +134,10 @@ STATES = (0.0, 14.0, 28.5, 33.2)  # deg of handle: Fig. 15 by output angle
 SCALES = (0.7, 1.0, 1.43)
 
 
-def loaded(inst: Instrument, told: Instrument, handle: float, seed: int, *, share: float = 0.37) -> Run:
+def loaded(inst: Instrument, nominal: Instrument, handle: float, seed: int, *, share: float = 0.37) -> Run:
     """Bring the handle to an angle (deg) and load the tip from 4 s to 10 s, with compensation."""
     force = np.where(clock(10) > 4, load_of(inst, share), 0.0)
-    return Twin(inst, seed=seed).run(eased(np.radians(handle), 1.5, 10), force, controller=Controller(told))
+    return Twin(inst, seed=seed).run(eased(np.radians(handle), 1.5, 10), force, controller=Controller(nominal))
 
 
 @pytest.fixture(scope="module")
@@ -194,11 +194,11 @@ def test_the_tip_force_is_known_to_its_deviation(rested: dict[str, Array], name:
     assert (np.abs(rested[name][:, 4]) < 3).mean() >= 0.95
 
 
-def test_a_stiffness_told_15_percent_wrong_is_learned(scaled: Instrument) -> None:
-    told = rubbed(scaled)
-    true = told.replace(**{"mismatch.stiffness_ratio": 0.85})
+def test_a_stiffness_given_15_percent_wrong_is_learned(scaled: Instrument) -> None:
+    nominal = rubbed(scaled)
+    true = nominal.replace(**{"mismatch.stiffness_ratio": 0.85})
     for handle in STATES:
-        run = loaded(true, told, handle, 1)
+        run = loaded(true, nominal, handle, 1)
         assert abs(error(run)[-1000:].mean()) < 0.5
         assert abs(error(run)[-1]) < 3 * deviation(run)[-1]
         assert run["friction_scale"][-1] == pytest.approx(1, abs=max(0.1, 3 * run["friction_scale_std"][-1]))
@@ -227,7 +227,7 @@ def test_a_common_stroke_shrinks_the_deviation(any_inst: Instrument) -> None:
 
 
 class Frictionless:
-    """A plant of Python's own: rolling gears, tendons that only pull, spools that turn as they are told."""
+    """A plant of Python's own: rolling gears, tendons that only pull, spools that turn as commanded."""
 
     def __init__(self, inst: TendonGear) -> None:
         self.inst, self.force, self.spools = inst, 0.0, np.zeros(2)

@@ -105,7 +105,7 @@ def test_a_drive_that_starts_anew_is_named(inst: Instrument) -> None:
     with served(inst) as (device, bench, clock):
         tick(device, clock)
         bench.network.send_message(0x700 + AGONIST, b"\x00")
-        stops(device, bench, r"node 1\) has started anew", lambda: [tick(device, clock) for _ in range(3)])
+        stops(device, bench, r"node 1\) has restarted", lambda: [tick(device, clock) for _ in range(3)])
 
 
 @pytest.mark.parametrize("act", ["read", "write"])
@@ -153,7 +153,7 @@ def test_a_stop_reaches_the_drives_that_it_can_reach(inst: Instrument) -> None:
         tick(device, clock)
         assert moves(bench)
         deaf(device).refused = 0x200 + AGONIST
-        with pytest.raises(DeviceError, match=r"does not carry frames: transmit buffer full\. All motors are told"):
+        with pytest.raises(DeviceError, match=r"does not carry frames: transmit buffer full\. All motors"):
             device.write(np.full((1, 2), SPEED))
         assert until(lambda: bench.drives[ANTAGONIST].state == "quick stop active")
         assert "The stop was not sent" in device.problem

@@ -18,6 +18,8 @@ GENERATED = (
 )
 
 
+@pytest.mark.slow
+@pytest.mark.process
 def test_generated_files_are_current(tmp_path: Path) -> None:
     code = f"import sys; sys.path.insert(0, {str(ROOT / 'docs')!r}); import generate, pathlib; "
     code += f"generate.main(pathlib.Path({str(tmp_path)!r}))"
@@ -35,6 +37,8 @@ def test_every_equation_and_care_point_is_implemented_and_tested() -> None:
     assert [int(number) for number in care] == list(range(1, 10))
 
 
+@pytest.mark.slow
+@pytest.mark.process
 @pytest.mark.parametrize("page", ["README.md", "docs/twin.md", "docs/scaling.md"])
 def test_the_python_examples_run_and_print_what_they_say(page: str) -> None:
     code = "".join(re.findall(r"```python\n(.*?)```", (ROOT / page).read_text("utf-8"), re.S))

@@ -97,7 +97,9 @@ CASES = {
         ("motor_not_following",), 0.25, LAGS, inject("spool_velocity.antagonist", "set", 0.0, LOADED), start=LOADED
     ),
     "tick late": Case(("tick_late",), 0.0006, ONE_TICK, inject("tick", "add", 0.05)),
-    "ticks missing": Case(("tick_late",), 0.0411, "told by the next one", inject("tick", "hold", stop=FAULT + 0.04)),
+    "ticks missing": Case(
+        ("tick_late",), 0.0411, "detected by the next one", inject("tick", "hold", stop=FAULT + 0.04)
+    ),
 } | {
     f"{place} {value}": Case(("not_a_number",), 0.0006, ONE_TICK, inject(place, "set", value))
     for place in ("handle_angle", "tension.agonist", "tension.antagonist", "spool_angle.agonist")
@@ -253,9 +255,9 @@ def test_the_flight_record_holds_the_last_200_ms_before_a_fault_and_a_few_after(
 
 def test_every_sensor_fault_is_detected_within_50_ms() -> None:
     assert all(case.within <= 0.05 for case in CASES.values() if set(case.named) & SENSOR_FAULTS)
-    told = set().union(*(case.named for case in CASES.values()))
+    named = set().union(*(case.named for case in CASES.values()))
     # These two have tests of their own, homing_failed has its own file.
-    assert set(FAULTS) - told == {"tendon_slack", "homing_failed"}
+    assert set(FAULTS) - named == {"tendon_slack", "homing_failed"}
 
 
 @pytest.mark.parametrize(("name", "deg"), CONFIGURATIONS, ids=str)

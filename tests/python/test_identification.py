@@ -9,7 +9,7 @@ from scipy import stats
 from scipy.signal import lfilter
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification import FORMATS, Fit, Parameter, fit, jacobian_error, to_json
+from tenodesis.identification import FORMATS, Fit, Parameter, Problem, fit, jacobian_error, to_json
 from tenodesis.identification.bootstrap import block_length, resampled
 from tenodesis.identification.uncertainty import Linearised, estimate, long_run
 from tenodesis.identification.whiteness import autocorrelation, correlation_samples, examine
@@ -18,7 +18,7 @@ from tenodesis.run import Array
 STEP = 0.01
 
 
-class Model:
+class Model(Problem):
     """Some function of the parameters over time, measured with noise; one run for each set of measurements."""
 
     def __init__(

@@ -73,10 +73,9 @@ def simulated(law: str, *, noise: float = 0.0, loads: tuple[float, ...] = (0.0, 
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("offset", ["shared", "run"])
-def test_derivatives_agree_with_differences(law: str, offset: str) -> None:
+def test_derivatives_agree_with_differences(law: str) -> None:
     runs = simulated(law)
-    tool = Tool(runs, law=law, offset=offset)  # type: ignore[arg-type]
+    tool = Tool(runs, law=law)
     # away from the truth, where residuals are zero, and from samples that stand on two bounds at once
     for run in range(len(runs)):
         assert jacobian_error(tool, values(tool) * 1.03, run, quantile=0.98) < 2e-4
@@ -177,13 +176,11 @@ def test_jaw_angles_and_torques_of_a_test_run_do_not_reach_its_prediction() -> N
     assert one.runs == ("load 0", "load 0.05", "load 0.1", "load 0.07")
 
 
-def test_a_shared_offset_asks_more_than_one_by_run() -> None:
+def test_all_runs_share_the_jaws_offset() -> None:
     runs = simulated("capstan-constant")
     moved = [with_jaw(run, run["jaw_angle"] + shift) for run, shift in zip(runs, (0.0, 0.03, -0.02), strict=True)]
-    shared, by_run = Tool(moved), Tool(moved, offset="run")
-    at = values(shared)
-    assert np.degrees(0.03) == pytest.approx(shared.errors(at, 1)["output_angle_deg"].mean(), rel=1e-6)
-    assert np.abs(by_run.errors(at[1:], 1)["output_angle_deg"]).max() < 1e-9
+    tool = Tool(moved)
+    assert np.degrees(0.03) == pytest.approx(tool.errors(values(tool), 1)["output_angle_deg"].mean(), rel=1e-6)
 
 
 def test_bad_requests_are_refused() -> None:
@@ -192,8 +189,6 @@ def test_bad_requests_are_refused() -> None:
         IdentificationError, match=r"law is 'glue'; it must be one of none, coulomb, capstan, capstan-const"
     ):
         Tool(runs, law="glue")
-    with pytest.raises(IdentificationError, match=r"offset is 'mine'"):
-        Tool(runs, offset="mine")  # type: ignore[arg-type]
     with pytest.raises(IdentificationError, match=r"contacts is 0"):
         Tool(runs, contacts=0)
     with pytest.raises(IdentificationError, match=r"train is empty"):

@@ -152,7 +152,7 @@ def test_a_goal_of_several_postures_has_the_one_that_it_starts_near():
     np.testing.assert_allclose(near.yaw, posture.yaw, atol=1e-9)
 
 
-def test_one_axis_reaches_its_goals_by_spinning_and_bends_the_way_the_spin_is_told():
+def test_one_axis_reaches_its_goals_by_spinning_and_bends_the_way_of_the_spin_that_is_given():
     inst = INSTRUMENTS["scaled-up"]
     posture = postures(inst, 500, seed=7)
     posture = posture._replace(yaw=np.abs(posture.yaw) + 0.05)
@@ -345,15 +345,15 @@ def test_limits_are_those_of_the_file():
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "sentence"),
     [
         ({"geometry": {"least_insertion": 0.2, "most_insertion": 0.1}}, "least_insertion is 0.2 m"),
         ({"geometry": {"pivot_range": "95 deg"}}, "geometry.pivot_range"),
         ({"geometry": {"length": 1.0}}, "geometry.length is not a known key"),
     ],
 )
-def test_bad_geometry_is_named(changes, told):
-    with pytest.raises(tn.InstrumentError, match=told):
+def test_bad_geometry_is_named(changes, sentence):
+    with pytest.raises(tn.InstrumentError, match=sentence):
         REAL.replace(**changes)
 
 
@@ -384,7 +384,7 @@ def test_the_urdf_is_a_tree_and_its_mimics_name_their_joints(inst):
     }
 
 
-def test_what_a_format_does_not_carry_is_told_in_it():
+def test_what_a_format_does_not_carry_is_said_in_it():
     assert re.search(r"does not carry.*tendons.*rolling contact.*friction", km.urdf(REAL), re.DOTALL)
     assert re.search(r"does not carry.*rolling contact.*friction", km.mjcf(REAL), re.DOTALL)
     for name, inst in INSTRUMENTS.items():
@@ -461,7 +461,7 @@ def test_a_load_shrinks_the_workspace_by_what_it_takes_of_the_output_angle():
     assert spaces[-1].bend == pytest.approx(tn.statics.output_angle(REAL.axis("yaw"), handle, 3.0), abs=1e-9)
 
 
-def test_models_are_written_whole_by_the_command_line_and_not_over_others(tmp_path, monkeypatch):
+def test_models_are_written_completely_by_the_command_line_and_not_over_others(tmp_path, monkeypatch):
     from typer.testing import CliRunner
 
     from tenodesis.cli.app import app

@@ -64,10 +64,10 @@ def peaks(signal: Array) -> Array:
     return np.asarray(t + (a - b) ** 2 / 8 / (2 * t - a - b))
 
 
-def driven(case: Case, swing: float, share: float, samples: int) -> tuple[Array, Array, Array]:
-    """Handle angle swinging (rad) and forces (N), tangential up to a share of what slackens a tendon when straight."""
+def driven(case: Case, amplitude: float, share: float, samples: int) -> tuple[Array, Array, Array]:
+    """Oscillating handle angle (rad) and forces (N), tangential up to a share of the straight tip's slack force."""
     time = np.arange(samples) * STEP
-    handle = 0.1 + swing * np.sin(2 * np.pi * 5 * time)
+    handle = 0.1 + amplitude * np.sin(2 * np.pi * 5 * time)
     slack = float(tn.statics.slack_force(case.inst, 0.0))
     force: Array = slack * np.where(time > samples * STEP / 4, share, 0.1)
     return handle, force, 0.5 * np.sin(2 * np.pi * 9 * time)

@@ -43,13 +43,14 @@ REAL = (ROOT / "instruments/real-size.toml").read_text("utf-8")
 Sections = Iterable[Callable[[Context], Section]]
 
 
-def computed(context: Context, sections: Sections) -> str:
-    """Compute sections, draw their figures without saving them, and return the text of the report on them."""
+def computed(context: Context, sections: Sections, *, drawn: bool = True) -> str:
+    """Compute sections, lay out their figures without saving them, and return the text of the report on them."""
     with style.applied():
         done = [section(context) for section in sections]
         for plot in (plot for section in done for plot in section.plots):
-            plot.figure.draw_without_rendering()
             assert plot.curves
+            if drawn:
+                plot.figure.draw_without_rendering()
     drawings = {plot.name: "" for section in done for plot in section.plots}
     return re.sub(r"<style.*?</style>", "", report.render(context, done, drawings), flags=re.S)
 
@@ -88,14 +89,11 @@ UNUSUAL: dict[str, tuple[tuple[str, str], tuple[object, ...]]] = {
         ('"0.5 N", "1 N", "2 N", "3 N"', '"1 N", "1.0000001 N"'),
         (fig14_cycles, fig14_compensated),
     ),
-    "twelve loads": (
-        ('"0.5 N", "1 N", "2 N", "3 N"', ", ".join(f'"{n / 10} N"' for n in range(1, 13))),
-        (fig14_cycles, fig15_step_load),
+    "more loads than colours": (
+        ('"0.5 N", "1 N", "2 N", "3 N"', ", ".join(f'"{n / 10} N"' for n in range(1, 9))),
+        (fig14_cycles,),
     ),
-    "no loads": (
-        ('forces = ["0.5 N", "1 N", "2 N", "3 N"]', ""),
-        (workspace, tables_1_2_scale_model, fig14_cycles),
-    ),
+    "no loads": (('forces = ["0.5 N", "1 N", "2 N", "3 N"]', ""), (workspace, tables_1_2_scale_model, fig14_cycles)),
     "one held state": (
         ("[conditions]", '[conditions]\noutput_angles = ["30 deg"]'),
         (fig15_step_load, fig15_compensated),
@@ -181,20 +179,20 @@ def test_scipy_and_mujoco_agree_with_the_statics_of_unusual_instruments(name: st
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
-    ("name", "changes"),
+    ("name", "changes", "module"),
     [
-        ("pulley", {"output_range": "170 deg"}),
-        ("pulley", {"handle_range": "10 deg"}),
-        ("continuum", {"backbone_rigidity": "2 N*m^2"}),
-        ("continuum", {"backbone_rigidity": "20 N*mm^2"}),
+        ("pulley", {"output_range": "170 deg"}, tables_1_2_scale_model),
+        ("pulley", {"handle_range": "10 deg"}, fig14_cycles),
+        ("continuum", {"backbone_rigidity": "2 N*m^2"}, fig15_step_load),
+        ("continuum", {"backbone_rigidity": "20 N*mm^2"}, tables_1_2_scale_model),
     ],
 )
 def test_unusual_instruments_of_other_mechanisms_get_a_report_too(
-    name: str, changes: dict[str, str], request: pytest.FixtureRequest
+    name: str, changes: dict[str, str], module: object, request: pytest.FixtureRequest
 ) -> None:
     inst: Instrument = request.getfixturevalue(name).replace(**changes)
     context = Context.of(inst, inst.replace(name="scaled"))
-    text = computed(context, of(*STATICS, tables_1_2_scale_model, fig14_cycles, fig15_step_load))
+    text = computed(context, of(*STATICS, module))
     assert "shrinks faster" not in text
 
 
@@ -203,7 +201,7 @@ def test_other_mechanisms_get_a_report_without_the_papers_numbers(name: str, req
     inst: Instrument = request.getfixturevalue(name)
     context = Context.of(inst)
     rest = (workspace, tables_1_2_scale_model, scale_model_design, fig14_cycles, fig15_step_load, checks)
-    text = computed(context, of(*STATICS, *rest))
+    text = computed(context, of(*STATICS, *rest), drawn=False)
     assert inst.name in text
     assert "No scale model was given" in text
     assert "Published and computed" not in text
@@ -214,7 +212,7 @@ def test_other_mechanisms_get_a_report_without_the_papers_numbers(name: str, req
 @pytest.mark.parametrize("name", ["pulley", "continuum"])
 def test_other_mechanisms_are_compensated_without_the_papers_numbers(name: str, request: pytest.FixtureRequest) -> None:
     context = Context.of(request.getfixturevalue(name), seeds=1)
-    computed(context, of(*COMPENSATED, campaign))
+    computed(context, of(*COMPENSATED, campaign), drawn=False)
     assert context.results["campaign.step_load.final_error_rms"].value < 1
     assert all(result.published is None for result in context.results.values())
 
@@ -222,7 +220,7 @@ def test_other_mechanisms_are_compensated_without_the_papers_numbers(name: str, 
 def test_a_changed_instrument_is_not_set_beside_the_papers_numbers() -> None:
     context = Context.of(tn.load("real-size").replace(tendon_diameter="0.5 mm"), tn.load("scaled-up"))
     assert not context.is_paper
-    computed(context, of(*STATICS, tables_1_2_scale_model, scale_model_design, fig14_cycles, fig15_step_load))
+    computed(context, of(compensation_laws, tables_1_2_scale_model, scale_model_design, fig14_cycles), drawn=False)
     assert all(result.published is None for result in context.results.values())
     assert Context.of(tn.load("real-size"), tn.load("scaled-up")).is_paper
 
@@ -238,7 +236,7 @@ def test_without_mujoco_its_checks_are_left_out_with_a_sentence(monkeypatch: pyt
     monkeypatch.setitem(sys.modules, "mujoco", None)
     inst = tn.load("real-size")
     context = Context.of(inst)
-    text = computed(context, of(workspace, checks))
+    text = computed(context, of(workspace, checks), drawn=False)
     assert text.count("left out: mujoco is not installed") == 2
     assert not [key for key in context.results if "mujoco" in key or key.startswith(("axes.", "care."))]
     assert context.results["verification.scipy.instrument.disputed"].value == 0
@@ -255,7 +253,8 @@ def test_curves_are_the_statics_at_their_columns(real: Instrument) -> None:
         assert np.allclose(output[drawn], expected[drawn], atol=1e-9)
 
 
-def test_the_campaign_gives_the_same_results_again_over_threads() -> None:
+def test_the_campaign_gives_the_same_results_again_over_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(campaign, "FRICTION_ERRORS", (0.3,))
     condition = campaign.conditions(Context.of(tn.load("scaled-up")))[0]
     first, second = (campaign.trials(condition, 1) for _ in range(2))
     assert [trial.response for trial in first] == [trial.response for trial in second]
@@ -265,9 +264,9 @@ def test_the_same_sections_are_written_as_the_same_files(tmp_path: Path, pulley:
     for out in (tmp_path / "first", tmp_path / "second"):
         context = Context.of(pulley)
         with style.applied():
-            write(context, [fig9_transmissibility.section(context), fig15_step_load.section(context)], out)
+            write(context, [fig9_transmissibility.section(context)], out)
     files = [path.relative_to(out) for path in out.rglob("*") if path.suffix in (".svg", ".csv", ".html", ".json")]
-    assert len(files) == 6
+    assert len(files) == 4
     for file in files:
         assert (tmp_path / "first" / file).read_bytes() == (tmp_path / "second" / file).read_bytes(), file
 

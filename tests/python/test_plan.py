@@ -18,7 +18,7 @@ from tenodesis import scaling
 from tenodesis.errors import DesignError
 from tenodesis.scaling import catalogue, plan, plan_text
 from tenodesis.scaling.candidates import Wheel
-from tenodesis.scaling.catalogue import Constraints
+from tenodesis.scaling.catalogue_file import Constraints
 from tenodesis.scaling.parts import Weight
 from tenodesis.scaling.plan import Plan
 from tenodesis.scaling.weights import select_weights
@@ -251,7 +251,7 @@ def test_what_a_workshop_must_not_overlook_is_a_warning() -> None:
         forces=(0.03, 0.5),
     )  # fmt: skip
     said = "\n".join(plan.content(bad).warnings).replace("\u00a0", " ")
-    for told in (
+    for message in (
         r"Pretension is 25 N, 40 % below the similar 41\.3 N",
         r"The weights for 0\.03 N real-size are off by [+−]\d+\.\d+ %, more than 2 %",
         r"The rope breaks at 2\.10 × the largest tension; 3 × is required",
@@ -259,7 +259,7 @@ def test_what_a_workshop_must_not_overlook_is_a_warning() -> None:
         r"No encoder of the catalogue fits a distal radius of 7\.5 mm",
         r"neither holds the load",
     ):
-        assert re.search(told, said), told
+        assert re.search(message, said), message
 
 
 @pytest.fixture(scope="module")
@@ -381,7 +381,10 @@ def test_a_design_without_test_loads_has_a_plan(tmp_path: Path) -> None:
     assert plan.write(made(forces=()), tmp_path)[1].exists()
 
 
-def test_nothing_is_written_where_the_folder_cannot_be(design: Any, tmp_path: Path) -> None:
+def test_nothing_is_written_where_the_folder_cannot_be(
+    design: Any, found: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(plan, "content", lambda _: found)
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(DesignError, match="file cannot be written"):
         plan.write(design, tmp_path / "file")

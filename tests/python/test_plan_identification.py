@@ -299,6 +299,6 @@ def test_command_refuses_what_it_does_not_understand(app: typer.Typer, options: 
 
 def test_command_never_overwrites_the_instrument(app: typer.Typer, tmp_path: Path) -> None:
     given = tmp_path / "protocol.toml"
-    given.write_text(tn.instrument_text.to_toml(tn.load("scaled-up")), "utf-8")
+    given.write_text(tn.instrument.text.to_toml(tn.load("scaled-up")), "utf-8")
     with pytest.raises(CommandError, match="which is an input"):
         run(app, str(given), "--out", str(tmp_path))

@@ -44,7 +44,7 @@ def instruments(draw: st.DrawFn) -> Instrument:
 handles = st.floats(-0.6, 0.6)
 # In shares of the force that stretches a tendon by a tenth of the radius, so that loads suit the instrument.
 loads = st.floats(-1.5, 1.5)
-many = settings(max_examples=300)
+many = settings(max_examples=200)
 
 
 def unit_force(inst: Instrument) -> float:

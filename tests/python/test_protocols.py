@@ -119,16 +119,6 @@ def test_a_recording_is_found_beside_the_protocol_file(scaled: Instrument, motio
     assert simulate.load(file).duration(scaled) == pytest.approx(1.125)
 
 
-@pytest.mark.parametrize("seconds", [0.0005, 0.0137, 1.0, 100.0])
-def test_blocks_joined_are_the_commands(scaled: Instrument, seconds: float) -> None:
-    step = StepLoad(handle_angle=0.1, force=1, rise=0.01, duration=0.1, approach=2)
-    protocol = Protocol(name="test", phases=[step, Hold(duration=1.2)])
-    blocks = list(protocol.blocks(scaled, DT, seconds))
-    assert max(block["force"].size for block in blocks) * DT <= max(seconds, DT) + 1e-12
-    whole = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
-    same(whole, protocol.commands(scaled, DT))
-
-
 def test_the_duration_is_that_of_the_commands(any_inst: Instrument) -> None:
     for name in ("cycles", "step-load", "wrist"):
         protocol = simulate.load(name)

@@ -28,6 +28,7 @@ from tenodesis.simulate import Cycles, FaultInjection, Hold, Pretension, Protoco
 from tenodesis.twin import Twin
 
 from .conftest import EXAMPLES
+from .recording_samples import bits
 
 PROTOCOL = Protocol(
     name="short",
@@ -37,10 +38,6 @@ PROTOCOL = Protocol(
     ),
 )
 SLACK = Protocol(name="slack", phases=(Pretension(), *PROTOCOL.phases))
-
-
-def bits(run: Run) -> dict[str, tuple[tuple[int, ...], bytes]]:
-    return {name: (values.shape, values.tobytes()) for name, values in ({"time": run.time} | run.signals()).items()}
 
 
 def another(inst: Instrument) -> Instrument:

@@ -146,18 +146,18 @@ def test_what_the_core_judges_is_what_the_comparison_says(any_inst: Instrument) 
         error = comparison.error()
         found = np.empty((1, len(FINDINGS)))
         target.judge(np.array([scaled_up.spec.__getstate__()[1]]), np.array([np.nan]), found, 1)
-        told = dict(zip(FINDINGS, found[0], strict=True))
-        assert np.degrees(told["largest_error"]) == pytest.approx(error.largest_snapped, rel=1e-9, abs=1e-9)
-        assert told["force_factor"] == pytest.approx(comparison.force_factor(), rel=1e-12)
-        assert told["pretension"] == pytest.approx(comparison.scaled_pretension, rel=1e-12)
-        assert told["rig_arm"] == pytest.approx(scaled_up.rig_arm, rel=1e-12)
-        scaled = scaled_up.replace(pretension=told["pretension"])
-        held = tn.statics.tensions(scaled, span.fine.handle_angle, span.fine.force * told["force_factor"])
+        judged = dict(zip(FINDINGS, found[0], strict=True))
+        assert np.degrees(judged["largest_error"]) == pytest.approx(error.largest_snapped, rel=1e-9, abs=1e-9)
+        assert judged["force_factor"] == pytest.approx(comparison.force_factor(), rel=1e-12)
+        assert judged["pretension"] == pytest.approx(comparison.scaled_pretension, rel=1e-12)
+        assert judged["rig_arm"] == pytest.approx(scaled_up.rig_arm, rel=1e-12)
+        scaled = scaled_up.replace(pretension=judged["pretension"])
+        held = tn.statics.tensions(scaled, span.fine.handle_angle, span.fine.force * judged["force_factor"])
         largest = np.nanmax(held)
-        if told["snapped"]:
-            assert told["largest_tension"] >= largest * (1 - 1e-9), "at the stop, tendons are strained as well"
+        if judged["snapped"]:
+            assert judged["largest_tension"] >= largest * (1 - 1e-9), "at the stop, tendons are strained as well"
         else:
-            assert told["largest_tension"] == pytest.approx(largest, rel=1e-9)
+            assert judged["largest_tension"] == pytest.approx(largest, rel=1e-9)
 
 
 def test_costs_at_few_points_are_lower_bounds(standard: scaling.Front) -> None:
@@ -280,10 +280,10 @@ def test_a_rope_that_would_break_is_named_with_what_it_would_take() -> None:
 def test_two_limits_that_no_model_meets_together_are_named() -> None:
     """A rope thick enough for so short a model pulls more than any load cell tells."""
     short = changed(scaling.load(), overall_length=(0.4, 1.2), spool_torque=None)
-    told = (
+    message = (
         r"tension_margin and load_cell_margin contradict each other: of \d+ scale models \d+ meet the one .* none both"
     )
-    with pytest.raises(DesignError, match=told):
+    with pytest.raises(DesignError, match=message):
         scaling.design(tn.load("real-size"), short, pins={"factor": 3.75}, combinations=20_000)
 
 
@@ -292,15 +292,15 @@ def test_weights_that_cannot_set_a_force_are_refused_with_the_nearest_set() -> N
     coarse = parts.model_copy(
         update={"weights": tuple(one for one in parts.weights if one.mass in (0.05, 0.2, 0.5, 1.0))}
     )
-    told = r"cannot set 0.1 N on the real-size instrument .* = 2 %: the nearest is .* on the loading cable"
-    with pytest.raises(DesignError, match=told):
+    message = r"cannot set 0.1 N on the real-size instrument .* = 2 %: the nearest is .* on the loading cable"
+    with pytest.raises(DesignError, match=message):
         weights_for(coarse, 0.1, {"rig_arm": 0.101, "force_factor": 2.88})
 
 
 def test_an_incomplete_catalogue_is_refused_by_what_it_lacks() -> None:
     parts = scaling.load()
-    for key, told in (("ropes", "ropes"), ("load_cells", "load cells"), ("weights", "weights")):
-        with pytest.raises(DesignError, match=f"has no {told}"):
+    for key, message in (("ropes", "ropes"), ("load_cells", "load cells"), ("weights", "weights")):
+        with pytest.raises(DesignError, match=f"has no {message}"):
             scaling.design(tn.load("real-size"), parts.model_copy(update={key: ()}))
     with pytest.raises(TypeError, match="real_size is 'real-size'; it must be an instrument"):
         scaling.design("real-size")  # type: ignore[arg-type]

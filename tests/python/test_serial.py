@@ -232,11 +232,11 @@ def test_a_board_that_hears_nothing_stops_by_itself(tmp_path: Path, scaled: Inst
     ):
         twin = Twin(scaled, seed=1)
         twin.run(np.full(20, 0.01), controller=there)
-        for _ in range(10):
-            # Beside other work, the board's clock under QEMU is slower than the PC's.
-            time.sleep(1.5)
+        # The board's clock may be slower than the wall's where the machine is busy; each tick begins the silence anew.
+        for silence in (1.5, 3.0, 6.0, 12.0):
+            time.sleep(silence)
             run = twin.run(np.full(20, 0.01), controller=there)
-            if there.stopped:
+            if run.operating_state[0] != OperatingState.ENABLED:
                 break
         assert np.all(run.operating_state == OperatingState.PAUSED)
         assert not run.commanded_spool_velocity.any()
@@ -376,7 +376,7 @@ def test_what_is_no_line_is_refused(address: str, error: type[Exception], said: 
     "options", [{"timeout": 0.0}, {"timeout": float("nan")}, {"repetitions": -1}, {"silence": 0.0}, {"law": "best"}]
 )
 def test_bad_options_are_refused_before_a_board_is_asked(options: dict[str, Any], scaled: Instrument) -> None:
-    with pytest.raises(ValueError, match="it must be a"):
+    with pytest.raises(ValueError, match=f"{next(iter(options))} is "):
         SerialController("/dev/no-such-port", scaled, **options)
 
 

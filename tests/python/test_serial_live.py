@@ -26,7 +26,7 @@ from tenodesis.instrument.devices import Serial
 from tenodesis.live import loop as loops
 from tenodesis.live.loop import PROBLEMS, Choices, LiveLoop
 from tenodesis.live.record import Reader
-from tenodesis.run import Run
+from tenodesis.run import Run, concatenate
 
 from . import serial_board as sb
 from .serial_board import Frame, Streamed
@@ -132,8 +132,14 @@ def test_a_board_with_sensors_is_followed_and_does_what_it_is_asked(tmp_path: Pa
             until(lambda: bool(np.any(new_rows(reader).commanded_spool_velocity)))
             loop.stop()
             wait_for_state(reader, PAUSED)
-            time.sleep(0.1)
-            run = new_rows(reader)
+            rows = [new_rows(reader)]
+
+            def come() -> bool:
+                rows.append(new_rows(reader))
+                return np.count_nonzero(np.diff(np.concatenate([run.time for run in rows])) > 0) > 50
+
+            until(come)
+            run = concatenate([run for run in rows if len(run)])
             assert not np.any(run.commanded_spool_velocity)
             fresh = np.diff(run.time) > 0
             # It sends bytes between ticks, one by one, which may hold up the next.
@@ -315,7 +321,8 @@ def test_a_board_that_lies_is_named_and_kept_going_no_longer(lie: str, tmp_path:
     with board.served() as address, looped(inst, tmp_path / "live", address, late_bound=0.1) as (loop, reader):
         loop.start()
         until(lambda: loop.controller.problem is not None)  # type: ignore[attr-defined]
-        time.sleep(0.5)
+        written = reader.written
+        until(lambda: reader.written > written + 40)
         run, _ = reader.read(10**5)
         assert loop.controller.problem.name == name  # type: ignore[attr-defined]
         assert loop.problem
@@ -347,10 +354,10 @@ def test_a_board_that_measures_nothing_is_refused(tmp_path: Path, scaled: Instru
 @pytest.mark.parametrize("sensors", ["twin", "board"])
 def test_the_communication_test_measures_a_boards_line(tmp_path: Path, scaled: Instrument, sensors: str) -> None:
     with sb.qemu(tmp_path) as (address, _):
-        device = SerialDevice(scaled, Serial(port=address, sensors=sensors))  # type: ignore[arg-type]
-        found = measure(device, scaled, 0.5)
+        device = SerialDevice(scaled, Serial(port=address, sensors=sensors, timeout=5.0))  # type: ignore[arg-type]
+        found = measure(device, scaled, 1.0)
         assert not found.problem
-        assert found.measurements > 20
+        assert found.measurements > 5
         assert found.backward == found.twice == 0
         assert found.turned == 0
         assert bool(found.round_trips.size) == (sensors == "twin")

@@ -80,7 +80,7 @@ def test_a_geometrically_scaled_instrument_is_similar_in_every_group_and_everywh
     assert comparison.errors["scaled"].held_by_one == 0
 
 
-def test_groups_tell_what_the_papers_scale_model_keeps(real: Instrument, scaled: Instrument) -> None:
+def test_groups_show_what_the_papers_scale_model_keeps(real: Instrument, scaled: Instrument) -> None:
     comparison = tn.similarity.compare(real, scaled)
     groups = {group.name: group for group in comparison.groups}
     kept = {"R/r", "theta_stop", "Theta", "mu", "mu_s", "phi_s", "J/(kappa t^2)"}
@@ -299,7 +299,7 @@ def test_the_papers_errors_come_from_the_end_effector_and_as_used_from_the_prete
     assert used.remainder_rms < 0.02 * used.error_rms
 
 
-def test_between_mechanisms_what_groups_do_not_tell_is_the_mechanisms(real: TendonGear, pulley: Instrument) -> None:
+def test_between_mechanisms_what_groups_do_not_explain_is_the_mechanisms(real: TendonGear, pulley: Instrument) -> None:
     comparison = tn.similarity.compare(real, pulley, largest_force=1.0)
     causes = comparison.causes(pretension=20.0, force_factor=1.01 * comparison.force_factor())
     assert {cause.name for cause in causes.causes} == {"T_o/(kr)", "Theta", "joint type"}

@@ -56,7 +56,7 @@ def test_a_loop_flexes_and_extends_over_the_working_range_and_friction_opens_it(
     assert error.real_size_angle.shape == error.scaled_up_angle.shape == error.error.shape == (2, error.time.size)
 
 
-def test_a_slow_cycle_in_time_tells_what_the_loops_at_rest_tell(real: Instrument, scaled: Instrument) -> None:
+def test_a_slow_cycle_in_time_agrees_with_the_loops_at_rest(real: Instrument, scaled: Instrument) -> None:
     comparison = tn.similarity.compare(real, scaled)
     rest, cycle = comparison.error_at_rest(forces=FIG_14), comparison.cycle_error(forces=FIG_14)
     assert cycle.rms == pytest.approx(rest.rms, rel=0.1)
@@ -147,16 +147,16 @@ CHANGES: dict[str, Any] = {
 def test_an_error_of_one_group_of_friction_is_put_down_to_that_group(rough: Instrument, name: str) -> None:
     inst = rough.replace(**{"friction.law": "capstan-constant", "friction.static_ratio": None})
     scaled_up = inst.replace(**CHANGES[name](inst, 0.1))
-    told: list[tuple[float, float]] = []
+    reported: list[tuple[float, float]] = []
     force = 0.1 * float(tn.statics.slack_force(inst, 0.0))
     comparison = tn.similarity.compare(inst, scaled_up)
     causes = comparison.causes(
-        friction=True, forces=[0.0, force], progress=lambda done, total: told.append((done, total))
+        friction=True, forces=[0.0, force], progress=lambda done, total: reported.append((done, total))
     )
     assert causes.worst == name
     assert causes.remainder_rms < 0.02 * causes.error_rms
     assert all(cause.rms == 0 for cause in causes.causes if cause.name != name)
-    assert told[-1][0] == told[-1][1]
+    assert reported[-1][0] == reported[-1][1]
 
 
 def test_causes_with_friction_add_up_to_the_error_of_the_papers_pair(real: Instrument, scaled: Instrument) -> None:

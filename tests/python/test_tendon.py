@@ -175,15 +175,15 @@ def test_any_motion_keeps_the_law_and_never_gains_energy(
 @given(exponents_of, steps_of)
 def test_state_between_calls_makes_one_motion_of_two(exponents: list[float], steps: list[tuple[float, float]]) -> None:
     wound, drawn = wandering(steps, 2)
-    whole = Tendon(STIFFNESS, exponents, pretension=PRETENSION)
-    at_once = whole.wind(wound, drawn)
+    together = Tendon(STIFFNESS, exponents, pretension=PRETENSION)
+    at_once = together.wind(wound, drawn)
     parted = Tendon(STIFFNESS, exponents, pretension=PRETENSION)
     half = len(wound) // 2
     parts = [parted.wind(wound[part], drawn[part]) for part in (slice(None, half), slice(half, None))]
     for column, *pieces in zip(at_once, *parts, strict=True):
         assert (np.concatenate(pieces) == column).all()
-    assert (whole.tensions == parted.tensions).all()
-    assert (whole.slips == parted.slips).all()
+    assert (together.tensions == parted.tensions).all()
+    assert (together.slips == parted.slips).all()
 
 
 @pytest.mark.parametrize("exponents", [[0.3], [0.1, 0.4, 0.2], [0.05] * 12])
@@ -269,6 +269,7 @@ def fit(proximal: Array, distal: Array, part: slice = slice(None)) -> Array:
     return np.asarray(min(found, key=lambda one: float(one.fun)).x)
 
 
+@pytest.mark.data
 def test_one_contact_predicts_a_measured_sheath_where_a_straight_line_fails() -> None:
     proximal, distal = measured_tensions()
     fitted = fit(proximal, distal)

@@ -158,7 +158,7 @@ def test_a_node_killed_at_work_loses_nothing(
 
 
 @pytest.mark.process
-def test_a_cluster_that_wants_another_token_is_told_from_none(
+def test_a_cluster_that_wants_another_token_is_distinguished_from_none(
     real: Instrument, scaled: Instrument, two_nodes: TwoNodes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(engines, "PATIENCE", 60.0)
@@ -168,7 +168,7 @@ def test_a_cluster_that_wants_another_token_is_told_from_none(
 
 
 @pytest.mark.parametrize(
-    ("address", "told"),
+    ("address", "message"),
     [
         (lambda: f"{HEAD}:{free_port()}", r"no Ray cluster can be used at 127\.0\.0\.2:\d+ \(Connection refused\)"),
         (lambda: "nonsense", "address is 'nonsense'; it must be host:port of a Ray cluster's head, or auto"),
@@ -177,9 +177,9 @@ def test_a_cluster_that_wants_another_token_is_told_from_none(
     ],
 )
 def test_where_no_cluster_is_one_sentence_says_so(
-    real: Instrument, scaled: Instrument, address: Callable[[], str], told: str
+    real: Instrument, scaled: Instrument, address: Callable[[], str], message: str
 ) -> None:
-    with pytest.raises(StudyError, match=told):
+    with pytest.raises(StudyError, match=message):
         tolerance.study(real, scaled, varied(*FEW), samples=8, engine="ray", address=address())
 
 

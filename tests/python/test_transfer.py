@@ -246,7 +246,7 @@ def test_each_axis_has_factors_of_its_own(real: TendonGear, tmp_path: Path) -> N
 # Warnings
 
 
-def test_a_pretension_that_was_not_scaled_is_told_with_the_right_one(
+def test_a_pretension_that_was_not_scaled_is_reported_with_the_right_one(
     real_size: TendonGear, scaled: TendonGear, tmp_path: Path
 ) -> None:
     """As the paper tested: 25 N where 30 N on the real one scale to 41.3 N."""
@@ -257,7 +257,7 @@ def test_a_pretension_that_was_not_scaled_is_told_with_the_right_one(
     )
 
 
-def test_other_ratios_of_radii_and_sensors_in_error_are_told(
+def test_other_ratios_of_radii_and_sensors_in_error_are_reported(
     log: Recording, real_size: TendonGear, ideal: TendonGear
 ) -> None:
     other = ideal.replace(
@@ -376,12 +376,12 @@ def command(monkeypatch: pytest.MonkeyPatch, *words: str) -> Result:
     return CliRunner().invoke(app, ["transfer", *words])
 
 
-def test_the_command_writes_both_files_and_tells_what_it_did(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_writes_both_files_and_reports_the_factors(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     done = command(monkeypatch, "log.mcap", "--to", "real-size", "--instrument-out", "rubbing.toml")
     assert done.exit_code == 0
     for words in (
         "force 2.8802 force",
-        "as it was: commanded_handle_angle",
+        "unchanged: commanded_handle_angle",
         "largest force on real-size: 0.5208 N.",
         "largest tension on real-size: ",
         "largest similarity error up to that force, without friction: ",
@@ -399,7 +399,7 @@ def test_the_command_writes_both_files_and_tells_what_it_did(folder: Path, monke
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["no.mcap", "--to", "real-size"], "no.mcap cannot be read: there is no such file."),
         (["log.mcap", "--to", "no.toml"], "no.toml: there is no such file"),
@@ -407,7 +407,7 @@ def test_the_command_writes_both_files_and_tells_what_it_did(folder: Path, monke
         (["log.mcap", "--to", "real-size", "--time-factor", "0"], "time_factor is 0.0; it must be a number above 0."),
         (["log.mcap", "--to", "real-size", "--out", "pulley.toml"], "pulley.toml exists already; give another"),
         (["log.mcap", "--to", "real-size", "--instrument-out", "pulley.toml"], "pulley.toml exists already; give"),
-        (["log.mcap", "--to", "real-size", "--out", "log.mcap", "--overwrite"], "--out is log.mcap, which is in use"),
+        (["log.mcap", "--to", "real-size", "--out", "log.mcap", "--overwrite"], "--out is log.mcap, which is an input"),
         (["log.mcap", "--to", "real-size", "--out", "x", "--instrument-out", "x"], "--instrument-out is x, which is"),
         (["log.mcap", "--to", "real-size", "--out", "no/x.mcap"], "--out is no/x.mcap, but there is no folder no; "),
         (["log.mcap", "--to", "real-size", "--instrument-out", "no/x.toml"], "--instrument-out is no/x.toml, but"),
@@ -415,13 +415,13 @@ def test_the_command_writes_both_files_and_tells_what_it_did(folder: Path, monke
     ],
 )
 def test_mistakes_end_in_one_sentence_and_leave_inputs_alone(
-    folder: Path, pulley: Instrument, monkeypatch: pytest.MonkeyPatch, words: list[str], told: str
+    folder: Path, pulley: Instrument, monkeypatch: pytest.MonkeyPatch, words: list[str], message: str
 ) -> None:
     (folder / "pulley.toml").write_text(to_toml(pulley))
     (folder / "into").mkdir()
     before = {file: file.read_bytes() for file in folder.iterdir() if file.is_file()}
     done = command(monkeypatch, *words)
     assert done.exit_code == 1
-    assert str(done.exception).startswith(told)
+    assert str(done.exception).startswith(message)
     assert "\n" not in str(done.exception)
     assert {file: file.read_bytes() for file in folder.iterdir() if file.is_file()} == before

@@ -93,8 +93,8 @@ def test_at_rest_without_friction_it_is_the_statics_to_rounding(
     tension = np.stack([rest.agonist, rest.antagonist], -1)
     assert (tension == 0).any(axis=0).all()
     assert np.abs(run.output_angle - rest.output_angle).max() < 1e-9
-    for told in (run.tension, run.distal_tension):
-        assert np.abs(told - tension).max() < 1e-9 * inst.pretension
+    for tension_of_run in (run.tension, run.distal_tension):
+        assert np.abs(tension_of_run - tension).max() < 1e-9 * inst.pretension
 
 
 def test_a_jump_at_rest_ends_where_the_statics_says(real: Instrument) -> None:
@@ -160,10 +160,17 @@ def worked(inst: Instrument, kind: str, time_step: float) -> tuple[Twin, dict[st
 WORK = ["smooth", "step load", "slack", "rig", "motors", "hand"]
 
 
-@pytest.mark.parametrize("kind", WORK)
-@pytest.mark.parametrize("law", [None, *LAWS])
-def test_the_energy_balance_closes(any_inst: Instrument, law: str | None, kind: str) -> None:
-    twin, command = worked(rubbed(any_inst, law) if law else smooth(any_inst), kind, TIME_STEP)
+MECHANISMS = ["real", "scaled", "pulley", "continuum"]
+
+
+# Pairs: every kind of work with every law, and each of both with every mechanism.
+@pytest.mark.parametrize(
+    ("name", "law", "kind"),
+    [(MECHANISMS[(n + m) % 4], law, kind) for n, kind in enumerate(WORK) for m, law in enumerate([None, *LAWS])],
+)
+def test_the_energy_balance_closes(request: pytest.FixtureRequest, name: str, law: str | None, kind: str) -> None:
+    inst = request.getfixturevalue(name)
+    twin, command = worked(rubbed(inst, law) if law else smooth(inst), kind, TIME_STEP)
     energy = twin.energy(**command)
     assert abs(energy.unaccounted) < 1e-3 * energy.work
     assert energy.work > 0
@@ -388,7 +395,7 @@ def test_through_a_loaded_cycle_it_moves_as_in_mujoco(request: pytest.FixtureReq
 # Sensors and drives
 
 
-def test_sensors_tell_whole_steps_of_their_converters(scaled: Instrument) -> None:
+def test_sensors_read_multiples_of_their_converters_resolution(scaled: Instrument) -> None:
     inst = smooth(scaled)
     run = Twin(inst).run(eased(0.3, 0.5))
     sensors = inst.sensors
@@ -502,7 +509,7 @@ def test_backlash_is_invisible_while_the_tendons_are_taut(scaled: Instrument) ->
 # Hand
 
 
-def test_a_very_stiff_hand_holds_the_handle_where_it_is_told(scaled: Instrument) -> None:
+def test_a_very_stiff_hand_holds_the_handle_at_its_commanded_angle(scaled: Instrument) -> None:
     t = clock(1.0)
     wanted, force = 0.3 * np.sin(2 * np.pi * t) ** 3, 1.0 * np.sin(np.pi * t) ** 2
     for inst in (smooth(scaled), rubbed(scaled)):
@@ -574,18 +581,18 @@ def test_in_pieces_or_step_by_step_it_is_the_run_in_one(real: Instrument) -> Non
     handle_angle = np.stack([0.2 * np.sin(9 * t), 0.1 * np.sin(5 * t)], -1)
     force = np.stack([0.2 * np.sin(20 * t), 0.1 * t], -1)
     velocity = np.stack([[[0.1, -0.1], [0.2, 0.0]]] * t.size)
-    whole = Twin(real, seed=4).run(handle_angle, force, spool_velocity=velocity)
+    at_once = Twin(real, seed=4).run(handle_angle, force, spool_velocity=velocity)
     pieces, steps = Twin(real, seed=4), Twin(real, seed=4)
     cut = [0, 1, 7, 130, t.size]
     parts = [
         pieces.run(handle_angle[a:b], force[a:b], spool_velocity=velocity[a:b]) for a, b in itertools.pairwise(cut)
     ]
     singles = [steps.step(handle_angle[k], force[k], spool_velocity=velocity[k]) for k in range(t.size)]
-    for name, values in whole.signals().items():
+    for name, values in at_once.signals().items():
         assert SIGNALS[name].per_tendon == (values.ndim == 3)
         np.testing.assert_array_equal(values, np.concatenate([part.signals()[name] for part in parts]))
         np.testing.assert_array_equal(values, np.stack([single.signals()[name] for single in singles]))
-    assert [float(single.time) for single in singles] == pytest.approx(whole.time)
+    assert [float(single.time) for single in singles] == pytest.approx(at_once.time)
 
 
 def test_each_axis_is_a_twin_of_its_own(real: Instrument) -> None:
@@ -649,7 +656,7 @@ def test_many_runs_are_the_single_ones_whatever_the_threads(any_inst: Instrument
             np.testing.assert_array_equal(batches[0][name][n], values[3::4])
 
 
-def test_a_lost_run_is_told_and_leaves_the_others_alone(scaled: Instrument) -> None:
+def test_a_lost_run_is_reported_and_leaves_the_others_alone(scaled: Instrument) -> None:
     inst = smooth(scaled)
     force = np.outer([0.0, 40.0, 1.0], np.linspace(0, 1, 400))
     batch = run_many(inst, np.zeros(400), force, quasi_static=True)
@@ -664,7 +671,7 @@ def test_a_lost_run_is_told_and_leaves_the_others_alone(scaled: Instrument) -> N
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "sentence"),
     [
         ({"friction.vertex_coefficient": -0.1}, r"friction\.vertex_coefficient = -0\.1: .*greater than or equal to 0"),
         ({"friction.law": "coulomb"}, "friction.law = 'coulomb': it must be 'none', 'capstan'"),
@@ -674,8 +681,8 @@ def test_a_lost_run_is_told_and_leaves_the_others_alone(scaled: Instrument) -> N
         ({"dynamics.tip_inertia": 0.0}, "dynamics.tip_inertia = 0"),
     ],
 )
-def test_an_instrument_that_cannot_be_is_refused(scaled: Instrument, changes: dict[str, Any], told: str) -> None:
-    with pytest.raises(InstrumentError, match=told):
+def test_an_instrument_that_cannot_be_is_refused(scaled: Instrument, changes: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(InstrumentError, match=sentence):
         scaled.replace(**changes)
 
 

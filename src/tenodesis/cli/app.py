@@ -31,8 +31,10 @@ class _Commands(TyperGroup):
         super().__init__(**settings | {"help": group.help, "no_args_is_help": group.default is None})
         self._group = group
         for name, command in group.commands.items():
-            nested = isinstance(command, Group)
-            self.commands[name] = _Commands(name=name, group=command) if nested else _Stub(name, command)
+            if isinstance(command, Group):
+                self.commands[name] = _Commands(name=name, group=command)
+            else:
+                self.commands[name] = _Stub(name, command)
         if group.default is not None:
             self.commands[_DEFAULT] = _Stub(_DEFAULT, group.default, hidden=True)
 

@@ -18,7 +18,7 @@ from tenodesis.identification.figures import axis_label
 from tenodesis.identification.fit import LEAST_REPLICATES, STARTS, fit
 from tenodesis.identification.formats import MeasuredRun, load_all
 from tenodesis.identification.goodness import unexplained, worse_held_out
-from tenodesis.identification.problem import Problem, WithGroups
+from tenodesis.identification.problem import Problem
 from tenodesis.identification.registry import FORMATS
 from tenodesis.identification.results import Fit, to_json
 from tenodesis.identification.split import LEAST_SHARE, FittedPart, split
@@ -132,7 +132,7 @@ def chosen_parameters(problem: Problem, text: str) -> list[str]:
         A name stands for none.
     """
     names = [one.name for one in problem.parameters]
-    groups = problem.groups if isinstance(problem, WithGroups) else {}
+    groups = problem.groups
     found: list[str] = []
     for word in (part.strip() for part in text.split(",")):
         if word in names:
@@ -232,7 +232,7 @@ def _print_parameters(found: Fit) -> None:
     parameters.add_column("unit", no_wrap=True)
     for heading in ("95 % interval", "bootstrap") if found.bootstrap else ("std", "95 % interval"):
         parameters.add_column(heading, justify="right", min_width=9 if heading != "std" else None)
-    parameters.add_column("identifiable", min_width=4)
+    parameters.add_column("identi-\nfiable", min_width=4)
     for one in (one for one in found.parameters if one.name in found.free):
         row = report.shown(found, one)
         spread = (row.interval, row.bootstrap) if found.bootstrap else (row.std, row.interval)

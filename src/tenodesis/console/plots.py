@@ -79,7 +79,7 @@ class Plots:
             )
             self._friction = add_chart(
                 gui,
-                "Friction over that of the file",
+                "Friction, ratio to the file",
                 {"estimated": ESTIMATED, "file": LINE, "none": LINE},
                 height=_HEIGHT,
             )

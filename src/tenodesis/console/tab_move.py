@@ -25,7 +25,7 @@ _HINTS = {
     (
         RuntimeState.ENABLED,
         True,
-    ): "**4.** The motors restore the lost angle. Under *Law* choose *off*: it is lost.",
+    ): "**4.** The motors restore the lost angle. Under *Law* choose *off* to see the loss.",
     (RuntimeState.DISABLED, False): "**3.** Press *Enable*, and under *Law* choose *robust*: the jaws come back.",
     (RuntimeState.PAUSED, False): "**3.** Press *Resume*, and under *Law* choose *robust*: the jaws come back.",
     (RuntimeState.ENABLED, False): "**4.** The angle is lost. Under *Law* choose *robust*: the motors restore it.",

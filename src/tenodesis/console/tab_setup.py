@@ -12,7 +12,7 @@ from tenodesis.errors import InstrumentError, LiveError
 
 _LARGEST_FILE = 1_000_000
 """Largest instrument file that is read, bytes; a device may never end."""
-_SPEEDS = {"a tenth": 0.1, "a quarter": 0.25, "as the clock": 1.0, "twice": 2.0, "five times": 5.0}
+_SPEEDS = {"1/10": 0.1, "1/4": 0.25, "real time": 1.0, "2": 2.0, "5": 5.0}
 
 
 class SetupTab:
@@ -27,16 +27,16 @@ class SetupTab:
             f"{as_plain(inst.description)}"
         )
         self._shipped = gui.add_dropdown("Shipped", instrument.shipped())
-        self._load = gui.add_button("Run this one")
+        self._load = gui.add_button("Run this instrument")
         self._path = gui.add_text("Path", "", hint="On the machine that runs the instrument.")
-        self._load_path = gui.add_button("Run the one of this path")
+        self._load_path = gui.add_button("Run the file at this path")
         self._upload = gui.add_upload_button("Instrument file from here", mime_type=".toml", icon="upload")
         self._problems = gui.add_html("")
         self._speed = gui.add_dropdown(
-            "Simulated time", tuple(_SPEEDS), initial_value="as the clock", visible=session.link.capabilities.simulated
+            "Simulated speed", tuple(_SPEEDS), initial_value="real time", visible=session.link.capabilities.simulated
         )
         self._release = gui.add_button(
-            "Give control away", color="gray", hint="The motors pause; another browser can take control."
+            "Release control", color="gray", hint="The motors pause; another browser can take control."
         )
         self._shown: list[Any] = [
             self._shipped,

@@ -296,7 +296,7 @@ def _load(
 
 
 def _bits(size: int) -> int:
-    """Return the most bits that a frame of so many bytes takes, stuffing and the gap to the next included.
+    """Return the most bits that a frame of `size` bytes takes, with stuffing and the gap to the next.
 
     Source: R. I. Davis, A. Burns, R. J. Bril and J. J. Lukkien, Controller Area Network (CAN) schedulability
     analysis: refuted, revisited and revised, Real-Time Systems 35, 2007.

@@ -386,7 +386,7 @@ class CanOpenDevice(Bench):
 
     def _heartbeat(self, node: int, state: int) -> None:
         if state == _BOOTED:
-            self._fail(f"{self._named(node)} has started anew; look at its power.")
+            self._fail(f"{self._named(node)} has restarted; look at its power.")
         if state != _OPERATIONAL:
             self._fail(f"{self._named(node)} is not operational any more (state {state}).")
         self._heard[node] = self._clock()
@@ -439,7 +439,7 @@ class CanOpenDevice(Bench):
 
     def _fail(self, sentence: str) -> NoReturn:
         """Stop all motors and raise; no heartbeat of ours follows, so that a drive that missed it stops by itself."""
-        self._failed = DeviceError(f"{sentence[0].upper()}{sentence[1:]} All motors are told to stop.")
+        self._failed = DeviceError(f"{sentence[0].upper()}{sentence[1:]} All motors are commanded to stop.")
         self._end_beat()
         self._quick_stop()
         raise self._failed

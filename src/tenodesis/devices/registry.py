@@ -59,8 +59,8 @@ def make(name: str, inst: Instrument, address: str | None = None) -> Device:
 def _canopen(inst: Instrument) -> Device:
     if inst.devices.canopen is None:
         raise _without_table("canopen", inst)
-    require("canopen", "devices")
     require("can", "devices")
+    require("canopen", "devices")
     from tenodesis.devices.canopen import CanOpenDevice  # noqa: PLC0415 - its libraries are an extra
 
     return CanOpenDevice(inst, inst.devices.canopen)
@@ -91,17 +91,17 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         "twin": Kind("the digital twin, in the loop's own process", "nothing", None),
         "canopen": Kind(
             "a CiA 402 drive per tendon and sensors on a CAN bus",
-            "table devices.canopen; packages canopen and python-can; a CAN interface",
+            "table devices.canopen; the extra [devices]; a CAN interface",
             _canopen,
         ),
         "nidaq": Kind(
             "analogue encoders, load cells and speed commands, clocked by hardware",
-            "table devices.nidaq; package nidaqmx and the driver NI-DAQmx",
+            "table devices.nidaq; the extra [devices] and the driver NI-DAQmx",
             _nidaq,
         ),
         "serial": Kind(
             "the controller on a microcontroller with the firmware, whose sensors are its own or the twin's",
-            "table devices.serial; package pyserial; a serial port",
+            "table devices.serial; the extra [devices]; a serial port",
             _serial,
         ),
     }

@@ -2,7 +2,7 @@
 
 The board computes; everything else is as with :class:`tenodesis.control.Controller`: a twin's run or the live loop
 takes either. Each tick waits for the board's answer; a board that fails is no error but a fault, with velocities 0 and
-estimates NaN, until the request ``clear`` or a reset has set the link up anew. A board with sensors and motors of its
+estimates NaN, until the request ``clear`` or a reset has set the link up again. A board with sensors and motors of its
 own ticks by itself, and the live loop follows it (:class:`StreamedController`).
 """
 

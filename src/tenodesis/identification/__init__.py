@@ -1,4 +1,4 @@
-"""Identification from recordings: parameters, how well they are known, and what the recordings cannot tell."""
+"""Identification from recordings: parameters, with their uncertainty, and which are not identifiable."""
 
 from tenodesis.identification.differences import jacobian_error
 from tenodesis.identification.fit import fit

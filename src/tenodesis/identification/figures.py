@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tenodesis.identification.problem import Parameter, Problem, WithTraces
+from tenodesis.identification.problem import Parameter, Problem
 from tenodesis.identification.results import Fit
 from tenodesis.report import style
 from tenodesis.units import in_unit
@@ -35,7 +35,7 @@ def run_figure(problem: Problem, found: Fit, run: int) -> Figure:
     """Return measured and modelled signals of a run over time, and the residuals of each."""
     values = found.vector
     errors = problem.errors(values, run)
-    traces = problem.traces(values, run) if isinstance(problem, WithTraces) else {}
+    traces = problem.traces(values, run)
     panels = [(key, kind) for key in errors for kind in (("signal", "error") if key in traces else ("error",))]
     heights = [2.0 if kind == "signal" else 1.0 for _, kind in panels]
     fig = Figure(figsize=(8.6, 0.5 + 1.25 * sum(heights)), layout="constrained")

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.problem import Problem, WithTraces
+from tenodesis.identification.problem import Problem
 from tenodesis.identification.results import RunErrors
 from tenodesis.identification.search import LEAST_PER_PARAMETER, MOST_STEPS, SearchEnd
 from tenodesis.identification.uncertainty import Uncertainty
@@ -68,8 +68,6 @@ def unexplained(problem: Problem, values: Array, files: Sequence[RunErrors]) -> 
     files
         Errors of the runs at these values.
     """
-    if not isinstance(problem, WithTraces):
-        return []
     spreads = {
         one.name: {
             key: float(np.std(trace.measured))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from tenodesis.identification.problem import Parameter, Problem, WithAdvice
+from tenodesis.identification.problem import Parameter, Problem
 from tenodesis.identification.uncertainty import Uncertainty
 from tenodesis.run import Array
 
@@ -98,15 +98,15 @@ def examine(
             bound = getattr(one, at_bound[one.name])
             beyond = "lower" if at_bound[one.name] == "lower" else "higher"
             statements.append(
-                f"{one.name} is at its {at_bound[one.name]} bound {bound:.6g} {one.unit}: its best value may be "
+                f"{one.name} is at its {at_bound[one.name]} bound {bound:.6g}{_unit(one)}: its best value may be "
                 f"{beyond}; its interval has one side only."
             )
     named = {name for one in combinations for name in one.names}
     for one, std, width in zip(parameters, found.std, scale, strict=True):
         if not identifiable[one.name] and one.name not in named:
             statements.append(
-                f"{one.name} is not identifiable from the recordings (standard deviation {std * width:.3g} "
-                f"{one.unit}): it depends on several others."
+                f"{one.name} is not identifiable from the recordings (standard deviation "
+                f"{std * width:.3g}{_unit(one)}): it depends on several others."
             )
     # an unseen direction has no variance here; eigenvalues ascend, so that these come first
     unseen = found.unseen.shape[1]
@@ -150,7 +150,7 @@ def _combination(
     if len(taking) == 1:
         one, deviation = taking[0], float(std[part[0]])
         extent = (
-            f"its standard deviation is {deviation:.3g} {one.unit}"
+            f"its standard deviation is {deviation:.3g}{_unit(one)}"
             if math.isfinite(deviation)
             else "no sample depends on it"
         )
@@ -159,11 +159,12 @@ def _combination(
         if len(taking) == 2:
             known = _reading(taking, [free[index] for index in part], changes, values, change)
         moves = ", ".join(
-            f"{one.name} by {_signed(step, one)}" for one, step in zip(taking, _together(taking, changes), strict=True)
+            f"{one.name} by {step:+.3g}{_unit(one)}"
+            for one, step in zip(taking, _together(taking, changes), strict=True)
         )
         rest = f"only {known} is" if known else f"changing {moves} together hardly changes the readings"
         sentence = f"{_listed(names)} are not identifiable separately from the recordings: {rest}."
-    advice = problem.advice(names) if isinstance(problem, WithAdvice) else None
+    advice = problem.advice(names)
     if advice is None and len(taking) == 1:
         advice = f"A protocol would identify it in which {taking[0].meaning} changes the readings."
     elif advice is None:
@@ -180,8 +181,9 @@ def _together(taking: Sequence[Parameter], changes: Sequence[float]) -> list[flo
     return [one * factor for one in changes]
 
 
-def _signed(step: float, one: Parameter) -> str:
-    return f"{step:+.3g}" + ("" if one.unit in {"", "1"} else f" {one.unit}")
+def _unit(one: Parameter) -> str:
+    """Return the unit of a parameter to follow a number, empty for a plain number."""
+    return "" if one.unit in {"", "1"} else f" {one.unit}"
 
 
 def _listed(names: Sequence[str]) -> str:

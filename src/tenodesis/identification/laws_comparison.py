@@ -80,23 +80,8 @@ def compare_laws(
     return tuple(sorted(rows, key=lambda row: row.train_rmse if math.isnan(row.test_rmse) else row.test_rmse))
 
 
-def to_markdown(rows: Sequence[LawRow]) -> str:
-    """Return the comparison as a table for a page."""
-    unit = rows[0].unit if rows else ""
-    head = (
-        f"| law | parameters | training RMSE ({unit}) | held-out RMSE ({unit}) | worst run | BIC over the best "
-        "| AIC over the best |"
-    )
-    lines = [
-        f"| {row.law} | {row.parameters} | {row.train_rmse:.3g} | {row.test_rmse:.3g} | {row.worst_test_rmse:.3g} "
-        f"| {row.bic:.1f} | {row.aic:.1f} |"
-        for row in rows
-    ]
-    return "\n".join([head, "|---|---|---|---|---|---|---|", *lines])
-
-
 def _independent(problem: Problem, one: Fit, train: Sequence[int]) -> float:
-    """Return how many independent samples the residuals of the training runs are worth."""
+    """Return the effective number of independent samples among the residuals of the training runs."""
     values = np.array([one.values[parameter.name] for parameter in problem.parameters])
     residuals = [problem.residuals(values, run) for run in train]
     return float(sum(r.size / correlation_samples(autocorrelation(r)) for r in residuals))

@@ -12,9 +12,8 @@ from tenodesis.errors import IdentificationError
 from tenodesis.files import atomic_files
 from tenodesis.identification import figures
 from tenodesis.identification.goodness import unexplained
-from tenodesis.identification.problem import Parameter, Problem, WithInstrument
+from tenodesis.identification.problem import Parameter, Problem
 from tenodesis.identification.results import LIBRARIES, Fit, by_unit, to_json
-from tenodesis.instrument import Instrument
 from tenodesis.instrument.text import to_file
 from tenodesis.report import page, style
 
@@ -27,11 +26,6 @@ _DOTS = 150
 """Per inch, of the curves over time."""
 _DOTS_PER_INCH = 96
 """On a screen, by which no figure is shown larger than it was drawn."""
-
-
-def identified(problem: Problem, found: Fit) -> Instrument | None:
-    """Return the instrument with the fitted values, or None where the parameters are no keys of an instrument."""
-    return problem.instrument(found.vector) if isinstance(problem, WithInstrument) else None
 
 
 def write(
@@ -71,7 +65,7 @@ def write(
     """
     numbers = to_json(found, format=format, law=law, notes=notes)
     texts = {NUMBERS: as_text(numbers), PAGE: render(problem, found, runs=runs, numbers=numbers)}
-    inst = identified(problem, found)
+    inst = problem.instrument(found.vector)
     if inst is not None:
         fitted = ", ".join(found.free)
         logs = ", ".join(one.name for one in found.files if one.split == "train")

@@ -10,7 +10,7 @@ from scipy import special
 from tenodesis.errors import IdentificationError
 from tenodesis.identification import bootstrap
 from tenodesis.identification.differences import differenced, scales
-from tenodesis.identification.problem import Problem, WithChannels, WithDerivatives, WithSystematicErrors
+from tenodesis.identification.problem import Problem
 from tenodesis.identification.uncertainty import Linearised, LossName
 from tenodesis.run import Array
 
@@ -81,12 +81,7 @@ class Search:
 
     def _own(self, values: Array, run: int) -> Array | None:
         """Return the problem's own derivatives by what is free, (n, free), or None to have them differenced."""
-        if not self.exact:
-            return None
-        if isinstance(self.problem, WithDerivatives):
-            return self.problem.derivatives(values, run, self.free)
-        jacobian = self.problem.jacobian(values, run)
-        return None if jacobian is None else jacobian[:, self.free]
+        return self.problem.derivatives(values, run, self.free) if self.exact else None
 
     def solve(
         self, start: Array, *, aim: Array | None = None, held: Sequence[int] = (), steps: int = MOST_STEPS
@@ -175,8 +170,8 @@ class Search:
         return Linearised(
             self.problem.residuals(values, run),
             self._finite(jacobian) * scale,
-            channels(self.problem, run),
-            self.problem.systematic_errors(values, run) if isinstance(self.problem, WithSystematicErrors) else None,
+            self.problem.channels(run),
+            self.problem.systematic_errors(values, run),
         )
 
     def unanswered(self) -> IdentificationError:
@@ -253,8 +248,3 @@ def replicates(
         out[replicate] = at if again is None else again.at
         done(replicate + 1)
     return out
-
-
-def channels(problem: Problem, run: int) -> int:
-    """Return how many sensors the residuals of a run hold, one after the other."""
-    return problem.channels(run) if isinstance(problem, WithChannels) else 1

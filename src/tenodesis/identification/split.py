@@ -6,25 +6,14 @@ is taken there.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.formats.measured import MeasuredRun
-from tenodesis.identification.problem import (
-    Parameter,
-    Problem,
-    Trace,
-    WithAdvice,
-    WithChannels,
-    WithDerivatives,
-    WithGroups,
-    WithInstrument,
-    WithSystematicErrors,
-    WithTraces,
-)
+from tenodesis.identification.problem import Problem, Trace
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 
@@ -84,15 +73,10 @@ def split(
     else:
         train, test = late, early
         windows = dict(enumerate([*behind, *before]))
-    problem = build(train, [*test, *tests])
-    return (
-        _WindowedTwin
-        if isinstance(problem, WithDerivatives) and isinstance(problem, WithSystematicErrors)
-        else Windowed
-    )(problem, windows)
+    return Windowed(build(train, [*test, *tests]), windows)
 
 
-class Windowed:
+class Windowed(Problem):
     """A problem with some runs of which only a window counts.
 
     Parameters
@@ -105,21 +89,7 @@ class Windowed:
 
     def __init__(self, problem: Problem, windows: Mapping[int, Window]) -> None:
         self._problem, self._windows = problem, windows
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """The unknowns."""
-        return self._problem.parameters
-
-    @property
-    def runs(self) -> tuple[str, ...]:
-        """Names of the runs."""
-        return self._problem.runs
-
-    @property
-    def groups(self) -> dict[str, tuple[str, ...]]:
-        """Names of parameters by group."""
-        return self._problem.groups if isinstance(self._problem, WithGroups) else {}
+        self.parameters, self.runs, self.groups = problem.parameters, problem.runs, problem.groups
 
     def residuals(self, values: Array, run: int) -> Array:
         """Return measured minus model within the window, (n,), in units of the sensor's standard deviation."""
@@ -127,32 +97,31 @@ class Windowed:
 
     def jacobian(self, values: Array, run: int) -> Array | None:
         """Return the exact derivatives of the residuals, (n, parameters), or None to have them differenced."""
-        jacobian = self._problem.jacobian(values, run)
-        return None if jacobian is None else self._counted(jacobian, run)
+        return self._counted(self._problem.jacobian(values, run), run)
+
+    def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array | None:
+        """Return the columns of the Jacobian for some parameters, by index, (n, columns), or None."""
+        return self._counted(self._problem.derivatives(values, run, which), run)
+
+    def systematic_errors(self, values: Array, run: int) -> Array | None:
+        """Return the effects of systematic errors on the residuals, one standard deviation each, (n, errors)."""
+        return self._counted(self._problem.systematic_errors(values, run), run)
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
         """Return measured minus model within the window by name, each with its unit last."""
         errors = self._problem.errors(values, run)
         if run not in self._windows:
             return errors
-        traces = self._problem.traces(values, run) if isinstance(self._problem, WithTraces) else {}
-        return {
-            key: error[
-                self._inside(traces[key].time if key in traces else self._times(error.size, run), self._windows[run])
-            ]
-            for key, error in errors.items()
-        }
+        traces = self._problem.traces(values, run)
+        times = {key: traces[key].time if key in traces else self._times(one.size, run) for key, one in errors.items()}
+        return {key: one[self._inside(times[key], run)] for key, one in errors.items()}
 
     def traces(self, values: Array, run: int) -> dict[str, Trace]:
         """Return measured and modelled signals within the window by name with the unit last."""
-        traces = self._problem.traces(values, run) if isinstance(self._problem, WithTraces) else {}
+        traces = self._problem.traces(values, run)
         if run not in self._windows:
             return traces
-        inside = {key: self._inside(one.time, self._windows[run]) for key, one in traces.items()}
-        return {
-            key: Trace(one.time[inside[key]], one.measured[inside[key]], one.model[inside[key]])
-            for key, one in traces.items()
-        }
+        return {key: Trace(*(signal[self._inside(one.time, run)] for signal in one)) for key, one in traces.items()}
 
     def sample_time(self, run: int) -> float:
         """Return the time between samples, s."""
@@ -160,44 +129,34 @@ class Windowed:
 
     def channels(self, run: int) -> int:
         """Return how many sensors the residuals of a run hold."""
-        return self._problem.channels(run) if isinstance(self._problem, WithChannels) else 1
+        return self._problem.channels(run)
 
     def advice(self, names: Sequence[str]) -> str | None:
         """Return which recording would make these parameters identifiable, if one is known."""
-        return self._problem.advice(names) if isinstance(self._problem, WithAdvice) else None
+        return self._problem.advice(names)
 
     def instrument(self, values: Array) -> Instrument | None:
         """Return the instrument with these values in place, or None where there is none to change."""
-        return self._problem.instrument(values) if isinstance(self._problem, WithInstrument) else None
+        return self._problem.instrument(values)
 
-    def _counted(self, rows: Array, run: int) -> Array:
-        if run not in self._windows:
+    @overload
+    def _counted(self, rows: Array, run: int) -> Array: ...
+    @overload
+    def _counted(self, rows: Array | None, run: int) -> Array | None: ...
+    def _counted(self, rows: Array | None, run: int) -> Array | None:
+        """Return the rows of samples within the window."""
+        if rows is None or run not in self._windows:
             return rows
         count = self.channels(run)
-        inside = self._inside(self._times(rows.shape[0] // count, run), self._windows[run])
-        return rows[np.tile(inside, count)]
+        return rows[np.tile(self._inside(self._times(rows.shape[0] // count, run), run), count)]
 
     def _times(self, count: int, run: int) -> Array:
         """Return when samples that end with the recording were taken, s."""
         return np.asarray(self._windows[run].last - self.sample_time(run) * np.arange(count)[::-1])
 
-    @staticmethod
-    def _inside(time: Array, window: Window) -> NDArray[np.bool_]:
+    def _inside(self, time: Array, run: int) -> NDArray[np.bool_]:
+        window = self._windows[run]
         return np.asarray((time >= window.begin) & (time < window.end))
-
-
-class _WindowedTwin(Windowed):
-    """The same of a problem with derivatives by some parameters alone, and with systematic errors."""
-
-    def derivatives(self, values: Array, run: int, which: Sequence[int]) -> Array:
-        """Return the columns of the Jacobian for some parameters, by index, (n, columns)."""
-        assert isinstance(self._problem, WithDerivatives)
-        return self._counted(self._problem.derivatives(values, run, which), run)
-
-    def systematic_errors(self, values: Array, run: int) -> Array:
-        """Return the effects of systematic errors on the residuals, one standard deviation each, (n, errors)."""
-        assert isinstance(self._problem, WithSystematicErrors)
-        return self._counted(self._problem.systematic_errors(values, run), run)
 
 
 def _ended(one: MeasuredRun, cut: float) -> MeasuredRun:

@@ -177,14 +177,21 @@ class Instrument(FileTable):
             The instrument has no such axis.
         """
         if name not in self.axes:
-            raise InstrumentError(f"{self.name} has no axis {name!r}; it has {' and '.join(self.axes)}.")
+            has = " and ".join(self.axes)
+            raise InstrumentError(
+                f"{self.name} has no axis {name!r}; it has {has}.", key="axis", value=name, allowed=has
+            )
         own = {axis: values for axis, values in self.overrides.items() if axis == name}
         return self.replace(axes=(name,), overrides=None, **dict(*own.values()))
 
-    @cached_property
+    @property
     def planar(self) -> tuple[Self, ...]:
         """The instrument of each axis alone, in the order of :attr:`axes`; itself where it has one axis."""
-        return (self,) if len(self.axes) == 1 else tuple(self.axis(name) for name in self.axes)
+        return (self,) if len(self.axes) == 1 else self._by_axis
+
+    @cached_property
+    def _by_axis(self) -> tuple[Self, ...]:
+        return tuple(self.axis(name) for name in self.axes)
 
     def _with(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return the values of this instrument by key, with changes; None leaves a key out."""

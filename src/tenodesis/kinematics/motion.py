@@ -248,8 +248,8 @@ def _rows(inst: Instrument, posture: Posture) -> tuple[_Array, tuple[int, ...]]:
         for key in (axis, f"handle_{axis}"):
             angle = given.get(key, np.zeros(()))
             if axis not in inst.axes and angle.any():
-                value = float(angle.flat[int(np.abs(angle).argmax())])
-                raise ArgumentError(f"{key} is {value:g} rad; {inst.name} has no such axis.", key=key, value=value)
+                worst = float(angle.flat[int(np.abs(angle).argmax())])
+                raise ArgumentError(f"{key} is {worst:g} rad; {inst.name} has no such axis.", key=key, value=worst)
             if angle.size and not np.abs(angle).max() < pi:
                 worst = angle.flat[int(np.abs(angle).argmax())]
                 raise ArgumentError(

@@ -7,21 +7,21 @@ from tenodesis.instrument import Instrument
 from tenodesis.kinematics.parts import STEEL, Joint, Part, parts
 
 _KINDS = {"hinge": "revolute", "slide": "prismatic"}
-# URDF asks for an effort and a velocity at every limited joint; the instrument tells of neither.
+# URDF asks for an effort and a velocity at every limited joint; the instrument file has neither.
 _EFFORT, _VELOCITY = "1000", "100"
 
 NOTE = """Written by tenodesis. Units: m, rad, kg. The port is the origin; z points into the patient.
 What this format does not carry of the instrument:
 - tendons: nothing ties the tip to the handle; the output angle without a load is 2 asin(R/r sin(handle angle / 2))
-  for gears, which no mimic can tell, since it is not linear; handle and tip are to be set both;
+  for gears, which no mimic can express, since it is not linear; set both handle and tip;
 - rolling contact: a gear pair is two revolute joints, half its angle each, the second a mimic of the first, which tools
   may ignore;
 - friction, drives, sensors, the controller, and limits by loads: joint limits are mechanical stops;
-- efforts and velocities: the numbers are there since the format asks for them;
-- masses: parts are drawn, and weigh, as solid steel.{more}"""
+- efforts and velocities: their values are there only because the format needs them;
+- masses: parts are drawn, and weighed, as solid steel.{more}"""
 _CONTINUUM = """
-- the arc of a backbone: it is its chord between two revolute joints; by how much the chord shortens, the joint named
-  chord, no mimic can tell."""
+- the arc of a backbone: it is its chord between two revolute joints; how much the chord shortens, the joint named
+  chord, no mimic can express."""
 
 
 def urdf(inst: Instrument) -> str:

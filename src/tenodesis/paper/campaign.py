@@ -56,7 +56,7 @@ class Trial(NamedTuple):
     excursion: float
     """How much larger the largest error is than with the motors stopped when the load comes, deg."""
     scale_error: float
-    """Error of the friction found, as a share of the true one; NaN where there is none."""
+    """Error of the friction found, as a share of the true scale; NaN without friction."""
 
 
 class Metric(NamedTuple):
@@ -96,7 +96,7 @@ METRICS = (
         "time",
         "time to within 1° [s]",
         "s",
-        "Longest time from the load until the tip stays within 1 deg, none if it does not",
+        "Longest time from the load until the tip stays within 1 deg, none if it does not stay",
         lambda trials: max(trial.response.settling_time for trial in trials),
         lambda _: 3.0,
     ),
@@ -138,7 +138,7 @@ METRICS = (
         "rest",
         "motors at rest after [s]",
         "s",
-        "Longest time from the load until the motors stand, none if they do not",
+        "Longest time from the load until the motors stand, none if they still move",
         lambda trials: max(trial.response.rest_time for trial in trials),
         None,
     ),
@@ -172,12 +172,7 @@ def conditions(context: Context) -> list[Condition]:
             "the friction; the observer’s own standard deviation of the scale is 0.2 to 0.3 there",
         ),
         Condition(
-            "bending",
-            "sheath bent by 90° more within 2 s of the load",
-            inst,
-            same,
-            bend=(0.0, _BEND),
-            limit=_ONE_SCALE,
+            "bending", "sheath bent by 90° more within 2 s of the load", inst, same, bend=(0.0, _BEND), limit=_ONE_SCALE
         ),
         Condition(
             "straightening",
@@ -270,10 +265,7 @@ def section(context: Context) -> Section:
     table = Table(
         f"The robust law over {len(step_response.held_states(inst))} states, errors of −30 %, 0 and +30 % in the "
         f"friction that the controller assumes, and {seeds} noise seeds ({few} in all rows but the first)",
-        [
-            "condition",
-            *(m.heading + ("" if m.target is None else f", target {m.target(inst):g}") for m in METRICS),
-        ],
+        ["condition", *(m.heading + ("" if m.target is None else f", target {m.target(inst):g}") for m in METRICS)],
         rows,
     )
     text = _text(main, missed, lost) + step_response.caveat(inst)

@@ -33,8 +33,8 @@ def section(context: Context) -> Section:
     pair = (("instrument", inst), ("scale_model", context.scaled))
     instruments = {role: each for role, each in pair if isinstance(each, TendonGear)}
     table = context.table(
-        "Largest difference of the output angle [°]; MuJoCo's load cases with an equilibrium, those of them with a "
-        "slack tendon, and points on which ours and the other code disagree whether there is an equilibrium",
+        "Largest difference of the output angle [°]; MuJoCo's load cases with an equilibrium, those with a slack "
+        "tendon, and points on which this package and the other code disagree whether there is an equilibrium",
         "instrument",
         Column(
             f"SciPy, {SCIPY_POINTS} random points",
@@ -62,7 +62,7 @@ def section(context: Context) -> Section:
             Column(name, f"verification.mujoco.{{role}}.{name}", "1", about, digits=0, optional=True)
             for name, about in (
                 ("cases", "Load cases with an equilibrium settled in MuJoCo, {role}"),
-                ("slack", "Those of them with a slack tendon, {role}"),
+                ("slack", "Load cases settled in MuJoCo with a slack tendon, {role}"),
                 ("disputed", "Cases on whose stability MuJoCo disagrees, {role}"),
             )
         ),
@@ -132,7 +132,7 @@ def mujoco_cases(inst: Instrument, scaled: Instrument | None) -> int:
 
 
 def _axes(context: Context, inst: TendonGear) -> tuple[str, list[Plot]]:
-    """Measure how far one axis moves because the other is moved and loaded, and draw it."""
+    """Compute how far an axis moves because the other axis is moved and loaded, and draw it."""
     if len(inst.axes) < 2:
         return "", []
     forces = _axis_forces(inst)
@@ -144,13 +144,13 @@ def _axes(context: Context, inst: TendonGear) -> tuple[str, list[Plot]]:
         "axes.unloaded_coupling",
         abs(np.degrees(found.unloaded.change)),
         "deg",
-        "Largest change of one axis's angle by moving the other, no load (MuJoCo)",
+        "Largest change of an axis's angle by motion of the other axis, no load (MuJoCo)",
     )
     loaded = context.add(
         "axes.loaded_coupling",
         abs(np.degrees(found.loaded.change)),
         "deg",
-        f"Largest change of one axis's angle by the other, {max(poses):.0f} deg, {max(forces):.3g} N on both (MuJoCo)",
+        f"Largest change of an axis's angle by the other axis, {max(poses):.0f} deg, {max(forces):.3g} N (MuJoCo)",
     )
     worst = found.loaded
     fig, (axis,) = style.figure(height=3.4)
@@ -198,13 +198,15 @@ def _radial(context: Context, inst: TendonGear) -> list[CarePoint]:
     ours = statics.output_angle(inst, np.array([handle]), force, radial_force=radial)[0]
     key = "care.9.radial"
     measured = context.add(f"{key}.mujoco", coefficient, "1", "Coefficient of the radial force in eq. 1, by MuJoCo")
-    tangent = context.add(f"{key}.virtual_work", np.tan(half), "1", "The same by virtual work, tan θ_d")
-    sine = context.add(f"{key}.printed", np.sin(half), "1", "The same as printed, sin θ_d")
+    tangent = context.add(
+        f"{key}.virtual_work", np.tan(half), "1", "Coefficient of the radial force by virtual work, tan θ_d"
+    )
+    sine = context.add(f"{key}.printed", np.sin(half), "1", "Coefficient of the radial force as printed, sin θ_d")
     difference = context.add(
         f"{key}.angle_difference",
         np.degrees(ours - settled.output_angle),
         "deg",
-        "Output angle under that radial force, ours minus MuJoCo's",
+        "Output angle under a radial force, this package's minus MuJoCo's",
     )
     return [
         CarePoint(
@@ -213,7 +215,7 @@ def _radial(context: Context, inst: TendonGear) -> list[CarePoint]:
             "Both loads act about the contact point, the tendons with the arm r cos θ<sub>d</sub>; dividing by it "
             f"leaves F<sub>r</sub> tan θ<sub>d</sub>, where eq. 1 has F<sub>r</sub> sin θ<sub>d</sub>. At "
             f"{unloaded:.0f}° with {radial:.3g} N pulling outward, the tensions in MuJoCo give {fixed(measured, 4)}: "
-            f"tan is {fixed(tangent, 4)}, sin is {fixed(sine, 4)}. Ours uses the tangent and "
-            f"differs from MuJoCo by {number(abs(difference), 2)}°.",
+            f"tan is {fixed(tangent, 4)}, sin is {fixed(sine, 4)}. This package uses the tangent "
+            f"and differs from MuJoCo by {number(abs(difference), 2)}°.",
         )
     ]

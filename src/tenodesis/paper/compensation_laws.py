@@ -128,10 +128,7 @@ def _care(context: Context, inst: Instrument, handle: Array, force: float) -> li
     left = free - float(np.sin(statics.output_angle(inst, middle, force, wound=stroke)[0] / 2))
     asked = free - float(np.sin(statics.estimate_output_angle(inst, middle, *tension)[0] / 2))
     share = context.add(
-        "care.1.remaining_share",
-        left / asked,
-        "1",
-        "Share of the loss in sin θ_d that eq. 22 leaves with one motor",
+        "care.1.remaining_share", left / asked, "1", "Share of the loss in sin θ_d that eq. 22 leaves with one motor"
     )
     stroke = settled_stroke(inst, middle, force, "agonist", "exact")
     tension = statics.tensions(inst, middle, force, wound=stroke)
@@ -140,7 +137,12 @@ def _care(context: Context, inst: Instrument, handle: Array, force: float) -> li
     aware = float(np.degrees(statics.estimate_output_angle(inst, middle, *tension, wound=stroke)[0]))
     context.add("care.3.output_angle", truth, "deg", "Output angle with the loss compensated")
     context.add("care.3.estimate_without_motor", blind - truth, "deg", "Error of eq. 19 that ignores the wound length")
-    context.add("care.3.estimate_with_motor", aware - truth, "deg", "Error of the motor-aware estimate at that state")
+    context.add(
+        "care.3.estimate_with_motor",
+        aware - truth,
+        "deg",
+        "Error of the estimate that takes the wound length into account",
+    )
     return [
         CarePoint(
             1,

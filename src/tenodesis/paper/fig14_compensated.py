@@ -142,7 +142,7 @@ def _cycles(context: Context, loads: Sequence[float], found: Found) -> tuple[Tab
     rivals = {
         OFF: ("no compensation", "vs none", RATIO_TO_OFF),
         ONE_MOTOR: ("eq. 22 by one motor", "vs one motor", RATIO_TO_PAPER),
-        BOTH_MOTORS: ("eq. 22 by both", "vs both", RATIO_TO_PAPER),
+        BOTH_MOTORS: ("eq. 22 by both motors", "vs both", RATIO_TO_PAPER),
     }
     table = context.table(
         f"RMSE of the tip against eq. 18 [°] over cycles 2 to {_CYCLES} of 0–{degrees}° at {_FREQUENCY:g} Hz, the "

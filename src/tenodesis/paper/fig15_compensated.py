@@ -237,7 +237,7 @@ def readings(context: Context, inst: Instrument, states: Sequence[float], force:
             "agrees with the paper",
             "compensated.readings.{reading.key}.agreement",
             "1",
-            f"How many of {count} observations of the paper on Fig. 15 hold for {{reading.name}}",
+            f"How many of the paper's {count} observations on Fig. 15 hold for {{reading.name}}",
             form=lambda value: f"{value:.0f} of {count}",
         ),
     )

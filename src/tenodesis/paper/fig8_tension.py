@@ -100,7 +100,7 @@ def _care(context: Context) -> list[CarePoint]:
     printed = float(np.degrees(statics.estimate_output_angle(inst, np.array([handle]), *tensions, slack_below=-1.0)[0]))
     aware = float(np.degrees(statics.estimate_output_angle(inst, handle, *tensions)))
     context.add("care.2.force", force, "N", "Force that slackens the antagonist")
-    context.add("care.2.output_angle", truth, "deg", "Output angle under that force")
+    context.add("care.2.output_angle", truth, "deg", "Output angle under a force that slackens the antagonist")
     context.add("care.2.estimate_printed", printed - truth, "deg", "Error of eq. 19 as printed with a slack tendon")
     context.add("care.2.estimate_slack_aware", aware - truth, "deg", "Error of the slack-aware estimate at that state")
     return [

@@ -1,4 +1,4 @@
-"""What the paper prints: the numbers ours stand beside, each with where it is printed.
+"""The numbers that the paper prints, each with its place there; the report compares its results with them.
 
 Paper: "Design Concept of Hybrid Instrument for Laparoscopic Surgery and Its Verification Using Scale Model Test".
 """
@@ -20,14 +20,11 @@ SCALE_FACTORS = {
     "loss_of_dexterity": Published(1.0, "Table II"),
 }
 
-STIFFNESS = {
-    "real-size": Published(31172.0, "Table I"),
-    "scaled-up": Published(11451.0, "Table I"),
-}
+STIFFNESS = {"real-size": Published(31172.0, "Table I"), "scaled-up": Published(11451.0, "Table I")}
 """N/m, by instrument."""
 
 EQUIVALENT_FORCE = Published(0.52, "Section VII-B")
-"""Force on the real-size instrument, N, that 1.5 N on the scaled-up one stands for."""
+"""Force on the real-size instrument, N, that 1.5 N on the scaled-up instrument stands for."""
 
 CAPTION_FORCE = Published(1.5, "caption of Fig. 15")
 """Force on the real-size instrument, N, that the caption says the cable's 10 N stand for."""

@@ -44,9 +44,14 @@ def section(context: Context) -> Section:
     }
     own, best = designs["paper"].objectives, designs["paper_best"].objectives
     rivals = free.rivals(own)
-    context.add("design.paper.beaten_by", len(rivals), "1", "Scale models under the paper's constraints that beat its")
+    context.add(
+        "design.paper.beaten_by",
+        len(rivals),
+        "1",
+        "Scale models under the paper's constraints that beat the paper's own",
+    )
     for name, value in (rivals[0].objectives._asdict() if rivals else {}).items():
-        about = f"{name.replace('_', ' ').capitalize()} of the most similar one that beats the paper's"
+        about = f"{name.replace('_', ' ').capitalize()} of the most similar scale model that beats the paper's"
         context.add(f"design.paper.rival.{name}", value, _UNITS[name], about)
     for key, front in (("paper", free), ("stock", stock)):
         context.add(f"design.{key}.examined", front.examined, "1", f"Scale models judged, {key} catalogue")

@@ -262,16 +262,13 @@ def _causes(context: Context, comparison: Comparison) -> Table:
         "group",
         Column(named(comparison.real_size), form=number),
         Column(named(comparison.scaled_up), form=number),
-        Column("where largest", f"{key}.at_worst", "deg", f"Similarity error at its largest {about}", digits=3),
+        Column("where largest", f"{key}.at_worst", "deg", f"Similarity error where it is largest {about}", digits=3),
         Column("rms", f"{key}.rms", "deg", f"Root mean square similarity error {about}", digits=3),
         "of",
     )
     forces = None if limit is None else [limit * share for share in (0.0, 0.5, 1.0)]
     for name, pretension in (("scaled", None), ("as used", comparison.scaled_up.pretension)):
-        for kind, options in (
-            ("without", {"largest_force": limit}),
-            ("with", {"friction": True, "forces": forces}),
-        ):
+        for kind, options in (("without", {"largest_force": limit}), ("with", {"friction": True, "forces": forces})):
             try:
                 causes = comparison.causes(pretension=pretension, **options)
             except ValueError:
@@ -360,7 +357,12 @@ def _pretension(context: Context, comparison: Comparison) -> CarePoint:
     )
     meant = large / float(comparison.force_factor())
     context.add("care.5.slack_force.real", small, "N", "Force at slack onset at 80 deg, real-size")
-    context.add("care.5.slack_force.as_used", meant, "N", "The same for the scaled-up instrument at 25 N, scaled down")
+    context.add(
+        "care.5.slack_force.as_used",
+        meant,
+        "N",
+        "Force at slack onset at 80 deg, scaled-up with a pretension of 25 N, scaled down",
+    )
     used, similar = comparison.errors["as used"], comparison.errors["scaled"]
     return CarePoint(
         5,
@@ -381,11 +383,7 @@ def _pairs(context: Context, scaled: Instrument) -> CarePoint:
         needs = float(np.degrees(statics.handle_angle(scaled, np.radians(output.value))))
         key = f"care.6.at_{output.value:.4g}deg"
         context.add(
-            f"{key}.output",
-            follows,
-            "deg",
-            f"Output at the published handle angle {handle.value:g} deg",
-            output,
+            f"{key}.output", follows, "deg", f"Output at the published handle angle {handle.value:g} deg", output
         )
         context.add(f"{key}.handle", needs, "deg", f"Handle angle that gives {output.value:g} deg", handle)
         sentences.append(
@@ -409,11 +407,7 @@ def _cable(context: Context, comparison: Comparison) -> CarePoint:
     )
     factor = float(comparison.force_factor())
     real = context.add(
-        "care.7.real_force",
-        TIP_FORCE.value / factor,
-        "N",
-        "Real-size force that 1.5 N stands for",
-        EQUIVALENT_FORCE,
+        "care.7.real_force", TIP_FORCE.value / factor, "N", "Real-size force that 1.5 N stands for", EQUIVALENT_FORCE
     )
     return CarePoint(
         7,

@@ -46,16 +46,26 @@ def section(context: Context) -> Section:
         "load",
         Column("largest output angle [°]", "workspace.{name}.bend", "deg", "Largest output angle {load}", digits=1),
         Column(
-            "area [cm²]", "workspace.{name}.area", "cm^2", "Area that the tip reaches in the plane of pan, {load}", 0
+            "area [cm²]",
+            "workspace.{name}.area",
+            "cm^2",
+            "Area that the tip reaches in the plane of the pan, {load}",
+            0,
         ),
         Column(
             f"area with ≥ {wide}° [cm²]",
             "workspace.{name}.wide_area",
             "cm^2",
-            f"Part of it where the end-effector can point over at least {wide} deg, {{load}}",
+            f"Area where the end-effector can point over at least {wide} deg, {{load}}",
             digits=0,
         ),
-        Column("mean span [°]", "workspace.{name}.span", "deg", "Mean angle that it can point over, {load}", digits=1),
+        Column(
+            "mean span [°]",
+            "workspace.{name}.span",
+            "deg",
+            "Mean angle over which the end-effector can point, {load}",
+            digits=1,
+        ),
     )
     for shown, name, space, load in (
         ("no load", "unloaded", free, "without a load"),

@@ -9,7 +9,6 @@ from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
-from tenodesis.errors import Error
 from tenodesis.recording import cdr
 from tenodesis.recording.container import Message
 from tenodesis.recording.schemas import FLOAT64, JOINT_STATE, WRENCH
@@ -48,37 +47,24 @@ class LeftOut(NamedTuple):
         return self.text
 
 
-class MisfitError(Error):
-    """The messages of a topic do not fit a recording; `left_out` says why."""
+def decode(factory: DecoderFactory, schema: Schema, encoding: str, messages: Sequence[Message]) -> Decoded | LeftOut:
+    """Return a topic's messages as arrays, or why they do not fit a recording.
 
-    def __init__(self, reason: Misfit, text: str) -> None:
-        super().__init__(text)
-        self.left_out = LeftOut(reason, text)
-
-
-def decode(factory: DecoderFactory, schema: Schema, encoding: str, messages: Sequence[Message]) -> Decoded:
-    """Return a topic's messages as arrays; the topics of a file share the factory, which keeps its decoders.
-
-    Raises
-    ------
-    MisfitError
-        They are of another type, cannot be decoded, or are not all about the same joints.
+    The topics of a file share the factory, which keeps its decoders.
     """
     if schema.name not in {JOINT_STATE, WRENCH, FLOAT64}:
-        raise MisfitError(Misfit.TYPE, f"its messages are {schema.name}")
+        return LeftOut(Misfit.TYPE, f"its messages are {schema.name}")
     try:
         return _decoded(factory, schema, encoding, messages)
-    except MisfitError:
-        raise
     # The definition is the other program's, so that anything can go wrong with it.
-    except Exception as problem:
-        raise MisfitError(Misfit.TYPE, f"its messages cannot be decoded as {schema.name}") from problem
+    except Exception:
+        return LeftOut(Misfit.TYPE, f"its messages cannot be decoded as {schema.name}")
 
 
-def _decoded(factory: DecoderFactory, schema: Schema, encoding: str, messages: Sequence[Message]) -> Decoded:
+def _decoded(factory: DecoderFactory, schema: Schema, encoding: str, messages: Sequence[Message]) -> Decoded | LeftOut:
     decoder = factory.decoder_for(encoding, schema)
     if decoder is None:
-        raise MisfitError(Misfit.TYPE, f"its messages are encoded as {encoding}, {schema.encoding}")
+        return LeftOut(Misfit.TYPE, f"its messages are encoded as {encoding}, {schema.encoding}")
     first = decoder(messages[0].data)
     joints = tuple(first.name) if schema.name == JOINT_STATE else ()
     rows = _layout(schema.name, first).decode([message.data for message in messages])
@@ -90,12 +76,14 @@ def _decoded(factory: DecoderFactory, schema: Schema, encoding: str, messages: S
     return Decoded(rows["sec"] * np.int64(cdr.SECOND) + rows["nanosec"], joints, numbers)
 
 
-def _decoded_singly(kind: str, joints: tuple[str, ...], decoded: list[Any], messages: Sequence[Message]) -> Decoded:
+def _decoded_singly(
+    kind: str, joints: tuple[str, ...], decoded: list[Any], messages: Sequence[Message]
+) -> Decoded | LeftOut:
     rows = [_numbers(kind, message) for message in decoded]
     counts = {name: len(values) for name, values in rows[0].items()}
     same = all({name: len(values) for name, values in row.items()} == counts for row in rows)
     if not same or (kind == JOINT_STATE and any(tuple(message.name) != joints for message in decoded)):
-        raise MisfitError(Misfit.JOINTS, "its messages are not all about the same joints")
+        return LeftOut(Misfit.JOINTS, "its messages are not all about the same joints")
     numbers = {name: np.array([row[name] for row in rows], np.float64) for name, count in counts.items() if count}
     if kind == FLOAT64:
         return Decoded(_logged(messages), joints, numbers)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tenodesis.errors import RecordingError
 from tenodesis.recording import cdr, container, schemas, tables
 from tenodesis.recording.container import Contents, Message
-from tenodesis.recording.decode import Decoded, LeftOut, Misfit, MisfitError, decode
+from tenodesis.recording.decode import Decoded, LeftOut, Misfit, decode
 from tenodesis.run import Array, Run
 
 if TYPE_CHECKING:
@@ -169,10 +169,11 @@ def _decoded(contents: Contents) -> tuple[dict[str, Decoded], dict[str, LeftOut]
         schema = contents.schemas.get(channel.schema_id)
         if channel.topic not in schemas.TOPICS or schema is None:
             continue
-        try:
-            decoded[channel.topic] = decode(factory, schema, channel.message_encoding, messages)
-        except MisfitError as problem:
-            left_out[channel.topic] = problem.left_out
+        found = decode(factory, schema, channel.message_encoding, messages)
+        if isinstance(found, LeftOut):
+            left_out[channel.topic] = found
+        else:
+            decoded[channel.topic] = found
     return decoded, left_out
 
 

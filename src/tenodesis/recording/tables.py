@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tenodesis.errors import RecordingError
+from tenodesis.extras import require
 from tenodesis.files import atomic_file
 from tenodesis.recording.schemas import TENDONS
 from tenodesis.run import SIGNALS, Array, Run
@@ -39,14 +40,12 @@ def to_pandas(run: Run) -> "pd.DataFrame":
 
     Raises
     ------
-    RecordingError
+    MissingExtraError
         pandas is not installed.
     """
-    try:
-        import pandas as pd  # noqa: PLC0415
-    except ImportError:
-        raise RecordingError('DataFrames need pandas; install it with pip install "tenodesis[tables]".') from None
-    return pd.DataFrame(columns(run), index=pd.Index(run.time, name=TIME))
+    pandas = require("pandas", "tables")
+    table: pd.DataFrame = pandas.DataFrame(columns(run), index=pandas.Index(run.time, name=TIME))
+    return table
 
 
 def to_csv(run: Run, path: str | Path) -> None:
@@ -70,15 +69,14 @@ def to_parquet(run: Run, path: str | Path) -> None:
 
     Raises
     ------
+    MissingExtraError
+        pandas or pyarrow is not installed.
     RecordingError
-        pandas or pyarrow is not installed, or the file cannot be written; an existing file stays as it was.
+        The file cannot be written; an existing file stays as it was.
     """
-    table = to_pandas(run)
+    require("pyarrow", "tables")
     with _replacing(Path(path)) as new:
-        try:
-            table.to_parquet(new)
-        except ImportError:
-            raise RecordingError('Parquet needs pyarrow; install it with pip install "tenodesis[tables]".') from None
+        to_pandas(run).to_parquet(new)
 
 
 @contextmanager

@@ -2,7 +2,8 @@
 
 from tenodesis.errors import DesignError
 from tenodesis.scaling.candidates import COMBINATIONS, Wheel
-from tenodesis.scaling.catalogue import Catalogue, Constraints, json_schema, load, shipped
+from tenodesis.scaling.catalogue import Catalogue, json_schema, load, shipped
+from tenodesis.scaling.catalogue_file import Constraints
 from tenodesis.scaling.design import Choice, Design, Front, Objectives, TestLoad, design, name_of, rivals_text
 from tenodesis.scaling.pins import PINS
 from tenodesis.scaling.pins import parse as parse_pins

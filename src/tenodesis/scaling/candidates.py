@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from tenodesis.errors import DesignError
 from tenodesis.instrument import PARAMETERS, Instrument
 from tenodesis.run import Array
-from tenodesis.scaling.catalogue import Catalogue, Constraints, Rod, Rope
+from tenodesis.scaling.catalogue import Catalogue
+from tenodesis.scaling.catalogue_file import Constraints
+from tenodesis.scaling.parts import Rod, Rope
 from tenodesis.scaling.pins import missing, same
 from tenodesis.similarity.parameters import field_of, value_of
 

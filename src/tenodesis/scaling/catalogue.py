@@ -24,24 +24,6 @@ from tenodesis.scaling.parts import (
     expanded,
 )
 
-__all__ = [
-    "NEEDED",
-    "STANDARD",
-    "Catalogue",
-    "Constraints",
-    "Encoder",
-    "Gears",
-    "LoadCell",
-    "Pulley",
-    "Rod",
-    "Rope",
-    "Spool",
-    "Weight",
-    "json_schema",
-    "load",
-    "shipped",
-]
-
 STANDARD = "standard"
 """The shipped catalogue that is used by default."""
 

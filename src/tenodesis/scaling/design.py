@@ -13,15 +13,16 @@ from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.scaling import catalogue as catalogues
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates, Wheel
-from tenodesis.scaling.catalogue import Catalogue, Encoder, LoadCell, Rod, Rope, Spool
+from tenodesis.scaling.catalogue import Catalogue
 from tenodesis.scaling.judge import tip_force
 from tenodesis.scaling.limits import limits
+from tenodesis.scaling.parts import Encoder, LoadCell, Rod, Rope, Spool
 from tenodesis.scaling.pins import narrowed, parse
 from tenodesis.scaling.sweep import ERROR_STEP, RELATIVE_STEP, Progress, Sweep, exact_costs, sweep
 from tenodesis.scaling.transfer_friction import carry_friction
 from tenodesis.scaling.weights import WeightSelection, select_weights
 from tenodesis.similarity import Comparison, compare
-from tenodesis.similarity.parameters import alone, field_of, value_of
+from tenodesis.similarity.parameters import field_of, value_of
 
 Preference: TypeAlias = Literal["similarity", "resolution", "size", "margin", "balanced"]
 PREFERENCES: tuple[Preference, ...] = get_args(Preference)
@@ -260,7 +261,7 @@ def design(
         raise ArgumentError(key="combinations", value=combinations, allowed="an integer from 1 to 10**9")
     given = parse(pins or {})
     parts = narrowed(catalogues.load() if catalogue is None else catalogue, given)
-    return Front(sweep(alone(real_size), parts, given, combinations=combinations, progress=progress))
+    return Front(sweep(real_size.planar[0], parts, given, combinations=combinations, progress=progress))
 
 
 def name_of(real_size: Instrument) -> str:

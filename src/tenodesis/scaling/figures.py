@@ -129,7 +129,8 @@ def _handle(design: "Design") -> Array:
 
 
 def _output(inst: Instrument, handle: ArrayLike, force: float) -> Array:
-    return np.degrees(np.asarray(statics.output_angle(inst, handle, force)))
+    angles: Array = np.degrees(statics.output_angle(inst, handle, force))
+    return angles
 
 
 def draw_front(front: "Front", marked: Mapping[str, "Objectives"]) -> Figure:

@@ -12,8 +12,9 @@ from tenodesis import _core, statics
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.scaling.candidates import Candidates, Wheel
-from tenodesis.scaling.catalogue import Catalogue, LoadCell, Spool
+from tenodesis.scaling.catalogue import Catalogue
 from tenodesis.scaling.limits import finest_difference
+from tenodesis.scaling.parts import LoadCell, Spool
 from tenodesis.similarity import GRID
 from tenodesis.similarity.parameters import value_of
 from tenodesis.threads import threads

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from tenodesis.errors import DesignError
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
-from tenodesis.scaling.catalogue import Catalogue, Weight
+from tenodesis.scaling.catalogue import Catalogue
+from tenodesis.scaling.parts import Weight
 from tenodesis.scaling.weights import least_difference
 from tenodesis.units import STANDARD_GRAVITY
 

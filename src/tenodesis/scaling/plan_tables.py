@@ -109,10 +109,9 @@ def _part_rows(design: "Design") -> Iterator[tuple[str, ...]]:
             f"{plain(math.degrees(encoder.noise), 2)}°; fits from a distal radius of "
             f"{quantity(encoder.least_distal_radius, 'mm', 4, 'm')}",
         )
-    if choice.spool is not None:
-        torque = quantity(design.largest_tension * choice.spool.radius, "N*m", 3)
-        radius = quantity(choice.spool.radius, "mm", 4, "m")
-        yield str(2 * axes), "spools", f"radius {radius}", f"one motor each, {torque} at the largest tension"
+    torque = quantity(design.largest_tension * choice.spool.radius, "N*m", 3)
+    radius = quantity(choice.spool.radius, "mm", 4, "m")
+    yield str(2 * axes), "spools", f"radius {radius}", f"one motor each, {torque} at the largest tension"
     if design.tests:
         needed = Counter[float]()
         for test in design.tests:

@@ -15,7 +15,7 @@ from tenodesis.similarity.frictionless import rms, similarity_error
 from tenodesis.similarity.groups import SAME, groups_of
 from tenodesis.similarity.loops import Place
 from tenodesis.similarity.pair import Pair
-from tenodesis.similarity.parameters import alone, field_of, tension_scale, value_of
+from tenodesis.similarity.parameters import field_of, tension_scale, value_of
 from tenodesis.similarity.realisation import COUPLED, SEGMENTS, Realisation, friction_of, law_of_both
 
 OnProgress: TypeAlias = Callable[[float, float], object] | None
@@ -84,7 +84,7 @@ class _Path:
     def __init__(self, pair: Pair, pretension: float | None, force_factor: float | None) -> None:
         scaled = pair.scaled_pretension if pretension is None else pretension
         equal = float(pair.force_factor())
-        real_size, scaled_up = alone(pair.real_size), alone(pair.scaled_up.replace(pretension=scaled))
+        real_size, scaled_up = pair.real_size.planar[0], pair.scaled_up.replace(pretension=scaled).planar[0]
         ours, theirs = groups_of(real_size), groups_of(scaled_up)
         coupled = [name for name in COUPLED if name in ours] if pair.same_mechanism else ["T_o/(kr)"]
         segments = SEGMENTS if pair.same_mechanism else SEGMENTS[:1]
@@ -213,9 +213,9 @@ def _changes(inst: Instrument) -> dict[str, dict[str, float]]:
 
 def _at_rest(path: _Path, groups: Mapping[str, float], ratio: float, error: loops.LoopError) -> Array:
     inst = path.make.instrument(groups)
-    strokes = loops.path_at_rest(float(error.handle_angle.max()))
-    nominal = loops.nominal(inst, strokes.time_step)
-    return loops.loops(nominal, strokes, strokes.handle_angle, path.force(inst, ratio, error.force), quasi_static=True)
+    motion = loops.motion_at_rest(float(error.handle_angle.max()))
+    nominal = loops.nominal(inst, motion.time_step)
+    return loops.loops(nominal, motion, motion.handle_angle, path.force(inst, ratio, error.force), quasi_static=True)
 
 
 def _load(path: _Path, force: Array) -> dict[str, tuple[float, float]]:

@@ -1,4 +1,4 @@
-"""The similarity error without friction, by the full model over the whole working range."""
+"""The similarity error without friction, by the full quasi-static model over the working range."""
 
 from dataclasses import dataclass
 

@@ -13,7 +13,6 @@ from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.similarity.frictionless import ErrorStatistics
 from tenodesis.similarity.pair import Pair
-from tenodesis.similarity.parameters import alone
 
 SPEED = float(np.radians(10))
 """Speed of the real-size handle, rad/s."""
@@ -37,7 +36,7 @@ class Place(NamedTuple):
     flexing: bool
 
 
-class Path(NamedTuple):
+class HandleMotion(NamedTuple):
     """Commands to the real-size instrument: steps of `time_step` (s), the first `loading` of them at a straight handle.
 
     Then the handle flexes to the end of the working range, extends to the other end and flexes again.
@@ -98,7 +97,7 @@ def error_at_rest(
     pair: Pair, pretension: float | None, force_factor: float | None, forces: Sequence[float] | None
 ) -> LoopError:
     """Return the error of quasi-static loops; :meth:`tenodesis.similarity.Comparison.error_at_rest` has the details."""
-    return _error(_Setup(pair, pretension, force_factor), path_at_rest(pair.reach), forces, quasi_static=True)
+    return _error(_Setup(pair, pretension, force_factor), motion_at_rest(pair.reach), forces, quasi_static=True)
 
 
 def cycle_error(
@@ -111,44 +110,44 @@ def cycle_error(
     """Return the error of loops in time; :meth:`tenodesis.similarity.Comparison.cycle_error` has the details."""
     step = min(twin.TIME_STEP, _PHASE / plant.natural_frequency(pair.real_size))
     stroke = max(2, 2 * round(pair.reach / speed / step))
-    path = _path(pair.reach, step, stroke, max(1, round(_LOADING / step)))
-    return _error(_Setup(pair, pretension, force_factor), path, forces, quasi_static=False)
+    motion = _motion(pair.reach, step, stroke, max(1, round(_LOADING / step)))
+    return _error(_Setup(pair, pretension, force_factor), motion, forces, quasi_static=False)
 
 
-def path_at_rest(reach: float) -> Path:
-    """Return the path of quasi-static loops to a handle angle (rad) either side."""
-    return _path(reach, 2 * reach / SPEED / STROKE_STEPS, STROKE_STEPS, STROKE_STEPS // 10)
+def motion_at_rest(reach: float) -> HandleMotion:
+    """Return the motion of quasi-static loops to a handle angle (rad) either side."""
+    return _motion(reach, 2 * reach / SPEED / STROKE_STEPS, STROKE_STEPS, STROKE_STEPS // 10)
 
 
 def nominal(inst: Instrument, time_step: float) -> Instrument:
     """Return the first axis without mismatch, sampled at every step, with a handle that follows its command exactly."""
-    return alone(inst).replace(
+    return inst.planar[0].replace(
         mismatch=None, **{"dynamics.hand_stiffness": None, "sensors.sampling_rate": 1 / time_step}
     )
 
 
-def loops(inst: Instrument, path: Path, handle_angle: Array, forces: Array, *, quasi_static: bool) -> Array:
+def loops(inst: Instrument, motion: HandleMotion, handle_angle: Array, forces: Array, *, quasi_static: bool) -> Array:
     """Return the output angles of a one-axis instrument after loading, rad, shape (forces, steps); NaN once lost.
 
-    The handle angles (rad, by step) replace those of the path; the forces (N) are constant, one per run.
+    The handle angles (rad, by step) replace those of the motion; the forces (N) are constant, one per run.
     """
     batch = twin.run_many(
         [inst] * forces.size,
         np.broadcast_to(handle_angle, (forces.size, handle_angle.size)),
-        forces[:, None] * path.share,
-        time_step=path.time_step,
+        forces[:, None] * motion.share,
+        time_step=motion.time_step,
         quasi_static=quasi_static,
     )
-    return batch["output_angle"][:, path.loading :]
+    return batch["output_angle"][:, motion.loading :]
 
 
-def _path(reach: float, time_step: float, stroke: int, loading: int) -> Path:
+def _motion(reach: float, time_step: float, stroke: int, loading: int) -> HandleMotion:
     half = stroke // 2
     flexed = reach * np.arange(1, half + 1) / half
     extended = reach * (1 - 2 * np.arange(1, stroke + 1) / stroke)
     handle = np.concatenate([np.zeros(loading), flexed, extended, -extended])
     share = np.minimum(np.arange(1, handle.size + 1) / loading, 1.0)
-    return Path(time_step, loading, handle, share)
+    return HandleMotion(time_step, loading, handle, share)
 
 
 class _Setup:
@@ -160,41 +159,41 @@ class _Setup:
         self.force_factor = float(pair.force_factor()) if force_factor is None else force_factor
         self.time_factor = pair.time_factor
 
-    def loops(self, path: Path, force: Array, quasi_static: bool) -> tuple[Array, Array]:
+    def loops(self, motion: HandleMotion, force: Array, quasi_static: bool) -> tuple[Array, Array]:
         """Return the output angles of the real-size and the scaled-up instrument, rad."""
-        theirs = path._replace(time_step=path.time_step * self.time_factor)
-        real_size = nominal(self.pair.real_size, path.time_step)
+        theirs = motion._replace(time_step=motion.time_step * self.time_factor)
+        real_size = nominal(self.pair.real_size, motion.time_step)
         scaled_up = nominal(self.pair.scaled_up, theirs.time_step).replace(pretension=self.pretension)
-        mapped = self.pair.scaled_up_handle_angle(path.handle_angle)
+        mapped = self.pair.scaled_up_handle_angle(motion.handle_angle)
         return (
-            loops(real_size, path, path.handle_angle, force, quasi_static=quasi_static),
+            loops(real_size, motion, motion.handle_angle, force, quasi_static=quasi_static),
             loops(scaled_up, theirs, mapped, force * self.force_factor, quasi_static=quasi_static),
         )
 
     def default_forces(self) -> Array:
         """Return forces from none to the largest that both hold at rest through the working range, to a few percent."""
         tried = np.linspace(0.0, self.pair.largest_force, _TRIED)
-        expected, found = self.loops(path_at_rest(self.pair.reach), tried, True)
+        expected, found = self.loops(motion_at_rest(self.pair.reach), tried, True)
         lost = np.isnan(expected + found).any(axis=1)
         held = tried[: np.argmax(lost)] if lost.any() else tried
         return np.linspace(0.0, held[-1] if held.size else 0.0, FORCES)
 
 
-def _error(setup: _Setup, path: Path, forces: Sequence[float] | None, *, quasi_static: bool) -> LoopError:
+def _error(setup: _Setup, motion: HandleMotion, forces: Sequence[float] | None, *, quasi_static: bool) -> LoopError:
     force = setup.default_forces() if forces is None else np.array(forces, float)
     if force.ndim != 1 or not force.size or not np.isfinite(force).all():
         raise ArgumentError(key="forces", value=forces, allowed="a list of finite numbers")
-    expected, found = setup.loops(path, force, quasi_static)
-    rows = slice(path.loading, None)
-    time: Array = path.time_step * np.arange(1.0, path.handle_angle.size + 1)
+    expected, found = setup.loops(motion, force, quasi_static)
+    rows = slice(motion.loading, None)
+    time: Array = motion.time_step * np.arange(1.0, motion.handle_angle.size + 1)
     return LoopError(
         setup.pair.real_size.pretension,
         setup.pretension,
         setup.force_factor,
         setup.time_factor,
         time[rows],
-        path.handle_angle[rows],
-        path.flexing,
+        motion.handle_angle[rows],
+        motion.flexing,
         force,
         expected,
         found,

@@ -37,8 +37,3 @@ def value_of(inst: Instrument, parameter: str) -> float:
 def tension_scale(inst: Instrument) -> float:
     """Return k r, the tension that stretches a tendon by the distal radius, N (Table II)."""
     return _core.tension_scale(inst.spec)
-
-
-def alone(inst: Instrument) -> Instrument:
-    """Return the instrument of the first axis, which an instrument of two is judged by."""
-    return inst if len(inst.axes) == 1 else inst.axis(inst.axes[0])

@@ -101,15 +101,14 @@ def sampled(segments: Sequence[Segment], size: int) -> Iterator[dict[str, Array]
             room -= last - first
             first = last
             if room == 0:
-                yield joined(pieces)
+                yield _joined(pieces)
                 pieces, room = [], size
     if pieces:
-        yield joined(pieces)
+        yield _joined(pieces)
 
 
-def joined(blocks: Sequence[dict[str, Array]]) -> dict[str, Array]:
-    """Return consecutive blocks of commands as one."""
-    return {name: np.concatenate([block[name] for block in blocks]) for name in Command._fields}
+def _joined(pieces: Sequence[dict[str, Array]]) -> dict[str, Array]:
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in Command._fields}
 
 
 class Plant(Protocol):

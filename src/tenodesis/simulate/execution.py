@@ -20,30 +20,11 @@ _HOMING_BLOCK = 0.01
 """Time between two checks whether homing is done, s."""
 
 
-class Loop:
-    """A plant with a controller that moves its motors; the requests to the controller are in the runs.
-
-    Parameters
-    ----------
-    plant
-        The plant.
-    controller
-        The controller.
-
-    Raises
-    ------
-    ValueError
-        The controller is for other axes or joints.
-    """
+class _Loop:
+    """A plant with a controller that moves its motors; the requests to the controller are in the runs."""
 
     def __init__(self, plant: ControllablePlant, controller: Controller) -> None:
-        controller.check_instrument(plant.inst)
         self.plant, self.controller = plant, controller
-
-    @property
-    def time_step(self) -> float:
-        """Time step, s."""
-        return self.plant.time_step
 
     def run(self, *, handle_angle: Array, force: Array, radial_force: Array, spool_velocity: Array) -> Run:
         """Go on by as many time steps as there are commands; the controller's pending request comes with the first.
@@ -72,12 +53,13 @@ class Loop:
         ProtocolError
             Homing takes longer than the timeout (s).
         """
-        steps = max(1, round(_HOMING_BLOCK / self.time_step))
+        time_step = self.plant.time_step
+        steps = max(1, round(_HOMING_BLOCK / time_step))
         (commands,) = sampled([Segment(command, command, steps)], steps)
         self.controller.ask(Request.HOME)
         run = self.run(**commands)
         yield run
-        elapsed = steps * self.time_step
+        elapsed = steps * time_step
         while run["operating_state"][-1].max() == OperatingState.ENABLED:
             if elapsed >= timeout:
                 raise ProtocolError(
@@ -88,7 +70,7 @@ class Loop:
                 )
             run = self.run(**commands)
             yield run
-            elapsed += steps * self.time_step
+            elapsed += steps * time_step
         if self.controller.enabled_at_start and run["operating_state"][-1].max() == OperatingState.PAUSED:
             self.controller.ask(Request.RESUME)
             yield self.run(**commands)
@@ -131,16 +113,18 @@ def execute(
         The controller is for other axes or joints.
     """
     plan = protocol.plan(plant.inst, plant.time_step)
-    loop = None if controller is None else Loop(plant, controller)
-    if loop is not None:
-        check_controllable(plan, loop.controller.inst)
+    loop = None
+    if controller is not None:
+        controller.check_instrument(plant.inst)
+        check_controllable(plan, controller.inst)
+        loop = _Loop(plant, controller)
     total = sum(planned.seconds for planned in plan)
     runs: list[Run] = []
     begun = 0.0
     for planned in plan:
         done = begun
         begun += planned.seconds
-        for run in _runs(plant if loop is None else loop, planned):
+        for run in _runs(plant, loop, planned):
             runs.append(run)
             done += len(run) * plant.time_step
             if on_block is not None:
@@ -201,14 +185,14 @@ def _check_homing(phase: Pretension, initial: Command, inst: Instrument) -> None
             )
 
 
-def _runs(plant: Plant | Loop, planned: Planned) -> Iterator[Run]:
+def _runs(plant: Plant, loop: _Loop | None, planned: Planned) -> Iterator[Run]:
     """Yield the runs of a phase."""
     if not isinstance(planned.phase, Pretension):
         for commands in sampled(planned.segments, block_size(plant.time_step, _BLOCK)):
-            yield plant.run(**commands)
+            yield (loop or plant).run(**commands)
         return
     with errors_of(planned.label):
-        if isinstance(plant, Loop):
-            yield from plant.home(planned.initial, planned.phase.timeout)
-        else:
+        if loop is None:
             yield from planned.phase.run(plant, planned.initial)
+        else:
+            yield from loop.home(planned.initial, planned.phase.timeout)

@@ -14,7 +14,7 @@ from tenodesis.files import parse_toml, read_text, validated
 from tenodesis.instrument import Instrument, Name
 from tenodesis.instrument.text import with_units
 from tenodesis.run import Array
-from tenodesis.simulate.command import Command, Segment, joined, sampled
+from tenodesis.simulate.command import Command, Segment, sampled
 from tenodesis.simulate.motion import Motion
 from tenodesis.simulate.phases import Cycles, Hold, ProtocolModel, Ramp, Start, StepLoad
 from tenodesis.simulate.pretension import Pretension
@@ -74,35 +74,14 @@ class Protocol(ProtocolModel):
         """
         return math.fsum(planned.seconds for planned in self.plan(inst, time_step))
 
-    def blocks(self, inst: Instrument, time_step: float, seconds: float = 1.0) -> Iterator[dict[str, Array]]:
-        """Yield the commands of the open-loop phases in blocks, each within one phase.
+    def commands(self, inst: Instrument, time_step: float) -> dict[str, Array]:
+        """Return the commands of all time steps (s).
 
-        Parameters
-        ----------
-        inst
-            The instrument.
-        time_step
-            Time step, s.
-        seconds
-            Longest block, s.
-
-        Yields
-        ------
+        Returns
+        -------
         dict
             By name, for n steps: handle_angle (rad), force and radial_force (N), of shape (n,), and spool_velocity
             (rad/s), of shape (n, 2), agonist first; with two axes (n, 2) and (n, 2, 2), axis before tendon.
-
-        Raises
-        ------
-        ProtocolError
-            The instrument cannot run it, or not within an hour.
-        """
-        size = block_size(time_step, seconds)
-        for planned in self.plan(inst, time_step):
-            yield from sampled(planned.segments, size)
-
-    def commands(self, inst: Instrument, time_step: float) -> dict[str, Array]:
-        """Return all commands at once, as :meth:`blocks` yields them; the time step is in s.
 
         Raises
         ------
@@ -115,7 +94,9 @@ class Protocol(ProtocolModel):
                 f"{self.name}: the commands of a {closed[0]} phase follow from its load cells; "
                 "execute the protocol on a twin instead"
             )
-        return joined(list(self.blocks(inst, time_step)))
+        segments = [segment for planned in self.plan(inst, time_step) for segment in planned.segments]
+        (commands,) = sampled(segments, sum(segment.steps for segment in segments))
+        return commands
 
     def plan(self, inst: Instrument, time_step: float) -> list[Planned]:
         """Return the phases as they are on an instrument, at a time step (s).

@@ -141,7 +141,7 @@ def equilibrium(
 ) -> Equilibrium:
     """Return output angle (rad), tensions (N) and status, without an error where there is no equilibrium.
 
-    Parameters are those of :func:`output_angle`; status is a :class:`Status`, or an array of its numbers.
+    Parameters are those of :func:`output_angle`; status is a :class:`Status`, or an array of its values.
 
     Raises
     ------

@@ -78,7 +78,7 @@ def study(
     if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or not 0 <= seed < 2**32:
         raise StudyError(key="seed", value=seed, allowed="an integer from 0 to 2**32 - 1")
     runner = engines.named(engine, address) if isinstance(engine, str) else engine
-    real_size, scaled_up = (one.axis(one.axes[0]) if len(one.axes) > 1 else one for one in (real_size, scaled_up))
+    real_size, scaled_up = real_size.planar[0], scaled_up.planar[0]
     given = default(scaled_up) if tolerances is None else tolerances
     parameters = resolve(given, real_size, scaled_up)
     count = 1 << (int(samples) - 1).bit_length()

@@ -109,9 +109,7 @@ class Cluster:
         if self.address != "auto":
             host, _, port = self.address.rpartition(":")
             if not host or "/" in host or not port.isdigit():
-                raise StudyError(
-                    key="address", value=self.address, allowed="host:port of a Ray cluster's head, or auto"
-                )
+                raise StudyError(key="address", value=self.address, allowed=_ADDRESS)
             try:
                 socket.create_connection((host.strip("[]"), int(port)), timeout=_CONNECTION_TIMEOUT).close()
             except (OSError, OverflowError) as problem:
@@ -149,8 +147,7 @@ class Cluster:
     def _unusable(self, reason: str) -> StudyError:
         reason = reason.strip().splitlines()[0].rstrip(".")
         return StudyError(
-            f"no Ray cluster can be used at {self.address} ({reason}); the address must be host:port of its head, or "
-            "auto.",
+            f"no Ray cluster can be used at {self.address} ({reason}); the address must be {_ADDRESS}.",
             key="address",
             value=self.address,
             allowed=_ADDRESS,

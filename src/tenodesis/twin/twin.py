@@ -105,7 +105,7 @@ class Twin:
         self.time_step = time_step
         self.seed = int(seed)
         self.quasi_static = quasi_static
-        # Axes draw from far apart in the same sequence, whose steps are this odd number.
+        # Axes draw from distant parts of the same random sequence, whose increment is this odd number.
         self._axes = [
             _core.Twin(
                 plant.spec(planar, time_step, quasi_static), (int(seed) + (n << 40) * 0x9E3779B97F4A7C15) % 2**64
@@ -340,7 +340,7 @@ class Twin:
         for (name, columns), array in zip(ARGUMENTS.items(), arrays, strict=False):
             per_tendon = name in PER_TENDON
             shape = (*base, 2) if per_tendon else base
-            # A number per step holds for both axes.
+            # A value per step is for both axes.
             given = array[:, np.newaxis] if axes == 2 and not per_tendon and array.shape == (count,) else array
             try:
                 full = np.broadcast_to(given, shape)

@@ -1,1 +1,1 @@
-"""Independent checks of the statics: the same joint in code that shares nothing with the core."""
+"""Independent checks: the same instrument in code of others that shares nothing with the core."""

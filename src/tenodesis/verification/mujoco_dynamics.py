@@ -20,7 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis.errors import NoSolutionError
 from tenodesis.extras import require
-from tenodesis.verification.mujoco_peer import Instrument, _xml, settle
+from tenodesis.instrument import TendonGear
+from tenodesis.verification.mujoco_peer import mechanism_xml, settle
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -47,7 +48,7 @@ class Motion:
 
 
 def simulate(
-    inst: Instrument,
+    inst: TendonGear,
     handle_angle: ArrayLike,
     force: ArrayLike,
     time_step: float,
@@ -115,7 +116,7 @@ def simulate(
 
 
 def steps_per_second(
-    inst: Instrument,
+    inst: TendonGear,
     *,
     inertia: float,
     damping: float,
@@ -202,10 +203,10 @@ def _check(time_step: float, inertia: float, damping: float) -> None:
 
 
 def _mechanism(
-    mujoco: Any, inst: Instrument, handle_angle: float | None, *, time_step: float, inertia: float, damping: float
+    mujoco: Any, inst: TendonGear, handle_angle: float | None, *, time_step: float, inertia: float, damping: float
 ) -> Any:
     """Describe the mechanism in motion, its handle held at this angle (rad) or on joints of its own (None)."""
-    spec = mujoco.MjSpec.from_string(_xml(inst, {"yaw": handle_angle}))
+    spec = mujoco.MjSpec.from_string(mechanism_xml(inst, {"yaw": handle_angle}))
     spec.option.timestep = time_step
     without = mujoco.mjtDisableBit
     spec.option.disableflags = int(without.mjDSBL_CONTACT | without.mjDSBL_LIMIT | without.mjDSBL_FRICTIONLOSS)
@@ -220,7 +221,7 @@ def _mechanism(
     return spec
 
 
-def _resting(inst: Instrument, handle_angle: float, force: float, radial_force: float) -> float:
+def _resting(inst: TendonGear, handle_angle: float, force: float, radial_force: float) -> float:
     """Find the output angle (rad) at rest under a handle angle (rad) and loads (N)."""
     angle = settle(inst, handle_angle, force, radial_force).output_angle
     if isnan(angle):

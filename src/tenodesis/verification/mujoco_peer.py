@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import product
 from math import asin, cos, hypot, inf, isnan, nan, pi, sin
-from typing import Any, Protocol
+from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from tenodesis.extras import require
+from tenodesis.instrument import TendonGear
 
 _TIME_STEP = 1e-3  # s
 # The straight joint, at its stiffest, is overdamped at this rate (rad/s): it then creeps to the nearest
@@ -29,28 +30,9 @@ _TOWARD = {"yaw": (1.0, 0.0), "pitch": (0.0, 1.0)}  # ... this (x, y) side, wher
 _SIDES = {"agonist": 1.0, "antagonist": -1.0}
 
 
-class Instrument(Protocol):
-    """The dimensions an instrument must offer, in SI units."""
-
-    @property
-    def proximal_gear_radius(self) -> float: ...
-    @property
-    def distal_gear_radius(self) -> float: ...
-    @property
-    def handle_length(self) -> float: ...
-    @property
-    def end_effector_length(self) -> float: ...
-    @property
-    def tendon_stiffness(self) -> float: ...
-    @property
-    def pretension(self) -> float: ...
-    @property
-    def overall_length(self) -> float: ...
-
-
 @dataclass(frozen=True)
 class Settled:
-    """Where one axis came to rest: angle (rad) and tensions (N), all NaN if there is no equilibrium."""
+    """Equilibrium of one axis: angle (rad) and tensions (N), all NaN if there is none."""
 
     output_angle: float
     agonist: float
@@ -60,7 +42,7 @@ class Settled:
 
 @dataclass(frozen=True)
 class TwoAxis:
-    """Where two axes came to rest: angles (rad) and (agonist, antagonist) tensions (N), NaN if nowhere."""
+    """Equilibrium of two axes: angles (rad) and (agonist, antagonist) tensions (N), NaN if there is none."""
 
     yaw: float
     pitch: float
@@ -89,7 +71,7 @@ class Independence:
     unsettled: int
 
 
-def settle(inst: Instrument, handle_angle: float, force: float, radial_force: float = 0.0) -> Settled:
+def settle(inst: TendonGear, handle_angle: float, force: float, radial_force: float = 0.0) -> Settled:
     """Let one axis come to rest, first unloaded and then under its tip loads.
 
     Parameters
@@ -112,7 +94,7 @@ def settle(inst: Instrument, handle_angle: float, force: float, radial_force: fl
     return axis
 
 
-def radial_coefficient(inst: Instrument, settled: Settled, force: float, radial_force: float) -> float:
+def radial_coefficient(inst: TendonGear, settled: Settled, force: float, radial_force: float) -> float:
     """Return what a radial force (N) is multiplied by in eq. 1, as the settled tensions show it, dimensionless."""
     half = settled.output_angle / 2
     by_force = force * (inst.end_effector_length / (inst.distal_gear_radius * cos(half)) + 1)
@@ -120,7 +102,7 @@ def radial_coefficient(inst: Instrument, settled: Settled, force: float, radial_
 
 
 def settle_two_axis(
-    inst: Instrument,
+    inst: TendonGear,
     yaw: float,
     pitch: float,
     force_yaw: float,
@@ -152,7 +134,7 @@ def settle_two_axis(
 
 
 def axis_independence(
-    inst: Instrument,
+    inst: TendonGear,
     output_angles: Sequence[float],
     forces: Sequence[float],
     progress: Callable[[], None] | None = None,
@@ -202,14 +184,14 @@ def axis_independence(
     return Independence(max(unloaded, key=_size), max(loaded, key=_size), unsettled)
 
 
-def planar_xml(inst: Instrument, handle_angle: float) -> str:
+def planar_xml(inst: TendonGear, handle_angle: float) -> str:
     """Write the MuJoCo model (MJCF) of one axis with the handle held at this angle (rad)."""
-    return _xml(inst, {"yaw": handle_angle})
+    return mechanism_xml(inst, {"yaw": handle_angle})
 
 
-def two_axis_xml(inst: Instrument, yaw: float, pitch: float, *, gap: float | None = None) -> str:
+def two_axis_xml(inst: TendonGear, yaw: float, pitch: float, *, gap: float | None = None) -> str:
     """Write the MuJoCo model (MJCF) of both axes with the handle held at these angles (rad), gap in m."""
-    return _xml(inst, {"yaw": yaw, "pitch": pitch}, gap)
+    return mechanism_xml(inst, {"yaw": yaw, "pitch": pitch}, gap)
 
 
 def _settle(xml: str, loads: tuple[float, ...]) -> list[Settled]:
@@ -242,7 +224,7 @@ def _relax(mujoco: Any, model: Any, data: Any) -> tuple[int, bool]:
     return _MAX_STEPS, False
 
 
-def _handle_angle(inst: Instrument, output_angle: float) -> float:
+def _handle_angle(inst: TendonGear, output_angle: float) -> float:
     """Find the handle angle (rad) that leaves both tendons at pretension at this output angle (rad)."""
     return 2 * asin(inst.distal_gear_radius / inst.proximal_gear_radius * sin(output_angle / 2))
 
@@ -252,7 +234,7 @@ def _size(found: Coupling) -> float:
     return -inf if isnan(found.change) else abs(found.change)
 
 
-def _xml(inst: Instrument, held: Mapping[str, float | None], gap: float | None = None) -> str:
+def mechanism_xml(inst: TendonGear, held: Mapping[str, float | None], gap: float | None = None) -> str:
     """Write the model whose pairs, from the stem outward, are those the handle is `held` at (rad), or free (None)."""
     large, small, axes = inst.proximal_gear_radius, inst.distal_gear_radius, list(held)
     gap = 2 * small if gap is None else gap

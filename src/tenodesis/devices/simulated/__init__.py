@@ -2,5 +2,5 @@
 
 from tenodesis.extras import require
 
-require("canopen", "devices")
 require("can", "devices")
+require("canopen", "devices")

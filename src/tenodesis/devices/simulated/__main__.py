@@ -24,13 +24,13 @@ def main(source: str) -> None:
     try:
         with SimulatedBench(inst, settings, bus) as bench:
             print(f"serving {inst.name} on {settings.interface} {settings.channel}", flush=True)
-            told = dict.fromkeys(bench.drives, 0)
+            printed = dict.fromkeys(bench.drives, 0)
             while bench.running:
                 for node, drive in bench.drives.items():
-                    for line in drive.log[told[node] :]:
+                    for line in drive.log[printed[node] :]:
                         speeds = " ".join(f"{speed + 0.0:.4g}" for speed in bench.velocity.ravel())
                         print(f"node {node}: {line} (sync {bench.syncs}, speeds {speeds})", flush=True)
-                    told[node] = len(drive.log)
+                    printed[node] = len(drive.log)
                 time.sleep(_LOOK)
     except KeyboardInterrupt:
         pass

@@ -239,13 +239,13 @@ class SimulatedBench:
             for tendon, wired in enumerate(axis.drives):
                 drive, gears = self.drives[wired.node], self.inst.drives
                 follows = drive.pursuit(self.inst.sensors.sampling_rate) * 2 * pi / gears.encoder_counts
-                told = (drive.velocity * self._unit + follows) / gears.gear_ratio
-                self.velocity[n, tendon] = -told if wired.reversed else told
+                speed = (drive.velocity * self._unit + follows) / gears.gear_ratio
+                self.velocity[n, tendon] = -speed if wired.reversed else speed
         self.fastest = max(self.fastest, float(np.abs(self.velocity).max()))
 
 
 class _Network(canopen.Network):
-    """The library's network, whose frames can be tampered with, and whose nodes' cables can be pulled."""
+    """The library's network, with frames that can be changed and nodes that can be cut off."""
 
     def __init__(self, bus: can.BusABC) -> None:
         super().__init__(bus)

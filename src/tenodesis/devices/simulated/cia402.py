@@ -134,7 +134,7 @@ class Node:
         return int(variable.decode_raw(self.local.get_data(index, sub)))
 
     def started(self) -> None:
-        """Take the PDOs as they are mapped, once told to be operational."""
+        """Take the PDOs as they are mapped, once commanded to be operational."""
         self.local.tpdo.read()
         self.local.rpdo.read()
 
@@ -211,9 +211,9 @@ class Drive(Node):
         self.resumes = False
         """Whether it may be enabled again from a quick stop, as CiA 402 allows but does not recommend."""
         self.stays_operational = False
-        """Whether it goes on taking PDOs once it has lost the master, as object 1029h may tell it."""
+        """Whether it goes on taking PDOs once it has lost the master, as object 1029h may set it."""
         self.shows_mode = True
-        """Whether it takes the modes that it is told."""
+        """Whether it takes the modes that are set."""
         self.homing_methods: tuple[int, ...] = _HOME_HERE
         self.homes = True
         """Whether homing that it says to have attained has set its zero."""
@@ -222,7 +222,7 @@ class Drive(Node):
         self._show()
 
     def pursuit(self, rate: float) -> float:
-        """Speed by which a drive that is told positions follows them, counts/s, for a number of them a second (Hz)."""
+        """Speed at which a drive follows target positions that come at a rate (Hz), counts/s."""
         if not (self.state == ENABLED and self.operational and self.get(0x6061) == 8):
             return 0.0
         behind = _wrapped(self._aim - self._aim_step - self.get(0x6064))
@@ -230,7 +230,7 @@ class Drive(Node):
 
     @property
     def velocity(self) -> int:
-        """What the motor is told, in units of the target velocity."""
+        """Speed of the motor, in units of the target velocity."""
         return self.target if self.state == ENABLED and self.operational and self.get(0x6061) in (3, 9) else 0
 
     def started(self) -> None:
@@ -285,8 +285,8 @@ class Drive(Node):
         super().poll()
         if self._leaves_fault_at is not None and time.monotonic() > self._leaves_fault_at:
             self._leave_fault()
-        told = self.get(0x1016, 1)
-        master, milliseconds = told >> 16 & 0x7F, told & 0xFFFF
+        entry = self.get(0x1016, 1)
+        master, milliseconds = entry >> 16 & 0x7F, entry & 0xFFFF
         if master != self._listens_to:
             self._listens_to = master
             self._heard = None
@@ -426,5 +426,5 @@ def _add_record(
 
 
 def _wrapped(counts: int) -> int:
-    """Return a difference of positions that begin anew after 32 bits."""
+    """Return a difference of positions that wrap after 32 bits."""
     return (counts + 2**31) % 2**32 - 2**31

@@ -21,7 +21,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Literal, NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from tenodesis.identification.datasets.friction_laws import band, held, hysteres
 from tenodesis.identification.formats.measured import MeasuredRun, Source, checksum
 from tenodesis.identification.formats.raw import Raw, Unit
 from tenodesis.identification.formats.table import read_rows
-from tenodesis.identification.problem import Parameter, Trace
+from tenodesis.identification.problem import Parameter, Problem, Trace
 from tenodesis.identification.registry import Format
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
@@ -152,8 +152,6 @@ INTERVAL = 0.01
 NOISE = 2 * math.pi / 4000 / math.sqrt(12)
 """Standard deviation of the jaw's encoder, rad: that of rounding to its 4000 counts."""
 
-Offset: TypeAlias = Literal["shared", "run"]
-
 _LEVEL_SPAN = 0.2
 """Time from the start whose mean torque friction is taken to have held before, s: the drive starts with a kick."""
 _SPEED_SPAN = 0.1
@@ -230,7 +228,7 @@ class Signs(NamedTuple):
     """Whether the jaw turns with the spindle's sensor (1) or against it (-1)."""
 
 
-class Tool:
+class Tool(Problem):
     """A tool with its recordings.
 
     Parameters
@@ -239,9 +237,6 @@ class Tool:
         Recordings with spindle_angle, spindle_torque and jaw_angle; the signs of the sensors come from train.
     law
         Friction law, a key of `LAWS`.
-    offset
-        shared: one offset of the jaw's encoder for all runs, so that none of a test run's jaw angles is used. run: each
-        run's error is taken less its own mean over the run, as if its encoder had been set apart.
     contacts
         Contacts that the transmission is cut into.
 
@@ -257,34 +252,27 @@ class Tool:
         test: Sequence[MeasuredRun] = (),
         *,
         law: str = DEFAULT_LAW,
-        offset: Offset = "shared",
         contacts: int = CONTACTS,
     ) -> None:
         if law not in LAWS:
             raise IdentificationError(key="law", value=law, allowed=f"one of {', '.join(LAWS)}")
-        if offset not in ("shared", "run"):
-            raise IdentificationError(key="offset", value=offset, allowed="shared or run")
         if contacts < 1:
             raise IdentificationError(key="contacts", value=contacts, allowed="an integer of at least 1")
         if not train:
             raise IdentificationError("train is empty; it must hold at least one recording.", key="train")
-        self.law, self.offset, self.contacts = law, offset, contacts
+        self.law, self.contacts = law, contacts
         self.signs = _signs(train)
         recordings = [*train, *test]
         self.runs = tuple(one.name for one in recordings)
         self._full = [_series(one, self.signs) for one in recordings]
         self._thin = [_thinned(one) for one in self._full]
-        self._kinematics = _kinematics(self._thin[: len(train)], self.signs)[0 if offset == "shared" else 1 :]
+        self._kinematics = _kinematics(self._thin[: len(train)], self.signs)
         self.parameters = (*self._kinematics, *LAWS[law])
         self._names = tuple(one.name for one in self.parameters)
-
-    @property
-    def groups(self) -> dict[str, tuple[str, ...]]:
-        """Names of parameters by group."""
-        return {
-            "friction": tuple(one.name for one in LAWS[self.law]),
+        self.groups = {
+            "friction": tuple(one.name for one in LAWS[law]),
             "stiffness": ("compliance",),
-            "kinematics": tuple(one.name for one in self.parameters if one.name in ("offset", "ratio")),
+            "kinematics": tuple(name for name in self._names if name in ("offset", "ratio")),
         }
 
     def residuals(self, values: Array, run: int) -> Array:
@@ -295,8 +283,6 @@ class Tool:
         """Return the derivatives of the residuals, (n, parameters)."""
         series = self._thin[run]
         slopes = self._modelled(values, series, exact=True).slopes[:, series.counted]
-        if self.offset == "run":
-            slopes = slopes - slopes.mean(axis=1, keepdims=True)
         return np.ascontiguousarray(-slopes.T / NOISE)
 
     def errors(self, values: Array, run: int) -> dict[str, Array]:
@@ -330,8 +316,7 @@ class Tool:
         return None
 
     def _errors(self, values: Array, series: Series) -> Array:
-        error: Array = (series.jaw - self._model(values, series))[series.counted]
-        return error - error.mean() if self.offset == "run" else error
+        return np.asarray((series.jaw - self._model(values, series))[series.counted])
 
     def _model(self, values: Array, series: Series) -> Array:
         return self._modelled(values, series, exact=False).value
@@ -339,7 +324,7 @@ class Tool:
     def _modelled(self, values: Array, series: Series, *, exact: bool) -> Dual:
         given = unknowns(self._names, values, exact=exact)
         turned = given["ratio"] * series.spindle + self.signs.load * given["compliance"] * self._mean(given, series)
-        return self.signs.jaw * turned + given.get("offset", number(0.0))
+        return self.signs.jaw * turned + given["offset"]
 
     def _mean(self, given: Mapping[str, Dual], series: Series) -> Dual:
         """Return the mean torque along the transmission, (n,)."""

@@ -34,7 +34,7 @@ from tenodesis.identification.datasets.friction_laws import LAWS, law_of, pass_o
 from tenodesis.identification.formats.measured import MeasuredRun, Source, checksum
 from tenodesis.identification.formats.raw import GRAM_FORCE, Raw, Unit, spread_of
 from tenodesis.identification.formats.table import read_rows
-from tenodesis.identification.problem import Parameter, Trace
+from tenodesis.identification.problem import Parameter, Problem, Trace
 from tenodesis.identification.registry import Format
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
@@ -71,7 +71,7 @@ def load(path: Path) -> MeasuredRun:
     """Return one recording of the pair.
 
     Columns: commanded_angle, output_angle (rad), agonist_tension, antagonist_tension (N), and the bend of the file's
-    name as sheath_bend (rad). Rows of the same time are what sensors said while the clock was held: their mean is
+    name as sheath_bend (rad). Rows of the same time are what sensors read while the clock was held: their mean is
     taken.
 
     Raises
@@ -222,7 +222,7 @@ class Series:
     bend: float
 
 
-class Pair:
+class Pair(Problem):
     """A pair with its recordings.
 
     Parameters

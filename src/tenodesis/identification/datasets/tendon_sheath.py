@@ -19,7 +19,7 @@ from tenodesis.identification.datasets.friction_laws import LAWS, law_of, pass_o
 from tenodesis.identification.formats.measured import MeasuredRun, Source, checksum
 from tenodesis.identification.formats.raw import CLOCKS, GRAM_FORCE, Raw, Unit, spread_of
 from tenodesis.identification.formats.table import heading, read_table, scale_of
-from tenodesis.identification.problem import Parameter, Trace
+from tenodesis.identification.problem import Parameter, Problem, Trace
 from tenodesis.identification.registry import Format
 from tenodesis.identification.uncertainty import LossName
 from tenodesis.instrument import Instrument
@@ -146,7 +146,7 @@ class Series:
     distal: Array
 
 
-class Sheath:
+class Sheath(Problem):
     """A sheathed tendon with its recordings.
 
     Parameters

@@ -1,7 +1,7 @@
 """The experiment on the twin: it runs protocols, whose derivatives predict how well they identify parameters."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -59,7 +59,7 @@ class SimulatedExperiment:
         return self._still.parameters
 
     @cached_property
-    def groups(self) -> dict[str, tuple[str, ...]]:
+    def groups(self) -> Mapping[str, tuple[str, ...]]:
         """Names of parameters by group."""
         return self._still.groups
 

@@ -18,7 +18,7 @@ from tenodesis.identification.formats.measured import checksum
 from tenodesis.identification.formats.raw import CLOCKS, WIDE, Raw
 from tenodesis.instrument import Instrument
 from tenodesis.recording import Recording, cdr, container, schemas
-from tenodesis.recording.decode import Decoded, Misfit, MisfitError, decode
+from tenodesis.recording.decode import Decoded, LeftOut, Misfit, decode
 from tenodesis.run import SIGNALS, Array
 
 __all__ = ["TENDONS", "InstrumentRun", "load"]
@@ -168,10 +168,9 @@ def _decoded(files: Sequence[Path], notes: list[str]) -> dict[str, list[Decoded]
             schema = contents.schemas.get(channel.schema_id)
             if channel.topic not in schemas.TOPICS or schema is None:
                 continue
-            try:
-                found = decode(factory, schema, channel.message_encoding, messages)
-            except MisfitError as problem:
-                notes.append(f"{channel.topic} is left out of {file.name}: {problem}")
+            found = decode(factory, schema, channel.message_encoding, messages)
+            if isinstance(found, LeftOut):
+                notes.append(f"{channel.topic} is left out of {file.name}: {found}")
                 continue
             parts = topics.setdefault(channel.topic, [])
             if parts and found.joints != parts[0].joints:

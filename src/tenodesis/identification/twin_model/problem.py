@@ -11,7 +11,7 @@ from tenodesis._core import Status
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.formats.instrument_run import TENDONS, InstrumentRun
 from tenodesis.identification.formats.measured import MeasuredRun
-from tenodesis.identification.problem import Parameter, Trace
+from tenodesis.identification.problem import Parameter, Problem, Trace
 from tenodesis.identification.twin_model import tuning
 from tenodesis.identification.twin_model.marginalise import Marginalisation, marginalise
 from tenodesis.identification.twin_model.steps import READINGS, SteppedRun, in_steps
@@ -28,7 +28,7 @@ _ROW = _core.twin_parameters()
 _ANGLES = {"measured_handle_angle": "handle_angle_deg", "measured_output_angle": "output_angle_deg"}
 
 
-class TwinProblem:
+class TwinProblem(Problem):
     """Recordings of an instrument, and its twin as their model.
 
     The handle angle is the commanded one, or that of its encoder less its offset; spool angles are those of their
@@ -59,6 +59,10 @@ class TwinProblem:
         stride = min(self._stride(run, fine) for run, fine in zip(runs, finest, strict=True))
         self._runs = finest if stride == 1 else [in_steps(run, self._inst, stride) for run in runs]
         self._known: dict[int, dict[bytes, Marginalisation]] = {}
+        self.parameters = self._parameters()
+        self.runs = tuple(run.name for run in self._runs)
+        groups = dict.fromkeys(UNKNOWNS[name].group for name in self._names)
+        self.groups = {group: tuple(name for name in self._names if UNKNOWNS[name].group == group) for group in groups}
 
     def _check_range(self, run: MeasuredRun) -> None:
         # an encoder with an offset may show a handle beyond its range
@@ -112,9 +116,8 @@ class TwinProblem:
             stride //= 2
         return stride
 
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """The unknowns, starting from the instrument file."""
+    def _parameters(self) -> tuple[Parameter, ...]:
+        """Return the unknowns, starting from the instrument file."""
         out = []
         for name in self._names:
             one = UNKNOWNS[name]
@@ -127,17 +130,6 @@ class TwinProblem:
             start = float(np.clip(self._nominal[one.number], one.lower, upper))
             out.append(Parameter(name, one.unit, start, one.lower, upper, one.meaning))
         return tuple(out)
-
-    @property
-    def runs(self) -> tuple[str, ...]:
-        """Names of the recordings."""
-        return tuple(run.name for run in self._runs)
-
-    @property
-    def groups(self) -> dict[str, tuple[str, ...]]:
-        """Names of parameters by group: stiffness, pretension, friction, sheath, drives, sensors, load_cells."""
-        kinds = dict.fromkeys(UNKNOWNS[name].group for name in self._names)
-        return {kind: tuple(name for name in self._names if UNKNOWNS[name].group == kind) for kind in kinds}
 
     def channels(self, run: int) -> int:
         """Return how many sensors the residuals of a run hold."""
