@@ -57,10 +57,10 @@ def commands(inst: Instrument, seconds: float) -> tuple[Array, Array]:
 
 
 def recorded(inst: Instrument, seconds: float, seed: int, *, commanded: bool = True) -> InstrumentRun:
-    """Return what the sensors of an instrument's twin say, with noise and 12-bit encoders."""
+    """Return the sensor readings of an instrument's twin, with noise and 12-bit encoders."""
     run = tn.twin.Twin(inst, time_step=STEP, seed=seed).run(*commands(inst, seconds))
     columns = {name: run[name] for name in ("measured_handle_angle", "measured_output_angle", "force")}
-    # Without a command the handle is where its encoder says.
+    # without a command the handle angle is that of its encoder
     columns["handle_angle"] = run["commanded_handle_angle"] if commanded else columns.pop("measured_handle_angle")
     for n, tendon in enumerate(TENDONS):
         columns[f"tension_{tendon}"] = run["measured_tension"][:, n]
@@ -83,9 +83,9 @@ def tightened(inst: Instrument, seed: int) -> InstrumentRun:
     return loaded
 
 
-def posed(run: InstrumentRun, told: Instrument) -> TwinProblem:
-    """Return the problem of a run, starting from what the file says."""
-    return problem([run], [], law="capstan", instrument=told)
+def posed(run: InstrumentRun, nominal: Instrument) -> TwinProblem:
+    """Return the problem of a run, starting from the file's values."""
+    return problem([run], [], law="capstan", instrument=nominal)
 
 
 def searched(one: TwinProblem, *, exact: bool) -> Array:
@@ -120,17 +120,17 @@ def timed(work: Callable[[], object]) -> float:
 
 
 def coverage(
-    title: str, told: Instrument, run: Callable[[int], InstrumentRun], names: Sequence[str] | None, seeds: int
+    title: str, nominal: Instrument, run: Callable[[int], InstrumentRun], names: Sequence[str] | None, seeds: int
 ) -> None:
     """Print how often what is called identifiable lies within its intervals; all parameters where none are named."""
-    first = posed(run(0), told).parameters
+    first = posed(run(0), nominal).parameters
     free = [one.name for one in first] if names is None else list(names)
-    # What is not in the table of truths is as the file says.
+    # parameters without an entry in TRUTH are as in the file
     truth = {one.name: TRUTH.get(one.name, one.start) for one in first}
     hits: dict[str, list[bool]] = {name: [] for name in free}
     errors: dict[str, list[float]] = {name: [] for name in free}
     for seed in range(seeds):
-        found = fit(posed(run(seed), told), free, train=[0], starts=1)
+        found = fit(posed(run(seed), nominal), free, train=[0], starts=1)
         for name, (low, high) in found.interval_95.items():
             if found.identifiability.identifiable[name]:
                 hits[name].append(low <= truth[name] <= high)
@@ -148,46 +148,46 @@ def coverage(
         )
 
 
-def speed(told: Instrument, true: Instrument) -> None:
+def speed(nominal: Instrument, true: Instrument) -> None:
     """Print how long one fit takes, and its search alone with exact derivatives and with differences."""
-    whole: list[float] = []
+    complete: list[float] = []
     times: dict[bool, list[float]] = {True: [], False: []}
     apart = 0.0
     for seed in range(ROUNDS):
         run = recorded(true, LONG_SECONDS, seed)
-        whole.append(timed(partial(lambda run: fit(posed(run, told), list(TRUTH), train=[0], starts=1), run)))
+        complete.append(timed(partial(lambda run: fit(posed(run, nominal), list(TRUTH), train=[0], starts=1), run)))
         found = []
         for exact, spent in times.items():
-            one = posed(run, told)
+            one = posed(run, nominal)
             spent.append(timed(lambda: found.append(searched(one, exact=exact))))  # noqa: B023
         apart = max(apart, float(np.abs(found[0] - found[1]).max()))
     ratios = np.array(times[False]) / times[True]
     print(f"{LONG_SECONDS:g} s at {1 / STEP:g} Hz, {len(TRUTH)} parameters, one core, one start, {ROUNDS} recordings")
     for name, spent in (
-        ("all of it, with every statistic", whole),
+        ("all of it, with every statistic", complete),
         ("search, exact derivatives", times[True]),
         ("search, differences of two points", times[False]),
     ):
         print(f"  {name:<36} mean {np.mean(spent):6.2f} s   worst {max(spent):6.2f} s")
-    verdict = "reached" if max(whole) <= SECONDS_TARGET else "MISSED"
+    verdict = "reached" if max(complete) <= SECONDS_TARGET else "MISSED"
     print(f"  target {SECONDS_TARGET:g} s {verdict}; exact derivatives faster ", end="")
     print(f"{ratios.mean():.2f} times, worst {ratios.min():.2f}; both find the same to {apart:.0e}")
 
 
 def main() -> None:
-    told = tn.load("scaled-up").replace(mismatch=None, **{"friction.sheath_bend": 1.0})
-    true = told.replace(
+    nominal = tn.load("scaled-up").replace(mismatch=None, **{"friction.sheath_bend": 1.0})
+    true = nominal.replace(
         **{f"mismatch.{name}": TRUTH[name] for name in ("stiffness_ratio", "pretension_ratio")},
         **{name: value for name, value in TRUTH.items() if name.startswith(("friction", "mismatch"))},
     )
-    speed(told, true)
+    speed(nominal, true)
     seconds = f"{SECONDS:g} s with noise and 12-bit encoders"
     six = list(TRUTH)
-    coverage(seconds, told, partial(recorded, true, SECONDS), six, SEEDS)
-    coverage(f"{seconds}, all open", told, partial(recorded, true, SECONDS), None, FEWER_SEEDS)
+    coverage(seconds, nominal, partial(recorded, true, SECONDS), six, SEEDS)
+    coverage(f"{seconds}, all open", nominal, partial(recorded, true, SECONDS), None, FEWER_SEEDS)
     by_encoder = partial(recorded, true, SECONDS, commanded=False)
-    coverage(f"{seconds}, handle by its encoder alone, all open", told, by_encoder, None, FEWER_SEEDS)
-    coverage("tendons slack at first", told, partial(tightened, true), six, FEWER_SEEDS)
+    coverage(f"{seconds}, handle by its encoder alone, all open", nominal, by_encoder, None, FEWER_SEEDS)
+    coverage("tendons slack at first", nominal, partial(tightened, true), six, FEWER_SEEDS)
 
 
 if __name__ == "__main__":

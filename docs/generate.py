@@ -106,7 +106,7 @@ def _equations(text: str) -> list[int]:
 
 
 def _python_functions() -> Iterator[tuple[str, str]]:
-    for module in ("statics.equations", "similarity.comparison"):
+    for module in ("statics.equations", "similarity.pair", "similarity.comparison"):
         tree = ast.parse((ROOT / f"src/tenodesis/{module.replace('.', '/')}.py").read_text("utf-8"))
         for node in ast.walk(tree):
             if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):

@@ -65,7 +65,7 @@ def test_a_masked_array_is_refused(real: TendonGear) -> None:
 def test_what_is_no_instrument_is_refused(real: TendonGear) -> None:
     with pytest.raises(TypeError, match=r"^inst is 'real-size'; it must be an instrument, as tenodesis.load returns"):
         S.output_angle("real-size", 0.1)  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match=r"^prototype is 'x'"):
+    with pytest.raises(TypeError, match=r"^scaled_up is 'x'"):
         tn.similarity.compare(real, "x")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"^largest_force is '1 N'"):
         tn.similarity.compare(real, real, largest_force="1 N")  # type: ignore[arg-type]

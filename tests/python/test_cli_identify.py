@@ -115,6 +115,7 @@ def run(*arguments: object) -> Any:
     )
 
 
+@pytest.mark.slow
 def test_a_run_is_identified_and_written_as_page_numbers_and_instrument(logs: list[Path], tmp_path: Path) -> None:
     out, numbers = tmp_path / "out", tmp_path / "deep" / "numbers.json"
     given = run(
@@ -270,6 +271,7 @@ def test_the_same_bytes_are_the_same_recording_whatever_bend_their_name_says(tmp
         run(one, "--test", copy, "--format", "endoscope-pair", "--law", "capstan", "--out", tmp_path / "out")
 
 
+@pytest.mark.slow
 def test_one_bend_tells_no_growth_with_it_and_another_one_held_out_is_extrapolation(tmp_path: Path) -> None:
     one, other = write_pair(tmp_path / "60.txt", 0.2), write_pair(tmp_path / "120.txt", 0.25)
     options = ("--format", "endoscope-pair", "--law", "capstan", "--out", tmp_path / "out", "--starts", 1)
@@ -280,6 +282,7 @@ def test_one_bend_tells_no_growth_with_it_and_another_one_held_out_is_extrapolat
     assert not [name for name in found["parameters"] if name.endswith("_per_bend")]
 
 
+@pytest.mark.slow
 def test_a_fit_that_explains_little_is_called_poor_and_so_is_its_instrument(logs: list[Path], tmp_path: Path) -> None:
     stretch, tension, angle = np.loadtxt(logs[1])
     np.savetxt(logs[1], [stretch, tension, -angle])
@@ -296,6 +299,7 @@ def test_a_fit_that_explains_little_is_called_poor_and_so_is_its_instrument(logs
     assert tn.instrument.load(str(tmp_path / "poor" / report.INSTRUMENT)).pretension > 0
 
 
+@pytest.mark.slow
 def test_files_of_one_name_go_by_their_folders(logs: list[Path], tmp_path: Path) -> None:
     (tmp_path / "day2").mkdir()
     other = Path(shutil.copy(logs[1], tmp_path / "day2" / "0.txt"))
@@ -306,6 +310,7 @@ def test_files_of_one_name_go_by_their_folders(logs: list[Path], tmp_path: Path)
     assert set(found["notes"]) == {f"{tmp_path.name}/0.txt", "day2/0.txt"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("option", "fitted"), [("--train-until", "until"), ("--train-from", "from")])
 def test_one_recording_is_fitted_in_part_and_held_out_for_the_rest(
     logs: list[Path], tmp_path: Path, option: str, fitted: str
@@ -337,6 +342,7 @@ def test_notes_that_differ_by_the_files_name_alone_are_one() -> None:
     assert report.grouped({"0.txt": ("0.txt is new.",)}) == [("0.txt", "0.txt is new")]
 
 
+@pytest.mark.slow
 def test_held_out_files_leave_parameters_alone(logs: list[Path], tmp_path: Path) -> None:
     record(tmp_path / "strange.txt", 99, 250)
     for name, test in (("a", logs[2]), ("b", tmp_path / "strange.txt")):

@@ -92,6 +92,7 @@ def test_a_truncated_recording_is_shown_replayed_and_exported(tenodesis: Command
     assert tenodesis("export", "recording", "run.mcap", "--to", "run.csv")[0] == 0
 
 
+@pytest.mark.slow
 def test_a_controller_is_recorded_shown_and_replayed(tenodesis: Command, tmp_path: Path) -> None:
     (tmp_path / "slack.toml").write_text(PROTOCOL.replace("[[phases]]", '[[phases]]\nkind = "pretension"\n[[phases]]'))
     choices = ("--law", "robust", "--observer", "friction", "--actuation", "differential")
@@ -146,15 +147,14 @@ def test_a_controller_of_both_axes_or_of_one(tenodesis: Command) -> None:
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        (("--law", "robust", "--observer", "paper"), 'observer "paper"; it must be "friction" with that law.'),
+        (("--law", "robust", "--observer", "paper"), 'law is "robust" and observer "paper"; '),
         (
             ("--law", "robust", "--controller-instrument", str(EXAMPLES / "pulley.toml")),
-            "the controller is for yaw of a tendon-pulley; allowed is a twin of such an instrument, not yaw of a "
-            "tendon-gear.",
+            "the controller is for yaw of a tendon-pulley; ",
         ),
         (
             ("--law", "robust", "--controller-instrument", "real-size"),
-            "the controller is for yaw and pitch of a tendon-gear; allowed is a twin of such an instrument, not yaw",
+            "the controller is for yaw and pitch of a tendon-gear; ",
         ),
         (("--law", "robust", "--controller-instrument", "absent"), "absent: there is no such file and no instrument"),
         (("--observer", "exact"), "--observer is 'exact', but there is no controller without --law."),
@@ -187,7 +187,7 @@ def test_a_controller_that_cannot_be_is_refused_in_a_sentence(
         (("record", "short.toml", "--out", "run.mcap"), "run.mcap exists already; give another path, or --over"),
         (("record", "short.toml", "--time-step", "0.5"), "--time-step = '0.5': it has no unit"),
         (("record", "short.toml", "--time-step", "1 s", "--out", "x.mcap"), "time_step is 1 s; it must be at most"),
-        (("record", "short.toml", "--seed", "-1", "--out", "x.mcap"), "seed is -1; allowed is a whole number"),
+        (("record", "short.toml", "--seed", "-1", "--out", "x.mcap"), "seed is -1; it must be an integer"),
         (("record", "short.toml", "--axis", "pitch"), "scaled-up has no axis 'pitch'; it has yaw"),
         (("info", "absent.mcap"), "absent.mcap cannot be read: there is no such file"),
         (("info", "far.toml"), "far.toml is no MCAP file"),
@@ -245,7 +245,7 @@ def test_an_export_without_pandas_says_what_to_install(tenodesis: Command, monke
     monkeypatch.setitem(sys.modules, "pandas", None)
     code, _, err = tenodesis("export", "recording", "run.mcap", "--to", "run.parquet")
     assert code == 1
-    assert 'pip install "tenodesis[tables]"' in err
+    assert "pip install 'tenodesis[tables]'" in err
 
 
 def told_of(out: str) -> dict[str, str]:
@@ -316,6 +316,7 @@ def test_info_of_a_recording_broken_off_says_so_and_of_one_that_is_not_live_noth
     assert told["faults"] == "none"
 
 
+@pytest.mark.process
 def test_ctrl_c_leaves_a_readable_recording_and_says_so(tmp_path: Path) -> None:
     (tmp_path / "long.toml").write_text('name = "long"\n[[phases]]\nkind = "hold"\nduration = "3000 s"\n')
     command = [sys.executable, "-m", "tenodesis.cli", "record", "long.toml", "--out", "run.mcap"]

@@ -53,7 +53,7 @@ class TwoNodes:
                 [str(Path(sys.executable).with_name("ray")), "start", *arguments, *common],
                 capture_output=True,
                 text=True,
-                timeout=60,
+                timeout=180,
                 check=False,
             )
             assert started.returncode == 0, started.stdout + started.stderr

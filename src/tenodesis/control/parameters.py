@@ -43,7 +43,7 @@ class Parameters(NamedTuple):
 
 def parameters(inst: Instrument, period: float | None = None) -> Parameters:
     """Return the controller's parameters; period: of its ticks, s, by default the instrument's sampling period."""
-    single = [inst] if len(inst.axes) == 1 else [inst.axis(name) for name in inst.axes]
+    single = inst.planar
     tick = 1 / inst.sensors.sampling_rate if period is None else period
     first = single[0]
     drives = first.drives
