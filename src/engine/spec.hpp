@@ -13,19 +13,15 @@ namespace tenodesis::engine {
 
 /// Parameters of an axis in SI units, in the order of a row; without a given stiffness (NaN), it follows from modulus,
 /// diameter and length.
-#define TENODESIS_SPEC_PARAMETERS(ROW) \
-  ROW(proximal_radius)                 \
-  ROW(distal_radius)                   \
-  ROW(handle_length)                   \
-  ROW(end_effector_length)             \
-  ROW(given_stiffness)                 \
-  ROW(tendon_modulus)                  \
-  ROW(tendon_diameter) ROW(tendon_length) ROW(pretension) ROW(backbone_rigidity) ROW(backbone_length)
+#define TENODESIS_SPEC_PARAMETERS(ROW)                                                                          \
+  ROW(proximal_radius), ROW(distal_radius), ROW(handle_length), ROW(end_effector_length), ROW(given_stiffness), \
+      ROW(tendon_modulus), ROW(tendon_diameter), ROW(tendon_length), ROW(pretension), ROW(backbone_rigidity),   \
+      ROW(backbone_length)
 
-#define TENODESIS_ROW(name) name,
+#define TENODESIS_ROW(name) name
 enum Parameter : std::size_t { TENODESIS_SPEC_PARAMETERS(TENODESIS_ROW) };
 #undef TENODESIS_ROW
-#define TENODESIS_ROW(name) #name,
+#define TENODESIS_ROW(name) #name
 inline constexpr std::array parameter_names{TENODESIS_SPEC_PARAMETERS(TENODESIS_ROW)};
 #undef TENODESIS_ROW
 inline constexpr std::size_t parameter_count = parameter_names.size();

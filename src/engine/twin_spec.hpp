@@ -13,26 +13,21 @@ namespace tenodesis::engine {
 
 /// Parameters of a twin beside its axis, in SI units and the order of a row; handle_length_share is that of the tendon
 /// between spool and handle joint.
-#define TENODESIS_TWIN_PARAMETERS(ROW)                                                                                 \
-  ROW(vertex_coefficient)                                                                                              \
-  ROW(sheath_coefficient)                                                                                              \
-  ROW(sheath_bend)                                                                                                     \
-  ROW(sheath_bend_rate)                                                                                                \
-  ROW(viscous)                                                                                                         \
-  ROW(constant)                                                                                                        \
-  ROW(static_ratio) ROW(stribeck_speed) ROW(memory) ROW(handle_length_share) ROW(stiffness_ratio)                      \
-      ROW(pretension_ratio) ROW(tip_inertia) ROW(tip_damping) ROW(output_stop) ROW(stop_stiffness) ROW(hand_stiffness) \
-          ROW(hand_damping) ROW(hand_inertia) ROW(spool_radius) ROW(spool_speed_limit) ROW(spool_acceleration_limit)   \
-              ROW(drive_time_constant) ROW(backlash) ROW(rig_pulley_radius) ROW(encoder_noise) ROW(encoder_range)      \
-                  ROW(encoder_resolution) ROW(handle_encoder_offset) ROW(output_encoder_offset)                        \
-                      ROW(motor_encoder_resolution) ROW(load_cell_noise) ROW(load_cell_range)                          \
-                          ROW(load_cell_resolution) ROW(agonist_load_cell_gain) ROW(antagonist_load_cell_gain)         \
-                              ROW(agonist_load_cell_bias) ROW(antagonist_load_cell_bias) ROW(time_step)
+#define TENODESIS_TWIN_PARAMETERS(ROW)                                                                              \
+  ROW(vertex_coefficient), ROW(sheath_coefficient), ROW(sheath_bend), ROW(sheath_bend_rate), ROW(viscous),          \
+      ROW(constant), ROW(static_ratio), ROW(stribeck_speed), ROW(memory), ROW(handle_length_share),                 \
+      ROW(stiffness_ratio), ROW(pretension_ratio), ROW(tip_inertia), ROW(tip_damping), ROW(output_stop),            \
+      ROW(stop_stiffness), ROW(hand_stiffness), ROW(hand_damping), ROW(hand_inertia), ROW(spool_radius),            \
+      ROW(spool_speed_limit), ROW(spool_acceleration_limit), ROW(drive_time_constant), ROW(backlash),               \
+      ROW(rig_pulley_radius), ROW(encoder_noise), ROW(encoder_range), ROW(encoder_resolution),                      \
+      ROW(handle_encoder_offset), ROW(output_encoder_offset), ROW(motor_encoder_resolution), ROW(load_cell_noise),  \
+      ROW(load_cell_range), ROW(load_cell_resolution), ROW(agonist_load_cell_gain), ROW(antagonist_load_cell_gain), \
+      ROW(agonist_load_cell_bias), ROW(antagonist_load_cell_bias), ROW(time_step)
 
-#define TENODESIS_ROW(name) name,
+#define TENODESIS_ROW(name) name
 enum TwinParameter : std::size_t { TENODESIS_TWIN_PARAMETERS(TENODESIS_ROW) };
 #undef TENODESIS_ROW
-#define TENODESIS_ROW(name) #name,
+#define TENODESIS_ROW(name) #name
 inline constexpr std::array twin_parameter_names{TENODESIS_TWIN_PARAMETERS(TENODESIS_ROW)};
 #undef TENODESIS_ROW
 inline constexpr std::size_t twin_parameter_count = twin_parameter_names.size();
