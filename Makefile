@@ -38,9 +38,9 @@ build: .venv/.built $(SCHEMAS) ## Install into .venv and build
 	@touch $@
 
 # For editors, which complete and check TOML files by them.
-src/tenodesis/instruments/instrument.schema.json: .venv/.built $(wildcard src/tenodesis/instrument/*.py)
+src/tenodesis/instruments/instrument.schema.json: .venv/.built $(wildcard src/tenodesis/instrument/*.py) src/tenodesis/units.py
 	$(BIN)/tenodesis schema instrument > $@
-src/tenodesis/catalogue/catalogue.schema.json: .venv/.built $(wildcard src/tenodesis/scaling/*.py)
+src/tenodesis/catalogue/catalogue.schema.json: .venv/.built $(wildcard src/tenodesis/scaling/*.py) src/tenodesis/units.py
 	$(BIN)/tenodesis schema catalogue > $@
 
 test: test-cpp build ## Run what is run after each change: minutes

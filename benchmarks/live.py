@@ -16,7 +16,7 @@ import tenodesis as tn
 from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
 from tenodesis.live.loop import Choices, LiveLoop
-from tenodesis.live.record import Reader
+from tenodesis.live.ticks import Reader
 
 TICKS = 200_000
 BLOCK = 4000

@@ -13,7 +13,7 @@ import tenodesis as tn
 from tenodesis import scaling
 from tenodesis.instrument import TendonGear
 from tenodesis.run import Array
-from tenodesis.scaling.judge import working_range
+from tenodesis.scaling.costs import working_range
 
 ROOT = Path(__file__).parents[1]
 PEERS = 300

@@ -12,7 +12,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
 from tenodesis.live.loop import ORDERS
-from tenodesis.live.record import run_of, signals_of
+from tenodesis.live.ticks import run_of, signals_of
 from tenodesis.run import Run, concatenate
 from tenodesis.twin import Twin
 

@@ -15,7 +15,7 @@ from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
 from tenodesis.live.lease import SECONDS, Lease
 from tenodesis.live.loop import PROBLEMS, Choices, LiveLoop
-from tenodesis.live.record import Reader
+from tenodesis.live.ticks import Reader
 from tenodesis.twin import Twin
 
 INST = tn.load("scaled-up")

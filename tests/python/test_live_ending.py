@@ -30,7 +30,7 @@ def test_a_signal_within_the_wait_for_it_is_not_a_deadlock() -> None:
     """The main thread holds the event's lock when the signal comes, as it does for moments of every wait."""
     done = python("""
 import os, signal, threading
-from tenodesis.live.ending import on_signal
+from tenodesis.live.shutdown import on_signal
 before = [signal.getsignal(one) for one in (signal.SIGTERM, signal.SIGINT)]
 for number in (signal.SIGTERM, signal.SIGINT):
     stop = threading.Event()

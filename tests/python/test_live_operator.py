@@ -20,8 +20,8 @@ from tenodesis.live import protocol_runner
 from tenodesis.live import server as servers
 from tenodesis.live.client import Client
 from tenodesis.live.loop import LiveLoop
-from tenodesis.live.record import TICK, Reader
 from tenodesis.live.server import Server
+from tenodesis.live.ticks import TICK, Reader
 from tenodesis.recording import Recording
 
 from .test_live import looped, until

@@ -10,7 +10,7 @@ import tenodesis as tn
 from tenodesis.control import OperatingState
 from tenodesis.errors import ProtocolError
 from tenodesis.instrument import Instrument
-from tenodesis.live.protocols import Player
+from tenodesis.live.protocol_feed import Player
 from tenodesis.live.status import ProtocolState, ProtocolStatus
 from tenodesis.run import Array, concatenate
 from tenodesis.simulate import Cycles, Pretension, Protocol, Ramp, StepLoad

@@ -8,7 +8,7 @@ import pytest
 from tenodesis.control import OperatingState
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
-from tenodesis.live.protocols import Player
+from tenodesis.live.protocol_feed import Player
 from tenodesis.run import concatenate
 from tenodesis.simulate import Pretension, Protocol, Ramp
 

@@ -26,7 +26,7 @@ from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument
 from tenodesis.live import recorder as live
 from tenodesis.live.events import Tail
-from tenodesis.live.record import Reader
+from tenodesis.live.ticks import Reader
 from tenodesis.recording import Recorder, Recording
 from tenodesis.run import Run
 

@@ -19,9 +19,9 @@ from tenodesis.live import lease as leases
 from tenodesis.live.client import Client, wait_for
 from tenodesis.live.host import Host
 from tenodesis.live.loop import PROBLEMS
-from tenodesis.live.record import Reader
 from tenodesis.live.server import Server
 from tenodesis.live.status import ProtocolState
+from tenodesis.live.ticks import Reader
 from tenodesis.recording import Recording
 
 from .test_live import INST, looped, until

@@ -25,7 +25,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import Serial
 from tenodesis.live import loop as loops
 from tenodesis.live.loop import PROBLEMS, Choices, LiveLoop
-from tenodesis.live.record import Reader
+from tenodesis.live.ticks import Reader
 from tenodesis.run import Run, concatenate
 
 from . import serial_board as sb

@@ -13,10 +13,10 @@ from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.errors import CommandError, LiveError
 from tenodesis.live import folder as folders
 from tenodesis.live import foxglove as live_foxglove
-from tenodesis.live.ending import on_signal
 from tenodesis.live.host import Host
 from tenodesis.live.loop import Choices, DeviceName
-from tenodesis.live.record import Reader
+from tenodesis.live.shutdown import on_signal
+from tenodesis.live.ticks import Reader
 
 _PLACES = (Path("/dev/shm"), Path(tempfile.gettempdir()))
 """Where folders of runtimes are."""

@@ -28,7 +28,7 @@ from tenodesis.control import Controller
 from tenodesis.control.controller import ActuationName, LawName, ObserverName
 from tenodesis.errors import CommandError
 from tenodesis.instrument import Instrument
-from tenodesis.live import account
+from tenodesis.live import event_summary
 from tenodesis.recording import Recording, tables
 from tenodesis.recording.replay import Replay
 from tenodesis.recording.replay import replay as run_again
@@ -114,7 +114,7 @@ def info(
         if files[1:]:
             console.rule(escape(str(file)))
         console.print(describe(recording))
-        events = account.describe(recording)
+        events = event_summary.describe(recording)
         if events is not None:
             console.print(events)
 

@@ -1,8 +1,8 @@
 """Instruments: one file describes one, and everything else is computed from it."""
 
 from tenodesis.instrument.instrument import PARAMETERS, AxisName, Instrument, Name
-from tenodesis.instrument.load import json_schema, load, parse, shipped
 from tenodesis.instrument.mechanisms import JOINT_TYPES, Continuum, TendonGear, TendonPulley
+from tenodesis.instrument.reading import json_schema, load, parse, shipped
 
 __all__ = [
     "JOINT_TYPES",

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
-from tenodesis.files import FileTable
+from tenodesis.toml import FileTable
 from tenodesis.units import (
     Angle,
     AngleError,

@@ -16,9 +16,9 @@ from pydantic import (
 
 from tenodesis import _core
 from tenodesis.errors import InstrumentError
-from tenodesis.files import FileTable, validated
 from tenodesis.instrument.devices import Devices
 from tenodesis.instrument.hardware import Control, Drives, Dynamics, Friction, Geometry, Mismatch, Sensors
+from tenodesis.toml import FileTable, validated
 from tenodesis.units import (
     STIFFNESS,
     Angle,

@@ -17,8 +17,8 @@ from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
 from tenodesis.live import folder as folders
 from tenodesis.live.commands import COMMANDS, Command, Connection
-from tenodesis.live.record import Reader, run_of, signals_of
 from tenodesis.live.status import RuntimeState, Status, Timing
+from tenodesis.live.ticks import Reader, run_of, signals_of
 from tenodesis.run import Array
 
 _TIMEOUT = 5.0

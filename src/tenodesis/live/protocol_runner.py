@@ -9,7 +9,7 @@ from tenodesis.errors import LiveError
 from tenodesis.live.journal import Journal
 from tenodesis.live.lease import Lease
 from tenodesis.live.loop import LiveLoop
-from tenodesis.live.protocols import Player
+from tenodesis.live.protocol_feed import Player
 from tenodesis.live.recording_process import RecordingProcess
 from tenodesis.live.status import ProtocolState, ProtocolStatus
 from tenodesis.run import Array
@@ -36,7 +36,7 @@ class ProtocolRunner:
     journal
         Where its end is written down.
     latest
-        Returns the newest tick, as :class:`~tenodesis.live.protocols.Player` needs it.
+        Returns the newest tick, as :class:`~tenodesis.live.protocol_feed.Player` needs it.
     """
 
     def __init__(

@@ -23,9 +23,9 @@ from tenodesis.errors import InstrumentError, LiveError, RecordingError
 from tenodesis.files import atomic_file
 from tenodesis.instrument.text import to_toml
 from tenodesis.live import events
-from tenodesis.live.ending import on_signal
 from tenodesis.live.events import RuntimeEvent, Tail
-from tenodesis.live.record import Reader, Source, start_time
+from tenodesis.live.shutdown import on_signal
+from tenodesis.live.ticks import Reader, Source, start_time
 from tenodesis.recording import Recorder
 from tenodesis.run import Array, Run
 

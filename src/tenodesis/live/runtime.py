@@ -16,9 +16,9 @@ from tenodesis.live.journal import Journal
 from tenodesis.live.lease import Lease
 from tenodesis.live.loop import LiveLoop
 from tenodesis.live.protocol_runner import ProtocolRunner
-from tenodesis.live.record import TICK, Reader, signals_of
 from tenodesis.live.recording_process import RecordingProcess
 from tenodesis.live.status import RuntimeState, Status, Timing
+from tenodesis.live.ticks import TICK, Reader, signals_of
 
 _TURN = 0.02
 """Between two looks at what has happened, s."""

@@ -23,9 +23,9 @@ from tenodesis.instrument import Instrument, load
 from tenodesis.instrument.text import to_toml
 from tenodesis.live import folder as folders
 from tenodesis.live.commands import COMMANDS, Commands, ControllerRequest
-from tenodesis.live.ending import on_signal
 from tenodesis.live.loop import Choices, DeviceName, LiveLoop
 from tenodesis.live.runtime import Runtime
+from tenodesis.live.shutdown import on_signal
 from tenodesis.live.status import Status
 from tenodesis.simulate import Protocol
 

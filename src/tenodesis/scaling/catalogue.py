@@ -8,7 +8,6 @@ from typing import Any, TypeVar
 from pydantic import Field
 
 from tenodesis.errors import DesignError
-from tenodesis.files import FileTable, read_text
 from tenodesis.scaling.catalogue_file import CatalogueFile, Constraints, parse
 from tenodesis.scaling.parts import (
     KINDS,
@@ -23,6 +22,7 @@ from tenodesis.scaling.parts import (
     Weight,
     expanded,
 )
+from tenodesis.toml import FileTable, read_text
 
 STANDARD = "standard"
 """The shipped catalogue that is used by default."""

@@ -6,7 +6,6 @@ from typing import Annotated, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from tenodesis.errors import DesignError
-from tenodesis.files import FileTable, parse_toml, validated
 from tenodesis.instrument import Name
 from tenodesis.scaling.parts import (
     KINDS,
@@ -22,6 +21,7 @@ from tenodesis.scaling.parts import (
     ordered,
     twice,
 )
+from tenodesis.toml import FileTable, parse_toml, validated
 from tenodesis.units import Length, Mass, Moment, PositiveForce, SimilarityError
 
 _Scale = Annotated[float, Field(gt=0, le=1000, strict=True)]

@@ -14,7 +14,7 @@ from tenodesis.run import Array
 from tenodesis.scaling import catalogue as catalogues
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates, Wheel
 from tenodesis.scaling.catalogue import Catalogue
-from tenodesis.scaling.judge import tip_force
+from tenodesis.scaling.costs import tip_force
 from tenodesis.scaling.limits import limits
 from tenodesis.scaling.parts import Encoder, LoadCell, Rod, Rope, Spool
 from tenodesis.scaling.pins import narrowed, parse

@@ -6,8 +6,8 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
-from tenodesis.files import FileTable
 from tenodesis.instrument import Name
+from tenodesis.toml import FileTable
 from tenodesis.units import AngleError, Bits, EncoderRange, Length, Mass, Modulus, PositiveForce, PositiveMass, Strength
 
 Source = Annotated[str, Field(max_length=400)]

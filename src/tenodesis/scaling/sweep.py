@@ -13,7 +13,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates, candidates, finer
 from tenodesis.scaling.catalogue import Catalogue
-from tenodesis.scaling.judge import Judge, WorkingRange, working_range
+from tenodesis.scaling.costs import Judge, WorkingRange, working_range
 from tenodesis.scaling.limits import Forces, Limit, Tally, forces_of, limits
 from tenodesis.similarity.parameters import RADII
 

@@ -10,7 +10,6 @@ import tomli_w
 from pydantic import Field, field_validator
 
 from tenodesis.errors import ProtocolError
-from tenodesis.files import parse_toml, read_text, validated
 from tenodesis.instrument import Instrument, Name
 from tenodesis.instrument.text import with_units
 from tenodesis.run import Array
@@ -18,6 +17,7 @@ from tenodesis.simulate.command import Command, Segment, sampled
 from tenodesis.simulate.motion import Motion
 from tenodesis.simulate.phases import Cycles, Hold, ProtocolModel, Ramp, Start, StepLoad
 from tenodesis.simulate.pretension import Pretension
+from tenodesis.toml import parse_toml, read_text, validated
 
 AnyPhase: TypeAlias = Pretension | Hold | Cycles | StepLoad | Ramp | Motion
 

@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 from pydantic import BeforeValidator, Field, model_validator
 
 from tenodesis.errors import StudyError
-from tenodesis.files import FileTable, parse_toml, read_text, validated
 from tenodesis.instrument import Name
+from tenodesis.toml import FileTable, parse_toml, read_text, validated
 
 InstrumentName: TypeAlias = Literal["scaled-up", "real-size"]
 DistributionName: TypeAlias = Literal["uniform", "triangular", "normal"]

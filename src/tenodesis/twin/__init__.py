@@ -2,7 +2,7 @@
 
 from tenodesis.plant import TIME_STEP
 from tenodesis.twin.batch import Batch, run_many
-from tenodesis.twin.loop import LoopController, SignalFault
+from tenodesis.twin.closed_loop import LoopController, SignalFault
 from tenodesis.twin.rows import as_run
 from tenodesis.twin.twin import Energy, State, Twin
 

@@ -14,7 +14,7 @@ from tenodesis._core import Status
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array, Run, concatenate
-from tenodesis.twin.loop import LoopController, SignalFault, run_closed_loop
+from tenodesis.twin.closed_loop import LoopController, SignalFault, run_closed_loop
 from tenodesis.twin.rows import (
     ARGUMENTS,
     COMMANDS,

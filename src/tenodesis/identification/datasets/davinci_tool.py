@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.datasets.dual import Dual, Operand, number, unknowns
+from tenodesis.identification.datasets.dual_numbers import Dual, Operand, number, unknowns
 from tenodesis.identification.datasets.friction_laws import band, held, hysteresis
 from tenodesis.identification.formats.measured import MeasuredRun, Source, checksum
 from tenodesis.identification.formats.raw import Raw, Unit

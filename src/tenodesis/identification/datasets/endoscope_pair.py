@@ -29,7 +29,7 @@ from pathlib import Path
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.datasets.dual import Dual, Operand, number, unknowns
+from tenodesis.identification.datasets.dual_numbers import Dual, Operand, number, unknowns
 from tenodesis.identification.datasets.friction_laws import LAWS, law_of, pass_on
 from tenodesis.identification.formats.measured import MeasuredRun, Source, checksum
 from tenodesis.identification.formats.raw import GRAM_FORCE, Raw, Unit, spread_of

@@ -24,7 +24,7 @@ import numpy as np
 
 from tenodesis import _core
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.datasets.dual import Dual, Operand, joined, number
+from tenodesis.identification.datasets.dual_numbers import Dual, Operand, joined, number
 from tenodesis.identification.problem import Parameter
 from tenodesis.run import Array
 

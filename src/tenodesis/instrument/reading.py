@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from tenodesis.errors import InstrumentError
-from tenodesis.files import parse_toml, read_text, validated
 from tenodesis.instrument.instrument import Instrument
 from tenodesis.instrument.mechanisms import ANY_INSTRUMENT, JOINT_TYPES
+from tenodesis.toml import parse_toml, read_text, validated
 
 
 def shipped() -> tuple[str, ...]:

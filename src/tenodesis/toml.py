@@ -1,0 +1,209 @@
+"""TOML files: read, and checked with sentences that name key, value and what the value must be."""
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, Tag, ValidationError
+
+from tenodesis.errors import Error
+
+
+class FileTable(BaseModel):
+    """A table of a TOML file: read-only, without unknown keys or numbers that are not finite."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+_Model = TypeVar("_Model", bound=BaseModel)
+
+
+def read_text(path: Path, error: type[Error], *, source: str = "", kind: str = "", names: Sequence[str] = ()) -> str:
+    """Return the text of a TOML file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    error
+        The exception to raise.
+    source
+        What messages call it; by default its path.
+    kind, names
+        What comes with the package and could be meant instead, "instrument" for example, and the names there are.
+
+    Raises
+    ------
+    Error
+        There is no such file, or it cannot be read; of the class `error`.
+    """
+    source = source or str(path)
+    needed = f"the path of a TOML file or one of {', '.join(names)}" if names else "the path of a TOML file"
+    try:
+        return path.read_text("utf-8-sig")
+    except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
+        problem = f"{source}: there is no such file{f' and no {kind} of that name' if kind else ''}"
+    except UnicodeDecodeError:
+        problem, needed = f"{source} is not UTF-8 text", "a TOML file"
+    except OSError as failure:
+        problem = f"{source} cannot be read: {failure.strerror}"
+    except ValueError:
+        problem, needed = f"{source!r} is no path", "the path of a TOML file"
+    raise error(f"{problem}; it must be {needed}.", key="file", value=source, allowed=needed)
+
+
+def parse_toml(text: str, error: type[Error], source: str) -> dict[str, Any]:
+    """Return the values of a TOML text, or raise an exception of the class `error` that begins with `source`."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as failure:
+        problem = f"{source} is not valid TOML: {failure}."
+    except RecursionError:
+        problem = f"{source} is not valid TOML: it is nested too deeply."
+    raise error(problem, key="file", value=source, allowed="a TOML file")
+
+
+def validated(
+    model: type[_Model],
+    values: Mapping[str, Any],
+    error: type[Error],
+    source: str = "",
+    *,
+    context: Mapping[str, Any] | None = None,
+    entries: Mapping[str, str] | None = None,
+) -> _Model:
+    """Return values as a model.
+
+    Parameters
+    ----------
+    model
+        The model.
+    values
+        Its values by key, as a file has them or as they are given in Python.
+    error
+        The exception to raise.
+    source
+        What each sentence begins with: the file.
+    context
+        What validators are given, `{"file": True}` for values that must have their units.
+    entries
+        What an entry of a list of tables is called, by the list's key, if not by that key: `{"phases": "phase"}`.
+
+    Raises
+    ------
+    Error
+        The values are not valid; of the class `error`, one sentence a mistake, with key, value and what the value must
+        be of the first.
+    """
+    try:
+        return model.model_validate(dict(values), context=dict(context or {}))
+    except ValidationError as invalid:
+        mistakes = [_mistake(model, values, one, entries or {}) for one in invalid.errors(include_url=False)]
+    prefix = f"{source}: " if source else ""
+    sentences = dict.fromkeys(f"{prefix}{mistake.sentence}" for mistake in mistakes)
+    first = mistakes[0]
+    raise error("\n".join(sentences), key=first.key, value=first.value, allowed=first.allowed)
+
+
+class _Mistake(NamedTuple):
+    """What is wrong with one value."""
+
+    sentence: str
+    key: str
+    value: Any
+    allowed: str
+
+
+class _Place(NamedTuple):
+    """Where a value is in a file."""
+
+    entry: str
+    """Entry of a list of tables, "phase 2 (ramp): "."""
+    key: str
+    tables: dict[str, type[BaseModel]]
+    """The kinds of table that the value can be, by the tag of each."""
+    siblings: list[str]
+    """Keys of the table that the value is in."""
+    of_list: str
+    """Key of the list of tables that the value is an entry of, if it is one."""
+
+
+def _mistake(model: type[BaseModel], values: Mapping[str, Any], error: Any, entries: Mapping[str, str]) -> _Mistake:
+    kind, value = error["type"], error["input"]
+    place = _locate(model, values, error, entries)
+    key, known = place.key, ", ".join(place.siblings)
+    if kind == "missing":
+        return _Mistake(f"{place.entry}{key} is missing; it is required.", key, None, "given")
+    if kind == "extra_forbidden":
+        sentence = f"{place.entry}{key} is not a known key; it must be one of {known}."
+        return _Mistake(sentence, key, value, f"one of {known}")
+    if kind.startswith("union_tag"):
+        key = error["ctx"]["discriminator"].strip("'")
+        found = "is missing" if kind == "union_tag_not_found" else f"is {value[key]!r}"
+        allowed = f"one of {', '.join(place.tables)}"
+        return _Mistake(f"{place.entry}{key} {found}; it must be {allowed}.", key, value.get(key), allowed)
+    problem = str(error["msg"]).removeprefix("Value error, ").removeprefix("Input should be ").rstrip(".")
+    if kind != "value_error":
+        problem = f"it must be {_needed(error, place, problem)}"
+    allowed = problem.partition("it must be ")[2]
+    if not key:
+        return _Mistake(f"{place.entry}{problem}.", place.entry, value, allowed)
+    shown = "" if isinstance(value, dict) and kind == "value_error" else f" = {value!r}"
+    return _Mistake(f"{place.entry}{key}{shown}: {problem}.", key, value, allowed)
+
+
+def _needed(error: Any, place: _Place, message: str) -> str:
+    """Return what a value must be, where pydantic's words are about Python."""
+    least, most = (error.get("ctx", {}).get(key, 0) for key in ("min_length", "max_length"))
+    table = f"a table, [[{place.of_list}]]" if place.of_list else "a table"
+    return {
+        "tuple_type": f"a list of tables, [[{place.key}]]" if place.tables else "a list",
+        "model_type": table,
+        "model_attributes_type": table,
+        "dict_type": table,
+        "path_type": "the path of a file",
+        "too_short": "a list that is not empty" if least == 1 else f"a list of at least {least}",
+        "too_long": f"a list of at most {most}",
+        "string_too_short": f"text of at least {least} characters",
+        "string_too_long": f"text of at most {most} characters",
+    }.get(error["type"], message)
+
+
+def _locate(model: type[BaseModel], values: Any, error: Any, entries: Mapping[str, str]) -> _Place:
+    """Return where pydantic found a mistake, in the words of the file; values of a list count from one."""
+    tables, siblings, place = {"": model}, list[str](), _Place("", "", {}, [], "")
+    for part in error["loc"]:
+        if isinstance(part, int):
+            values = dict(enumerate(values)).get(part) if isinstance(values, list | tuple) else None
+            entry = f"{entries.get(place.key, place.key)} {part + 1}"
+            if tables and isinstance(values, dict):
+                name = next((values[key] for key in ("name", "kind") if isinstance(values.get(key), str)), None)
+                named = f" ({name})" if name is not None and not error["type"].startswith("union_tag") else ""
+                place = _Place(f"{entry}{named}: ", "", tables, siblings, "")
+            elif tables:
+                place = place._replace(key=entry, of_list=place.key)
+            else:
+                place = place._replace(key=f"{place.key} (value {part + 1})")
+            continue
+        if len(tables) > 1:  # the tag of a union, which is no key of the file
+            tables = {part: tables[part]} if part in tables else tables
+            continue
+        fields = {field.alias or name: field for table in tables.values() for name, field in table.model_fields.items()}
+        is_key = part in fields or (isinstance(values, dict) and part in values)
+        values = values.get(part) if isinstance(values, dict) else None
+        if is_key or error["type"] in ("missing", "extra_forbidden"):
+            field = fields.get(part)
+            siblings, tables = list(fields), {} if field is None else _tables(field.annotation)
+            place = place._replace(key=f"{place.key}.{part}".lstrip("."))
+    return place._replace(tables=tables, siblings=siblings)
+
+
+def _tables(annotation: Any, tag: str = "") -> dict[str, type[BaseModel]]:
+    """Return the tables among the types that an annotation is made of, by tag: that of its union, or its kind."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        kind = annotation.model_fields.get("kind")
+        return {tag or (str(kind.default) if kind else ""): annotation}
+    if get_origin(annotation) is Annotated:
+        tag = next((str(one.tag) for one in annotation.__metadata__ if isinstance(one, Tag)), tag)
+    return {name: table for option in get_args(annotation) for name, table in _tables(option, tag).items()}
