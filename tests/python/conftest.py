@@ -63,10 +63,11 @@ def tenodesis(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Callable[..., tuple[int, str, str]]:
     """Run the command line in this process, in a folder of its own; returns exit code, output and errors."""
-    from tenodesis.cli import commands
+    from tenodesis.cli import commands, common
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "140")
+    monkeypatch.setattr(common.console, "width", 140)  # which has been read when the module was first imported
 
     def run(*arguments: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["tenodesis", *map(str, arguments)])

@@ -12,9 +12,8 @@ from .conftest import ROOT
 GENERATED = (
     "docs/traceability.md",
     "docs/picture.svg",
+    "docs/dimensions.svg",
     "src/tenodesis/_core.pyi",
-    "src/tenodesis/instruments/instrument.schema.json",
-    "src/tenodesis/catalogue/catalogue.schema.json",
 )
 
 
@@ -48,7 +47,15 @@ def test_the_python_examples_run_and_print_what_they_say(page: str) -> None:
     assert done.stdout.splitlines() == said
 
 
+def test_contributing_names_files_that_exist() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
+    named = [name for name in re.findall(r"`([\w./]+\.(?:hpp|h|py|md|cpp|toml))`", text) if name != "instrument.toml"]
+    tracked = [str(path) for folder in ("include", "src", "docs", "tests") for path in (ROOT / folder).rglob("*.*")]
+    assert len(named) > 50
+    assert [name for name in named if not any(path.endswith(f"/{name}") for path in tracked)] == []
+
+
 def test_links_between_the_documents_lead_somewhere() -> None:
-    for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]:
+    for page in [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]:
         for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8")):
             assert (page.parent / target).exists(), f"{page.name} links to {target}"
