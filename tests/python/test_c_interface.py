@@ -18,7 +18,7 @@ from .conftest import EXAMPLES, ROOT
 COMPILER = os.environ.get("CXX") or shutil.which("c++")
 REALS = {"double": ctypes.c_double, "single": ctypes.c_float}
 
-pytestmark = pytest.mark.skipif(COMPILER is None, reason="needs a C++ compiler")
+pytestmark = [pytest.mark.process, pytest.mark.skipif(COMPILER is None, reason="needs a C++ compiler")]
 
 
 class Interface:

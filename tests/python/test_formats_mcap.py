@@ -87,6 +87,7 @@ def written(
     return path
 
 
+@pytest.mark.slow
 def test_a_bag_in_parts_with_clocks_of_their_own_is_brought_together(log: Path, tmp_path: Path) -> None:
     run = Recording.open(log).run
     folder = tmp_path / "bag"
@@ -274,6 +275,7 @@ def test_messages_that_came_twice_or_out_of_order_are_left_out_and_said(plain: P
         read(as_sqlite(plain, tmp_path / "b.db3", edit=back), "mcap")
 
 
+@pytest.mark.slow
 def test_a_gap_in_one_topic_is_not_filled_in(plain: Path, tmp_path: Path) -> None:
     whole = read(plain)
     loaded = read(as_sqlite(plain, tmp_path / "a.db3", edit={HANDLE: lambda all_: all_[:1000] + all_[1200:]}), "mcap")

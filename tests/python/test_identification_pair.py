@@ -132,6 +132,7 @@ def test_derivatives_are_those_of_differences(law: str) -> None:
         assert jacobian_error(model, at, run, quantile=0.98) < 1e-6
 
 
+@pytest.mark.slow
 def test_what_a_recording_was_made_with_is_found_again_within_its_interval() -> None:
     found = fit(made(seed=3), train=range(3), starts=2)
     inside = {name: low <= TRUTH[name] <= high for name, (low, high) in found.interval_95.items()}

@@ -79,6 +79,7 @@ def test_every_body_is_where_mujoco_puts_it(inst):
     assert largest_difference(inst, posture, theirs) < 1e-12
 
 
+@pytest.mark.slow
 @every_instrument
 def test_every_body_is_where_pinocchio_puts_it(inst):
     pytest.importorskip("pinocchio")

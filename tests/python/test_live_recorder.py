@@ -396,7 +396,10 @@ def test_an_event_reaches_the_disk_without_rows(tmp_path: Path) -> None:
     recorder.flush()
     recording = Recording.open(tmp_path / "run.mcap")
     assert [(event.time, event.content) for event in recording.events] == [(1.5, {"event": "fault"})]
-    for time_, content, said in ((math.nan, {}, "time of an event = nan"), (0.0, {"x": {1}}, "cannot be written as JSON")):
+    for time_, content, said in (
+        (math.nan, {}, "time of an event = nan"),
+        (0.0, {"x": {1}}, "cannot be written as JSON"),
+    ):
         with pytest.raises(RecordingError, match=said):
             recorder.event(time_, content)
     recorder.close()

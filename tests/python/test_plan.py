@@ -284,6 +284,7 @@ def test_a_similar_design_without_flaw_has_no_warning(similar: Plan) -> None:
     assert "too small to have a cause" in similar.similarity.note
 
 
+@pytest.mark.slow
 def test_any_name_is_shown_as_it_is(tmp_path: Path) -> None:
     name = HOSTILE
     real_size = tn.load("real-size").axis("yaw").replace(name=name[:60])
@@ -377,6 +378,7 @@ def test_a_design_that_was_searched_for_has_a_plan(tmp_path: Path) -> None:
     assert f"{found.scaled_up.pretension:.3g} N".replace(" ", "") in text.replace(" ", "")
 
 
+@pytest.mark.slow
 def test_a_design_without_test_loads_has_a_plan(tmp_path: Path) -> None:
     assert plan.write(made(forces=()), tmp_path)[1].exists()
 

@@ -76,6 +76,7 @@ def test_all_that_is_wanted_is_identifiable_and_its_interval_holds_the_file(scal
             assert low < one.start < high
 
 
+@pytest.mark.slow
 def test_written_protocol_is_the_one_that_was_predicted_and_can_be_recorded(scaled_up: Plan, tmp_path: Path) -> None:
     report.write(scaled_up, tmp_path)
     protocol = simulate.load(tmp_path / report.PROTOCOL)
@@ -143,6 +144,7 @@ def test_sheath_is_not_identifiable_where_its_bend_is_wanted_as_well() -> None:
     assert found.identifiable("friction.vertex_coefficient")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few")
 def test_gains_are_not_identifiable_without_a_known_force() -> None:
     found = plan(tn.load("scaled-up"), ["load_cells", "stiffness"], duration=8.0, forces=[])
@@ -170,6 +172,7 @@ def test_without_load_all_tensions_scale_together_unseen() -> None:
     np.testing.assert_allclose(factor * one["tension"], two["tension"], rtol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few")
 def test_share_of_compliance_is_not_identifiable_without_friction() -> None:
     inst = tn.load(Path(__file__).parents[2] / "examples/pulley.toml")
