@@ -1,5 +1,7 @@
 """One family of exceptions: each says in a sentence what is wrong, and carries key, value and what it must be."""
 
+from typing import Any
+
 
 class Error(Exception):
     """Base of all exceptions of this package that a user can mend.
@@ -17,14 +19,12 @@ class Error(Exception):
     """
 
     def __init__(self, problem: str = "", *, key: str = "", value: object = None, allowed: str = "") -> None:
-        super().__init__(problem)
-        self.problem, self.key, self.value, self.allowed = problem, key, value, allowed
+        super().__init__(problem or (f"{key} is {value!r}; it must be {allowed}." if key else ""))
+        self.key, self.value, self.allowed = key, value, allowed
 
     def __str__(self) -> str:
         """Return the sentence that names key, value and what is allowed."""
-        if self.problem or not self.key:
-            return self.problem
-        return f"{self.key} is {self.value!r}; it must be {self.allowed}."
+        return str(self.args[0])
 
 
 class ArgumentError(Error, ValueError):
@@ -96,5 +96,8 @@ class MissingExtraError(Error, ImportError):
             value=module,
             allowed=f"installed with the extra [{extra}]",
         )
-        self.args = (module, extra, cause)  # from which a copy in another process is made
         self.extra = extra
+        self._cause = cause
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.value, self.extra, self._cause)

@@ -56,7 +56,7 @@ def write_figure(plot: Plot, folder: Path) -> Markup:
     return Markup(style.inlined(plot.name, (folder / f"{plot.name}.svg").read_text("utf-8")))
 
 
-def write_columns(columns: Mapping[str, ArrayLike], path: Path) -> None:
+def write_columns(columns: Mapping[str, ArrayLike], path: Path, *, digits: int = 9) -> None:
     """Write columns by heading as CSV; shorter ones end early, and what is NaN stays empty."""
     arrays = {heading: np.atleast_1d(np.asarray(values, float)) for heading, values in columns.items()}
     with path.open("w", newline="", encoding="utf-8") as file:
@@ -64,7 +64,8 @@ def write_columns(columns: Mapping[str, ArrayLike], path: Path) -> None:
         writer.writerow(arrays)
         for i in range(max((column.size for column in arrays.values()), default=0)):
             writer.writerow(
-                "" if i >= column.size or math.isnan(column[i]) else f"{column[i]:.9g}" for column in arrays.values()
+                "" if i >= column.size or math.isnan(column[i]) else f"{column[i]:.{digits}g}"
+                for column in arrays.values()
             )
 
 

@@ -50,7 +50,7 @@ def _write_samples(study: Study, path: Path) -> None:
     headings = [f"{one.instrument} {one.key} [{one.unit}]" for one in study.parameters]
     columns = dict(zip(headings, study.matrix.T, strict=True))
     columns |= {f"{key} [deg]": one.scheme for key, one in study.responses.items()}
-    write_columns(columns | {"status": study.status}, path)
+    write_columns(columns | {"status": study.status}, path, digits=12)
 
 
 def _results(study: Study) -> dict[str, Any]:
