@@ -1,4 +1,4 @@
-"""The commands about devices: list them, and measure whether one keeps time."""
+"""The commands about devices: list them, and measure whether a device keeps time."""
 
 from typing import Annotated
 

@@ -189,7 +189,7 @@ def _check_different(measured: Sequence[MeasuredRun]) -> None:
 
 
 def _extrapolated(one: MeasuredRun, trained: Sequence[MeasuredRun]) -> tuple[str, ...]:
-    """Return a note where a held-out recording was made at a bend of the sheath beyond those of the fitted ones."""
+    """Return a note where a held-out recording has a sheath bend beyond those of the fitted recordings."""
     if _BEND not in one.columns:
         return ()
     bend, bends = (float(np.degrees(one[_BEND][0])), [float(np.degrees(other[_BEND][0])) for other in trained])

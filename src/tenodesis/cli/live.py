@@ -104,7 +104,7 @@ def foxglove(
 
 
 def _running() -> Path:
-    """Return the folder of the runtime that runs, where there is but one."""
+    """Return the folder of the only runtime that runs."""
     found = []
     for place in _PLACES:
         for ring in place.glob(f"tenodesis-*/*/{folders.RING}"):

@@ -1,4 +1,4 @@
-"""The commands about recordings: make one, look at it, run it again, export it."""
+"""The commands about recordings: record, describe, repeat, export."""
 
 import signal
 from collections.abc import Iterator

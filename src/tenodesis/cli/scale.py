@@ -31,7 +31,7 @@ from tenodesis.scaling.sweep import Progress as Report
 
 _SHOWN = 10
 _TRIED = 20
-_HEADING = """Scale model of {}, designed by tenodesis scale; plan.html says what to build and to hang.
+_HEADING = """Scale model of {}, designed by tenodesis scale; plan.html lists what to build and which weights to use.
 The tip's inertia and damping, and the ropes' true modulus, are to be measured once it stands."""
 
 

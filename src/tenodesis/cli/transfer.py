@@ -1,4 +1,4 @@
-"""The command that carries an experiment on a scaled-up instrument to the real-size one."""
+"""The command that converts an experiment on a scaled-up instrument to real-size units."""
 
 import math
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""All that one browser shows: panel, curves and view."""
+"""What a browser shows: panel, curves and view."""
 
 import time
 from typing import Any
@@ -88,7 +88,7 @@ class Browser:
 
     @property
     def outdated(self) -> bool:
-        """Whether another instrument runs than the one that is shown."""
+        """Whether the instrument that runs is not the one shown."""
         return self.session.link.inst != self._inst
 
     def tick(self, state: PageState) -> None:

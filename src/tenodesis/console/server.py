@@ -68,7 +68,7 @@ def stop(server: "ViserServer") -> None:
 
 
 class LoopOnlyEvent(asyncio.Event):
-    """An event that ignores other threads: set by one just when the loop starts to wait, it would never wake it."""
+    """An event that ignores other threads: set by another thread as the loop starts to wait, it might not wake it."""
 
     def set(self) -> None:
         """Set it, if this is the thread of the event loop."""

@@ -38,7 +38,7 @@ class _Opened(NamedTuple):
 
 
 class FilesTab:
-    """The recordings of a folder, and one of them opened."""
+    """The recordings of a folder, and the recording that is open."""
 
     def __init__(self, session: Session, inst: Instrument) -> None:
         self._session, self._inst = session, inst

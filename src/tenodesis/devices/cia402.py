@@ -122,6 +122,6 @@ def state(statusword: int) -> State:
 
 
 def described(statusword: int) -> str:
-    """Return the state in a statusword for a sentence; an unknown one with the word itself."""
+    """Return the state in a statusword for a message; an unknown state with the word itself."""
     found = state(statusword)
     return f"{found} (0x{statusword:04X})" if found is State.UNKNOWN else str(found)

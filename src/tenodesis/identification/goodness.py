@@ -18,7 +18,7 @@ _MOST_UNEXPLAINED = 0.5
 _LEAST_MOVED = 0.1
 """Share of the widest spread of all runs below which a signal was held, and there is nothing to explain."""
 _MOST_WORSE = 4.0
-"""How many times the fitted runs' error that of the held-out ones may be."""
+"""Largest ratio of the error of held-out runs to that of fitted runs."""
 
 
 def run_errors(problem: Problem, values: Array, run: int, split: str) -> RunErrors:
@@ -49,7 +49,7 @@ def pooled(files: Sequence[RunErrors]) -> dict[str, float]:
 
 
 def information_criteria(residuals: Array, parameters: int) -> tuple[float, float]:
-    """Return the criteria of Akaike and of Schwarz, with the noise as one more parameter."""
+    """Return the criteria of Akaike and of Schwarz, with the noise as an additional parameter."""
     count = residuals.size
     squares = float(residuals @ residuals)
     likelihood = count * math.log(squares / count) if squares > 0 else -math.inf

@@ -1,4 +1,4 @@
-"""Errors of a noisy sensor behind a converter of finite resolution: independent ones, and rounding that persists."""
+"""Errors of a noisy sensor behind a converter of finite resolution: independent errors, and persistent rounding."""
 
 import math
 from collections.abc import Iterator

@@ -42,11 +42,11 @@ class Format(NamedTuple):
     load: Callable[[Path], MeasuredRun]
     problem: BuildProblem
     laws: tuple[str, ...] = ()
-    """Friction laws that the model knows, by name."""
+    """Friction laws of the model, by name."""
     law: str = "capstan"
-    """Friction law unless another is asked for."""
+    """Default friction law."""
     loss: LossName = "linear"
-    """Loss unless another is asked for."""
+    """Default loss."""
 
 
 class Formats(MutableMapping[str, Format]):

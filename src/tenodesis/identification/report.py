@@ -1,4 +1,4 @@
-"""A fit as files: one HTML page that needs nothing beside it, all numbers, and the identified instrument."""
+"""A fit as files: a self-contained HTML page, all values, and the identified instrument."""
 
 import json
 import math
@@ -38,7 +38,7 @@ def write(
     law: str,
     notes: Mapping[str, Sequence[str]] | None = None,
 ) -> list[Path]:
-    """Write report.html, result.json and, where there is one, instrument.toml into a folder, or nothing.
+    """Write report.html, result.json and, if there is an instrument, instrument.toml into a folder, atomically.
 
     Parameters
     ----------

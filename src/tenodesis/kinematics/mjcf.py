@@ -24,7 +24,7 @@ _HOLD = 100.0  # stiffness of what the hand holds, over that of the handle's ten
 _FAR = 100.0  # m, beyond any length that is drawn
 
 NOTE = """Written by tenodesis. Units: m, rad, kg, N. The port is the origin; z points into the patient.
-What this format does not carry of the instrument:
+What this format omits of the instrument:
 - rolling contact: a gear pair is two hinges, half its angle each, tied by an equality constraint, which is soft: set
   both, or let it settle;
 - friction of the tendons, sheaths, spools, drives, sensors and the controller;
@@ -147,7 +147,7 @@ def _tie(ties: Element, inst: Instrument, joint: Joint) -> None:
 
 
 class _End(NamedTuple):
-    """What a tendon passes at one end of the stem: names' prefix, heights, m, and its distance from the middle, m."""
+    """Guides of a tendon at an end of the stem: prefix of their names, heights, m, and distance from the middle, m."""
 
     prefix: str
     stem: float
@@ -185,7 +185,7 @@ def _strings(
 
 
 def _guides(bodies: dict[str | None, Element], end: _End, passed: Sequence[str], sign: float, axis: str) -> list[str]:
-    """Put the sites that guide a tendon past the gears of one end, and return their names from the stem outward."""
+    """Add the sites that guide a tendon past the gears of an end, and return their names from the stem outward."""
     x, y, _ = (sign * end.radius * component for component in TOWARD[axis])
     side = "agonist" if sign > 0 else "antagonist"
     names, on, height = [], "stem", end.stem

@@ -82,7 +82,7 @@ SOURCE = Source(
 
 
 def load(path: Path) -> MeasuredRun:
-    """Return one recording of a da Vinci tool.
+    """Return a recording of a da Vinci tool.
 
     Columns: spindle_angle, jaw_angle (rad), spindle_torque, jaw_torque (N*m), by the signs of the file; the last is as
     it was measured, for no model takes it. The first seconds, in which the bench settles, are kept: a model with memory
@@ -158,7 +158,7 @@ _SPEED_SPAN = 0.1
 """Time over which the spindle's speed is taken, s."""
 _LEAST = 200
 _OFFSET = math.radians(30)
-"""How far the jaw's offset may be off the one of a plane through the recordings, rad."""
+"""Largest difference of the jaw's offset from that of a plane through the recordings, rad."""
 _RATIO, _COMPLIANCE = (0.1, 5.0), (0.1, 4.0)
 """What such a plane is believed: 1 and rad/(N*m)."""
 
@@ -334,7 +334,7 @@ class Tool(Problem):
         if self.law == "bouc-wen":
             full, width, beta, start = (given[one.name] for one in LAWS[self.law])
             return torque - full * hysteresis(number(-self.signs.load * series.spindle), width, beta, start)
-        # a law that knows no tension knows no slack
+        # a law without tension has no slack
         slack = "pretension" in given
         pretension = given.get("pretension", number(0.0))
         tension = torque + pretension
@@ -348,7 +348,7 @@ class Tool(Problem):
         return sum(pieces[1:], pieces[0]) - pretension
 
     def _along(self, given: Mapping[str, Dual]) -> dict[str, Operand]:
-        """Return the friction of one contact along the tendon, by the names of its law."""
+        """Return the friction of a contact along the tendon, by the names of its law."""
         friction: dict[str, Operand] = {name: given[name] for name in _SHAPES if name in given}
         for name, ours in (("exponent", "friction_exponent"), ("constant", "sliding_friction")):
             if ours in given:
@@ -448,7 +448,7 @@ def _series(one: MeasuredRun, signs: Signs) -> Series:
 
 
 def _thinned(one: Series) -> Series:
-    """Return the run at the interval that is fitted, each sample a mean over it; the one before the run stays."""
+    """Return the run at the fitted interval, each sample a mean over it; the sample before the run is kept."""
     step = max(1, round(INTERVAL / float(np.median(np.diff(one.time)))))
 
     def block(values: Array) -> Array:

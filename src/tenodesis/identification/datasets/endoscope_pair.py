@@ -68,7 +68,7 @@ SOURCE = Source(
 
 
 def load(path: Path) -> MeasuredRun:
-    """Return one recording of the pair.
+    """Return a recording of the pair.
 
     Columns: commanded_angle, output_angle (rad), agonist_tension, antagonist_tension (N), and the bend of the file's
     name as sheath_bend (rad). Rows of the same time are what sensors read while the clock was held: their mean is
@@ -112,7 +112,7 @@ def load(path: Path) -> MeasuredRun:
     published = SOURCE.published(sha)
     if published is not None and _bend(Path(published)) != bend:
         raw.note(
-            f"the file's name says a sheath bend of {bend:g} deg, but its bytes are those published as {published}, "
+            f"the file's name gives a sheath bend of {bend:g} deg, but its bytes are those published as {published}, "
             f"of {_bend(Path(published)):g} deg"
         )
     return raw.done(SOURCE, sha)
@@ -142,7 +142,7 @@ def _without_outliers(raw: Raw) -> None:
 
 
 def _bend(path: Path) -> float:
-    """Return the one number in a file's name that can be the bend: marked as such, or else standing by itself."""
+    """Return the only number in a file's name that can be the bend: marked as bend, or else separate from other text."""
     # what follows a dot is an extension unless it is the rest of a number
     stem = path.name if re.match(r"\.\d", path.suffix) else path.stem
     name = _COPY.sub("", stem)

@@ -1,4 +1,4 @@
-"""One sheathed tendon with a load cell at each end: its files and its model.
+"""A sheathed tendon with a load cell at each end: its files and its model.
 
 GIRAFFE, RAL 2024. A CSV file with column names; tensions in gram-force, or in the unit that both headings give, such as
 ``data_0 [N]``. The distal tension is the reference: a model may use it to be fitted, and for nothing else.
@@ -46,7 +46,7 @@ SOURCE = Source(
 
 
 def load(path: Path) -> MeasuredRun:
-    """Return one recording of a sheathed tendon.
+    """Return a recording of a sheathed tendon.
 
     Columns: proximal_tension, distal_tension (N), each the median of three samples, so that isolated spikes go.
 
@@ -88,7 +88,7 @@ def load(path: Path) -> MeasuredRun:
 
 
 def _to_si(raw: Raw, stated: Sequence[str | None]) -> None:
-    """Bring both tensions to N, from the unit that the headings give or else from the one that magnitudes show."""
+    """Convert both tensions to N, from the unit that the headings give or else from the unit that the magnitudes show."""
     given = dict.fromkeys(one for one in stated if one is not None)
     if not given:
         taken = raw.unit(_TENSION, *TENSIONS, advice="give the unit in both headings, such as 'data_0 [N]'")
@@ -233,7 +233,7 @@ def problem(
 
 
 def _in_unit(one: Parameter, rate: Array) -> Parameter:
-    """Return a parameter in the sheath's unit of speed, N/s, a speed starting at the usual one of a recording."""
+    """Return a parameter in the sheath's unit of speed, N/s; speeds start at the usual speed of a recording."""
     if "{speed}" not in one.unit:
         return one
     usual = float(np.clip(np.median(np.abs(rate)), one.lower, one.upper))

@@ -53,7 +53,7 @@ class Candidate(NamedTuple):
 
 
 def loads(inst: Instrument, forces: Sequence[float] | None = None) -> tuple[float, ...]:
-    """Return the forces at the tip (N), ascending: those given, or shares of the one that lets the antagonist go slack.
+    """Return the forces at the tip (N), ascending: those given, or shares of the force at slack onset.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def loads(inst: Instrument, forces: Sequence[float] | None = None) -> tuple[floa
 
 
 def candidates(inst: Instrument, forces: Sequence[float]) -> list[Candidate]:
-    """Return all candidates for an instrument of one axis under forces (N) that its bench has."""
+    """Return all candidates for a one-axis instrument under the forces (N) of its bench."""
     reach = math.radians(math.floor(math.degrees(largest(inst)) * 10) / 10)
     return [
         *_cycles(reach, forces),
@@ -96,7 +96,7 @@ def baselines(inst: Instrument, forces: Sequence[float], duration: float) -> dic
     forces
         Forces at the tip of the paper's cycles, N; without any they are left out.
     duration
-        How long each lasts, s, as near as whole cycles allow.
+        Duration of each candidate, s, to the nearest integer number of cycles.
     """
     try:
         amplitude = min(statics.reach(inst), largest(inst))

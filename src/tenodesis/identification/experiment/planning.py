@@ -245,7 +245,7 @@ def _best(
     left_out: dict[str, str],
     report: _Progress,
 ) -> _TriedProtocol:
-    """Return the best of several orders of the chosen blocks, run as one protocol each.
+    """Return the best of several orders of the chosen blocks, each run as a protocol.
 
     A block with which no order can be run is left out, and the choice made again.
     """

@@ -1,4 +1,4 @@
-"""A plan as files: the protocol to record, one HTML page that needs nothing beside it, a figure and all numbers."""
+"""A plan as files: the protocol to record, a self-contained HTML page, a figure and all values."""
 
 import io
 import math

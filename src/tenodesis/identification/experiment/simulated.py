@@ -33,7 +33,7 @@ class InfeasibleProtocolError(Error):
 
 
 class SimulatedExperiment:
-    """An instrument of one axis with its sensors, on which protocols are run.
+    """A one-axis instrument with its sensors, on which protocols are run.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ def scan(path: Path, wanted: Collection[str]) -> Contents:
 
 
 def _read(bag: sqlite3.Connection, number: int, contents: Contents) -> None:
-    """Add the messages of one topic, up to where the file is damaged."""
+    """Add the messages of a topic, up to where the file is damaged."""
     rows = bag.execute("SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY id", (number,))
     try:
         for at, (stamp, data) in enumerate(rows):

@@ -30,7 +30,7 @@ class Table(NamedTuple):
     separator: str
 
     def column(self, at: int) -> Array:
-        """Return a column's numbers, NaN where there is none; a comma is a decimal one unless it separates columns."""
+        """Return a column's numbers, NaN where there is none; a comma is decimal unless it separates columns."""
         return np.array([self._number(row, at) for row in self.rows])
 
     def _number(self, row: list[str], at: int) -> float:
