@@ -1,4 +1,4 @@
-"""How well a model explains runs, those fitted and those held out, and what to bear in mind of a fit."""
+"""How well a model explains runs, those fitted and those held out, and the caveats of a fit."""
 
 import math
 from collections.abc import Sequence
@@ -105,7 +105,7 @@ def worse_held_out(files: Sequence[RunErrors]) -> list[str]:
 def warnings(
     found: Uncertainty, noises: Sequence[Whiteness], best: SearchEnd, *, same: int, starts: int, parameters: int
 ) -> list[str]:
-    """Return what to bear in mind of a fit, a sentence each."""
+    """Return the caveats of a fit, a sentence each."""
     out = []
     if not best.converged:
         out.append(f"The search stopped after {MOST_STEPS} steps without having converged.")

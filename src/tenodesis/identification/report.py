@@ -129,7 +129,7 @@ def render(problem: Problem, found: Fit, *, runs: Sequence[int], numbers: Mappin
 
 
 def cards(found: Fit) -> list[tuple[str, str]]:
-    """Return the few numbers that stand first, with what they are."""
+    """Return the key figures for the top of the report, with their descriptions."""
     errors = [
         (f"rmse, {name}", f"{_short(value)} {unit}".replace(" deg", "°"))
         for name, rmse in (("runs fitted", found.train_rmse), ("runs held out", found.test_rmse))

@@ -14,7 +14,7 @@ from tenodesis.report.page import about, json_number
 from tenodesis.run import Array
 
 LIBRARIES = ("scipy",)
-"""Those whose versions a result names beside NumPy's."""
+"""Packages whose versions a result names in addition to NumPy's."""
 RESULTS_SCHEMA = 1
 """Version of the layout of result.json."""
 
@@ -64,7 +64,7 @@ class Fit:
     same_optimum: int
     """How many starts reached an optimum no worse than the best but for chance."""
     costs: tuple[float, ...]
-    """Of every start, where it ended; infinite where the model has no answer there."""
+    """Final cost of every start; infinite where the model has no solution."""
     loss: LossName
     seed: int
     bootstrap: int
@@ -84,7 +84,7 @@ class Fit:
 
 
 def by_unit(rmse: Mapping[str, float]) -> dict[str, float]:
-    """Return the first value of each unit, by unit: what output_angle_deg and tension_N are called rmse_deg, rmse_N."""
+    """Return the first value of each unit, named by its unit: rmse_deg for output_angle_deg, rmse_N for tension_N."""
     found: dict[str, float] = {}
     for key, value in rmse.items():
         found.setdefault(key.rpartition("_")[2], value)

@@ -80,7 +80,7 @@ class Search:
         return differenced(self.residuals, at, self.lower, self.upper, self._scale(at))
 
     def _own(self, values: Array, run: int) -> Array | None:
-        """Return the problem's own derivatives by what is free, (n, free), or None to have them differenced."""
+        """Return the problem's own derivatives by the free parameters, (n, free), or None to use differences."""
         return self.problem.derivatives(values, run, self.free) if self.exact else None
 
     def solve(

@@ -24,7 +24,7 @@ _HOLD = 100.0  # stiffness of what the hand holds, over that of the handle's ten
 _FAR = 100.0  # m, beyond any length that is drawn
 
 NOTE = """Written by tenodesis. Units: m, rad, kg, N. The port is the origin; z points into the patient.
-What this format omits of the instrument:
+What this format does not contain:
 - rolling contact: a gear pair is two hinges, half its angle each, tied by an equality constraint, which is soft: set
   both, or let it settle;
 - friction of the tendons, sheaths, spools, drives, sensors and the controller;

@@ -1,7 +1,7 @@
 """A da Vinci tool on a bench that measures angle and torque at its spindle and at its jaw: its files and its model.
 
 O'Neill, Stephens and Kowalewski, IEEE RA-L 3(4):3027-3034, 2018. A text file without column names; lines of % are a
-header. The jaw's columns are the reference: a model may use them to be fitted, and for nothing else.
+header. The jaw's columns are the reference: a model may use them for fitting only.
 
 The model gives the jaw angle from the spindle's angle and torque, through an elastic transmission with friction: a
 tendon of even stiffness and friction along its length, cut into n equal pieces. Each contact passes the torque on
@@ -47,7 +47,7 @@ JAW_COUNTS = 4000
 """Counts of the jaw's encoder per turn."""
 MOST_COUNTS = 1500
 MOST_SPINDLE = MOST_COUNTS * 2 * math.pi / SPINDLE_COUNTS
-"""How far the spindle may be off its median before a row is corrupt, rad: where its encoder is zero is the tool's."""
+"""Distance of the spindle from its median above which a row is corrupt, rad; the encoder's zero depends on the tool."""
 
 _TURN = 2 * math.pi
 _JUMP = math.radians(5)
@@ -146,14 +146,14 @@ DEFAULT_LAW = "capstan-constant"
 CONTACTS = 8
 """Contacts that the transmission is cut into."""
 SETTLING = 2.0
-"""Time from the start in which the bench settles, s: the model runs through it, and no error is taken in it."""
+"""Time from the start in which the bench settles, s: the model runs through it, and its errors are not counted."""
 INTERVAL = 0.01
 """Mean over which torque is smoothed, and the interval of the samples that are fitted, s."""
 NOISE = 2 * math.pi / 4000 / math.sqrt(12)
 """Standard deviation of the jaw's encoder, rad: that of rounding to its 4000 counts."""
 
 _LEVEL_SPAN = 0.2
-"""Time from the start whose mean torque friction is taken to have held before, s: the drive starts with a kick."""
+"""Time from the start whose mean torque is assumed to have acted before it, s; the drive starts with a kick."""
 _SPEED_SPAN = 0.1
 """Time over which the spindle's speed is taken, s."""
 _LEAST = 200
@@ -423,7 +423,7 @@ def _signs(train: Sequence[MeasuredRun]) -> Signs:
 
 
 def _series(one: MeasuredRun, signs: Signs) -> Series:
-    """Return a run at all samples, torque and speed smoothed over what has gone before."""
+    """Return a run at all samples, torque and speed smoothed by a causal filter."""
     window = max(1, round(INTERVAL / one.sample_time))
     span = max(1, round(_SPEED_SPAN / one.sample_time))
     spindle = one["spindle_angle"]

@@ -73,7 +73,7 @@ Operand: TypeAlias = Dual | Array | float
 
 
 def number(value: Operand) -> Dual:
-    """Return what depends on no parameter as a dual; a dual stays what it is."""
+    """Return a value that depends on no parameter as a dual number; return a dual number unchanged."""
     if isinstance(value, Dual):
         return value
     return Dual(np.atleast_1d(np.asarray(value, dtype=np.float64)), np.zeros((1, 1)))

@@ -1,7 +1,7 @@
 """A flexible endoscopic manipulator's joint moved by an antagonistic sheathed pair of tendons: its files and its model.
 
 Baek, Nho et al., ViO-Com, IEEE RA-L 2021. A text file without column names whose name has the sheath's bend in degrees.
-The output angle is the reference: a model may use it to be fitted, and for nothing else.
+The output angle is the reference: a model may use it for fitting only.
 
 The model gives the output angle from the command and both proximal tensions, by two balances. The elongation balance:
 the command winds one tendon in and pays the other out, less what the tendons stretch. The moment balance: the joint is
@@ -142,7 +142,7 @@ def _without_outliers(raw: Raw) -> None:
 
 
 def _bend(path: Path) -> float:
-    """Return the only number in a file's name that can be the bend: marked as bend, or else separate from other text."""
+    """Return the only number in a file's name that can be the bend: marked as such, or separate from other text."""
     # what follows a dot is an extension unless it is the rest of a number
     stem = path.name if re.match(r"\.\d", path.suffix) else path.stem
     name = _COPY.sub("", stem)
@@ -161,7 +161,7 @@ def _bend(path: Path) -> float:
 
 _TENSIONS = ("agonist_tension", "antagonist_tension")
 _MOST_RATIO = 1.2
-"""How many times the command's way the output may move to be taken in another unit than the command."""
+"""Ratio of the output's motion to the command's above which they are in different units."""
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 _MARKED = re.compile(
     r"(?:bend(?:ing)?|sheath)[\s_=-]*(\d+(?:\.\d+)?)|(\d+(?:\.\d+)?)(?:bend|[\s_-]*(?:deg|°))", re.IGNORECASE

@@ -1,4 +1,4 @@
-"""Friction laws by name: what a contact passes on of a tendon's tension, or of the difference of an antagonistic pair.
+"""Friction laws by name: transmission of a tendon's tension, or of the tension difference of a pair, by a contact.
 
 A play-type law gives the bounds of the tension behind a contact; inside them the contact sticks and
 holds its tension, on them it slides. In Bouc-Wen, a rival without contact, friction follows the tension smoothly.
@@ -67,9 +67,9 @@ LAWS: Mapping[str, Law] = {
 }
 
 _LEAST_TENSION = 1e-9
-"""Below which the power law takes a tendon for slack: its exponent has no limit there."""
+"""Tension below which the power law treats a tendon as slack, since its exponent has no limit there."""
 _SMALL = 1e-4
-"""Below which a logarithm is taken by its series."""
+"""Argument below which a logarithm is computed by its series."""
 
 
 def law_of(name: str) -> Law:
@@ -160,7 +160,7 @@ def band(
 
 
 def held(lower: Dual, upper: Dual, start: Dual) -> Dual:
-    """Return what stays where it is until a bound pushes it (stick-slip), from what was there before the first sample.
+    """Return a play element (stick-slip): constant until a bound pushes it, from its value before the first sample.
 
     Its derivative is that of the bound which pushed last.
     """

@@ -1,4 +1,4 @@
-"""Candidates for a protocol, and what a bench would do without a plan, in the same time.
+"""Candidates for a protocol, and the unplanned protocols of equal duration to compare with.
 
 A candidate is a block of phases that begins and ends straight and unloaded, with the spools where they were.
 """
@@ -45,7 +45,7 @@ _PLAIN_PERIOD = 6.6
 
 
 class Candidate(NamedTuple):
-    """A block of phases, and what it is called."""
+    """A block of phases with its name."""
 
     name: str
     kind: str

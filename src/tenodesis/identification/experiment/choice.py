@@ -1,4 +1,4 @@
-"""Which candidates to take so that some parameters are known best within a time, the others being open as well."""
+"""Choice of candidates that determine the wanted parameters best within a duration, with the others free."""
 
 from collections.abc import Sequence
 from typing import Literal, TypeAlias

@@ -25,7 +25,7 @@ _TEMPLATE = "plan.html.j2"
 
 
 def write(plan: Plan, out: Path) -> list[Path]:
-    """Write protocol.toml, plan.html, plan.svg and plan.json into a folder, or nothing, and return their paths.
+    """Write protocol.toml, plan.html, plan.svg and plan.json into a folder, atomically, and return their paths.
 
     Raises
     ------

@@ -74,7 +74,7 @@ class SimulatedExperiment:
         return scales(self.parameters, self.values)
 
     def run(self, phases: Sequence[Phase]) -> Run:
-        """Return what the twin does.
+        """Return the twin's response.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""ROS 2 bags in SQLite, read into what MCAP files are read into."""
+"""ROS 2 bags in SQLite, read into the same messages as MCAP files."""
 
 import sqlite3
 from collections.abc import Collection

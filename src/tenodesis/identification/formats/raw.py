@@ -98,7 +98,7 @@ class Raw:
         self.drop(bad, f"not numbers in every column{which}")
 
     def averaged(self) -> None:
-        """Take the mean of successive rows with the same time: what sensors read while the clock was held."""
+        """Replace successive rows with the same time by their mean: readings while the clock stood still."""
         first = np.flatnonzero(np.concatenate([[True], np.diff(self.time) != 0])[: self.time.size])
         if first.size == self.time.size:
             return
@@ -263,7 +263,7 @@ class Raw:
             raise self.refuse(f"{self.time.size} samples are left, which is too few; at least {least} are needed")
 
     def excited(self, column: str, least: float, unit: str) -> None:
-        """Refuse a column whose spread (SI, of its middle 90 %) is below what anything can be identified from."""
+        """Refuse a column whose spread (SI, of its middle 90 %) is too small for identification."""
         spread = spread_of(self.columns[column])
         if spread < least:
             raise self.refuse(

@@ -16,7 +16,7 @@ _HEADING = re.compile(r"\s*(?P<name>[^\[\]]*?)\s*(?:\[\s*(?P<unit>[^\]]*?)\s*\])
 
 
 class Heading(NamedTuple):
-    """A heading such as ``force [mN]``: what stands before the brackets, and within if there are any."""
+    """A heading such as ``force [mN]``: the name before the brackets, and the unit within them if present."""
 
     name: str
     unit: str | None

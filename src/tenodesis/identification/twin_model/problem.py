@@ -186,7 +186,7 @@ class TwinProblem(Problem):
         return errors
 
     def traces(self, values: Array, run: int) -> dict[str, Trace]:
-        """Return every sensor's signal beside the model's."""
+        """Return every sensor's signal with the model's."""
         one = self._runs[run]
         off = self._differences(values, run)
         traces = {}
