@@ -52,12 +52,12 @@ def export_controller(  # noqa: PLR0917
 
 
 def export_urdf(instrument_file: InstrumentFile, out: Out = None, overwrite: Overwrite = False) -> None:
-    """Write an instrument as a URDF robot: links, joints, mimics; no tendons. The file lists what it does not contain."""
+    """Write an instrument as a URDF robot: links, joints, mimics; no tendons. The file lists what is missing."""
     _export(instrument_file, kinematics.urdf, ".urdf", out, overwrite)
 
 
 def export_mjcf(instrument_file: InstrumentFile, out: Out = None, overwrite: Overwrite = False) -> None:
-    """Write an instrument as a MuJoCo model: bodies, tied joints, tendons. The file lists what it does not contain."""
+    """Write an instrument as a MuJoCo model: bodies, tied joints, tendons. The file lists what is missing."""
     _export(instrument_file, kinematics.mjcf, ".xml", out, overwrite)
 
 

@@ -44,7 +44,7 @@ class Axis(FileTable, Generic[Drive]):
 
 
 class CanSource(FileTable):
-    """The object of a node that holds a sensor's reading, and that its PDOs can carry."""
+    """The object of a node that contains a sensor's reading and can be mapped to its PDOs."""
 
     node: NodeId = Field(description="Node that has the sensor: a drive, or a CiA 401 or 404 module")
     object: ObjectIndex = Field(description="Index of the object, such as 0x6401")
@@ -94,7 +94,7 @@ class CanAxis(Axis[CanDrive]):
 
 
 class CanCounter(FileTable):
-    """An object of each drive, u16, that counts its measurements: if it stands still, readings are old."""
+    """An object of each drive, u16, that counts its measurements; while it is constant, readings are old."""
 
     object: ObjectIndex = Field(description="Index of the object")
     sub: SubIndex = Field(default=0, description="Its sub-index")
@@ -187,7 +187,7 @@ class NiAxis(Axis[NiDrive]):
 
     @property
     def inputs(self) -> tuple[NiAngle | NiTension, ...]:
-        """The analogue inputs: handle, agonist, antagonist and, where there is one, output."""
+        """The analogue inputs: handle, agonist, antagonist and, if present, output."""
         given = (self.handle_angle, self.agonist_tension, self.antagonist_tension)
         return given if self.output_angle is None else (*given, self.output_angle)
 

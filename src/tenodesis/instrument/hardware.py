@@ -40,14 +40,14 @@ from tenodesis.units import (
 )
 
 MOST_EXPONENT = 10.0
-"""Largest friction exponent of one contact: beyond it, rounding of the tension ratio would break the law."""
+"""Largest friction exponent of a contact; above it, rounding of the tension ratio would violate the law."""
 
 SafeState: TypeAlias = Literal["hold", "neutral"]
 FrictionLaw: TypeAlias = Literal["none", "capstan", "capstan-constant", "stribeck"]
 
 
 class Friction(FileTable):
-    """Friction between a tendon and the surfaces it bends around; without this table there is none."""
+    """Friction between a tendon and the surfaces it bends around; without this table there is no friction."""
 
     law: FrictionLaw = Field(default="none", description="none, capstan, capstan-constant or stribeck")
     vertex_coefficient: Coefficient = Field(default=0.0, description="Friction coefficient at the joints' vertices")
@@ -146,7 +146,7 @@ class Mismatch(FileTable):
 
 
 class Control(FileTable):
-    """Gains, limits and times of the controller; what is left out follows from the instrument."""
+    """Gains, limits and times of the controller; defaults follow from the instrument."""
 
     dead_band: AngleError = Field(default=math.radians(0.1), description="Angle error that is not corrected")
     gain: Gain | None = Field(
@@ -176,7 +176,7 @@ class Control(FileTable):
 
 
 class Geometry(FileTable):
-    """Lengths along the instrument and limits of its joints; what is left out follows from the rest."""
+    """Lengths along the instrument and limits of its joints; defaults follow from the other lengths."""
 
     stem_length: Length | None = Field(
         default=None, description="Between the joints' ends nearest to the stem; by default the rest of overall_length"

@@ -1,4 +1,4 @@
-"""The instrument that everything is computed from: what all instruments have, whatever their joints."""
+"""The instrument from which everything is computed: the properties of all instruments, whatever their joints."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -127,12 +127,12 @@ class Instrument(FileTable):
 
     @property
     def output_stop(self) -> float:
-        """Output angle at which the distal joint meets its mechanical stop, rad."""
+        """Output angle at which the distal joint reaches its mechanical stop, rad."""
         return self.dynamics.output_stop or min(_STOP_BEYOND_RANGE * self.output_range, _FARTHEST_STOP)
 
     @cached_property
     def spec(self) -> _core.Spec:
-        """The first axis as the core takes it."""
+        """The first axis in the core's form."""
         row = dict.fromkeys(PARAMETERS, math.nan)
         for field, parameter in self.parameter_fields.items():
             value = getattr(self, field)
@@ -169,7 +169,7 @@ class Instrument(FileTable):
         return validated(type(self), self._with(changes), InstrumentError)
 
     def axis(self, name: str) -> Self:
-        """Return the instrument of one axis alone, with that axis's own values in place.
+        """Return the instrument of a single axis, with that axis's own values.
 
         Raises
         ------
@@ -186,7 +186,7 @@ class Instrument(FileTable):
 
     @property
     def planar(self) -> tuple[Self, ...]:
-        """The instrument of each axis alone, in the order of :attr:`axes`; itself where it has one axis."""
+        """The one-axis instrument of each axis, in the order of :attr:`axes`; the instrument itself if it has one axis."""
         return (self,) if len(self.axes) == 1 else self._by_axis
 
     @cached_property
@@ -194,7 +194,7 @@ class Instrument(FileTable):
         return tuple(self.axis(name) for name in self.axes)
 
     def _with(self, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the values of this instrument by key, with changes; None leaves a key out."""
+        """Return the values of this instrument by key, with changes; None removes a key."""
         fields = type(self).model_fields
         values = {fields[key].alias or key: getattr(self, key) for key in self.model_fields_set}
         for key, value in changes.items():
@@ -230,7 +230,7 @@ class Instrument(FileTable):
             raise ValueError(str(invalid).rstrip(".")) from None
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy by way of :meth:`replace`, since a copy's changes must be checked and reach the core."""
+        """Return a copy by :meth:`replace`, so that its changes are checked and passed to the core."""
         return self.replace(**(update or {}))
 
     def __hash__(self) -> int:

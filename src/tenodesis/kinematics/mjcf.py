@@ -32,7 +32,7 @@ What this format does not contain:
   the time step, so that the model settles where the instrument does but not as fast;{more}
 - limits of the tip by tendons and loads: joint ranges are mechanical stops."""
 _BY_WHAT_THEY_DRAW = """
-- the way of the tendons: they are tied to the joints by what these draw, and are not to be seen;"""
+- the path of the tendons: they are coupled to the joints by their excursions, and are not visible;"""
 _CONTINUUM = """
 - the arc of a backbone: it is its chord between two hinges, shortened by a polynomial (within 1e-4 of its length up to
   a quarter turn), without the backbone's own stiffness in other directions;"""
@@ -100,7 +100,7 @@ def _defaults(root: Element) -> None:
 
 
 def _stiffness(inst: Instrument, joint: Joint) -> float:
-    """Return what holds a joint, N·m/rad or N/m: the tendons at the tip, or a servo where the hand does."""
+    """Return the stiffness that holds a joint, N·m/rad or N/m: of the tendons at the tip, or of a servo for the hand."""
     lengths = dimensions(inst)
     tendon = max(axis.tendon_stiffness for axis in inst.planar)
     # Two tendons at an arm of a radius, by either half of the angle, each of which counts twice.
@@ -158,7 +158,7 @@ class _End(NamedTuple):
 def _strings(
     tendons: Element, bodies: dict[str | None, Element], inst: Instrument, lengths: Dimensions, axis: str
 ) -> None:
-    """Add both tendons of an axis: strings through the gears' guides; on pulleys and backbones, by what they draw."""
+    """Add both tendons of an axis: strings through the gears' guides; on pulleys and backbones, by their excursions."""
     place = lengths.axes.index(axis)
     planar = inst.planar[place]
     stretch = planar.pretension / planar.tendon_stiffness

@@ -7,7 +7,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.kinematics.parts import STEEL, Joint, Part, parts
 
 _KINDS = {"hinge": "revolute", "slide": "prismatic"}
-# URDF asks for an effort and a velocity at every limited joint; the instrument file has neither.
+# URDF requires an effort and a velocity at every limited joint; the instrument file has neither.
 _EFFORT, _VELOCITY = "1000", "100"
 
 NOTE = """Written by tenodesis. Units: m, rad, kg. The port is the origin; z points into the patient.
