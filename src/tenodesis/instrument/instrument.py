@@ -186,7 +186,7 @@ class Instrument(FileTable):
 
     @property
     def planar(self) -> tuple[Self, ...]:
-        """The one-axis instrument of each axis, in the order of :attr:`axes`; the instrument itself if it has one axis."""
+        """The one-axis instrument of each axis, in the order of :attr:`axes`; the instrument itself if it is planar."""
         return (self,) if len(self.axes) == 1 else self._by_axis
 
     @cached_property

@@ -100,7 +100,7 @@ def _defaults(root: Element) -> None:
 
 
 def _stiffness(inst: Instrument, joint: Joint) -> float:
-    """Return the stiffness that holds a joint, N·m/rad or N/m: of the tendons at the tip, or of a servo for the hand."""
+    """Return the stiffness that holds a joint, N·m/rad or N/m: of the tendons at the tip, of a servo for the hand."""
     lengths = dimensions(inst)
     tendon = max(axis.tendon_stiffness for axis in inst.planar)
     # Two tendons at an arm of a radius, by either half of the angle, each of which counts twice.

@@ -201,7 +201,7 @@ def inverse(
 
 
 def within_limits(inst: Instrument, posture: Posture) -> FloatOrArray:
-    """Return whether every coordinate of the tip is within its limits, see :func:`limits`; False where a coordinate is NaN.
+    """Return whether every coordinate of the tip is within its limits, see :func:`limits`; False where any is NaN.
 
     Raises
     ------

@@ -29,7 +29,7 @@ _COMPARED = (("output_angle", "measured_output_angle"), ("tension", "measured_te
 
 
 class Difference(NamedTuple):
-    """By how much a column of a replay differs from the recording: root mean square and largest, rad or N."""
+    """Difference of a column of a replay from the recording: root mean square and largest, rad or N."""
 
     rms: float
     largest: float
@@ -38,7 +38,7 @@ class Difference(NamedTuple):
 
 @dataclass(frozen=True)
 class Replay:
-    """A recording that was run again.
+    """A recording and its replay.
 
     Attributes
     ----------
@@ -177,7 +177,7 @@ def _number(recording: Recording, key: str, default: str) -> float:
 
 
 def _time_step(recording: Recording) -> float:
-    """Return the time step, s: as recorded, or the one between rows."""
+    """Return the time step, s: as recorded, or the time between rows."""
     time = recording.run.time
     if not time.size:
         raise RecordingError(f"{recording.path} has no rows; there is nothing to replay.")
