@@ -34,7 +34,7 @@ _LARGEST_FORCE = 100.0
 
 PROBLEMS = (
     None,
-    "The load was more than the tip can hold, and was not taken.",
+    "The load was more than the tip can hold, and was not applied.",
     "A tick came later than the bound, and the motors were stopped: see the timing, then clear or resume.",
     "The device was silent for longer than the bound, and the motors were stopped: look at its cables and power.",
     "The operator went away, and the motors were paused: resume to go on.",

@@ -1,4 +1,4 @@
-"""Catalogue files: their tables, and one sentence for each error in a file."""
+"""Catalogue files: their tables, and a sentence for each error in a file."""
 
 from collections.abc import Mapping
 from typing import Annotated, Self
@@ -31,7 +31,7 @@ _Lengths = Annotated[tuple[Length, Length], AfterValidator(ordered)]
 
 
 class Constraints(FileTable):
-    """Constraints of a design; None leaves a value free, pairs are least and most."""
+    """Constraints of a design; None leaves a value free; pairs are minimum and maximum."""
 
     factor: Annotated[tuple[_Scale, _Scale], AfterValidator(ordered)] | None = Field(
         default=None, description="Scaled-up over real-size distal radius, least and most"

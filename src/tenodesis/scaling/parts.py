@@ -1,4 +1,4 @@
-"""Parts to build and test a scale model with, each alone or as a series that differs in size only."""
+"""Parts to build and test a scale model, as single parts or as series that differ in size only."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -20,7 +20,7 @@ _SAME = 9
 
 
 def ordered(pair: tuple[float, float]) -> tuple[float, float]:
-    """Return a pair of least and most value, once it is in order.
+    """Return a pair of minimum and maximum, if it is in order.
 
     Raises
     ------
@@ -54,7 +54,7 @@ class Gears(FileTable):
 
 
 class CataloguePart(FileTable):
-    """One part of a catalogue, identified among its kind by its key."""
+    """A part of a catalogue, identified among its kind by its key."""
 
     source: Source = Field(default="", description="Where the values are from")
 
@@ -69,7 +69,7 @@ class CataloguePart(FileTable):
 
 
 class _Round(CataloguePart):
-    """A part with a radius at which the tendon lies."""
+    """A part that guides the tendon at a radius."""
 
     radius: Length = Field(description="Radius at which the tendon lies")
 
@@ -137,7 +137,7 @@ class Encoder(CataloguePart):
 
 
 class Weight(CataloguePart):
-    """Weights of one mass."""
+    """Weights of equal mass."""
 
     mass: PositiveMass = Field(description="Nominal mass")
     count: _Count = Field(default=1, description="How many there are")
@@ -150,7 +150,7 @@ class Weight(CataloguePart):
 
 
 class _Series(FileTable):
-    """Parts that differ in size only, written as one table."""
+    """Parts that differ in size only, written as a single table."""
 
     source: Source = Field(default="", description="Where the values are from")
 

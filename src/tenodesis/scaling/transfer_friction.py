@@ -1,4 +1,4 @@
-"""Carry friction identified on a scaled-up instrument into the file of the real-size one."""
+"""Transfer friction identified on a scaled-up instrument to the file of the real-size instrument."""
 
 from collections.abc import Mapping
 from math import degrees
@@ -12,7 +12,7 @@ _T = TypeVar("_T", bound=Instrument)
 
 
 def carry_friction(scaled: Instrument, real_size: _T, *, source: str = "", time_factor: float | None = None) -> _T:
-    """Return the real-size instrument with the friction of the scaled-up one.
+    """Return the real-size instrument with the friction of the scaled-up instrument.
 
     Coefficients and bends stay the same, since capstan friction is dimensionless; constant friction scales as a
     tension; viscous friction and the speed and memory of the Stribeck law scale by their dimensions.
@@ -70,7 +70,7 @@ def shared_axes(scaled: Instrument, real_size: Instrument) -> tuple[str, ...]:
 
 
 def left_behind(scaled: Instrument) -> tuple[str, ...]:
-    """Return sentences on entries of the scaled-up instrument's table mismatch that are not carried over."""
+    """Return sentences on entries of the scaled-up instrument's table mismatch that are not transferred."""
     mismatch = scaled.mismatch
     sentences = []
     if mismatch.stiffness_ratio != 1:
