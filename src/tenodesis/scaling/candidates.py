@@ -66,7 +66,7 @@ class Candidates:
     end_effector_lengths: Array
     """By pair and level."""
     handle_lengths: Array
-    """By overall length: its share as on the real-size instrument, within the constraints, since sheath friction acts there."""
+    """By overall length: the same share as at real size, within the constraints, since sheath friction acts there."""
 
     @cached_property
     def shape(self) -> tuple[int, ...]:

@@ -253,7 +253,7 @@ def design(
     Raises
     ------
     DesignError
-        A pin names no part, or no scale model meets the constraints; the message names those that contradict each other.
+        A pin names no part, or no scale model meets the constraints; the message names the contradiction.
     """
     if not isinstance(real_size, Instrument):
         raise TypeError(f"real_size is {real_size!r}; it must be an instrument, as tenodesis.load returns it.")

@@ -64,7 +64,7 @@ def same(one: float, other: float) -> bool:
 
 
 def narrowed(catalogue: Catalogue, pins: Mapping[str, Any]) -> Catalogue:
-    """Return a catalogue with only the pinned parts and ranges; radii are unchanged, since they result from modules and teeth.
+    """Return a catalogue with only the pinned parts and ranges; radii stay, as modules and teeth give them.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The workshop plan of a design, as self-contained HTML and as PDF: what to build, which weights to use and what to expect."""
+"""The workshop plan of a design, as self-contained HTML and as PDF: parts, lengths, weights and expected curves."""
 
 import json
 import math

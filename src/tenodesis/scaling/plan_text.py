@@ -38,7 +38,7 @@ def plain(value: float, digits: int = 4) -> str:
 
 
 def angle(error: float) -> str:
-    """Return an error (deg), or "below 0.001°"."""
+    """Return an error (deg), "below 0.001°" for smaller errors."""
     return f"{plain(error, 2)}°" if not abs(error) < NO_ERROR else f"below {NO_ERROR:g}°"
 
 

@@ -85,7 +85,7 @@ class Group(NamedTuple):
 
     @property
     def imposed(self) -> bool:
-        """Whether the group is equal by the choice of the force or time factor, so that it does not indicate similarity."""
+        """Whether the group is equal by the choice of the force or time factor, which shows no similarity."""
         return self.name in IMPOSED
 
     @property

@@ -40,7 +40,7 @@ class Motion(Loaded):
 
     kind: Literal["motion"] = "motion"
     file: Path | None = Field(default=None, description="CSV file, relative to the protocol's file")
-    data: str | None = Field(default=None, description="What such a file holds, instead of it")
+    data: str | None = Field(default=None, description="Content of such a file, in place of its name")
     time_column: str = Field(default="time", description="Column of times, s")
     angle_column: str = Field(default="angle", description="Column of angles")
     angle_unit: Literal["deg", "rad"] = Field(description="Unit of that column")
@@ -61,13 +61,13 @@ class Motion(Loaded):
 
     @cached_property
     def samples(self) -> Samples:
-        """The samples as they are in the file."""
+        """The samples of the file."""
         if self.file is None:
             return _parse(self.data or "", "data", self.time_column, self.angle_column)
         return _read(self.file, self.time_column, self.angle_column)
 
     def with_data(self) -> Self:
-        """Return the same phase with the samples in it instead of the file they are from."""
+        """Return the same phase with its samples in place of the file name."""
         data = csv_text(self.samples.times, self.samples.values, self.time_column, self.angle_column)
         given = {key: getattr(self, key) for key in self.model_fields_set if key != "file"}
         return type(self)(**{**given, "data": data})

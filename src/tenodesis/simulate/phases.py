@@ -18,13 +18,13 @@ from tenodesis.units import Angle, Delay, Duration, HandleSpeed, SignedForce, Si
 
 
 class ProtocolModel(BaseModel):
-    """Part of a protocol file: unknown keys are errors, and nothing changes once it is made."""
+    """Part of a protocol file: immutable, and unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
 
 
 def check_choice(model: BaseModel, *keys: str, required: bool = True) -> None:
-    """Check that exactly one of some keys is given, or at most one where none is required.
+    """Check that exactly one of these keys is given, or at most one if none is required.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def _listed(keys: list[str] | tuple[str, ...]) -> str:
 
 
 class Start(NamedTuple):
-    """Where a phase starts: the instrument of its axis alone, the axis's index, the last command, the time step (s)."""
+    """The start of a phase: the instrument of its axis, the axis's index, the last command, the time step (s)."""
 
     inst: Instrument
     axis: int
@@ -123,12 +123,12 @@ class Hold(OpenLoop):
     duration: Duration = Field(description="How long")
 
     def segments(self, start: Start) -> Iterator[Segment]:
-        """Yield its one segment."""
+        """Yield its only segment."""
         yield start.segment(start.command, start.command, self.duration)
 
 
 class Ramp(OpenLoop):
-    """The given commands go linearly to the given values; the others stay, and all stay there afterwards."""
+    """The given commands change linearly to the given values; the others stay constant."""
 
     kind: Literal["ramp"] = "ramp"
     duration: Duration = Field(description="How long")
@@ -146,7 +146,7 @@ class Ramp(OpenLoop):
         return self
 
     def segments(self, start: Start) -> Iterator[Segment]:
-        """Yield its one segment."""
+        """Yield its only segment."""
         if self.handle_angle is not None:
             check_handle_angle(start.inst, "handle_angle", self.handle_angle)
         end = start.command.on(
@@ -160,7 +160,7 @@ class Ramp(OpenLoop):
 
 
 class Cycles(Loaded):
-    """Flexion and extension: the handle goes from one angle to another and back, `count` times.
+    """Flexion and extension: the handle moves from one angle to another and back, `count` times.
 
     The duration of a stroke is rounded up to full time steps, so that the handle is at either end exactly.
     """
@@ -228,7 +228,7 @@ class StepLoad(Moving):
     weight: SignedForce | None = Field(default=None, description="Force on the load rig's cable instead")
     moment: SignedMoment | None = Field(default=None, description="Moment of the load rig instead")
     rise: Delay = Field(default=0.0, description="Time in which the load comes and goes, linearly")
-    duration: Duration = Field(description="Time under the whole load")
+    duration: Duration = Field(description="Time under the full load")
     release: Duration | None = Field(default=None, description="Time after the load was taken off; else it stays")
 
     @model_validator(mode="after")
@@ -251,7 +251,7 @@ class StepLoad(Moving):
             yield start.segment(free, free, self.release)
 
     def tip_force(self, inst: Instrument) -> float:
-        """Return the tangential force at the tip, N, whichever way the load is given.
+        """Return the tangential force at the tip, N, for either form of the load.
 
         Raises
         ------

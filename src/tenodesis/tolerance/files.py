@@ -1,4 +1,4 @@
-"""Tolerance files: which keys of which instrument vary, by how much, and the source of that."""
+"""Tolerance files: the keys that vary, by how much, and the source of each value."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeAlias
@@ -29,7 +29,7 @@ Width = Annotated[str | float, BeforeValidator(_written)]
 
 
 class Tolerance(FileTable):
-    """Tolerance of one value of an instrument file."""
+    """Tolerance of a value of an instrument file."""
 
     key: str = Field(description="Key of the instrument file; within a table with a dot, friction.vertex_coefficient")
     distribution: DistributionName = Field(description="uniform, triangular or normal, about the file's value")
@@ -42,7 +42,7 @@ class Tolerance(FileTable):
 
     @property
     def width_key(self) -> str:
-        """Key of the width that the distribution has."""
+        """Key of the distribution's width."""
         return _WIDTH_OF[self.distribution]
 
     @property
