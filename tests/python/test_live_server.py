@@ -59,7 +59,7 @@ def operating(folder):
 def test_one_operates_and_others_watch_until_they_take_over(served):
     folder, _ = served
     one, other = Client(folder, "one"), Client(folder, "other")
-    with pytest.raises(LiveError, match="one only watches; nobody operates"):
+    with pytest.raises(LiveError, match="one only watches; there is no operator"):
         one.request("enable")
     assert one.acquire()
     assert not other.acquire()

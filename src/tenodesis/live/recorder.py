@@ -277,7 +277,7 @@ def _follow(source: Source, tail: Tail, session: _Session, stop: threading.Event
         # Rows that were there at the stop are still taken.
         turns -= ending
         if ending and (not more or turns == 0):
-            return "asked to"
+            return "on request"
         if not alive and not len(run) and not happened:
             return "the runtime has ended"
         if len(run) < _MOST:

@@ -171,7 +171,7 @@ class _ClientHandler(Commands):
         self._stops = runtime.protocols.stops
         if command.needs_lease and not runtime.lease.held_by(self):
             holder = runtime.lease.origin
-            held = "nobody operates: take over first" if holder is None else f"{holder} operates"
+            held = "there is no operator: take over first" if holder is None else f"{holder} operates"
             raise LiveError(f"{self.origin} only watches; {held}.")
         result = command.call(self, command.decode(message))
         if command.needs_lease:

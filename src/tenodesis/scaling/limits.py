@@ -81,7 +81,7 @@ def limits(catalogue: Catalogue, forces: Forces) -> tuple[Limit, ...]:
     return (
         Limit(
             "handle_range",
-            "the tip bends as far as the handle asks for",
+            "the tip bends as far as the handle requires",
             "unloaded bend at the end of the handle's range, over the joint's limit",
             "1",
             lambda c: (c["unloaded_limit"], 1 - 1e-9),

@@ -75,7 +75,7 @@ class Carried:
         return _largest(self.run, "tension", "distal_tension", "measured_tension")
 
     def similarity_error(self) -> float:
-        """Return the largest similarity error up to the largest force, without friction, deg; NaN if no force is known."""
+        """Return the largest similarity error up to the largest force, without friction, deg; NaN if no force."""
         if not self.largest_force > 0:
             return math.nan
         return max(

@@ -189,7 +189,7 @@ class Twin:
         weight
             Weight on one cable of the load rig more than on the other, N, which makes a tangential force (Fig. 13).
         spool_velocity
-            Spool velocities commanded to the drives, rad/s, agonist and antagonist: shape (n, 2), or (2,); with two axes
+            Spool velocities commanded, rad/s, agonist and antagonist: shape (n, 2), or (2,); with two axes
             (n, 2, 2), axis before tendon.
         sheath_bend
             Bend of the sheath in addition to the instrument's, rad; as handle_angle, or a number.

@@ -44,7 +44,7 @@ MOST_RUNS = 20
 LEAST_MEMORY = 0.2
 """s after its end for which an error acts on readings at least: friction forgets it at the handle's next reversal."""
 MEMORY_SHRINKAGE = 0.8
-"""By which that time is shortened from the whole run until the runs are few enough."""
+"""Factor by which that time is shortened, from the entire run, until there are few enough runs."""
 NEGLIGIBLE_EFFECT = 1e-12
 """Variance of an effect, over that of a reading, below which its shrinkage is replaced by its limit."""
 
