@@ -1,6 +1,6 @@
-"""How well and how fast an instrument is found again in recordings of its twin, whose truth is known.
+"""Accuracy and speed of identification from recordings of a twin, whose true parameters are known.
 
-Coverage: every parameter that the fit reports as identifiable is within its 95 % interval in at least 90 % of the seeds.
+Coverage: every parameter reported as identifiable is within its 95 % interval in at least 90 % of the seeds.
 Speed: the peer is the same fit by the same optimiser with differences (two points a parameter) for derivatives.
 """
 

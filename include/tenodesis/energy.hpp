@@ -16,7 +16,7 @@ struct Energy {
   S load{};      ///< work of the load on the tip
   S friction{};  ///< lost at the contacts
   S damping{};   ///< lost at the tip
-  /// Lost at the contacts by the tensions at the step's end, where the friction law is satisfied: not negative, except for
+  /// Lost at the contacts by the tensions at the step's end, where the friction law holds: not negative, except for
   /// rounding.
   S friction_at_end{};
 };
