@@ -1,6 +1,6 @@
 """The signals of a run, simulated or recorded: their definitions, and the run that contains them."""
 
-# ruff: noqa: RUF009 - a field's default carries what the signal is
+# ruff: noqa: RUF009 - a field's default carries the signal's definition
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace

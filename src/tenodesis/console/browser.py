@@ -38,7 +38,7 @@ at the handle; it needs no sensor at the tip.
 3. Press *Enable* and choose the law *robust*: the motors bring the jaws back into the shadow. Choose *off*: they leave
    it again.
 
-**STOP** halts the motors at once, whoever presses it. The Esc key does the same.
+**STOP** halts the motors at once, from any browser. The Esc key does the same.
 """
 
 

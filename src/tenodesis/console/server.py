@@ -51,7 +51,7 @@ def start(host: str, port: int, access: AccessControl) -> "ViserServer":
     from viser import ViserServer  # noqa: PLC0415 - takes half a second
 
     _check_address(host)
-    # A browser that goes while the page draws for it is normal.
+    # It is normal that a browser disconnects while the page draws for it.
     warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
     # The library would print addresses of its own, which lack the token.
     with _behind(access), contextlib.redirect_stdout(io.StringIO()):

@@ -467,13 +467,13 @@ class CanOpenDevice(Bench):
             self._hear_states(now + period)
             if now >= rest_at:
                 powered -= {node for node, state in self._states.items() if state == State.SWITCH_ON_DISABLED}
-        # One that lost our heartbeat heeds no PDO any more, but an SDO.
+        # A drive that lost our heartbeat ignores PDOs, but not SDOs.
         return powered - self._write_all(powered, 0x6040, 0, _WITHOUT_POWER)
 
     def _ask_to_rest(self, word: int) -> None:
         for drive in self._plan.drives:
             self._can.send(drive.commanded_id, self._resting(drive, word))
-        # After a failure, silence is one more way to stop them.
+        # After a failure, silence is another way to stop them.
         if self._failed is None and self._beat is None:
             self._can.send(self._beat_id, _BEAT)
         self._states.clear()

@@ -69,7 +69,7 @@ class Tail:
             The file is there and cannot be read.
         """
         while True:
-            # Looked at first: all that was written before the file started again is then in the one that is open.
+            # Checked first: everything written before the file restarted is then in the open file.
             replaced = self._replaced()
             lines = self._lines()
             if not lines:

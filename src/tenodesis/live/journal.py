@@ -129,7 +129,7 @@ class Journal:
                 file = os.open(new, os.O_WRONLY | os.O_APPEND)
                 undo.callback(os.close, file)
             undo.pop_all()
-        # A reader that has the old file open reads it to its end.
+        # A reader that has the old file open reads it completely.
         assert self._file is not None
         os.close(self._file)
         self._file, self._size = file, 0

@@ -1,4 +1,4 @@
-"""The instrument in space: its workspace through the port, and how much of it a load takes."""
+"""The instrument in space: its workspace through the port, and how much of it is lost under a load."""
 
 import html
 
@@ -85,7 +85,7 @@ def section(context: Context) -> Section:
 
 
 def _taken(free: Workspace, loaded: Workspace) -> str:
-    """Return how much a load takes, as part of a sentence."""
+    """Return how much is lost under a load, as part of a sentence."""
     span, area = (
         100 * (1 - after / before) for before, after in ((free.mean_span, loaded.mean_span), (free.area, loaded.area))
     )
