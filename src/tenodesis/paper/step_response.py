@@ -199,7 +199,7 @@ def tip_delay(run: Run, paused: Run, motion: Motion, spool_radius: float) -> tup
 
 
 def in_parallel(work: Callable[[T], R], cases: Iterable[T]) -> dict[T, R]:
-    """Return the results by case, in order, computed over threads; without those in which the joint cannot hold the load."""
+    """Return the results by case, in order, computed over threads; without those that the joint cannot hold."""
 
     def attempt(case: T) -> R | None:
         try:
