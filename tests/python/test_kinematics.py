@@ -390,7 +390,7 @@ def test_what_a_format_does_not_carry_is_said_in_it():
     assert re.search(r"does not contain.*rolling contact.*friction", km.mjcf(REAL), re.DOTALL)
     for name, inst in INSTRUMENTS.items():
         drawn = ElementTree.fromstring(km.mjcf(inst)).findall("tendon/spatial")
-        assert bool(drawn) != ("the way of the tendons" in km.mjcf(inst)), name
+        assert bool(drawn) != ("the path of the tendons" in km.mjcf(inst)), name
         assert ("the arc of a backbone" in km.mjcf(inst)) == ("the arc of a backbone" in km.urdf(inst))
 
 

@@ -162,7 +162,7 @@ def test_a_client_that_floods_delays_no_tick_and_the_last_word_counts(served):
         try:
             one.hand([0.2 * n / 1999])
         except LiveError as problem:
-            assert "too much" in str(problem)
+            assert "too many" in str(problem)
     one.hand([0.2])
     until(lambda: abs(one.latest()["commanded_handle_angle"] - 0.2) < 1e-4)
     assert server.loop.core.ticks > ticks

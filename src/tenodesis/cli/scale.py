@@ -133,7 +133,7 @@ def _chosen(front: Front, prefer: Preference, pick: int | None) -> tuple[int, De
 
 
 def _write(out: Path, files: Sequence[str], front: Front, design: Design, free: Front | None) -> None:
-    """Write everything beside its place first, and move it there when all of it is written."""
+    """Write all files to a temporary place, and move them when all are written."""
     with write_errors(out), atomic_files(out) as new:
         (new / files[0]).write_text(to_file(design.scaled_up, comment=_HEADING.format(design.real_size.name)), "utf-8")
         plan.write(design, new)

@@ -39,7 +39,7 @@ class Board(NamedTuple):
 
 
 class LinkCounts(NamedTuple):
-    """Numbers of frames over the link, by what became of them."""
+    """Numbers of frames over the link, by outcome."""
 
     answers: int
     repetitions: int
@@ -153,7 +153,7 @@ class BoardController(Controller):
 
     @property
     def link_counts(self) -> LinkCounts:
-        """Numbers of frames over the link, by what became of them."""
+        """Numbers of frames over the link, by outcome."""
         return LinkCounts(*self._link.link_counts())
 
     @property

@@ -96,7 +96,7 @@ def worse_held_out(files: Sequence[RunErrors]) -> list[str]:
     return [
         f"The error of {key.rpartition('_')[0].replace('_', ' ')} is {rmse / fitted[key]:.3g} times as large in the "
         f"runs held out as in those fitted (rmse {rmse:.3g} and {fitted[key]:.3g} {key.rpartition('_')[2]}): the "
-        "model does not carry over to them."
+        "model does not extrapolate to them."
         for key, rmse in held.items()
         if rmse > _MOST_WORSE * fitted.get(key, math.inf) > 0
     ]

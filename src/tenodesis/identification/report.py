@@ -93,7 +93,7 @@ def write_files(out: Path, texts: Mapping[str, str], *, last: str) -> list[Path]
 
 
 def as_text(numbers: Mapping[str, Any]) -> str:
-    """Return plain numbers as the text of a JSON file."""
+    """Return plain values as the text of a JSON file."""
     return json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 

@@ -1,4 +1,4 @@
-"""The result of a fit, and the same as plain numbers for a file."""
+"""The result of a fit, also in a form for JSON files."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -102,7 +102,7 @@ def distinct(names: Sequence[str]) -> list[str]:
 
 
 def to_json(found: Fit, *, format: str, law: str, notes: Mapping[str, Sequence[str]] | None = None) -> dict[str, Any]:
-    """Return a fit as plain numbers, SI; what is not finite is None.
+    """Return a fit as plain values for JSON, SI; None for values that are not finite.
 
     Parameters
     ----------

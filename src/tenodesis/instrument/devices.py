@@ -114,10 +114,10 @@ class CanOpen(FileTable):
         description="Mode of the drives: cyclic-velocity, profile-velocity or cyclic-position",
     )
     velocity_unit: MotorSpeed | None = Field(
-        default=None, description="Motor speed per 1 of target velocity; without it one count per second"
+        default=None, description="Motor speed per unit of target velocity; by default one count per second"
     )
     zero: Literal["keep", "here"] = Field(
-        default="keep", description="Where positions count from: as the drives have it, or from where they are opened"
+        default="keep", description="Zero of the positions: that of the drives, or the position at opening"
     )
     counter: CanCounter | None = Field(default=None, description="Counter of a drive's measurements")
     master: NodeId = Field(default=127, description="Node id of this computer")
@@ -171,7 +171,7 @@ class NiDrive(FileTable):
     """A drive with an analogue speed input, and its motor's quadrature encoder."""
 
     speed: Channel = Field(description="Analogue output of the speed command, such as ao0")
-    gain: SpeedPerVolt = Field(description="Motor speed per volt; negative where positive turns unwind")
+    gain: SpeedPerVolt = Field(description="Motor speed per volt; negative if positive rotation unwinds")
     standstill: SignedVoltage = Field(default=0.0, description="Voltage at which the motor stands")
     counter: Channel = Field(description="Counter of the motor's encoder, such as ctr0")
     reversed: bool = Field(default=False, strict=True, description="Whether the encoder counts down as it winds")

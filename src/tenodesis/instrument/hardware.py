@@ -152,7 +152,7 @@ class Control(FileTable):
     gain: Gain | None = Field(
         default=None, description="Gain on the tip's lag; without it 12/s, or less for a tip below 8 Hz"
     )
-    position_gain: Gain = Field(default=4.0, description="Gain on a spool's set point, for the laws that have one")
+    position_gain: Gain = Field(default=4.0, description="Gain on a spool's set point, for laws with a set point")
     tendon_speed: TendonSpeedLimit | None = Field(
         default=None, description="Largest speed of a tendon at its spool; without it half of the drive's"
     )
@@ -170,7 +170,7 @@ class Control(FileTable):
     )
     mean_band: Share = Field(default=0.3, description="Share by which friction may change the mean tension")
     watchdog: Time = Field(default=0.025, description="Time without a tick after which the motors stop")
-    safe_state: SafeState = Field(default="hold", description="What motors do after a fault: hold, or creep to neutral")
+    safe_state: SafeState = Field(default="hold", description="Motors after a fault: hold, or creep to neutral")
     homing_speed: HomingSpeed = Field(default=5e-3, description="Speed at which slack tendons are wound")
     homing_stroke: Length = Field(default=0.03, description="Length wound after which a tendon counts as broken")
 

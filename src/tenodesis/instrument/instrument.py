@@ -78,19 +78,19 @@ class Instrument(FileTable):
 
     joint_type: str
 
-    name: Name = Field(description="What the instrument is called in figures and tables")
+    name: Name = Field(description="Name of the instrument in figures and tables")
     description: str = Field(default="", max_length=200, description="One line about the instrument")
     axes: tuple[AxisName, ...] = Field(default=("yaw",), description="Bending axes: yaw, pitch, or both")
 
     stem_diameter: Length | None = Field(default=None, description="Outer diameter of the stem")
     overall_length: Length = Field(description="Overall length; the tendons' length unless that is given")
-    end_effector_length: Length = Field(description="From the distal joint's moving part to where the force acts")
-    handle_length: Length = Field(description="From the proximal joint's moving part to where the hand acts")
+    end_effector_length: Length = Field(description="From the distal joint's moving part to the point of the force")
+    handle_length: Length = Field(description="From the proximal joint's moving part to the point of the hand")
     tendon_diameter: Length | None = Field(default=None, description="Diameter of a tendon's load-bearing section")
     tendon_modulus: Modulus | None = Field(default=None, description="Young's modulus of a tendon")
     tendon_length: Length | None = Field(default=None, description="Length of a tendon if not the overall length")
     given_stiffness: Stiffness | None = Field(
-        default=None, alias="tendon_stiffness", description="Stiffness of one tendon if not by E A / L"
+        default=None, alias="tendon_stiffness", description="Stiffness of a tendon; by default E A / L"
     )
     pretension: Force = Field(description="Tension of either tendon at rest")
     handle_range: AngleRange = Field(description="Largest handle angle to either side")
@@ -108,9 +108,9 @@ class Instrument(FileTable):
     geometry: Geometry = Geometry()
     devices: Devices = Devices()
     overrides: Mapping[AxisName, Mapping[str, Any]] = Field(
-        default={}, description="Values that differ on one axis, by axis"
+        default={}, description="Values that differ on an axis, by axis"
     )
-    sources: Mapping[str, str] = Field(default={}, description="Where each value is from, by key")
+    sources: Mapping[str, str] = Field(default={}, description="Source of each value, by key")
 
     parameter_fields: ClassVar[Mapping[str, str]] = {}
     """Parameter of the core, by the field that sets it."""

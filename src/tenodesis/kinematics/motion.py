@@ -291,6 +291,6 @@ def _unreached(inst: Instrument, goal: _Array, reach: _core.Reach) -> str:
     reasons = {
         _core.Reach.UNREACHABLE: "no posture brings the tip there; it must be farther from the port than the "
         "end-effector and its joints reach, or in another orientation",
-        _core.Reach.SINGULAR: "two of its joints turn about one axis there; give a goal beside it",
+        _core.Reach.SINGULAR: "two of its joints turn about the same axis there; give a goal near it",
     }
     return f"inverse of {inst.name} at position = ({place}) m: {reasons[reach]}."

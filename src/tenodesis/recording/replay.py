@@ -103,7 +103,7 @@ def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
     ------
     RecordingError
         The recording has no instrument, no handle angle, no rows or no even time step, or other axes, the choices in
-        it make no controller, or it was carried over from another instrument.
+        it make no controller, or it was converted from another instrument.
     NoSolutionError
         The tip was loaded past what it can hold.
     ValueError
@@ -112,7 +112,7 @@ def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
     recorded, metadata = recording.run, recording.metadata
     if TRANSFERRED in metadata:
         raise RecordingError(
-            f"{recording.path} was carried over from {metadata[TRANSFERRED]}; replay that, as it was run."
+            f"{recording.path} was converted from {metadata[TRANSFERRED]}; replay that recording."
         )
     if inst is None:
         inst = recording.instrument()

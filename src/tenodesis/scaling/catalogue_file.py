@@ -70,7 +70,7 @@ class CatalogueFile(FileTable):
     name: Name | None = Field(default=None, description="Name of the catalogue; without it the file's name")
     description: str = Field(default="", max_length=200, description="One line about the catalogue")
     include: tuple[str, ...] = Field(
-        default=(), description="Catalogues this one builds on: names of shipped ones, or paths relative to this file"
+        default=(), description="Catalogues to include: names of shipped catalogues, or paths relative to this file"
     )
     gears: Gears | None = Field(default=None, description="Gears at hand")
     pulleys: tuple[PulleyTable, ...] = Field(default=(), description="Pulleys at hand")

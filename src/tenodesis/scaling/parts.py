@@ -56,7 +56,7 @@ class Gears(FileTable):
 class CataloguePart(FileTable):
     """A part of a catalogue, identified among its kind by its key."""
 
-    source: Source = Field(default="", description="Where the values are from")
+    source: Source = Field(default="", description="Source of the values")
 
     @property
     def key(self) -> str:
@@ -71,7 +71,7 @@ class CataloguePart(FileTable):
 class _Round(CataloguePart):
     """A part that guides the tendon at a radius."""
 
-    radius: Length = Field(description="Radius at which the tendon lies")
+    radius: Length = Field(description="Radius of the tendon")
 
     @property
     def key(self) -> str:
@@ -141,7 +141,7 @@ class Weight(CataloguePart):
 
     mass: PositiveMass = Field(description="Nominal mass")
     count: _Count = Field(default=1, description="How many there are")
-    tolerance: Mass = Field(default=0.0, description="Largest error of one")
+    tolerance: Mass = Field(default=0.0, description="Largest error of a single weight")
 
     @property
     def key(self) -> str:
@@ -152,7 +152,7 @@ class Weight(CataloguePart):
 class _Series(FileTable):
     """Parts that differ in size only, written as a single table."""
 
-    source: Source = Field(default="", description="Where the values are from")
+    source: Source = Field(default="", description="Source of the values")
 
 
 class RopeSeries(_Series):
@@ -199,7 +199,7 @@ class RodSeries(_Series):
 class _RoundSeries(_Series):
     """Round parts of several radii."""
 
-    radii: tuple[Length, ...] = Field(min_length=1, description="Radii at which the tendon lies")
+    radii: tuple[Length, ...] = Field(min_length=1, description="Radii of the tendon")
 
 
 class PulleySeries(_RoundSeries):
@@ -223,7 +223,7 @@ class WeightSeries(_Series):
 
     masses: tuple[PositiveMass, ...] = Field(min_length=1, description="Nominal masses")
     counts: tuple[_Count, ...] = Field(description="How many there are of each mass")
-    tolerances: tuple[Mass, ...] = Field(default=(), description="Largest error of one of each mass")
+    tolerances: tuple[Mass, ...] = Field(default=(), description="Largest error of a weight of each mass")
 
     @model_validator(mode="after")
     def _one_of_each(self) -> Self:

@@ -17,7 +17,7 @@ SPEED = float(np.radians(40))
 class RoundTrip(NamedTuple):
     """Output angles (rad) over the real-size handle angle (rad), each of shape (n,).
 
-    `predicted` is by the scaled-up distal encoder, carried over; `direct` is that of the real-size twin.
+    `predicted` is by the scaled-up distal encoder, converted; `direct` is that of the real-size twin.
     """
 
     handle_angle: Array

@@ -134,7 +134,7 @@ def carry(
     original = _scaled_up(recording, run, scaled_up, where)
     shared_axes(original, real_size)
     if not len(run):
-        raise RecordingError(f"{where} has no rows; there is nothing to carry over.")
+        raise RecordingError(f"{where} has no rows; there is nothing to convert.")
     pairs = {axis: comparison(real_size.axis(axis), original.axis(axis)) for axis in run.axes}
     scale = {axis: factors(pair, time_factor) for axis, pair in pairs.items()}
     # Axes share one clock.
@@ -200,7 +200,7 @@ def _warnings(scaled_up: Instrument, real_size: Instrument, pairs: Mapping[str, 
     for axis, pair in pairs.items():
         sentences += _dissimilar(pair, f" ({axis})" if len(pairs) > 1 else "")
     if scaled_up.friction.law == "none":
-        sentences.append(f"{scaled_up.name} has no friction to carry over: {real_size.name} keeps its own.")
+        sentences.append(f"{scaled_up.name} has no friction to transfer: {real_size.name} keeps its own.")
     return [*sentences, *left_behind(scaled_up)]
 
 

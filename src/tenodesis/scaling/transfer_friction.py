@@ -36,7 +36,7 @@ def carry_friction(scaled: Instrument, real_size: _T, *, source: str = "", time_
     """
     if scaled.friction.law == "none":
         raise InstrumentError(
-            f"{scaled.name} has no friction to carry over; its friction.law must not be none.",
+            f"{scaled.name} has no friction to transfer; its friction.law must not be none.",
             key="friction.law",
             value=scaled.friction.law,
             allowed="a law other than none",
@@ -44,7 +44,7 @@ def carry_friction(scaled: Instrument, real_size: _T, *, source: str = "", time_
     axis = shared_axes(scaled, real_size)[0]
     scale = factors(comparison(real_size.axis(axis), scaled.axis(axis)), time_factor)
     sources = {key: text for key, text in real_size.sources.items() if key.partition(".")[0] != "friction"}
-    sources["friction"] = f"carried over from {scaled.name}" + (f" ({source})" if source else "")
+    sources["friction"] = f"transferred from {scaled.name}" + (f" ({source})" if source else "")
     return real_size.replace(friction=_scaled(scaled, scale), sources=sources)
 
 
@@ -76,7 +76,7 @@ def left_behind(scaled: Instrument) -> tuple[str, ...]:
     if mismatch.stiffness_ratio != 1:
         sentences.append(
             f"{scaled.name} has mismatch.stiffness_ratio {mismatch.stiffness_ratio:g}: a property of its ropes, which "
-            "is not carried over; the factors are those of its true ropes."
+            "is not transferred; the factors are those of its true ropes."
         )
     errors = {
         "handle_encoder_offset": f"{degrees(mismatch.handle_encoder_offset):.3g} deg",
@@ -88,7 +88,7 @@ def left_behind(scaled: Instrument) -> tuple[str, ...]:
     found = [f"{key} {text}" for key, text in errors.items() if getattr(mismatch, key) != getattr(defaults, key)]
     if found:
         sentences.append(
-            f"{scaled.name} has mismatch.{', '.join(found)}: measured signals are carried over as measured."
+            f"{scaled.name} has mismatch.{', '.join(found)}: measured signals are converted as measured."
         )
     return tuple(sentences)
 

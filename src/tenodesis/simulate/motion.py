@@ -45,8 +45,8 @@ class Motion(Loaded):
     angle_column: str = Field(default="angle", description="Column of angles")
     angle_unit: Literal["deg", "rad"] = Field(description="Unit of that column")
     scale: float = Field(default=1.0, strict=True, description="Handle angle by recorded angle")
-    offset: Angle = Field(default=0.0, description="Handle angle where the recorded one is 0")
-    limit: bool = Field(default=False, strict=True, description="Cut off what is beyond the ranges; else an error")
+    offset: Angle = Field(default=0.0, description="Handle angle at a recorded angle of 0")
+    limit: bool = Field(default=False, strict=True, description="Limit angles to the ranges; otherwise an error")
 
     @field_validator("file")
     @classmethod

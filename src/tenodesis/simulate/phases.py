@@ -83,7 +83,7 @@ class Moving(OpenLoop):
     """A phase that begins at a handle angle of its own."""
 
     approach: HandleSpeed = Field(
-        default=math.radians(20), description="Largest handle speed on the way to where it begins"
+        default=math.radians(20), description="Largest handle speed on the way to its start"
     )
 
     def approached(self, start: Start, angle: float) -> Iterator[Segment]:
@@ -104,7 +104,7 @@ class Loaded(Moving):
     """A phase that moves the handle under load."""
 
     force: SignedForce | None = Field(default=None, description="Tangential force at the tip; as it was if not given")
-    force_end: SignedForce | None = Field(default=None, description="Force it goes to linearly; constant if not given")
+    force_end: SignedForce | None = Field(default=None, description="Force at the end (linear ramp); constant if not given")
     radial_force: SignedForce | None = Field(
         default=None, description="Force along the end-effector; as it was if not given"
     )
@@ -166,10 +166,10 @@ class Cycles(Loaded):
     """
 
     kind: Literal["cycles"] = "cycles"
-    amplitude: Angle | None = Field(default=None, description="Handle angle it goes to")
+    amplitude: Angle | None = Field(default=None, description="Handle angle at the far end")
     output_amplitude: Angle | None = Field(default=None, description="The same, as output angle without load")
-    start: Angle = Field(default=0.0, alias="from", description="Handle angle it goes from and back to")
-    symmetric: bool = Field(default=False, strict=True, description="From the negative of where it goes to")
+    start: Angle = Field(default=0.0, alias="from", description="Handle angle at the start and the return")
+    symmetric: bool = Field(default=False, strict=True, description="Start at the negative of the far end")
     speed: HandleSpeed | None = Field(default=None, description="Mean handle speed")
     period: Duration | None = Field(default=None, description="Duration of a cycle")
     count: int = Field(ge=1, le=1_000_000, strict=True, description="Number of cycles")
@@ -221,13 +221,13 @@ class StepLoad(Moving):
     """
 
     kind: Literal["step-load"] = "step-load"
-    handle_angle: Angle | None = Field(default=None, description="Handle angle held; where it is if not given")
+    handle_angle: Angle | None = Field(default=None, description="Handle angle held; the present angle if not given")
     output_angle: Angle | None = Field(default=None, description="The same, as output angle without load")
     delay: Delay = Field(default=0.0, description="Time at the handle angle before the load")
     force: SignedForce | None = Field(default=None, description="Tangential force at the tip")
     weight: SignedForce | None = Field(default=None, description="Force on the load rig's cable instead")
     moment: SignedMoment | None = Field(default=None, description="Moment of the load rig instead")
-    rise: Delay = Field(default=0.0, description="Time in which the load comes and goes, linearly")
+    rise: Delay = Field(default=0.0, description="Time of the linear rise and fall of the load")
     duration: Duration = Field(description="Time under the full load")
     release: Duration | None = Field(default=None, description="Time after the load was taken off; else it stays")
 

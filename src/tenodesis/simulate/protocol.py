@@ -40,9 +40,9 @@ class Planned(NamedTuple):
 class Protocol(ProtocolModel):
     """An experiment on the bench; it begins with the handle straight, without load, the drives at rest."""
 
-    name: Name = Field(description="What the protocol is called")
+    name: Name = Field(description="Name of the protocol")
     description: str = Field(default="", max_length=200, description="One line about the protocol")
-    phases: tuple[Annotated[AnyPhase, Field(discriminator="kind")], ...] = Field(description="What is done, in order")
+    phases: tuple[Annotated[AnyPhase, Field(discriminator="kind")], ...] = Field(description="The phases, in order")
 
     @field_validator("phases")
     @classmethod

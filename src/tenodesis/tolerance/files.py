@@ -38,7 +38,7 @@ class Tolerance(FileTable):
     )
     standard_deviation: Width | None = Field(default=None, description="Of a normal distribution, written alike")
     instrument: InstrumentName = Field(default="scaled-up", description="The instrument that it applies to")
-    source: str = Field(default="", max_length=200, description="Where it is from")
+    source: str = Field(default="", max_length=200, description="Source of the tolerance")
 
     @property
     def width_key(self) -> str:

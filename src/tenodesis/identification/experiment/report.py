@@ -52,7 +52,7 @@ def write(plan: Plan, out: Path) -> list[Path]:
 
 
 def to_json(plan: Plan) -> dict[str, Any]:
-    """Return a plan as plain numbers, SI; what is not finite is None."""
+    """Return a plan as plain values for JSON, SI; None for values that are not finite."""
     return {
         "schema": SCHEMA,
         "about": page.about(*LIBRARIES),

@@ -50,7 +50,7 @@ _CHECKED = ("handle_angle", "measured_handle_angle", "measured_output_angle", "t
 
 
 class _Place(NamedTuple):
-    """Where a column stands in the file, its stated unit, and the factor from its numbers to SI."""
+    """Position of a column in the file, its stated unit, and the factor from its numbers to SI."""
 
     at: int
     unit: str
