@@ -324,7 +324,7 @@ def recordings(scaled: Instrument, tmp_path: Path) -> Path:
         ("cut.mcap", "only&#58;"),
         ("empty.mcap", "0.0 s, 0 rows, scaled-up, yaw."),
         ("two.mcap", "To replay it, run an instrument with yaw and pitch first"),
-        ("foreign.mcap", "foreign.mcap has yaw and pitch and does not hold its instrument"),
+        ("foreign.mcap", "foreign.mcap has yaw and pitch and does not contain its instrument"),
         ("../secret.mcap", "is not among the recordings"),
     ],
 )

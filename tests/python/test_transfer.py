@@ -339,10 +339,10 @@ def test_what_cannot_be_carried_is_refused_in_one_sentence(
     with Recorder(tmp_path / "bare.mcap", axes=("yaw",)) as recorder:
         recorder.write(log.run)
     bare = Recording.open(tmp_path / "bare.mcap")
-    with pytest.raises(RecordingError, match=r"bare\.mcap does not hold its instrument; give"):
+    with pytest.raises(RecordingError, match=r"bare\.mcap does not contain its instrument; give"):
         carry(bare, real_size)
     assert carry(bare, real_size, scaled_up=ideal).run["force"] == pytest.approx(carry(log, real_size).run["force"])
-    with pytest.raises(RecordingError, match="the run does not hold its instrument; give"):
+    with pytest.raises(RecordingError, match="the run does not contain its instrument; give"):
         carry(log.run, real_size)
 
 

@@ -106,7 +106,7 @@ class FilesTab:
         inst = recording.instrument() if "instrument" in recording.metadata else self._inst
         if recording.run.axes != inst.axes:
             raise RecordingError(
-                f"{name} has {' and '.join(recording.run.axes)} and does not hold its instrument; it must have "
+                f"{name} has {' and '.join(recording.run.axes)} and does not contain its instrument; it must have "
                 f"{' and '.join(inst.axes)}, as {inst.name} has."
             )
         return recording, inst

@@ -63,7 +63,7 @@ NEXT = MappingProxyType(
         State.SWITCHED_ON: ENABLE,
     }
 )
-"""Controlword that leads from a state towards operation enabled; from the others a drive goes by itself."""
+"""Controlword that leads from a state towards operation enabled; from the others a drive continues by itself."""
 
 _EMERGENCIES = {
     0x2310: "continuous overcurrent",

@@ -148,7 +148,7 @@ def measure(
     progress
         Called with the time done, s.
     clock, sleep
-        What the test itself goes by, s.
+        Of the test itself, s.
 
     Raises
     ------

@@ -78,7 +78,7 @@ class Problem(ABC):
         return {}
 
     def instrument(self, values: Array) -> Instrument | None:
-        """Return the instrument with these values in place, or None where there is none to change."""
+        """Return the instrument with these values in place, or None if there is no instrument to change."""
         return None
 
     def advice(self, names: Sequence[str]) -> str | None:

@@ -136,7 +136,7 @@ class Windowed(Problem):
         return self._problem.advice(names)
 
     def instrument(self, values: Array) -> Instrument | None:
-        """Return the instrument with these values in place, or None where there is none to change."""
+        """Return the instrument with these values in place, or None if there is no instrument to change."""
         return self._problem.instrument(values)
 
     @overload

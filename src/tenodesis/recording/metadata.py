@@ -80,7 +80,7 @@ def controller_instrument(recording: Recording) -> Instrument:
     Raises
     ------
     RecordingError
-        The recording does not hold its instrument.
+        The recording does not contain its instrument.
     InstrumentError
         The instrument is not valid in this version.
     """

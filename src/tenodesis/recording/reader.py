@@ -129,14 +129,14 @@ class Recording:
         Raises
         ------
         RecordingError
-            The file does not hold its instrument.
+            The file does not contain its instrument.
         InstrumentError
             The instrument it holds is not valid in this version.
         """
         from tenodesis.instrument import parse  # noqa: PLC0415
 
         if "instrument" not in self.metadata:
-            raise RecordingError(f"{self.path} does not hold its instrument; only recordings of this package do.")
+            raise RecordingError(f"{self.path} does not contain its instrument; only recordings of this package do.")
         return parse(self.metadata["instrument"], f"{self.path}: instrument")
 
 

@@ -111,9 +111,7 @@ def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
     """
     recorded, metadata = recording.run, recording.metadata
     if TRANSFERRED in metadata:
-        raise RecordingError(
-            f"{recording.path} was converted from {metadata[TRANSFERRED]}; replay that recording."
-        )
+        raise RecordingError(f"{recording.path} was converted from {metadata[TRANSFERRED]}; replay that recording.")
     if inst is None:
         inst = recording.instrument()
     if inst.axes != recorded.axes:

@@ -166,7 +166,7 @@ def _scaled_up(recording: Recording | None, run: Run, given: Instrument | None, 
     elif recording is not None and "instrument" in recording.metadata:
         inst = recording.instrument()
     else:
-        raise RecordingError(f"{where} does not hold its instrument; give the scaled-up instrument as well.")
+        raise RecordingError(f"{where} does not contain its instrument; give the scaled-up instrument as well.")
     if inst.axes != run.axes:
         raise RecordingError(
             f"{where} has the axes {' and '.join(run.axes)}, {inst.name} {' and '.join(inst.axes)}; "

@@ -87,9 +87,7 @@ def left_behind(scaled: Instrument) -> tuple[str, ...]:
     defaults = type(mismatch)()
     found = [f"{key} {text}" for key, text in errors.items() if getattr(mismatch, key) != getattr(defaults, key)]
     if found:
-        sentences.append(
-            f"{scaled.name} has mismatch.{', '.join(found)}: measured signals are converted as measured."
-        )
+        sentences.append(f"{scaled.name} has mismatch.{', '.join(found)}: measured signals are converted as measured.")
     return tuple(sentences)
 
 

@@ -144,7 +144,7 @@ def check_controllable(plan: Sequence[Planned], inst: Instrument) -> None:
     plan
         The phases.
     inst
-        The instrument as the controller has it.
+        The controller's instrument.
 
     Raises
     ------

@@ -82,9 +82,7 @@ class OpenLoop(Phase):
 class Moving(OpenLoop):
     """A phase that begins at a handle angle of its own."""
 
-    approach: HandleSpeed = Field(
-        default=math.radians(20), description="Largest handle speed on the way to its start"
-    )
+    approach: HandleSpeed = Field(default=math.radians(20), description="Largest handle speed on the way to its start")
 
     def approached(self, start: Start, angle: float) -> Iterator[Segment]:
         """Yield the smooth move (minimum jerk) to a handle angle (rad), if the handle is not there."""
@@ -104,7 +102,7 @@ class Loaded(Moving):
     """A phase that moves the handle under load."""
 
     force: SignedForce | None = Field(default=None, description="Tangential force at the tip; as it was if not given")
-    force_end: SignedForce | None = Field(default=None, description="Force at the end (linear ramp); constant if not given")
+    force_end: SignedForce | None = Field(default=None, description="Force at the end of a ramp; constant if not given")
     radial_force: SignedForce | None = Field(
         default=None, description="Force along the end-effector; as it was if not given"
     )

@@ -296,7 +296,9 @@ def problem(
     known = [run.instrument for run in runs if isinstance(run, InstrumentRun) and run.instrument is not None]
     inst = instrument or (known[0] if known else None)
     if inst is None:
-        raise IdentificationError(f"{runs[0].name} does not hold its instrument; give --instrument.", key="instrument")
+        raise IdentificationError(
+            f"{runs[0].name} does not contain its instrument; give --instrument.", key="instrument"
+        )
     return TwinProblem(runs, law, inst.planar[0])
 
 

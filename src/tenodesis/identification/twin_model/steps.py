@@ -139,7 +139,7 @@ class _Grid:
         return np.bincount(self._place[inside], values[inside], minlength=self.count)[filled] / weights[filled], filled
 
     def interpolated(self, values: Array) -> Array:
-        """Return the mean of samples in each step, interpolated where there are none."""
+        """Return the mean of samples in each step, interpolated in steps without samples."""
         means, filled = self.means(values)
         return np.asarray(np.interp(np.arange(self.count), filled, means), dtype=np.float64)
 
