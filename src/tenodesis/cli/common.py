@@ -23,7 +23,7 @@ PATIENCE = 1.0
 """Time after which a progress bar is shown, s."""
 
 InstrumentFile: TypeAlias = Annotated[
-    str, typer.Argument(metavar="INSTRUMENT", help="Instrument file, or the name of one that is shipped.")
+    str, typer.Argument(metavar="INSTRUMENT", help="Instrument file, or the name of a shipped instrument.")
 ]
 Overwrite: TypeAlias = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
 
@@ -152,7 +152,7 @@ def write_errors(path: Path) -> Iterator[None]:
 
 
 def check_outputs(outputs: Iterable[tuple[str, Path]], inputs: Sequence[Path]) -> None:
-    """Refuse outputs that are inputs or inside one, that coincide, are no regular files or cannot be written.
+    """Refuse outputs that are inputs or inside an input, coincide, are no regular files or cannot be written.
 
     Parameters
     ----------

@@ -17,9 +17,9 @@ Out = Annotated[Path | None, typer.Option(help="The file. Default: by the instru
 def export_controller(  # noqa: PLR0917
     instrument_file: InstrumentFile,
     axis: Annotated[str | None, typer.Option(help="Axis to control alone. Default: all.", show_default=False)] = None,
-    observer: Annotated[ObserverName, typer.Option(help="What estimates the tip angle.")] = "friction",
+    observer: Annotated[ObserverName, typer.Option(help="Observer that estimates the tip angle.")] = "friction",
     law: Annotated[LawName, typer.Option(help="Compensation law.")] = "robust",
-    actuation: Annotated[ActuationName, typer.Option(help="Which motors act.")] = "differential",
+    actuation: Annotated[ActuationName, typer.Option(help="Motors that act.")] = "differential",
     not_homed: Annotated[bool, typer.Option("--not-homed", help="The spools' zero is unknown: home first.")] = False,
     own_clock: Annotated[bool, typer.Option("--own-clock", help="Ticks count as one period each.")] = False,
     name: Annotated[

@@ -25,7 +25,7 @@ def plan_identification(  # noqa: PLR0917
             show_default=False,
         ),
     ] = None,
-    duration: Annotated[str, typer.Option(help="How long the protocol may last.")] = f"{DURATION:g} s",
+    duration: Annotated[str, typer.Option(help="Longest duration of the protocol.")] = f"{DURATION:g} s",
     without_distal_encoder: Annotated[
         bool, typer.Option("--without-distal-encoder", help="The bench has no encoder at the tip.")
     ] = False,

@@ -136,7 +136,7 @@ class Session:
         return not self._busy.isdisjoint(kinds)
 
     def run_in_background(self, kind: str, action: Action) -> None:
-        """Run an action that takes longer than a tick, at most one of its kind at a time."""
+        """Run an action that takes longer than a tick, at most one action of a kind at a time."""
         if kind in self._busy:
             self.notify("This is already in progress.")
             return

@@ -23,7 +23,7 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True)
 class RunErrors:
-    """Measured minus model over one run, by name with the unit last."""
+    """Measured minus model over a run, by name with the unit last."""
 
     name: str
     split: str
@@ -43,13 +43,13 @@ class Fit:
     values: dict[str, float]
     """Of all parameters, SI; those that were not fitted are at their start."""
     std: dict[str, float]
-    """Of the fitted ones, corrected for residuals that are not independent; infinite where nothing depends on them."""
+    """Of the fitted parameters, corrected for residuals that are not independent; infinite where nothing depends on them."""
     std_white: dict[str, float]
     """As if residuals were independent."""
     interval_95: dict[str, Interval]
     bootstrap_interval_95: dict[str, Interval] | None
     correlation: Array
-    """Of the fitted ones, in the order of `free`."""
+    """Of the fitted parameters, in the order of `free`."""
     cost: float
     """Half the sum of the squared residuals (linear loss), in variances of the sensors."""
     aic: float

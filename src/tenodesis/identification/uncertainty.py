@@ -30,7 +30,7 @@ class Linearised:
     jacobian: Array
     """(n, free parameters), in units of the parameters' scales."""
     channels: int = 1
-    """Sensors, one after the other in the residuals."""
+    """Sensors, in their order in the residuals."""
     systematic: Array | None = None
     """Effects of systematic errors on the residuals, one standard deviation each, (n, m)."""
 

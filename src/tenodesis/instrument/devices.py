@@ -253,7 +253,7 @@ class Serial(FileTable):
 
 
 class Devices(FileTable):
-    """The devices of a bench; one table each."""
+    """The devices of a bench, a table each."""
 
     canopen: CanOpen | None = Field(default=None, description="CiA 402 drives on a CAN bus")
     nidaq: NiDaq | None = Field(default=None, description="Data acquisition by nidaqmx")

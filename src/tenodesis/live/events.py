@@ -1,4 +1,4 @@
-"""The file of events of a live runtime, one JSON object a line, as its readers follow it."""
+"""The file of events of a live runtime, a JSON object per line, with its reader."""
 
 import json
 import math

@@ -18,7 +18,7 @@ from tenodesis.report.content import Chart, Column, Plot, Section, named, number
 from tenodesis.verification import kinematics_peers
 
 WIDE = np.radians(90.0)
-"""Span of directions from which a place counts as one where the end-effector can work from many sides."""
+"""Span of directions from which a place counts as reachable from many sides."""
 
 _TITLE = "Workspace through the port"
 _POSTURES = 20
@@ -27,7 +27,7 @@ _SHADES = 16
 
 
 def section(context: Context) -> Section:
-    """Compute the workspace through the port, without a load and with one, and check the chain against MuJoCo."""
+    """Compute the workspace through the port, without and with a load, and check the chain against MuJoCo."""
     inst = context.inst
     try:
         lengths = kinematics.dimensions(inst)

@@ -156,7 +156,7 @@ class _Series(FileTable):
 
 
 class RopeSeries(_Series):
-    """Ropes of one construction and grade in several diameters (EN 12385-4).
+    """Ropes of equal construction and grade in several diameters (EN 12385-4).
 
     Their minimum breaking force is K d² R: the construction's factor, the square of the diameter, the rope grade.
     """
@@ -182,7 +182,7 @@ class RopeSeries(_Series):
 
 
 class RodSeries(_Series):
-    """Rods of one material in several diameters."""
+    """Rods of equal material in several diameters."""
 
     name: Name = Field(description="Material; a rod's name is this and its diameter")
     diameters: tuple[Length, ...] = Field(min_length=1, description="Diameters")

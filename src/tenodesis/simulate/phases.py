@@ -55,7 +55,7 @@ class Start(NamedTuple):
         return math.ceil(seconds / self.time_step * (1 - 1e-9))
 
     def segment(self, first: Command, last: Command, seconds: float) -> Segment:
-        """Return the segment that goes linearly from one command to another in a duration (s)."""
+        """Return the linear segment between two commands over a duration (s)."""
         return Segment(first, last, self.steps(seconds))
 
 

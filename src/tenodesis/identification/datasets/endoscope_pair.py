@@ -211,7 +211,7 @@ _MOST_EXPONENT, _MOST_PER_BEND = 1.5, 0.3
 
 @dataclass(frozen=True)
 class Series:
-    """One run, each (n,); rad, N, rad/s."""
+    """A run, each (n,); rad, N, rad/s."""
 
     time: Array
     command: Array

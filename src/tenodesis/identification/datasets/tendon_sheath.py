@@ -138,7 +138,7 @@ _GAIN = Parameter("gain", "1", 1.0, 0.3, 2.0, "Gain of the distal load cell over
 
 @dataclass(frozen=True)
 class Series:
-    """One run, each (n,); s, N, N/s."""
+    """A run, each (n,); s, N, N/s."""
 
     time: Array
     proximal: Array

@@ -206,7 +206,7 @@ class TwinProblem(Problem):
         return inst
 
     def advice(self, names: Sequence[str]) -> str | None:
-        """Return which recording would make these parameters identifiable, if one is known."""
+        """Return which recording would make these parameters identifiable, if known."""
         asked = set(names)
         if {"friction.sheath_coefficient", "friction.sheath_bend"} <= asked:
             return "A sheath's friction is its coefficient times its bend: record a run at another, measured bend."

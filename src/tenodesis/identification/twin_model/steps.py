@@ -36,7 +36,7 @@ class InputError(NamedTuple):
 
 
 class SteppedRun(NamedTuple):
-    """One run in steps of equal length."""
+    """A run in steps of equal length."""
 
     name: str
     time_step: float
