@@ -41,7 +41,7 @@ def live_console(  # noqa: PLR0917
     seed: Annotated[int, typer.Option(help="Seed of the twin's sensor noise.", min=0)] = 0,
     foxglove: Annotated[
         int | None,
-        typer.Option(help="Serve Foxglove on this port too, to watch; 0: any free port.", show_default=False),
+        typer.Option(help="Also serve Foxglove on this port; 0: any free port.", show_default=False),
     ] = None,
 ) -> None:
     """Open the live instrument in the browser: move its handle, push on its tip, switch the compensation on and off."""

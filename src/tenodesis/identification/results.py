@@ -43,7 +43,7 @@ class Fit:
     values: dict[str, float]
     """Of all parameters, SI; those that were not fitted are at their start."""
     std: dict[str, float]
-    """Of the fitted parameters, corrected for residuals that are not independent; infinite where nothing depends on them."""
+    """Of the fitted parameters, corrected for correlated residuals; infinite where nothing depends on them."""
     std_white: dict[str, float]
     """As if residuals were independent."""
     interval_95: dict[str, Interval]
