@@ -54,7 +54,7 @@ class Run:
         "measured", "rad", "Spool angle by the motors' encoders", per_tendon=True
     )
     handle_angle: Array | None = _signal("truth", "rad", "Handle angle")
-    handle_torque: Array | None = _signal("truth", "N*m", "Torque the hand holds the handle with")
+    handle_torque: Array | None = _signal("truth", "N*m", "Torque of the hand on the handle")
     output_angle: Array | None = _signal("truth", "rad", "Output angle of the end-effector")
     output_velocity: Array | None = _signal("truth", "rad/s", "Its rate")
     tension: Array | None = _signal("truth", "N", "Tendon tension beside the spool", per_tendon=True)

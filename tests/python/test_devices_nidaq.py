@@ -400,7 +400,7 @@ def test_a_task_that_cannot_be_closed_keeps_no_output_from_standstill(settings: 
     tasks.open()
     tasks.read(1.0)
     ni.stuck = stuck
-    with pytest.raises(DeviceError, match=r"^The device Dev2 cannot be let go: it hangs\.$"):
+    with pytest.raises(DeviceError, match=r"^The device Dev2 cannot be released: it hangs\.$"):
         tasks.close()
     assert ni.at_once[-1] == [0.0, 0.02]
     assert all(task.close.called for task in ni.tasks)

@@ -102,7 +102,7 @@ def test_a_protocol_ends_with_its_operator_and_homes_nobodys_motors(served):
     until(lambda: other.status().protocol.problem is not None)
     time.sleep(0.3)
     status = other.status()
-    assert status.protocol.problem == "the operator has gone"
+    assert status.protocol.problem == "the operator has left"
     assert status.state in {"DISABLED", "PAUSED"}
     assert not status.homing
 
@@ -219,7 +219,7 @@ def test_a_runtime_that_is_killed_is_said_and_can_be_started_again(tmp_path):
         link.request("enable")
         os.kill(host.pid, signal.SIGKILL)
         until(lambda: link.status().state == "GONE")
-        assert "The runtime has gone" in link.status().problem
+        assert "The runtime has ended" in link.status().problem
         until(lambda: not link.alive)
         link.restart()
         assert link.status().state == "DISABLED"

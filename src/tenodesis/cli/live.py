@@ -87,7 +87,7 @@ def foxglove(
     rate: Annotated[float, typer.Option(help="Messages per second and topic, Hz.")] = 100.0,
     all_rows: Annotated[bool, typer.Option("--all", help="Send every row instead.")] = False,
 ) -> None:
-    """Show a live instrument to Foxglove: the recordings' topics over a WebSocket, to watch and nothing else."""
+    """Show a live instrument to Foxglove: the recordings' topics over a WebSocket, read-only."""
     folder = _running() if folder is None else folder
     stop = threading.Event()
     with on_signal(stop.set):

@@ -44,7 +44,7 @@ def plan_identification(  # noqa: PLR0917
         "out/plan-identification"
     ),
 ) -> None:
-    """Propose the bench protocol that makes parameters identifiable, and predict how well they will be known."""
+    """Propose the bench protocol that makes parameters identifiable, and predict their precision."""
     inst = instrument.load(instrument_file)
     if axis is not None:
         inst = inst.axis(axis)

@@ -108,7 +108,7 @@ def record(  # noqa: PLR0917
 def info(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings.")],
 ) -> None:
-    """Print what recordings hold: what made them, their topics, their signals' ranges, and what happened besides."""
+    """Print the contents of recordings: origin, topics, ranges of the signals, and events."""
     for file in files:
         recording = Recording.open(file)
         if files[1:]:

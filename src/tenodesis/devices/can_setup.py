@@ -257,13 +257,13 @@ class Setup:
             return int(struct.unpack("<" + code, raw)[0])
         except SdoAbortedError as refused:
             raise DeviceError(
-                f"{self._name[node]} does not give object {index:04X}h:{sub:02X} (SDO abort {refused.code:08X}h)."
+                f"{self._name[node]} does not return object {index:04X}h:{sub:02X} (SDO abort {refused.code:08X}h)."
             ) from None
         except SdoError:
             raise self._silent(node) from None
         except struct.error:
             raise DeviceError(
-                f"{self._name[node]} gives object {index:04X}h:{sub:02X} in {len(raw)} bytes; it must have "
+                f"{self._name[node]} returns object {index:04X}h:{sub:02X} in {len(raw)} bytes; it must have "
                 f"{struct.calcsize('<' + code)}."
             ) from None
 

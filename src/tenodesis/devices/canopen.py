@@ -296,7 +296,7 @@ class CanOpenDevice(Bench):
         for _ in range(_FLOOD + round(beats)):
             if (answers and not self._waiting) or not self._take(max(0.0, end - time.monotonic())):
                 return
-        self._fail(f"{self._can.name} is flooded: {_FLOOD} frames between two SYNCs; look for who sends them.")
+        self._fail(f"{self._can.name} is flooded: {_FLOOD} frames between two SYNCs; find the program that sends them.")
 
     def _take(self, wait: float) -> bool:
         """Receive a frame, if it comes within a time."""
@@ -406,7 +406,7 @@ class CanOpenDevice(Bench):
         silent = self._clock() - self._beaten
         if self._beat is None and silent > self._loss:
             beats = f"{MISSED_HEARTBEATS} heartbeats or more"
-            self._fail(f"This computer was silent for {silent / 1e6:.0f} ms, {beats}; look for what holds it up.")
+            self._fail(f"This computer was silent for {silent / 1e6:.0f} ms, {beats}; find out what delays it.")
 
     def _count_doubled(self) -> None:
         """Fail where every answer of a node comes twice, unlike an answer that is occasionally late."""

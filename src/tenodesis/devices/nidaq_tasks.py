@@ -249,7 +249,7 @@ class NiTasks:
             done(self._watchdog.close)
         self._outputs = self._alive = self._watchdog = None
         if problems:
-            what = "cannot be let go" if rests else "cannot be put to standstill; switch the motors off by hand"
+            what = "cannot be released" if rests else "cannot be put to standstill; switch the motors off by hand"
             raise DeviceError(f"The device {self._settings.device} {what}: {problems[0]}.")
 
     def _rest(self) -> None:

@@ -147,7 +147,7 @@ class BoardController(Controller):
 
     @property
     def problem(self) -> Problem | None:
-        """What has gone wrong with the link since it was last set up; a request to clear, or a reset, does that."""
+        """Problem of the link since it was last set up, by a request to clear or a reset."""
         problem, text = self._link.problem()
         return Problem(problem.name.lower(), text) if problem else None
 

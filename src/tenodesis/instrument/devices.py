@@ -172,7 +172,7 @@ class NiDrive(FileTable):
 
     speed: Channel = Field(description="Analogue output of the speed command, such as ao0")
     gain: SpeedPerVolt = Field(description="Motor speed per volt; negative if positive rotation unwinds")
-    standstill: SignedVoltage = Field(default=0.0, description="Voltage at which the motor stands")
+    standstill: SignedVoltage = Field(default=0.0, description="Voltage at which the motor is at rest")
     counter: Channel = Field(description="Counter of the motor's encoder, such as ctr0")
     reversed: bool = Field(default=False, strict=True, description="Whether the encoder counts down as it winds")
 
@@ -203,7 +203,7 @@ class NiDaq(FileTable):
     output_limit: Voltage = Field(default=10.0, description="Largest speed command to either side")
     ahead: Annotated[int, Field(ge=1, le=100, strict=True)] = Field(
         default=6,
-        description="Speed commands buffered in the device: each delays by a sample; out of them, it stops",
+        description="Speed commands buffered in the device: each delays by a sample; when none is left, it stops",
     )
     alive: Channel | None = Field(
         default=None, description="Digital line that changes with every command, for a relay that needs it to"

@@ -64,7 +64,9 @@ class Friction(FileTable):
     static_ratio: Annotated[float, Field(ge=1, le=10)] = Field(
         default=1.0, description="Static over kinetic coefficient of the Stribeck law"
     )
-    stribeck_speed: SlipSpeed = Field(default=1e-3, description="Slip speed at which static friction has mostly gone")
+    stribeck_speed: SlipSpeed = Field(
+        default=1e-3, description="Slip speed at which static friction has mostly vanished"
+    )
     memory: Time = Field(default=5e-3, description="Time by which friction lags behind the slip speed")
 
     @model_validator(mode="after")

@@ -29,7 +29,7 @@ _KEPT_SECONDS = 60.0
 _DEAF = "The runtime runs and does not answer: try again, or end it; its loop pauses without an operator."
 _AT_ONCE = 0.05
 """Longest wait of a stop for another command's answer, s."""
-_GONE = "The runtime has gone: its motors are stopped by their own watchdogs. Start it again."
+_GONE = "The runtime has ended: its motors are stopped by their own watchdogs. Start it again."
 
 
 class Client(Connection):

@@ -224,7 +224,7 @@ class LiveLoop:
         if not self.capabilities.simulated:
             raise LiveError("speed can be changed on the twin only: the device keeps real time.")
         if not (factor == 0 or 0.1 <= factor <= 100):
-            raise LiveError(key="speed", value=factor, allowed="from 0.1 to 100, or 0 for as fast as it goes")
+            raise LiveError(key="speed", value=factor, allowed="from 0.1 to 100, or 0 for as fast as possible")
         self._order("speed", value=float(factor))
 
     def inject_fault(self, point: str, mode: str, value: float, seconds: float, axis: str | None = None) -> None:

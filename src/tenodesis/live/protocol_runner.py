@@ -121,7 +121,7 @@ class ProtocolRunner:
             if self._records and not self._recorder.ready:
                 return
             if not self._lease.held_by(self._operator):
-                self._end("the operator has gone")
+                self._end("the operator has left")
                 return
             try:
                 player.advance()

@@ -143,11 +143,11 @@ class RecordingProcess:
         lines = said.decode("utf-8", "replace").strip().splitlines()
         why = lines[-1].removeprefix("tenodesis: ") if lines else ""
         if self.path is not None and not self.path.exists():
-            self.problem = f"The recorder of {self.path} has gone, and there is no such file: "
+            self.problem = f"The recorder of {self.path} has ended, and there is no such file: "
             self.problem += why or f"it ended with {_named(process.returncode)}"
         elif process.returncode or not asked:
             why = why or f"it ended with {_named(process.returncode)}"
-            self.problem = f"The recorder of {self.path} has gone: {why} What it wrote before can be read."
+            self.problem = f"The recorder of {self.path} has ended: {why} What it wrote before can be read."
         elif why:
             self.problem = f"{self.path}: {why}"
 

@@ -85,12 +85,12 @@ class Recording:
         axes = schemas.axes_of({name: topic.joints for name, topic in decoded.items()})
         axes = axes or tuple(metadata.get("axes", "").split()) or (("yaw",) if decoded else ())
         if not axes:
-            raise RecordingError(f"{path} holds no topic of a recording: {_found(contents)}.")
+            raise RecordingError(f"{path} contains no topic of a recording: {_found(contents)}.")
         run, misfits = _run(axes, decoded, _carried(contents))
         left_out |= misfits
         if left_out and not run.signals():
             reasons = "; ".join(f"{topic}: {reason}" for topic, reason in left_out.items())
-            raise RecordingError(f"{path} holds no topic of a recording that can be used: {reasons}.")
+            raise RecordingError(f"{path} contains no topic of a recording that can be used: {reasons}.")
         damage = contents.damage
         events: tuple[Event, ...] = ()
         if schemas.METADATA in contents.metadata:

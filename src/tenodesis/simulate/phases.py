@@ -195,7 +195,7 @@ class Cycles(Loaded):
             far = unloaded_handle_angle(inst, "output_amplitude", self.output_amplitude or 0.0)
         near = -far if self.symmetric else check_handle_angle(inst, "from", self.start)
         if near == far:
-            raise ProtocolError("the cycles begin where they go to; give an amplitude that differs from there")
+            raise ProtocolError("the cycles start at their far end; give an amplitude that differs from the start")
         return near, far
 
     def segments(self, start: Start) -> Iterator[Segment]:

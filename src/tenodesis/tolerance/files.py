@@ -105,7 +105,7 @@ def parse(text: str, source: str = "tolerances") -> Tolerances:
     """
     values = parse_toml(text, StudyError, source)
     if not values.get("parameters"):
-        raise StudyError(f"{source} has no parameters; allowed is at least one table [[parameters]].")
+        raise StudyError(f"{source} has no parameters; it must have at least one table [[parameters]].")
     return validated(Tolerances, values, StudyError, source, entries={"parameters": "parameter"})
 
 

@@ -164,7 +164,7 @@ _RATIO, _COMPLIANCE = (0.1, 5.0), (0.1, 4.0)
 
 
 _START = Parameter(
-    "start", "1", 0.2, 0.0, 1.0, "Where in its band friction holds as a run begins: 0 lower, 1 upper bound"
+    "start", "1", 0.2, 0.0, 1.0, "Friction at the start of a run, within its band: 0 lower, 1 upper bound"
 )
 _BEARING = Parameter("spindle_friction", "N*m", 0.01, 0.0, 0.05, "Load-independent friction at the spindle")
 _CAPSTAN = (
@@ -195,7 +195,7 @@ LAWS: Mapping[str, tuple[Parameter, ...]] = {
         Parameter("hysteresis_torque", "N*m", 0.05, 0.0, 0.5, "Friction torque far from a reversal"),
         Parameter("hysteresis_angle", "rad", 0.05, 0.001, 3.0, "Spindle angle over which friction reverses"),
         Parameter("hysteresis_shape", "1", 0.5, 0.0, 1.0, "Share of friction that a reversal meets at once (beta)"),
-        Parameter("hysteresis_start", "1", 0.0, -1.0, 1.0, "Friction torque as a run begins over the full one"),
+        Parameter("hysteresis_start", "1", 0.0, -1.0, 1.0, "Friction torque at the start of a run, over full friction"),
     ),
 }
 """Parameters of each friction law, after those that all have."""
