@@ -76,21 +76,25 @@ class CommandError(Error):
 
 
 class MissingExtraError(Error, ImportError):
-    """An optional dependency is not installed; the message names the extra that installs it.
+    """An optional dependency cannot be imported; the message names the extra that installs it.
 
     Parameters
     ----------
     module
-        The module that is missing.
+        The module.
     extra
         Name of the extra that installs it.
+    cause
+        Why it cannot be imported although it is installed.
     """
 
-    def __init__(self, module: str, extra: str) -> None:
+    def __init__(self, module: str, extra: str, cause: str = "") -> None:
+        problem = f"cannot be imported ({cause})" if cause else "is not installed"
         super().__init__(
-            f"{module} is not installed; it needs the extra [{extra}]: pip install 'tenodesis[{extra}]'.",
+            f"{module} {problem}; it needs the extra [{extra}]: pip install 'tenodesis[{extra}]'.",
             key="module",
             value=module,
             allowed=f"installed with the extra [{extra}]",
         )
+        self.args = (module, extra, cause)  # from which a copy in another process is made
         self.extra = extra

@@ -19,12 +19,11 @@ def require(module: str, extra: str) -> ModuleType:
     Raises
     ------
     MissingExtraError
-        The module is not installed; the message states what to install.
+        The module is not installed, or cannot be imported as it is; the message states what to install.
     """
     try:
         return importlib.import_module(module)
-    except ModuleNotFoundError as problem:
-        missing = (problem.name or module).partition(".")[0]
-        if missing != module.partition(".")[0]:
-            raise
-        raise MissingExtraError(missing, extra) from None
+    except ImportError as problem:
+        name = module.partition(".")[0]
+        absent = isinstance(problem, ModuleNotFoundError) and (problem.name or name).partition(".")[0] == name
+        raise MissingExtraError(name, extra, "" if absent else str(problem)) from None

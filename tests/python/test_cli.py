@@ -98,7 +98,7 @@ def test_a_command_that_is_not_there_is_answered_with_the_nearest(tenodesis: Run
     [
         ("viser", "live", ("console",)),
         ("serial", "devices", ("devices", "test", "serial", "--instrument", "scaled-up", "--address", "/dev/null")),
-        ("moocore", "design", ("scale", "real-size", "--combinations", "1000")),
+        ("typst", "design", ("scale", "real-size", "--combinations", "1000")),
         ("SALib", "design", ("tolerance", "real-size", "scaled-up", "--samples", "16")),
         ("pandas", "tables", ("export", "recording", "run.mcap", "--to", "run.parquet")),
     ],

@@ -1,5 +1,6 @@
 """Optional dependencies are imported where they are used; without one, a sentence says what to install."""
 
+import pickle
 import sys
 from collections.abc import Callable
 from types import SimpleNamespace
@@ -34,11 +35,23 @@ def test_a_missing_module_names_itself_and_the_extra_that_installs_it():
     assert isinstance(problem, Error)
 
 
-def test_what_a_module_itself_cannot_import_is_not_hidden(tmp_path, monkeypatch):
+def test_a_module_that_fails_to_import_is_one_sentence_with_the_cause(tmp_path, monkeypatch):
     (tmp_path / "a_module_that_fails.py").write_text("import another_module_nobody_has\n")
+    (tmp_path / "a_module_without_its_driver.py").write_text("raise ImportError('libdriver.so: cannot open')\n")
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(ModuleNotFoundError, match="another_module_nobody_has"):
-        require("a_module_that_fails", "live")
+    for module, cause in (
+        ("a_module_that_fails", "another_module_nobody_has"),
+        ("a_module_without_its_driver", "libdriver.so"),
+    ):
+        with pytest.raises(
+            MissingExtraError, match=rf"{module} cannot be imported \(.*{cause}.*\); it needs the extra"
+        ):
+            require(module, "live")
+
+
+def test_the_exception_reaches_another_process_as_it_is():
+    problem = pickle.loads(pickle.dumps(MissingExtraError("foxglove", "live")))
+    assert (str(problem), problem.extra) == (str(MissingExtraError("foxglove", "live")), "live")
 
 
 @pytest.mark.parametrize(

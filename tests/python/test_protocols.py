@@ -285,3 +285,11 @@ def test_on_two_axes_the_other_one_keeps_its_last_command(real: Instrument) -> N
     np.testing.assert_array_equal(run["handle_angle"][-1], [-0.2, 0.1])
     np.testing.assert_array_equal(run["force"][-1], [0, 1])
     np.testing.assert_array_equal(run["spool_velocity"][-1], [[1, 2], [0, 0]])
+
+
+def test_a_motion_of_astronomic_duration_is_refused_as_too_long(scaled: Instrument) -> None:
+    motion = simulate.Motion(
+        data="time_s,angle_rad\n0,0\n1e17,0.1\n", time_column="time_s", angle_column="angle_rad", angle_unit="rad"
+    )
+    with pytest.raises(tn.ProtocolError, match=r"phase 1 \(motion\): the run lasts .* it must last at most 1 h"):
+        simulate.Protocol(name="endless", phases=(motion,)).plan(scaled, 5e-4)

@@ -71,8 +71,7 @@ def scale(  # noqa: PLR0917
     overwrite: Overwrite = False,
 ) -> None:
     """Design a scale model of an instrument from stock parts: instrument file, test plan, and how similar it is."""
-    for module in ("moocore", "typst"):
-        require(module, "design")
+    require("typst", "design")
     model = instrument.load(instrument_file)
     parts = scaling.load(*(catalogue or ()))
     pins = _pins(factor, pin or [])

@@ -173,7 +173,7 @@ class Client(Connection):
         if fresh:
             self._connect()
             if command is not COMMANDS["hello"]:
-                self._exchange({"id": 0, "op": "hello", "origin": self.origin}, command.timeout)
+                self._exchange({"id": 0, "op": "hello", "origin": self.origin}, COMMANDS["hello"].timeout)
         try:
             answer = self._exchange({"id": self._number, "op": command.name, **message}, command.timeout)
         except (BrokenPipeError, ConnectionResetError):

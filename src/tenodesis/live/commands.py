@@ -42,7 +42,7 @@ class _Kind(NamedTuple):
     """Encoding of a kind of argument."""
 
     encode: Callable[[Any], Any]
-    """Returns the argument as JSON."""
+    """Returns the argument as JSON; raises TypeError where it is of another kind."""
     decode: Callable[[Any], Any]
     """Returns JSON as the argument; raises TypeError where it is of another kind."""
     allowed: str
@@ -67,16 +67,24 @@ def _text(value: Any) -> str:
 
 
 def _flag(value: Any) -> bool:
-    if not isinstance(value, bool):
+    if not isinstance(value, bool | np.bool_):
         raise TypeError
-    return value
+    return bool(value)
+
+
+def _sent_number(value: Any) -> float:
+    """Return a number of Python or NumPy, finite or not: what is beyond its bounds is the server's to refuse."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "iuf" or array.size != 1:
+        raise TypeError
+    return float(array.reshape(())[()])
 
 
 _KINDS: dict[Any, _Kind] = {
-    bool: _Kind(bool, _flag, "true or false"),
-    float: _Kind(float, _number, "a finite number"),
+    bool: _Kind(_flag, _flag, "true or false"),
+    float: _Kind(_sent_number, _number, "a finite number"),
     OrNaN: _Kind(
-        lambda value: float(value) if math.isfinite(value) else None,
+        lambda value: _sent_number(value) if np.isfinite(_sent_number(value)) else None,
         lambda value: math.nan if value is None else _number(value),
         "a finite number, or null for NaN",
     ),
@@ -109,8 +117,20 @@ class Command:
     result: TypeAdapter[Any]
 
     def encode(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
-        """Return arguments as JSON."""
-        return {name: self._kind(name).encode(value) for name, value in arguments.items()}
+        """Return arguments as JSON.
+
+        Raises
+        ------
+        LiveError
+            One is not of its kind.
+        """
+        message = {}
+        for name, value in arguments.items():
+            try:
+                message[name] = self._kind(name).encode(value)
+            except TypeError:
+                raise LiveError(key=name, value=value, allowed=self._kind(name).allowed) from None
+        return message
 
     def decode(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """Return the arguments in a message.

@@ -4,11 +4,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import moocore
 import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.errors import DesignError
-from tenodesis.extras import require
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates, candidates, finer
@@ -223,7 +223,6 @@ def search(lower: Array, refine: Callable[[NDArray[np.int64]], tuple[Array, NDAr
     number, shape (m, 4), and which of them meet every limit. The front is exact although few designs are refined: a
     design whose lower bounds are dominated is dominated itself.
     """
-    moocore = require("moocore", "design")
     costs = lower.copy()
     refined = np.zeros(len(costs), bool)
     pool = np.arange(len(costs))

@@ -80,8 +80,9 @@ class Motion(Loaded):
         times = self.samples.times - self.samples.times[0]
         first, last, end = float(angles[0]), float(angles[-1]), float(times[-1])
         yield from self.approached(start, first)
-        # A sample of the same angle before the first and after the last makes the slope there 0.
-        curve = PchipInterpolator(np.concatenate([[-1.0], times, [end + 1.0]]), np.pad(angles, 1, mode="edge"))
+        # A sample of the same angle before the first and after the last, however far, makes the slope there 0.
+        knots = np.concatenate([[-1.0], times, [end + max(1.0, end)]])
+        curve = PchipInterpolator(knots, np.pad(angles, 1, mode="edge"))
 
         def path(done: NDArray[np.int64]) -> Array:
             # The curve does not overshoot, but its values are rounded.
