@@ -59,7 +59,7 @@ def scale(  # noqa: PLR0917
             show_default=False,
         ),
     ] = None,
-    prefer: Annotated[Preference, typer.Option(help="Objective by which to choose from the front.")] = ("similarity"),
+    prefer: Annotated[Preference, typer.Option(help="Objective by which to choose from the front.")] = "similarity",
     pick: Annotated[
         int | None, typer.Option(help="Row of front.csv to choose instead, counted from 1.", show_default=False)
     ] = None,
