@@ -2,7 +2,7 @@
 
 
 class Error(Exception):
-    """Base of all exceptions of this package that a user can mend.
+    """Base of all exceptions of this package that a user can correct.
 
     Parameters
     ----------
