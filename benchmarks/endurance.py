@@ -1,4 +1,4 @@
-"""A long session live, with every process there is: ticks, what the recording holds of them, memory.
+"""A long live session with all processes: ticks, their rows in the recording, and memory.
 
 A runtime process, its recorder and an operator who turns the handle and changes the load, beside busy processes.
 At the end the file is read back, message by message: each tick of the recording must be in it once, a period after the
@@ -82,7 +82,7 @@ def session(name: str, seconds: float, folder: Path) -> Path:
 
 
 def read_back(path: Path, period: float) -> None:
-    """Count what a recording holds, by its messages' own times."""
+    """Count the rows of a recording by its messages' own times."""
     with path.open("rb") as file:
         reader = make_reader(file)
         summary = reader.get_summary()

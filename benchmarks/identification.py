@@ -1,6 +1,6 @@
-"""How well and how fast an instrument is found again in recordings of its twin, whose truth is known.
+"""Accuracy and speed of identification from recordings of a twin, whose true parameters are known.
 
-Coverage: every parameter that the fit calls identifiable lies within its 95 % interval in at least 90 % of the seeds.
+Coverage: every parameter reported as identifiable is within its 95 % interval in at least 90 % of the seeds.
 Speed: the peer is the same fit by the same optimiser with differences (two points a parameter) for derivatives.
 """
 
@@ -122,7 +122,7 @@ def timed(work: Callable[[], object]) -> float:
 def coverage(
     title: str, nominal: Instrument, run: Callable[[int], InstrumentRun], names: Sequence[str] | None, seeds: int
 ) -> None:
-    """Print how often what is called identifiable lies within its intervals; all parameters where none are named."""
+    """Print how often identifiable parameters are within their intervals; all parameters if none are named."""
     first = posed(run(0), nominal).parameters
     free = [one.name for one in first] if names is None else list(names)
     # parameters without an entry in TRUTH are as in the file

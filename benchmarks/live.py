@@ -1,4 +1,4 @@
-"""What a tick costs through the whole live loop, over the bare controller in the same ticks; and how it keeps time.
+"""Cost of a tick of the complete live loop, relative to the controller alone in the same ticks, and timing.
 
 Peer: the controller alone, timed within the same ticks. The rest of a tick is the twin's step, the orders, and the
 record in shared memory that every watcher reads.
@@ -46,7 +46,7 @@ def ticks(name: str) -> None:
             lost += reader.read(2 * BLOCK)[1]
         compute, control = loop.core.compute, loop.core.control
         print(
-            f"{name:10}: a tick through the whole runtime p50 {compute[0] * 1e9:5.0f} ns, "
+            f"{name:10}: a tick through the runtime p50 {compute[0] * 1e9:5.0f} ns, "
             f"p99 {compute[1] * 1e9:6.0f} ns, worst {compute[2] * 1e6:6.1f} us; the controller alone "
             f"p50 {control[0] * 1e9:5.0f} ns, worst {control[2] * 1e6:6.1f} us; ratio of p50 "
             f"{compute[0] / control[0]:.2f}, of worst {compute[2] / control[2]:.2f}; "

@@ -20,7 +20,7 @@ inst = tn.load("scaled-up")
 step_load = tn.simulate.StepLoad(output_angle="60 deg", delay="0.5 s", force="1 N", duration="3 s")
 protocol = tn.simulate.Protocol(name="push", phases=(step_load,))
 
-# 2. Who moves the motors: nobody, eq. 22 as the paper has it, and the robust law, which goes by the friction observer.
+# 2. Three ways to compensate: not at all, by eq. 22 as in the paper, and by the robust law with the friction observer.
 controllers = {
     "none": None,
     "paper": tn.control.Controller(inst, observer="paper", law="paper", actuation="agonist"),
@@ -30,16 +30,16 @@ controllers = {
 with TemporaryDirectory() as folder:
     print("controller  lost at once  off at the end  faults  replay")
     for name, controller in controllers.items():
-        # 3. Run and record. A recording holds the instrument, the protocol, and the controller's choices.
+        # 3. Run and record. A recording contains the instrument, the protocol, and the controller's choices.
         path = Path(folder) / f"{name}.mcap"
         run = record(inst, protocol, path, controller=controller, seed=1)
 
-        # 4. How far the tip is from where the handle has it (eq. 18), when the load is on and at the end.
+        # 4. Distance of the tip from its target (eq. 18), just after the load is applied and at the end.
         off = np.degrees(tip_error(run, inst)[:, 0])
         pushed = np.argmax(run["force"] > 0)
         lost = off[pushed : pushed + 1000].min()
 
-        # 5. What the controller says of the run, and whether the recording gives the same run again, bit by bit.
+        # 5. Faults that the controller reports, and whether a replay of the recording repeats the run bit by bit.
         said = outcome(run, inst).get("faults", "-")
         same = "same bits" if replay(tn.Recording.open(path)).exact else "differs"
         print(f"{name:10}  {lost:8.2f} deg  {off[-1]:10.2f} deg  {said:6}  {same}")

@@ -27,7 +27,7 @@ extern "C" {
   semihosting::exit(1);
 }
 
-// The processor has pushed the program counter as the seventh word. The report gets the whole stack, which may have
+// The processor has pushed the program counter as the seventh word. The report gets the entire stack, which may have
 // been what was missing; naked, since a prologue would move the stack pointer away from that word.
 [[gnu::naked]] void fault() { asm("ldr r0, [sp, #24]\n ldr r1, =stack_top\n mov sp, r1\n b report_fault"); }
 

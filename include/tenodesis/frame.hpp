@@ -19,7 +19,7 @@ inline constexpr std::uint8_t protocol_version = 2;
 enum class Type : std::uint8_t {
   none = 0,
   // from the PC
-  hello = 1,       ///< asks for the board's description; changes nothing
+  hello = 1,       ///< requests the board's description; changes nothing
   parameters = 2,  ///< starts a session: a fresh controller, disabled
   step = 3,        ///< one tick; answered by output
   reset = 4,       ///< the controller returns to the start of the session
@@ -51,7 +51,7 @@ struct Header {
   std::uint8_t version{protocol_version};
   Type type{};
   std::uint16_t session{};   ///< chosen by the PC; 0: none
-  std::uint32_t sequence{};  ///< of each action, one above the last; an answer has that of its question
+  std::uint32_t sequence{};  ///< of each action, one more than the last; an answer has that of its request
 };
 
 inline constexpr int most_axes = 2;
@@ -69,7 +69,7 @@ struct Board {
   std::uint32_t parameters_size{};    ///< bytes of its tenodesis_parameters
   std::uint32_t axes{};               ///< largest number
   std::uint32_t session{};            ///< current one; 0: none
-  std::uint32_t last_sequence{};      ///< of the last action; the next is one above
+  std::uint32_t last_sequence{};      ///< of the last action; the next is one more
   std::uint32_t clock{};              ///< of the processor, Hz
   std::uint32_t sensors{};            ///< 1: it can stream
   char name[32]{};

@@ -76,7 +76,7 @@ class SerialLink {
     return sequence_;
   }
 
-  /// Asks the board to send its ticks, of so many bytes, from now on.
+  /// Requests the board to send its ticks, of so many bytes, from now on.
   bool start_streaming(std::size_t tick_size) {
     tick_size_ = tick_size;
     early_count_ = 0;
@@ -184,7 +184,7 @@ class SerialLink {
     return fail(LinkProblem::link_lost, "the board has sent no tick for " + std::to_string(silent) + " s");
   }
 
-  // A frame that is no new tick: an earlier tick, an answer that nobody waits for, or a board that has another session.
+  // A frame that is no new tick: an earlier tick, an answer that is not expected, or a board that has another session.
   bool is_acceptable() {
     const link::Header got = decoder_.header();
     if (got.version != link::protocol_version) return another_version(std::to_string(got.version));
@@ -239,7 +239,7 @@ class SerialLink {
     int stale{};
   };
 
-  // Asks until there is an answer; the board recognises a repetition by its sequence number.
+  // Repeats a message until there is an answer; the board recognises a repetition by its sequence number.
   bool converse(const link::Header& header, const void* payload, std::size_t size, link::Type answer,
                 std::size_t answer_size, double timeout) {
     const int attempts = settings_.repetitions + 1;
@@ -265,10 +265,10 @@ class SerialLink {
                               std::to_string(timeout) + " s";
     if (useless.damaged > 0)
       return fail(LinkProblem::damaged_frames,
-                  std::to_string(useless.damaged) + " frames came damaged and no intact answer to " + asked);
+                  std::to_string(useless.damaged) + " damaged frames came and no intact answer to " + asked);
     if (useless.stale >= attempts)
       return fail(LinkProblem::stale_answers,
-                  std::to_string(useless.stale) + " answers to earlier questions came and none to " + asked);
+                  std::to_string(useless.stale) + " answers to earlier messages came and none to " + asked);
     return fail(LinkProblem::link_lost, "the board did not answer " + asked);
   }
 

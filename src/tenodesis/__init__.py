@@ -86,7 +86,7 @@ _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for when it is asked for, so that `import tenodesis` loads no library."""
+    """Import a module when it is first used, so that `import tenodesis` loads no library."""
     if name in _MODULE_OF:
         return getattr(import_module(f"tenodesis.{_MODULE_OF[name]}"), name)
     if name in __all__:

@@ -1,10 +1,10 @@
-"""One family of exceptions: each says in a sentence what is wrong, and carries key, value and what it must be."""
+"""The exceptions: each states in a sentence what is wrong, and carries key, value and what is allowed."""
 
 from typing import Any
 
 
 class Error(Exception):
-    """Base of all exceptions of this package that a user can mend.
+    """Base of all exceptions of this package that a user can correct.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class InstrumentError(Error, ValueError):
 
 
 class NoSolutionError(Error, ValueError):
-    """The instrument has no solution at a single point asked for; in arrays such points are NaN instead."""
+    """The instrument has no solution at a single given point; in arrays such points are NaN instead."""
 
 
 class RecordingError(Error):
@@ -48,23 +48,23 @@ class ProtocolError(Error, ValueError):
 
 
 class DesignError(Error, ValueError):
-    """A catalogue is not valid, or there is no scale model within the constraints; the message says why."""
+    """A catalogue is not valid, or there is no scale model within the constraints; the message states why."""
 
 
 class StudyError(Error, ValueError):
-    """A tolerance study cannot be carried out; the message says why."""
+    """A tolerance study cannot be carried out; the message states why."""
 
 
 class IdentificationError(Error, ValueError):
-    """Measured data cannot be used, or do not determine what is asked of them; the message says why."""
+    """Measured data cannot be used, or do not determine the requested parameters; the message states why."""
 
 
 class DeviceError(Error):
-    """A device cannot be opened, or has stopped doing what it is for; the message says what to do."""
+    """A device cannot be opened, or has failed; the message states what to do."""
 
 
 class LiveError(Error):
-    """The live instrument does not do what is asked of it; the message says why."""
+    """The live instrument cannot carry out a command; the message states why."""
 
 
 class ReportError(Error):
@@ -72,11 +72,11 @@ class ReportError(Error):
 
 
 class CommandError(Error):
-    """A command is given options that do not go together; the message says which."""
+    """A command is given options that exclude each other; the message names them."""
 
 
 class MissingExtraError(Error, ImportError):
-    """An optional dependency cannot be imported; the message says which extra installs it.
+    """An optional dependency cannot be imported; the message names the extra that installs it.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ def require(module: str, extra: str) -> ModuleType:
     Raises
     ------
     MissingExtraError
-        The module is not installed, or cannot be imported as it is; the message says what to install.
+        The module is not installed, or cannot be imported as it is; the message states what to install.
     """
     try:
         return importlib.import_module(module)

@@ -1,4 +1,4 @@
-"""Files written completely or not at all: beside their place first, then moved there."""
+"""Files written atomically: first to a temporary place, then moved."""
 
 import tempfile
 from collections.abc import Iterator
@@ -8,7 +8,7 @@ from pathlib import Path
 
 @contextmanager
 def atomic_files(folder: Path, *, last: str = "") -> Iterator[Path]:
-    """Give a temporary folder to write files to, and move them to their folder at the end; its other files stay.
+    """Yield a temporary folder to write files to, and move them to their folder at the end; its other files stay.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def atomic_files(folder: Path, *, last: str = "") -> Iterator[Path]:
 
 @contextmanager
 def atomic_file(path: Path) -> Iterator[Path]:
-    """Give a temporary path to write a file to, and move the file to its path at the end.
+    """Yield a temporary path to write a file to, and move the file to its path at the end.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What controller and twin both need of an instrument: its parameters in the core's order, its longest time step."""
+"""Parameters that controller and twin share: those of an instrument in the core's order, its longest time step."""
 
 from math import pi, sqrt
 
@@ -123,7 +123,7 @@ def steps_per_sample(inst: Instrument, time_step: float, quasi_static: bool) -> 
 
 
 def _check_compliance(inst: Instrument) -> None:
-    """Raise ArgumentError for an instrument whose handle and joints leave no compliance of a tendon to the stem."""
+    """Raise ArgumentError if handle and joints leave no share of a tendon's compliance to the stem."""
     share, joints = _handle_compliance_share(inst), sum(_core.joint_shares(inst.spec))
     if share + joints < 1:
         return
@@ -152,6 +152,6 @@ def _tip_inertia(inst: Instrument) -> float:
 
 
 def _handle_compliance_share(inst: Instrument) -> float:
-    """Return the share of a tendon's compliance between spool and handle joint, by length unless it is given."""
+    """Return the share of a tendon's compliance between spool and handle joint, by length unless given."""
     given = inst.friction.handle_compliance_share
     return inst.handle_length / (inst.tendon_length or inst.overall_length) if given is None else given

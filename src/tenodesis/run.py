@@ -1,6 +1,6 @@
-"""The signals of a run, simulated or recorded: what each is, and the run that holds them."""
+"""The signals of a run, simulated or recorded: their definitions, and the run that contains them."""
 
-# ruff: noqa: RUF009 - a field's default carries what the signal is
+# ruff: noqa: RUF009 - a field's default carries the signal's definition
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -15,7 +15,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 class Signal(NamedTuple):
-    """One signal: its SI unit, whether each tendon has its own, and what it is."""
+    """A signal: its SI unit, whether it exists per tendon, and its description."""
 
     unit: str
     per_tendon: bool
@@ -23,13 +23,13 @@ class Signal(NamedTuple):
 
 
 def _signal(group: str, unit: str, description: str, *, per_tendon: bool = False) -> Any:
-    """Return the default of a signal's field: None, with what the signal is as metadata."""
+    """Return the default of a signal's field: None, with the signal's definition as metadata."""
     return field(default=None, metadata={"group": group, "signal": Signal(unit, per_tendon, description)})
 
 
 @dataclass(frozen=True)
 class Run:
-    """The signals of a run, one row per time step; :data:`SIGNALS` says what each is.
+    """The signals of a run, one row per time step; :data:`SIGNALS` describes each.
 
     Shapes, for n steps: (n,) and per tendon (n, 2), agonist first; with two axes (n, 2) and (n, 2, 2), axis before
     tendon. A signal that was not recorded is None.
@@ -41,7 +41,7 @@ class Run:
     force: Array | None = _signal("command", "N", "Tangential force at the tip; positive opposes positive flexion")
     radial_force: Array | None = _signal("command", "N", "Force along the end-effector; positive outward")
     commanded_spool_velocity: Array | None = _signal(
-        "command", "rad/s", "Spool velocity asked of the drives; positive winds", per_tendon=True
+        "command", "rad/s", "Spool velocity commanded to the drives; positive winds", per_tendon=True
     )
     measured_handle_angle: Array | None = _signal("measured", "rad", "Handle angle by its encoder")
     measured_output_angle: Array | None = _signal(
@@ -54,7 +54,7 @@ class Run:
         "measured", "rad", "Spool angle by the motors' encoders", per_tendon=True
     )
     handle_angle: Array | None = _signal("truth", "rad", "Handle angle")
-    handle_torque: Array | None = _signal("truth", "N*m", "Torque the hand holds the handle with")
+    handle_torque: Array | None = _signal("truth", "N*m", "Torque of the hand on the handle")
     output_angle: Array | None = _signal("truth", "rad", "Output angle of the end-effector")
     output_velocity: Array | None = _signal("truth", "rad/s", "Its rate")
     tension: Array | None = _signal("truth", "N", "Tendon tension beside the spool", per_tendon=True)
@@ -99,12 +99,12 @@ class Run:
         return np.asarray(values)
 
     def between(self, start: float = -np.inf, stop: float = np.inf) -> "Run":
-        """Return the rows from one time to another, s, both included."""
+        """Return the rows between two times, s, both included."""
         first, last = np.searchsorted(self.time, start, "left"), np.searchsorted(self.time, stop, "right")
         return self[int(first) : int(last)]
 
     def axis(self, name: str) -> "Run":
-        """Return the run of one axis alone, its signals of shape (n,) and per tendon (n, 2).
+        """Return the run of a single axis, with signals of shape (n,), per tendon (n, 2).
 
         Raises
         ------
@@ -129,7 +129,7 @@ class Run:
 
 
 SIGNALS: dict[str, Signal] = {one.name: one.metadata["signal"] for one in fields(Run) if one.metadata}
-"""What each signal is, by its name."""
+"""Definition of each signal, by its name."""
 
 
 def _group(group: str) -> dict[str, Signal]:
@@ -137,20 +137,20 @@ def _group(group: str) -> dict[str, Signal]:
 
 
 COMMANDS = _group("command")
-"""What is done to the instrument."""
+"""Inputs to the instrument."""
 
 MEASURED = _group("measured")
-"""What sensors say; sampled and held."""
+"""Sensor readings, sampled and held."""
 
 TRUTH = _group("truth")
-"""What only a twin knows, and no bench."""
+"""Signals that only a twin has, and no bench."""
 
 CONTROL = _group("control")
-"""What a controller estimates and does, NaN as long as it does not run, and what was requested of it."""
+"""Estimates, outputs and requests of a controller; NaN while it does not run."""
 
 
 def concatenate(runs: Sequence[Run]) -> Run:
-    """Return runs, one after another, as one.
+    """Return consecutive runs joined into one.
 
     Raises
     ------

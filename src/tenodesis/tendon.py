@@ -1,4 +1,4 @@
-"""One tendon with friction between spool and tip, by the core's return mapping.
+"""A tendon with friction between spool and tip, by the core's return mapping.
 
 Tensions in N, lengths in m, stiffness in N/m; friction exponents are coefficient times wrap angle.
 """
@@ -28,11 +28,11 @@ class TendonRun(NamedTuple):
     dissipated: Array
     """Energy lost to friction in the step, J."""
     residual: Array
-    """By how much the friction law is broken at its worst contact, N."""
+    """Largest violation of the friction law at any contact, N."""
 
 
 def transmit(tension: ArrayLike, exponent: float, gain: float = 1.0, initial: float | None = None) -> Array:
-    """Return the distal tension of one contact for a measured sequence of proximal tension, N.
+    """Return the distal tension of a contact for a measured sequence of proximal tension, N.
 
     The far end is held, so that its tension stays while the contact sticks and follows on the band's edge, a factor
     exp(exponent) below or above, while it slides (Euler, Eytelwein).
@@ -134,7 +134,7 @@ class Tendon:
         return np.array(self._core.slip)
 
     def wind(self, wound: ArrayLike, drawn: ArrayLike = 0.0, *, time_step: float = 1e-3) -> TendonRun:
-        """Step over lengths wound in at the spool while the far end is drawn away.
+        """Step over lengths wound in at the spool while the far end is pulled away.
 
         Parameters
         ----------
@@ -153,7 +153,7 @@ class Tendon:
         return self._run("wound", wound, drawn, time_step, by_tension=False)
 
     def pull(self, tension: ArrayLike, drawn: ArrayLike = 0.0, *, time_step: float = 1e-3) -> TendonRun:
-        """Step over tensions at the spool (N, shape (n,)) while the far end is drawn away.
+        """Step over tensions at the spool (N, shape (n,)) while the far end is pulled away.
 
         Other parameters and errors are those of :meth:`wind`; tensions must not be negative.
         """

@@ -15,11 +15,11 @@ def set_threads(count: int) -> None:
     Raises
     ------
     ValueError
-        The count is no whole number from 1 to 1024.
+        The count is no integer from 1 to 1024.
     """
     global _threads  # noqa: PLW0603
     if not isinstance(count, int) or not 1 <= count <= MOST_THREADS:
-        raise ArgumentError(key="count", value=count, allowed=f"a whole number from 1 to {MOST_THREADS}")
+        raise ArgumentError(key="count", value=count, allowed=f"an integer from 1 to {MOST_THREADS}")
     _threads = count
 
 

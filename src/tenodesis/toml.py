@@ -107,7 +107,7 @@ def validated(
 
 
 class _Mistake(NamedTuple):
-    """What is wrong with one value."""
+    """An error in a value."""
 
     sentence: str
     key: str
@@ -116,7 +116,7 @@ class _Mistake(NamedTuple):
 
 
 class _Place(NamedTuple):
-    """Where a value is in a file."""
+    """Position of a value in a file."""
 
     entry: str
     """Entry of a list of tables, "phase 2 (ramp): "."""
@@ -126,7 +126,7 @@ class _Place(NamedTuple):
     siblings: list[str]
     """Keys of the table that the value is in."""
     of_list: str
-    """Key of the list of tables that the value is an entry of, if it is one."""
+    """Key of the list of tables of which the value is an entry, if any."""
 
 
 def _mistake(model: type[BaseModel], values: Mapping[str, Any], error: Any, entries: Mapping[str, str]) -> _Mistake:
@@ -154,7 +154,7 @@ def _mistake(model: type[BaseModel], values: Mapping[str, Any], error: Any, entr
 
 
 def _needed(error: Any, place: _Place, message: str) -> str:
-    """Return what a value must be, where pydantic's words are about Python."""
+    """Return what a value must be, where pydantic's message refers to Python types."""
     least, most = (error.get("ctx", {}).get(key, 0) for key in ("min_length", "max_length"))
     table = f"a table, [[{place.of_list}]]" if place.of_list else "a table"
     return {
@@ -171,7 +171,7 @@ def _needed(error: Any, place: _Place, message: str) -> str:
 
 
 def _locate(model: type[BaseModel], values: Any, error: Any, entries: Mapping[str, str]) -> _Place:
-    """Return where pydantic found a mistake, in the words of the file; values of a list count from one."""
+    """Return the position of an error found by pydantic, in the file's terms; values of a list count from 1."""
     tables, siblings, place = {"": model}, list[str](), _Place("", "", {}, [], "")
     for part in error["loc"]:
         if isinstance(part, int):

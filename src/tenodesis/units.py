@@ -1,4 +1,4 @@
-"""Physical quantities: written with their unit in files and options, kept in SI; each type with its bounds once."""
+"""Physical quantities: written with their unit in files and options, stored in SI; each type with its bounds."""
 
 import math
 import re
@@ -27,7 +27,7 @@ _WRITTEN = re.compile(rf"(?P<number>{_NUMBER})(?P<unit>\s*|\s*(?:1\s*/\s*)?{_UNI
 
 @dataclass(frozen=True)
 class Quantity:
-    """One kind of quantity: its name, SI unit, an example of how to write it, and its bounds in SI."""
+    """A kind of quantity: its name, SI unit, an example of how to write it, and its bounds in SI."""
 
     name: str
     unit: str
@@ -62,7 +62,7 @@ class Quantity:
         Raises
         ------
         ValueError
-            The value is no number, lacks its unit, has another dimension or lies outside its bounds.
+            The value is no number, lacks its unit, has another dimension or is outside its bounds.
         """
         if isinstance(value, str):
             number = self._read(value)
@@ -96,7 +96,7 @@ class Quantity:
 
 
 def annotation(quantity: Quantity) -> tuple[BeforeValidator, WithJsonSchema, Quantity]:
-    """Return what a pydantic field of this quantity is annotated with: reading, editor schema, and itself."""
+    """Return the annotation of a pydantic field of this quantity: its reader, its editor schema, and itself."""
     description = f"{quantity.allowed}, with its unit"
     schema = {
         "type": "string",
@@ -108,12 +108,12 @@ def annotation(quantity: Quantity) -> tuple[BeforeValidator, WithJsonSchema, Qua
 
 
 def quantity_of(field: FieldInfo) -> Quantity | None:
-    """Return the kind of quantity of a pydantic field, or None; of an optional field or a list, that of its values."""
+    """Return the kind of quantity of a pydantic field, or None; for an optional field or a list, that of its values."""
     return _quantity_of(field.annotation, field.metadata)
 
 
 def unit_of(field: FieldInfo) -> str:
-    """Return the SI unit of a pydantic field, empty for what is no quantity."""
+    """Return the SI unit of a pydantic field, empty if it is no quantity."""
     quantity = quantity_of(field)
     return quantity.unit if quantity else ""
 
@@ -126,7 +126,7 @@ def _quantity_of(annotation: Any, metadata: Sequence[Any] = ()) -> Quantity | No
 
 @cache
 def in_unit(unit: str, si_unit: str) -> float:
-    """Return how many of `unit` one `si_unit` is, for showing SI values on screen and in reports."""
+    """Return the factor from `si_unit` to `unit`, for showing SI values on screen and in reports."""
     return float(_units().Quantity(1.0, si_unit).to(unit).magnitude)
 
 

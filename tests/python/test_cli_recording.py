@@ -191,8 +191,8 @@ def test_a_controller_that_cannot_be_is_refused_in_a_sentence(
         (("record", "short.toml", "--axis", "pitch"), "scaled-up has no axis 'pitch'; it has yaw"),
         (("info", "absent.mcap"), "absent.mcap cannot be read: there is no such file"),
         (("info", "far.toml"), "far.toml is no MCAP file"),
-        (("info", "other.mcap"), "other.mcap holds no topic of a recording"),
-        (("replay", "other.mcap"), "other.mcap holds no topic of a recording"),
+        (("info", "other.mcap"), "other.mcap contains no topic of a recording"),
+        (("replay", "other.mcap"), "other.mcap contains no topic of a recording"),
         (("replay", "run.mcap", "--out", "run.mcap"), "run.mcap exists already"),
         (
             ("replay", "run.mcap", "--plot", "x.gif"),

@@ -151,7 +151,7 @@ def test_stop_works_for_everybody_under_a_name_of_its_own(page: Page, bench: Sta
 
 def test_a_stop_that_does_not_get_through_says_so(page: Page, bench: StandIn, monkeypatch: pytest.MonkeyPatch) -> None:
     def gone(*_: object) -> None:
-        raise LiveError("The runtime has gone.")
+        raise LiveError("The runtime has ended.")
 
     monkeypatch.setattr("tests.python.console_stand_in.StandInConnection.stop", gone)
     assert get(page, "/stop", X_Tenodesis="stop").status == 503

@@ -212,7 +212,7 @@ def test_a_browser_that_comes_while_there_is_no_runtime_can_start_one(bench: Sta
 
     def connect(origin: str) -> Any:
         if gone and origin != "page":
-            raise LiveError("The runtime has gone.")
+            raise LiveError("The runtime has ended.")
         link = bench.connect(origin)
         if origin == "page":
             link.restart = restart  # type: ignore[method-assign]
@@ -224,7 +224,7 @@ def test_a_browser_that_comes_while_there_is_no_runtime_can_start_one(bench: Sta
 
     with serve(connect, port=0, recordings=tmp_path) as page, Guest(page.port) as guest:
         wait(lambda: "Start the instrument again" in guest.parts)
-        wait(lambda: guest.sees("The runtime has gone."))
+        wait(lambda: guest.sees("The runtime has ended."))
         assert HAND not in guest.parts
         guest.set("Start the instrument again", True)
         wait(lambda: operates(bench, guest))
@@ -324,7 +324,7 @@ def recordings(scaled: Instrument, tmp_path: Path) -> Path:
         ("cut.mcap", "only&#58;"),
         ("empty.mcap", "0.0 s, 0 rows, scaled-up, yaw."),
         ("two.mcap", "To replay it, run an instrument with yaw and pitch first"),
-        ("foreign.mcap", "foreign.mcap has yaw and pitch and does not hold its instrument"),
+        ("foreign.mcap", "foreign.mcap has yaw and pitch and does not contain its instrument"),
         ("../secret.mcap", "is not among the recordings"),
     ],
 )

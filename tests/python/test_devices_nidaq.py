@@ -400,7 +400,7 @@ def test_a_task_that_cannot_be_closed_keeps_no_output_from_standstill(settings: 
     tasks.open()
     tasks.read(1.0)
     ni.stuck = stuck
-    with pytest.raises(DeviceError, match=r"^The device Dev2 cannot be let go: it hangs\.$"):
+    with pytest.raises(DeviceError, match=r"^The device Dev2 cannot be released: it hangs\.$"):
         tasks.close()
     assert ni.at_once[-1] == [0.0, 0.02]
     assert all(task.close.called for task in ni.tasks)
@@ -465,5 +465,5 @@ def test_samples_that_are_late_are_none_and_other_errors_are_told(settings: NiDa
     ni.write.side_effect = ni.errors.DaqWriteError("underflow\nmore", -200290, 0)
     with pytest.raises(DeviceError, match=r"^The device Dev2 takes no commands: underflow.*\.$"):
         tasks.write(np.zeros(2), 1)
-    with pytest.raises(DeviceError, match=r"device is 'Dev9'; it must be one that the driver knows: Dev1, Dev2"):
+    with pytest.raises(DeviceError, match=r"device is 'Dev9'; it must be a device of the driver: Dev1, Dev2"):
         ni_tasks(settings, ni, device="Dev9").open()

@@ -386,11 +386,11 @@ def test_the_urdf_is_a_tree_and_its_mimics_name_their_joints(inst):
 
 
 def test_what_a_format_does_not_carry_is_said_in_it():
-    assert re.search(r"does not carry.*tendons.*rolling contact.*friction", km.urdf(REAL), re.DOTALL)
-    assert re.search(r"does not carry.*rolling contact.*friction", km.mjcf(REAL), re.DOTALL)
+    assert re.search(r"does not contain.*tendons.*rolling contact.*friction", km.urdf(REAL), re.DOTALL)
+    assert re.search(r"does not contain.*rolling contact.*friction", km.mjcf(REAL), re.DOTALL)
     for name, inst in INSTRUMENTS.items():
         drawn = ElementTree.fromstring(km.mjcf(inst)).findall("tendon/spatial")
-        assert bool(drawn) != ("the way of the tendons" in km.mjcf(inst)), name
+        assert bool(drawn) != ("the path of the tendons" in km.mjcf(inst)), name
         assert ("the arc of a backbone" in km.mjcf(inst)) == ("the arc of a backbone" in km.urdf(inst))
 
 

@@ -258,7 +258,7 @@ def test_an_order_that_makes_no_sense_is_refused_by_name(tmp_path, order, says):
 
 def test_more_orders_than_the_queue_holds_are_refused_and_said(tmp_path):
     loop = looped(tmp_path)
-    with pytest.raises(LiveError, match="too much is asked at once"):
+    with pytest.raises(LiveError, match="too many commands at once"):
         for _ in range(3000):
             loop.force([0.5])
 

@@ -162,7 +162,7 @@ def test_a_protocol_ends_when_another_takes_over(served):
     one.play(RAMP, record=False)
     assert other.acquire(force=True)
     until(lambda: other.heartbeat() and other.status().protocol.problem is not None)
-    assert other.status().protocol.problem == "the operator has gone"
+    assert other.status().protocol.problem == "the operator has left"
 
 
 def connected(folder, says=b""):

@@ -198,7 +198,7 @@ def test_what_cannot_forget_its_commands_still_pauses_homing_when_it_is_cancelle
         loop.ticks(TURN)
 
     def full() -> None:
-        raise LiveError("too much is asked at once; that was not taken.")
+        raise LiveError("too many commands at once; this one was refused.")
 
     monkeypatch.setattr(loop, "drop", full)
     with pytest.raises(LiveError):

@@ -233,7 +233,7 @@ def test_a_signal_closes_the_recording(number: signal.Signals, tmp_path: Path) -
     assert recording.damage is None
     check_slow(recording.run)
     last = recording.events[-1].content
-    assert (last["event"], last["why"], last["rows"]) == ("recording_ended", "asked to", len(recording.run))
+    assert (last["event"], last["why"], last["rows"]) == ("recording_ended", "on request", len(recording.run))
     assert said == f"tenodesis: {last['lost']} rows are missing, for the recorder was too slow.\n"
     status = told(tmp_path, lambda status: status["ended"])
     assert (status["rows"], status["problem"]) == (len(recording.run), None)

@@ -59,7 +59,7 @@ def operating(folder):
 def test_one_operates_and_others_watch_until_they_take_over(served):
     folder, _ = served
     one, other = Client(folder, "one"), Client(folder, "other")
-    with pytest.raises(LiveError, match="one only watches; nobody operates"):
+    with pytest.raises(LiveError, match="one only watches; there is no operator"):
         one.request("enable")
     assert one.acquire()
     assert not other.acquire()
@@ -102,7 +102,7 @@ def test_a_protocol_ends_with_its_operator_and_homes_nobodys_motors(served):
     until(lambda: other.status().protocol.problem is not None)
     time.sleep(0.3)
     status = other.status()
-    assert status.protocol.problem == "the operator has gone"
+    assert status.protocol.problem == "the operator has left"
     assert status.state in {"DISABLED", "PAUSED"}
     assert not status.homing
 
@@ -162,7 +162,7 @@ def test_a_client_that_floods_delays_no_tick_and_the_last_word_counts(served):
         try:
             one.hand([0.2 * n / 1999])
         except LiveError as problem:
-            assert "too much" in str(problem)
+            assert "too many" in str(problem)
     one.hand([0.2])
     until(lambda: abs(one.latest()["commanded_handle_angle"] - 0.2) < 1e-4)
     assert server.loop.core.ticks > ticks
@@ -219,7 +219,7 @@ def test_a_runtime_that_is_killed_is_said_and_can_be_started_again(tmp_path):
         link.request("enable")
         os.kill(host.pid, signal.SIGKILL)
         until(lambda: link.status().state == "GONE")
-        assert "The runtime has gone" in link.status().problem
+        assert "The runtime has ended" in link.status().problem
         until(lambda: not link.alive)
         link.restart()
         assert link.status().state == "DISABLED"

@@ -165,7 +165,7 @@ BEYOND: list[tuple[Callable[[], Any], str, str]] = [
         "output_amplitude",
         "cycles): output_amplitude is 90 deg; it must be within the output range of ±80 deg.",
     ),
-    (lambda: Cycles(amplitude=0, speed=1, count=1), "", "cycles): the cycles begin where they go to"),
+    (lambda: Cycles(amplitude=0, speed=1, count=1), "", "cycles): the cycles start at their far end"),
     (lambda: StepLoad(handle_angle=1, force=1, duration=1), "handle_angle", "step-load): handle_angle is 57.2958 deg"),
     (
         lambda: StepLoad(output_angle=1.5, force=1, duration=1),

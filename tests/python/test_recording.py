@@ -83,7 +83,7 @@ def test_metadata_is_kept_and_gives_the_instrument(tmp_path: Path) -> None:
         "axes": "yaw",
     }
     assert {"tenodesis", "python", "numpy"} <= recording.metadata.keys()
-    with pytest.raises(RecordingError, match="does not hold its instrument"):
+    with pytest.raises(RecordingError, match="does not contain its instrument"):
         Recording.open(recorded(tmp_path / "bare.mcap", a_run(2))).instrument()
 
 

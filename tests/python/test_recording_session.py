@@ -210,7 +210,7 @@ def test_a_benchs_recording_is_compared_by_its_sensors(scaled: Instrument, tmp_p
     with Recorder(tmp_path / "bench.mcap", axes=run.axes, start_time=10**18) as recorder:
         recorder.write(run)
     recording = Recording.open(tmp_path / "bench.mcap")
-    with pytest.raises(RecordingError, match="does not hold its instrument"):
+    with pytest.raises(RecordingError, match="does not contain its instrument"):
         replay(recording)
     again = replay(recording, scaled.replace(**{"dynamics.hand_stiffness": 50.0}))
     assert not again.exact

@@ -215,7 +215,7 @@ def test_the_file_says_where_it_is_from_and_reads_as_any_other(
     assert tomllib.loads(back.metadata["transfer_factors"])["yaw"] == pytest.approx(carried.factors["yaw"])
     assert "protocol" not in back.metadata
     assert back.metadata["scaled_up_protocol"] == log.metadata["protocol"]
-    with pytest.raises(RecordingError, match=r"carried over from log.mcap; replay that"):
+    with pytest.raises(RecordingError, match=r"converted from log.mcap; replay that"):
         replay(back)
 
 
@@ -239,7 +239,7 @@ def test_each_axis_has_factors_of_its_own(real: TendonGear, tmp_path: Path) -> N
     assert [warning.partition(" N,")[0] for warning in carried.warnings] == [
         "the pretension of real-size (yaw) was 30",
         "the pretension of real-size (pitch) was 30",
-        "real-size has no friction to carry over: real-size keeps its own.",
+        "real-size has no friction to transfer: real-size keeps its own.",
     ]
 
 
@@ -270,7 +270,7 @@ def test_other_ratios_of_radii_and_sensors_in_error_are_reported(
     )
     assert sensors == (
         "scaled-up has mismatch.output_encoder_offset -1.4 deg, load_cell_bias 0.1 N and -0.2 N: "
-        "measured signals are carried over as measured."
+        "measured signals are converted as measured."
     )
 
 
@@ -305,7 +305,7 @@ def test_identified_friction_is_carried_by_dimension(real_size: TendonGear, idea
     assert after.viscous == pytest.approx(3 / (tension * time / stroke), rel=1e-5)
     assert after.stribeck_speed == pytest.approx(1e-3 / (stroke / time), rel=1e-5)
     assert after.memory == pytest.approx(5e-3 / time, rel=1e-5)
-    assert carried.sources["friction"] == "carried over from scaled-up (identified.toml)"
+    assert carried.sources["friction"] == "transferred from scaled-up (identified.toml)"
     assert carried.replace(friction=None, sources=None) == real_size.replace(friction=None, sources=None)
     assert tn.parse(to_toml(carried)) == carried
 
@@ -334,15 +334,15 @@ def test_what_cannot_be_carried_is_refused_in_one_sentence(
     for factor in (0.0, np.nan, -1.0):
         with pytest.raises(ValueError, match=r"time_factor is .*; it must be a number above 0"):
             carry(log, real_size, time_factor=factor)
-    with pytest.raises(InstrumentError, match=r"scaled-up has no friction to carry over; its friction.law must"):
+    with pytest.raises(InstrumentError, match=r"scaled-up has no friction to transfer; its friction.law must"):
         carry_friction(ideal.replace(friction=None), real_size)
     with Recorder(tmp_path / "bare.mcap", axes=("yaw",)) as recorder:
         recorder.write(log.run)
     bare = Recording.open(tmp_path / "bare.mcap")
-    with pytest.raises(RecordingError, match=r"bare\.mcap does not hold its instrument; give"):
+    with pytest.raises(RecordingError, match=r"bare\.mcap does not contain its instrument; give"):
         carry(bare, real_size)
     assert carry(bare, real_size, scaled_up=ideal).run["force"] == pytest.approx(carry(log, real_size).run["force"])
-    with pytest.raises(RecordingError, match="the run does not hold its instrument; give"):
+    with pytest.raises(RecordingError, match="the run does not contain its instrument; give"):
         carry(log.run, real_size)
 
 
@@ -392,7 +392,7 @@ def test_the_command_writes_both_files_and_reports_the_factors(folder: Path, mon
     assert Recording.open("log-real-size.mcap").run["force"].max() == pytest.approx(1.5 / 2.8802, rel=1e-4)
     rubbing = tn.load("rubbing.toml")
     assert rubbing.axes == ("yaw", "pitch")
-    assert rubbing.sources["friction"] == "carried over from scaled-up (log.mcap)"
+    assert rubbing.sources["friction"] == "transferred from scaled-up (log.mcap)"
     again = command(monkeypatch, "log.mcap", "--to", "rubbing.toml", "--out", "again.mcap", "--scaled-up", "scaled-up")
     assert again.exit_code == 0
     assert "warning: scaled-up has mismatch.stiffness_ratio 0.85" in again.output

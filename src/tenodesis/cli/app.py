@@ -20,7 +20,7 @@ class _Stub(TyperCommand):
         self._function = command.function
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
-        """Return the context of the command itself, which runs in place of this one."""
+        """Return the context of the command itself, which replaces this group."""
         return built(info_name or "", load(self._function)).make_context(info_name, args, parent=parent, **extra)
 
 

@@ -58,9 +58,7 @@ def bench(
 
         context = run(inst, scaled, out, report)
     console.print(_summary(context))
-    console.print(
-        f"Report: [bold]{out / 'report.html'}[/bold]  (figures/, curves/, recordings/ and results.json beside it)"
-    )
+    console.print(f"Report: [bold]{out / 'report.html'}[/bold]  (with figures/, curves/, recordings/ and results.json)")
 
 
 def _summary(context: Context) -> Table:

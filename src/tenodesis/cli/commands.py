@@ -7,7 +7,7 @@ from tenodesis.errors import Error
 
 
 def main() -> None:
-    """Run the command line; what a user can mend ends in one sentence and exit code 1."""
+    """Run the command line; an error that a user can correct ends in one sentence and exit code 1."""
     *words, last = sys.argv
     group = ALL if len(words) == 1 else COMMANDS.get(" ".join(words[1:]))
     if last == "--help" and isinstance(group, Group):

@@ -23,7 +23,7 @@ PATIENCE = 1.0
 """Time after which a progress bar is shown, s."""
 
 InstrumentFile: TypeAlias = Annotated[
-    str, typer.Argument(metavar="INSTRUMENT", help="Instrument file, or the name of one that is shipped.")
+    str, typer.Argument(metavar="INSTRUMENT", help="Instrument file, or the name of a shipped instrument.")
 ]
 Overwrite: TypeAlias = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
 
@@ -108,7 +108,7 @@ def check_choice(option: str, value: str, choices: Iterable[str]) -> None:
 
 @contextmanager
 def value_errors() -> Iterator[None]:
-    """Raise what a function says about its arguments as an error of the command."""
+    """Raise a function's error about its arguments as an error of the command."""
     try:
         yield
     except Error:
@@ -118,7 +118,7 @@ def value_errors() -> Iterator[None]:
 
 
 def refuse_existing(paths: Iterable[Path], overwrite: bool) -> None:
-    """Refuse to replace files without being asked to.
+    """Refuse to replace files unless an option allows it.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def write_text(path: Path, text: str) -> None:
 
 @contextmanager
 def write_errors(path: Path) -> Iterator[None]:
-    """Raise what the operating system says about writing a path as an error of the command."""
+    """Raise an error of the operating system on writing a path as an error of the command."""
     try:
         yield
     except OSError as problem:
@@ -152,12 +152,12 @@ def write_errors(path: Path) -> Iterator[None]:
 
 
 def check_outputs(outputs: Iterable[tuple[str, Path]], inputs: Sequence[Path]) -> None:
-    """Refuse to write an input or within one, a file twice, what is no regular file, or where nothing can be written.
+    """Refuse outputs that are inputs or inside an input, coincide, are no regular files or cannot be written.
 
     Parameters
     ----------
     outputs
-        Each with the option that asks for it.
+        Each with its option.
     inputs
         Files and folders that are read.
 
@@ -194,7 +194,7 @@ def _refused(option: str, path: Path, reason: str) -> CommandError:
 
 
 def _same_file(path: Path, other: Path) -> bool:
-    """Return whether two paths are one file by different names, hard links included."""
+    """Return whether two paths name the same file, hard links included."""
     return path.exists() and other.exists() and path.samefile(other)
 
 

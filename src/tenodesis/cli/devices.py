@@ -1,4 +1,4 @@
-"""The commands about devices: list them, and measure whether one keeps time."""
+"""The commands about devices: list them, and measure whether a device keeps time."""
 
 from typing import Annotated
 
@@ -28,7 +28,7 @@ def list_devices() -> None:
 def test_device(
     name: Annotated[str, typer.Argument(metavar="NAME", help="The device: canopen, nidaq or serial.")],
     instrument_file: Annotated[
-        str, typer.Option("--instrument", help="Instrument file with its table devices, or the name of a shipped one.")
+        str, typer.Option("--instrument", help="Instrument file with its table devices, or shipped name.")
     ] = "real-size",
     seconds: Annotated[float, typer.Option(help="How long to measure, s.")] = 10.0,
     address: Annotated[

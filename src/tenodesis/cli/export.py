@@ -17,9 +17,9 @@ Out = Annotated[Path | None, typer.Option(help="The file. Default: by the instru
 def export_controller(  # noqa: PLR0917
     instrument_file: InstrumentFile,
     axis: Annotated[str | None, typer.Option(help="Axis to control alone. Default: all.", show_default=False)] = None,
-    observer: Annotated[ObserverName, typer.Option(help="What estimates the tip angle.")] = "friction",
+    observer: Annotated[ObserverName, typer.Option(help="Observer that estimates the tip angle.")] = "friction",
     law: Annotated[LawName, typer.Option(help="Compensation law.")] = "robust",
-    actuation: Annotated[ActuationName, typer.Option(help="Which motors act.")] = "differential",
+    actuation: Annotated[ActuationName, typer.Option(help="Motors that act.")] = "differential",
     not_homed: Annotated[bool, typer.Option("--not-homed", help="The spools' zero is unknown: home first.")] = False,
     own_clock: Annotated[bool, typer.Option("--own-clock", help="Ticks count as one period each.")] = False,
     name: Annotated[
@@ -52,12 +52,12 @@ def export_controller(  # noqa: PLR0917
 
 
 def export_urdf(instrument_file: InstrumentFile, out: Out = None, overwrite: Overwrite = False) -> None:
-    """Write an instrument as a URDF robot: links, joints, mimics; no tendons. The file says what it does not carry."""
+    """Write an instrument as a URDF robot: links, joints, mimics; no tendons. The file lists what is missing."""
     _export(instrument_file, kinematics.urdf, ".urdf", out, overwrite)
 
 
 def export_mjcf(instrument_file: InstrumentFile, out: Out = None, overwrite: Overwrite = False) -> None:
-    """Write an instrument as a MuJoCo model: bodies, tied joints, tendons. The file says what it does not carry."""
+    """Write an instrument as a MuJoCo model: bodies, tied joints, tendons. The file lists what is missing."""
     _export(instrument_file, kinematics.mjcf, ".xml", out, overwrite)
 
 
@@ -69,4 +69,4 @@ def _export(
     refuse_existing([path], overwrite)
     write_text(path, writer(inst))
     axes = " and ".join(inst.axes)
-    typer.echo(f"{path}: {inst.name} ({axes}); its first lines say what the format does not carry.")
+    typer.echo(f"{path}: {inst.name} ({axes}); its first lines list what the format does not contain.")

@@ -33,11 +33,11 @@ def identify(  # noqa: PLR0917
     test: Annotated[list[Path] | None, typer.Option(metavar="FILE", help="Recording held out; repeatable.")] = None,
     train_until: Annotated[
         float | None,
-        typer.Option(metavar="SHARE", help="Fit this share of each LOG's duration, hold out what follows."),
+        typer.Option(metavar="SHARE", help="Fit this share of each LOG's duration, hold out the rest."),
     ] = None,
     train_from: Annotated[
         float | None,
-        typer.Option(metavar="SHARE", help="Fit each LOG from this share of its duration on, hold out what is before."),
+        typer.Option(metavar="SHARE", help="Fit each LOG from this share of its duration on, hold out the rest."),
     ] = None,
     parameters: Annotated[
         str | None,
@@ -45,14 +45,14 @@ def identify(  # noqa: PLR0917
     ] = None,
     instrument_file: Annotated[
         str | None,
-        typer.Option("--instrument", metavar="INSTRUMENT", help="Where values start: file or shipped name."),
+        typer.Option("--instrument", metavar="INSTRUMENT", help="Initial values: file or shipped name."),
     ] = None,
     law: Annotated[
         str | None,
-        typer.Option(help="Friction law; each format has its own choice. Default: the format's.", show_default=False),
+        typer.Option(help="Friction law; the choice depends on the format. Default: the format's.", show_default=False),
     ] = None,
     json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Parameters, intervals and errors go there as well.")
+        Path | None, typer.Option("--json", metavar="FILE", help="Write parameters, intervals and errors here as well.")
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for report.html, result.json and instrument.toml.")] = Path(
         "out/identification"
@@ -66,7 +66,7 @@ def identify(  # noqa: PLR0917
     seed: Annotated[int, typer.Option(help="Seed of starts and bootstrap.", min=0)] = 0,
     loss: Annotated[
         LossName | None,
-        typer.Option(help="soft_l1 against outliers. Default: the format's.", show_default=False),
+        typer.Option(help="Loss; soft_l1 is robust to outliers. Default: the format's.", show_default=False),
     ] = None,
 ) -> None:
     """Identify a model from recordings: parameters with intervals, errors on held-out runs, and the instrument file."""
@@ -189,7 +189,7 @@ def _check_different(measured: Sequence[MeasuredRun]) -> None:
 
 
 def _extrapolated(one: MeasuredRun, trained: Sequence[MeasuredRun]) -> tuple[str, ...]:
-    """Return a note where a held-out recording was made at a bend of the sheath beyond those of the fitted ones."""
+    """Return a note where a held-out recording has a sheath bend beyond those of the fitted recordings."""
     if _BEND not in one.columns:
         return ()
     bend, bends = (float(np.degrees(one[_BEND][0])), [float(np.degrees(other[_BEND][0])) for other in trained])

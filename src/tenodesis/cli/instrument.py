@@ -1,4 +1,4 @@
-"""The commands about instrument files: check one, and the schemas of all kinds of files."""
+"""The commands about instrument files: check a file, and print the schemas of all kinds of files."""
 
 import json
 from typing import Annotated, Literal, TypeAlias

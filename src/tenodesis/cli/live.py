@@ -24,23 +24,24 @@ _PLACES = (Path("/dev/shm"), Path(tempfile.gettempdir()))
 
 def live_console(  # noqa: PLR0917
     instrument_file: InstrumentFile = "scaled-up",
-    device: Annotated[DeviceName, typer.Option(help="What is controlled.")] = "twin",
+    device: Annotated[DeviceName, typer.Option(help="Device to control.")] = "twin",
     address: Annotated[
         str | None, typer.Option(help="Of a serial device: /dev/ttyACM0, or socket://127.0.0.1:5555.")
     ] = None,
     law: Annotated[LawName, typer.Option(help="Compensation law.")] = "robust",
-    actuation: Annotated[ActuationName, typer.Option(help="Which motors act.")] = "differential",
+    actuation: Annotated[ActuationName, typer.Option(help="Motors that act.")] = "differential",
     host: Annotated[
-        str, typer.Option(help="Address to listen on; on any but this computer's own, browsers need the token.")
+        str, typer.Option(help="Address to listen on; other than on this computer's own, browsers need the token.")
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Port; the next free one if it is taken.")] = 8080,
+    port: Annotated[int, typer.Option(help="Port; the next free port if it is taken.")] = 8080,
     token: Annotated[
-        str | None, typer.Option(help="Token for browsers on other computers; by default a random one.")
+        str | None, typer.Option(help="Token for browsers on other computers; by default a random token.")
     ] = None,
     recordings: Annotated[Path, typer.Option(help="Folder of recordings.")] = Path("recordings"),
     seed: Annotated[int, typer.Option(help="Seed of the twin's sensor noise.", min=0)] = 0,
     foxglove: Annotated[
-        int | None, typer.Option(help="Serve Foxglove on this port too, to watch; 0 takes any.", show_default=False)
+        int | None,
+        typer.Option(help="Also serve Foxglove on this port; 0: any free port.", show_default=False),
     ] = None,
 ) -> None:
     """Open the live instrument in the browser: move its handle, push on its tip, switch the compensation on and off."""
@@ -76,17 +77,17 @@ def foxglove(
     folder: Annotated[
         Path | None,
         typer.Argument(
-            metavar="FOLDER", help="Folder of the runtime. Default: that of the one that runs.", show_default=False
+            metavar="FOLDER", help="Folder of the runtime. Default: that of the only runtime.", show_default=False
         ),
     ] = None,
     host: Annotated[
-        str, typer.Option(help="Address to listen on; by default none but this computer can connect.")
+        str, typer.Option(help="Address to listen on; by default only this computer can connect.")
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Port to listen on; 0 takes any that is free.")] = 8765,
+    port: Annotated[int, typer.Option(help="Port to listen on; 0: any free port.")] = 8765,
     rate: Annotated[float, typer.Option(help="Messages per second and topic, Hz.")] = 100.0,
     all_rows: Annotated[bool, typer.Option("--all", help="Send every row instead.")] = False,
 ) -> None:
-    """Show a live instrument to Foxglove: the recordings' topics over a WebSocket, to watch and nothing else."""
+    """Show a live instrument to Foxglove: the recordings' topics over a WebSocket, read-only."""
     folder = _running() if folder is None else folder
     stop = threading.Event()
     with on_signal(stop.set):
@@ -104,7 +105,7 @@ def foxglove(
 
 
 def _running() -> Path:
-    """Return the folder of the runtime that runs, where there is but one."""
+    """Return the folder of the only runtime that runs."""
     found = []
     for place in _PLACES:
         for ring in place.glob(f"tenodesis-*/*/{folders.RING}"):

@@ -25,7 +25,7 @@ def plan_identification(  # noqa: PLR0917
             show_default=False,
         ),
     ] = None,
-    duration: Annotated[str, typer.Option(help="How long the protocol may last.")] = f"{DURATION:g} s",
+    duration: Annotated[str, typer.Option(help="Longest duration of the protocol.")] = f"{DURATION:g} s",
     without_distal_encoder: Annotated[
         bool, typer.Option("--without-distal-encoder", help="The bench has no encoder at the tip.")
     ] = False,
@@ -44,7 +44,7 @@ def plan_identification(  # noqa: PLR0917
         "out/plan-identification"
     ),
 ) -> None:
-    """Propose the bench protocol that makes parameters identifiable, and predict how well they will be known."""
+    """Propose the bench protocol that makes parameters identifiable, and predict their precision."""
     inst = instrument.load(instrument_file)
     if axis is not None:
         inst = inst.axis(axis)

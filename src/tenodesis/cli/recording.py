@@ -1,4 +1,4 @@
-"""The commands about recordings: make one, look at it, run it again, export it."""
+"""The commands about recordings: record, describe, repeat, export."""
 
 import signal
 from collections.abc import Iterator
@@ -40,7 +40,7 @@ from tenodesis.units import Duration, in_unit
 
 def record(  # noqa: PLR0917
     protocol_file: Annotated[
-        str, typer.Argument(metavar="PROTOCOL", help="Protocol file, or the name of one that is shipped.")
+        str, typer.Argument(metavar="PROTOCOL", help="Protocol file, or the name of a shipped protocol.")
     ],
     instrument_file: InstrumentFile = "scaled-up",
     out: Annotated[
@@ -49,7 +49,7 @@ def record(  # noqa: PLR0917
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 0,
     time_step: Annotated[str, typer.Option(help="Time step, with its unit.")] = f"{twins.TIME_STEP * 1e3:g} ms",
-    quasi_static: Annotated[bool, typer.Option("--quasi-static", help="Leave inertia and damping out.")] = False,
+    quasi_static: Annotated[bool, typer.Option("--quasi-static", help="Omit inertia and damping.")] = False,
     overwrite: Overwrite = False,
     axis: Annotated[str | None, typer.Option(help="Axis to run alone. Default: all.", show_default=False)] = None,
     law: Annotated[
@@ -58,10 +58,10 @@ def record(  # noqa: PLR0917
     ] = None,
     observer: Annotated[
         ObserverName | None,
-        typer.Option(help="What estimates the tip angle for the controller. Default: friction.", show_default=False),
+        typer.Option(help="Observer of the controller. Default: friction.", show_default=False),
     ] = None,
     actuation: Annotated[
-        ActuationName | None, typer.Option(help="Which motors act. Default: differential.", show_default=False)
+        ActuationName | None, typer.Option(help="Motors that act. Default: differential.", show_default=False)
     ] = None,
     controller_instrument: Annotated[
         str | None,
@@ -108,7 +108,7 @@ def record(  # noqa: PLR0917
 def info(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings.")],
 ) -> None:
-    """Print what recordings hold: what made them, their topics, their signals' ranges, and what happened besides."""
+    """Print the contents of recordings: origin, topics, ranges of the signals, and events."""
     for file in files:
         recording = Recording.open(file)
         if files[1:]:

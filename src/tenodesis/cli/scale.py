@@ -31,14 +31,14 @@ from tenodesis.scaling.sweep import Progress as Report
 
 _SHOWN = 10
 _TRIED = 20
-_HEADING = """Scale model of {}, designed by tenodesis scale; plan.html says what to build and to hang.
+_HEADING = """Scale model of {}, designed by tenodesis scale; plan.html lists what to build and which weights to use.
 The tip's inertia and damping, and the ropes' true modulus, are to be measured once it stands."""
 
 
 def scale(  # noqa: PLR0917
     instrument_file: Annotated[
         str,
-        typer.Argument(metavar="INSTRUMENT", help="The real-size instrument: file, or name of one that is shipped."),
+        typer.Argument(metavar="INSTRUMENT", help="The real-size instrument: file or shipped name."),
     ] = "real-size",
     catalogue: Annotated[
         list[str] | None,
@@ -59,17 +59,13 @@ def scale(  # noqa: PLR0917
             show_default=False,
         ),
     ] = None,
-    prefer: Annotated[Preference, typer.Option(help="Which design of the front to take: the best in this.")] = (
-        "similarity"
-    ),
+    prefer: Annotated[Preference, typer.Option(help="Objective by which to choose from the front.")] = "similarity",
     pick: Annotated[
-        int | None, typer.Option(help="Row of front.csv to take instead, from 1 on.", show_default=False)
+        int | None, typer.Option(help="Row of front.csv to choose instead, counted from 1.", show_default=False)
     ] = None,
     combinations: Annotated[
         int,
-        typer.Option(
-            help="About how many scale models to judge, first over all parts, then over lengths of the good ones."
-        ),
+        typer.Option(help="About how many scale models to judge, first over all parts, then over lengths of the best."),
     ] = scaling.COMBINATIONS,
     out: Annotated[Path, typer.Option(help="Folder for instrument file, plan and front.")] = Path("prototype"),
     overwrite: Overwrite = False,
@@ -132,7 +128,7 @@ def _chosen(front: Front, prefer: Preference, pick: int | None) -> tuple[int, De
 
 
 def _write(out: Path, files: Sequence[str], front: Front, design: Design, free: Front | None) -> None:
-    """Write everything beside its place first, and move it there when all of it is written."""
+    """Write all files to a temporary place, and move them when all are written."""
     with write_errors(out), atomic_files(out) as new:
         (new / files[0]).write_text(to_file(design.scaled_up, comment=_HEADING.format(design.real_size.name)), "utf-8")
         plan.write(design, new)
@@ -194,7 +190,7 @@ def _print_front(front: Front, chosen: int, design: Design, free: Front | None) 
 
 
 def _representatives(front: Front, chosen: int) -> list[int]:
-    """Return a few designs of the front: the best by every preference, the chosen one, and some between."""
+    """Return a few designs of the front: the best by every preference, the chosen design, and some between."""
     best = {chosen, *(front.best(prefer) for prefer in PREFERENCES)}
     step = max(len(front) // max(_SHOWN - len(best), 1), 1)
     return sorted(best | set(list(range(0, len(front), step))[: max(_SHOWN - len(best), 0)]))

@@ -31,11 +31,11 @@ EXPORTS = {
         "Write a controller's parameters as a C header, for tenodesis_init.", "export.export_controller"
     ),
     "urdf": Command(
-        "Write an instrument as a URDF robot: links, joints, mimics; no tendons. The file says what it does not carry.",
+        "Write an instrument as a URDF robot: links, joints, mimics; no tendons. The file lists what is missing.",
         "export.export_urdf",
     ),
     "mjcf": Command(
-        "Write an instrument as a MuJoCo model: bodies, tied joints, tendons. The file says what it does not carry.",
+        "Write an instrument as a MuJoCo model: bodies, tied joints, tendons. The file lists what is missing.",
         "export.export_mjcf",
     ),
 }
@@ -59,7 +59,7 @@ COMMANDS: dict[str, Command | Group] = {
         "recording.record",
     ),
     "info": Command(
-        "Print what recordings hold: what made them, their topics, their signals' ranges, and what happened besides.",
+        "Print the contents of recordings: origin, topics, ranges of the signals, and events.",
         "recording.info",
     ),
     "replay": Command(
@@ -83,7 +83,7 @@ COMMANDS: dict[str, Command | Group] = {
         "identify.identify",
     ),
     "plan-identification": Command(
-        "Propose the bench protocol that makes parameters identifiable, and predict how well they will be known.",
+        "Propose the bench protocol that makes parameters identifiable, and predict their precision.",
         "plan_identification.plan_identification",
     ),
     "console": Command(
@@ -92,12 +92,14 @@ COMMANDS: dict[str, Command | Group] = {
         "live.live_console",
     ),
     "foxglove": Command(
-        "Show a live instrument to Foxglove: the recordings' topics over a WebSocket, to watch and nothing else.",
+        "Show a live instrument to Foxglove: the recordings' topics over a WebSocket, read-only.",
         "live.foxglove",
     ),
     "export": Group("Write what other programs read.", EXPORTS),
     "devices": Group(
-        "List devices, or test one.", DEVICES, Command("List the devices and what each needs.", "devices.list_devices")
+        "List devices, or test a device.",
+        DEVICES,
+        Command("List the devices and what each needs.", "devices.list_devices"),
     ),
 }
 ALL = Group(

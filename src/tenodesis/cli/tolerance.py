@@ -26,7 +26,7 @@ def study_tolerances(  # noqa: PLR0917
     scaled_up: Annotated[str, typer.Argument(metavar="SCALED", help="Scaled-up instrument: file or shipped name.")],
     tolerances: Annotated[
         Path | None,
-        typer.Option(help="Tolerance file. Default: ISO 2768-1 and what an identification leaves.", show_default=False),
+        typer.Option(help="Tolerance file. Default: ISO 2768-1 and errors of identification.", show_default=False),
     ] = None,
     samples: Annotated[
         int, typer.Option(help="Base samples N, rounded up to a power of two; N (parameters + 2) runs.")
@@ -38,9 +38,9 @@ def study_tolerances(  # noqa: PLR0917
     ] = None,
     out: Annotated[
         Path,
-        typer.Option(help="Folder for page, figures, samples and numbers; those of an earlier study are replaced."),
+        typer.Option(help="Folder for page, figures, samples and results; those of an earlier study are replaced."),
     ] = Path("out/tolerance"),
-    engine: Annotated[Literal["threads", "ray"], typer.Option(help="What runs the samples.")] = "threads",
+    engine: Annotated[Literal["threads", "ray"], typer.Option(help="Engine that runs the samples.")] = "threads",
     address: Annotated[
         str | None, typer.Option(help="Of the Ray cluster: host:port of its head, or auto.", show_default=False)
     ] = None,

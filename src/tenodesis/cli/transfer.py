@@ -1,4 +1,4 @@
-"""The command that carries an experiment on a scaled-up instrument to the real-size one."""
+"""The command that converts an experiment on a scaled-up instrument to real-size units."""
 
 import math
 from collections.abc import Iterable
@@ -22,18 +22,18 @@ def transfer(  # noqa: PLR0917
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Recording made on the scaled-up instrument.")],
     to: Annotated[str, typer.Option(metavar="INSTRUMENT", help="Real-size instrument: file or shipped name.")],
     out: Annotated[
-        Path | None, typer.Option(help="The file. Default: LOG-INSTRUMENT.mcap, beside LOG.", show_default=False)
+        Path | None, typer.Option(help="The file. Default: LOG-INSTRUMENT.mcap, next to LOG.", show_default=False)
     ] = None,
     scaled_up: Annotated[
         str | None,
-        typer.Option(metavar="INSTRUMENT", help="What was recorded: file or name. Default: what LOG holds."),
+        typer.Option(metavar="INSTRUMENT", help="Recorded instrument: file or name. Default: that in LOG."),
     ] = None,
     instrument_out: Annotated[
         Path | None,
-        typer.Option(help="Instrument file to write: the real-size one with the friction of the scaled-up one."),
+        typer.Option(help="Real-size instrument file to write, with the friction of the scaled-up instrument."),
     ] = None,
     time_factor: Annotated[
-        float | None, typer.Option(help="Factor of time. Default: that of the tips' swings.", show_default=False)
+        float | None, typer.Option(help="Time factor. Default: ratio of the tips' periods.", show_default=False)
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that exist, but no input.")] = False,
 ) -> None:

@@ -18,7 +18,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 LARGEST_UPLOAD = 8_000_000
-"""Largest file that a browser may send, bytes; the page itself refuses larger ones before they are sent."""
+"""Largest file that a browser may send, bytes; the page refuses larger files before they are sent."""
 
 # Browsers themselves refuse requests to any other site.
 _POLICY = (

@@ -1,4 +1,4 @@
-"""All that one browser shows: panel, curves and view."""
+"""What a browser shows: panel, curves and view."""
 
 import time
 from typing import Any
@@ -38,7 +38,7 @@ at the handle; it needs no sensor at the tip.
 3. Press *Enable* and choose the law *robust*: the motors bring the jaws back into the shadow. Choose *off*: they leave
    it again.
 
-**STOP** halts the motors at once, whoever presses it. The Esc key does the same.
+**STOP** halts the motors at once, from any browser. The Esc key does the same.
 """
 
 
@@ -88,7 +88,7 @@ class Browser:
 
     @property
     def outdated(self) -> bool:
-        """Whether another instrument runs than the one that is shown."""
+        """Whether the instrument that runs is not the one shown."""
         return self.session.link.inst != self._inst
 
     def tick(self, state: PageState) -> None:

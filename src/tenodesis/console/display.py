@@ -1,4 +1,4 @@
-"""The signals that the page shows, of one instant or of a period of time, with one column per axis."""
+"""The signals that the page shows, at an instant or over a period of time, with one column per axis."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -18,7 +18,7 @@ _DISTAL = ("distal_tension", "tension", "measured_tension")
 
 
 class ShownSignals(NamedTuple):
-    """Signals of n instants, or of one without that dimension; NaN where they are unknown."""
+    """Signals at n instants, or at a single instant without that dimension; NaN where unknown."""
 
     time: Array
     """s, shape (n,)"""

@@ -198,7 +198,7 @@ class Page:
             browser.session.attempt(browser.operate)
 
     def _offer_restart(self, client: "viser.ClientHandle", problem: str) -> None:
-        """Tell a browser that there is no runtime, and offer to start one."""
+        """Report to a browser that there is no runtime, and offer to start it."""
         gui: Any = client.gui
         text = f"There is no instrument to show; its motors are stopped by their own watchdogs. {problem}"
         gui.add_html(f'<div style="padding:.5em .8em;font-size:.8rem" role="alert">{escape(text)}</div>')

@@ -1,4 +1,4 @@
-"""The curves of the last seconds in one browser, and the colours of tension."""
+"""The curves of the last seconds in a browser, and the colours of tension."""
 
 from collections.abc import Mapping
 from math import isfinite

@@ -1,4 +1,4 @@
-"""The 3-D view of the instrument in one browser."""
+"""The 3-D view of the instrument in a browser."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -109,7 +109,7 @@ class Scene:
             self._label = scene.add_label(f"{_ROOT}/tip/label", "", anchor="top-left", font_screen_scale=1.0)
 
     def look(self, name: str) -> None:
-        """Turn the browser's camera to the whole instrument, its tip or its handle."""
+        """Turn the browser's camera to the entire instrument, its tip or its handle."""
         lengths, scale = self._lengths, self._scale
         reach, grip = lengths.end_effector_length, lengths.handle_length
         port_to_hand = lengths.stem_length - lengths.insertion
@@ -128,7 +128,7 @@ class Scene:
             camera.look_at = (0.0, 0.0, middle)
 
     def show(self, shown: ShownSignals) -> None:
-        """Draw one instant."""
+        """Draw the instrument at an instant."""
         # One call for the instrument and for the ghost, which has the target angles.
         handle, output = np.nan_to_num(shown.handle), np.nan_to_num([shown.output, shown.target])
         both = self._frames(np.stack([handle, handle]), output)
@@ -216,7 +216,7 @@ class Scene:
             arrow.points = np.stack([(gap + length) * direction, gap * direction])[np.newaxis]
 
     def _changed(self, name: str, value: Array, *, coarse: float = 1.0) -> bool:
-        """Return whether a value differs visibly from the last one that was sent, and keep it if so."""
+        """Return whether a value differs visibly from the last value sent, and if so keep it as sent."""
         before = self._sent.get(name)
         if before is not None and np.abs(np.nan_to_num(value) - before).max() < coarse * _VISIBLE:
             return False

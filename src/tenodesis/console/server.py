@@ -51,7 +51,7 @@ def start(host: str, port: int, access: AccessControl) -> "ViserServer":
     from viser import ViserServer  # noqa: PLC0415 - takes half a second
 
     _check_address(host)
-    # A browser that goes while the page draws for it is normal.
+    # It is normal that a browser disconnects while the page draws for it.
     warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
     # The library would print addresses of its own, which lack the token.
     with _behind(access), contextlib.redirect_stdout(io.StringIO()):
@@ -68,7 +68,7 @@ def stop(server: "ViserServer") -> None:
 
 
 class LoopOnlyEvent(asyncio.Event):
-    """An event that ignores other threads: set by one just when the loop starts to wait, it would never wake it."""
+    """An event that ignores other threads: set by another thread as the loop starts to wait, it might not wake it."""
 
     def set(self) -> None:
         """Set it, if this is the thread of the event loop."""

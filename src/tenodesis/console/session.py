@@ -1,4 +1,4 @@
-"""One browser's session: its connection to the runtime, and what its panel asks for."""
+"""A browser's session: its connection to the runtime, and the requests of its panel."""
 
 import logging
 import threading
@@ -28,7 +28,7 @@ Action: TypeAlias = Callable[[], object]
 
 
 class PageState(NamedTuple):
-    """What the page shows at one of its ticks."""
+    """What the page shows at a tick."""
 
     status: Status
     shown: ShownSignals
@@ -45,14 +45,14 @@ class PanelSection(Protocol):
 
 
 class RequestQueue:
-    """What a browser asks for until the page's next tick: of each kind the latest only, however many come."""
+    """The requests of a browser until the page's next tick: of each kind only the latest."""
 
     def __init__(self) -> None:
         self._actions: dict[str, Action] = {}
         self._lock = threading.Lock()
 
     def put(self, kind: str, action: Action) -> None:
-        """Add an action for the next tick, in place of an earlier one of its kind."""
+        """Add an action for the next tick, replacing an earlier action of its kind."""
         with self._lock:
             self._actions.pop(kind, None)
             self._actions[kind] = action
@@ -113,11 +113,11 @@ class Session:
         getattr(handle, name)(queue)
 
     def changed_at(self, *handles: Any) -> float:
-        """Return when the browser last changed one of some controls, on the monotonic clock, s."""
+        """Return when the browser last changed any of these controls, on the monotonic clock, s."""
         return max(self._changed.get(id(handle), -inf) for handle in handles)
 
     def just_changed(self, *handles: Any) -> bool:
-        """Return whether the browser changed one of some controls so recently that the runtime may not have it yet."""
+        """Return whether a control was changed so recently that the runtime may not have its value yet."""
         return time.monotonic() - self.changed_at(*handles) < _SETTLING_TIME
 
     def attempt(self, action: Action) -> None:
@@ -129,14 +129,14 @@ class Session:
         except Exception:
             # A browser may send what its panel does not offer; the page goes on.
             _log.exception("a request of %s failed", self.origin)
-            self.notify("The page failed; its log says where.")
+            self.notify("The page failed; its log shows where.")
 
     def is_busy(self, *kinds: str) -> bool:
-        """Return whether an action of one of some kinds runs in the background."""
+        """Return whether an action of any of these kinds runs in the background."""
         return not self._busy.isdisjoint(kinds)
 
     def run_in_background(self, kind: str, action: Action) -> None:
-        """Run an action that takes longer than a tick, one of a kind at a time."""
+        """Run an action that takes longer than a tick, at most one action of a kind at a time."""
         if kind in self._busy:
             self.notify("This is already in progress.")
             return

@@ -134,7 +134,7 @@ def _plate(width: float, between: float, thickness: float, middle: float) -> Tri
 
 
 def _jaw(width: float, length: float, root: float, side: int) -> Trimesh:
-    """Return one of two jaws along z that begins at a root and tapers; side is 1 or -1."""
+    """Return a jaw along z that begins at a root and tapers; side is 1 or -1."""
     profile = np.array([(0.04, 0), (1, 0), (0.95, 0.55), (0.35, 1), (0.04, 1)]) * (side * width / 2, length)
     outline = profile[::-side, ::-1]
     centre = outline.mean(0)

@@ -38,7 +38,7 @@ class _Opened(NamedTuple):
 
 
 class FilesTab:
-    """The recordings of a folder, and one of them opened."""
+    """The recordings of a folder, and the recording that is open."""
 
     def __init__(self, session: Session, inst: Instrument) -> None:
         self._session, self._inst = session, inst
@@ -106,7 +106,7 @@ class FilesTab:
         inst = recording.instrument() if "instrument" in recording.metadata else self._inst
         if recording.run.axes != inst.axes:
             raise RecordingError(
-                f"{name} has {' and '.join(recording.run.axes)} and does not hold its instrument; it must have "
+                f"{name} has {' and '.join(recording.run.axes)} and does not contain its instrument; it must have "
                 f"{' and '.join(inst.axes)}, as {inst.name} has."
             )
         return recording, inst

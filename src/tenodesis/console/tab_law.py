@@ -7,7 +7,7 @@ from tenodesis.console.session import PageState, Session, enable, set_properties
 from tenodesis.console.status import timing_line
 
 LAWS = {
-    "off": "Off: the motors stand still; the angle that the load takes is lost.",
+    "off": "Off: the motors are at rest; the angle lost under load is not restored.",
     "paper": "The paper's law (eq. 22) as a set point: winds by half the difference of the tensions.",
     "paper-feedback": "The paper's law in feedback: the spools wind as long as the tensions differ.",
     "exact": "The stroke of the frictionless theory, slack included.",

@@ -55,7 +55,7 @@ class MoveTab:
                 max=most,
                 step=fine,
                 initial_value=0.0,
-                hint="Tangential force at the tip; a positive one pushes against positive flexion.",
+                hint="Tangential force at the tip; a positive force opposes positive flexion.",
             )
             for axis in inst.axes
         ]
@@ -70,7 +70,7 @@ class MoveTab:
             self._upload = gui.add_upload_button(
                 "Motion from a CSV file",
                 mime_type=".csv,text/csv",
-                hint="With a column of time in s and one of the angle, such as time_s and angle_deg.",
+                hint="With columns of time and angle, such as time_s and angle_deg.",
             )
         for slider in self._hand:
             session.on(slider, "hand", self._move)

@@ -1,4 +1,4 @@
-"""The tab of the instrument: the one that runs, and others to run from a file."""
+"""The tab of the instrument: the instrument that runs, and others to run from a file."""
 
 import stat
 from functools import partial

@@ -1,4 +1,4 @@
-"""The controller: know the tip from what the handle's end tells, and give the lost angle back."""
+"""The controller: estimates the tip from sensors at the handle, and restores the lost angle."""
 
 from tenodesis.control.controller import (
     Controller,

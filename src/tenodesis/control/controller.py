@@ -176,7 +176,7 @@ class Controller:
         spool_angles: ArrayLike,
         request: Request | str = Request.NONE,
     ) -> Output:
-        """Take one tick.
+        """Step the controller by one tick.
 
         Parameters
         ----------

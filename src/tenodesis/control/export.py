@@ -140,7 +140,7 @@ def export_header(
     own_clock: bool = False,
     source: str | None = None,
 ) -> None:
-    """Write what :func:`header` returns to a file, whole or not at all.
+    """Write what :func:`header` returns to a file, atomically.
 
     Raises
     ------

@@ -13,7 +13,7 @@ from tenodesis.instrument.devices import CanOpen
 
 _ANSWER_TIME = 0.2  # s, of an SDO server to what stops a motor, or changes nothing
 _ERRORS = (can.CanError, OSError, ValueError)
-"""What python-can raises on a bus that does not carry frames, or carries no sound ones."""
+"""What python-can raises on a bus that carries no frames, or only damaged frames."""
 
 
 class BusError(DeviceError):

@@ -21,7 +21,7 @@ _STATUS_AND_POSITION = "<Hi"
 _CONTROL_AND_TARGET = struct.Struct("<Hi")
 _MEASURED_OBJECTS = ((0x6041, 0, 16), (0x6064, 0, 32))
 LEAD = 0.05
-"""Time by whose way at full speed a motor may be behind, s: one that is held up is not to catch up at a bound."""
+"""Largest lag of a motor, as time at full speed, s; a blocked motor must not jump when it is released."""
 _TURN = 2**32
 """Counts after which a target position wraps."""
 _Placed: TypeAlias = tuple[int, int, CanAngle | CanTension]
@@ -72,7 +72,7 @@ class DriveFrames:
     measured_id: int
     measured_objects: tuple[tuple[int, int, int], ...]
     measured: struct.Struct
-    """Statusword, position and, where there is one, the counter."""
+    """Statusword, position and, if the drive has it, the counter."""
     commanded_id: int
     commanded_objects: tuple[tuple[int, int, int], ...]
     angle_per_count: float
@@ -272,7 +272,7 @@ def _sensor_frame(node: int, name: str, number: int, held: list[_Placed]) -> Sen
 
 
 def integer_range(kind: str) -> tuple[int, int] | None:
-    """Return the least and the largest number of a type; None of one that is no integer."""
+    """Return the least and the largest number of a type; None if the type is no integer."""
     if kind == "f32":
         return None
     bits = int(kind[1:])

@@ -95,7 +95,7 @@ class Setup:
             mode = cia402.MODES[self._settings.mode]
             self._mode(drive, mode)
             self._lead(drive)
-            # Some drives show the mode that was asked for, and take it or not once they are enabled.
+            # Some drives show the requested mode, and accept or reject it once they are enabled.
             self._mode_is(drive, mode)
         return positions
 
@@ -160,7 +160,7 @@ class Setup:
             if status & cia402.HOMING_ERROR or cia402.state(status) != cia402.State.OPERATION_ENABLED:
                 raise DeviceError(
                     f"{self._name[drive.node]} cannot take its present position for zero; it needs "
-                    'devices.canopen.zero = "keep", or a drive that knows homing method 37 or 35.'
+                    'devices.canopen.zero = "keep", or a drive that has homing method 37 or 35.'
                 )
             return bool(status & cia402.HOMING_ATTAINED)
 
@@ -257,13 +257,13 @@ class Setup:
             return int(struct.unpack("<" + code, raw)[0])
         except SdoAbortedError as refused:
             raise DeviceError(
-                f"{self._name[node]} does not give object {index:04X}h:{sub:02X} (SDO abort {refused.code:08X}h)."
+                f"{self._name[node]} does not return object {index:04X}h:{sub:02X} (SDO abort {refused.code:08X}h)."
             ) from None
         except SdoError:
             raise self._silent(node) from None
         except struct.error:
             raise DeviceError(
-                f"{self._name[node]} gives object {index:04X}h:{sub:02X} in {len(raw)} bytes; it must have "
+                f"{self._name[node]} returns object {index:04X}h:{sub:02X} in {len(raw)} bytes; it must have "
                 f"{struct.calcsize('<' + code)}."
             ) from None
 

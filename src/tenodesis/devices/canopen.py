@@ -116,7 +116,7 @@ class CanOpenDevice(Bench):
     def open(self) -> None:
         """Prepare all nodes and enable the drives, at rest; they keep at rest until the first `write`."""
         self._begin()
-        # The library logs an answer that does not come; here an error says so.
+        # The library logs an answer that does not come; here an error reports it.
         logging.getLogger("canopen").setLevel(logging.CRITICAL)
         self._stopping = False
         self._can.open()
@@ -187,7 +187,7 @@ class CanOpenDevice(Bench):
         """Send SYNC and return what drives and sensors measured at it; None where no node has answered."""
         self._refuse()
         began = time.monotonic()
-        # What has come without being asked: heartbeats, emergencies, and answers that are too late.
+        # Unrequested frames: heartbeats, emergencies, and answers that are too late.
         self._waiting = set()
         self._take_all(began)
         if self._paced:
@@ -235,7 +235,7 @@ class CanOpenDevice(Bench):
         Raises
         ------
         DeviceError
-            A drive does not say that it has no power; one that failed before has said why.
+            A drive does not report that it has no power; a drive that failed before has reported why.
         """
         if not self._opened:
             return
@@ -290,16 +290,16 @@ class CanOpenDevice(Bench):
     def _take_all(self, end: float, *, answers: bool = False) -> None:
         """Take what has come, and what comes until a time (by the monotonic clock) or until all have answered."""
         now = time.monotonic()
-        # Heartbeats pile up while nobody reads.
+        # Heartbeats accumulate while nothing reads them.
         beats = 2 * len(self._heard) * (now - self._read_at) / self._settings.heartbeat
         self._read_at = now
         for _ in range(_FLOOD + round(beats)):
             if (answers and not self._waiting) or not self._take(max(0.0, end - time.monotonic())):
                 return
-        self._fail(f"{self._can.name} is flooded: {_FLOOD} frames between two SYNCs; look for who sends them.")
+        self._fail(f"{self._can.name} is flooded: {_FLOOD} frames between two SYNCs; find the program that sends them.")
 
     def _take(self, wait: float) -> bool:
-        """Take one frame, if one comes within a time."""
+        """Receive a frame, if it comes within a time."""
         try:
             message = self._can.receive(wait)
         except BusError as problem:
@@ -406,10 +406,10 @@ class CanOpenDevice(Bench):
         silent = self._clock() - self._beaten
         if self._beat is None and silent > self._loss:
             beats = f"{MISSED_HEARTBEATS} heartbeats or more"
-            self._fail(f"This computer was silent for {silent / 1e6:.0f} ms, {beats}; look for what holds it up.")
+            self._fail(f"This computer was silent for {silent / 1e6:.0f} ms, {beats}; find out what delays it.")
 
     def _count_doubled(self) -> None:
-        """Fail where every answer of a node comes twice: one that is late now and then does not."""
+        """Fail where every answer of a node comes twice, unlike an answer that is occasionally late."""
         for can_id, frame in self._frames.items():
             self._doubled[can_id] = self._doubled[can_id] + 1 if can_id in self._twice else 0
             if self._doubled[can_id] * self._period > self._loss:
@@ -425,7 +425,7 @@ class CanOpenDevice(Bench):
                 self._missed[can_id] = 0
                 continue
             self._missed[can_id] += 1
-            # A problem of a frame that came says more.
+            # A problem of a received frame is more specific.
             known = self.problem
             self._note("missing", f"{self._named(frame.node)} has not answered a SYNC.")
             self.problem = known or self.problem
@@ -455,7 +455,7 @@ class CanOpenDevice(Bench):
                 self.problem = f"The stop was not sent: {problem}"
 
     def _stop(self) -> set[int]:
-        """Quick-stop all drives, then take their power away; return those that have not said so."""
+        """Quick-stop all drives, then switch their power off; return those that have not confirmed it."""
         self._quick_stop()
         powered = {drive.node for drive in self._plan.drives}
         limit = self._inst.drives
@@ -467,13 +467,13 @@ class CanOpenDevice(Bench):
             self._hear_states(now + period)
             if now >= rest_at:
                 powered -= {node for node, state in self._states.items() if state == State.SWITCH_ON_DISABLED}
-        # One that lost our heartbeat heeds no PDO any more, but an SDO.
+        # A drive that lost our heartbeat ignores PDOs, but not SDOs.
         return powered - self._write_all(powered, 0x6040, 0, _WITHOUT_POWER)
 
     def _ask_to_rest(self, word: int) -> None:
         for drive in self._plan.drives:
             self._can.send(drive.commanded_id, self._resting(drive, word))
-        # After a failure, silence is one more way to stop them.
+        # After a failure, silence is another way to stop them.
         if self._failed is None and self._beat is None:
             self._can.send(self._beat_id, _BEAT)
         self._states.clear()

@@ -63,7 +63,7 @@ NEXT = MappingProxyType(
         State.SWITCHED_ON: ENABLE,
     }
 )
-"""Controlword that leads from a state towards operation enabled; from the others a drive goes by itself."""
+"""Controlword that leads from a state towards operation enabled; from the others a drive continues by itself."""
 
 _EMERGENCIES = {
     0x2310: "continuous overcurrent",
@@ -122,6 +122,6 @@ def state(statusword: int) -> State:
 
 
 def described(statusword: int) -> str:
-    """Return the state in a statusword for a sentence; an unknown one with the word itself."""
+    """Return the state in a statusword for a message; an unknown state with the word itself."""
     found = state(statusword)
     return f"{found} (0x{statusword:04X})" if found is State.UNKNOWN else str(found)

@@ -57,7 +57,7 @@ class Findings:
     missed: int
     """Reads without a measurement, in time."""
     twice: int
-    """Measurements of the same instant as the one before."""
+    """Measurements with the time of the measurement before."""
     flawed: int
     """Measurements of which the device missed a part, or had parts that came late, twice, short or from the past."""
     backward: int
@@ -111,7 +111,7 @@ class Findings:
 
     @property
     def verdict(self) -> str:
-        """Whether it is good enough for the controller, in one sentence."""
+        """Whether the device is good enough for the controller, in one sentence."""
         rate = f"{1 / self.period:.4g} Hz"
         if self.problem:
             return f"{self.name} is not good enough for a controller at {rate}: it failed. {self.problem}"
@@ -148,7 +148,7 @@ def measure(
     progress
         Called with the time done, s.
     clock, sleep
-        What the test itself goes by, s.
+        Of the test itself, s.
 
     Raises
     ------

@@ -45,7 +45,7 @@ class Measurement(NamedTuple):
     spool_angle: Array
     """Positive winds, rad, shape (axes, 2)"""
     output_angle: Array
-    """By a distal encoder, rad, shape (axes,); NaN without one"""
+    """By a distal encoder, rad, shape (axes,); NaN if there is none"""
 
     @classmethod
     def from_rows(cls, instant: int, rows: Array) -> "Measurement":
@@ -61,13 +61,13 @@ class Measurement(NamedTuple):
 class Device(Protocol):
     """A bench: opened, read, written and closed by one thread, in that order.
 
-    A failure raises :class:`tenodesis.errors.DeviceError` in one sentence that says what to do; the motors are then
+    A failure raises :class:`tenodesis.errors.DeviceError` in one sentence that states what to do; the motors are then
     stopped. A sensor without a value is NaN, which the controller treats as a fault.
     """
 
     @property
     def capabilities(self) -> Capabilities:
-        """What it has; known before it is opened, as far as the hardware need not be asked."""
+        """What the device has; known before it is opened, except for what only the hardware can report."""
         ...
 
     def open(self) -> None:

@@ -119,7 +119,7 @@ class NiDaqDevice(Bench):
         self._counted, self._wraps = np.zeros((2, len(self._turns)))
 
     def read(self, timeout: float) -> Measurement | None:
-        """Return the newest sample, once there is one that was not read."""
+        """Return the newest sample, once it has not been read yet."""
         self._refuse()
         try:
             samples = self._tasks.read(timeout)

@@ -113,8 +113,8 @@ class NiTasks:
             names = list(ni.system.System.local().devices.device_names)
             if self._settings.device not in names:
                 raise DeviceError(
-                    f"devices.nidaq.device is {self._settings.device!r}; it must be one that the driver knows: "
-                    f"{', '.join(names) or 'it knows none'}."
+                    f"devices.nidaq.device is {self._settings.device!r}; it must be a device of the driver: "
+                    f"{', '.join(names) or 'it has none'}."
                 )
             self._opened, self._runs = True, False
             self._number = 0
@@ -169,7 +169,7 @@ class NiTasks:
         self._runs = True
 
     def _watch(self, ni: Any) -> None:
-        """Prepare the device's own watchdog, if it has one."""
+        """Arm the device's own watchdog, if there is one."""
         self.stops_alone, self.unwatched = inf, ""
         if self._settings.watchdog is None:
             return
@@ -249,7 +249,7 @@ class NiTasks:
             done(self._watchdog.close)
         self._outputs = self._alive = self._watchdog = None
         if problems:
-            what = "cannot be let go" if rests else "cannot be put to standstill; switch the motors off by hand"
+            what = "cannot be released" if rests else "cannot be put to standstill; switch the motors off by hand"
             raise DeviceError(f"The device {self._settings.device} {what}: {problems[0]}.")
 
     def _rest(self) -> None:

@@ -1,4 +1,4 @@
-"""Which devices there are, what each needs, and how one is made for an instrument."""
+"""The available devices, what each needs, and how a device is made for an instrument."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ def make(name: str, inst: Instrument, address: str | None = None) -> Device:
     name
         The device.
     inst
-        The instrument, whose file says how its bench is wired.
+        The instrument, whose file describes the wiring of its bench.
     address
         Of a serial device, instead of the file's port.
 
@@ -82,7 +82,7 @@ def _serial(inst: Instrument) -> Device:
 
 def _without_table(name: str, inst: Instrument) -> DeviceError:
     return DeviceError(
-        f"{inst.name} has no table devices.{name}, which says how its bench is wired; add one to the instrument file."
+        f"{inst.name} has no table devices.{name}, which describes the wiring of its bench; add that table."
     )
 
 

@@ -39,11 +39,11 @@ class Board(NamedTuple):
 
 
 class LinkCounts(NamedTuple):
-    """Numbers of frames over the link, by what became of them."""
+    """Numbers of frames over the link, by outcome."""
 
     answers: int
     repetitions: int
-    """Questions that were asked again."""
+    """Messages that were repeated."""
     damaged: int
     """Frames from the board that came damaged."""
     stale: int
@@ -72,7 +72,7 @@ class BoardController(Controller):
     timeout
         Longest wait for an answer, with all repetitions, s.
     repetitions
-        How often a question is asked again whose answer is lost or damaged; the board acts on it once.
+        How often a message whose answer is lost or damaged is repeated; the board acts on it once.
     silence
         Time without a tick, by the board's clock, after which it stops by itself, s; None: the instrument's
         ``control.watchdog``. With a simulated plant, which may pause, a longer one.
@@ -107,7 +107,7 @@ class BoardController(Controller):
         silence: float | None = None,
         baud_rate: int = BAUD_RATE,
     ) -> None:
-        # What is refused without a board is refused before one is asked.
+        # Arguments are checked before the board is contacted.
         super().__init__(
             inst,
             observer,
@@ -147,13 +147,13 @@ class BoardController(Controller):
 
     @property
     def problem(self) -> Problem | None:
-        """What has gone wrong with the link since it was last set up; a request to clear, or a reset, does that."""
+        """Problem of the link since it was last set up, by a request to clear or a reset."""
         problem, text = self._link.problem()
         return Problem(problem.name.lower(), text) if problem else None
 
     @property
     def link_counts(self) -> LinkCounts:
-        """Numbers of frames over the link, by what became of them."""
+        """Numbers of frames over the link, by outcome."""
         return LinkCounts(*self._link.link_counts())
 
     @property

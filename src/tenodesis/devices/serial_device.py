@@ -115,7 +115,7 @@ class SerialDevice(Opened):
         return Measurement.from_rows(found[0], np.column_stack([rows[:, :5], np.full(len(rows), nan)]))
 
     def write(self, spool_velocity: Array) -> None:
-        """Tell the board that somebody listens; its motors rest, whatever the speed."""
+        """Keep the connection to the board alive; its motors rest, whatever the speed."""
         del spool_velocity
         if self._bench is not None:
             self._bench.rest()

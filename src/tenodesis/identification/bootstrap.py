@@ -44,7 +44,7 @@ def block_length(series: Array) -> int:
 
 
 def resampled(residuals: Array, channels: int, length: int, draw: np.random.Generator) -> Array:
-    """Return residuals made of blocks of given ones, about zero, shape (n,).
+    """Return residuals made of blocks of given residuals, about zero, shape (n,).
 
     Blocks wrap around the end, and all sensors of a run are drawn together.
 

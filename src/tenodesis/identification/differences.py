@@ -23,7 +23,7 @@ def differenced(function: Callable[[Array], Array], at: Array, lower: Array, upp
 
 
 def scales(parameters: Sequence[Parameter], values: Array) -> Array:
-    """Return what changes of parameters are measured by, shape (parameters,): the range between their bounds.
+    """Return the scales of changes of parameters, shape (parameters,): the ranges between their bounds.
 
     A quantity that cannot be zero is measured by its value where that is less.
     """

@@ -19,7 +19,7 @@ _MOST_WRITTEN = 12
 
 
 def readable(unit: str) -> tuple[float, str]:
-    """Return the factor from an SI unit to the one that people read, and its name."""
+    """Return the factor from an SI unit to the unit shown, and that unit's name."""
     shown = _READABLE.get(unit, unit)
     name = "" if shown in {"", "1"} else shown.replace("*", "·").replace("^2", "²")
     return (in_unit(shown, unit) if shown != unit else 1.0), name

@@ -1,4 +1,4 @@
-"""How well a model explains runs, those fitted and those held out, and what to bear in mind of a fit."""
+"""How well a model explains runs, those fitted and those held out, and the caveats of a fit."""
 
 import math
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ _MOST_UNEXPLAINED = 0.5
 _LEAST_MOVED = 0.1
 """Share of the widest spread of all runs below which a signal was held, and there is nothing to explain."""
 _MOST_WORSE = 4.0
-"""How many times the fitted runs' error that of the held-out ones may be."""
+"""Largest ratio of the error of held-out runs to that of fitted runs."""
 
 
 def run_errors(problem: Problem, values: Array, run: int, split: str) -> RunErrors:
@@ -49,7 +49,7 @@ def pooled(files: Sequence[RunErrors]) -> dict[str, float]:
 
 
 def information_criteria(residuals: Array, parameters: int) -> tuple[float, float]:
-    """Return the criteria of Akaike and of Schwarz, with the noise as one more parameter."""
+    """Return the criteria of Akaike and of Schwarz, with the noise as an additional parameter."""
     count = residuals.size
     squares = float(residuals @ residuals)
     likelihood = count * math.log(squares / count) if squares > 0 else -math.inf
@@ -96,7 +96,7 @@ def worse_held_out(files: Sequence[RunErrors]) -> list[str]:
     return [
         f"The error of {key.rpartition('_')[0].replace('_', ' ')} is {rmse / fitted[key]:.3g} times as large in the "
         f"runs held out as in those fitted (rmse {rmse:.3g} and {fitted[key]:.3g} {key.rpartition('_')[2]}): the "
-        "model does not carry over to them."
+        "model does not extrapolate to them."
         for key, rmse in held.items()
         if rmse > _MOST_WORSE * fitted.get(key, math.inf) > 0
     ]
@@ -105,7 +105,7 @@ def worse_held_out(files: Sequence[RunErrors]) -> list[str]:
 def warnings(
     found: Uncertainty, noises: Sequence[Whiteness], best: SearchEnd, *, same: int, starts: int, parameters: int
 ) -> list[str]:
-    """Return what to bear in mind of a fit, a sentence each."""
+    """Return the caveats of a fit, a sentence each."""
     out = []
     if not best.converged:
         out.append(f"The search stopped after {MOST_STEPS} steps without having converged.")

@@ -1,4 +1,4 @@
-"""Which parameters the recordings identify, which others only in combination, and what would identify more."""
+"""Parameters that the recordings identify, singly or in combination, and recordings that would identify more."""
 
 import math
 from collections.abc import Callable, Sequence

@@ -16,11 +16,11 @@ from tenodesis.identification.whiteness import autocorrelation, correlation_samp
 
 @dataclass(frozen=True)
 class LawRow:
-    """How one law did."""
+    """Result of a friction law."""
 
     law: str
     parameters: int
-    """How many were fitted."""
+    """Number of fitted parameters."""
     train_rmse: float
     test_rmse: float
     """Over all held-out samples, in `unit`; NaN if none were held out."""
@@ -44,7 +44,7 @@ def compare_laws(
     seed: int = 0,
     loss: LossName = "linear",
 ) -> tuple[LawRow, ...]:
-    """Return how each law does, by the error on the runs held out, least first.
+    """Return the results of the laws, ordered by their error on the held-out runs.
 
     Residuals of one run are not independent, so the criterion counts samples by their autocorrelation time; the least
     count of all laws holds for all, or a law would be preferred for leaving slower errors.
@@ -58,7 +58,7 @@ def compare_laws(
     laws
         Names to compare.
     starts, seed, loss
-        Of each fit. The criteria take the loss for what it is, twice its mean for the variance of the residuals.
+        Of each fit. The criteria use the loss: twice its mean in place of the variance of the residuals.
 
     Raises
     ------

@@ -10,7 +10,7 @@ from tenodesis.run import Array
 
 
 class Parameter(NamedTuple):
-    """One unknown of a model, in SI units, with its physical bounds."""
+    """An unknown of a model, in SI units, with its physical bounds."""
 
     name: str
     unit: str
@@ -21,7 +21,7 @@ class Parameter(NamedTuple):
 
 
 class Trace(NamedTuple):
-    """One measured signal of a run beside the model's, each (n,), time in s."""
+    """A measured signal of a run and the model's, each (n,), time in s."""
 
     time: Array
     measured: Array
@@ -70,7 +70,7 @@ class Problem(ABC):
         return None if jacobian is None else jacobian[:, list(which)]
 
     def systematic_errors(self, values: Array, run: int) -> Array | None:
-        """Return effects of systematic errors of sensors on residuals, one standard deviation each, (n, errors)."""
+        """Return effects of systematic sensor errors of one standard deviation on residuals, (n, errors)."""
         return None
 
     def traces(self, values: Array, run: int) -> dict[str, Trace]:
@@ -78,9 +78,9 @@ class Problem(ABC):
         return {}
 
     def instrument(self, values: Array) -> Instrument | None:
-        """Return the instrument with these values in place, or None where there is none to change."""
+        """Return the instrument with these values in place, or None if there is no instrument to change."""
         return None
 
     def advice(self, names: Sequence[str]) -> str | None:
-        """Return one sentence on the protocol that would make these parameters identifiable, if one is known."""
+        """Return a sentence on the protocol that would make these parameters identifiable, if known."""
         return None

@@ -1,4 +1,4 @@
-"""Errors of a noisy sensor behind a converter of finite resolution: independent ones, and rounding that persists."""
+"""Errors of a noisy sensor behind a converter of finite resolution: independent errors, and persistent rounding."""
 
 import math
 from collections.abc import Iterator
@@ -46,7 +46,7 @@ class QuantisedSensor(NamedTuple):
         return math.sqrt(sum(self.rounding_variances) + self.independent_variance / samples)
 
     def harmonics(self, variance: float) -> Iterator[tuple[float, float]]:
-        """Yield wave number and variance of the rounding errors that count beside a variance."""
+        """Yield wave number and variance of the rounding errors that are significant beside a given variance."""
         for harmonic, size in enumerate(self.rounding_variances, 1):
             if size > _NEGLIGIBLE * variance:
                 yield 2 * math.pi * harmonic / self.resolution, size

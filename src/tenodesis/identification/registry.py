@@ -42,11 +42,11 @@ class Format(NamedTuple):
     load: Callable[[Path], MeasuredRun]
     problem: BuildProblem
     laws: tuple[str, ...] = ()
-    """Friction laws that the model knows, by name."""
+    """Friction laws of the model, by name."""
     law: str = "capstan"
-    """Friction law unless another is asked for."""
+    """Default friction law."""
     loss: LossName = "linear"
-    """Loss unless another is asked for."""
+    """Default loss."""
 
 
 class Formats(MutableMapping[str, Format]):
@@ -99,7 +99,7 @@ class Formats(MutableMapping[str, Format]):
 
 
 def _entry_points() -> dict[str, EntryPoint]:
-    """Return this package's formats and then those of others, who cannot take a name of ours."""
+    """Return the formats of this package and of others, which cannot replace a format of this package."""
     ours = {name: EntryPoint(name, place, GROUP) for name, place in OURS.items()}
     return {**ours, **{entry.name: entry for entry in entry_points(group=GROUP) if entry.name not in ours}}
 

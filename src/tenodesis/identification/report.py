@@ -1,4 +1,4 @@
-"""A fit as files: one HTML page that needs nothing beside it, all numbers, and the identified instrument."""
+"""A fit as files: a self-contained HTML page, all values, and the identified instrument."""
 
 import json
 import math
@@ -38,7 +38,7 @@ def write(
     law: str,
     notes: Mapping[str, Sequence[str]] | None = None,
 ) -> list[Path]:
-    """Write report.html, result.json and, where there is one, instrument.toml into a folder, or nothing.
+    """Write report.html, result.json and, if there is an instrument, instrument.toml into a folder, atomically.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def write_files(out: Path, texts: Mapping[str, str], *, last: str) -> list[Path]
 
 
 def as_text(numbers: Mapping[str, Any]) -> str:
-    """Return plain numbers as the text of a JSON file."""
+    """Return plain values as the text of a JSON file."""
     return json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -129,7 +129,7 @@ def render(problem: Problem, found: Fit, *, runs: Sequence[int], numbers: Mappin
 
 
 def cards(found: Fit) -> list[tuple[str, str]]:
-    """Return the few numbers that stand first, with what they are."""
+    """Return the key figures for the top of the report, with their descriptions."""
     errors = [
         (f"rmse, {name}", f"{_short(value)} {unit}".replace(" deg", "°"))
         for name, rmse in (("runs fitted", found.train_rmse), ("runs held out", found.test_rmse))

@@ -1,4 +1,4 @@
-"""The result of a fit, and the same as plain numbers for a file."""
+"""The result of a fit, also in a form for JSON files."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from tenodesis.report.page import about, json_number
 from tenodesis.run import Array
 
 LIBRARIES = ("scipy",)
-"""Those whose versions a result names beside NumPy's."""
+"""Packages whose versions a result names in addition to NumPy's."""
 RESULTS_SCHEMA = 1
 """Version of the layout of result.json."""
 
@@ -23,7 +23,7 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True)
 class RunErrors:
-    """Measured minus model over one run, by name with the unit last."""
+    """Measured minus model over a run, by name with the unit last."""
 
     name: str
     split: str
@@ -43,13 +43,13 @@ class Fit:
     values: dict[str, float]
     """Of all parameters, SI; those that were not fitted are at their start."""
     std: dict[str, float]
-    """Of the fitted ones, corrected for residuals that are not independent; infinite where nothing depends on them."""
+    """Of the fitted parameters, corrected for correlated residuals; infinite where nothing depends on them."""
     std_white: dict[str, float]
     """As if residuals were independent."""
     interval_95: dict[str, Interval]
     bootstrap_interval_95: dict[str, Interval] | None
     correlation: Array
-    """Of the fitted ones, in the order of `free`."""
+    """Of the fitted parameters, in the order of `free`."""
     cost: float
     """Half the sum of the squared residuals (linear loss), in variances of the sensors."""
     aic: float
@@ -64,7 +64,7 @@ class Fit:
     same_optimum: int
     """How many starts reached an optimum no worse than the best but for chance."""
     costs: tuple[float, ...]
-    """Of every start, where it ended; infinite where the model has no answer there."""
+    """Final cost of every start; infinite where the model has no solution."""
     loss: LossName
     seed: int
     bootstrap: int
@@ -84,7 +84,7 @@ class Fit:
 
 
 def by_unit(rmse: Mapping[str, float]) -> dict[str, float]:
-    """Return the first value of each unit, by unit: what output_angle_deg and tension_N are called rmse_deg, rmse_N."""
+    """Return the first value of each unit, named by its unit: rmse_deg for output_angle_deg, rmse_N for tension_N."""
     found: dict[str, float] = {}
     for key, value in rmse.items():
         found.setdefault(key.rpartition("_")[2], value)
@@ -102,7 +102,7 @@ def distinct(names: Sequence[str]) -> list[str]:
 
 
 def to_json(found: Fit, *, format: str, law: str, notes: Mapping[str, Sequence[str]] | None = None) -> dict[str, Any]:
-    """Return a fit as plain numbers, SI; what is not finite is None.
+    """Return a fit as plain values for JSON, SI; None for values that are not finite.
 
     Parameters
     ----------

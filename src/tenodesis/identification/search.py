@@ -1,4 +1,4 @@
-"""The search for an optimum: the training runs as one function of the free parameters, from many starts."""
+"""The search for an optimum: the training runs as a function of the free parameters, from many starts."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -39,7 +39,7 @@ class SearchEnd(NamedTuple):
 
 
 class Search:
-    """The training runs of a problem as one function of the free parameters, to be searched for an optimum."""
+    """The training runs of a problem as a function of the free parameters, to be searched for an optimum."""
 
     def __init__(
         self, problem: Problem, free: Sequence[int], train: Sequence[int], loss: LossName, derivatives: DerivativesName
@@ -59,13 +59,13 @@ class Search:
             )
 
     def full(self, at: Array) -> Array:
-        """Return the values of all parameters, with those of the free ones in place."""
+        """Return the values of all parameters, with those of the free parameters in place."""
         values = self.start.copy()
         values[self.free] = at
         return values
 
     def residuals(self, at: Array) -> Array:
-        """Return the residuals of all training runs, one after the other, (n,)."""
+        """Return the residuals of all training runs, joined, (n,)."""
         self.evaluations += 1
         values = self.full(at)
         return np.concatenate([self.problem.residuals(values, run) for run in self.train])
@@ -80,7 +80,7 @@ class Search:
         return differenced(self.residuals, at, self.lower, self.upper, self._scale(at))
 
     def _own(self, values: Array, run: int) -> Array | None:
-        """Return the problem's own derivatives by what is free, (n, free), or None to have them differenced."""
+        """Return the problem's own derivatives by the free parameters, (n, free), or None to use differences."""
         return self.problem.derivatives(values, run, self.free) if self.exact else None
 
     def solve(

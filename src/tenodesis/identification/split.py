@@ -1,4 +1,4 @@
-"""One recording as two runs: one part of it is fitted, and the other held out.
+"""A recording as two runs: a part that is fitted, and a part that is held out.
 
 The model runs through what comes before a part, because friction remembers it, by the proximal signals alone: no error
 is taken there.
@@ -132,11 +132,11 @@ class Windowed(Problem):
         return self._problem.channels(run)
 
     def advice(self, names: Sequence[str]) -> str | None:
-        """Return which recording would make these parameters identifiable, if one is known."""
+        """Return which recording would make these parameters identifiable, if known."""
         return self._problem.advice(names)
 
     def instrument(self, values: Array) -> Instrument | None:
-        """Return the instrument with these values in place, or None where there is none to change."""
+        """Return the instrument with these values in place, or None if there is no instrument to change."""
         return self._problem.instrument(values)
 
     @overload

@@ -30,7 +30,7 @@ class Linearised:
     jacobian: Array
     """(n, free parameters), in units of the parameters' scales."""
     channels: int = 1
-    """Sensors, one after the other in the residuals."""
+    """Sensors, in their order in the residuals."""
     systematic: Array | None = None
     """Effects of systematic errors on the residuals, one standard deviation each, (n, m)."""
 
@@ -48,7 +48,7 @@ class Uncertainty:
 
     @property
     def std(self) -> Array:
-        """Corrected standard deviations; infinite where an unseen direction takes part."""
+        """Corrected standard deviations; infinite where an unseen direction contributes."""
         return _std(self.covariance, self.unseen)
 
     @property
@@ -58,7 +58,7 @@ class Uncertainty:
 
     @property
     def full(self) -> Array:
-        """Corrected covariance in all directions; the standard deviation of an unseen one is 1000 ranges."""
+        """Corrected covariance in all directions; the standard deviation of an unseen direction is 1000 ranges."""
         return np.asarray(self.covariance + 1e6 * self.unseen @ self.unseen.T, dtype=np.float64)
 
     @property

@@ -1,4 +1,4 @@
-"""Instruments: one file describes one, and everything else is computed from it."""
+"""Instruments: a file describes an instrument, and everything else is computed from it."""
 
 from tenodesis.instrument.instrument import PARAMETERS, AxisName, Instrument, Name
 from tenodesis.instrument.mechanisms import JOINT_TYPES, Continuum, TendonGear, TendonPulley

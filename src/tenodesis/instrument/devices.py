@@ -44,7 +44,7 @@ class Axis(FileTable, Generic[Drive]):
 
 
 class CanSource(FileTable):
-    """The object of a node that holds a sensor's reading, and that its PDOs can carry."""
+    """The object of a node that contains a sensor's reading and can be mapped to its PDOs."""
 
     node: NodeId = Field(description="Node that has the sensor: a drive, or a CiA 401 or 404 module")
     object: ObjectIndex = Field(description="Index of the object, such as 0x6401")
@@ -94,7 +94,7 @@ class CanAxis(Axis[CanDrive]):
 
 
 class CanCounter(FileTable):
-    """An object of each drive, u16, that counts its measurements: if it stands still, readings are old."""
+    """An object of each drive, u16, that counts its measurements; while it is constant, readings are old."""
 
     object: ObjectIndex = Field(description="Index of the object")
     sub: SubIndex = Field(default=0, description="Its sub-index")
@@ -114,10 +114,10 @@ class CanOpen(FileTable):
         description="Mode of the drives: cyclic-velocity, profile-velocity or cyclic-position",
     )
     velocity_unit: MotorSpeed | None = Field(
-        default=None, description="Motor speed per 1 of target velocity; without it one count per second"
+        default=None, description="Motor speed per unit of target velocity; by default one count per second"
     )
     zero: Literal["keep", "here"] = Field(
-        default="keep", description="Where positions count from: as the drives have it, or from where they are opened"
+        default="keep", description="Zero of the positions: that of the drives, or the position at opening"
     )
     counter: CanCounter | None = Field(default=None, description="Counter of a drive's measurements")
     master: NodeId = Field(default=127, description="Node id of this computer")
@@ -171,8 +171,8 @@ class NiDrive(FileTable):
     """A drive with an analogue speed input, and its motor's quadrature encoder."""
 
     speed: Channel = Field(description="Analogue output of the speed command, such as ao0")
-    gain: SpeedPerVolt = Field(description="Motor speed per volt; negative where positive turns unwind")
-    standstill: SignedVoltage = Field(default=0.0, description="Voltage at which the motor stands")
+    gain: SpeedPerVolt = Field(description="Motor speed per volt; negative if positive rotation unwinds")
+    standstill: SignedVoltage = Field(default=0.0, description="Voltage at which the motor is at rest")
     counter: Channel = Field(description="Counter of the motor's encoder, such as ctr0")
     reversed: bool = Field(default=False, strict=True, description="Whether the encoder counts down as it winds")
 
@@ -187,7 +187,7 @@ class NiAxis(Axis[NiDrive]):
 
     @property
     def inputs(self) -> tuple[NiAngle | NiTension, ...]:
-        """The analogue inputs: handle, agonist, antagonist and, where there is one, output."""
+        """The analogue inputs: handle, agonist, antagonist and, if present, output."""
         given = (self.handle_angle, self.agonist_tension, self.antagonist_tension)
         return given if self.output_angle is None else (*given, self.output_angle)
 
@@ -203,7 +203,7 @@ class NiDaq(FileTable):
     output_limit: Voltage = Field(default=10.0, description="Largest speed command to either side")
     ahead: Annotated[int, Field(ge=1, le=100, strict=True)] = Field(
         default=6,
-        description="Speed commands buffered in the device: each delays by a sample; out of them, it stops",
+        description="Speed commands buffered in the device: each delays by a sample; when none is left, it stops",
     )
     alive: Channel | None = Field(
         default=None, description="Digital line that changes with every command, for a relay that needs it to"
@@ -253,7 +253,7 @@ class Serial(FileTable):
 
 
 class Devices(FileTable):
-    """The devices of a bench; one table each."""
+    """The devices of a bench, a table each."""
 
     canopen: CanOpen | None = Field(default=None, description="CiA 402 drives on a CAN bus")
     nidaq: NiDaq | None = Field(default=None, description="Data acquisition by nidaqmx")

@@ -40,14 +40,14 @@ from tenodesis.units import (
 )
 
 MOST_EXPONENT = 10.0
-"""Largest friction exponent of one contact: beyond it, rounding of the tension ratio would break the law."""
+"""Largest friction exponent of a contact; above it, rounding of the tension ratio would violate the law."""
 
 SafeState: TypeAlias = Literal["hold", "neutral"]
 FrictionLaw: TypeAlias = Literal["none", "capstan", "capstan-constant", "stribeck"]
 
 
 class Friction(FileTable):
-    """Friction between a tendon and the surfaces it bends around; without this table there is none."""
+    """Friction between a tendon and the surfaces it bends around; without this table there is no friction."""
 
     law: FrictionLaw = Field(default="none", description="none, capstan, capstan-constant or stribeck")
     vertex_coefficient: Coefficient = Field(default=0.0, description="Friction coefficient at the joints' vertices")
@@ -64,7 +64,9 @@ class Friction(FileTable):
     static_ratio: Annotated[float, Field(ge=1, le=10)] = Field(
         default=1.0, description="Static over kinetic coefficient of the Stribeck law"
     )
-    stribeck_speed: SlipSpeed = Field(default=1e-3, description="Slip speed at which static friction has mostly gone")
+    stribeck_speed: SlipSpeed = Field(
+        default=1e-3, description="Slip speed at which static friction has mostly vanished"
+    )
     memory: Time = Field(default=5e-3, description="Time by which friction lags behind the slip speed")
 
     @model_validator(mode="after")
@@ -146,13 +148,13 @@ class Mismatch(FileTable):
 
 
 class Control(FileTable):
-    """Gains, limits and times of the controller; what is left out follows from the instrument."""
+    """Gains, limits and times of the controller; defaults follow from the instrument."""
 
     dead_band: AngleError = Field(default=math.radians(0.1), description="Angle error that is not corrected")
     gain: Gain | None = Field(
         default=None, description="Gain on the tip's lag; without it 12/s, or less for a tip below 8 Hz"
     )
-    position_gain: Gain = Field(default=4.0, description="Gain on a spool's set point, for the laws that have one")
+    position_gain: Gain = Field(default=4.0, description="Gain on a spool's set point, for laws with a set point")
     tendon_speed: TendonSpeedLimit | None = Field(
         default=None, description="Largest speed of a tendon at its spool; without it half of the drive's"
     )
@@ -170,13 +172,13 @@ class Control(FileTable):
     )
     mean_band: Share = Field(default=0.3, description="Share by which friction may change the mean tension")
     watchdog: Time = Field(default=0.025, description="Time without a tick after which the motors stop")
-    safe_state: SafeState = Field(default="hold", description="What motors do after a fault: hold, or creep to neutral")
+    safe_state: SafeState = Field(default="hold", description="Motors after a fault: hold, or creep to neutral")
     homing_speed: HomingSpeed = Field(default=5e-3, description="Speed at which slack tendons are wound")
     homing_stroke: Length = Field(default=0.03, description="Length wound after which a tendon counts as broken")
 
 
 class Geometry(FileTable):
-    """Lengths along the instrument and limits of its joints; what is left out follows from the rest."""
+    """Lengths along the instrument and limits of its joints; defaults follow from the other lengths."""
 
     stem_length: Length | None = Field(
         default=None, description="Between the joints' ends nearest to the stem; by default the rest of overall_length"

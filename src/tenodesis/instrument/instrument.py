@@ -1,4 +1,4 @@
-"""The instrument that everything is computed from: what all instruments have, whatever their joints."""
+"""The instrument from which everything is computed: the properties of all instruments, whatever their joints."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -78,19 +78,19 @@ class Instrument(FileTable):
 
     joint_type: str
 
-    name: Name = Field(description="What the instrument is called in figures and tables")
+    name: Name = Field(description="Name of the instrument in figures and tables")
     description: str = Field(default="", max_length=200, description="One line about the instrument")
     axes: tuple[AxisName, ...] = Field(default=("yaw",), description="Bending axes: yaw, pitch, or both")
 
     stem_diameter: Length | None = Field(default=None, description="Outer diameter of the stem")
     overall_length: Length = Field(description="Overall length; the tendons' length unless that is given")
-    end_effector_length: Length = Field(description="From the distal joint's moving part to where the force acts")
-    handle_length: Length = Field(description="From the proximal joint's moving part to where the hand acts")
+    end_effector_length: Length = Field(description="From the distal joint's moving part to the point of the force")
+    handle_length: Length = Field(description="From the proximal joint's moving part to the point of the hand")
     tendon_diameter: Length | None = Field(default=None, description="Diameter of a tendon's load-bearing section")
     tendon_modulus: Modulus | None = Field(default=None, description="Young's modulus of a tendon")
     tendon_length: Length | None = Field(default=None, description="Length of a tendon if not the overall length")
     given_stiffness: Stiffness | None = Field(
-        default=None, alias="tendon_stiffness", description="Stiffness of one tendon if not by E A / L"
+        default=None, alias="tendon_stiffness", description="Stiffness of a tendon; by default E A / L"
     )
     pretension: Force = Field(description="Tension of either tendon at rest")
     handle_range: AngleRange = Field(description="Largest handle angle to either side")
@@ -108,9 +108,9 @@ class Instrument(FileTable):
     geometry: Geometry = Geometry()
     devices: Devices = Devices()
     overrides: Mapping[AxisName, Mapping[str, Any]] = Field(
-        default={}, description="Values that differ on one axis, by axis"
+        default={}, description="Values that differ on an axis, by axis"
     )
-    sources: Mapping[str, str] = Field(default={}, description="Where each value is from, by key")
+    sources: Mapping[str, str] = Field(default={}, description="Source of each value, by key")
 
     parameter_fields: ClassVar[Mapping[str, str]] = {}
     """Parameter of the core, by the field that sets it."""
@@ -127,12 +127,12 @@ class Instrument(FileTable):
 
     @property
     def output_stop(self) -> float:
-        """Output angle at which the distal joint meets its mechanical stop, rad."""
+        """Output angle at which the distal joint reaches its mechanical stop, rad."""
         return self.dynamics.output_stop or min(_STOP_BEYOND_RANGE * self.output_range, _FARTHEST_STOP)
 
     @cached_property
     def spec(self) -> _core.Spec:
-        """The first axis as the core takes it."""
+        """The first axis in the core's form."""
         row = dict.fromkeys(PARAMETERS, math.nan)
         for field, parameter in self.parameter_fields.items():
             value = getattr(self, field)
@@ -169,7 +169,7 @@ class Instrument(FileTable):
         return validated(type(self), self._with(changes), InstrumentError)
 
     def axis(self, name: str) -> Self:
-        """Return the instrument of one axis alone, with that axis's own values in place.
+        """Return the instrument of a single axis, with that axis's own values.
 
         Raises
         ------
@@ -186,7 +186,7 @@ class Instrument(FileTable):
 
     @property
     def planar(self) -> tuple[Self, ...]:
-        """The instrument of each axis alone, in the order of :attr:`axes`; itself where it has one axis."""
+        """The one-axis instrument of each axis, in the order of :attr:`axes`; the instrument itself if it is planar."""
         return (self,) if len(self.axes) == 1 else self._by_axis
 
     @cached_property
@@ -194,7 +194,7 @@ class Instrument(FileTable):
         return tuple(self.axis(name) for name in self.axes)
 
     def _with(self, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the values of this instrument by key, with changes; None leaves a key out."""
+        """Return the values of this instrument by key, with changes; None removes a key."""
         fields = type(self).model_fields
         values = {fields[key].alias or key: getattr(self, key) for key in self.model_fields_set}
         for key, value in changes.items():
@@ -230,7 +230,7 @@ class Instrument(FileTable):
             raise ValueError(str(invalid).rstrip(".")) from None
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy by way of :meth:`replace`, since a copy's changes must be checked and reach the core."""
+        """Return a copy by :meth:`replace`, so that its changes are checked and passed to the core."""
         return self.replace(**(update or {}))
 
     def __hash__(self) -> int:

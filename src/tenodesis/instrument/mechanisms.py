@@ -1,4 +1,4 @@
-"""The joint mechanisms: what an instrument of each has beside what all instruments have."""
+"""The joint mechanisms: the properties that instruments of each have in addition to the common properties."""
 
 from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal
@@ -46,7 +46,7 @@ class TendonPulley(Instrument):
 
 
 class Continuum(Instrument):
-    """An instrument whose tip is an elastic backbone bent by tendons, worked by a pulley at the handle."""
+    """An instrument whose tip is an elastic backbone bent by tendons, driven by a pulley at the handle."""
 
     joint_type: Literal["continuum"]
     distal_tendon_offset: Length = Field(description="Distance of a tendon from the backbone")

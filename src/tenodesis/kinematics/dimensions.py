@@ -1,4 +1,4 @@
-"""Lengths and limits of an instrument from handle to tip, those that its file leaves out included."""
+"""Lengths and limits of an instrument from handle to tip, including those that its file omits."""
 
 import math
 from functools import lru_cache
@@ -91,7 +91,7 @@ def limits(inst: Instrument) -> Limits:
 
 @lru_cache(maxsize=64)
 def chain(inst: Instrument) -> _core.Chain:
-    """Return the chain from port to tip as the core takes it."""
+    """Return the chain from port to tip in the core's form."""
     lengths = dimensions(inst)
     return _core.Chain(
         [axis.spec for axis in inst.planar],

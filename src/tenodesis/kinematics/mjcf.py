@@ -24,7 +24,7 @@ _HOLD = 100.0  # stiffness of what the hand holds, over that of the handle's ten
 _FAR = 100.0  # m, beyond any length that is drawn
 
 NOTE = """Written by tenodesis. Units: m, rad, kg, N. The port is the origin; z points into the patient.
-What this format does not carry of the instrument:
+What this format does not contain:
 - rolling contact: a gear pair is two hinges, half its angle each, tied by an equality constraint, which is soft: set
   both, or let it settle;
 - friction of the tendons, sheaths, spools, drives, sensors and the controller;
@@ -32,7 +32,7 @@ What this format does not carry of the instrument:
   the time step, so that the model settles where the instrument does but not as fast;{more}
 - limits of the tip by tendons and loads: joint ranges are mechanical stops."""
 _BY_WHAT_THEY_DRAW = """
-- the way of the tendons: they are tied to the joints by what these draw, and are not to be seen;"""
+- the path of the tendons: they are coupled to the joints by their excursions, and are not visible;"""
 _CONTINUUM = """
 - the arc of a backbone: it is its chord between two hinges, shortened by a polynomial (within 1e-4 of its length up to
   a quarter turn), without the backbone's own stiffness in other directions;"""
@@ -100,7 +100,7 @@ def _defaults(root: Element) -> None:
 
 
 def _stiffness(inst: Instrument, joint: Joint) -> float:
-    """Return what holds a joint, N·m/rad or N/m: the tendons at the tip, or a servo where the hand does."""
+    """Return the stiffness that holds a joint, N·m/rad or N/m: of the tendons at the tip, of a servo for the hand."""
     lengths = dimensions(inst)
     tendon = max(axis.tendon_stiffness for axis in inst.planar)
     # Two tendons at an arm of a radius, by either half of the angle, each of which counts twice.
@@ -147,7 +147,7 @@ def _tie(ties: Element, inst: Instrument, joint: Joint) -> None:
 
 
 class _End(NamedTuple):
-    """What a tendon passes at one end of the stem: names' prefix, heights, m, and its distance from the middle, m."""
+    """Guides of a tendon at an end of the stem: prefix of their names, heights, m, and distance from the middle, m."""
 
     prefix: str
     stem: float
@@ -158,7 +158,7 @@ class _End(NamedTuple):
 def _strings(
     tendons: Element, bodies: dict[str | None, Element], inst: Instrument, lengths: Dimensions, axis: str
 ) -> None:
-    """Add both tendons of an axis: strings through the gears' guides; on pulleys and backbones, by what they draw."""
+    """Add both tendons of an axis: strings through the gears' guides; on pulleys and backbones, by their excursions."""
     place = lengths.axes.index(axis)
     planar = inst.planar[place]
     stretch = planar.pretension / planar.tendon_stiffness
@@ -185,7 +185,7 @@ def _strings(
 
 
 def _guides(bodies: dict[str | None, Element], end: _End, passed: Sequence[str], sign: float, axis: str) -> list[str]:
-    """Put the sites that guide a tendon past the gears of one end, and return their names from the stem outward."""
+    """Add the sites that guide a tendon past the gears of an end, and return their names from the stem outward."""
     x, y, _ = (sign * end.radius * component for component in TOWARD[axis])
     side = "agonist" if sign > 0 else "antagonist"
     names, on, height = [], "stem", end.stem

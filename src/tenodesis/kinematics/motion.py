@@ -19,7 +19,7 @@ _Array = NDArray[np.float64]
 _FARTHEST = 1e6  # m
 
 COORDINATES = ("pan", "tilt", "spin", "insertion", "yaw", "pitch", "roll")
-"""The coordinates that decide where the tip is, in the order of the Jacobian's columns."""
+"""The coordinates that determine the pose of the tip, in the order of the Jacobian's columns."""
 
 
 class Posture(NamedTuple):
@@ -40,13 +40,13 @@ class Posture(NamedTuple):
     roll: ArrayLike = 0.0
     """Of the end-effector about itself."""
     handle_yaw: ArrayLike | None = None
-    """Handle angle; by default the one that gives the output angle without a load (eq. 18)."""
+    """Handle angle; by default that which gives the output angle without a load (eq. 18)."""
     handle_pitch: ArrayLike | None = None
     """Likewise of the pitch joint."""
 
 
 class Frame(NamedTuple):
-    """Where a body is (..., 3), m, and how it is turned, a quaternion w, x, y, z (..., 4)."""
+    """Position (..., 3), m, and orientation of a body, a quaternion w, x, y, z (..., 4)."""
 
     position: _Array
     quaternion: _Array
@@ -67,7 +67,7 @@ class Frames(NamedTuple):
 
 
 def forward(inst: Instrument, posture: Posture) -> Frame:
-    """Return where the tip is (..., 3), m, and how it is turned (..., 4), at a posture (Fig. 1).
+    """Return position (..., 3), m, and orientation (..., 4) of the tip at a posture (Fig. 1).
 
     Raises
     ------
@@ -201,7 +201,7 @@ def inverse(
 
 
 def within_limits(inst: Instrument, posture: Posture) -> FloatOrArray:
-    """Return whether every coordinate of the tip is within its limits, see :func:`limits`; False where one is NaN.
+    """Return whether every coordinate of the tip is within its limits, see :func:`limits`; False where any is NaN.
 
     Raises
     ------
@@ -277,7 +277,7 @@ def _rows(inst: Instrument, posture: Posture) -> tuple[_Array, tuple[int, ...]]:
 
 
 def _column_order(inst: Instrument) -> list[int]:
-    """Return where the core has each coordinate: bending joints from the stem outward."""
+    """Return the index of each coordinate in the core: bending joints from the stem outward."""
     bends = [*inst.axes, *({"yaw", "pitch"} - set(inst.axes))]
     return [0, 1, 2, 3, 4 + bends.index("yaw"), 4 + bends.index("pitch"), 6]
 
@@ -291,6 +291,6 @@ def _unreached(inst: Instrument, goal: _Array, reach: _core.Reach) -> str:
     reasons = {
         _core.Reach.UNREACHABLE: "no posture brings the tip there; it must be farther from the port than the "
         "end-effector and its joints reach, or in another orientation",
-        _core.Reach.SINGULAR: "two of its joints turn about one axis there; give a goal beside it",
+        _core.Reach.SINGULAR: "two of its joints turn about the same axis there; give a goal near it",
     }
     return f"inverse of {inst.name} at position = ({place}) m: {reasons[reach]}."

@@ -23,7 +23,7 @@ STEEL = 7800.0
 
 
 class Joint(NamedTuple):
-    """One hinge or slide of a part, in its own frame; limits in rad or m."""
+    """A hinge or slide of a part, in its own frame; limits in rad or m."""
 
     name: str
     kind: Literal["hinge", "slide"]
@@ -92,7 +92,7 @@ def joint_positions(inst: Instrument, posture: Posture) -> dict[str, FloatOrArra
     ValueError, InstrumentError
         As :func:`forward`.
     NoSolutionError
-        A single handle angle is left out, and the handle cannot bend as far as its output angle asks for.
+        A single handle angle is left out, and the handle cannot bend as far as its output angle requires.
     """
     given = posture._asdict()
     if posture.insertion is None:
@@ -117,7 +117,7 @@ def joint_positions(inst: Instrument, posture: Posture) -> dict[str, FloatOrArra
 
 
 def _stack(inst: Instrument, lengths: Dimensions, *, distal: bool) -> list[Part]:
-    """Return the parts of the bending joints at one end, from the stem outward; they point to -z at the handle."""
+    """Return the parts of the bending joints at an end, from the stem outward; they point to -z at the handle."""
     end, side = ("", 1.0) if distal else ("handle_", -1.0)
     spacing = side * (lengths.joint_spacing if distal else lengths.handle_joint_spacing)
     on, offset = "stem", 0.0 if distal else -lengths.stem_length

@@ -7,11 +7,11 @@ from tenodesis.instrument import Instrument
 from tenodesis.kinematics.parts import STEEL, Joint, Part, parts
 
 _KINDS = {"hinge": "revolute", "slide": "prismatic"}
-# URDF asks for an effort and a velocity at every limited joint; the instrument file has neither.
+# URDF requires an effort and a velocity at every limited joint; the instrument file has neither.
 _EFFORT, _VELOCITY = "1000", "100"
 
 NOTE = """Written by tenodesis. Units: m, rad, kg. The port is the origin; z points into the patient.
-What this format does not carry of the instrument:
+What this format does not contain:
 - tendons: nothing ties the tip to the handle; the output angle without a load is 2 asin(R/r sin(handle angle / 2))
   for gears, which no mimic can express, since it is not linear; set both handle and tip;
 - rolling contact: a gear pair is two revolute joints, half its angle each, the second a mimic of the first, which tools

@@ -34,7 +34,7 @@ class Workspace(NamedTuple):
     span: _Array
     """Width of the range of directions the end-effector can point in there (m, n), rad; 0 where the tip cannot be."""
     bend: float
-    """Largest output angle to either side, rad: output_range, or what the handle's range gives under the load."""
+    """Largest output angle to either side, rad: output_range, or what the handle's range allows under the load."""
 
     @property
     def area(self) -> float:
@@ -81,7 +81,7 @@ def workspace(inst: Instrument, force: float = 0.0, *, points: int = 121) -> Wor
     if not (isinstance(force, Real) and isfinite(force) and force >= 0):
         raise ArgumentError(key="force", value=force, allowed="a finite force of at least 0 N")
     if not (isinstance(points, Integral) and points >= 2):
-        raise ArgumentError(key="points", value=points, allowed="a whole number of at least 2")
+        raise ArgumentError(key="points", value=points, allowed="an integer of at least 2")
     bend = _largest_bend(inst.axis(_axis(inst)), force)
     ray = _ray(inst, int(points))
     least, most = bounds.insertion
@@ -105,7 +105,7 @@ class _Ray(NamedTuple):
 
 @lru_cache(maxsize=8)
 def _ray(inst: Instrument, points: int) -> _Ray:
-    """Return the postures on one ray; but for the limit of the pivot, the section is the same all around the port."""
+    """Return the postures on a ray; except for the pivot's limit, the section is the same all around the port."""
     axis = _axis(inst)
     pivot, turn = ("pan", (0.0, 1.0)) if axis == "yaw" else ("tilt", (-1.0, 0.0))
     bounds = limits(inst)
@@ -130,7 +130,7 @@ def _axis(inst: Instrument) -> AxisName:
 
 
 def _largest_bend(axis: Instrument, force: float) -> float:
-    """Return the largest output angle of one axis against a load, rad, within its working range."""
+    """Return the largest output angle of an axis against a load, rad, within its working range."""
     handle = np.linspace(0.0, axis.handle_range, _HANDLE_ANGLES)
     reached = np.asarray(statics.output_angle(axis, handle, force))
     held = reached[np.isfinite(reached)]

@@ -29,7 +29,7 @@ _KEPT_SECONDS = 60.0
 _DEAF = "The runtime runs and does not answer: try again, or end it; its loop pauses without an operator."
 _AT_ONCE = 0.05
 """Longest wait of a stop for another command's answer, s."""
-_GONE = "The runtime has gone: its motors are stopped by their own watchdogs. Start it again."
+_GONE = "The runtime has ended: its motors are stopped by their own watchdogs. Start it again."
 
 
 class Client(Connection):
@@ -83,7 +83,7 @@ class Client(Connection):
 
     @property
     def capabilities(self) -> Capabilities:
-        """What the device has."""
+        """Capabilities of the device."""
         return self._capabilities
 
     @property
@@ -108,7 +108,7 @@ class Client(Connection):
         return {"time": run.time, **run.signals()}
 
     def status(self) -> Status:
-        """Return the state of the runtime; where there is none any more, GONE."""
+        """Return the state of the runtime; GONE if it has ended."""
         try:
             self._last_status = super().status()
         except LiveError as problem:
@@ -142,7 +142,7 @@ class Client(Connection):
                 return
 
     def send(self, command: Command, arguments: Mapping[str, Any]) -> Any:
-        """Send a command, and return what the runtime answers."""
+        """Send a command, and return the runtime's answer."""
         message = command.encode(arguments)
         with self._lock:
             answer = self._ask(command, message)
@@ -178,7 +178,7 @@ class Client(Connection):
             answer = self._exchange({"id": self._number, "op": command.name, **message}, command.timeout)
         except (BrokenPipeError, ConnectionResetError):
             answer = None
-        # A runtime with many connections closes those that have said nothing for long.
+        # A runtime with many connections closes those that have been silent for long.
         if answer is None and not fresh and command.repeatable:
             self._drop()
             return self._answer(command, message)
@@ -233,7 +233,7 @@ class Client(Connection):
 
 
 def wait_for(folder: Path, origin: str, *, seconds: float = 20.0) -> Client:
-    """Return a connection to a runtime that is only starting.
+    """Return a connection to a runtime that may still be starting.
 
     Raises
     ------

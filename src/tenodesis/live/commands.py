@@ -1,4 +1,4 @@
-"""The commands of a live runtime, each once: its name, its arguments and what it returns.
+"""The commands of a live runtime: name, arguments and result of each.
 
 A connection sends them (:mod:`tenodesis.live.client`), the server carries them out (:mod:`tenodesis.live.server`).
 """
@@ -39,7 +39,7 @@ OrNaN: TypeAlias = Annotated[float, "or NaN"]
 
 
 class _Kind(NamedTuple):
-    """How a kind of argument goes over the wire."""
+    """Encoding of a kind of argument."""
 
     encode: Callable[[Any], Any]
     """Returns the argument as JSON; raises TypeError where it is of another kind."""
@@ -106,11 +106,11 @@ class Command:
 
     name: str
     needs_lease: bool
-    """Whether only the operator may give it."""
+    """Whether only the operator may send it."""
     repeatable: bool
-    """Whether it may be sent again where its answer did not come."""
+    """Whether it may be sent again if its answer does not come."""
     streamed: bool
-    """Whether it comes many times a second, so that its events are drawn together."""
+    """Whether it comes many times a second, so that its events are merged."""
     timeout: float
     """Longest wait for its answer, s."""
     parameters: Mapping[str, inspect.Parameter]
@@ -155,7 +155,7 @@ class Command:
         return arguments
 
     def call(self, on: "Commands", arguments: Mapping[str, Any]) -> Any:
-        """Give the command to something that takes commands."""
+        """Call the command on an object that accepts commands."""
         return getattr(on, self.name)(**arguments)
 
     def _kind(self, name: str) -> _Kind:
@@ -169,7 +169,7 @@ COMMANDS: dict[str, Command] = {}
 def _command(
     *, needs_lease: bool = True, repeatable: bool = False, streamed: bool = False, timeout: float = _TIMEOUT
 ) -> Callable[[Callable[Concatenate[Any, _P], _R]], Callable[Concatenate[Any, _P], _R]]:
-    """Enter a method's signature into the table; the method becomes one that sends the command."""
+    """Enter a method's signature into the table; the method then sends the command."""
 
     def enter(method: Callable[Concatenate[Any, _P], _R]) -> Callable[Concatenate[Any, _P], _R]:
         signature = inspect.signature(method)
@@ -191,7 +191,7 @@ def _command(
 
 
 class Commands:
-    """What a runtime can be commanded: each method sends its command, unless a class carries it out itself.
+    """The commands that a runtime accepts: each method sends its command, unless a class carries it out itself.
 
     Commands that move the instrument or change what it does need the operator's lease. LiveError is raised without it,
     and for every command that the runtime cannot carry out.
@@ -203,7 +203,7 @@ class Commands:
 
     @_command(needs_lease=False)
     def hello(self, origin: str = "") -> Capabilities:
-        """Name the connection by its origin, and return what the device has."""
+        """Name the connection by its origin, and return the device's capabilities."""
         raise NotImplementedError
 
     @_command(needs_lease=False, repeatable=True)
@@ -243,7 +243,7 @@ class Commands:
 
     @_command()
     def request(self, what: ControllerRequest) -> None:
-        """Ask the controller to enable, disable, pause, resume, home or clear."""
+        """Request the controller to enable, disable, pause, resume, home or clear."""
 
     @_command()
     def law(self, law: str, actuation: str) -> None:
@@ -251,7 +251,7 @@ class Commands:
 
     @_command()
     def speed(self, factor: float) -> None:
-        """Run simulated time at this multiple of wall time; 0: as fast as it goes."""
+        """Run simulated time at this multiple of wall time; 0: as fast as possible."""
 
     @_command()
     def inject_fault(self, point: str, mode: str, value: OrNaN, seconds: float, axis: str | None = None) -> None:
@@ -282,7 +282,7 @@ class Connection(Commands, ABC):
     @property
     @abstractmethod
     def capabilities(self) -> Capabilities:
-        """What the device has."""
+        """Capabilities of the device."""
 
     @property
     def device(self) -> str:
@@ -311,7 +311,7 @@ class RestartableConnection(Connection):
 
     @abstractmethod
     def restart(self) -> None:
-        """Start a runtime that has gone again."""
+        """Restart a runtime that has ended."""
 
 
 Connect: TypeAlias = Callable[[str], RestartableConnection]

@@ -1,4 +1,4 @@
-"""Between a device that Python serves and the live loop: posts measurements, sends the answers to the motors."""
+"""The thread between a Python device and the live loop: posts measurements, sends the answers to the motors."""
 
 import logging
 import threading
@@ -33,7 +33,7 @@ class DeviceThread:
         self._period = period
         self._ending = threading.Event()
         self.problem: str | None = None
-        """Why the device is not served any more."""
+        """Why the device is no longer served."""
         self.unanswered = 0
         """Measurements to which no answer came in time."""
         self._thread = threading.Thread(target=self._serve, name="device", daemon=True)

@@ -1,4 +1,4 @@
-"""The events of a live recording for a reader: who commanded what, which faults there were, and what is missing."""
+"""Summary of the events of a live recording: commands with their origins, faults, and losses."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -23,7 +23,7 @@ _SHOWN = 5
 
 
 def describe(recording: Recording) -> Group | None:
-    """Return the events of a recording, for a rich console; None of one that is not live and has none."""
+    """Return the events of a recording, for a rich console; None if it is not live and has no events."""
     if not recording.events and recording.metadata.get("mode") != LIVE:
         return None
     before = [event for event in recording.events if "since" in event.content]
@@ -46,7 +46,7 @@ def describe(recording: Recording) -> Group | None:
 
 
 def _controlled(recording: Recording) -> dict[str, str]:
-    """Return the outcome of the run, unless the recording describes its controller: that is shown elsewhere."""
+    """Return the outcome of the run, unless the recording describes its controller, which is shown elsewhere."""
     if CONTROLLER in recording.metadata:
         return {}
     try:
@@ -57,7 +57,7 @@ def _controlled(recording: Recording) -> dict[str, str]:
 
 
 def _faults(run: Run, events: Sequence[Event]) -> str:
-    """Name the faults in the rows and how often each came, and those in events only: their rows are missing."""
+    """List the faults in the rows with their counts, and those only in events, whose rows are missing."""
     came: dict[str, list[float]] = {}
     if run.faults is not None and len(run):
         masks = np.bitwise_or.reduce(np.nan_to_num(run.faults).astype(np.int64).reshape(len(run), -1), axis=1)
@@ -81,7 +81,7 @@ def _faults(run: Run, events: Sequence[Event]) -> str:
 
 
 def _missing(events: Sequence[Event], kind: str, what: str, place: str) -> str:
-    """Name how many things of a kind are missing by the events, and when: after or until each."""
+    """Describe how many items of a kind are missing according to the events, and when: after or until each."""
     counted = [(_count(event, what), event.time) for event in events if _kind(event) == kind]
     if not counted:
         return "none"
@@ -99,7 +99,7 @@ def _end(events: Sequence[Event]) -> str:
 
 
 def _by_kind(events: Sequence[Event]) -> Table:
-    """Return how many events there were of each kind and origin, merged ones counted one by one."""
+    """Return the number of events by kind and origin, merged events counted individually."""
     rows: dict[tuple[str, str], tuple[int, float, float]] = {}
     for event in events:
         key = _kind(event), _origin(event)

@@ -1,4 +1,4 @@
-"""The file of events of a live runtime, one JSON object a line, as its readers follow it."""
+"""The file of events of a live runtime, a JSON object per line, with its reader."""
 
 import json
 import math
@@ -11,16 +11,16 @@ FILE = "events.jsonl"
 """Name of the file in the runtime's folder."""
 
 LONGEST = 1e7
-"""Longest time that a runtime runs, s."""
+"""Longest running time of a runtime, s."""
 
 LONGEST_LINE = 1 << 18
-"""Most bytes of a line; a longer one is no event."""
+"""Largest number of bytes of a line; a longer line is no event."""
 
 NUMBER = "number"
-"""Name under which a line has its number, counted from 1."""
+"""Key of a line's number, counted from 1."""
 
 LEFT_OUT = "events_left_out"
-"""First event of a file that started again: `until` which number events are left out, but for those that are `kept`."""
+"""First event of a file that started again: events up to number `until` are left out, except those `kept`."""
 
 _SHOWN = 200
 """Characters kept of a line that is no event."""
@@ -33,7 +33,7 @@ class RuntimeEvent(NamedTuple):
     content: Mapping[str, Any]
 
     def at(self, now: float) -> float:
-        """Return its time, s; now (s) where it has none, or an impossible one."""
+        """Return its time, s; now (s) if it has no time, or an impossible time."""
         return self.time if 0 <= self.time <= LONGEST else now
 
 
@@ -61,7 +61,7 @@ class Tail:
                 pass
 
     def read(self) -> list[RuntimeEvent]:
-        """Return the events that have come, not all at once where they are many; an unreadable line counts as an event.
+        """Return the new events, in portions if there are many; an unreadable line counts as an event.
 
         Raises
         ------
@@ -69,7 +69,7 @@ class Tail:
             The file is there and cannot be read.
         """
         while True:
-            # Looked at first: all that was written before the file started again is then in the one that is open.
+            # Checked first: everything written before the file restarted is then in the open file.
             replaced = self._replaced()
             lines = self._lines()
             if not lines:
@@ -87,7 +87,7 @@ class Tail:
                 return events
 
     def close(self) -> None:
-        """Close the file; the next read begins at the start of the one that exists then."""
+        """Close the file; the next read begins at the start of the file that exists then."""
         if self._file is not None:
             self._file.close()
         self._file, self._position, self._skipping = None, 0, False
@@ -116,7 +116,7 @@ class Tail:
         return data[:end].splitlines(keepends=True)
 
     def _event(self, line: bytes) -> RuntimeEvent | None:
-        """Return the event of a line; None where it was read before."""
+        """Return the event of a line; None if it was read before."""
         try:
             content = json.loads(line)
             time = content.pop("time", math.nan)

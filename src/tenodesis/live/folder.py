@@ -1,4 +1,4 @@
-"""The folder of a live runtime: its files, and the one that describes the runtime."""
+"""The folder of a live runtime: its files, and the file that describes the runtime."""
 
 import json
 from pathlib import Path
@@ -11,7 +11,7 @@ from tenodesis.instrument import Instrument, load
 RING = "ring"
 """The ticks, in shared memory."""
 SOCKET = "control.sock"
-"""Where it takes commands."""
+"""Socket that accepts commands."""
 INSTRUMENT = "instrument.toml"
 _SESSION = "session.json"
 

@@ -32,7 +32,7 @@ _PERIOD = 0.02
 _MOST = 2000
 """Rows taken at a time."""
 _BACKLOG = 1 << 16
-"""Messages that wait for a slow client, as many as a block's on all topics; after that it misses the oldest."""
+"""Messages that wait for a slow client: those of a block on all topics; beyond that it misses the oldest."""
 
 
 class Server:
@@ -108,11 +108,11 @@ class Server:
 
     @property
     def port(self) -> int:
-        """Where it listens."""
+        """Address on which it listens."""
         return int(self._server.port)
 
     def publish(self) -> bool:
-        """Send what has come; whether more may come."""
+        """Send new messages; return whether more may come."""
         alive = self._source.alive
         run, lost = self._source.read(_MOST)
         self.lost += lost
@@ -122,7 +122,7 @@ class Server:
         return alive or bool(len(run)) or sent
 
     def stop(self) -> None:
-        """Let all clients go; a second time does nothing."""
+        """Disconnect all clients; a second call does nothing."""
         self._server.stop()
         if self._tail is not None:
             self._tail.close()
@@ -172,13 +172,13 @@ class Server:
 
 
 def serve(server: Server, stop: threading.Event) -> None:
-    """Send what comes until the runtime ends or `stop` is set."""
+    """Send new messages until the runtime ends or `stop` is set."""
     while not stop.is_set() and server.publish():
         stop.wait(_PERIOD)
 
 
 def warning(host: str) -> str | None:
-    """Return what to know of listening on an address, in a sentence; None on loopback."""
+    """Return a warning about listening on an address, in a sentence; None on loopback."""
     try:
         loopback = ipaddress.ip_address(host).is_loopback
     except ValueError:

@@ -1,4 +1,4 @@
-"""A runtime process started from here: started again with another instrument, ended with its starter."""
+"""A runtime process of this process: restarted with another instrument, ended with its parent."""
 
 import os
 import shutil
@@ -25,7 +25,7 @@ from tenodesis.run import Array
 _TO_START = 30.0
 _TO_END = 15.0
 _SHARED = Path("/dev/shm")
-"""A folder in memory: a ring on a disk would be written to it."""
+"""A folder in memory, so that the ring is not written to a disk."""
 _PREFIX = "tenodesis-"
 
 
@@ -46,7 +46,7 @@ class Host:
     InstrumentError
         The instrument is not valid.
     LiveError
-        The runtime does not start; the message says why.
+        The runtime does not start; the message states why.
     """
 
     def __init__(self, instrument: str, choices: Choices | None = None, recordings: Path = Path("recordings")) -> None:
@@ -55,7 +55,7 @@ class Host:
         _tidy()
         self._home = Path(tempfile.mkdtemp(prefix=f"{_PREFIX}{os.getpid()}-", dir=_place()))
         self.generation = 0
-        """How often a runtime was started."""
+        """Number of runtimes started."""
         self._process: subprocess.Popen[bytes] | None = None
         try:
             self.start(instrument)
@@ -65,7 +65,7 @@ class Host:
 
     @property
     def folder(self) -> Path:
-        """Folder of the runtime that runs."""
+        """Folder of the present runtime."""
         return self._home / str(self.generation)
 
     @property
@@ -74,7 +74,7 @@ class Host:
         return None if self._process is None else self._process.pid
 
     def start(self, instrument: str) -> None:
-        """Start with an instrument in place of the present one, which goes on if the new one is not valid.
+        """Restart with another instrument; if it is not valid, the present runtime continues.
 
         Parameters
         ----------
@@ -95,7 +95,7 @@ class Host:
         self.start(str(self._home / f"{self.generation}.toml"))
 
     def close(self) -> None:
-        """End it, motors at rest; a second time does nothing."""
+        """End the runtime, motors at rest; a second call does nothing."""
         with self._lock:
             self._end()
             shutil.rmtree(self._home, ignore_errors=True)
@@ -126,7 +126,7 @@ class Host:
         try:
             self._wait()
         except BaseException:
-            # A runtime that starts later would hold its device, and nobody would know of it.
+            # A runtime that starts later would occupy its device unnoticed.
             self._end()
             raise
 
@@ -140,7 +140,7 @@ class Host:
             except LiveError:
                 pass
             else:
-                # Nobody reads its output from here on, and a full pipe would hold it up.
+                # Nothing reads its output from here on, and a full pipe would block it.
                 threading.Thread(target=_drain, args=(process,), daemon=True).start()
                 return
             if process.poll() is not None:
@@ -168,7 +168,7 @@ class Host:
 
 
 class HostConnection(RestartableConnection):
-    """A :class:`~tenodesis.live.client.Client` that moves on to the runtime that is started next."""
+    """A :class:`~tenodesis.live.client.Client` that follows to the runtime that is started next."""
 
     def __init__(self, host: Host, origin: str) -> None:
         self._host, self._origin = host, origin
@@ -187,7 +187,7 @@ class HostConnection(RestartableConnection):
 
     @property
     def capabilities(self) -> Capabilities:
-        """What its device has."""
+        """Capabilities of its device."""
         return self._current().capabilities
 
     @property
@@ -220,7 +220,7 @@ class HostConnection(RestartableConnection):
         self._current().acquire()
 
     def restart(self) -> None:
-        """Start a runtime that has gone again."""
+        """Restart a runtime that has ended."""
         if not self._current().alive:
             self._host.again()
 
@@ -243,7 +243,7 @@ def _place() -> Path:
 
 
 def _tidy() -> None:
-    """Remove the folders of hosts that were killed, once the runtimes and recorders that they left have ended too."""
+    """Remove the folders of killed hosts, once their runtimes and recorders have ended too."""
     for folder in _place().glob(f"{_PREFIX}*-*"):
         pid = folder.name.removeprefix(_PREFIX).partition("-")[0]
         if pid.isdecimal() and not Path(f"/proc/{pid}").exists() and not _used(folder):

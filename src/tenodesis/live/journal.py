@@ -1,4 +1,4 @@
-"""The events of a live runtime, written to a file of JSON lines that starts again when it is long."""
+"""The events of a live runtime, written to a file of JSON lines that restarts when it is long."""
 
 import json
 import os
@@ -12,13 +12,13 @@ from tenodesis.files import atomic_file
 from tenodesis.live.events import FILE, LEFT_OUT, LONGEST_LINE, NUMBER
 
 _MOST = 16 << 20
-"""Bytes after which the file starts again: the folder is in memory."""
+"""Bytes after which the file restarts, since the folder is in memory."""
 
 
 class Journal:
     """The file of events; repeated events of a kind are merged until `flush`.
 
-    A file that starts again says how many events it leaves out, and keeps the last of each kind, which is in force.
+    A file that restarts states how many events it leaves out, and keeps the last of each kind, which is in force.
     An event that cannot be written holds no command up: it is counted, and the count is written when that works again.
 
     Parameters
@@ -46,7 +46,7 @@ class Journal:
         self._number = self._size = self._missing = 0
         self._file: int | None = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600)
         self.problem: str | None = None
-        """Why events are not written, in a sentence; None while they are."""
+        """Why events are not written, in a sentence; None while they are written."""
 
     def write(self, event: str, origin: str, **content: Any) -> None:
         """Write an event at once, after those that wait."""
@@ -55,7 +55,7 @@ class Journal:
             self._put({"time": self._clock(), "event": event, "origin": origin, **content})
 
     def write_merged(self, event: str, origin: str, **content: Any) -> None:
-        """Write an event with the next flush; of many from an origin only the last, and how many there were."""
+        """Write an event with the next flush; several of an origin are merged into the last, with their number."""
         with self._lock:
             before = self._waiting.get((event, origin), {})
             self._waiting[event, origin] = {
@@ -97,7 +97,7 @@ class Journal:
             self._missing += 1
 
     def _append(self, content: dict[str, Any]) -> bool:
-        """Append an event, all of it or nothing, and return which."""
+        """Append an event completely or not at all, and return whether it was appended."""
         line = self._line(content)
         try:
             if self._size + len(line) > self._most:
@@ -129,7 +129,7 @@ class Journal:
                 file = os.open(new, os.O_WRONLY | os.O_APPEND)
                 undo.callback(os.close, file)
             undo.pop_all()
-        # A reader that has the old file open reads it to its end.
+        # A reader that has the old file open reads it completely.
         assert self._file is not None
         os.close(self._file)
         self._file, self._size = file, 0

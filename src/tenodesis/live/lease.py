@@ -5,11 +5,11 @@ import time
 from collections.abc import Callable
 
 SECONDS = 1.0
-"""Time without a renewal after which the operator is taken to be gone, s."""
+"""Time without a renewal after which the lease expires, s."""
 
 
 class Lease:
-    """The lease of one operator, known by a token of the caller and called by its origin.
+    """The lease of an operator, identified by a token of the caller and named by its origin.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class Lease:
 
     @property
     def origin(self) -> str | None:
-        """Origin of the operator; None without one."""
+        """Origin of the operator; None if there is none."""
         with self._lock:
             self._expire()
             return self._origin

@@ -1,4 +1,4 @@
-"""The live loop of an instrument: its device and controller in a thread of the core, and the orders it takes."""
+"""The live loop of an instrument: its device and controller in a thread of the core, and its queue of orders."""
 
 import threading
 from collections.abc import Callable, Iterable
@@ -34,9 +34,9 @@ _LARGEST_FORCE = 100.0
 
 PROBLEMS = (
     None,
-    "The load was more than the tip can hold, and was not taken.",
+    "The load was more than the tip can hold, and was not applied.",
     "A tick came later than the bound, and the motors were stopped: see the timing, then clear or resume.",
-    "The device said nothing for longer than the bound, and the motors were stopped: look at its cables and power.",
+    "The device was silent for longer than the bound, and the motors were stopped: look at its cables and power.",
     "The operator went away, and the motors were paused: resume to go on.",
 )
 """Problems of the core's loop, by number."""
@@ -55,12 +55,12 @@ class Choices:
     law: LawName = "robust"
     actuation: ActuationName = "differential"
     speed: float = 1.0
-    """Simulated over real time; 0: as fast as it goes."""
+    """Simulated over real time; 0: as fast as possible."""
     seed: int = 0
     real_time: bool = True
-    """Whether to ask for real-time scheduling and locked memory."""
+    """Whether to request real-time scheduling and locked memory."""
     late_bound: float = 0.05
-    """Lateness past which real motors are stopped, s."""
+    """Delay above which real motors are stopped, s."""
 
 
 class LiveLoop:
@@ -132,7 +132,7 @@ class LiveLoop:
             raise LiveError(f"{path} cannot be written: {problem}.") from None
 
     def _bench(self, twin: Twin) -> tuple[_core.LiveDevice, Capabilities]:
-        """Return what the core's loop reads and writes, and what that has."""
+        """Return the device of the core's loop and its capabilities."""
         axes, rate = self.inst.axes, 1 / self.period
         if self._device is not None:
             has = self._device.capabilities
@@ -187,7 +187,7 @@ class LiveLoop:
         return 0 if self._device_thread is None else self._device_thread.unanswered
 
     def request(self, what: Request | str) -> None:
-        """Ask the controller for something, a :class:`Request` or its name."""
+        """Send a request to the controller, a :class:`Request` or its name."""
         try:
             asked = Request[what.upper()] if isinstance(what, str) else Request(what)
         except (KeyError, ValueError):
@@ -200,7 +200,7 @@ class LiveLoop:
         self.core.stop()
 
     def choose(self, law: str, actuation: str) -> None:
-        """Take another compensation law and actuation mode with the next tick."""
+        """Change compensation law and actuation mode with the next tick."""
         for argument, value, allowed in (("law", law, LawName), ("actuation", actuation, ActuationName)):
             if value not in get_args(allowed):
                 raise LiveError(key=argument, value=value, allowed=_one_of(get_args(allowed)))
@@ -220,11 +220,11 @@ class LiveLoop:
         self._per_axis("radial", "radial_force", forces, _LARGEST_FORCE)
 
     def speed(self, factor: float) -> None:
-        """Run simulated time at this multiple of wall time; 0: as fast as it goes."""
+        """Run simulated time at this multiple of wall time; 0: as fast as possible."""
         if not self.capabilities.simulated:
             raise LiveError("speed can be changed on the twin only: the device keeps real time.")
         if not (factor == 0 or 0.1 <= factor <= 100):
-            raise LiveError(key="speed", value=factor, allowed="from 0.1 to 100, or 0 for as fast as it goes")
+            raise LiveError(key="speed", value=factor, allowed="from 0.1 to 100, or 0 for as fast as possible")
         self._order("speed", value=float(factor))
 
     def inject_fault(self, point: str, mode: str, value: float, seconds: float, axis: str | None = None) -> None:
@@ -246,7 +246,7 @@ class LiveLoop:
 
     @property
     def pending(self) -> int:
-        """Ticks of a played motion that are still to come."""
+        """Remaining ticks of a played motion."""
         return self.core.pending_rows
 
     def push(self, rows: Array) -> int:
@@ -258,7 +258,7 @@ class LiveLoop:
             return self.core.play(np.ascontiguousarray(rows, float))
 
     def drop(self) -> None:
-        """Drop the ticks of a played motion that are still to come; the handle stays where it is."""
+        """Drop the remaining ticks of a played motion; the handle stays where it is."""
         self._order("drop")
 
     def _per_axis(self, order: str, argument: str, values: ArrayLike, most: float) -> None:
@@ -277,7 +277,7 @@ class LiveLoop:
         with self._lock:
             taken = order(*arguments)
         if not taken:
-            raise LiveError("too much is asked at once; that was not taken.")
+            raise LiveError("too many commands at once; this one was refused.")
 
 
 def _controller(inst: Instrument, choices: Choices, *, served: bool) -> Controller:

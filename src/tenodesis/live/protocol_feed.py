@@ -1,4 +1,4 @@
-"""A protocol on a live instrument: its commands are sent ahead of time, its homing when it is reached."""
+"""A protocol on a live instrument: commands are sent ahead of time, homing when its phase is reached."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,33 +17,33 @@ from tenodesis.simulate.execution import check_controllable
 from tenodesis.simulate.protocol import Planned, block_size
 
 _AHEAD = 0.1
-"""Time that the queue is kept ahead by, at least, s."""
+"""Least time by which the queue is kept ahead, s."""
 _TURNS_AHEAD = 5
-"""Turns that the queue is kept ahead by, at least, at the speed at which its rows are taken."""
+"""Least number of calls of `advance` by which the queue is kept ahead, at the speed of its consumption."""
 _BLOCK = 0.1
 """Time computed at once, s."""
 _APPROACH = math.radians(20)
-"""Largest speed of the handle on the way to where the protocol begins or goes on, rad/s."""
+"""Largest speed of the handle on the way to the start of the protocol or of its continuation, rad/s."""
 _UNLOADING = 0.5
-"""Time that loads take on that way, at least, s."""
+"""Least time in which loads change on that way, s."""
 _PATIENCE = 1.0
-"""Time of the instrument within which it begins what was requested, s."""
+"""Time within which the instrument must begin what was requested, s, on its clock."""
 _COMMANDED = ("commanded_handle_angle", "force", "radial_force")
 
 
 class Progress(NamedTuple):
-    """How far a protocol is, s; homing counts with its timeout, as in :meth:`tenodesis.simulate.Protocol.duration`."""
+    """Progress of a protocol, s; homing counts with its timeout, as in :meth:`tenodesis.simulate.Protocol.duration`."""
 
     done: float
     total: float
 
 
 class Queue(Protocol):
-    """The runtime's queue of commands, of which it takes one at every tick."""
+    """The runtime's queue of commands; every tick consumes a command."""
 
     @property
     def pending(self) -> int:
-        """Rows that it has not taken yet."""
+        """Number of rows not yet consumed."""
         ...
 
     def push(self, rows: Array) -> int:
@@ -51,7 +51,7 @@ class Queue(Protocol):
         ...
 
     def drop(self) -> None:
-        """Forget the rows that it has not taken yet."""
+        """Drop the rows not yet consumed."""
         ...
 
 
@@ -72,16 +72,16 @@ class Player:
         Requests home, resume or pause of the controller.
     latest
         Returns the newest tick: ``time`` (s), ``operating_state``, ``faults``, ``homed``, ``homing``, and what was
-        commanded: ``commanded_handle_angle`` (rad), ``force`` and ``radial_force`` (N), NaN where nobody can.
+        commanded: ``commanded_handle_angle`` (rad), ``force`` and ``radial_force`` (N), NaN where not commanded.
     inst
-        The instrument, as the controller knows it.
+        The instrument, as in the controller.
     time_step
         Time between two ticks, s, as in the plan.
 
     Raises
     ------
     ProtocolError
-        A controller cannot run it: it moves the spools, or asks homing for what that does not do.
+        A controller cannot run it: it moves the spools, or requires of homing what that does not do.
     """
 
     def __init__(
@@ -102,18 +102,18 @@ class Player:
         self._script = self._play()
         self._over = self._homing = self._interrupted = False
         self._at = np.zeros((self._axes, 3))
-        """What was sent last."""
+        """Last row sent."""
         self._least = self._ahead = max(1, round(_AHEAD / time_step))
         self._pending = self._given = 0
         self._homed = self._under_way = self._done = 0.0
         self.held = False
         """Whether the operator's last request was to pause or disable: then the operator homes or resumes."""
         self.problem: str | None = None
-        """Why it does not go on and what to do, in a sentence; None while it does."""
+        """Why it does not continue and what to do, in a sentence; None while it continues."""
 
     @property
     def progress(self) -> Progress:
-        """How far it is."""
+        """Progress."""
         if not self._over:
             given = self._homed + self._under_way + (self._given - self._queue.pending) * self._time_step
             self._done = max(self._done, min(given, self._total))
@@ -121,11 +121,11 @@ class Player:
 
     @property
     def finished(self) -> bool:
-        """Whether there is nothing left to do, because all is done or it was cancelled."""
+        """Whether it is done or was cancelled."""
         return self._over
 
     def advance(self) -> None:
-        """Send the commands that are due, and look at the newest tick."""
+        """Send the commands that are due, and evaluate the newest tick."""
         if self._over:
             return
         self._tick = self._latest()
@@ -163,7 +163,7 @@ class Player:
         yield from self._emptied()
 
     def _send(self, rows: Array, planned: Planned, *, disabled: bool = False, played: bool = False) -> Iterator[None]:
-        """Send rows as far ahead as is due, as long as the instrument is enabled, or need not be."""
+        """Send the rows that are due, while the instrument is enabled or need not be."""
         while len(rows):
             if not self._ready(planned, disabled=disabled):
                 self._interrupted = True
@@ -182,7 +182,7 @@ class Player:
             yield
 
     def _ready(self, planned: Planned, *, disabled: bool) -> bool:
-        """Whether commands may be sent; if not, the problem says why."""
+        """Whether commands may be sent; if not, the problem states why."""
         state, homing = self._state, bool(self._tick["homing"])
         if state == OperatingState.FAULT:
             self._wait(planned, f"{self._faults()}; clear it and enable the instrument to go on")
@@ -236,7 +236,7 @@ class Player:
         yield from self._resume()
 
     def _resume(self) -> Iterator[None]:
-        """Resume, and wait a while for that; the next commands name the problem if it was in vain."""
+        """Resume, and wait for a limited time; the next commands report the problem if it failed."""
         if self.held:
             return
         asked = self._time
@@ -245,12 +245,12 @@ class Player:
             yield
 
     def _emptied(self) -> Iterator[None]:
-        """Wait until all commands that were sent are done."""
+        """Wait until all commands sent are carried out."""
         while self._queue.pending:
             yield
 
     def _way_to(self, end: Array) -> Array:
-        """Return rows, shape (n, axes, 3), from what is commanded now to other commands (axes, 3)."""
+        """Return rows, shape (n, axes, 3), from the present commands to other commands (axes, 3)."""
         commanded = np.stack([np.reshape(self._tick[name], self._axes) for name in _COMMANDED], axis=-1)
         start = np.where(np.isfinite(commanded), commanded, end)
         if (start == end).all():

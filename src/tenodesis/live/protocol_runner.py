@@ -1,4 +1,4 @@
-"""The protocol that a live runtime runs, for as long as its operator stays and nobody stops it."""
+"""The protocol that a live runtime runs, as long as its operator stays and it is not stopped."""
 
 import threading
 import time
@@ -16,9 +16,9 @@ from tenodesis.run import Array
 from tenodesis.simulate import Protocol
 
 _SETTLING = 0.05
-"""Between a protocol's acceptance and its first row, s."""
+"""Time between a protocol's acceptance and its first row, s."""
 _HOLDING = ("pause", "disable")
-"""Requests after which a protocol neither homes nor resumes by itself, until one of those that follow."""
+"""Requests after which a protocol neither homes nor resumes by itself, until a request of the second set."""
 _FREEING = ("enable", "resume", "home")
 
 
@@ -30,7 +30,7 @@ class ProtocolRunner:
     loop
         Takes the commands.
     lease
-        Says whether the operator is still there.
+        Returns whether the operator is still there.
     recorder
         Records the protocol, if that is wanted.
     journal
@@ -56,7 +56,7 @@ class ProtocolRunner:
         self._lock = threading.Lock()
         self._requesting = threading.Lock()
         self.stops = 0
-        """How often the motors were stopped."""
+        """Number of stops of the motors."""
 
     @property
     def status(self) -> ProtocolStatus | None:
@@ -70,7 +70,7 @@ class ProtocolRunner:
             raise LiveError(f"the protocol {self._name} runs; cancel it first.")
 
     def request(self, what: str) -> None:
-        """Pass an operator's request on to the controller; what it paused, no protocol resumes."""
+        """Pass an operator's request to the controller; after a pause by the operator no protocol resumes."""
         with self._requesting:
             player = self._player
             if player is not None:
@@ -78,7 +78,7 @@ class ProtocolRunner:
             self._loop.request(what)
 
     def play(self, protocol: Protocol, operator: object, *, record: bool, stops: int) -> None:
-        """Begin a protocol for its operator, unless there were more stops meanwhile.
+        """Begin a protocol for its operator, unless the motors were stopped meanwhile.
 
         Raises
         ------
@@ -121,7 +121,7 @@ class ProtocolRunner:
             if self._records and not self._recorder.ready:
                 return
             if not self._lease.held_by(self._operator):
-                self._end("the operator has gone")
+                self._end("the operator has left")
                 return
             try:
                 player.advance()
@@ -148,7 +148,7 @@ class ProtocolRunner:
             self._end(why)
 
     def leave_recording(self) -> None:
-        """Leave the recorder running, or ended, when the protocol ends: somebody else sees to it."""
+        """Leave the recorder as it is when the protocol ends; the caller controls it."""
         with self._lock:
             self._records = False
 
@@ -187,7 +187,7 @@ class ProtocolRunner:
 
 
 class _Rows:
-    """The loop's queue of played ticks, as a player has it."""
+    """The loop's queue of played ticks, in the form that a protocol feed needs."""
 
     def __init__(self, loop: LiveLoop, push: Callable[[Array], int]) -> None:
         self._loop, self.push = loop, push

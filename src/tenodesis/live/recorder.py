@@ -30,29 +30,29 @@ from tenodesis.recording import Recorder
 from tenodesis.run import Array, Run
 
 LIVE = "live"
-"""Mode of a live recording, as its metadata has it."""
+"""Mode of a live recording in its metadata."""
 
 STATUS = "recorder.json"
-"""Name of the file in the runtime's folder that says how far the recording is."""
+"""Name of the file in the runtime's folder with the progress of the recording."""
 
 _PERIOD = 0.02
-"""Time between two looks at the ring, s."""
+"""Time between two readings of the ring, s."""
 _FLUSH = 0.25
-"""Time after which rows are on their way to the disk, by the wall's clock, s."""
+"""Time after which rows are flushed to the disk, wall time, s."""
 _SOON = 1.0
-"""Time within which rows should come, s."""
+"""Time within which the first rows should come, s."""
 _MOST = 2000
-"""Rows taken at a time."""
+"""Largest number of rows read at once."""
 _HELD = 16.0
-"""Time that a ring holds at most, s."""
+"""Longest time that a ring contains, s."""
 _LONGEST_CHUNK = 10.0
-"""Recorded time in a chunk at most, s, where simulated time goes fast."""
+"""Longest recorded time in a chunk, s, where simulated time runs fast."""
 _APART = 2e-9
-"""Time put between rows whose own does not go on, s; stamps count whole nanoseconds."""
+"""Time put between rows whose own time does not increase, s; stamps are in integer nanoseconds."""
 
 
 class Outcome(NamedTuple):
-    """What came of a recording."""
+    """Result of a recording."""
 
     rows: int
     seconds: float
@@ -60,11 +60,11 @@ class Outcome(NamedTuple):
     lost: int
     """Rows that the ring had overwritten before they were read."""
     corrected: int
-    """Rows whose time did not go on."""
+    """Rows whose time did not increase."""
 
     @property
     def complaint(self) -> str | None:
-        """What is wrong with it, in a sentence; None if nothing is."""
+        """The problem of the recording, in a sentence; None if there is none."""
         wrong = []
         if self.lost:
             wrong.append(f"{self.lost} rows are missing, for the recorder was too slow")
@@ -74,14 +74,14 @@ class Outcome(NamedTuple):
 
 
 class _Status:
-    """The file that says how far a recording is."""
+    """The file with the progress of a recording."""
 
     def __init__(self, file: Path, recording: Path) -> None:
         self._file = file
         self._identity = {"path": str(recording.absolute()), "pid": os.getpid()}
 
     def write(self, outcome: Outcome | None, *, ended: bool = False, problem: str | None = None) -> None:
-        """Write how far it is, whether it has ended, and why it could not go on."""
+        """Write its progress, whether it has ended, and why it could not continue."""
         far = {} if outcome is None else outcome._asdict()
         text = json.dumps({**self._identity, **far, "ended": ended, "problem": problem})
         # The recording matters more than its status.
@@ -109,7 +109,7 @@ class _Session:
         )
 
     def add(self, run: Run, lost: int) -> None:
-        """Record rows, with an event where rows before them are lost or their time does not go on."""
+        """Record rows, with an event where rows before them are lost or their time does not increase."""
         if lost:
             self.lost += lost
             self.note("rows_lost", rows=lost, in_all=self.lost)
@@ -126,7 +126,7 @@ class _Session:
         self.rows += len(run)
 
     def happened(self, event: RuntimeEvent) -> None:
-        """Record an event of the runtime; one without a time of its own happened now."""
+        """Record an event of the runtime; an event without a time gets the present time."""
         self._recorder.event(event.at(max(self._last, 0.0)), event.content)
 
     def keep(self) -> None:
@@ -231,7 +231,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def supervise(work: Callable[[threading.Event], Outcome]) -> int:
-    """Do a recording that SIGTERM and Ctrl-C end, say what is wrong with it, and return the exit code."""
+    """Make a recording that SIGTERM and Ctrl-C end, report its problem, and return the exit code."""
     stop = threading.Event()
     try:
         with on_signal(stop.set):
@@ -250,7 +250,7 @@ def _record(folder: Path, path: Path, stop: threading.Event, *, overwrite: bool)
 
 
 def _first(source: Source, stop: threading.Event) -> tuple[Run, int]:
-    """Return the first rows; none where none come soon, so that an unwritable file is reported in any case."""
+    """Return the first rows, or none if none come soon, so that an unwritable file is reported in any case."""
     until = time.monotonic() + _SOON
     lost = 0
     while True:
@@ -262,7 +262,7 @@ def _first(source: Source, stop: threading.Event) -> tuple[Run, int]:
 
 
 def _follow(source: Source, tail: Tail, session: _Session, stop: threading.Event) -> str:
-    """Record all that comes, and say why no more does."""
+    """Record all rows that come, and return why they ended."""
     # Where simulated time has no end, rows that come after the stop must not keep it from ending.
     turns = 2 + round(_HELD / source.time_step / _MOST)
     while True:
@@ -277,7 +277,7 @@ def _follow(source: Source, tail: Tail, session: _Session, stop: threading.Event
         # Rows that were there at the stop are still taken.
         turns -= ending
         if ending and (not more or turns == 0):
-            return "asked to"
+            return "on request"
         if not alive and not len(run) and not happened:
             return "the runtime has ended"
         if len(run) < _MOST:
@@ -300,7 +300,7 @@ def _read(tail: Tail) -> list[RuntimeEvent]:
 
 
 def _going_on(times: Array, last: float) -> tuple[Array, int]:
-    """Return times (n,), s, each after the one before and after the last, and how many had to be changed for that."""
+    """Return strictly increasing times (n,), s, all after the last, and how many had to be changed."""
     known = np.where(np.isfinite(times), times, -np.inf)
     before = np.maximum.accumulate(np.concatenate([[last], known]))[:-1]
     if (known > before).all():

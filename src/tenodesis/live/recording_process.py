@@ -1,4 +1,4 @@
-"""The recorder as a process of its own: started, watched, ended."""
+"""The recorder as a separate process: start, supervision, end."""
 
 import json
 import re
@@ -15,12 +15,12 @@ from tenodesis.live.recorder import STATUS
 
 _TO_END = 10.0
 _PATIENCE = 0.5
-"""Longest wait for the recorder before, s: an operator has to be heard more often than every second."""
+"""Longest wait for the previous recorder, s: the operator's lease must be renewed every second."""
 _LONGEST_NAME = 80
 
 
 class RecordingProcess:
-    """At most one recorder of a runtime at a time.
+    """The recorder of a runtime; at most one runs at a time.
 
     Parameters
     ----------
@@ -34,15 +34,15 @@ class RecordingProcess:
         self._folder, self._recordings = folder, recordings
         self._process: subprocess.Popen[bytes] | None = None
         self.path: Path | None = None
-        """Where it is recorded to, while it is."""
+        """File of the present recording; None if there is none."""
         self.problem: str | None = None
-        """Why it is recorded no more."""
+        """Why the recording has ended."""
         self._lock = threading.RLock()
         self._stopping = False
         self._begun = False
 
     def start(self, called: str) -> Path:
-        """Start one, and return where it records to.
+        """Start a recorder, and return its file.
 
         Raises
         ------
@@ -79,12 +79,12 @@ class RecordingProcess:
 
     @property
     def recording(self) -> bool:
-        """Whether one records, other than to close its file."""
+        """Whether a recorder runs and is not closing its file."""
         return self.path is not None and not self._stopping
 
     @property
     def ready(self) -> bool:
-        """Whether it records, or never will."""
+        """Whether it records, or no recording is under way."""
         self._begun = self._begun or bool(self.status())
         return self.path is None or self._begun
 
@@ -97,7 +97,7 @@ class RecordingProcess:
         return content if isinstance(content, dict) else {}
 
     def look(self) -> None:
-        """See whether it still runs; if it has ended by itself, `problem` says so."""
+        """Check whether it still runs; if it has ended by itself, set `problem`."""
         if self._stopping:
             return
         with self._lock:
@@ -110,12 +110,12 @@ class RecordingProcess:
         self._forget()
 
     def stop_soon(self) -> None:
-        """Let it close its file, which may take seconds, and do not wait."""
+        """Request it to close its file, which may take seconds, and do not wait."""
         self._stopping = True
         threading.Thread(target=self.stop, name="recorder", daemon=True).start()
 
     def stop(self) -> None:
-        """Let it close its file, and wait for that; without one, nothing."""
+        """Request it to close its file, and wait; without a recorder do nothing."""
         self._stopping = True
         try:
             with self._lock:
@@ -138,16 +138,16 @@ class RecordingProcess:
         self._forget()
 
     def _explain_end(self, process: "subprocess.Popen[bytes]", *, asked: bool = False) -> None:
-        """Say what is wrong with how it ended, if anything is."""
+        """Set the problem if it did not end as expected."""
         said = b"" if process.stderr is None else process.stderr.read()
         lines = said.decode("utf-8", "replace").strip().splitlines()
         why = lines[-1].removeprefix("tenodesis: ") if lines else ""
         if self.path is not None and not self.path.exists():
-            self.problem = f"The recorder of {self.path} has gone, and there is no such file: "
+            self.problem = f"The recorder of {self.path} has ended, and there is no such file: "
             self.problem += why or f"it ended with {_named(process.returncode)}"
         elif process.returncode or not asked:
             why = why or f"it ended with {_named(process.returncode)}"
-            self.problem = f"The recorder of {self.path} has gone: {why} What it wrote before can be read."
+            self.problem = f"The recorder of {self.path} has ended: {why} What it wrote before can be read."
         elif why:
             self.problem = f"{self.path}: {why}"
 

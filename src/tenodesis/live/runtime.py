@@ -1,4 +1,4 @@
-"""A live loop with all that looks after it: its operator's lease, its protocol, its recorder and its events."""
+"""A live loop with its operator's lease, its protocol, its recorder and its events."""
 
 import logging
 import threading
@@ -21,14 +21,14 @@ from tenodesis.live.status import RuntimeState, Status, Timing
 from tenodesis.live.ticks import TICK, Reader, signals_of
 
 _TURN = 0.02
-"""Between two looks at what has happened, s."""
+"""Time between two checks, s."""
 _MISSED_EVERY = 0.25
-"""Between two events about ticks that were missed, s."""
+"""Time between two events about missed ticks, s."""
 _log = logging.getLogger(__name__)
 
 
 class Runtime:
-    """Runs one loop from `start` to `finish`.
+    """Runs a loop from `start` to `finish`.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class Runtime:
         self.journal.close()
 
     def release(self, holder: object, origin: str) -> None:
-        """End the lease of an operator, and pause; of another than the operator nothing."""
+        """End the lease of the operator, and pause; do nothing for any other client."""
         if self._ending.is_set() or not self.lease.release(holder):
             return
         with suppress(LiveError):

@@ -1,4 +1,4 @@
-"""The runtime process: a live loop, and a socket in its folder that takes commands, one line of JSON each."""
+"""The runtime process: a live loop, and a socket in its folder that accepts commands as lines of JSON."""
 
 import argparse
 import json
@@ -32,16 +32,16 @@ from tenodesis.simulate import Protocol
 _RETRY = 0.02
 """Wait after a connection that could not be accepted, s."""
 _LONGEST_LINE = 1 << 20
-"""Of a command, bytes."""
+"""Largest size of a command, bytes."""
 _MOST_CLIENTS = 64
 _log = logging.getLogger(__name__)
 
 EXPECTED = (Error, ValueError)
-"""What a command may raise."""
+"""Exceptions that a command may raise."""
 
 
 class Server:
-    """Serves one loop until `finish`.
+    """Serves a loop until `finish`.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class Server:
                 self._clients.discard(client)
                 connected.close()
 
-    # A new client may have come to stop, so it gets in, and one that has said least goes; never the operator.
+    # A new client may be needed to stop, so it is accepted, and the least active is closed; never the operator.
     def _make_room(self) -> None:
         while len(self._clients) >= _MOST_CLIENTS:
             others = [client for client in tuple(self._clients) if not self.runtime.lease.held_by(client)]
@@ -113,15 +113,15 @@ class Server:
 
 
 class _ClientHandler(Commands):
-    """Carries out the commands of one client: a line of JSON in, a line of JSON out."""
+    """Carries out the commands of a client: a line of JSON in, a line of JSON out."""
 
     def __init__(self, connected: socket.socket, server: Server) -> None:
         self._socket, self._server, self._runtime = connected, server, server.runtime
         self.origin = "unnamed"
         self.spoken, self.heard = False, time.monotonic()
-        """Whether it has ever said anything, and when it did last, or connected."""
+        """Whether it has ever sent a command, and the time of its last command or its connection."""
         self._stops = 0
-        """How often the motors had been stopped when the command came."""
+        """Number of stops of the motors when the command came."""
 
     def serve(self) -> None:
         try:
@@ -171,7 +171,7 @@ class _ClientHandler(Commands):
         self._stops = runtime.protocols.stops
         if command.needs_lease and not runtime.lease.held_by(self):
             holder = runtime.lease.origin
-            held = "nobody operates: take over first" if holder is None else f"{holder} operates"
+            held = "there is no operator: take over first" if holder is None else f"{holder} operates"
             raise LiveError(f"{self.origin} only watches; {held}.")
         result = command.call(self, command.decode(message))
         if command.needs_lease:

@@ -1,4 +1,4 @@
-"""SIGTERM and Ctrl-C end a process in order, whatever its threads do at that moment."""
+"""SIGTERM and Ctrl-C end a process in order, even while its threads wait."""
 
 import os
 import signal

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class RuntimeState(StrEnum):
-    """Operating state of the controller; GONE where there is no runtime any more."""
+    """Operating state of the controller; GONE if the runtime has ended."""
 
     DISABLED = "DISABLED"
     ENABLED = "ENABLED"
@@ -17,14 +17,14 @@ class RuntimeState(StrEnum):
 
 
 class ProtocolState(StrEnum):
-    """How a protocol stands."""
+    """State of a protocol."""
 
     RUNNING = "running"
     WAITING = "waiting"
-    """For the operator: its problem says what to do, and it goes on after that."""
+    """For the operator: its problem states what to do before it continues."""
     DONE = "done"
     ENDED = "ended"
-    """Before it was done: its problem says why."""
+    """Before it was done: its problem states why."""
 
 
 class ProtocolStatus(NamedTuple):
@@ -47,13 +47,13 @@ class ProtocolStatus(NamedTuple):
 
 @dataclass(frozen=True)
 class Timing:
-    """How the loop keeps time; durations in s."""
+    """Timing of the loop; durations in s."""
 
     ticks: int
     late: int
     """Ticks that began more than half a period late."""
     missed: int
-    """Ticks that did not take place, or were not caught up with."""
+    """Ticks that were skipped."""
     lost: int
     """Ticks that the recorder did not get."""
     p50: float
@@ -78,27 +78,27 @@ class Status:
     """Whether the zero of the spools is known."""
     homing: bool
     stopped: bool
-    """Whether a stop holds the motors."""
+    """Whether a stop is in force."""
     faults: tuple[str, ...]
     """Names of the faults."""
     first_faults: tuple[str, ...]
-    """Names of those that came first."""
+    """Names of the first faults."""
     law: str
     actuation: str
     operator: str | None
-    """Origin of the operator; None without one."""
+    """Origin of the operator; None if there is none."""
     timing: Timing
     realtime: tuple[str, ...]
-    """What the operating system did not grant, in sentences."""
+    """Real-time requests that the operating system refused, in sentences."""
     protocol: ProtocolStatus | None
     recording: Path | None
-    """File that is being recorded."""
+    """File of the present recording."""
     recorder_lost: int
     """Ticks that the recorder did not keep up with."""
     speed: float
-    """Simulated time by wall time."""
+    """Simulated over wall time."""
     problem: str | None
-    """What is wrong with the runtime itself, in a sentence."""
+    """Problem of the runtime itself, in a sentence."""
 
     @property
     def protocol_runs(self) -> bool:

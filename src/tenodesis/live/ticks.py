@@ -16,17 +16,17 @@ from tenodesis.run import TRUTH, Array, Run
 from tenodesis.twin import as_run
 
 TICK = tuple(_core.tick_columns())
-"""Columns of a record that are the tick's, not an axis's."""
+"""Columns of a record that belong to the tick, not to an axis."""
 _BENCH = len(_core.bench_columns())
 _SIGNALS = len(_core.twin_signals())
 _CONTROL = len(_core.control_signals())
 _AXIS = _BENCH + _SIGNALS + _CONTROL
 _SILENT = 2.0
-"""Time without a tick after which a runtime is taken for dead, s."""
+"""Time without a tick after which a runtime counts as ended, s."""
 
 
 class Source(Protocol):
-    """Where the rows of a live instrument come from, as a :class:`Reader` gives them."""
+    """A source of the rows of a live instrument, such as a :class:`Reader`."""
 
     @property
     def inst(self) -> Instrument:
@@ -49,12 +49,12 @@ class Source(Protocol):
         ...
 
     def read(self, most: int = 2000) -> tuple[Run, int]:
-        """Return the rows that are new, `most` of them, and how many were lost since the last time."""
+        """Return the new rows, at most `most`, and how many were lost since the last call."""
         ...
 
 
 class Reader:
-    """Reads every tick of a runtime from now on, once.
+    """Reads every new tick of a runtime once.
 
     Parameters
     ----------
@@ -106,11 +106,11 @@ class Reader:
 
     @property
     def written(self) -> int:
-        """Ticks there have been."""
+        """Number of ticks so far."""
         return self._ring.written
 
     def read(self, most: int = 2000) -> tuple[Run, int]:
-        """Return the next ticks, `most` of them at once, and how many were lost since the last call."""
+        """Return the next ticks, at most `most`, and how many were lost since the last call."""
         rows, lost = self.rows(most)
         return run_of(rows, self.axes, simulated=self.about.simulated, distal=self.about.distal_encoder), lost
 
@@ -133,7 +133,7 @@ class Reader:
 
 
 def run_of(rows: Array, axes: tuple[str, ...], *, simulated: bool, distal: bool) -> Run:
-    """Return rows of a ring as a run, as a twin's would be; without the signals that a device does not know."""
+    """Return rows of a ring as a run like a twin's, without the signals that a device does not have."""
     blocks = _blocks(rows, axes).copy()
     bench, outs, controls = np.split(blocks, (_BENCH, _BENCH + _SIGNALS), axis=2)
 
@@ -157,18 +157,18 @@ def run_of(rows: Array, axes: tuple[str, ...], *, simulated: bool, distal: bool)
 
 
 def signals_of(row: Array, axes: tuple[str, ...]) -> dict[str, Any]:
-    """Return one row as signals by name: numbers, or arrays by axis and tendon; with what the tick says of itself."""
+    """Return a row as signals by name: numbers, or arrays by axis and tendon, with the data of the tick."""
     run = run_of(row[np.newaxis], axes, simulated=True, distal=True)
     named: dict[str, Any] = {name: values[0] for name, values in run.signals().items()}
     return dict(zip(TICK, row[: len(TICK)].tolist(), strict=True)) | named
 
 
 def _blocks(rows: Array, axes: tuple[str, ...]) -> Array:
-    """Return what rows say of each axis, shape (n, axes, columns of an axis)."""
+    """Return the columns of each axis in rows, shape (n, axes, columns of an axis)."""
     return rows[:, len(TICK) :].reshape(len(rows), len(axes), _AXIS)
 
 
 def start_time(run: Run) -> int:
-    """Return when the clock of rows that have just come was 0, ns since the epoch; now where none has a time."""
+    """Return when the clock of new rows was 0, ns since the epoch; the present time if none has a time."""
     known = run.time[np.isfinite(run.time)]
     return time.time_ns() - (round(float(known[-1]) * 1e9) if known.size else 0)

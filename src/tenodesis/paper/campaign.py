@@ -17,7 +17,7 @@ from tenodesis.twin import TIME_STEP
 
 TITLE = "The robust law over states, friction errors and seeds"
 SEED_DIVISOR = 4
-"""By how much fewer seeds the conditions beyond the step load itself have."""
+"""Divisor of the number of seeds in the conditions beyond the step load."""
 _BEFORE, _AFTER = 4.0, 10.0  # s
 _SHARE_OF_SLACK = 0.9
 _LOW_PRETENSION = 0.4
@@ -39,28 +39,28 @@ class Condition(NamedTuple):
     load: Callable[[float], float]
     """N, by output angle, rad."""
     identified: bool = True
-    """Whether the controller knows the tendons' true stiffness."""
+    """Whether the controller has the tendons' true stiffness."""
     bend: tuple[float, float] = (0.0, 0.0)
     """Additional bend of the sheath before the load and two seconds after, rad."""
     limit: str = ""
-    """The reason where targets are missed."""
+    """The reason if targets are missed."""
 
 
 class Trial(NamedTuple):
-    """One run of the campaign."""
+    """A run of the campaign."""
 
     state: float
     error: float
     """Of the friction that the controller assumes, as a share of the true friction."""
     response: step_response.Response
     excursion: float
-    """How much larger the largest error is than with the motors stopped when the load comes, deg."""
+    """Largest error minus that with the motors stopped when the load comes, deg."""
     scale_error: float
     """Error of the friction found, as a share of the true scale; NaN without friction."""
 
 
 class Metric(NamedTuple):
-    """A statistic of the campaign: its names, its target and how it follows from the trials."""
+    """A statistic of the campaign: its names, its target and its computation from the trials."""
 
     key: str
     heading: str

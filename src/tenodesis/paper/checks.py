@@ -85,7 +85,7 @@ def section(context: Context) -> Section:
 
 
 def _heavy(inst: Instrument) -> float:
-    """Return a load well into slack, N; without pretension, one that takes half a radian."""
+    """Return a load well into slack, N; without pretension, a load that costs half a radian."""
     slack = 1.3 * float(statics.slack_force(inst, 0.0))
     return slack or float(0.5 / statics.loss_of_dexterity(inst, 0.0, 1.0))
 
@@ -120,7 +120,7 @@ def _mujoco(context: Context, inst: TendonGear) -> tuple[float, float, float, fl
 
 
 def mujoco_cases(inst: Instrument, scaled: Instrument | None) -> int:
-    """Return how often the section reports progress, so that a bar can show its share."""
+    """Return the number of progress reports of the section, for a progress bar."""
     if not isinstance(inst, TendonGear):
         return 0
     grids = sum(isinstance(each, TendonGear) for each in (inst, scaled))

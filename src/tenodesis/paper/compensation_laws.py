@@ -22,7 +22,7 @@ _SETTLED = 1e-15  # m
 def settled_stroke(
     inst: Instrument, handle_angle: Array, force: float, actuation: statics.Actuation, law: statics.Law
 ) -> Array:
-    """Return the agonist's stroke, m, at which the law asks for the stroke already made, NaN if there is none.
+    """Return the agonist's stroke, m, at which the law requires just the stroke already made, NaN if there is none.
 
     A fixed-point iteration; half steps keep it from overshooting.
     """

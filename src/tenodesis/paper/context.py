@@ -1,4 +1,4 @@
-"""What the sections of the report share: the instruments, the loads they are drawn for, and the results they leave."""
+"""Data shared by the sections of the report: the instruments, the loads of the figures, and the results."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -32,14 +32,14 @@ def _ignore(_: str) -> None:
 
 @dataclass
 class Context:
-    """What the sections work on, and the results they leave."""
+    """Input of the sections, and their results."""
 
     inst: Instrument
     scaled: Instrument | None
     is_paper: bool
     """Whether both instruments are the paper's own, so that its printed numbers apply."""
     seeds: int = SEEDS
-    """Noise seeds of the robust law's campaign; 0 leaves it out."""
+    """Noise seeds of the robust law's campaign; 0 omits it."""
     progress: Callable[[str], None] = _ignore
     """Called with the name of what is being computed."""
     results: dict[str, Result] = field(default_factory=dict)
@@ -71,7 +71,7 @@ class Context:
 
     @property
     def tested(self) -> Instrument:
-        """The instrument that the experiments are done on, one axis: in the paper's report its scale model."""
+        """The one-axis instrument of the experiments: in the paper's report its scale model."""
         inst = self.scaled if self.is_paper and self.scaled is not None else self.inst
         return inst.planar[0]
 
@@ -92,13 +92,13 @@ class Context:
 
 
 def forces(inst: Instrument) -> list[float]:
-    """Return the loads that curves are drawn for, N: none, and those of the instrument's conditions."""
+    """Return the loads of the curves, N: zero, and those of the instrument's conditions."""
     by_text = {f"{force:g}": force for force in inst.conditions.forces or (0.5, 1.0, 1.5)}
     return [0.0, *sorted(by_text.values())]
 
 
 def shown_force(inst: Instrument) -> float:
-    """Return the load that single-load figures are drawn for, N."""
+    """Return the load of single-load figures, N."""
     loads = forces(inst)[1:]
     return loads[min(1, len(loads) - 1)]
 

@@ -20,7 +20,7 @@ from tenodesis.twin import TIME_STEP, Twin
 
 TITLE = "Flexion and extension with compensation"
 RATIO_TO_PAPER, RATIO_TO_OFF = 4.0, 8.0
-"""By how many times the robust law's error must be smaller."""
+"""Required ratio of the other laws' error to the robust law's."""
 
 _FREQUENCY = 0.25  # Hz
 _PERIOD = 1 / _FREQUENCY  # s
@@ -52,7 +52,7 @@ COMPENSATIONS = (OFF, ONE_MOTOR, BOTH_MOTORS, ROBUST)
 
 
 class Tracking(NamedTuple):
-    """The error of the tip against eq. 18 over a motion (rad, by step) once learning is over, and its measures."""
+    """The error of the tip against eq. 18 over a motion (rad, by step) after the learning phase, and its measures."""
 
     run: Run
     error: Array
@@ -68,7 +68,7 @@ class Tracking(NamedTuple):
 
 
 def amplitude(inst: Instrument) -> float:
-    """Return how far the handle is moved, rad: as far as the conditions say, or through the working range."""
+    """Return the amplitude of the handle, rad: from the conditions, or the working range."""
     return min(max(inst.conditions.handle_angles or (statics.reach(inst),)), statics.reach(inst))
 
 
@@ -137,7 +137,7 @@ def section(context: Context) -> Section:
 
 
 def _cycles(context: Context, loads: Sequence[float], found: Found) -> tuple[Table, str]:
-    """Return the table of the cycles and what follows from it."""
+    """Return the table of the cycles and the conclusions from it."""
     degrees = f"{np.degrees(amplitude(context.tested)):.3g}"
     rivals = {
         OFF: ("no compensation", "vs none", RATIO_TO_OFF),
@@ -217,7 +217,7 @@ def _share_after_reversal(error: Array) -> float:
 
 
 def _fast_wrist(context: Context, loads: Sequence[float]) -> tuple[Table, str]:
-    """Return the table of fast wrist motion and what follows from it."""
+    """Return the table of fast wrist motion and the conclusions from it."""
     motion = wrist(context.tested)
     speed = float(np.degrees(np.abs(np.diff(motion)).max() / TIME_STEP))
 

@@ -26,7 +26,7 @@ _EVERY = slice(None, None, 20)  # samples that are drawn
 
 
 class Cycles(NamedTuple):
-    """The cycles under one force: signals from the first flexion on, the estimate, and what follows from them."""
+    """The cycles under a force: signals from the first flexion on, the estimate, and derived measures."""
 
     force: float
     recorded: RecordedRun
@@ -47,7 +47,7 @@ class Cycles(NamedTuple):
 
 
 def protocol(inst: Instrument, force: float) -> simulate.Protocol:
-    """Return the protocol of the experiment under one force (N)."""
+    """Return the protocol of the experiment under a force (N)."""
     return simulate.Protocol(
         name=f"cycles at {force:g} N",
         description="Fig. 14: flexion and extension of the handle through the working range under a constant force",
@@ -60,7 +60,7 @@ def protocol(inst: Instrument, force: float) -> simulate.Protocol:
 
 
 def cycle(inst: Instrument, force: float) -> Cycles | None:
-    """Run the cycles under one force (N) on the twin; None if the joint does not hold it."""
+    """Run the cycles under a force (N) on the twin; None if the joint cannot hold it."""
     done = protocol(inst, force)
     try:
         recorded = RecordedRun(inst, done, _SEED, simulate.execute(twin.Twin(inst, seed=_SEED), done))
@@ -158,7 +158,7 @@ def _table(context: Context, cycles: list[Cycles]) -> ResultTable:
 
 
 def _parameters(inst: Instrument) -> list[Table]:
-    """Return what the file has of friction, mismatch and dynamics, with sources; no table if it has nothing."""
+    """Return the table of the file's friction, mismatch and dynamics, with sources; empty if the file has none."""
     rows = []
     for name in ("friction", "mismatch", "dynamics"):
         table = getattr(inst, name)

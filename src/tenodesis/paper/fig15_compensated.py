@@ -150,7 +150,7 @@ def _plot(context: Context, held: Sequence[float], force: float, runs: dict[tupl
 
 
 class Reading(NamedTuple):
-    """One way to read Fig. 12, with the drives as fast as they are or slow."""
+    """A reading of Fig. 12, with the drives at their own speed or slow."""
 
     law: LawName
     actuation: Actuation
@@ -164,14 +164,14 @@ class Reading(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Name for reading."""
+        """Name in the text."""
         law = "eq. 22 as set point" if self.law == "paper" else "pseudo-error fed back"
         motors = "one motor" if self.actuation == "agonist" else "both motors"
         return f"{law}, {motors}{', slow' if self.slow else ''}"
 
 
 class Trace(NamedTuple):
-    """The response of a reading in one state."""
+    """The response of a reading in a state."""
 
     response: Response
     delay: float
@@ -206,7 +206,7 @@ def _observations(traces: Sequence[Trace]) -> dict[str, bool]:
 
 
 def readings(context: Context, inst: Instrument, states: Sequence[float], force: float) -> tuple[str, Table]:
-    """Compute the response of every reading in the four states; return what follows from it, and the table."""
+    """Compute the response of every reading in the four states; return the conclusions and the table."""
 
     def work(case: tuple[Reading, float]) -> Trace:
         reading, state = case

@@ -24,7 +24,7 @@ _TOLERANCE = 1e-5  # rad
 
 
 class State(NamedTuple):
-    """One held state: the desired output angle (rad), the handle angle (rad) that reaches it, and the run."""
+    """A held state: the desired output angle (rad), the handle angle (rad) that reaches it, and the run."""
 
     desired: float
     handle_angle: float
@@ -45,13 +45,13 @@ class State(NamedTuple):
 
 
 def rigged(inst: Instrument) -> float | None:
-    """Return the force that the weight on the load rig's cable makes at the tip, N; None without a rig."""
+    """Return the force that the weight on the load rig's cable causes at the tip, N; None without a rig."""
     weight, radius = inst.conditions.cable_force, inst.conditions.cable_pulley_radius
     return None if weight is None or radius is None else weight * radius / inst.rig_arm
 
 
 def protocol(inst: Instrument, handle_angle: float, force: float) -> simulate.Protocol:
-    """Return the protocol at one handle angle (rad), loaded by the weight on the rig's cable or by the force (N)."""
+    """Return the protocol at a handle angle (rad), loaded by the weight on the rig's cable or by the force (N)."""
     moving = abs(handle_angle) / APPROACH * 15 / 8
     return simulate.Protocol(
         name=f"step load at {np.degrees(handle_angle):.1f} deg",
@@ -108,7 +108,7 @@ def _hold(inst: Instrument, desired: float, force: float) -> State:
 
 
 def _approached(inst: Instrument, handle: float) -> float:
-    """Return where the tip comes to rest when the straight handle is moved to an angle, rad."""
+    """Return the angle, rad, at which the tip comes to rest after the straight handle is moved to an angle."""
     steps = max(2, int(np.ceil(abs(handle) / np.radians(0.1))))
     run = twin.Twin(inst, quasi_static=True).run(np.linspace(0.0, handle, steps + 1))
     return float(run["output_angle"][-1])

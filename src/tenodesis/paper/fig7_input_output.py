@@ -32,7 +32,7 @@ def slack_range(inst: Instrument, force: float, onset: float) -> str:
 
 
 def section(context: Context) -> Section:
-    """Compute the input-output curves and the output angle that a load takes."""
+    """Compute the input-output curves and the output angle lost under load."""
     inst = context.inst
     loads = forces(inst)
     end = statics.reach(inst)

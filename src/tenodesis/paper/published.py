@@ -24,13 +24,13 @@ STIFFNESS = {"real-size": Published(31172.0, "Table I"), "scaled-up": Published(
 """N/m, by instrument."""
 
 EQUIVALENT_FORCE = Published(0.52, "Section VII-B")
-"""Force on the real-size instrument, N, that 1.5 N on the scaled-up instrument stands for."""
+"""Force on the real-size instrument, N, that corresponds to 1.5 N on the scaled-up instrument."""
 
 CAPTION_FORCE = Published(1.5, "caption of Fig. 15")
-"""Force on the real-size instrument, N, that the caption says the cable's 10 N stand for."""
+"""Force on the real-size instrument, N, that the caption equates with the cable's 10 N."""
 
 TIP_FORCE = Published(1.5, "Section VII-B")
-"""Force at the scaled-up tip, N, that 0.15 N·m makes."""
+"""Force at the scaled-up tip, N, equivalent to 0.15 N·m."""
 
 ESTIMATION_ERRORS = {
     0.5: Published(2.18, "Section VII-A, Fig. 14"),

@@ -1,4 +1,4 @@
-"""The page of the report: one HTML file that needs nothing beside it."""
+"""The page of the report: a self-contained HTML file."""
 
 import re
 from collections.abc import Mapping, Sequence

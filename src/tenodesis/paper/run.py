@@ -1,4 +1,4 @@
-"""One run of the report: compute every section, then write all files or none."""
+"""A run of the report: compute every section, then write all files or none."""
 
 import json
 from collections.abc import Callable, Iterator, Sequence
@@ -135,7 +135,7 @@ def write(context: Context, sections: Sequence[Section], out: Path) -> None:
 
 @contextmanager
 def _report_errors(out: Path) -> Iterator[None]:
-    """Turn an error of the file system into a sentence that names the folder."""
+    """Convert an error of the file system to a message that names the folder."""
     try:
         yield
     except OSError as problem:

@@ -20,7 +20,7 @@ _TITLE = "Scale-model design"
 
 
 def section(context: Context) -> Section:
-    """Design scale models under the paper's constraints and with standard parts, and carry an experiment back."""
+    """Design scale models under the paper's constraints and with standard parts, and make the round trip."""
     scaled = context.scaled
     if not context.is_paper or not isinstance(scaled, TendonGear):
         return Section(

@@ -52,11 +52,11 @@ class Response(NamedTuple):
     settling_time: float
     """Time from the load after which the tip stays near, s; infinite if it does not."""
     overshoot: float
-    """How far the tip goes beyond the desired angle after the load, deg; negative if it stays short of it."""
+    """Overshoot of the tip beyond the desired angle after the load, deg; negative if it stays short of it."""
     largest: float
     """Largest error after the load, deg."""
     rest_time: float
-    """Time from the load after which the motors stand, s; infinite if they move in the last second."""
+    """Time from the load after which the motors are at rest, s; infinite if they move in the last second."""
     highest_tension: float
     """N"""
     observer_error: float
@@ -162,7 +162,7 @@ def simulate_motion(
 
 
 def response(run: Run, motion: Motion) -> Response:
-    """Work out the response of the tip and the motors in a run of a motion."""
+    """Compute the response of the tip and the motors in a run of a motion."""
     error = np.degrees(run["output_angle"] - motion.desired)
     after = error[motion.loaded :]
     averaged, last = round(_AVERAGED / TIME_STEP), round(_LAST / TIME_STEP)
@@ -199,7 +199,7 @@ def tip_delay(run: Run, paused: Run, motion: Motion, spool_radius: float) -> tup
 
 
 def in_parallel(work: Callable[[T], R], cases: Iterable[T]) -> dict[T, R]:
-    """Return the results by case, in order, computed over threads; without those where the joint does not hold."""
+    """Return the results by case, in order, computed over threads; without those that the joint cannot hold."""
 
     def attempt(case: T) -> R | None:
         try:

@@ -14,10 +14,10 @@ from tenodesis.similarity import Comparison, compare
 from tenodesis.units import in_unit
 
 _CAUSES = 3
-"""Causes that are shown of each error."""
+"""Number of causes shown of each error."""
 
 _NO_CAUSE = 5e-4
-"""Contribution, deg, below which a group is no cause."""
+"""Contribution, deg, below which a group does not count as a cause."""
 
 _SHOWN: tuple[tuple[str, str, str, str], ...] = (
     ("stem_diameter", "stem diameter ∅", "mm", "m"),

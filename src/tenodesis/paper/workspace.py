@@ -1,4 +1,4 @@
-"""The instrument in space: its workspace through the port, and how much of it a load takes."""
+"""The instrument in space: its workspace through the port, and how much of it is lost under a load."""
 
 import html
 
@@ -18,7 +18,7 @@ from tenodesis.report.content import Chart, Column, Plot, Section, named, number
 from tenodesis.verification import kinematics_peers
 
 WIDE = np.radians(90.0)
-"""Span of directions from which a place counts as one where the end-effector can work from many sides."""
+"""Span of directions from which a place counts as reachable from many sides."""
 
 _TITLE = "Workspace through the port"
 _POSTURES = 20
@@ -27,7 +27,7 @@ _SHADES = 16
 
 
 def section(context: Context) -> Section:
-    """Compute the workspace through the port, without a load and with one, and check the chain against MuJoCo."""
+    """Compute the workspace through the port, without and with a load, and check the chain against MuJoCo."""
     inst = context.inst
     try:
         lengths = kinematics.dimensions(inst)
@@ -85,7 +85,7 @@ def section(context: Context) -> Section:
 
 
 def _taken(free: Workspace, loaded: Workspace) -> str:
-    """Return how much a load takes, as part of a sentence."""
+    """Return how much is lost under a load, as part of a sentence."""
     span, area = (
         100 * (1 - after / before) for before, after in ((free.mean_span, loaded.mean_span), (free.area, loaded.area))
     )

@@ -1,4 +1,4 @@
-"""Messages in CDR, little endian, arrays at once: only stamp and numbers differ between the messages of a topic."""
+"""Messages in CDR, little endian, written as arrays: the messages of a topic differ only in stamp and numbers."""
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 _HEADER = bytes((0, 1, 0, 0))
 
 SECOND = 1_000_000_000
-"""One second in nanoseconds."""
+"""A second in nanoseconds."""
 
 
 class Layout:
@@ -57,7 +57,7 @@ class Layout:
         return np.dtype({"names": [*self._fields], "formats": formats, "offsets": offsets, "itemsize": self.size})
 
     def encode(self, stamps: NDArray[np.int64], numbers: Mapping[str, NDArray[np.float64]]) -> bytes:
-        """Return the messages with these stamps (n,), in ns, and numbers (n, count), one after the other."""
+        """Return the messages with these stamps (n,), in ns, and numbers (n, count), joined."""
         buffer = bytearray(self._template * stamps.size)
         rows = np.frombuffer(buffer, self.dtype)
         if "sec" in self._fields:

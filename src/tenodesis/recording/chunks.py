@@ -41,7 +41,7 @@ _HEAD = [
 ]
 _HEAD_SIZE = np.dtype(_HEAD).itemsize
 _UNCOUNTED = 9
-"""Bytes of a record's opcode and length, which that does not count."""
+"""Bytes of a record's opcode and length, which the length does not include."""
 _INDEX_ENTRY = np.dtype([("time", "<u8"), ("offset", "<u8")])
 _INDEX_HEAD = struct.Struct("<BQHI")
 
@@ -56,7 +56,7 @@ class _Open:
     first: int = 0
     last: int = 0
     indices: dict[int, list[bytes]] = field(default_factory=dict)
-    """By channel, when its messages are and where in the chunk."""
+    """Times of the messages and their positions in the chunk, by channel."""
 
     def add(self, part: bytes) -> None:
         self.parts.append(part)
@@ -108,7 +108,7 @@ class ChunkedFile:
         return number
 
     def add_rows(self, stamps: NDArray[np.int64], sequences: NDArray[np.int64], blocks: Mapping[int, bytes]) -> None:
-        """Append messages, row by row: on each channel as many, all of one size, as there are stamps (n,), in ns."""
+        """Append messages, row by row: on each channel n messages of equal size, with stamps (n,), in ns."""
         count = stamps.size
         sizes = tuple(len(block) // count for block in blocks.values())
         rows = np.empty(count, self._rows_of(sizes))
@@ -134,7 +134,7 @@ class ChunkedFile:
         chunk.add(rows.tobytes())
 
     def flush(self) -> None:
-        """Close the chunk in progress, if it has messages, and send all on its way to the disk."""
+        """Close the chunk in progress, if it has messages, and flush to the operating system."""
         if self._open.messages:
             self._close_chunk()
         self._file.flush()
@@ -158,7 +158,7 @@ class ChunkedFile:
             offsets += _bytes(SummaryOffset(opcode, place, len(group)))
             place += len(group)
         summary = b"".join(groups.values()) + offsets
-        # The checksum of the summary includes the footer up to where it stands itself.
+        # The checksum of the summary includes the footer up to its own position.
         footer = _bytes(Footer(start, place, 0))
         checksum = zlib.crc32(summary + footer[: -struct.calcsize("<I")])
         self._write(summary + _bytes(Footer(start, place, checksum)) + MCAP0_MAGIC)

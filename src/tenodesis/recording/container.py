@@ -18,7 +18,7 @@ _MESSAGE = struct.Struct("<HIQQ")
 
 
 class Message(NamedTuple):
-    """One message: its number on its topic, its stamp in ns, and its bytes."""
+    """A message: its number on its topic, its stamp in ns, and its bytes."""
 
     sequence: int
     stamp: int
@@ -27,7 +27,7 @@ class Message(NamedTuple):
 
 @dataclass
 class Contents:
-    """Records of an MCAP file, and why not all of them could be read, or None."""
+    """Records of an MCAP file, and the reason if not all of them could be read."""
 
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     schemas: dict[int, Schema] = field(default_factory=dict)
@@ -37,7 +37,7 @@ class Contents:
 
 
 class _DamageError(Exception):
-    """The file is damaged; the message says where."""
+    """The file is damaged; the message states where."""
 
 
 def is_mcap(data: bytes) -> bool:
@@ -46,7 +46,7 @@ def is_mcap(data: bytes) -> bool:
 
 
 def scan(data: bytes) -> Contents:
-    """Read the bytes of an MCAP file up to the first that is damaged."""
+    """Read the bytes of an MCAP file up to the first damage."""
     contents = Contents()
     try:
         _scan(data, contents)
@@ -78,7 +78,7 @@ def _scan(data: bytes, contents: Contents) -> None:
 
 
 def _record(opcode: int, body: bytes, contents: Contents) -> int:
-    """Add a record and return the checksum of all before it, if it is the one that has it, or else 0."""
+    """Add a record; return the checksum of all records before it if the record contains it, or else 0."""
     if opcode == Opcode.DATA_END:
         return int.from_bytes(body, "little")
     if opcode == Opcode.CHUNK:

@@ -1,4 +1,4 @@
-"""Messages of one topic as arrays."""
+"""Messages of a topic as arrays."""
 
 from collections.abc import Sequence
 from enum import Enum, auto
@@ -37,7 +37,7 @@ class Misfit(Enum):
 
 
 class LeftOut(NamedTuple):
-    """A topic that is left out: why, and the same as the end of a sentence."""
+    """A topic that is left out: the reason, also as the end of a sentence."""
 
     reason: Misfit
     text: str
@@ -48,7 +48,7 @@ class LeftOut(NamedTuple):
 
 
 def decode(factory: DecoderFactory, schema: Schema, encoding: str, messages: Sequence[Message]) -> Decoded | LeftOut:
-    """Return a topic's messages as arrays, or why they do not fit a recording.
+    """Return a topic's messages as arrays, or the reason why they do not fit a recording.
 
     The topics of a file share the factory, which keeps its decoders.
     """

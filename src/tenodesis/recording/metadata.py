@@ -1,4 +1,4 @@
-"""The metadata of a recording: what was run, and the controller that it makes again."""
+"""The metadata of a recording: what was run, and the controller restored from it."""
 
 import tomllib
 from collections.abc import Mapping
@@ -17,11 +17,11 @@ from tenodesis.twin import TIME_STEP
 CONTROLLER = "controller"
 """Key of the controller's choices, as TOML."""
 CONTROLLER_INSTRUMENT = "controller_instrument"
-"""Key of the instrument as the controller has it, where that is not the one that was recorded."""
+"""Key of the controller's instrument, where it differs from the recorded instrument."""
 DYNAMIC = "dynamic"
 """Mode of a twin with inertia and damping."""
 QUASI_STATIC = "quasi-static"
-"""Mode of a twin without."""
+"""Mode of a twin without inertia and damping."""
 
 
 def metadata_of(
@@ -52,7 +52,7 @@ def metadata_of(
 
 
 def metadata_of_replay(recording: Recording, inst: Instrument) -> dict[str, str]:
-    """Return the metadata of a recording's replay on an instrument; the controller's instrument stays what it was."""
+    """Return the metadata of a recording's replay on an instrument; the controller's instrument is unchanged."""
     metadata = {**recording.metadata, "instrument": to_toml(inst), "replay_of": str(recording.path)}
     if CONTROLLER in metadata and CONTROLLER_INSTRUMENT not in metadata and recording.instrument() != inst:
         metadata[CONTROLLER_INSTRUMENT] = recording.metadata["instrument"]
@@ -60,7 +60,7 @@ def metadata_of_replay(recording: Recording, inst: Instrument) -> dict[str, str]
 
 
 def controller_choices(recording: Recording) -> dict[str, Any] | None:
-    """Return the controller's choices as a recording holds them, or None if it had no controller.
+    """Return the controller's choices in a recording's form, or None if there was no controller.
 
     Raises
     ------
@@ -75,12 +75,12 @@ def controller_choices(recording: Recording) -> dict[str, Any] | None:
 
 
 def controller_instrument(recording: Recording) -> Instrument:
-    """Return the instrument as the controller has it.
+    """Return the controller's instrument.
 
     Raises
     ------
     RecordingError
-        The recording does not hold its instrument.
+        The recording does not contain its instrument.
     InstrumentError
         The instrument is not valid in this version.
     """
@@ -110,7 +110,7 @@ def restored_controller(recording: Recording) -> Controller | None:
 
 
 def in_words(choices: Mapping[str, Any], controller_inst: Instrument, inst: Instrument) -> str:
-    """Return a controller's choices in a few words, with its instrument if that is not the one that ran."""
+    """Return a short description of a controller's choices, with its instrument if it differs from that of the run."""
     words = f"{choices.get('law')} law, {choices.get('observer')} observer, {choices.get('actuation')} actuation"
     return words if controller_inst == inst else f"{words}, made for another instrument ({controller_inst.name})"
 

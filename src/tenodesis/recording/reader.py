@@ -40,14 +40,14 @@ class Event(NamedTuple):
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording that was read; use :meth:`open`.
+    """A recording read from a file; use :meth:`open`.
 
     Attributes
     ----------
     path
         The file.
     run
-        Its signals; :class:`tenodesis.run.Run` says their shapes.
+        Its signals; :class:`tenodesis.run.Run` gives their shapes.
     metadata
         Text by key: ``instrument``, ``axes``, ``seed``, ``protocol``, ``time_step``, versions, and of a run with a
         controller its choices; empty for a file of another program.
@@ -71,12 +71,12 @@ class Recording:
 
     @classmethod
     def open(cls, path: str | Path) -> Self:
-        """Read a recording, up to where it is damaged if it is.
+        """Read a recording, up to the first damage if there is any.
 
         Raises
         ------
         RecordingError
-            The file cannot be read, is no MCAP file, or holds no topic of a recording.
+            The file cannot be read, is no MCAP file, or contains no topic of a recording.
         """
         path = Path(path)
         contents = container.scan(_bytes(path))
@@ -85,12 +85,12 @@ class Recording:
         axes = schemas.axes_of({name: topic.joints for name, topic in decoded.items()})
         axes = axes or tuple(metadata.get("axes", "").split()) or (("yaw",) if decoded else ())
         if not axes:
-            raise RecordingError(f"{path} holds no topic of a recording: {_found(contents)}.")
+            raise RecordingError(f"{path} contains no topic of a recording: {_found(contents)}.")
         run, misfits = _run(axes, decoded, _carried(contents))
         left_out |= misfits
         if left_out and not run.signals():
             reasons = "; ".join(f"{topic}: {reason}" for topic, reason in left_out.items())
-            raise RecordingError(f"{path} holds no topic of a recording that can be used: {reasons}.")
+            raise RecordingError(f"{path} contains no topic of a recording that can be used: {reasons}.")
         damage = contents.damage
         events: tuple[Event, ...] = ()
         if schemas.METADATA in contents.metadata:
@@ -129,14 +129,14 @@ class Recording:
         Raises
         ------
         RecordingError
-            The file does not hold its instrument.
+            The file does not contain its instrument.
         InstrumentError
             The instrument it holds is not valid in this version.
         """
         from tenodesis.instrument import parse  # noqa: PLC0415
 
         if "instrument" not in self.metadata:
-            raise RecordingError(f"{self.path} does not hold its instrument; only recordings of this package do.")
+            raise RecordingError(f"{self.path} does not contain its instrument; only recordings of this package do.")
         return parse(self.metadata["instrument"], f"{self.path}: instrument")
 
 
@@ -161,7 +161,7 @@ def _found(contents: Contents) -> str:
 
 
 def _decoded(contents: Contents) -> tuple[dict[str, Decoded], dict[str, LeftOut]]:
-    """Return the topics of recordings by name, and why others could not be decoded."""
+    """Return the topics of recordings by name, and the reasons why others could not be decoded."""
     decoded: dict[str, Decoded] = {}
     left_out: dict[str, LeftOut] = {}
     factory = DecoderFactory()
@@ -186,7 +186,7 @@ def _channels(contents: Contents) -> list[tuple[Channel, list[Message]]]:
 
 
 def _carried(contents: Contents) -> dict[str, list[str]]:
-    """Return the signals that topics are said to carry, by topic."""
+    """Return the signals that topics carry by definition, by topic."""
     return {
         channel.topic: channel.metadata["signals"].split()
         for channel in contents.channels.values()
@@ -197,7 +197,7 @@ def _carried(contents: Contents) -> dict[str, list[str]]:
 def _run(
     axes: tuple[str, ...], decoded: Mapping[str, Decoded], carried: Mapping[str, list[str]]
 ) -> tuple[Run, dict[str, LeftOut]]:
-    """Return the run of the topics that fit together, and why others do not."""
+    """Return the run of the topics that fit together, and the reasons why others do not."""
     left_out: dict[str, LeftOut] = {}
     stamps = max((topic.stamps for topic in decoded.values()), key=len, default=np.empty(0, np.int64))
     rows = stamps.size
@@ -240,7 +240,7 @@ def _seconds(stamps: NDArray[np.int64]) -> Array:
 
 
 def _without_gap(run: Run, contents: Contents) -> tuple[Run, str | None]:
-    """Return a run up to the first row that is missing among its rows, and whether there is one."""
+    """Return a run up to its first missing row, and whether a row is missing."""
     for channel, messages in _channels(contents):
         if channel.topic == schemas.EVENTS:
             continue

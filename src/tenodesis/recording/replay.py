@@ -29,7 +29,7 @@ _COMPARED = (("output_angle", "measured_output_angle"), ("tension", "measured_te
 
 
 class Difference(NamedTuple):
-    """By how much a column of a replay differs from the recording: root mean square and largest, rad or N."""
+    """Difference of a column of a replay from the recording: root mean square and largest, rad or N."""
 
     rms: float
     largest: float
@@ -38,7 +38,7 @@ class Difference(NamedTuple):
 
 @dataclass(frozen=True)
 class Replay:
-    """A recording that was run again.
+    """A recording and its replay.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
     ------
     RecordingError
         The recording has no instrument, no handle angle, no rows or no even time step, or other axes, the choices in
-        it make no controller, or it was carried over from another instrument.
+        it make no controller, or it was converted from another instrument.
     NoSolutionError
         The tip was loaded past what it can hold.
     ValueError
@@ -111,9 +111,7 @@ def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
     """
     recorded, metadata = recording.run, recording.metadata
     if TRANSFERRED in metadata:
-        raise RecordingError(
-            f"{recording.path} was carried over from {metadata[TRANSFERRED]}; replay that, as it was run."
-        )
+        raise RecordingError(f"{recording.path} was converted from {metadata[TRANSFERRED]}; replay that recording.")
     if inst is None:
         inst = recording.instrument()
     if inst.axes != recorded.axes:
@@ -177,7 +175,7 @@ def _number(recording: Recording, key: str, default: str) -> float:
 
 
 def _time_step(recording: Recording) -> float:
-    """Return the time step, s: as recorded, or the one between rows."""
+    """Return the time step, s: as recorded, or the time between rows."""
     time = recording.run.time
     if not time.size:
         raise RecordingError(f"{recording.path} has no rows; there is nothing to replay.")

@@ -19,13 +19,13 @@ METADATA = "tenodesis"
 """Name of the metadata record."""
 
 TRANSFERRED = "transferred_from"
-"""Key in the metadata of the file that was carried over from another instrument."""
+"""Key in the metadata of the file that was converted from another instrument."""
 
 TIME = "/time"
 """Topic of the time to the last bit; stamps only count nanoseconds."""
 
 EVENTS = "/events"
-"""Topic of what happened beside the signals, each a JSON object in a String."""
+"""Topic of the events, each a JSON object in a String."""
 
 TENDONS = ("agonist", "antagonist")
 
@@ -51,7 +51,7 @@ _FIELDS = {
 
 
 class Topic(NamedTuple):
-    """One topic: its message type, the joints it is about, and the signal in each of the message's arrays.
+    """A topic: its message type, its joints, and the signal in each of the message's arrays.
 
     Of a signal's columns, in order of axes and then tendons, the topic carries `columns`.
     """
@@ -65,7 +65,7 @@ class Topic(NamedTuple):
 
 
 def definition(message_type: str) -> str:
-    """Return a message's definition with those of all it consists of, as ``ros2msg`` has it."""
+    """Return a message's definition with those of its parts, in the form of ``ros2msg``."""
     names = [message_type.replace("/msg/", "/")]
     for name in names:
         parts = (line.split()[0] for line in _FIELDS[name])
@@ -129,7 +129,7 @@ TOPICS = frozenset(topic.name for axes in (("",), ("yaw", "pitch")) for topic in
 
 
 def shape(signal: str, rows: int, axes: tuple[str, ...]) -> tuple[int, ...]:
-    """Return the shape of a signal of a run, as `Run` has it."""
+    """Return the shape of a signal in a `Run`."""
     return (rows, *((len(axes),) if axes[1:] else ()), *((2,) if SIGNALS[signal].per_tendon else ()))
 
 
@@ -150,14 +150,14 @@ def axes_of(joints: Mapping[str, tuple[str, ...]]) -> tuple[str, ...] | None:
 
 
 class Messages(NamedTuple):
-    """The messages on one topic: the signal in each of their arrays, and the layout of their bytes."""
+    """The messages on a topic: the signal in each of their arrays, and the layout of their bytes."""
 
     topic: Topic
     signals: Mapping[str, str]
     layout: cdr.Layout
 
     def encode(self, stamps: NDArray[np.int64], columns: Mapping[str, Array]) -> bytes:
-        """Return the messages with these stamps (n,), in ns, of :func:`flat_columns`, one after the other."""
+        """Return the messages with these stamps (n,), in ns, of :func:`flat_columns`, joined."""
         numbers = {field: columns[signal][:, self.topic.columns] for field, signal in self.signals.items()}
         return self.layout.encode(stamps, numbers)
 

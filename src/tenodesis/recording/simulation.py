@@ -1,4 +1,4 @@
-"""Record what a twin does: a protocol while it runs, or a run that was simulated before."""
+"""Record a twin: a protocol while it runs, or a run simulated before."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,7 +18,7 @@ from tenodesis.simulate.execution import check_controllable
 from tenodesis.twin import TIME_STEP, Twin
 
 _LEAST_SLACK = 2e-3
-"""Length by which the motors let tendons out, at least, m."""
+"""Least length by which the motors let tendons out, m."""
 
 
 def record(
@@ -53,8 +53,8 @@ def record(
     overwrite
         Whether to replace a file that exists.
     progress
-        Called after every block with the seconds done and those of the whole run. What it raises ends the run; the file
-        holds what was done until then.
+        Called after every block with the seconds done and those of the entire run. An exception that it raises ends the
+        run; the file contains the blocks before it.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def record(
     RecordingError
         The file cannot be written, or exists.
     NoSolutionError
-        The tip was loaded past what it can hold; the file holds the blocks before.
+        The tip was loaded beyond what it can hold; the file contains the blocks before.
     ValueError
         The twin cannot have this time step or seed, or the controller is for other axes or joints.
     """
@@ -103,7 +103,7 @@ def write_run(
     quasi_static: bool = False,
     overwrite: bool = False,
 ) -> None:
-    """Write a run that was simulated before, to the same file that :func:`record` would write while it runs.
+    """Write a run simulated before, as the same file that :func:`record` would write while it runs.
 
     Parameters
     ----------
@@ -135,6 +135,6 @@ def without_control(run: Run) -> Run:
 
 
 def _slackening(inst: Instrument) -> float:
-    """Return a length to let the motors out by, m, after which every tendon hangs slack."""
+    """Return a length, m, after which every tendon is slack if the motors let it out."""
     ratio = inst.mismatch.pretension_ratio / inst.mismatch.stiffness_ratio
     return max(_LEAST_SLACK, *(1.25 * ratio * axis.pretension / axis.tendon_stiffness for axis in inst.planar))

@@ -1,4 +1,4 @@
-"""Summaries: what a recording holds, and what came of a run with a controller."""
+"""Summaries: the contents of a recording, and the outcome of a run with a controller."""
 
 import tomllib
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ _VERSIONS = ("tenodesis", "python", "numpy")
 
 
 def describe(recording: Recording) -> Group:
-    """Return what a recording holds, for a rich console: what made it, its topics, and the ranges of its signals."""
+    """Return a recording's contents, for a rich console: its origin, its topics, and the ranges of its signals."""
     parts: list[Text | Table] = []
     if recording.damage is not None:
         parts.append(Text(recording.damage, style="bold red"))
@@ -56,7 +56,7 @@ def _facts(recording: Recording) -> Table:
 
 
 def _controller(recording: Recording) -> dict[str, str]:
-    """Return what the controller was, and what came of the run; empty without a controller."""
+    """Return the controller's choices and the outcome of the run; empty without a controller."""
     try:
         choices = controller_choices(recording)
         inst = recording.instrument()
@@ -113,7 +113,7 @@ def _ranges(run: Run) -> Table:
 
 
 def tip_error(run: Run, inst: Instrument) -> Array:
-    """Return the tip's angle less the one of eq. 18 without load and friction, rad, shape (n, axes).
+    """Return the tip's angle less that of eq. 18 without load and friction, rad, shape (n, axes).
 
     Angles that only the encoders have are taken from there.
 
@@ -137,7 +137,7 @@ def tip_error(run: Run, inst: Instrument) -> Array:
 
 
 def outcome(run: Run, inst: Instrument, names: Sequence[str] = FAULTS) -> dict[str, str]:
-    """Return what came of a run with a controller: its state, faults and tip in words; empty without a controller.
+    """Return the outcome of a run with a controller in words: state, faults and tip; empty without a controller.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ def _state_name(state: float) -> str:
 
 
 def _faults(faults: Array, time: Array, names: Sequence[str]) -> str:
-    """Return which faults there were, and when each came first."""
+    """Return the faults, and when each came first."""
     masks = np.bitwise_or.reduce(np.nan_to_num(faults).astype(np.int64).reshape(time.size, -1), axis=1)
     found = {name: np.flatnonzero(masks >> bit & 1) for bit, name in enumerate(names)}
     first = sorted((int(rows[0]), name) for name, rows in found.items() if rows.size)

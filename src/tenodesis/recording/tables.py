@@ -36,7 +36,7 @@ def columns(run: Run) -> dict[str, Array]:
 
 
 def to_pandas(run: Run) -> "pd.DataFrame":
-    """Return a run as a DataFrame, one signal of one axis or tendon per column, over the time in s.
+    """Return a run as a DataFrame, a column per signal and axis or tendon, over the time in s.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def to_parquet(run: Run, path: str | Path) -> None:
 
 @contextmanager
 def _replacing(path: Path) -> Iterator[Path]:
-    """Give a temporary path to write to, and move the file to its path at the end."""
+    """Yield a temporary path to write to, and move the file to its path at the end."""
     try:
         with atomic_file(path) as new:
             yield new

@@ -1,4 +1,4 @@
-"""Write runs into a recording that stays readable whatever happens while it is written."""
+"""Write runs into a recording that stays readable if writing is interrupted at any time."""
 
 import math
 import platform
@@ -93,7 +93,7 @@ class Recorder:
         self.close()
 
     def write(self, run: Run) -> None:
-        """Append the rows of a run; its time goes on from the rows before.
+        """Append the rows of a run, whose time continues that of the rows before.
 
         Raises
         ------
@@ -119,7 +119,7 @@ class Recorder:
                 self._write_rows(stamps[start:stop], {name: values[start:stop] for name, values in columns.items()})
 
     def event(self, time: float, content: Mapping[str, Any]) -> None:
-        """Append what happened at a time (s) of the runs: values by name that JSON can express.
+        """Append an event at a time (s) of the runs: values by name that JSON can express.
 
         It reaches the disk with the rows around it, or by `flush`.
 
@@ -148,7 +148,7 @@ class Recorder:
             self._events += 1
 
     def flush(self) -> None:
-        """Send what was written until now to the disk, so that a crash does not lose it.
+        """Flush everything written so far to the disk, so that a crash does not lose it.
 
         Raises
         ------
@@ -160,7 +160,7 @@ class Recorder:
                 self._close_chunk()
 
     def close(self) -> None:
-        """Close the recording; a second time does nothing.
+        """Close the recording; a second call does nothing.
 
         Raises
         ------
@@ -196,7 +196,7 @@ class Recorder:
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
-        """Raise an error of the operating system as one of this package, and give the file up."""
+        """Raise an error of the operating system as an error of this package, and abandon the file."""
         try:
             yield
         except OSError as problem:
@@ -211,7 +211,7 @@ class Recorder:
             ) from problem
 
     def _columns(self, run: Run) -> dict[str, Array]:
-        """Return a run's signals and time with rows down and axes and tendons across."""
+        """Return a run's signals and time as arrays with a row per time and a column per axis and tendon."""
         if tuple(run.axes) != self.axes:
             raise RecordingError(
                 f"{self.path}: the run's axes are {', '.join(run.axes)}; they must be {', '.join(self.axes)}."

@@ -1,1 +1,1 @@
-"""How results are shown: one style of figures, one way to write numbers and tables, one maker of pages."""
+"""Presentation of results: the style of figures, the format of numbers and tables, and HTML pages."""

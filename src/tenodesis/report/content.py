@@ -1,4 +1,4 @@
-"""What a report is made of: results, figures with their curves, tables, and sections that hold them."""
+"""The parts of a report: results, figures with their curves, tables, and sections that contain them."""
 
 import html
 import math
@@ -17,12 +17,12 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 def named(inst: Instrument) -> str:
-    """Return an instrument's name as it may stand in HTML."""
+    """Return an instrument's name escaped for HTML."""
     return html.escape(inst.name)
 
 
 def number(value: float, digits: int = 4) -> str:
-    """Return a number for reading: significant digits, a true minus, and a dash where there is none."""
+    """Return a number as text: significant digits, a true minus, and a dash if there is no number."""
     if not np.isfinite(value):
         return "–"
     if value and not 1e-4 <= abs(value) < 1e7:
@@ -37,12 +37,12 @@ def number(value: float, digits: int = 4) -> str:
 
 
 def fixed(value: float, decimals: int = 2) -> str:
-    """Return a number with fixed decimals, a dash where there is none, no minus before a zero."""
+    """Return a number as text with fixed decimals, a dash if there is no number, no minus before a zero."""
     return f"{round(value, decimals) + 0.0:.{decimals}f}".replace("-", "−") if np.isfinite(value) else "–"
 
 
 class Published(NamedTuple):
-    """A printed number, in the unit it is compared in, and where it is printed."""
+    """A published number, in the unit of the comparison, and where it is printed."""
 
     value: float
     source: str
@@ -50,7 +50,7 @@ class Published(NamedTuple):
 
 @dataclass(frozen=True)
 class Result:
-    """One number of the report, by name in results.json."""
+    """A number of the report, by name in results.json."""
 
     key: str
     value: float
@@ -75,7 +75,7 @@ class Plot:
 
 
 class Chart:
-    """A figure while it is drawn, and the columns of its CSV file: a curve is laid out once for both."""
+    """A figure while it is drawn, and the columns of its CSV file, which get the same curves."""
 
     def __init__(self, figure: Figure) -> None:
         self.figure = figure
@@ -106,7 +106,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Column:
-    """A column of numbers in a table, each of which may be a result of the report too.
+    """A column of numbers in a table, which may also be results of the report.
 
     Key and description are patterns for `str.format`, filled in from the labels of each row.
     """
@@ -119,13 +119,13 @@ class Column:
     digits: int = 2
     """Decimals that are shown."""
     form: Callable[[float], str] | None = None
-    """Turns a number into text in place of that."""
+    """Converts a number to text, in place of the decimals."""
     optional: bool = False
     """Whether a number that is not finite is left out of the results."""
 
 
 Cell: TypeAlias = str | float | tuple[float, Published | None]
-"""Text, a number, or a number beside the printed one that it is compared with."""
+"""Text, a number, or a number and the published number that it is compared with."""
 
 
 class ResultTable(Table):
@@ -136,7 +136,7 @@ class ResultTable(Table):
     caption
         What the table shows.
     layout
-        Its columns; a heading alone stands for text, or for numbers with two decimals that are no results.
+        Its columns; a heading alone means text, or numbers with two decimals that are not results.
     record
         Takes key, value, unit, description and published number of each result.
     """
@@ -163,7 +163,7 @@ class ResultTable(Table):
 
 @dataclass(frozen=True)
 class CarePoint:
-    """A place where the paper needs care, with what it is and what it costs."""
+    """A place where the paper needs care, with its description and its effect."""
 
     number: int
     title: str

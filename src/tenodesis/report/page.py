@@ -1,4 +1,4 @@
-"""Pages: HTML that needs nothing beside it, from a template of the package that reports."""
+"""Self-contained HTML pages, from a template of the reporting package."""
 
 import csv
 import io
@@ -20,13 +20,13 @@ from tenodesis.report.content import Plot, fixed, number
 from tenodesis.version import __version__
 
 DRAWINGS = ("svg", "png")
-"""Kinds of file that a figure is written as."""
+"""File types in which a figure is written."""
 
 _PNG_DOTS = 200  # per inch
 
 
 def render(package: str, template: str, **values: Any) -> str:
-    """Return a page from a Jinja template that lies in a package; templates may use `fixed`, `number` and `about`."""
+    """Return a page from a Jinja template in a package; templates may use `fixed`, `number` and `about`."""
     environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     environment.globals.update(fixed=fixed, number=number, about=about())
     text = (resources.files(package) / template).read_text("utf-8")
@@ -40,14 +40,14 @@ def about(*libraries: str) -> dict[str, str]:
 
 
 def inline_svg(name: str, figure: Figure, *, dots_per_inch: float = _PNG_DOTS) -> Markup:
-    """Return a figure as SVG to stand within HTML, its ids made unique by a name."""
+    """Return a figure as SVG for use within HTML, its ids made unique by a name."""
     file = io.StringIO()
     figure.savefig(file, format="svg", dpi=dots_per_inch, metadata={"Date": None})
     return Markup(style.inlined(name, file.getvalue()))
 
 
 def write_figure(plot: Plot, folder: Path) -> Markup:
-    """Write a figure as SVG and PNG into a folder and return the SVG, fit to stand within HTML."""
+    """Write a figure as SVG and PNG into a folder and return the SVG for use within HTML."""
     for kind in DRAWINGS:
         details: dict[str, Any] = {"Date": None} if kind == "svg" else {}
         plot.figure.savefig(folder / f"{plot.name}.{kind}", dpi=_PNG_DOTS, metadata=details)
@@ -70,5 +70,5 @@ def write_columns(columns: Mapping[str, ArrayLike], path: Path, *, digits: int =
 
 
 def json_number(value: float) -> float | None:
-    """Return a number as JSON has it: None for what is not finite."""
+    """Return a number for JSON: None if it is not finite."""
     return float(value) if math.isfinite(value) else None

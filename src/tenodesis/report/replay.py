@@ -1,4 +1,4 @@
-"""A replay beside its recording, as a figure."""
+"""A figure of a replay and its recording."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from tenodesis.recording.tables import columns
 from tenodesis.report import style
 
 FORMATS = (".png", ".svg", ".pdf")
-"""What a figure is written as, by the file's extension."""
+"""File type of a figure, by the file's extension."""
 
 _LABELS = {"output_angle": "Output angle [deg]", "tension": "Tendon tension [N]"}
 _MOST_POINTS = 20_000
@@ -47,7 +47,7 @@ def plot(replay: Replay, path: str | Path) -> None:
 
 
 def _draw(panel: Axes, replay: Replay, name: str, axis: str) -> None:
-    """Draw one signal of one axis: the recording broad and pale, the replay thin on top of it."""
+    """Draw a signal of an axis: the recording broad and pale, the replay thin on top of it."""
     kind = name.removeprefix("measured_")
     colors = {f"{name}.{axis}": style.ACCENT}
     if kind == "tension":

@@ -1,4 +1,4 @@
-"""How the figures look: one style, one palette, a size that reads on screen and printed."""
+"""The style of the figures: palette, fonts, and a size for screen and print."""
 
 import re
 from collections.abc import Sequence
@@ -76,7 +76,7 @@ def legend_outside(fig: Figure, *entries: tuple[str, str, str]) -> None:
 
 
 def inlined(name: str, svg: str) -> str:
-    """Return an SVG to stand within HTML: no prologue, no size of its own, and ids that no other figure uses."""
+    """Return an SVG for use within HTML: no prologue, no size of its own, and ids that no other figure uses."""
     body = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', svg[svg.index("<svg") :])
     body = re.sub(r'(xlink:href="#|url\(#)', rf"\1{name}-", body)
     return re.sub(r"^<svg[^>]*>", lambda tag: re.sub(r' (width|height)="[^"]+"', "", tag[0]), body)

@@ -1,4 +1,4 @@
-"""Scale models: designed from stock parts, with a plan for the workshop, and their measurements carried back."""
+"""Scale models: design from stock parts, workshop plan, and conversion of measurements to real-size units."""
 
 from tenodesis.errors import DesignError
 from tenodesis.scaling.candidates import COMBINATIONS, Wheel

@@ -26,11 +26,11 @@ _MOST_LEVELS = 200
 _RESOLUTION = 1e-3  # m, of lengths made in a workshop
 _END_EFFECTOR_RESOLUTION = 1e-4  # m; this length decides the similarity
 _NO_UNDERCUT = 17
-"""Least teeth of a gear with 20 degrees pressure angle that is not undercut."""
+"""Least number of teeth of a gear with 20 degrees pressure angle that is not undercut."""
 
 
 class Wheel(NamedTuple):
-    """A gear or pulley: pitch radius (m), and module (m) and teeth of a gear."""
+    """A gear or pulley: pitch radius (m), and for a gear its module (m) and number of teeth."""
 
     radius: float
     module: float | None = None
@@ -38,7 +38,7 @@ class Wheel(NamedTuple):
 
     @property
     def tip_radius(self) -> float:
-        """Outer radius, m: of a gear, the pitch radius and one module of addendum."""
+        """Outer radius, m: for a gear, pitch radius plus module."""
         return self.radius + (self.module or 0.0)
 
 
@@ -59,14 +59,14 @@ class Candidates:
     ropes: tuple[Rope, ...]
     rods: tuple[Rod | None, ...]
     pretension: float
-    """As pinned, N; NaN for the scaled one of the real-size instrument."""
+    """As pinned, N; NaN for the scaled pretension of the real-size instrument."""
     overall_lengths: Array
     between: Array
     """End-effector lengths common to all pairs."""
     end_effector_lengths: Array
     """By pair and level."""
     handle_lengths: Array
-    """By overall length: the real-size share of it, within the constraints, since sheath friction acts on it."""
+    """By overall length: the same share as at real size, within the constraints, since sheath friction acts there."""
 
     @cached_property
     def shape(self) -> tuple[int, ...]:
@@ -110,7 +110,7 @@ class Candidates:
         return rows
 
     def parts(self, number: int) -> tuple[tuple[Wheel, Wheel], Rope, Rod | None]:
-        """Return the wheels (distal, proximal), the rope and the backbone of one candidate."""
+        """Return the wheels (distal, proximal), the rope and the backbone of a candidate."""
         pair, rope, rod, _, _ = np.unravel_index(number, self.shape)
         return self.pairs[pair], self.ropes[rope], self.rods[rod]
 
@@ -140,7 +140,7 @@ def candidates(
 
 
 def finer(found: Candidates, catalogue: Catalogue, numbers: NDArray[np.int64], combinations: int) -> Candidates:
-    """Return about `combinations` candidates of the parts of some numbers, with more lengths between the same ones."""
+    """Return about `combinations` candidates with the parts of given candidates and a finer division of lengths."""
     pair, rope, rod, *_ = np.unravel_index(numbers, found.shape)
     pairs = tuple(found.pairs[i] for i in np.unique(pair))
     ropes = tuple(found.ropes[i] for i in np.unique(rope))
@@ -187,7 +187,7 @@ def _overall(real_size: Instrument, limits: tuple[float, float] | None, distal: 
 
 
 def _between(limits: tuple[float, float] | None, levels: int) -> Array:
-    """Return the end-effector lengths to try besides the most similar one."""
+    """Return the end-effector lengths to try besides the most similar length."""
     if limits is None or limits[0] == limits[1]:
         return np.empty(0)
     return np.unique(_made(np.linspace(*limits, levels - 1), limits, _END_EFFECTOR_RESOLUTION))
@@ -281,7 +281,7 @@ def _pinned(wheels: list[Wheel], field: str, pins: Mapping[str, Any], catalogue:
 
 
 def _makeable(pair: tuple[Wheel, Wheel]) -> tuple[Any, ...]:
-    """Return the order of preference of pairs with the same radii: no undercut, one module, coarser teeth."""
+    """Return the order of preference of pairs with the same radii: no undercut, equal modules, coarser teeth."""
     one, other = pair
     undercut = sum(wheel.teeth is not None and wheel.teeth < _NO_UNDERCUT for wheel in pair)
     return undercut, one.module != other.module, -(one.module or 0.0), -(other.module or 0.0)

@@ -33,7 +33,7 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
     "tendon-pulley": ("pulleys", *_ALWAYS),
     "continuum": ("pulleys", "rods", *_ALWAYS),
 }
-"""What a design cannot do without, by joint type."""
+"""Parts that a design requires, by joint type."""
 
 _SHIPPED = Path(__file__).parents[1] / "catalogue"
 
@@ -109,7 +109,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def _read(name_or_path: str | Path, folder: Path, chain: tuple[Path, ...]) -> Catalogue:
-    """Read one catalogue and what it includes; `chain` are the files that include it."""
+    """Read a catalogue and those that it includes; `chain` are the files that include it."""
     wanted = str(name_or_path)
     path = _SHIPPED / f"{wanted}.toml" if wanted in shipped() else folder / wanted
     source = f"{wanted} (included by {chain[-1].name})" if chain else wanted

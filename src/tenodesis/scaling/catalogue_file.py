@@ -1,4 +1,4 @@
-"""Catalogue files: their tables, and one sentence for each error in a file."""
+"""Catalogue files: their tables, and a sentence for each error in a file."""
 
 from collections.abc import Mapping
 from typing import Annotated, Self
@@ -31,7 +31,7 @@ _Lengths = Annotated[tuple[Length, Length], AfterValidator(ordered)]
 
 
 class Constraints(FileTable):
-    """Constraints of a design; None leaves a value free, pairs are least and most."""
+    """Constraints of a design; None leaves a value free; pairs are minimum and maximum."""
 
     factor: Annotated[tuple[_Scale, _Scale], AfterValidator(ordered)] | None = Field(
         default=None, description="Scaled-up over real-size distal radius, least and most"
@@ -70,7 +70,7 @@ class CatalogueFile(FileTable):
     name: Name | None = Field(default=None, description="Name of the catalogue; without it the file's name")
     description: str = Field(default="", max_length=200, description="One line about the catalogue")
     include: tuple[str, ...] = Field(
-        default=(), description="Catalogues this one builds on: names of shipped ones, or paths relative to this file"
+        default=(), description="Catalogues to include: names of shipped catalogues, or paths relative to this file"
     )
     gears: Gears | None = Field(default=None, description="Gears at hand")
     pulleys: tuple[PulleyTable, ...] = Field(default=(), description="Pulleys at hand")

@@ -42,7 +42,7 @@ class Points(NamedTuple):
 
 
 class WorkingRange(NamedTuple):
-    """All points of the grid that the instrument holds, and a few of them with the same extent."""
+    """All points of the grid at which the instrument has an equilibrium, and a few of them with the same extent."""
 
     fine: Points
     coarse: Points
@@ -105,7 +105,7 @@ class Judge:
         return self._span.fine.target(self._candidates.real_size)
 
     def columns(self, numbers: NDArray[np.int64], *, fine: bool = False) -> dict[str, Array]:
-        """Return parameters and results of scale models by name, over few points of the working range or all."""
+        """Return parameters and results of scale models by name, at few or all points of the working range."""
         columns = self._candidates.columns(numbers)
         rows = self._candidates.rows(columns)
         found = np.empty((numbers.size, len(FINDINGS)))
@@ -120,7 +120,7 @@ class Judge:
         return columns | dict(zip(FINDINGS, found.T, strict=True)) | extra
 
     def spool(self, number: int) -> Spool:
-        """Return the spool of a scale model: the one whose angles are closest to those of the real-size spool."""
+        """Return the spool of a scale model whose angles are closest to those of the real-size spool."""
         return self._spools[int(np.unravel_index(number, self._candidates.shape)[0])]
 
     def load_cell(self, largest_tension: float) -> LoadCell:

@@ -28,15 +28,15 @@ Preference: TypeAlias = Literal["similarity", "resolution", "size", "margin", "b
 PREFERENCES: tuple[Preference, ...] = get_args(Preference)
 
 SIMILAR_ENOUGH = 0.1
-"""Similarity error, deg, below which a smaller one is no better."""
+"""Similarity error, deg, below which designs count as equal."""
 
 
 YIELD = 0.1
-"""Share of the other objectives that may be given up for one of them."""
+"""Share of the other objectives that may be given up to improve an objective."""
 
 
 class Objectives(NamedTuple):
-    """Objectives of a design; a large tension margin is better, of the others a small one."""
+    """Objectives of a design; for the tension margin larger is better, for the others smaller is better."""
 
     similarity_error: float
     """Largest error over the working range, without friction, deg; a tip that snaps through counts as at its stop."""
@@ -74,7 +74,7 @@ class TestLoad(NamedTuple):
     force: float
     weights: WeightSelection
     error: float
-    """Force by the weights minus the wanted one, N on the real-size instrument."""
+    """Force by the weights minus the wanted force, N on the real-size instrument."""
 
 
 @dataclass(frozen=True)
@@ -253,7 +253,7 @@ def design(
     Raises
     ------
     DesignError
-        A pin names no part, or no scale model meets the constraints; the message says which contradict each other.
+        A pin names no part, or no scale model meets the constraints; the message names the contradiction.
     """
     if not isinstance(real_size, Instrument):
         raise TypeError(f"real_size is {real_size!r}; it must be an instrument, as tenodesis.load returns it.")
@@ -278,7 +278,7 @@ _OBJECTIVES = (
 
 
 def rivals_text(front: Front, objectives: Objectives) -> str:
-    """Return as the rest of a sentence by how much other scale models are better."""
+    """Return, as the end of a sentence, by how much other scale models are better."""
     rivals = front.rivals(objectives)
     if not rivals:
         return f"no scale model beats this one in everything: it is on the front. {_trades(front, objectives)}"

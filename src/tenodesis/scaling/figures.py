@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tenodesis.scaling.design import Design, Front, Objectives, TestLoad
 
 MOST_CURVES = 4
-"""Test loads that curves are drawn for; more would hide each other."""
+"""Largest number of test loads with curves; more would overlap."""
 
 _SIZE = (3.55, 1.75)  # inches: half the page's width
 _SMALL: Any = {

@@ -44,7 +44,7 @@ class Forces(NamedTuple):
 
 
 def forces_of(real_size: Instrument, catalogue: Catalogue) -> Forces:
-    """Return the forces that a scale model is judged and tested at, N on the real-size instrument.
+    """Return the forces at which a scale model is judged and tested, N on the real-size instrument.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def limits(catalogue: Catalogue, forces: Forces) -> tuple[Limit, ...]:
     return (
         Limit(
             "handle_range",
-            "the tip bends as far as the handle asks for",
+            "the tip bends as far as the handle requires",
             "unloaded bend at the end of the handle's range, over the joint's limit",
             "1",
             lambda c: (c["unloaded_limit"], 1 - 1e-9),
@@ -171,7 +171,7 @@ def _finest(weights: tuple[Weight, ...], cable_mass: float) -> float:
 
 
 class Tally:
-    """Counts how many scale models meet each limit and each two of them, to find those that contradict each other."""
+    """Counts how many scale models meet each limit and each pair of limits, to find contradictions."""
 
     def __init__(self, limits: tuple[Limit, ...]) -> None:
         self._limits = limits
@@ -199,7 +199,7 @@ class Tally:
         return next((limit for n, limit in enumerate(self._limits) if not met[n]), None)
 
     def nearest(self, limit: Limit) -> str:
-        """Return in words how close scale models come to a limit that none meets."""
+        """Return a phrase on how close scale models come to a limit that none meets."""
         _, amount, bound = self._nearest[self._limits.index(limit)]
         return (
             f"the nearest of {self._examined} scale models has {limit.amount_is} {_text(amount, limit.unit)}; the "
@@ -207,7 +207,7 @@ class Tally:
         )
 
     def contradiction(self) -> DesignError:
-        """Return the error that says which limit, or which two, cannot be met."""
+        """Return the error that names the limit, or the two limits, that cannot be met."""
         alone = self.unmeetable()
         if alone is not None:
             return DesignError(f"{alone.key} cannot be met: {alone.requires}; {self.nearest(alone)}.")

@@ -1,4 +1,4 @@
-"""Parts to build and test a scale model with, each alone or as a series that differs in size only."""
+"""Parts to build and test a scale model, as single parts or as series that differ in size only."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -20,7 +20,7 @@ _SAME = 9
 
 
 def ordered(pair: tuple[float, float]) -> tuple[float, float]:
-    """Return a pair of least and most value, once it is in order.
+    """Return a pair of minimum and maximum, if it is in order.
 
     Raises
     ------
@@ -54,9 +54,9 @@ class Gears(FileTable):
 
 
 class CataloguePart(FileTable):
-    """One part of a catalogue, identified among its kind by its key."""
+    """A part of a catalogue, identified among its kind by its key."""
 
-    source: Source = Field(default="", description="Where the values are from")
+    source: Source = Field(default="", description="Source of the values")
 
     @property
     def key(self) -> str:
@@ -69,9 +69,9 @@ class CataloguePart(FileTable):
 
 
 class _Round(CataloguePart):
-    """A part with a radius at which the tendon lies."""
+    """A part that guides the tendon at a radius."""
 
-    radius: Length = Field(description="Radius at which the tendon lies")
+    radius: Length = Field(description="Radius of the tendon")
 
     @property
     def key(self) -> str:
@@ -137,11 +137,11 @@ class Encoder(CataloguePart):
 
 
 class Weight(CataloguePart):
-    """Weights of one mass."""
+    """Weights of equal mass."""
 
     mass: PositiveMass = Field(description="Nominal mass")
     count: _Count = Field(default=1, description="How many there are")
-    tolerance: Mass = Field(default=0.0, description="Largest error of one")
+    tolerance: Mass = Field(default=0.0, description="Largest error of a single weight")
 
     @property
     def key(self) -> str:
@@ -150,13 +150,13 @@ class Weight(CataloguePart):
 
 
 class _Series(FileTable):
-    """Parts that differ in size only, written as one table."""
+    """Parts that differ in size only, written as a single table."""
 
-    source: Source = Field(default="", description="Where the values are from")
+    source: Source = Field(default="", description="Source of the values")
 
 
 class RopeSeries(_Series):
-    """Ropes of one construction and grade in several diameters (EN 12385-4).
+    """Ropes of equal construction and grade in several diameters (EN 12385-4).
 
     Their minimum breaking force is K d² R: the construction's factor, the square of the diameter, the rope grade.
     """
@@ -182,7 +182,7 @@ class RopeSeries(_Series):
 
 
 class RodSeries(_Series):
-    """Rods of one material in several diameters."""
+    """Rods of equal material in several diameters."""
 
     name: Name = Field(description="Material; a rod's name is this and its diameter")
     diameters: tuple[Length, ...] = Field(min_length=1, description="Diameters")
@@ -199,7 +199,7 @@ class RodSeries(_Series):
 class _RoundSeries(_Series):
     """Round parts of several radii."""
 
-    radii: tuple[Length, ...] = Field(min_length=1, description="Radii at which the tendon lies")
+    radii: tuple[Length, ...] = Field(min_length=1, description="Radii of the tendon")
 
 
 class PulleySeries(_RoundSeries):
@@ -223,7 +223,7 @@ class WeightSeries(_Series):
 
     masses: tuple[PositiveMass, ...] = Field(min_length=1, description="Nominal masses")
     counts: tuple[_Count, ...] = Field(description="How many there are of each mass")
-    tolerances: tuple[Mass, ...] = Field(default=(), description="Largest error of one of each mass")
+    tolerances: tuple[Mass, ...] = Field(default=(), description="Largest error of a weight of each mass")
 
     @model_validator(mode="after")
     def _one_of_each(self) -> Self:

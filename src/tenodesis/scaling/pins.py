@@ -13,7 +13,7 @@ from tenodesis.units import Force, Length
 _T = TypeVar("_T")
 
 SAME_LENGTH = 1e-6
-"""Relative difference up to which a length equals the pinned one."""
+"""Relative difference up to which a length equals the pinned length."""
 
 _RANGES = ("overall_length", "end_effector_length", "handle_length")
 _PARTS = {"rope": "ropes", "rod": "rods", "load_cell": "load_cells", "encoder": "encoders"}
@@ -64,7 +64,7 @@ def same(one: float, other: float) -> bool:
 
 
 def narrowed(catalogue: Catalogue, pins: Mapping[str, Any]) -> Catalogue:
-    """Return a catalogue with only the pinned parts and ranges; radii stay, since they result from modules and teeth.
+    """Return a catalogue with only the pinned parts and ranges; radii stay, as modules and teeth give them.
 
     Raises
     ------

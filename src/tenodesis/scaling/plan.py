@@ -1,4 +1,4 @@
-"""The workshop plan of a design, as self-contained HTML and as PDF: what to build, to hang and to expect."""
+"""The workshop plan of a design, as self-contained HTML and as PDF: parts, lengths, weights and expected curves."""
 
 import json
 import math
@@ -32,13 +32,13 @@ if TYPE_CHECKING:
 _LONG = 120  # characters; a longer name of a catalogue, made of many names, is shortened
 _SYMBOL = r"([^\W\d_]+)_(\w+)"
 _PRETENSION_OFF = 0.005
-"""Share by which the pretension may differ from the similar one without a warning."""
+"""Share by which the pretension may differ from the similar pretension without a warning."""
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class Card:
-    """A key figure at the top of the plan, and what it is."""
+    """A key figure at the top of the plan, with its description."""
 
     value: str
     label: str
@@ -54,7 +54,7 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Plan:
-    """All content of the plan, in plain text; an underscore stands before the index of a symbol such as l_d."""
+    """All content of the plan, in plain text; an underscore precedes the index of a symbol such as l_d."""
 
     title: str
     lead: str
@@ -213,7 +213,7 @@ def _output_caption(design: "Design") -> str:
 
 
 def _warnings(design: "Design", error: SimilarityError) -> Iterator[str]:
-    """Yield what a workshop must not overlook, one sentence each."""
+    """Yield warnings for the workshop, a sentence each."""
     constraints, choice = design.catalogue.constraints, design.choice
     similar = design.real_size.pretension * design.comparison.tension_factor
     off = design.scaled_up.pretension / similar - 1 if similar else 0.0

@@ -1,4 +1,4 @@
-"""The tables of a workshop plan: what to buy, to make, to hang and to set, how it scales, and how similar it is."""
+"""The tables of a workshop plan: parts, lengths, weights, pretension, scale factors and similarity."""
 
 import math
 from collections import Counter
@@ -46,7 +46,7 @@ _IN_MOTION = ("motor", "inertia")
 _ALIKE = 1e-4
 """Relative difference below which two groups match for a workshop."""
 _LEAST_CAUSE = 0.02
-"""Share of the error below which a cause is not named."""
+"""Share of the error below which a cause is not listed."""
 
 
 @dataclass(frozen=True)
@@ -58,14 +58,14 @@ class PlanTable:
     rows: tuple[tuple[str, ...], ...]
     texts: int = 1
     wide: tuple[int, ...] = (0,)
-    """Columns that share the width that the others leave."""
+    """Columns that share the remaining width."""
     names: bool = False
     """Whether cells hold names of parts, in which an underscore is no index."""
     note: str = ""
 
 
 def parts(design: "Design") -> PlanTable:
-    """Return which parts to take, and how many of each."""
+    """Return the parts, and how many of each."""
     rows = tuple(_part_rows(design))
     return PlanTable("Parts", ("no.", "part", "take", "which is"), rows, texts=4, wide=(2, 3), names=True)
 
@@ -134,7 +134,7 @@ def _wheel_rows(design: "Design") -> Iterator[tuple[str, ...]]:
 
 
 def lengths(design: "Design") -> PlanTable:
-    """Return the lengths to make, and to mount the load rig at."""
+    """Return the lengths to make, and the positions of the load rig."""
     inst = design.scaled_up
     values = {
         "overall length L": inst.overall_length,
@@ -151,7 +151,7 @@ def lengths(design: "Design") -> PlanTable:
 
 
 def loads(design: "Design") -> PlanTable:
-    """Return the weights to hang for every test load."""
+    """Return the weights for every test load."""
     return PlanTable(
         "Test loads, and the weights to hang for them on the two cables of the load rig",
         ("loading cable", "counter cable", "real-size [N]", "tip [N]", "cables [N]", "off [%]", "off [N]", "loss [°]"),
@@ -261,7 +261,7 @@ def _place(handle_angle: float, force: float) -> str:
 
 
 def groups(comparison: Comparison) -> PlanTable:
-    """Return the groups that do not match, and in a note those that do and those that are made to."""
+    """Return the groups that do not match, and a note on those that match or are made to match."""
     imposed = [symbols(group.name) for group in comparison.groups if group.imposed]
     free = [group for group in comparison.groups if (group.real_size or group.scaled_up) and not group.imposed]
     matching = [symbols(group.name) for group in free if _matches(group)]

@@ -8,20 +8,20 @@ from tenodesis.report.content import fixed, number
 from tenodesis.units import in_unit
 
 SPACE = "\u00a0"
-"""Between a number and its unit, which stay on one line."""
+"""Separator of a number and its unit, without a line break."""
 
 NO_ERROR = 1e-3
 """Angle, deg, below which an error is shown as none."""
 
 MOST_MASSES = 12
-"""Different masses that are listed one by one."""
+"""Largest number of different masses listed individually."""
 
 _POWERS = str.maketrans("0123456789−", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _SYMBOLS = {"Theta": "Θ", "theta": "θ", "kappa": "κ", "zeta": "ζ", "phi": "φ", "mu": "μ", "^2": "²"}
 
 
 def quantity(value: float, unit: str, digits: int, si_unit: str = "") -> str:
-    """Return a value with its unit, converted from its SI unit if that is another one."""
+    """Return a value with its unit, converted from the SI unit if they differ."""
     label = unit.replace("*", "·").replace("^2", "²")
     return f"{converted(value, unit, digits, si_unit)}{SPACE}{label}"
 
@@ -38,7 +38,7 @@ def plain(value: float, digits: int = 4) -> str:
 
 
 def angle(error: float) -> str:
-    """Return an error (deg); one below a thousandth as "below 0.001°"."""
+    """Return an error (deg), "below 0.001°" for smaller errors."""
     return f"{plain(error, 2)}°" if not abs(error) < NO_ERROR else f"below {NO_ERROR:g}°"
 
 
@@ -58,13 +58,13 @@ def with_tolerance(error: float, tolerance: float) -> str:
 
 
 def falling_short(value: float, required: float) -> str:
-    """Return a value below what is required, with two decimals or as many as show that it is below."""
+    """Return a value that falls short of a requirement, with enough decimals (at least two) to show it."""
     decimals = next((n for n in range(2, 10) if round(value, n) < required), 10)
     return fixed(value, decimals)
 
 
 def masses(kilograms: Iterable[float]) -> str:
-    """Return masses (kg) as a list of weights to take, heaviest first, the lightest beyond so many kinds summed up."""
+    """Return masses (kg) as a list of weights, heaviest first; beyond a number of kinds the lightest are summed."""
     kinds = sorted(Counter(kilograms).items(), reverse=True)
     listed = [
         f"{count}{SPACE}×{SPACE}{_mass(mass)}" if count > 1 else _mass(mass) for mass, count in kinds[:MOST_MASSES]

@@ -1,4 +1,4 @@
-"""The round trip: a run of the scaled-up twin carried over to real size, against the real-size twin itself."""
+"""The round trip: a run of the scaled-up twin converted to real-size units, compared with the real-size twin."""
 
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ SPEED = float(np.radians(40))
 class RoundTrip(NamedTuple):
     """Output angles (rad) over the real-size handle angle (rad), each of shape (n,).
 
-    `predicted` is by the scaled-up distal encoder, carried over; `direct` is that of the real-size twin.
+    `predicted` is by the scaled-up distal encoder, converted; `direct` is that of the real-size twin.
     """
 
     handle_angle: Array
@@ -38,7 +38,7 @@ class RoundTrip(NamedTuple):
 def round_trip(
     real_size: Instrument, scaled_up: Instrument, force: float, *, amplitude: float, seed: int = 0
 ) -> RoundTrip:
-    """Run two hysteresis cycles on the scaled-up twin, carry them over, and run the real-size twin directly.
+    """Run two hysteresis cycles on the scaled-up twin, convert them, and run the real-size twin directly.
 
     The second cycle is returned: the first one still depends on the initial state of friction.
 

@@ -26,7 +26,7 @@ ERROR_STEP = 0.01
 """Resolution of similarity errors on a bench, deg."""
 
 RELATIVE_STEP = 0.01
-"""Relative difference of resolutions, lengths and margins that does not count."""
+"""Relative difference of resolutions, lengths and margins below which they count as equal."""
 
 _WIDER = 4.0
 _TRIED = 50_000
@@ -68,12 +68,12 @@ class Sweep:
 
     @property
     def examined(self) -> int:
-        """How many scale models were judged."""
+        """Number of scale models judged."""
         return sum(len(stage.candidates) for stage in self.stages)
 
     @property
     def feasible(self) -> int:
-        """How many of them meet every limit at the few points."""
+        """Number of those that meet every limit at the few points."""
         return sum(stage.feasible.size for stage in self.stages)
 
     def judge(self, stage: Stage) -> "Judge":

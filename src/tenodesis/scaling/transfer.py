@@ -1,4 +1,4 @@
-"""Carry a run or recording of a scaled-up instrument over to real-size units."""
+"""Convert a run or recording of a scaled-up instrument to real-size units."""
 
 import math
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ from tenodesis.scaling.transfer_friction import carry_friction, left_behind, sha
 from tenodesis.similarity import Comparison
 
 FACTORS = "transfer_factors"
-"""Key of the metadata that holds the factors, by axis, as TOML."""
+"""Metadata key of the factors, by axis, as TOML."""
 BEFORE = "scaled_up_"
 """Prefix of the keys of the original recording's metadata."""
 
@@ -38,7 +38,7 @@ class Carried:
     run: Run
     """In real-size units."""
     real_size: Instrument
-    """The real-size instrument with the axes of the run, and with the friction carried over if there is any."""
+    """The real-size instrument with the axes of the run, and with the transferred friction if there is any."""
     scaled_up: Instrument
     """The scaled-up instrument of the original run."""
     comparisons: Mapping[str, Comparison]
@@ -46,15 +46,15 @@ class Carried:
     factors: Mapping[str, Mapping[str, float]]
     """Scaled-up over real-size, by axis and key."""
     warnings: tuple[str, ...]
-    """What was not similar, damaged or not carried over, in sentences."""
+    """Sentences on what was not similar, damaged or not converted."""
     source: str = ""
-    """Name of the recording that was carried over, if it was one."""
+    """Name of the recording, if a recording was converted."""
     original: Mapping[str, str] | None = None
     """Metadata of that recording."""
 
     @cached_property
     def metadata(self) -> dict[str, str]:
-        """Metadata of the recording to write; those of the original go on with a prefix."""
+        """Metadata of the recording to write; those of the original get a prefix."""
         before = {f"{BEFORE}{key}": text for key, text in (self.original or {}).items() if key not in _RENEWED}
         return {
             **before,
@@ -66,16 +66,16 @@ class Carried:
 
     @property
     def largest_force(self) -> float:
-        """Largest tangential force at the tip, N; NaN where none was recorded."""
+        """Largest tangential force at the tip, N; NaN if none was recorded."""
         return _largest(self.run, "force")
 
     @property
     def largest_tension(self) -> float:
-        """Largest tension of a tendon, N; NaN where none was recorded."""
+        """Largest tension of a tendon, N; NaN if none was recorded."""
         return _largest(self.run, "tension", "distal_tension", "measured_tension")
 
     def similarity_error(self) -> float:
-        """Return the largest similarity error up to the largest force, without friction, deg; NaN without a force."""
+        """Return the largest similarity error up to the largest force, without friction, deg; NaN if no force."""
         if not self.largest_force > 0:
             return math.nan
         return max(
@@ -102,7 +102,7 @@ def carry(
     scaled_up: Instrument | None = None,
     time_factor: float | None = None,
 ) -> Carried:
-    """Carry a recording or run of a scaled-up instrument over to real-size units.
+    """Convert a recording or run of a scaled-up instrument to real-size units.
 
     Angles and the controller's states stay the same; forces, tensions, torques, spool angles, velocities and time are
     divided by the similarity factors of their axis, between the instruments as built: with the true stiffness and
@@ -115,7 +115,7 @@ def carry(
     real_size
         The real-size instrument; it may have axes that were not recorded.
     scaled_up
-        The instrument of the run; by default the one that the recording holds.
+        The instrument of the run; by default that of the recording.
     time_factor
         Factor of time; by default that of the tips' periods.
 
@@ -134,7 +134,7 @@ def carry(
     original = _scaled_up(recording, run, scaled_up, where)
     shared_axes(original, real_size)
     if not len(run):
-        raise RecordingError(f"{where} has no rows; there is nothing to carry over.")
+        raise RecordingError(f"{where} has no rows; there is nothing to convert.")
     pairs = {axis: comparison(real_size.axis(axis), original.axis(axis)) for axis in run.axes}
     scale = {axis: factors(pair, time_factor) for axis, pair in pairs.items()}
     # Axes share one clock.
@@ -166,7 +166,7 @@ def _scaled_up(recording: Recording | None, run: Run, given: Instrument | None, 
     elif recording is not None and "instrument" in recording.metadata:
         inst = recording.instrument()
     else:
-        raise RecordingError(f"{where} does not hold its instrument; give the scaled-up instrument as well.")
+        raise RecordingError(f"{where} does not contain its instrument; give the scaled-up instrument as well.")
     if inst.axes != run.axes:
         raise RecordingError(
             f"{where} has the axes {' and '.join(run.axes)}, {inst.name} {' and '.join(inst.axes)}; "
@@ -200,12 +200,12 @@ def _warnings(scaled_up: Instrument, real_size: Instrument, pairs: Mapping[str, 
     for axis, pair in pairs.items():
         sentences += _dissimilar(pair, f" ({axis})" if len(pairs) > 1 else "")
     if scaled_up.friction.law == "none":
-        sentences.append(f"{scaled_up.name} has no friction to carry over: {real_size.name} keeps its own.")
+        sentences.append(f"{scaled_up.name} has no friction to transfer: {real_size.name} keeps its own.")
     return [*sentences, *left_behind(scaled_up)]
 
 
 def _dissimilar(pair: Comparison, where: str) -> list[str]:
-    """Return sentences for one axis whose ratio of radii differs, or whose pretension is not the scaled one."""
+    """Return warnings on an axis whose ratio of radii differs, or whose pretension is not the scaled pretension."""
     real_size, scaled_up = pair.real_size, pair.scaled_up
     sentences = []
     ratio = next(group for group in pair.groups if group.name == "R/r")

@@ -1,4 +1,4 @@
-"""The factors by which signals of a scaled-up instrument are carried over to the real-size one."""
+"""The factors that convert signals of a scaled-up instrument to real-size units."""
 
 import math
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ KEYS = (
     "spool_velocity",
     "time",
 )
-"""The factors, as :attr:`tenodesis.similarity.Comparison.factors` has them: scaled-up over real-size."""
+"""The factors, scaled-up over real-size, as in :attr:`tenodesis.similarity.Comparison.factors`."""
 
 QUANTITY = {
     "force": "force",
@@ -41,7 +41,7 @@ QUANTITY = {
 
 
 def as_built(inst: Instrument) -> Instrument:
-    """Return an instrument of one axis with the true stiffness and pretension of its table mismatch."""
+    """Return a one-axis instrument with the true stiffness and pretension of its table mismatch."""
     mismatch = inst.mismatch
     if mismatch.stiffness_ratio == 1 and mismatch.pretension_ratio == 1:
         return inst
@@ -58,7 +58,7 @@ def as_built(inst: Instrument) -> Instrument:
 
 
 def comparison(real_size: Instrument, scaled_up: Instrument) -> Comparison:
-    """Return the comparison of two instruments of one axis as built, with their tables mismatch."""
+    """Return the comparison of two one-axis instruments as built, with their tables mismatch."""
     return compare(as_built(real_size), as_built(scaled_up))
 
 

@@ -1,4 +1,4 @@
-"""Carry friction identified on a scaled-up instrument into the file of the real-size one."""
+"""Transfer friction identified on a scaled-up instrument to the file of the real-size instrument."""
 
 from collections.abc import Mapping
 from math import degrees
@@ -12,7 +12,7 @@ _T = TypeVar("_T", bound=Instrument)
 
 
 def carry_friction(scaled: Instrument, real_size: _T, *, source: str = "", time_factor: float | None = None) -> _T:
-    """Return the real-size instrument with the friction of the scaled-up one.
+    """Return the real-size instrument with the friction of the scaled-up instrument.
 
     Coefficients and bends stay the same, since capstan friction is dimensionless; constant friction scales as a
     tension; viscous friction and the speed and memory of the Stribeck law scale by their dimensions.
@@ -36,7 +36,7 @@ def carry_friction(scaled: Instrument, real_size: _T, *, source: str = "", time_
     """
     if scaled.friction.law == "none":
         raise InstrumentError(
-            f"{scaled.name} has no friction to carry over; its friction.law must not be none.",
+            f"{scaled.name} has no friction to transfer; its friction.law must not be none.",
             key="friction.law",
             value=scaled.friction.law,
             allowed="a law other than none",
@@ -44,7 +44,7 @@ def carry_friction(scaled: Instrument, real_size: _T, *, source: str = "", time_
     axis = shared_axes(scaled, real_size)[0]
     scale = factors(comparison(real_size.axis(axis), scaled.axis(axis)), time_factor)
     sources = {key: text for key, text in real_size.sources.items() if key.partition(".")[0] != "friction"}
-    sources["friction"] = f"carried over from {scaled.name}" + (f" ({source})" if source else "")
+    sources["friction"] = f"transferred from {scaled.name}" + (f" ({source})" if source else "")
     return real_size.replace(friction=_scaled(scaled, scale), sources=sources)
 
 
@@ -70,13 +70,13 @@ def shared_axes(scaled: Instrument, real_size: Instrument) -> tuple[str, ...]:
 
 
 def left_behind(scaled: Instrument) -> tuple[str, ...]:
-    """Return sentences on entries of the scaled-up instrument's table mismatch that are not carried over."""
+    """Return sentences on entries of the scaled-up instrument's table mismatch that are not transferred."""
     mismatch = scaled.mismatch
     sentences = []
     if mismatch.stiffness_ratio != 1:
         sentences.append(
             f"{scaled.name} has mismatch.stiffness_ratio {mismatch.stiffness_ratio:g}: a property of its ropes, which "
-            "is not carried over; the factors are those of its true ropes."
+            "is not transferred; the factors are those of its true ropes."
         )
     errors = {
         "handle_encoder_offset": f"{degrees(mismatch.handle_encoder_offset):.3g} deg",
@@ -87,9 +87,7 @@ def left_behind(scaled: Instrument) -> tuple[str, ...]:
     defaults = type(mismatch)()
     found = [f"{key} {text}" for key, text in errors.items() if getattr(mismatch, key) != getattr(defaults, key)]
     if found:
-        sentences.append(
-            f"{scaled.name} has mismatch.{', '.join(found)}: measured signals are carried over as measured."
-        )
+        sentences.append(f"{scaled.name} has mismatch.{', '.join(found)}: measured signals are converted as measured.")
     return tuple(sentences)
 
 

@@ -30,19 +30,19 @@ _AS_WANTED = 5e-4
 
 
 class Pieces(Protocol):
-    """Equal weights: their mass and its tolerance, kg, and how many there are."""
+    """Equal weights: their mass and its tolerance, kg, and their number."""
 
     @property
     def mass(self) -> float:
-        """Mass of one, kg."""
+        """Mass of a single weight, kg."""
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of weights."""
 
     @property
     def tolerance(self) -> float:
-        """Largest error of the mass of one, kg."""
+        """Largest error of the mass of a single weight, kg."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class WeightSelection:
 
     @property
     def error(self) -> float:
-        """Weight minus the wanted one, N."""
+        """Weight minus the wanted weight, N."""
         return self.weight - self.wanted
 
     @property
@@ -104,7 +104,7 @@ class WeightSelection:
 
 
 def select_weights(weight: float, weights: Sequence[Pieces], *, cable_mass: float) -> WeightSelection:
-    """Return the weights whose difference is nearest to a wanted one, with as few pieces as possible.
+    """Return the weights whose difference is nearest to a wanted difference, with the fewest pieces.
 
     Parameters
     ----------
@@ -227,7 +227,7 @@ class _Problem(NamedTuple):
         return found
 
     def _fewest(self, differences: Iterable[int]) -> _Solution | None:
-        """Return the fewest pieces that give one of some differences, None if none is possible."""
+        """Return the fewest pieces that give any of these differences, None if none is possible."""
         solutions = (self._lightest(difference) for difference in differences)
         return min((one for one in solutions if one is not None), key=lambda one: one.pieces, default=None)
 
@@ -308,7 +308,7 @@ def _digits(number: int, count: int = 0) -> list[int]:
 
 
 def _nearest(differences: Iterable[int], target: float, same: float) -> set[int]:
-    """Return the differences nearest to a target, equal ones within a tolerance."""
+    """Return the differences nearest to a target, including those equal within a tolerance."""
     off = {one: abs(one - target) for one in differences}
     return {one for one, far in off.items() if far <= min(off.values()) + same}
 

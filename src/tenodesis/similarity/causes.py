@@ -27,7 +27,7 @@ MECHANISM = "joint type"
 
 @dataclass(frozen=True)
 class Cause:
-    """Contribution of one group's mismatch to the similarity error, deg."""
+    """Contribution of a group's mismatch to the similarity error, deg."""
 
     name: str
     real_size: float
@@ -79,7 +79,7 @@ class Causes:
 
 
 class _Path:
-    """The straight path from the real-size groups to the scaled-up ones, with the load by its loss of dexterity."""
+    """The straight path from the real-size to the scaled-up groups, with the load given by its loss of dexterity."""
 
     def __init__(self, pair: Pair, pretension: float | None, force_factor: float | None) -> None:
         scaled = pair.scaled_pretension if pretension is None else pretension

@@ -32,7 +32,7 @@ class Comparison(Pair):
 
     @cached_property
     def errors(self) -> Mapping[str, SimilarityError]:
-        """Similarity error with the pretension scaled from the real-size one, and with that of the scaled-up file."""
+        """Similarity error with the scaled real-size pretension, and with that of the scaled-up file."""
         return {"scaled": self.error(), "as used": self.error(pretension=self.scaled_up.pretension)}
 
     def error(
@@ -99,7 +99,7 @@ class Comparison(Pair):
         """Return the error of the true output angle in time, over a hysteresis cycle on the dynamic twin.
 
         The scaled-up handle moves slower by the time factor; rows are compared one by one. A tip that snaps through
-        comes to rest at its stop. Other parameters and the result, which holds both loops, are those of
+        comes to rest at its stop. Other parameters and the result, which contains both loops, are those of
         :meth:`error_at_rest`.
 
         Parameters
@@ -168,7 +168,7 @@ class Comparison(Pair):
         largest_force: float | None = None,
         grid: tuple[int, int] = COARSE,
     ) -> float:
-        """Return the factor of force that minimises the frictionless error over the working range.
+        """Return the force factor that minimises the frictionless error over the working range.
 
         A scaled-up tip that snaps through counts as at its stop, so that losing the tip never lowers the error. The
         factor of :meth:`force_factor` is exact at mid-range only.
@@ -209,7 +209,7 @@ class Comparison(Pair):
 
 
 def compare(real_size: Instrument, scaled_up: Instrument, *, largest_force: float | None = None) -> Comparison:
-    """Compare a scaled-up instrument with the real-size one it stands for.
+    """Compare a scaled-up instrument with the real-size instrument that it models.
 
     Parameters
     ----------

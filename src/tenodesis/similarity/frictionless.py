@@ -9,7 +9,7 @@ from tenodesis import statics
 from tenodesis.similarity.pair import Pair
 
 GRID = (161, 61)
-"""Handle angles and forces of the grid that similarity is judged on."""
+"""Handle angles and forces of the grid on which similarity is judged."""
 
 
 class ErrorStatistics:
@@ -72,7 +72,7 @@ class SimilarityError(ErrorStatistics):
 
     @property
     def held_by_one(self) -> float:
-        """Share of the grid that exactly one of the two instruments holds."""
+        """Share of the grid at which exactly one of the two instruments has an equilibrium."""
         return float((np.isnan(self.real_size_angle) != np.isnan(self.scaled_up_angle)).mean())
 
     @property

@@ -18,7 +18,7 @@ IMPOSED = ("Theta", "J/(kappa t^2)")
 
 
 class Definition(NamedTuple):
-    """What a group governs, and what it is."""
+    """Definition of a group, and what it governs."""
 
     kind: Kind
     meaning: str
@@ -75,7 +75,7 @@ class Group(NamedTuple):
 
     @property
     def meaning(self) -> str:
-        """What the group is, in one line."""
+        """Definition of the group, in one line."""
         return DEFINITIONS[self.name].meaning
 
     @property
@@ -85,7 +85,7 @@ class Group(NamedTuple):
 
     @property
     def imposed(self) -> bool:
-        """Whether the group is equal by the choice of the force or time factor, so that it is no sign of similarity."""
+        """Whether the group is equal by the choice of the force or time factor, which shows no similarity."""
         return self.name in IMPOSED
 
     @property
@@ -100,7 +100,7 @@ def unit_of_time(inst: Instrument) -> float:
 
 
 def groups_of(inst: Instrument) -> dict[str, float]:
-    """Return the groups of one instrument by name, without those of the load (Tables I and II, physics of the twin).
+    """Return the groups of an instrument by name, without those of the load (Tables I and II, physics of the twin).
 
     The spools' radius has a factor but no group: only the tendon length it winds counts. Groups of the Stribeck law
     and of a compliant hand are included for instruments that have them.

@@ -18,7 +18,7 @@ SPEED = float(np.radians(10))
 """Speed of the real-size handle, rad/s."""
 
 FORCES = 5
-"""Number of default forces, from none to the largest that both hold."""
+"""Number of default forces, from zero to the largest that both can hold."""
 
 STROKE_STEPS = 180
 """Quasi-static steps from one end of the working range to the other."""
@@ -88,7 +88,7 @@ class LoopError(ErrorStatistics):
 
     @property
     def largest_force(self) -> float:
-        """Largest force, N on the real-size instrument, that both hold to the end; NaN if there is none."""
+        """Largest force, N on the real-size instrument, that both can hold to the end; NaN if there is none."""
         held = ~np.isnan(self.error).any(axis=1)
         return float(self.force[held].max()) if held.any() else float("nan")
 
@@ -171,7 +171,7 @@ class _Setup:
         )
 
     def default_forces(self) -> Array:
-        """Return forces from none to the largest that both hold at rest through the working range, to a few percent."""
+        """Return forces from zero to the largest that both can hold at rest in the working range, to a few percent."""
         tried = np.linspace(0.0, self.pair.largest_force, _TRIED)
         expected, found = self.loops(motion_at_rest(self.pair.reach), tried, True)
         lost = np.isnan(expected + found).any(axis=1)

@@ -1,4 +1,4 @@
-"""Two instruments side by side: up to where they can be compared, what scales how, and which groups match."""
+"""Two instruments: the range of their comparison, the scale factors, and the groups."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,7 +15,7 @@ from tenodesis.statics.query import FloatOrArray
 
 @dataclass(frozen=True)
 class Pair:
-    """A real-size instrument and the scaled-up one that stands for it, with the factors between them."""
+    """A real-size instrument and its scaled-up model, with the factors between them."""
 
     real_size: Instrument
     scaled_up: Instrument
@@ -45,7 +45,7 @@ class Pair:
         return float(ends[0] / ends[1])
 
     def scaled_up_handle_angle(self, handle_angle: ArrayLike) -> FloatOrArray:
-        """Return the scaled-up handle angle that corresponds to a real-size one, rad, within :attr:`reach`.
+        """Return the scaled-up handle angle for a real-size handle angle, rad, within :attr:`reach`.
 
         Instruments of the same joint type are compared at equal handle angles; of different joint types, at equal
         unloaded output angles, since their kinematics differ (eq. 18).
@@ -111,7 +111,7 @@ class Pair:
         return tension_scale(self.scaled_up) / tension_scale(self.real_size)
 
     def force_factor(self, output_angle: ArrayLike | None = None) -> FloatOrArray:
-        """Return the factor of force for equal loss of dexterity at an output angle (rad), mid-range by default."""
+        """Return the force factor for equal loss of dexterity at an output angle (rad), mid-range by default."""
         angle = self.real_size.output_range / 2 if output_angle is None else output_angle
         return statics.loss_of_dexterity(self.real_size, angle, 1.0) / statics.loss_of_dexterity(
             self.scaled_up, angle, 1.0

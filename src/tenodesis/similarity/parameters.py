@@ -12,7 +12,7 @@ RADII = tuple(
         if name == parameter
     )
 )
-"""Fields that hold a distal or a proximal radius, of every joint type."""
+"""Fields of the distal and the proximal radius, for every joint type."""
 
 
 def field_of(inst: Instrument, parameter: str) -> str:

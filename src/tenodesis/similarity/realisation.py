@@ -83,6 +83,6 @@ def law_of_both(real_size: Instrument, scaled_up: Instrument) -> FrictionLaw:
 
 
 def friction_of(groups: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
-    """Return an instrument's groups of friction; those that only the other has get a value without effect."""
+    """Return an instrument's groups of friction; those that only the other has get a neutral value."""
     idle = dict(other) | _NEUTRAL
     return {name: groups.get(name, idle.get(name, 0.0)) for name in FRICTION if name in groups or name in other}

@@ -1,4 +1,4 @@
-"""Commands at one instant and along a segment of time, the shapes of strokes, and the plant that takes commands."""
+"""Commands at an instant and along a segment of time, the shapes of strokes, and the interface of a plant."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ ShapeName: TypeAlias = Literal["triangle", "sine", "smooth"]
 
 
 class Shape(NamedTuple):
-    """Shape of a stroke: the fraction of the way at a fraction of the time, and its largest over its mean speed."""
+    """Shape of a stroke: position over time, both as fractions, and the ratio of its largest to its mean speed."""
 
     way: Callable[[Array], Array]
     peak: float
@@ -34,7 +34,7 @@ SMOOTH = SHAPES["smooth"]
 
 
 class Command(NamedTuple):
-    """Command at one instant, by axis: handle angle (rad), forces (N) and spool velocities (rad/s)."""
+    """Command at an instant, by axis: handle angle (rad), forces (N) and spool velocities (rad/s)."""
 
     handle_angle: Array
     force: Array
@@ -47,7 +47,7 @@ class Command(NamedTuple):
         return cls(np.zeros(axes), np.zeros(axes), np.zeros(axes), np.zeros((axes, 2)))
 
     def on(self, axis: int, **changes: float | Sequence[float] | Array | None) -> Self:
-        """Return this command with some values changed on one axis; None leaves a value as it is."""
+        """Return this command with values changed on an axis; None leaves a value unchanged."""
         changed = {}
         for name, value in changes.items():
             if value is not None:
@@ -112,7 +112,7 @@ def _joined(pieces: Sequence[dict[str, Array]]) -> dict[str, Array]:
 
 
 class Plant(Protocol):
-    """What a protocol is run on: a twin, or whatever takes commands as it does."""
+    """What a protocol runs on: a twin, or any object with its interface for commands."""
 
     @property
     def inst(self) -> Instrument:
@@ -127,7 +127,7 @@ class Plant(Protocol):
         """Radius of the spools, m."""
 
     def run(self, *, handle_angle: Array, force: Array, radial_force: Array, spool_velocity: Array) -> Run:
-        """Go on from the present state by as many time steps as there are commands."""
+        """Continue from the present state by as many time steps as there are commands."""
 
 
 class ControllablePlant(Plant, Protocol):
@@ -143,4 +143,4 @@ class ControllablePlant(Plant, Protocol):
         controller: Controller | None = None,
         request: ArrayLike = 0,
     ) -> Run:
-        """Go on as :meth:`Plant.run`; a controller gets a request at each step."""
+        """Continue as :meth:`Plant.run`; a controller gets a request at each step."""

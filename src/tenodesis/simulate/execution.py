@@ -17,7 +17,7 @@ _BLOCK = 1.0
 """Longest block, s."""
 
 _HOMING_BLOCK = 0.01
-"""Time between two checks whether homing is done, s."""
+"""Time between two checks of whether homing is done, s."""
 
 
 class _Loop:
@@ -27,7 +27,7 @@ class _Loop:
         self.plant, self.controller = plant, controller
 
     def run(self, *, handle_angle: Array, force: Array, radial_force: Array, spool_velocity: Array) -> Run:
-        """Go on by as many time steps as there are commands; the controller's pending request comes with the first.
+        """Continue by as many time steps as there are commands; the controller's pending request comes with the first.
 
         The spool velocities are 0.
         """
@@ -102,13 +102,13 @@ def execute(
     on_block
         Called with every block, 1 s of a run at most.
     progress
-        Called after every block with the seconds done and those of the whole run, as :meth:`Protocol.duration` has it.
+        Called after every block with the seconds done and those of the entire run, as in :meth:`Protocol.duration`.
 
     Raises
     ------
     ProtocolError
         The instrument cannot run the protocol, or a tendon does not get tight; with a controller, the protocol moves
-        the spools or asks for a pretension that homing does not give, or homing outlasts its phase.
+        the spools or requires a pretension that homing does not reach, or homing outlasts its phase.
     ValueError
         The controller is for other axes or joints.
     """
@@ -137,14 +137,14 @@ def execute(
 
 
 def check_controllable(plan: Sequence[Planned], inst: Instrument) -> None:
-    """Check that a controller can run phases: that they leave the spools to it and ask of homing what it does.
+    """Check that a controller can run phases: they must leave the spools to it and match its homing.
 
     Parameters
     ----------
     plan
         The phases.
     inst
-        The instrument as the controller has it.
+        The controller's instrument.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Fault injection between an instrument and its controller: what a signal shows instead, and when."""
+"""Fault injection between an instrument and its controller: the false value of a signal, and when it applies."""
 
 from dataclasses import dataclass
 from math import inf
@@ -28,7 +28,7 @@ _MODES = ("none", "add", "set", "hold")
 
 @dataclass(frozen=True)
 class FaultInjection:
-    """A fault on one signal for a time: a value added, a value set instead, or the last value held.
+    """A fault of a signal for a time: a value added, a value set instead, or the last value held.
 
     On ``tick``, ``hold`` leaves ticks out and ``add`` shifts their time, s.
 
@@ -62,7 +62,7 @@ class FaultInjection:
         values: NDArray[np.float64],
         modes: NDArray[np.uint8],
     ) -> None:
-        """Write this fault into the values and modes that the core takes.
+        """Write this fault into the values and modes for the core.
 
         Parameters
         ----------

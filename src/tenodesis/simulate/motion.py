@@ -40,13 +40,13 @@ class Motion(Loaded):
 
     kind: Literal["motion"] = "motion"
     file: Path | None = Field(default=None, description="CSV file, relative to the protocol's file")
-    data: str | None = Field(default=None, description="What such a file holds, instead of it")
+    data: str | None = Field(default=None, description="Content of such a file, in place of its name")
     time_column: str = Field(default="time", description="Column of times, s")
     angle_column: str = Field(default="angle", description="Column of angles")
     angle_unit: Literal["deg", "rad"] = Field(description="Unit of that column")
     scale: float = Field(default=1.0, strict=True, description="Handle angle by recorded angle")
-    offset: Angle = Field(default=0.0, description="Handle angle where the recorded one is 0")
-    limit: bool = Field(default=False, strict=True, description="Cut off what is beyond the ranges; else an error")
+    offset: Angle = Field(default=0.0, description="Handle angle at a recorded angle of 0")
+    limit: bool = Field(default=False, strict=True, description="Limit angles to the ranges; otherwise an error")
 
     @field_validator("file")
     @classmethod
@@ -61,13 +61,13 @@ class Motion(Loaded):
 
     @cached_property
     def samples(self) -> Samples:
-        """The samples as they are in the file."""
+        """The samples of the file."""
         if self.file is None:
             return _parse(self.data or "", "data", self.time_column, self.angle_column)
         return _read(self.file, self.time_column, self.angle_column)
 
     def with_data(self) -> Self:
-        """Return the same phase with the samples in it instead of the file they are from."""
+        """Return the same phase with its samples in place of the file name."""
         data = csv_text(self.samples.times, self.samples.values, self.time_column, self.angle_column)
         given = {key: getattr(self, key) for key in self.model_fields_set if key != "file"}
         return type(self)(**{**given, "data": data})

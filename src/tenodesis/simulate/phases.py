@@ -18,13 +18,13 @@ from tenodesis.units import Angle, Delay, Duration, HandleSpeed, SignedForce, Si
 
 
 class ProtocolModel(BaseModel):
-    """Part of a protocol file: unknown keys are errors, and nothing changes once it is made."""
+    """Part of a protocol file: immutable, and unknown keys are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
 
 
 def check_choice(model: BaseModel, *keys: str, required: bool = True) -> None:
-    """Check that exactly one of some keys is given, or at most one where none is required.
+    """Check that exactly one of these keys is given, or at most one if none is required.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def _listed(keys: list[str] | tuple[str, ...]) -> str:
 
 
 class Start(NamedTuple):
-    """Where a phase starts: the instrument of its axis alone, the axis's index, the last command, the time step (s)."""
+    """The start of a phase: the instrument of its axis, the axis's index, the last command, the time step (s)."""
 
     inst: Instrument
     axis: int
@@ -55,7 +55,7 @@ class Start(NamedTuple):
         return math.ceil(seconds / self.time_step * (1 - 1e-9))
 
     def segment(self, first: Command, last: Command, seconds: float) -> Segment:
-        """Return the segment that goes linearly from one command to another in a duration (s)."""
+        """Return the linear segment between two commands over a duration (s)."""
         return Segment(first, last, self.steps(seconds))
 
 
@@ -82,9 +82,7 @@ class OpenLoop(Phase):
 class Moving(OpenLoop):
     """A phase that begins at a handle angle of its own."""
 
-    approach: HandleSpeed = Field(
-        default=math.radians(20), description="Largest handle speed on the way to where it begins"
-    )
+    approach: HandleSpeed = Field(default=math.radians(20), description="Largest handle speed on the way to its start")
 
     def approached(self, start: Start, angle: float) -> Iterator[Segment]:
         """Yield the smooth move (minimum jerk) to a handle angle (rad), if the handle is not there."""
@@ -104,7 +102,7 @@ class Loaded(Moving):
     """A phase that moves the handle under load."""
 
     force: SignedForce | None = Field(default=None, description="Tangential force at the tip; as it was if not given")
-    force_end: SignedForce | None = Field(default=None, description="Force it goes to linearly; constant if not given")
+    force_end: SignedForce | None = Field(default=None, description="Force at the end of a ramp; constant if not given")
     radial_force: SignedForce | None = Field(
         default=None, description="Force along the end-effector; as it was if not given"
     )
@@ -123,12 +121,12 @@ class Hold(OpenLoop):
     duration: Duration = Field(description="How long")
 
     def segments(self, start: Start) -> Iterator[Segment]:
-        """Yield its one segment."""
+        """Yield its only segment."""
         yield start.segment(start.command, start.command, self.duration)
 
 
 class Ramp(OpenLoop):
-    """The given commands go linearly to the given values; the others stay, and all stay there afterwards."""
+    """The given commands change linearly to the given values; the others stay constant."""
 
     kind: Literal["ramp"] = "ramp"
     duration: Duration = Field(description="How long")
@@ -146,7 +144,7 @@ class Ramp(OpenLoop):
         return self
 
     def segments(self, start: Start) -> Iterator[Segment]:
-        """Yield its one segment."""
+        """Yield its only segment."""
         if self.handle_angle is not None:
             check_handle_angle(start.inst, "handle_angle", self.handle_angle)
         end = start.command.on(
@@ -160,16 +158,16 @@ class Ramp(OpenLoop):
 
 
 class Cycles(Loaded):
-    """Flexion and extension: the handle goes from one angle to another and back, `count` times.
+    """Flexion and extension: the handle moves from one angle to another and back, `count` times.
 
     The duration of a stroke is rounded up to full time steps, so that the handle is at either end exactly.
     """
 
     kind: Literal["cycles"] = "cycles"
-    amplitude: Angle | None = Field(default=None, description="Handle angle it goes to")
+    amplitude: Angle | None = Field(default=None, description="Handle angle at the far end")
     output_amplitude: Angle | None = Field(default=None, description="The same, as output angle without load")
-    start: Angle = Field(default=0.0, alias="from", description="Handle angle it goes from and back to")
-    symmetric: bool = Field(default=False, strict=True, description="From the negative of where it goes to")
+    start: Angle = Field(default=0.0, alias="from", description="Handle angle at the start and the return")
+    symmetric: bool = Field(default=False, strict=True, description="Start at the negative of the far end")
     speed: HandleSpeed | None = Field(default=None, description="Mean handle speed")
     period: Duration | None = Field(default=None, description="Duration of a cycle")
     count: int = Field(ge=1, le=1_000_000, strict=True, description="Number of cycles")
@@ -197,7 +195,7 @@ class Cycles(Loaded):
             far = unloaded_handle_angle(inst, "output_amplitude", self.output_amplitude or 0.0)
         near = -far if self.symmetric else check_handle_angle(inst, "from", self.start)
         if near == far:
-            raise ProtocolError("the cycles begin where they go to; give an amplitude that differs from there")
+            raise ProtocolError("the cycles start at their far end; give an amplitude that differs from the start")
         return near, far
 
     def segments(self, start: Start) -> Iterator[Segment]:
@@ -221,14 +219,14 @@ class StepLoad(Moving):
     """
 
     kind: Literal["step-load"] = "step-load"
-    handle_angle: Angle | None = Field(default=None, description="Handle angle held; where it is if not given")
+    handle_angle: Angle | None = Field(default=None, description="Handle angle held; the present angle if not given")
     output_angle: Angle | None = Field(default=None, description="The same, as output angle without load")
     delay: Delay = Field(default=0.0, description="Time at the handle angle before the load")
     force: SignedForce | None = Field(default=None, description="Tangential force at the tip")
     weight: SignedForce | None = Field(default=None, description="Force on the load rig's cable instead")
     moment: SignedMoment | None = Field(default=None, description="Moment of the load rig instead")
-    rise: Delay = Field(default=0.0, description="Time in which the load comes and goes, linearly")
-    duration: Duration = Field(description="Time under the whole load")
+    rise: Delay = Field(default=0.0, description="Time of the linear rise and fall of the load")
+    duration: Duration = Field(description="Time under the full load")
     release: Duration | None = Field(default=None, description="Time after the load was taken off; else it stays")
 
     @model_validator(mode="after")
@@ -251,7 +249,7 @@ class StepLoad(Moving):
             yield start.segment(free, free, self.release)
 
     def tip_force(self, inst: Instrument) -> float:
-        """Return the tangential force at the tip, N, whichever way the load is given.
+        """Return the tangential force at the tip, N, for either form of the load.
 
         Raises
         ------

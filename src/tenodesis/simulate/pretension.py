@@ -24,15 +24,15 @@ _SETTLED = 0.2
 _STOPPED = 0.2
 """Time within the tolerance with the drives at rest after which a tendon counts as tight, s."""
 _SLOWNESS = 4.0
-"""Settling time over the drives' time constant, at least: with less, the loop would overshoot."""
+"""Least ratio of the settling time to the drives' time constant; with less, the loop would overshoot."""
 _SLACK = 10e-3
-"""Slack that a tendon may have, m."""
+"""Largest slack of a tendon, m."""
 _DRIFT = math.radians(10)
-"""Turn of the tip that shows that the load cells of its tendons disagree."""
+"""Rotation of the tip that shows that the load cells of its tendons disagree."""
 
 
 class Pretension(Phase):
-    """The motors wind until the load cells read a tension: closed loop, on every axis if none is given."""
+    """The motors wind until the load cells read a tension (closed loop), on every axis if no axis is given."""
 
     kind: Literal["pretension"] = "pretension"
     tension: WindingTension | None = Field(
@@ -99,7 +99,7 @@ class Pretension(Phase):
         return list(range(len(inst.axes))) if self.axis is None else [inst.axes.index(self.axis)]
 
     def _check_tip(self, inst: Instrument, turned: Array) -> None:
-        """Check that the tip (rad, by axis) is not pulled aside, which load cells that disagree would do endlessly."""
+        """Check that the tip (rad, by axis) is not pulled aside, as happens endlessly if the load cells disagree."""
         for axis, angle in zip(self._axes(inst), turned, strict=True):
             if abs(angle) > _DRIFT:
                 raise ProtocolError(
@@ -111,7 +111,7 @@ class Pretension(Phase):
     def _not_tight(
         self, inst: Instrument, wrong: NDArray[np.bool_], limit: str, *, tension: Array, target: Array, wound: Array
     ) -> ProtocolError:
-        """Return the error about the first tendon that is not tight at a limit, or else about the first tendon."""
+        """Return the error about the first tendon that is not tight at a limit, or about the first tendon."""
         row, tendon = np.argwhere(wrong)[0] if wrong.any() else (0, 0)
         name = f"the {('agonist', 'antagonist')[tendon]} of {inst.axes[self._axes(inst)[row]]}"
         length = wound[row, tendon]

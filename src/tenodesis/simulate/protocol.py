@@ -38,11 +38,11 @@ class Planned(NamedTuple):
 
 
 class Protocol(ProtocolModel):
-    """What is done on the bench; the handle begins straight, without load, the drives at rest."""
+    """An experiment on the bench; it begins with the handle straight, without load, the drives at rest."""
 
-    name: Name = Field(description="What the protocol is called")
+    name: Name = Field(description="Name of the protocol")
     description: str = Field(default="", max_length=200, description="One line about the protocol")
-    phases: tuple[Annotated[AnyPhase, Field(discriminator="kind")], ...] = Field(description="What is done, in order")
+    phases: tuple[Annotated[AnyPhase, Field(discriminator="kind")], ...] = Field(description="The phases, in order")
 
     @field_validator("phases")
     @classmethod
@@ -58,7 +58,7 @@ class Protocol(ProtocolModel):
         return tomli_w.dumps(with_units(self, unset=False) | {"phases": tables}, multiline_strings=True)
 
     def duration(self, inst: Instrument, time_step: float = 1e-3) -> float:
-        """Return how long a run takes, s.
+        """Return the duration of a run, s.
 
         Parameters
         ----------
@@ -99,7 +99,7 @@ class Protocol(ProtocolModel):
         return commands
 
     def plan(self, inst: Instrument, time_step: float) -> list[Planned]:
-        """Return the phases as they are on an instrument, at a time step (s).
+        """Return the phases planned on an instrument, at a time step (s).
 
         Raises
         ------
@@ -166,7 +166,7 @@ def parse(text: str, source: str = "protocol", *, folder: Path | None = None) ->
 
 @contextmanager
 def errors_of(label: str) -> Iterator[None]:
-    """Name the phase that an error within is about."""
+    """Add the name of the phase to errors raised within."""
     try:
         yield
     except ProtocolError as problem:
@@ -192,7 +192,7 @@ def block_size(time_step: float, seconds: float) -> int:
 def _planned(
     phase: AnyPhase, label: str, inst: Instrument, initial: Command, time_step: float
 ) -> tuple[Planned, Command]:
-    """Return a phase as it is after an initial command, and the command it ends with."""
+    """Return a phase planned from an initial command, and the command it ends with."""
     if phase.axis is not None and phase.axis not in inst.axes:
         allowed = " or ".join(inst.axes)
         raise ProtocolError(

@@ -14,7 +14,7 @@ _ROUNDING = 1 + 1e-9
 
 
 def check_handle_angles(inst: Instrument, names: Sequence[str], angles: Array) -> None:
-    """Check that handle angles keep to the handle's range and do not bend the unloaded tip to its stop.
+    """Check that handle angles are within the handle's range and do not bend the unloaded tip to its stop.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def unloaded_handle_angle(inst: Instrument, key: str, angle: float) -> float:
 
 
 def largest(inst: Instrument) -> float:
-    """Return the largest handle angle (rad) that keeps to the handle's range and, without load, the output's."""
+    """Return the largest handle angle (rad) within the handle's range and, without load, the output's."""
     try:
         return min(inst.handle_range, float(statics.handle_angle(inst, inst.output_range)))
     except NoSolutionError:

@@ -1,4 +1,4 @@
-"""The paper's equations 1 to 22: what an instrument whose handle is held does under load, without friction.
+"""The paper's equations 1 to 22: an instrument with its handle held, under load, without friction.
 
 =====================  =========================================================
 Equations 1-8          :func:`tensions`; of eq. 8, :func:`slack_force`
@@ -94,7 +94,7 @@ def handle_angle(
     radial_force: ArrayLike = 0.0,
     wound: Wound = 0.0,
 ) -> FloatOrArray:
-    """Return the handle angle that holds an output angle under load (eq. 20, slack included), rad.
+    """Return the handle angle that maintains an output angle under load (eq. 20, slack included), rad.
 
     The inverse of :func:`output_angle`, with the same other parameters (N, m) and errors; output_angle is in rad.
     """
@@ -264,7 +264,7 @@ def compensation_stroke(
 def gradient(
     function: Callable[..., Any] | str, inst: Instrument, *args: Any, wrt: Sequence[str], **kwargs: Any
 ) -> Any:
-    """Return the exact derivatives of one of this module's functions by parameters of the instrument or by inputs.
+    """Return the exact derivatives of a function of this module by parameters of the instrument or by inputs.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How a function of the statics reaches the core: arguments checked and broadcast, points solved, errors explained."""
+"""Calls of the core by the statics: arguments checked and broadcast, points solved, errors explained."""
 
 from math import degrees, prod
 from typing import Any, NamedTuple, TypeAlias
@@ -79,7 +79,7 @@ def _operation(name: str, arguments: dict[str, Any]) -> str:
 
 
 def prepare(name: str, inst: Instrument, arguments: dict[str, Any]) -> Query:
-    """Return a function's arguments, checked and broadcast, as :func:`solve` takes them."""
+    """Return a function's arguments, checked and broadcast, for :func:`solve`."""
     check_instrument(inst)
     values = dict(arguments)
     if "wound" in values:
@@ -102,13 +102,13 @@ def prepare(name: str, inst: Instrument, arguments: dict[str, Any]) -> Query:
 
 
 def check_instrument(inst: Instrument) -> None:
-    """Raise TypeError for what is no instrument."""
+    """Raise TypeError if an argument is no instrument."""
     if not isinstance(inst, Instrument):
         raise TypeError(f"inst is {inst!r}; it must be an instrument, as tenodesis.load returns it.")
 
 
 def numbers(key: str, value: ArrayLike) -> NDArray[np.float64]:
-    """Return an argument as float64; text, times, complex and masked values are refused, which NumPy would convert."""
+    """Return an argument as float64; refuse text, times, complex and masked values, which NumPy would convert."""
     try:
         array = np.asarray(value)
     except ValueError:

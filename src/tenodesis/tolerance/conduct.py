@@ -1,4 +1,4 @@
-"""One tolerance study: sample the parameters, run the twin, and evaluate the responses."""
+"""A tolerance study: sample the parameters, run the twin, and evaluate the responses."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -37,7 +37,7 @@ class Engine(Protocol):
 
 
 class Threads:
-    """Evaluates one chunk after the other with the core's threads."""
+    """Evaluates the chunks in sequence with the core's threads."""
 
     def evaluate(self, task: Task, chunks: Sequence[Array], progress: Callable[[int], None]) -> list[Array]:
         """Return the results of the chunks in their order."""
@@ -125,7 +125,7 @@ class Cluster:
             raise self._unusable(lines[-1].partition("Error: ")[2] if lines else "it gave no reason")
 
     def _probe(self) -> tuple[int | None, str]:
-        """Connect in a process of its own and return its exit status, None without an answer, and its errors."""
+        """Connect in a separate process and return its exit status (None without an answer) and its errors."""
         with tempfile.TemporaryFile() as output:
             probe = subprocess.Popen(
                 [sys.executable, "-c", _PROBE, self.address], stdout=subprocess.DEVNULL, stderr=output
@@ -164,7 +164,7 @@ def _imported() -> Any:
 
 
 def _evaluate_alone(task: Task, rows: Array) -> Array:
-    """Evaluate a chunk with one thread, which is what the cluster reserves for it."""
+    """Evaluate a chunk with a single thread, which is what the cluster reserves for it."""
     set_threads(1)
     return evaluate(task, rows)
 

@@ -1,4 +1,4 @@
-"""The responses of one sample: its instruments on the quasi-static twin through a cycle under constant load.
+"""The responses of a sample: its instruments on the quasi-static twin, in a cycle under constant load.
 
 The handle flexes, goes a little beyond the working range, comes back, and flexes again.
 """
@@ -135,7 +135,7 @@ def evaluate(task: Task, rows: Array) -> Array:
 
 
 def angles_of(inst: Instrument, cycle: Cycle, force: float) -> tuple[Array, int]:
-    """Return the output angle (rad) of one instrument over the cycle and the status of its run."""
+    """Return the output angle (rad) of an instrument over the cycle and the status of its run."""
     angles, status = _angles([inst], cycle, force)
     return angles[0], int(status[0])
 

@@ -1,4 +1,4 @@
-"""Tolerance files: which keys of which instrument vary, by how much, and the source of that."""
+"""Tolerance files: the keys that vary, by how much, and the source of each value."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeAlias
@@ -29,7 +29,7 @@ Width = Annotated[str | float, BeforeValidator(_written)]
 
 
 class Tolerance(FileTable):
-    """Tolerance of one value of an instrument file."""
+    """Tolerance of a value of an instrument file."""
 
     key: str = Field(description="Key of the instrument file; within a table with a dot, friction.vertex_coefficient")
     distribution: DistributionName = Field(description="uniform, triangular or normal, about the file's value")
@@ -38,11 +38,11 @@ class Tolerance(FileTable):
     )
     standard_deviation: Width | None = Field(default=None, description="Of a normal distribution, written alike")
     instrument: InstrumentName = Field(default="scaled-up", description="The instrument that it applies to")
-    source: str = Field(default="", max_length=200, description="Where it is from")
+    source: str = Field(default="", max_length=200, description="Source of the tolerance")
 
     @property
     def width_key(self) -> str:
-        """Key of the width that the distribution has."""
+        """Key of the distribution's width."""
         return _WIDTH_OF[self.distribution]
 
     @property
@@ -105,7 +105,7 @@ def parse(text: str, source: str = "tolerances") -> Tolerances:
     """
     values = parse_toml(text, StudyError, source)
     if not values.get("parameters"):
-        raise StudyError(f"{source} has no parameters; allowed is at least one table [[parameters]].")
+        raise StudyError(f"{source} has no parameters; it must have at least one table [[parameters]].")
     return validated(Tolerances, values, StudyError, source, entries={"parameters": "parameter"})
 
 

@@ -26,7 +26,7 @@ _SHOWN = {"m": "mm", "Pa": "GPa", "rad": "deg"}
 
 
 class Parameter(NamedTuple):
-    """One value that varies, in SI units."""
+    """A value that varies, in SI units."""
 
     key: str
     instrument: InstrumentName
@@ -34,7 +34,7 @@ class Parameter(NamedTuple):
     """Value of the instrument file, also the median."""
     distribution: DistributionName
     width: float
-    """Half width of a uniform or triangular distribution, standard deviation of a normal one."""
+    """Half width of a uniform or triangular distribution, standard deviation of a normal distribution."""
     lower: float
     """Lower bound of an instrument file."""
     upper: float

@@ -1,4 +1,4 @@
-"""The report of a study: an HTML page that needs nothing beside it, figures, samples and all results."""
+"""The report of a study: a self-contained HTML page, figures, samples and all results."""
 
 import json
 import math
@@ -22,7 +22,7 @@ _PAGE = "tolerance.html"
 
 
 def write(study: Study, out: Path) -> None:
-    """Write tolerance.html, tolerance.json, samples.csv and figures/ into a folder, or nothing.
+    """Write tolerance.html, tolerance.json, samples.csv and figures/ into a folder, atomically.
 
     Raises
     ------

@@ -17,9 +17,9 @@ QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 LEAST_COMPLETE = 0.95
 """Share of base samples that must have all their runs for Sobol indices to be valid."""
 LEAST_RANGE = 1e-6
-"""Range of a response, deg, up to which it is rounding of the equilibrium."""
+"""Range of a response, deg, up to which it counts as rounding of the equilibrium."""
 TOO_FEW = 0.5
-"""Half width above which the samples are too few to rank parameters."""
+"""Half width above which there are too few samples to rank parameters."""
 
 DESCRIPTIONS: Mapping[str, str] = {
     "loss_flexion": "loss in flexion",
@@ -36,7 +36,7 @@ DESCRIPTIONS: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class Response:
-    """One response of a study, deg: over all rows of the scheme, at the nominal values, and by tornado."""
+    """A response of a study, deg: over all rows of the scheme, at the nominal values, and by tornado."""
 
     key: str
     scheme: Array
@@ -45,7 +45,7 @@ class Response:
     at_quantiles: Array
     """Value with one parameter at its 5 % and 95 % quantile and the others at the median, shape (parameters, 2)."""
     samples: Array
-    """Values of the independent samples, the scheme's A and B, without lost ones."""
+    """Values of the independent samples, the scheme's A and B, without lost samples."""
     indices: Indices | None
     """Sobol indices; None where they are not valid or the response does not vary."""
 
@@ -110,7 +110,7 @@ class Study:
 
     @property
     def runs(self) -> int:
-        """Number of runs, including the tornado's and the nominal one."""
+        """Number of runs, including the tornado's and the nominal run."""
         return len(self.matrix) + 2 * len(self.parameters) + 1
 
     @property

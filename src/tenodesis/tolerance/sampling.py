@@ -59,7 +59,7 @@ def _described(parameter: Parameter) -> tuple[str, list[float]]:
 
 
 def scheme(parameters: Sequence[Parameter], samples: int, seed: int) -> Array:
-    """Return Saltelli's scheme: for every base sample a row of A, one per parameter from B into A, and one of B.
+    """Return Saltelli's scheme: per base sample a row of A, a row of A per parameter with that from B, and a row of B.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The digital twin: one in time, or many side by side."""
+"""The digital twin: a single twin in time, or many in parallel."""
 
 from tenodesis.plant import TIME_STEP
 from tenodesis.twin.batch import Batch, run_many

@@ -1,4 +1,4 @@
-"""Many twins side by side over threads."""
+"""Many twins in parallel over threads."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ class Batch:
     time: Array
     signals: Mapping[str, Array]
     steps: NDArray[np.int64]
-    """Steps that each run took."""
+    """Number of steps of each run."""
     status: NDArray[np.int64]
     """Why each run ended, values of :class:`tenodesis.statics.Status`."""
 
@@ -44,7 +44,7 @@ def run_many(
     time_step: float = plant.TIME_STEP,
     quasi_static: bool = False,
 ) -> Batch:
-    """Run many twins of one axis from rest, side by side over threads; results do not depend on how many.
+    """Run many one-axis twins from rest, in parallel; results do not depend on the number of threads.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ from tenodesis.twin.rows import ARGUMENTS, CONTROL, SIGNALS
 
 
 class LoopController(Protocol):
-    """What can close a twin's loop: a :class:`tenodesis.control.Controller`."""
+    """Interface of a controller in a twin's loop, such as :class:`tenodesis.control.Controller`."""
 
     @property
     def core(self) -> _core.Controller:
@@ -25,16 +25,16 @@ class LoopController(Protocol):
         """Raise ValueError for an instrument with other axes or joints than the controller's."""
 
     def take_request(self) -> int:
-        """Return the request that is pending, and forget it."""
+        """Return the pending request, and clear it."""
 
 
 class SignalFault(Protocol):
-    """A fault of a signal between twin and controller: a :class:`tenodesis.simulate.FaultInjection`."""
+    """Interface of a fault between twin and controller, such as :class:`tenodesis.simulate.FaultInjection`."""
 
     def schedule(
         self, axes: tuple[str, ...], start: float, time: Array, values: Array, modes: NDArray[np.uint8]
     ) -> None:
-        """Write values and modes by axis, step and signal, as the core takes them; `start` is the first step's, s."""
+        """Write values and modes by axis, step and signal, in the core's form; `start` is the first step's, s."""
 
 
 def run_closed_loop(
@@ -49,7 +49,7 @@ def run_closed_loop(
     steps_per_tick: int,
     time_step: float,
 ) -> tuple[int, Status, list[Array], list[Array]]:
-    """Step the twins of the core with the controller in the loop; after a lost step both stay where they were.
+    """Step the twins of the core with the controller in the loop; after a lost step both keep their states.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def run_closed_loop(
 
 
 def _requests(controller: LoopController, request: NDArray[Any], count: int) -> NDArray[np.uint8] | None:
-    """Return the requests of each step; one that is pending comes with the first."""
+    """Return the requests of each step; a pending request comes with the first."""
     pending = controller.take_request()
     if not pending and not request.any():
         return None

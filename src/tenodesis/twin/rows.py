@@ -1,4 +1,4 @@
-"""Rows of the core: the commands that go in, what is checked before a run, and the signals that come out."""
+"""Rows of the core: commands, checks before a run, and signals."""
 
 from collections.abc import Mapping, Sequence
 

@@ -1,6 +1,6 @@
 """The digital twin: the instrument on its bench in time, with friction, drives, sensors and load rig.
 
-Angles in rad, forces in N, time in s. Commands are what holds at the end of each step.
+Angles in rad, forces in N, time in s. Commands are the values at the end of each step.
 """
 
 from collections.abc import Sequence
@@ -34,16 +34,16 @@ _LOOSENING_BLOCK = 0.05  # s
 
 
 class State(NamedTuple):
-    """The complete state of a twin, to be kept and set again; its bytes suit this version of the core only."""
+    """The complete state of a twin, to store and set again; its bytes are valid for this version of the core only."""
 
     kind: str
-    """The kind of twin, to which alone it can be set."""
+    """The kind of twin to which it can be set."""
     time: float
     axes: tuple[bytes, ...]
 
 
 class Energy(NamedTuple):
-    """Energy balance over a stretch of time, J, and how well the steps kept the friction law."""
+    """Energy balance over a period, J, and how well the steps satisfied the friction law."""
 
     stored_before: float
     stored_after: float
@@ -58,11 +58,11 @@ class Energy(NamedTuple):
     damping: float
     """Dissipated by damping."""
     least_friction: float
-    """Smallest dissipation by friction in any step, by the tensions at its end, where the law holds."""
+    """Smallest dissipation by friction in any step, by the tensions at its end, where the law is satisfied."""
     residual: float
     """Largest residual of the friction law in any step, as a share of the tension scale."""
     sweeps: int
-    """Most passes that a step took."""
+    """Largest number of passes of a step."""
 
     @property
     def work(self) -> float:
@@ -71,7 +71,7 @@ class Energy(NamedTuple):
 
     @property
     def unaccounted(self) -> float:
-        """Energy that the balance leaves over."""
+        """Residual of the energy balance."""
         put_in = self.handle + self.spools + self.load - self.friction - self.damping
         return self.stored_after - self.stored_before - put_in
 
@@ -128,7 +128,7 @@ class Twin:
 
     @property
     def cores(self) -> list[_core.Twin]:
-        """The twins of the core, one per axis; :attr:`time` does not follow if these are stepped directly."""
+        """The twins of the core, one per axis; :attr:`time` is not updated if they are stepped directly."""
         return self._axes
 
     @property
@@ -143,7 +143,7 @@ class Twin:
 
     @property
     def state(self) -> State:
-        """The complete state; setting it puts the twin back there."""
+        """The complete state; setting it restores the twin to it."""
         return State(self._kind, self.time, tuple(axis.state for axis in self._axes))
 
     @state.setter
@@ -175,7 +175,7 @@ class Twin:
         request: ArrayLike = 0,
         fault_injection: Sequence[SignalFault] = (),
     ) -> Run:
-        """Step over arrays of commands, on from the present state.
+        """Step over arrays of commands, from the present state.
 
         Parameters
         ----------
@@ -189,7 +189,7 @@ class Twin:
         weight
             Weight on one cable of the load rig more than on the other, N, which makes a tangential force (Fig. 13).
         spool_velocity
-            Spool velocities asked of the drives, rad/s, agonist and antagonist: shape (n, 2), or (2,); with two axes
+            Spool velocities commanded, rad/s, agonist and antagonist: shape (n, 2), or (2,); with two axes
             (n, 2, 2), axis before tendon.
         sheath_bend
             Bend of the sheath in addition to the instrument's, rad; as handle_angle, or a number.
@@ -237,7 +237,7 @@ class Twin:
         return as_run(time, self.inst.axes, commanded(rows), outs, control)
 
     def _step_axes(self, rows: list[Array]) -> list[Array]:
-        """Step every axis over its commands and return its signals; a lost step leaves the twin as it was."""
+        """Step every axis over its commands and return its signals; a lost step leaves the twin unchanged."""
         before = self.state
         outs = []
         for name, axis, row in zip(self.inst.axes, self._axes, rows, strict=True):
@@ -280,7 +280,7 @@ class Twin:
         weight: ArrayLike = 0.0,
         spool_velocity: ArrayLike = 0.0,
     ) -> Energy:
-        """Step over arrays of commands and return the energy balance; of one axis, otherwise as :meth:`run`."""
+        """Step over arrays of commands and return the energy balance; for one axis, otherwise as :meth:`run`."""
         if len(self._axes) != 1:
             raise ArgumentError(f"{self.inst.name} has two axes; it must have one: make the twin of inst.axis(name).")
         (rows,) = self._commands(handle_angle, force, radial_force, weight, spool_velocity)

@@ -1,1 +1,1 @@
-"""Independent checks: the same instrument in code of others that shares nothing with the core."""
+"""Independent checks: the same instrument in third-party code that shares nothing with the core."""

@@ -1,6 +1,7 @@
 """An independent check of the instrument in space: the exported models, put into postures by MuJoCo and Pinocchio.
 
-Nothing here knows the chain: positions of joints go in by name, frames of bodies come out. Positions are in m;
+Nothing here uses the equations of the chain: inputs are joint positions by name, outputs are frames of bodies.
+Positions are in m;
 orientations are rotation matrices.
 """
 

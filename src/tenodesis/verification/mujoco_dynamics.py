@@ -1,4 +1,4 @@
-"""The tendon-driven rolling joint of one axis moving in time, simulated in MuJoCo.
+"""The tendon-driven rolling joint of a single axis in motion, simulated in MuJoCo.
 
 The mechanism is that of :mod:`tenodesis.verification.mujoco_peer`, without friction and gravity: two elastic tendons
 that only pull, a handle that moves as prescribed, and loads that turn with the end-effector. What the tip adds is a
@@ -36,7 +36,7 @@ _BATCH = 1000  # steps between two looks at the clock
 
 @dataclass(frozen=True)
 class Motion:
-    """The tip's motion: angle (rad), its rate (rad/s) and tendon tensions (N), one of each per sample, shape (n,).
+    """The tip's motion: angle (rad), its rate (rad/s) and tendon tensions (N), each per sample, shape (n,).
 
     All are NaN from the sample on at which the joint has snapped through.
     """
@@ -184,7 +184,7 @@ def steps_per_second(
 
 
 def _inputs(handle_angle: ArrayLike, force: ArrayLike, radial_force: ArrayLike | None) -> Array:
-    """Put handle angle (rad), force and radial force (N) side by side, shape (n, 3)."""
+    """Join handle angle (rad), force and radial force (N) as columns, shape (n, 3)."""
     handle = np.asarray(handle_angle, float)
     radial = np.zeros_like(handle) if radial_force is None else radial_force
     loads = [np.asarray(load, float) for load in (force, radial)]
@@ -197,7 +197,7 @@ def _inputs(handle_angle: ArrayLike, force: ArrayLike, radial_force: ArrayLike |
 
 
 def _check(time_step: float, inertia: float, damping: float) -> None:
-    """Refuse a time step, inertia or damping that cannot be."""
+    """Refuse an impossible time step, inertia or damping."""
     if not (0 < time_step < np.inf and 0 < inertia < np.inf and 0 <= damping < np.inf):
         raise ValueError("time step and inertia must be positive, damping must not be negative, and all finite")
 

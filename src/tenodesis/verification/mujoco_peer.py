@@ -1,6 +1,6 @@
 """An independent check of the tendon-driven rolling joint, built and settled in MuJoCo.
 
-Nothing here knows the joint's force balance: the gears are bodies, the tendons are strings through sites,
+Nothing here uses the joint's force balance: the gears are bodies, the tendons are strings through sites,
 the loads turn with the end-effector, and the angle is wherever the mechanism comes to rest. All quantities
 are in SI units (m, N, rad). At zero angles the instrument lies along z, tip up; yaw bends it toward x and
 pitch toward y.
@@ -32,7 +32,7 @@ _SIDES = {"agonist": 1.0, "antagonist": -1.0}
 
 @dataclass(frozen=True)
 class Settled:
-    """Equilibrium of one axis: angle (rad) and tensions (N), all NaN if there is none."""
+    """Equilibrium of a single axis: angle (rad) and tensions (N), all NaN if there is none."""
 
     output_angle: float
     agonist: float
@@ -72,7 +72,7 @@ class Independence:
 
 
 def settle(inst: TendonGear, handle_angle: float, force: float, radial_force: float = 0.0) -> Settled:
-    """Let one axis come to rest, first unloaded and then under its tip loads.
+    """Let a single axis come to rest, first unloaded and then under its tip loads.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def settle(inst: TendonGear, handle_angle: float, force: float, radial_force: fl
 
 
 def radial_coefficient(inst: TendonGear, settled: Settled, force: float, radial_force: float) -> float:
-    """Return what a radial force (N) is multiplied by in eq. 1, as the settled tensions show it, dimensionless."""
+    """Return the factor of a radial force (N) in eq. 1, as found from the settled tensions, dimensionless."""
     half = settled.output_angle / 2
     by_force = force * (inst.end_effector_length / (inst.distal_gear_radius * cos(half)) + 1)
     return (by_force - (settled.agonist - settled.antagonist)) / radial_force
@@ -139,7 +139,7 @@ def axis_independence(
     forces: Sequence[float],
     progress: Callable[[], None] | None = None,
 ) -> Independence:
-    """Find how far one axis's settled angle moves because the other is moved and loaded.
+    """Find how far the settled angle of an axis changes because the other is moved and loaded.
 
     Every pair of output angles meets every pair of forces; each axis is compared with itself in the same
     model while the other is held straight and free of force.

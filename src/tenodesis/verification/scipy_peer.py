@@ -26,7 +26,7 @@ def residual(theta_d: Array, inst: TendonGear, handle_angle: Array, force: Array
 
 
 def brackets(inst: TendonGear, handle_angle: ArrayLike, force: ArrayLike) -> tuple[Array, Array, Array]:
-    """Return where the residual peaks, the unloaded half angle, both rad, and whether a root lies between.
+    """Return where the residual peaks, the unloaded half angle, both rad, and whether there is a root between them.
 
     On the side that a load pushes to, the residual rises to one peak and falls again; the root next to the unloaded
     angle is the equilibrium.

@@ -14,7 +14,7 @@ _LOOK = 0.01  # s
 
 
 def main(source: str) -> None:
-    """Tell what becomes of the drives, a line per change of state, with the speeds in force (rad/s)."""
+    """Print each change of state of the drives on a line, with the present speeds (rad/s)."""
     inst = instrument.load(source)
     settings = inst.devices.canopen
     if settings is None or settings.interface == "virtual":

@@ -146,7 +146,7 @@ class Node:
                 pdo.transmit()
 
     def poll(self) -> None:
-        """Do what time asks for: the heartbeat."""
+        """Do what is due at this time: the heartbeat."""
         if self._next_beat is None or self.cut_off:
             return
         now = self._clock()
@@ -216,7 +216,7 @@ class Drive(Node):
         """Whether it takes the modes that are set."""
         self.homing_methods: tuple[int, ...] = _HOME_HERE
         self.homes = True
-        """Whether homing that it says to have attained has set its zero."""
+        """Whether homing that it reports as attained has set its zero."""
         self.log: list[str] = []
         """States it has been in, and why it left operation enabled."""
         self._show()

@@ -1,7 +1,7 @@
 """A da Vinci tool on a bench that measures angle and torque at its spindle and at its jaw: its files and its model.
 
 O'Neill, Stephens and Kowalewski, IEEE RA-L 3(4):3027-3034, 2018. A text file without column names; lines of % are a
-header. The jaw's columns are the reference: a model may use them to be fitted, and for nothing else.
+header. The jaw's columns are the reference: a model may use them for fitting only.
 
 The model gives the jaw angle from the spindle's angle and torque, through an elastic transmission with friction: a
 tendon of even stiffness and friction along its length, cut into n equal pieces. Each contact passes the torque on
@@ -47,7 +47,7 @@ JAW_COUNTS = 4000
 """Counts of the jaw's encoder per turn."""
 MOST_COUNTS = 1500
 MOST_SPINDLE = MOST_COUNTS * 2 * math.pi / SPINDLE_COUNTS
-"""How far the spindle may be off its median before a row is corrupt, rad: where its encoder is zero is the tool's."""
+"""Distance of the spindle from its median above which a row is corrupt, rad; the encoder's zero depends on the tool."""
 
 _TURN = 2 * math.pi
 _JUMP = math.radians(5)
@@ -82,7 +82,7 @@ SOURCE = Source(
 
 
 def load(path: Path) -> MeasuredRun:
-    """Return one recording of a da Vinci tool.
+    """Return a recording of a da Vinci tool.
 
     Columns: spindle_angle, jaw_angle (rad), spindle_torque, jaw_torque (N*m), by the signs of the file; the last is as
     it was measured, for no model takes it. The first seconds, in which the bench settles, are kept: a model with memory
@@ -146,25 +146,25 @@ DEFAULT_LAW = "capstan-constant"
 CONTACTS = 8
 """Contacts that the transmission is cut into."""
 SETTLING = 2.0
-"""Time from the start in which the bench settles, s: the model runs through it, and no error is taken in it."""
+"""Time from the start in which the bench settles, s: the model runs through it, and its errors are not counted."""
 INTERVAL = 0.01
 """Mean over which torque is smoothed, and the interval of the samples that are fitted, s."""
 NOISE = 2 * math.pi / 4000 / math.sqrt(12)
 """Standard deviation of the jaw's encoder, rad: that of rounding to its 4000 counts."""
 
 _LEVEL_SPAN = 0.2
-"""Time from the start whose mean torque friction is taken to have held before, s: the drive starts with a kick."""
+"""Time from the start whose mean torque is assumed to have acted before it, s; the drive starts with a kick."""
 _SPEED_SPAN = 0.1
 """Time over which the spindle's speed is taken, s."""
 _LEAST = 200
 _OFFSET = math.radians(30)
-"""How far the jaw's offset may be off the one of a plane through the recordings, rad."""
+"""Largest difference of the jaw's offset from that of a plane through the recordings, rad."""
 _RATIO, _COMPLIANCE = (0.1, 5.0), (0.1, 4.0)
 """What such a plane is believed: 1 and rad/(N*m)."""
 
 
 _START = Parameter(
-    "start", "1", 0.2, 0.0, 1.0, "Where in its band friction holds as a run begins: 0 lower, 1 upper bound"
+    "start", "1", 0.2, 0.0, 1.0, "Friction at the start of a run, within its band: 0 lower, 1 upper bound"
 )
 _BEARING = Parameter("spindle_friction", "N*m", 0.01, 0.0, 0.05, "Load-independent friction at the spindle")
 _CAPSTAN = (
@@ -195,7 +195,7 @@ LAWS: Mapping[str, tuple[Parameter, ...]] = {
         Parameter("hysteresis_torque", "N*m", 0.05, 0.0, 0.5, "Friction torque far from a reversal"),
         Parameter("hysteresis_angle", "rad", 0.05, 0.001, 3.0, "Spindle angle over which friction reverses"),
         Parameter("hysteresis_shape", "1", 0.5, 0.0, 1.0, "Share of friction that a reversal meets at once (beta)"),
-        Parameter("hysteresis_start", "1", 0.0, -1.0, 1.0, "Friction torque as a run begins over the full one"),
+        Parameter("hysteresis_start", "1", 0.0, -1.0, 1.0, "Friction torque at the start of a run, over full friction"),
     ),
 }
 """Parameters of each friction law, after those that all have."""
@@ -334,7 +334,7 @@ class Tool(Problem):
         if self.law == "bouc-wen":
             full, width, beta, start = (given[one.name] for one in LAWS[self.law])
             return torque - full * hysteresis(number(-self.signs.load * series.spindle), width, beta, start)
-        # a law that knows no tension knows no slack
+        # a law without tension has no slack
         slack = "pretension" in given
         pretension = given.get("pretension", number(0.0))
         tension = torque + pretension
@@ -348,7 +348,7 @@ class Tool(Problem):
         return sum(pieces[1:], pieces[0]) - pretension
 
     def _along(self, given: Mapping[str, Dual]) -> dict[str, Operand]:
-        """Return the friction of one contact along the tendon, by the names of its law."""
+        """Return the friction of a contact along the tendon, by the names of its law."""
         friction: dict[str, Operand] = {name: given[name] for name in _SHAPES if name in given}
         for name, ours in (("exponent", "friction_exponent"), ("constant", "sliding_friction")):
             if ours in given:
@@ -423,7 +423,7 @@ def _signs(train: Sequence[MeasuredRun]) -> Signs:
 
 
 def _series(one: MeasuredRun, signs: Signs) -> Series:
-    """Return a run at all samples, torque and speed smoothed over what has gone before."""
+    """Return a run at all samples, torque and speed smoothed by a causal filter."""
     window = max(1, round(INTERVAL / one.sample_time))
     span = max(1, round(_SPEED_SPAN / one.sample_time))
     spindle = one["spindle_angle"]
@@ -448,7 +448,7 @@ def _series(one: MeasuredRun, signs: Signs) -> Series:
 
 
 def _thinned(one: Series) -> Series:
-    """Return the run at the interval that is fitted, each sample a mean over it; the one before the run stays."""
+    """Return the run at the fitted interval, each sample a mean over it; the sample before the run is kept."""
     step = max(1, round(INTERVAL / float(np.median(np.diff(one.time)))))
 
     def block(values: Array) -> Array:

@@ -73,20 +73,20 @@ Operand: TypeAlias = Dual | Array | float
 
 
 def number(value: Operand) -> Dual:
-    """Return what depends on no parameter as a dual; a dual stays what it is."""
+    """Return a value that depends on no parameter as a dual number; return a dual number unchanged."""
     if isinstance(value, Dual):
         return value
     return Dual(np.atleast_1d(np.asarray(value, dtype=np.float64)), np.zeros((1, 1)))
 
 
 def unknowns(names: Sequence[str], values: Array, *, exact: bool) -> dict[str, Dual]:
-    """Return parameters by name, each with its own derivative, or, where none is asked for, with no derivatives."""
+    """Return parameters by name, each with its own derivative, or without derivatives where none is requested."""
     rows = np.eye(len(names)) if exact else np.zeros((0, len(names)))
     return {name: Dual(values[at : at + 1], rows[:, at : at + 1]) for at, name in enumerate(names)}
 
 
 def joined(parts: Sequence[Dual]) -> Dual:
-    """Return series one after the other."""
+    """Return several series joined end to end."""
     rows = np.broadcast_shapes(*(one.slopes.shape[:1] for one in parts))[0]
     return Dual(
         np.concatenate([one.value for one in parts]),

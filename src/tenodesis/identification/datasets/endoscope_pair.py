@@ -1,7 +1,7 @@
 """A flexible endoscopic manipulator's joint moved by an antagonistic sheathed pair of tendons: its files and its model.
 
 Baek, Nho et al., ViO-Com, IEEE RA-L 2021. A text file without column names whose name has the sheath's bend in degrees.
-The output angle is the reference: a model may use it to be fitted, and for nothing else.
+The output angle is the reference: a model may use it for fitting only.
 
 The model gives the output angle from the command and both proximal tensions, by two balances. The elongation balance:
 the command winds one tendon in and pays the other out, less what the tendons stretch. The moment balance: the joint is
@@ -68,7 +68,7 @@ SOURCE = Source(
 
 
 def load(path: Path) -> MeasuredRun:
-    """Return one recording of the pair.
+    """Return a recording of the pair.
 
     Columns: commanded_angle, output_angle (rad), agonist_tension, antagonist_tension (N), and the bend of the file's
     name as sheath_bend (rad). Rows of the same time are what sensors read while the clock was held: their mean is
@@ -112,7 +112,7 @@ def load(path: Path) -> MeasuredRun:
     published = SOURCE.published(sha)
     if published is not None and _bend(Path(published)) != bend:
         raw.note(
-            f"the file's name says a sheath bend of {bend:g} deg, but its bytes are those published as {published}, "
+            f"the file's name gives a sheath bend of {bend:g} deg, but its bytes are those published as {published}, "
             f"of {_bend(Path(published)):g} deg"
         )
     return raw.done(SOURCE, sha)
@@ -142,7 +142,7 @@ def _without_outliers(raw: Raw) -> None:
 
 
 def _bend(path: Path) -> float:
-    """Return the one number in a file's name that can be the bend: marked as such, or else standing by itself."""
+    """Return the only number in a file's name that can be the bend: marked as such, or separate from other text."""
     # what follows a dot is an extension unless it is the rest of a number
     stem = path.name if re.match(r"\.\d", path.suffix) else path.stem
     name = _COPY.sub("", stem)
@@ -161,7 +161,7 @@ def _bend(path: Path) -> float:
 
 _TENSIONS = ("agonist_tension", "antagonist_tension")
 _MOST_RATIO = 1.2
-"""How many times the command's way the output may move to be taken in another unit than the command."""
+"""Ratio of the output's motion to the command's above which they are in different units."""
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 _MARKED = re.compile(
     r"(?:bend(?:ing)?|sheath)[\s_=-]*(\d+(?:\.\d+)?)|(\d+(?:\.\d+)?)(?:bend|[\s_-]*(?:deg|°))", re.IGNORECASE
@@ -211,7 +211,7 @@ _MOST_EXPONENT, _MOST_PER_BEND = 1.5, 0.3
 
 @dataclass(frozen=True)
 class Series:
-    """One run, each (n,); rad, N, rad/s."""
+    """A run, each (n,); rad, N, rad/s."""
 
     time: Array
     command: Array

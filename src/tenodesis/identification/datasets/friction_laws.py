@@ -1,6 +1,6 @@
-"""Friction laws by name: what a contact passes on of a tendon's tension, or of the difference of an antagonistic pair.
+"""Friction laws by name: transmission of a tendon's tension, or of the tension difference of a pair, by a contact.
 
-A play-type law says between which bounds the tension behind a contact must lie; inside them the contact sticks and
+A play-type law gives the bounds of the tension behind a contact; inside them the contact sticks and
 holds its tension, on them it slides. In Bouc-Wen, a rival without contact, friction follows the tension smoothly.
 
 | law | bounds of the tension behind | source |
@@ -67,9 +67,9 @@ LAWS: Mapping[str, Law] = {
 }
 
 _LEAST_TENSION = 1e-9
-"""Below which the power law takes a tendon for slack: its exponent has no limit there."""
+"""Tension below which the power law treats a tendon as slack, since its exponent has no limit there."""
 _SMALL = 1e-4
-"""Below which a logarithm is taken by its series."""
+"""Argument below which a logarithm is computed by its series."""
 
 
 def law_of(name: str) -> Law:
@@ -94,7 +94,7 @@ def pass_on(
     speed: Array | None = None,
     start: Operand = 0.0,
 ) -> Dual:
-    """Return what a contact passes on of a tendon's tension, or of the difference of a pair that moves as one, N.
+    """Return the tension behind a contact, or the tension difference of a pair that moves as one, N.
 
     The tendons of a pair slip by the same length, one forward and one back: the contact holds their difference between
     the least of the agonist less the most of the antagonist and the most less the least.
@@ -108,7 +108,7 @@ def pass_on(
     tension, against
         Before the contact, N, (n,); of the antagonist if there is one.
     speed
-        Of the motion, (n,); only stribeck asks for it.
+        Of the motion, (n,); only stribeck needs it.
     start
         What is behind the contact before the first sample, N.
 
@@ -142,7 +142,7 @@ def band(
     tension
         Before the contact.
     speed
-        Of the motion; only stribeck asks for it.
+        Of the motion; only stribeck needs it.
     slack
         Whether no bound is below zero: a tendon cannot push.
     """
@@ -160,7 +160,7 @@ def band(
 
 
 def held(lower: Dual, upper: Dual, start: Dual) -> Dual:
-    """Return what stays where it is until a bound pushes it (stick-slip), from what was there before the first sample.
+    """Return a play element (stick-slip): constant until a bound pushes it, from its value before the first sample.
 
     Its derivative is that of the bound which pushed last.
     """
@@ -173,7 +173,7 @@ def held(lower: Dual, upper: Dual, start: Dual) -> Dual:
 
 
 def hysteresis(moved: Dual, width: Operand, beta: Operand, start: Operand = 0.0) -> Dual:
-    """Return friction over the full one along what moves: Wen 1976 with exponent 1 and beta + gamma = 1.
+    """Return friction relative to full sliding friction: Wen 1976 with exponent 1 and beta + gamma = 1.
 
     Solved exactly within each step.
 
@@ -227,7 +227,7 @@ def _pace(given: Mapping[str, Operand], speed: Array | None) -> Operand:
 
 
 def _power(tension: Dual, exponent: Dual, less: Dual) -> Dual:
-    """Return a tension behind a contact whose friction grows with a power of it, by `less` below one.
+    """Return a tension behind a contact whose friction grows with its power 1 - `less`.
 
     dT/ds = exponent T^(1 - less) over the way, solved from one end to the other:
     T^less = T(0)^less + less exponent. At less = 0 it is Euler's.

@@ -1,7 +1,7 @@
-"""One sheathed tendon with a load cell at each end: its files and its model.
+"""A sheathed tendon with a load cell at each end: its files and its model.
 
 GIRAFFE, RAL 2024. A CSV file with column names; tensions in gram-force, or in the unit that both headings give, such as
-``data_0 [N]``. The distal tension is the reference: a model may use it to be fitted, and for nothing else.
+``data_0 [N]``. The distal tension is the reference: a model may use it for fitting only.
 
 The model gives the distal tension from the proximal one: distal = gain * (what the friction law passes on), the gain
 being that between the two load cells. The far end is held, so that its tension stays while the sheath sticks.
@@ -28,7 +28,7 @@ from tenodesis.run import Array
 # The files.
 
 NEEDED = {"Time": "time", "data_0": "proximal_tension", "data_2": "distal_tension"}
-"""Columns of the file and what they are."""
+"""Columns of the file and their meanings."""
 TENSIONS = ("proximal_tension", "distal_tension")
 SPIKE = 0.05
 """How far a sample may be off the median of itself and its neighbours before it counts as a spike in the notes, N."""
@@ -46,7 +46,7 @@ SOURCE = Source(
 
 
 def load(path: Path) -> MeasuredRun:
-    """Return one recording of a sheathed tendon.
+    """Return a recording of a sheathed tendon.
 
     Columns: proximal_tension, distal_tension (N), each the median of three samples, so that isolated spikes go.
 
@@ -88,7 +88,7 @@ def load(path: Path) -> MeasuredRun:
 
 
 def _to_si(raw: Raw, stated: Sequence[str | None]) -> None:
-    """Bring both tensions to N, from the unit that the headings give or else from the one that magnitudes show."""
+    """Convert both tensions to N, from the unit in the headings, or else from the unit that the magnitudes show."""
     given = dict.fromkeys(one for one in stated if one is not None)
     if not given:
         taken = raw.unit(_TENSION, *TENSIONS, advice="give the unit in both headings, such as 'data_0 [N]'")
@@ -129,7 +129,7 @@ _TENSION = (
 
 DEFAULT_LAW = "capstan-power"
 DEFAULT_LOSS: LossName = "soft_l1"
-"""The far end is let go and drawn by hand at times: there the model has no part in what the distal cell shows."""
+"""At times the distal end is released or pulled by hand; the model does not describe the distal cell there."""
 NOISE = 0.02
 """Standard deviation of the distal load cell, N."""
 
@@ -138,7 +138,7 @@ _GAIN = Parameter("gain", "1", 1.0, 0.3, 2.0, "Gain of the distal load cell over
 
 @dataclass(frozen=True)
 class Series:
-    """One run, each (n,); s, N, N/s."""
+    """A run, each (n,); s, N, N/s."""
 
     time: Array
     proximal: Array
@@ -233,7 +233,7 @@ def problem(
 
 
 def _in_unit(one: Parameter, rate: Array) -> Parameter:
-    """Return a parameter in the sheath's unit of speed, N/s, a speed starting at the usual one of a recording."""
+    """Return a parameter in the sheath's unit of speed, N/s; speeds start at the usual speed of a recording."""
     if "{speed}" not in one.unit:
         return one
     usual = float(np.clip(np.median(np.abs(rate)), one.lower, one.upper))

@@ -1,4 +1,4 @@
-"""Candidates for a protocol, and what a bench would do without a plan, in the same time.
+"""Candidates for a protocol, and the unplanned protocols of equal duration to compare with.
 
 A candidate is a block of phases that begins and ends straight and unloaded, with the spools where they were.
 """
@@ -45,7 +45,7 @@ _PLAIN_PERIOD = 6.6
 
 
 class Candidate(NamedTuple):
-    """A block of phases, and what it is called."""
+    """A block of phases with its name."""
 
     name: str
     kind: str
@@ -53,7 +53,7 @@ class Candidate(NamedTuple):
 
 
 def loads(inst: Instrument, forces: Sequence[float] | None = None) -> tuple[float, ...]:
-    """Return the forces at the tip (N), ascending: those given, or shares of the one that lets the antagonist go slack.
+    """Return the forces at the tip (N), ascending: those given, or shares of the force at slack onset.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def loads(inst: Instrument, forces: Sequence[float] | None = None) -> tuple[floa
 
 
 def candidates(inst: Instrument, forces: Sequence[float]) -> list[Candidate]:
-    """Return all candidates for an instrument of one axis under forces (N) that its bench has."""
+    """Return all candidates for a one-axis instrument under the forces (N) of its bench."""
     reach = math.radians(math.floor(math.degrees(largest(inst)) * 10) / 10)
     return [
         *_cycles(reach, forces),
@@ -96,7 +96,7 @@ def baselines(inst: Instrument, forces: Sequence[float], duration: float) -> dic
     forces
         Forces at the tip of the paper's cycles, N; without any they are left out.
     duration
-        How long each lasts, s, as near as whole cycles allow.
+        Duration of each candidate, s, to the nearest integer number of cycles.
     """
     try:
         amplitude = min(statics.reach(inst), largest(inst))

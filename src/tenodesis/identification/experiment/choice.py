@@ -1,4 +1,4 @@
-"""Which candidates to take so that some parameters are known best within a time, the others being open as well."""
+"""Choice of candidates that determine the wanted parameters best within a duration, with the others free."""
 
 from collections.abc import Sequence
 from typing import Literal, TypeAlias
@@ -95,7 +95,7 @@ class _Pool:
         self._seconds, self._duration, self._criterion, self._most = seconds, duration, criterion, most
 
     def filled(self, chosen: list[int]) -> list[int]:
-        """Return the choice with candidates added until none fits, each time the one that gains most a second."""
+        """Return the choice with candidates added until none fits, each time that with the largest gain per second."""
         chosen = list(chosen)
         while True:
             fitting = self._fitting(chosen)
@@ -108,7 +108,7 @@ class _Pool:
             chosen.append(int(fitting[best]))
 
     def exchanged(self, chosen: list[int]) -> list[int]:
-        """Return the choice with each candidate in turn exchanged for the best one in its place."""
+        """Return the choice with each candidate in turn exchanged for the best in its place."""
         chosen = list(chosen)
         for place in range(len(chosen)):
             rest = chosen[:place] + chosen[place + 1 :]

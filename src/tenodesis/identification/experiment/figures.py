@@ -1,4 +1,4 @@
-"""The figures of a plan: what the protocol does, and how well parameters would be known by it and without it."""
+"""The figures of a plan: the protocol, and the predicted precision of parameters with and without it."""
 
 import math
 

@@ -65,7 +65,7 @@ class Plan:
     parameters: tuple[Parameter, ...]
     wanted: tuple[str, ...]
     open: tuple[str, ...]
-    """Parameters that the predictions take as unknown, the wanted among them."""
+    """Free parameters in the predictions, including the wanted parameters."""
     held: tuple[str, ...]
     protocol: Protocol
     blocks: tuple[Block, ...]

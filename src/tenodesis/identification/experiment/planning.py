@@ -133,7 +133,7 @@ class _TriedCandidate(NamedTuple):
 
 
 class _TriedProtocol(NamedTuple):
-    """A protocol of several blocks as it was tried."""
+    """A protocol of several blocks with its evaluation."""
 
     protocol: Protocol
     blocks: tuple[Block, ...]
@@ -233,7 +233,7 @@ def _tried(
 _ORDERS = 3
 """Orders of the blocks that are tried."""
 _REPEATS = 2
-"""How often a candidate may be taken where there is time for others: repeats repeat the model's errors."""
+"""How often a candidate may be chosen while others fit: repetitions also repeat the model's errors."""
 
 
 def _best(
@@ -245,7 +245,7 @@ def _best(
     left_out: dict[str, str],
     report: _Progress,
 ) -> _TriedProtocol:
-    """Return the best of several orders of the chosen blocks, run as one protocol each.
+    """Return the best of several orders of the chosen blocks, each run as a protocol.
 
     A block with which no order can be run is left out, and the choice made again.
     """
@@ -385,7 +385,7 @@ _SCALING = (
 
 
 def _warnings(found: Plan) -> tuple[str, ...]:
-    """Return what to bear in mind of a plan, a sentence each."""
+    """Return the caveats of a plan, a sentence each."""
     values = {one.name: one for one in found.parameters}
     out = [
         f"{name} is held at the file's {math.degrees(values[name].start):.4g} deg: only its product with "

@@ -1,4 +1,4 @@
-"""A plan as files: the protocol to record, one HTML page that needs nothing beside it, a figure and all numbers."""
+"""A plan as files: the protocol to record, a self-contained HTML page, a figure and all values."""
 
 import io
 import math
@@ -25,7 +25,7 @@ _TEMPLATE = "plan.html.j2"
 
 
 def write(plan: Plan, out: Path) -> list[Path]:
-    """Write protocol.toml, plan.html, plan.svg and plan.json into a folder, or nothing, and return their paths.
+    """Write protocol.toml, plan.html, plan.svg and plan.json into a folder, atomically, and return their paths.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def write(plan: Plan, out: Path) -> list[Path]:
 
 
 def to_json(plan: Plan) -> dict[str, Any]:
-    """Return a plan as plain numbers, SI; what is not finite is None."""
+    """Return a plan as plain values for JSON, SI; None for values that are not finite."""
     return {
         "schema": SCHEMA,
         "about": page.about(*LIBRARIES),

@@ -33,7 +33,7 @@ class InfeasibleProtocolError(Error):
 
 
 class SimulatedExperiment:
-    """An instrument of one axis with its sensors, on which protocols are run.
+    """A one-axis instrument with its sensors, on which protocols are run.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class SimulatedExperiment:
         return scales(self.parameters, self.values)
 
     def run(self, phases: Sequence[Phase]) -> Run:
-        """Return what the twin does.
+        """Return the twin's response.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""ROS 2 bags in SQLite, read into what MCAP files are read into."""
+"""ROS 2 bags in SQLite, read into the same messages as MCAP files."""
 
 import sqlite3
 from collections.abc import Collection
@@ -60,7 +60,7 @@ def scan(path: Path, wanted: Collection[str]) -> Contents:
 
 
 def _read(bag: sqlite3.Connection, number: int, contents: Contents) -> None:
-    """Add the messages of one topic, up to where the file is damaged."""
+    """Add the messages of a topic, up to where the file is damaged."""
     rows = bag.execute("SELECT timestamp, data FROM messages WHERE topic_id = ? ORDER BY id", (number,))
     try:
         for at, (stamp, data) in enumerate(rows):

@@ -45,12 +45,12 @@ _UNITS_MISTAKEN = {
         Unit("gram-force", GRAM_FORCE, 2 / GRAM_FORCE, 60 / GRAM_FORCE),
     ),
 }
-"""Units that a column may be in when its values cannot be in the stated one."""
+"""Units that a column may have when its values cannot be in the stated unit."""
 _CHECKED = ("handle_angle", "measured_handle_angle", "measured_output_angle", "tension_agonist", "tension_antagonist")
 
 
 class _Place(NamedTuple):
-    """Where a column stands in the file, its stated unit, and the factor from its numbers to SI."""
+    """Position of a column in the file, its stated unit, and the factor from its numbers to SI."""
 
     at: int
     unit: str
@@ -155,7 +155,7 @@ def _scale(unit: str, column: str, place: str) -> float:
 
 
 def _in_si(path: Path, name: str, values: Array, place: _Place, notes: list[str]) -> Array:
-    """Return a column in SI, by its stated unit, or by the one its magnitude shows if it cannot be in that."""
+    """Return a column in SI by its stated unit, or, if that is impossible, by the unit that its magnitude shows."""
     stated_values = place.scale * values
     spread = spread_of(stated_values[np.isfinite(stated_values)])
     kind = _UNITS[name]

@@ -1,4 +1,4 @@
-"""One axis of an instrument's recording, whatever file it came from, and the checks it has to pass."""
+"""An axis of an instrument's recording, from any file format, and the checks it has to pass."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ LEAST_EXCITATION = float(np.radians(2))
 """Spread of the handle's angle below which nothing can be identified, rad."""
 
 _JUMP = 0.5
-"""Share of the spread that a sensor cannot leave its neighbours by in one sample."""
+"""Largest plausible jump of a sensor in one sample, as a share of its spread."""
 _LEAST_JUMP = {"rad": float(np.radians(10)), "N": 1.0}
 """What it can leave them by however small its spread is."""
 _STEADY = ("handle_angle", "measured_handle_angle", "measured_output_angle", *(f"tension_{one}" for one in TENDONS))
@@ -38,7 +38,7 @@ _ANGLES = ("measured_handle_angle", "measured_output_angle")
 
 @dataclass(frozen=True)
 class InstrumentRun(MeasuredRun):
-    """One axis of a recording, with the instrument it was made on if the recording holds it.
+    """An axis of a recording, with its instrument if the recording contains it.
 
     Columns are of :data:`COLUMNS`: the handle's commanded angle, or else that of its encoder, both tensions, and
     whatever else was recorded.

@@ -58,7 +58,7 @@ class _Series(NamedTuple):
 
 
 def load(path: Path) -> InstrumentRun:
-    """Return the first axis of a recording, or of a bag: one file of MCAP or SQLite, or a folder of them.
+    """Return the first axis of a recording or of a bag: an MCAP or SQLite file, or a folder of them.
 
     Columns: handle_angle (commanded, where the recording has it, otherwise measured), measured_handle_angle,
     measured_output_angle (rad), tension_agonist, tension_antagonist, force, radial_force (N), spool_agonist,
@@ -105,7 +105,7 @@ def _files(path: Path) -> list[Path]:
 
 
 def _recorded(path: Path) -> _Signals | None:
-    """Return a recording whose topics share their stamps, or None for one whose topics do not."""
+    """Return a recording whose topics share their stamps, or None if they do not."""
     recording = Recording.open(path)
     if any(topic.reason is Misfit.STAMPS for topic in recording.left_out.values()):
         return None
@@ -121,7 +121,7 @@ def _recorded(path: Path) -> _Signals | None:
 
 
 def _merged(path: Path, files: Sequence[Path]) -> _Signals:
-    """Return the topics of one or several files, interpolated to the stamps of the load cells."""
+    """Return the topics of the files, interpolated to the stamps of the load cells."""
     notes: list[str] = []
     topics = _decoded(files, notes)
     axes = schemas.axes_of({name: parts[0].joints for name, parts in topics.items()}) or ("yaw",)

@@ -1,4 +1,4 @@
-"""A measured run in SI units, where published ones come from, and the names by which several are kept apart."""
+"""A measured run in SI units, the sources of published runs, and names that distinguish several runs."""
 
 import hashlib
 import os
@@ -31,7 +31,7 @@ class Source:
         return next((file for file, known in self.checksums.items() if known == checksum), None)
 
     def note(self, checksum: str) -> str:
-        """Return whether a file of this checksum is one of the published ones, and if so under which licence."""
+        """Return whether a file of this checksum is a published file, and if so under which licence."""
         place = f"{self.repository} at {self.commit[:10]}"
         name = self.published(checksum)
         if name is None:
@@ -41,7 +41,7 @@ class Source:
 
 @dataclass(frozen=True)
 class MeasuredRun:
-    """One recording: columns in SI units by name over one strictly increasing clock."""
+    """A recording: columns in SI units by name over a strictly increasing time."""
 
     name: str
     time: Array
@@ -51,7 +51,7 @@ class MeasuredRun:
     notes: tuple[str, ...] = ()
     """What was dropped, converted or is doubtful."""
     source: Source | None = None
-    """Where the file was published; None for one that was not."""
+    """Where the file was published; None for a file that was not."""
     checksum: str = ""
     """SHA-256 of the file."""
 

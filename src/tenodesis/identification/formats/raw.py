@@ -1,6 +1,6 @@
 """The checks that every format shares on the way from a file's rows to a recording in SI units.
 
-A loader reads a file into `Raw`, says what each column is and which units it may be in, and lets the checks drop rows.
+A loader reads a file into `Raw`, declares what each column is and its possible units, and applies the checks.
 Whatever is dropped, converted or doubtful leaves a note; what cannot be used is refused with the reason.
 """
 
@@ -44,7 +44,7 @@ _MIDDLE = (0.05, 0.95)
 
 
 class Unit(NamedTuple):
-    """One unit that a column may be in."""
+    """A unit that a column may have."""
 
     name: str
     scale: float
@@ -57,7 +57,7 @@ class Unit(NamedTuple):
 
 
 class Raw:
-    """Rows of one file on their way to `MeasuredRun`: every check may drop rows and leaves a note."""
+    """Rows of a file that become a `MeasuredRun`: every check may drop rows and adds a note."""
 
     def __init__(self, name: str, time: ArrayLike, columns: Mapping[str, ArrayLike]) -> None:
         self.name = name
@@ -67,7 +67,7 @@ class Raw:
         self._seconds = False
 
     def note(self, text: str) -> None:
-        """Add one note."""
+        """Add a note."""
         self.notes.append(text)
 
     def refuse(self, reason: str) -> IdentificationError:
@@ -98,7 +98,7 @@ class Raw:
         self.drop(bad, f"not numbers in every column{which}")
 
     def averaged(self) -> None:
-        """Take the mean of successive rows with the same time: what sensors read while the clock was held."""
+        """Replace successive rows with the same time by their mean: readings while the clock stood still."""
         first = np.flatnonzero(np.concatenate([[True], np.diff(self.time) != 0])[: self.time.size])
         if first.size == self.time.size:
             return
@@ -142,7 +142,7 @@ class Raw:
         )
 
     def unit(self, units: Sequence[Unit], *columns: str, advice: str = "") -> str:
-        """Bring columns of one kind to SI from the unit that their magnitude shows, and return that unit's name.
+        """Convert columns of a kind to SI from the unit that their magnitude shows, and return that unit's name.
 
         All are taken to be in one unit, which the column that moves most shows. The first unit is the format's own; any
         other is noted. Refused where no unit is plausible, several are, or no column moves. Plausible is
@@ -220,7 +220,7 @@ class Raw:
                 raise self.refuse(f"tension {column} is negative: its median is {middle:.3g} N; reverse its sign")
 
     def frozen(self, columns: Sequence[str], moving: str, *, may_rest_at_zero: bool = False) -> None:
-        """Note columns that stay exactly the same for long while another one moves: a sensor that hangs, most likely.
+        """Note columns that stay constant for long while another changes, most likely because a sensor hangs.
 
         Long is a share of :data:`LONG_FROZEN` of the samples, and more than :data:`LEAST_FROZEN` of them. A slack
         tendon rests at zero, which is no fault of its load cell.
@@ -242,7 +242,7 @@ class Raw:
             )
 
     def gaps(self, factor: float = WIDE) -> None:
-        """Note intervals over `factor` times the median one; refuse the file if they take too much of its duration."""
+        """Note intervals over `factor` times the median; refuse the file if they take too much of its duration."""
         step = np.diff(self.time)
         usual = float(np.median(step))
         wide = step > factor * usual
@@ -258,12 +258,12 @@ class Raw:
         self.note(found)
 
     def enough(self, least: int = LEAST_SAMPLES) -> None:
-        """Refuse fewer samples than asked for."""
+        """Refuse too few samples."""
         if self.time.size < least:
             raise self.refuse(f"{self.time.size} samples are left, which is too few; at least {least} are needed")
 
     def excited(self, column: str, least: float, unit: str) -> None:
-        """Refuse a column whose spread (SI, of its middle 90 %) is below what anything can be identified from."""
+        """Refuse a column whose spread (SI, of its middle 90 %) is too small for identification."""
         spread = spread_of(self.columns[column])
         if spread < least:
             raise self.refuse(
@@ -271,7 +271,7 @@ class Raw:
             )
 
     def done(self, source: Source | None = None, checksum: str = "") -> MeasuredRun:
-        """Return the recording; the source is that of the format's published files, which this one may not be of."""
+        """Return the recording; the source is that of the format's published files, which may not include this file."""
         notes = tuple(self.notes)
         published = source if source is not None and source.published(checksum) else None
         if source is not None:

@@ -16,7 +16,7 @@ _HEADING = re.compile(r"\s*(?P<name>[^\[\]]*?)\s*(?:\[\s*(?P<unit>[^\]]*?)\s*\])
 
 
 class Heading(NamedTuple):
-    """A heading such as ``force [mN]``: what stands before the brackets, and within if there are any."""
+    """A heading such as ``force [mN]``: the name before the brackets, and the unit within them if present."""
 
     name: str
     unit: str | None
@@ -30,7 +30,7 @@ class Table(NamedTuple):
     separator: str
 
     def column(self, at: int) -> Array:
-        """Return a column's numbers, NaN where there is none; a comma is a decimal one unless it separates columns."""
+        """Return a column's numbers, NaN where there is none; a comma is decimal unless it separates columns."""
         return np.array([self._number(row, at) for row in self.rows])
 
     def _number(self, row: list[str], at: int) -> float:

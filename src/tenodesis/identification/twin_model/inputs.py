@@ -13,7 +13,7 @@ from tenodesis.run import Array
 
 
 class PathError(NamedTuple):
-    """An error that a reconstructed path may have, one standard deviation of it."""
+    """A possible error of a reconstructed path, of one standard deviation."""
 
     first: int
     """Sample at which it begins."""
@@ -32,7 +32,7 @@ class ReconstructedPath(NamedTuple):
 
 
 def smoothed(values: Array, sample_time: float, sensor: QuantisedSensor) -> ReconstructedPath:
-    """Return a noisy signal smoothed as much as least expected error asks for, with the errors it may still have.
+    """Return a noisy signal smoothed for the least expected error, with the errors that may remain.
 
     Second differences are penalised (Whittaker 1923) by the weight of least expected error (Stein 1981), up to a blur
     of a fifth of a second, except where the signal has a kink. The errors are those of a path whose second differences
@@ -183,7 +183,7 @@ def _smoothing_errors(penalised: Array, blur: float, deviation: float) -> tuple[
 
 
 def _errors_of_rests(edges: Array, stopping: Array, resting: Array, resolution: float) -> list[PathError]:
-    """Return what rounding hides where a signal rests: its place, and how it came there and went."""
+    """Return the errors that rounding hides where a signal rests: its position, its arrival and its departure."""
     errors = []
     for rest in np.flatnonzero(resting).tolist():
         begin, end = float(edges[rest]), float(edges[rest + 1])

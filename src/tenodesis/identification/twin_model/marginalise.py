@@ -28,7 +28,7 @@ class Marginalisation(NamedTuple):
     shrinkage: Array
     """Shares by which residuals are shrunk in the directions of these, (errors, errors)."""
     nonlinear: Array
-    """Effects that are not linear in the errors, one deviation of each group of them, (n, groups)."""
+    """Effects that are not linear in the errors, each group of one standard deviation, (n, groups)."""
 
     def whitened(self, residuals: Array) -> Array:
         """Return residuals, (n,) or (n, m), shrunk in the directions of the effects to the variance of all others."""
@@ -59,7 +59,7 @@ def marginalise(run: SteppedRun, expected: Callable[[Array], Array]) -> Marginal
 
 
 def _effects(run: SteppedRun, expected: Callable[[Array], Array]) -> tuple[csc_array, Array]:
-    """Return linear effects of each error on residuals, (n, errors), and nonlinear ones by group, (n, groups).
+    """Return linear effects of each error on residuals, (n, errors), and nonlinear effects by group, (n, groups).
 
     Errors that are far apart share a run of the model: the effect of each ends where the next one begins.
     """

@@ -186,7 +186,7 @@ class TwinProblem(Problem):
         return errors
 
     def traces(self, values: Array, run: int) -> dict[str, Trace]:
-        """Return every sensor's signal beside the model's."""
+        """Return every sensor's signal with the model's."""
         one = self._runs[run]
         off = self._differences(values, run)
         traces = {}
@@ -206,7 +206,7 @@ class TwinProblem(Problem):
         return inst
 
     def advice(self, names: Sequence[str]) -> str | None:
-        """Return which recording would make these parameters identifiable, if one is known."""
+        """Return which recording would make these parameters identifiable, if known."""
         asked = set(names)
         if {"friction.sheath_coefficient", "friction.sheath_bend"} <= asked:
             return "A sheath's friction is its coefficient times its bend: record a run at another, measured bend."
@@ -296,7 +296,9 @@ def problem(
     known = [run.instrument for run in runs if isinstance(run, InstrumentRun) and run.instrument is not None]
     inst = instrument or (known[0] if known else None)
     if inst is None:
-        raise IdentificationError(f"{runs[0].name} does not hold its instrument; give --instrument.", key="instrument")
+        raise IdentificationError(
+            f"{runs[0].name} does not contain its instrument; give --instrument.", key="instrument"
+        )
     return TwinProblem(runs, law, inst.planar[0])
 
 

@@ -1,4 +1,4 @@
-"""Recordings of an instrument as a twin takes them: commands step by step, and what was measured in those steps."""
+"""Recordings of an instrument in the steps of a twin: commands and measurements of each step."""
 
 from collections.abc import Mapping
 from math import pi
@@ -25,7 +25,7 @@ _HANDLE = _COMMANDS.index("handle_angle")
 
 
 class InputError(NamedTuple):
-    """An error of one of the commands, one standard deviation of it."""
+    """An error of a command, of one standard deviation."""
 
     column: int
     """Of the core's commands."""
@@ -36,7 +36,7 @@ class InputError(NamedTuple):
 
 
 class SteppedRun(NamedTuple):
-    """One run in steps of equal length."""
+    """A run in steps of equal length."""
 
     name: str
     time_step: float
@@ -53,13 +53,13 @@ class SteppedRun(NamedTuple):
     measured: Mapping[str, Array]
     """Mean reading in each of these, by name."""
     sensors: Mapping[str, QuantisedSensor]
-    """What readings were taken by, by name."""
+    """Sensors of the readings, by name."""
     input_errors: tuple[InputError, ...]
     """Errors that encoders leave in the commands."""
     mixing: Array
     """Independent combinations of these, one standard deviation each, (errors, combinations)."""
     handle_as_read: bool
-    """Whether the handle angle is that of its encoder less its offset, rather than the commanded one."""
+    """Whether the handle angle is that of its encoder less its offset, rather than the commanded angle."""
 
     @property
     def deviation(self) -> dict[str, float]:
@@ -139,7 +139,7 @@ class _Grid:
         return np.bincount(self._place[inside], values[inside], minlength=self.count)[filled] / weights[filled], filled
 
     def interpolated(self, values: Array) -> Array:
-        """Return the mean of samples in each step, interpolated where there are none."""
+        """Return the mean of samples in each step, interpolated in steps without samples."""
         means, filled = self.means(values)
         return np.asarray(np.interp(np.arange(self.count), filled, means), dtype=np.float64)
 
@@ -179,7 +179,7 @@ def _fresh(columns: Mapping[str, Array], readings: list[str]) -> NDArray[np.bool
 
 
 def _slack(tensions: Array, filled: NDArray[np.intp], inst: Instrument) -> int:
-    """Return the step at which both tendons, (2, n), first hang slack: what was before has no effect after it.
+    """Return the step at which both tendons, (2, n), are first slack, so that earlier motion has no effect.
 
     That is the beginning where none is slack in the first third of the run.
     """
@@ -205,7 +205,7 @@ def _reference(time: Array, spool: Array, tension: Array, inst: Instrument) -> f
 
 
 def _leading(first: Array, step: float, inst: Instrument) -> Array:
-    """Return commands that lead from rest to the first one; none where that is rest."""
+    """Return commands that lead from rest to the first command; none if that is rest."""
     scale = np.full(first.size, tuning.REST_SHARE * inst.pretension)
     scale[_HANDLE] = tuning.REST_SHARE * inst.handle_range
     for tendon in TENDONS:
@@ -217,7 +217,7 @@ def _leading(first: Array, step: float, inst: Instrument) -> Array:
 
 
 def _turned_twice(handle: Array) -> int:
-    """Return the step from which the handle has reversed twice, so that friction has forgotten what was before.
+    """Return the step from which the handle has reversed twice, so that earlier friction states have no effect.
 
     That is the beginning where it takes more than a third of the run.
     """

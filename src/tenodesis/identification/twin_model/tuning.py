@@ -1,24 +1,24 @@
-"""The numbers of the twin's model that were chosen by trial: each with its unit, and what it trades against what."""
+"""Constants of the twin's model that were chosen by trial, with their units and trade-offs."""
 
 # Smoothing of an encoder's noise (`inputs.smoothed`). The blur is the wavelength that the smoother halves.
 BLUR_SHORTEST = 4.0
 """Samples: with less there is nothing to smooth."""
 BLUR_LONGEST = 0.2
-"""s: hands move by no slower features than can be told from drift within it."""
+"""s: features of the hand's motion that are slower cannot be distinguished from drift."""
 BLURS = 14
 """How many between these are tried."""
 KINK_DEVIATIONS = 5.0
 """Standard errors by which a path must miss the signal before a kink is put there: fewer would find kinks in noise."""
 KINK_BLUR = 2.0
-"""Over the best blur, that of the path which is to miss kinks: the best one already bends around them."""
+"""Ratio of the blur of a path that misses kinks to the best blur, which already follows them."""
 KINK_WINDOWS = (5, 11, 21, 41, 81)
-"""Samples over which a miss is averaged: kinks show over short times if sharp, over long ones if slight."""
+"""Samples over which a miss is averaged: sharp kinks show over short times, slight kinks over long times."""
 KINK_WIDTH = 5
 """Samples to either side of a found kink that may be the kink instead."""
 KINK_ROUNDS = 20
 """Most searches for further kinks."""
 NODE_DISTANCE = 0.35
-"""Of the blur, between the places at which a path's error is described: closer ones would be all but the same."""
+"""Distance, as a share of the blur, of the points that describe a path's error; closer points would be nearly equal."""
 MOST_NODES = 300
 """Of these places: time grows with their square."""
 NODE_REACH = 2.0
@@ -44,13 +44,13 @@ MOST_RUNS = 20
 LEAST_MEMORY = 0.2
 """s after its end for which an error acts on readings at least: friction forgets it at the handle's next reversal."""
 MEMORY_SHRINKAGE = 0.8
-"""By which that time is shortened from the whole run until the runs are few enough."""
+"""Factor by which that time is shortened, from the entire run, until there are few enough runs."""
 NEGLIGIBLE_EFFECT = 1e-12
-"""Variance of an effect, over that of a reading, below which its shrinkage is taken by its limit."""
+"""Variance of an effect, over that of a reading, below which its shrinkage is replaced by its limit."""
 
 # How a recording begins (`steps`).
 LEAD_TIME = 0.5
-"""s, in which a run that does not begin at rest is led from there to where it begins."""
+"""s, for the way from rest to the start of a run that does not begin at rest."""
 REST_SHARE = 5e-3
 """Of the handle's range, and of the pretension and its stretch, within which an instrument is at rest."""
 BEGINNING = 0.05
@@ -74,11 +74,11 @@ COARSE_STEP = 0.5
 UNSEEN_DIRECTION = 1e-8
 """Share of the largest singular value below which a direction of the parameters is not seen."""
 LOST_RESIDUAL = 1e3
-"""Standard deviations of a sample that the model does not reach, its tip being lost: finite, but repelling."""
+"""Standard deviations assigned to a sample where the model's tip is lost: finite, but large."""
 CELL = 5e-3
 """Of its range, by which a parameter may change before effects of input errors are computed anew."""
 CELLS_KEPT = 4
-"""Such computations kept: a search goes to and fro between neighbours."""
+"""Number of such computations kept, since a search alternates between neighbours."""
 FAR = 9.0
 """Mean square of residuals, in variances, above which parameters are too far off for input errors to matter."""
 

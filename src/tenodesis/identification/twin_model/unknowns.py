@@ -76,7 +76,12 @@ UNKNOWNS = {
             ),
             _in_file("friction.static_ratio", "1", 3.0, "static over kinetic friction coefficient", "friction", 1.0),
             _in_file(
-                "friction.stribeck_speed", "m/s", 0.1, "slip speed at which static friction has gone", "friction", 1e-5
+                "friction.stribeck_speed",
+                "m/s",
+                0.1,
+                "slip speed at which static friction has vanished",
+                "friction",
+                1e-5,
             ),
             _in_file("friction.viscous", "N*s/m", 100.0, "viscous friction of each joint and of the sheath", "viscous"),
             _in_file("dynamics.tip_damping", "N*m*s", 1.0, "viscous damping of the tip", "viscous"),
