@@ -1,7 +1,6 @@
 """The controller in Python: what its observers know of the tip, and that it takes any plant and no nonsense."""
 
 import math
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -9,12 +8,12 @@ import pytest
 from numpy.typing import NDArray
 
 import tenodesis as tn
-from tenodesis.control import Controller, OperatingState, Output, Request
+from tenodesis.control import Controller, OperatingState
 from tenodesis.instrument import Instrument, TendonGear
 from tenodesis.run import Run
 from tenodesis.twin import TIME_STEP, Twin
 
-from .conftest import refused
+from .twin_motions import smooth
 
 Array = NDArray[np.float64]
 PERIOD = TIME_STEP
@@ -27,16 +26,7 @@ FINE: dict[str, Any] = {
 }
 
 
-def alone(inst: Instrument) -> Instrument:
-    return inst.axis("yaw") if len(inst.axes) > 1 else inst
-
-
-def smooth(inst: Instrument) -> Instrument:
-    """The first axis without friction, as its file says it is."""
-    return alone(inst).replace(friction=None, mismatch=None)
-
-
-def rubbed(inst: Instrument, scale: float = 1.0) -> Instrument:
+def with_friction(inst: Instrument, scale: float = 1.0) -> Instrument:
     """The first axis with the friction of the paper's instruments, times a scale, otherwise as its file says it is."""
     friction = {"vertex_coefficient": 0.1 * scale, "sheath_coefficient": 0.1 * scale, "sheath_bend": np.radians(10)}
     return smooth(inst).replace(**{f"friction.{key}": value for key, value in {"law": "capstan", **friction}.items()})
@@ -149,7 +139,7 @@ def rested(scaled: Instrument, real: Instrument) -> dict[str, Array]:
         for scale in SCALES:
             for handle in STATES:
                 for seed in (1, 2, 3, 4):
-                    run = loaded(rubbed(inst, scale), rubbed(inst), handle, seed)
+                    run = loaded(with_friction(inst, scale), with_friction(inst), handle, seed)
                     true = run["force"][-1]
                     found.append(
                         [
@@ -195,7 +185,7 @@ def test_the_tip_force_is_known_to_its_deviation(rested: dict[str, Array], name:
 
 
 def test_a_stiffness_given_15_percent_wrong_is_learned(scaled: Instrument) -> None:
-    nominal = rubbed(scaled)
+    nominal = with_friction(scaled)
     true = nominal.replace(**{"mismatch.stiffness_ratio": 0.85})
     for handle in STATES:
         run = loaded(true, nominal, handle, 1)
@@ -205,7 +195,7 @@ def test_a_stiffness_given_15_percent_wrong_is_learned(scaled: Instrument) -> No
 
 
 def test_what_can_hide_after_the_hand_turns_is_in_the_deviation(any_inst: Instrument) -> None:
-    inst = rubbed(any_inst, 2.0).replace(**FINE)
+    inst = with_friction(any_inst, 2.0).replace(**FINE)
     out = eased(0.4, 1.5, 2.0)
     back = out[-1] - eased(0.02, 0.2, 0.4)
     run = Twin(inst, seed=1).run(np.concatenate([out, back]), controller=Controller(inst, law="off"))
@@ -215,7 +205,7 @@ def test_what_can_hide_after_the_hand_turns_is_in_the_deviation(any_inst: Instru
 
 
 def test_a_common_stroke_shrinks_the_deviation(any_inst: Instrument) -> None:
-    inst = rubbed(any_inst)
+    inst = with_friction(any_inst)
     run = loaded(inst, inst, 25.0, 1)
     stroking = run["phase"] >= 2
     first = round(1.5 / PERIOD) + int(np.argmax(stroking[round(1.5 / PERIOD) :]))
@@ -297,7 +287,7 @@ def test_two_axes_are_two_controllers(real: Instrument) -> None:
 @pytest.mark.parametrize("handle", STATES)
 def test_single_precision_ends_where_double_does(scaled: Instrument, handle: float) -> None:
     """Each loop goes its own way within the dead band, so that only the ends are compared."""
-    inst = rubbed(scaled)
+    inst = with_friction(scaled)
     force = np.where(clock(10) > 4, 1.485, 0.0)
     ends = [
         Twin(inst, seed=3).run(
@@ -310,7 +300,7 @@ def test_single_precision_ends_where_double_does(scaled: Instrument, handle: flo
 
 
 def test_the_same_seed_gives_the_same_bits_and_reset_starts_anew(scaled: Instrument) -> None:
-    inst = rubbed(scaled)
+    inst = with_friction(scaled)
     controller = Controller(inst)
     force = np.where(clock(4) > 2, 1.0, 0.0)
     runs = []
@@ -334,7 +324,7 @@ def test_reset_brings_the_request_to_enable_back(scaled: Instrument) -> None:
 
 
 def test_with_a_clock_of_its_own_the_time_given_makes_no_difference(scaled: Instrument) -> None:
-    inst = rubbed(scaled)
+    inst = with_friction(scaled)
     run = Twin(inst, seed=3).run(eased(0.3, 1, 2), 0.5, controller=Controller(inst, law="off"))
     given, counted = Controller(inst), Controller(inst, own_clock=True)
     for k, (handle, tension, spools) in enumerate(
@@ -344,202 +334,3 @@ def test_with_a_clock_of_its_own_the_time_given_makes_no_difference(scaled: Inst
         other = counted.step(7.0, handle, tension, spools)
         np.testing.assert_allclose(one.spool_velocity, other.spool_velocity, atol=1e-9)
         assert other.faults == one.faults
-
-
-# ---- requests and states
-
-
-class Session:
-    """A straight instrument at rest, and a controller that is asked things."""
-
-    def __init__(self, inst: Instrument, **options: Any) -> None:
-        self.controller = Controller(inst, **options)
-        self.inst, self.time, self.spools = inst, 0.0, np.zeros(2)
-        self.random = np.random.default_rng(1)
-        self.handle = 0.0
-
-    def step(self, request: Request | str = "none") -> Output:
-        self.time += PERIOD
-        tensions = self.inst.pretension + self.random.normal(0, self.inst.sensors.load_cell_noise, 2)
-        return self.controller.step(self.time, self.handle, tensions, self.spools, request)
-
-    def steps(self, count: int) -> Iterator[Output]:
-        for _ in range(count):
-            yield self.step()
-
-
-@pytest.mark.parametrize("by_name", [True, False])
-def test_requests_lead_through_the_states(scaled: Instrument, by_name: bool) -> None:
-    session = Session(scaled, enabled=False)
-    assert session.step().state == OperatingState.DISABLED
-    for request, state in [
-        ("resume", OperatingState.DISABLED),
-        ("pause", OperatingState.DISABLED),
-        ("clear", OperatingState.DISABLED),
-        ("enable", OperatingState.ENABLED),
-        ("enable", OperatingState.ENABLED),
-        ("pause", OperatingState.PAUSED),
-        ("enable", OperatingState.PAUSED),
-        ("resume", OperatingState.ENABLED),
-        ("disable", OperatingState.DISABLED),
-    ]:
-        assert session.step(request if by_name else Request[request.upper()]).state == state, request
-
-
-def test_what_is_asked_comes_with_the_next_tick_and_only_once(scaled: Instrument) -> None:
-    session = Session(scaled)
-    assert session.step().state == OperatingState.ENABLED
-    session.controller.ask("disable")
-    assert session.step().state == OperatingState.DISABLED
-    assert session.step("enable").state == OperatingState.ENABLED
-    assert all(out.state == OperatingState.ENABLED for out in session.steps(5))
-
-
-def test_nothing_compensates_before_it_is_homed(scaled: Instrument) -> None:
-    session = Session(scaled, homed=False)
-    out = session.step()
-    assert out.state == OperatingState.DISABLED
-    assert not out.homed
-    out = session.step("home")
-    assert out.state == OperatingState.ENABLED
-    assert out.homing
-
-
-def test_homing_makes_slack_tendons_ready_to_compensate(scaled: Instrument) -> None:
-    inst = rubbed(scaled)
-    twin = Twin(inst, seed=2)
-    twin.loosen(3e-3)
-    controller = Controller(inst, homed=False, enabled=False)
-    controller.ask("home")
-    run = twin.run(np.zeros(round(8 / PERIOD)), controller=controller)
-    assert run["operating_state"][-1] == OperatingState.PAUSED
-    np.testing.assert_allclose(run["tension"][-1], inst.pretension, rtol=0.02)
-    controller.ask("resume")
-    force = np.where(clock(10) > 4, 1.485, 0.0)
-    run = twin.run(eased(np.radians(28.5), 1.5, 10), force, controller=controller)
-    wanted = tn.statics.output_angle(smooth(scaled), np.radians(28.5))
-    assert np.degrees(run["output_angle"][-1] - wanted) == pytest.approx(0, abs=0.4)
-
-
-def test_a_controller_that_is_not_enabled_sends_nothing(scaled: Instrument) -> None:
-    inst = rubbed(scaled)
-    requests = np.zeros(round(3 / PERIOD), int)
-    for law in ("paper", "paper-feedback", "exact", "robust"):
-        controller = Controller(inst, "friction", law, enabled=False)
-        run = Twin(inst, seed=1).run(eased(0.3, 1, 3), 1.0, controller=controller, request=requests)
-        assert (run["operating_state"] == OperatingState.DISABLED).all()
-        assert not run["commanded_spool_velocity"].any()
-
-
-@pytest.mark.parametrize("law", ["paper", "paper-feedback", "exact", "robust"])
-def test_no_change_of_state_jerks(scaled: Instrument, law: Any) -> None:
-    inst = rubbed(scaled)
-    drives = inst.drives
-    most = drives.motor_acceleration / drives.gear_ratio * PERIOD
-    requests = np.zeros(round(8 / PERIOD), int)
-    asked = {2.0: "ENABLE", 2.7: "PAUSE", 3.0: "RESUME", 4.2: "DISABLE", 4.6: "ENABLE", 5.5: "PAUSE", 5.6: "RESUME"}
-    for time, name in asked.items():
-        requests[round(time / PERIOD)] = Request[name]
-    controller = Controller(inst, "friction", law, enabled=False)
-    force = np.where(clock(8) > 0.5, 1.2, 0.0)
-    run = Twin(inst, seed=1).run(eased(0.4, 0.4, 8), force, controller=controller, request=requests)
-    sent = run["commanded_spool_velocity"]
-    assert set(np.unique(run["operating_state"])) == {0, 1, 2}
-    assert np.abs(sent).max() > 0.01
-    assert np.abs(np.diff(sent, axis=0)).max() <= most * (1 + 1e-9)
-
-
-# ---- what cannot be
-
-
-@pytest.mark.parametrize("channel", range(5))
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e300])
-def test_a_reading_that_is_no_number_is_a_fault_not_an_exception(scaled: Instrument, channel: int, bad: float) -> None:
-    session = Session(scaled)
-    for _ in session.steps(100):
-        pass
-    row = np.array([0.0, 25.0, 25.0, 0.0, 0.0])
-    row[channel] = bad
-    out = session.controller.step(session.time + PERIOD, row[0], row[1:3], row[3:])
-    assert out.state == OperatingState.FAULT
-    assert "not_a_number" in out.first_faults
-    assert np.isfinite(out.spool_velocity).all()
-    session.time += PERIOD
-    assert session.step().state == OperatingState.FAULT
-    assert session.step("clear").state == OperatingState.DISABLED
-    assert session.step("enable").state == OperatingState.ENABLED
-
-
-@pytest.mark.parametrize("leap", [-PERIOD, 0.0, 0.1, 100.0])
-def test_time_that_runs_backward_stands_still_or_leaps_is_a_late_tick(scaled: Instrument, leap: float) -> None:
-    session = Session(scaled)
-    for _ in session.steps(100):
-        pass
-    session.time += leap - PERIOD
-    out = session.step()
-    assert out.state == OperatingState.FAULT
-    assert out.first_faults == ("tick_late",)
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "wrong"),
-    [
-        ("time", -1.0, -1.0),
-        ("time", np.nan, np.nan),
-        ("handle_angle", [0.1, 0.2], (2,)),
-        ("tensions", 25.0, ()),
-        ("tensions", [[25.0, 25.0]], (1, 2)),
-        ("spool_angles", [0.0, 0.0, 0.0], (3,)),
-        ("request", "start", "start"),
-        ("request", 9, 9),
-    ],
-)
-def test_a_bad_argument_is_named(scaled: Instrument, key: str, value: Any, wrong: Any) -> None:
-    given = {"time": 0.0, "handle_angle": 0.0, "tensions": (25.0, 25.0), "spool_angles": (0.0, 0.0)} | {key: value}
-    with refused(key, wrong):
-        Controller(scaled).step(**given)
-
-
-def test_a_refused_tick_does_not_swallow_what_was_asked(scaled: Instrument) -> None:
-    controller = Controller(scaled)
-    with refused("tensions"):
-        controller.step(0, 0.0, (1, 2, 3), (0, 0))
-    assert controller.step(0, 0.0, (25, 25), (0, 0)).state == OperatingState.ENABLED
-
-
-def test_two_axes_want_their_shapes(real: Instrument) -> None:
-    controller = Controller(real)
-    with pytest.raises(ValueError, match=r"^handle_angle has shape \(\); it must be \(2,\)\.$"):
-        controller.step(0, 0.0, np.full((2, 2), 30), np.zeros((2, 2)))
-    out = controller.step(0, [0.0, 0.0], np.full((2, 2), 30), np.zeros((2, 2)))
-    assert out.spool_velocity.shape == (2, 2)
-    assert out.output_angle.shape == (2,)
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("observer", "kalman"),
-        ("observer", "exact"),
-        ("law", "pid"),
-        ("actuation", "both"),
-        ("precision", "half"),
-        ("period", 0.0),
-        ("period", np.nan),
-    ],
-)
-def test_an_unknown_choice_is_named(scaled: Instrument, key: str, value: Any) -> None:
-    with refused(key, value):
-        Controller(scaled, **{key: value})
-
-
-def test_choices_are_listed_in_a_sentence(scaled: Instrument) -> None:
-    with pytest.raises(ValueError, match=r"^law is 'pid'; it must be one of off, paper, paper-feedback, exact, robus"):
-        Controller(scaled, law="pid")  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match=r'law is "robust" and observer "exact"; it must be "friction" with that law.'):
-        Controller(scaled, observer="exact")
-
-
-def test_a_limit_below_the_pretension_is_named(scaled: Instrument) -> None:
-    with pytest.raises(ValueError, match="its pretension must be below the tension_limit of 20 N"):
-        Controller(scaled.replace(**{"control.tension_limit": 20.0}))
