@@ -195,8 +195,8 @@ def _extrapolated(one: MeasuredRun, trained: Sequence[MeasuredRun]) -> tuple[str
     bend, bends = (float(np.degrees(one[_BEND][0])), [float(np.degrees(other[_BEND][0])) for other in trained])
     if min(bends) <= bend <= max(bends):
         return ()
-    told = f"{min(bends):.4g}" if min(bends) == max(bends) else f"{min(bends):.4g} to {max(bends):.4g}"
-    return (f"held out at a sheath bend of {bend:.4g} deg, fitted at {told} deg: extrapolation",)
+    fitted = f"{min(bends):.4g}" if min(bends) == max(bends) else f"{min(bends):.4g} to {max(bends):.4g}"
+    return (f"held out at a sheath bend of {bend:.4g} deg, fitted at {fitted} deg: extrapolation",)
 
 
 def _print_fit(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, ...]]) -> None:

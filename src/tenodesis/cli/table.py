@@ -121,8 +121,8 @@ def print_overview(usage: str, text: str, commands: Iterable[tuple[str, Command 
         table = Table(box=None, show_header=False, expand=True, pad_edge=False, highlight=False)
         table.add_column(style="bold cyan", no_wrap=True)
         table.add_column(ratio=10)
-        for name, told in rows:
-            table.add_row(name, Text(told))
+        for name, description in rows:
+            table.add_row(name, Text(description))
         return Panel(table, title=title, title_align="left", border_style="dim")
 
     console = Console(highlight=False)
