@@ -10,11 +10,11 @@ import os
 os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from timeit import timeit
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -112,13 +112,6 @@ def searched(one: TwinProblem, *, exact: bool) -> Array:
     return np.asarray(found.x)
 
 
-def timed(work: Callable[[], object]) -> float:
-    """Return how long something takes, s."""
-    begun = time.perf_counter()
-    work()
-    return time.perf_counter() - begun
-
-
 def coverage(
     title: str, nominal: Instrument, run: Callable[[int], InstrumentRun], names: Sequence[str] | None, seeds: int
 ) -> None:
@@ -155,11 +148,13 @@ def speed(nominal: Instrument, true: Instrument) -> None:
     apart = 0.0
     for seed in range(ROUNDS):
         run = recorded(true, LONG_SECONDS, seed)
-        complete.append(timed(partial(lambda run: fit(posed(run, nominal), list(TRUTH), train=[0], starts=1), run)))
+        complete.append(
+            timeit(lambda: fit(posed(run, nominal), list(TRUTH), train=[0], starts=1), number=1)  # noqa: B023
+        )
         found = []
         for exact, spent in times.items():
             one = posed(run, nominal)
-            spent.append(timed(lambda: found.append(searched(one, exact=exact))))  # noqa: B023
+            spent.append(timeit(lambda: found.append(searched(one, exact=exact)), number=1))  # noqa: B023
         apart = max(apart, float(np.abs(found[0] - found[1]).max()))
     ratios = np.array(times[False]) / times[True]
     print(f"{LONG_SECONDS:g} s at {1 / STEP:g} Hz, {len(TRUTH)} parameters, one core, one start, {ROUNDS} recordings")

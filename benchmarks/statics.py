@@ -3,8 +3,8 @@
 Peers: SciPy's vectorised elementwise.find_root, given its brackets for free, and a Newton iteration written in NumPy.
 """
 
-import time
 from collections.abc import Callable
+from timeit import timeit
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,15 +42,9 @@ def numpy_newton(inst: TendonGear, handle: Array, force: Array) -> Array:
         return 2 * np.arcsin(x)
 
 
-def seconds(call: Callable[[], object]) -> float:
-    start = time.perf_counter()
-    call()
-    return time.perf_counter() - start
-
-
 def compare(peer: str, theirs: Callable[[], object], ours: Callable[[], object], rounds: int = ROUNDS) -> list[float]:
     """Run both in turns, so that they meet the same noise, print the peer's time over ours, and return ours."""
-    times = [(seconds(theirs), seconds(ours)) for _ in range(rounds)]
+    times = [(timeit(theirs, number=1), timeit(ours, number=1)) for _ in range(rounds)]
     peers, own = zip(*times, strict=True)
     mean, worst = np.mean(peers) / np.mean(own), min(peer / one for peer, one in times)
     verdict = "reached" if mean >= TARGETS[peer] else "MISSED"

@@ -9,8 +9,9 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from timeit import timeit
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,10 +35,10 @@ SIGNALS = ("output_angle", "tension.agonist", "tension.antagonist")
 EVERY = 20
 
 
-def seconds(call: Callable[[], object]) -> float:
-    start = time.perf_counter()
-    call()
-    return time.perf_counter() - start
+def tip(inst: Instrument) -> dict[str, float]:
+    """Return inertia (kg m^2) and damping (N m s/rad) of the tip, as MuJoCo is given them."""
+    assert inst.dynamics.tip_inertia is not None and inst.dynamics.tip_damping is not None
+    return {"inertia": inst.dynamics.tip_inertia, "damping": inst.dynamics.tip_damping}
 
 
 def motions(inst: Instrument) -> dict[str, tuple[Array, Array]]:
@@ -61,18 +62,15 @@ def single(inst: Instrument) -> None:
     """
     tn.set_threads(1)
     smooth = inst.replace(friction=None, mismatch=None)
-    inertia, damping = inst.dynamics.tip_inertia, inst.dynamics.tip_damping
-    assert inertia is not None and damping is not None
     print(f"{inst.name}, one axis, {inst.friction.law} friction, one core, steps of {1e3 * TIME_STEP:g} ms:")
     for name, (handle, force) in motions(inst).items():
         twin = Twin(inst)
         twin.run(handle[:20000], force[:20000])
         theirs, ours, alone = [], [], []
         for _ in range(ROUNDS):
-            peer = mujoco_dynamics.steps_per_second(smooth, inertia=inertia, damping=damping, seconds=0.2)
-            theirs.append(peer)
-            ours.append(STEPS / seconds(lambda h=handle, f=force, one=twin: one.run(h, f)))  # type: ignore[misc]
-            alone.append(STEPS / seconds(lambda h=handle, f=force: run_many(inst, h, f, every=STEPS)))  # type: ignore[misc]
+            theirs.append(mujoco_dynamics.steps_per_second(smooth, **tip(inst), seconds=0.2))
+            ours.append(STEPS / timeit(partial(twin.run, handle, force), number=1))
+            alone.append(STEPS / timeit(partial(run_many, inst, handle, force, every=STEPS), number=1))
         ratios = np.array(alone) / theirs
         mean = np.mean(alone) / np.mean(theirs)
         fast = "reached" if np.mean(ours) >= TARGET_STEPS else "MISSED"
@@ -105,8 +103,6 @@ def accuracy(inst: Instrument) -> None:
     t = np.arange(4000) * TIME_STEP
     handle = float(tn.statics.handle_angle(inst, np.radians(67))) * np.sin(np.pi * t) ** 3
     smooth = inst.replace(friction=None, mismatch=None)
-    inertia, damping = inst.dynamics.tip_inertia, inst.dynamics.tip_damping
-    assert inertia is not None and damping is not None
     for name, load in {
         "step load": np.where(t > 0.3, force, 0.0),
         "loaded cycle": 0.5 * force * (1 - np.cos(2 * np.pi * t)),
@@ -120,7 +116,7 @@ def accuracy(inst: Instrument) -> None:
             error = np.degrees(np.abs(tips[0] - tips[1][63::64]).max())
             told = f"  {inst.name}, {name}, {kind}: {error:.1e} deg by the step"
             if one is smooth:
-                peer = mujoco_dynamics.simulate(smooth, angle, load, TIME_STEP, inertia=inertia, damping=damping)
+                peer = mujoco_dynamics.simulate(smooth, angle, load, TIME_STEP, **tip(inst))
                 told += f", {np.degrees(np.abs(tips[0] - peer.output_angle).max()):.1e} deg from MuJoCo"
             print(told)
 
@@ -128,18 +124,12 @@ def accuracy(inst: Instrument) -> None:
 def equal_accuracy(inst: Instrument) -> None:
     """Time to follow a step load: MuJoCo's Runge-Kutta at our step, more exact than it need be, against ours."""
     smooth = inst.replace(friction=None, mismatch=None)
-    inertia, damping = inst.dynamics.tip_inertia, inst.dynamics.tip_damping
-    assert inertia is not None and damping is not None
     force = np.where(np.arange(20000) > 200, 0.2 * float(tn.statics.slack_force(inst, 0.0)), 0.0)
     handle = np.zeros(force.size)
-    ratios = []
-    for _ in range(ROUNDS):
-        theirs = seconds(
-            lambda: mujoco_dynamics.simulate(
-                smooth, handle, force, TIME_STEP, inertia=inertia, damping=damping, substeps=1
-            )
-        )
-        ratios.append(theirs / seconds(lambda: Twin(smooth).run(handle, force)))
+    theirs = partial(mujoco_dynamics.simulate, smooth, handle, force, TIME_STEP, **tip(inst), substeps=1)
+    ratios = [
+        timeit(theirs, number=1) / timeit(lambda: Twin(smooth).run(handle, force), number=1) for _ in range(ROUNDS)
+    ]
     print(
         f"  {inst.name}: MuJoCo's RK4 at the same step, stepped from Python, over ours: mean {np.mean(ratios):.0f}x   "
         f"worst {min(ratios):.0f}x"

@@ -1,7 +1,7 @@
 /* The controller of scaled-up for tenodesis_init: yaw.
  *
  * Written by tenodesis 0.1.0 from scaled-up,
- * for version 1 of the C interface:
+ * for version 2 of the C interface:
  * observer friction, law robust, actuation differential, homed, its own clock.
  */
 #ifndef TENODESIS_PARAMETERS_SCALED_UP_H
@@ -9,7 +9,7 @@
 
 #include "tenodesis/tenodesis.h"
 
-#if TENODESIS_VERSION != 1u
+#if TENODESIS_VERSION != 2u
 #error "written for another version of the C interface: export the instrument again"
 #endif
 
@@ -43,6 +43,7 @@ static const tenodesis_parameters scaled_up = {
                 .backbone_length = TENODESIS_C(0.0), /* m: length of a continuum joint's backbone */
                 .backbone_rigidity = TENODESIS_C(0.0), /* N m^2: flexural rigidity of the backbone */
                 .handle_range = TENODESIS_C(0.7853981633974483), /* rad: largest absolute handle angle */
+                .output_stop = TENODESIS_C(1.861684535460618), /* rad: output angle at the tip's mechanical stop */
                 .stiffness = TENODESIS_C(11451.105222334798), /* N/m: axial stiffness of one tendon */
                 .pretension = TENODESIS_C(25.0), /* N: tension of either tendon at rest */
                 .share_sheath = TENODESIS_C(0.08), /* 1: share of a tendon's compliance from the spool to the sheath's friction */
@@ -69,6 +70,7 @@ static const tenodesis_parameters scaled_up = {
                 .slack_tension = TENODESIS_C(0.25), /* N: tension below which a tendon counts as slack */
                 .gain = TENODESIS_C(12.0), /* 1/s: gain of the tip's lag */
                 .breakaway_time = TENODESIS_C(0.025), /* s: time in which friction is overcome after the hand reverses */
+                .breakaway_speed = TENODESIS_C(0.5942902239743979), /* rad/s: largest speed of the tip that breaks away */
                 .position_gain = TENODESIS_C(4.0), /* 1/s: gain of a spool's set point */
                 .dead_band = TENODESIS_C(0.0017453292519943296), /* rad: dead band of the output angle */
                 .tendon_speed = TENODESIS_C(0.05), /* m/s: largest speed of a tendon */
@@ -82,14 +84,29 @@ static const tenodesis_parameters scaled_up = {
                 .tension_limit = TENODESIS_C(80.0), /* N: tension above which no tendon is wound */
                 .hand_travel = TENODESIS_C(0.005368932757599744), /* rad: handle travel above which the hand counts as moving */
                 .still_time = TENODESIS_C(0.1), /* s: time without motion after which it counts as still */
+                .envelope_margin = TENODESIS_C(0.017453292519943295), /* rad: output angle by which a stroke may exceed what a load explains */
+                .envelope_friction = TENODESIS_C(2.0), /* 1: largest plausible friction over the observer's */
+                .envelope_compliance = TENODESIS_C(1.3), /* 1: largest plausible compliance over the observer's */
+                .envelope_smoothing = TENODESIS_C(0.1), /* s: time constant of the bounds of a stroke */
+                .least_swing = TENODESIS_C(3.0), /* 1: lag by which its reversal stands out, in dead bands */
+                .stroke_swing = TENODESIS_C(10.0), /* 1: the same during a common stroke */
+                .swing_time = TENODESIS_C(0.07196531932165241), /* s: least time between two reversals: the tip itself oscillates faster */
+                .swing_memory = TENODESIS_C(2.0), /* s: time constant with which reversals are forgotten */
+                .swing_hand_travel = TENODESIS_C(0.03490658503988659), /* rad: handle travel between reversals above which the hand made them */
+                .return_rate = TENODESIS_C(4.0), /* 1/s: rate of return to the least necessary stroke, without authority */
                 .homing_speed = TENODESIS_C(0.005), /* m/s: speed of a slack tendon */
                 .homing_gain = TENODESIS_C(8.0), /* 1/s: gain of a tight tendon's missing stretch */
                 .homing_stroke = TENODESIS_C(0.03), /* m: largest stroke before a tendon must be tight */
                 .homing_overshoot = TENODESIS_C(0.15), /* 1: overshoot before the last approach, share of the pretension */
                 .homing_tolerance = TENODESIS_C(0.004), /* 1: tolerance of the pretension, share of it */
-                .homing_settle_time = TENODESIS_C(0.1), /* s: time for which both tensions must be within it */
+                .homing_settle_time = TENODESIS_C(0.1), /* s: time for which the mean tension must be within it */
                 .homing_time = TENODESIS_C(16.0), /* s: longest time of each stage */
                 .homing_least_stretch = TENODESIS_C(0.4), /* 1: share of an elastic tendon's stretch below which it is jammed */
+                .homing_jog = TENODESIS_C(0.00010471975511965977), /* m: stroke of one motor to and fro, by which the wiring is proven */
+                .homing_travel = TENODESIS_C(0.00020943951023931953), /* m: stroke by which one tendon alone may pull the tip */
+                .homing_offset = TENODESIS_C(1.4989461684154464), /* N: largest error of a cell, and difference of the tensions of a free tip */
+                .homing_notice = TENODESIS_C(0.15), /* N: change of a tension that stands out from noise */
+                .homing_gain_error = TENODESIS_C(0.12), /* 1: largest difference of the load cells' gains, share */
                 .mean_band = TENODESIS_C(0.3), /* 1: share by which friction may change the mean tension */
                 .load_cell_range = TENODESIS_C(199.993896484375), /* N: largest reading of a load cell */
                 .handle_noise = TENODESIS_C(0.009203884727313847), /* rad: largest difference of two readings of a handle at rest */
@@ -111,6 +128,7 @@ static const tenodesis_parameters scaled_up = {
                         {TENODESIS_C(0.025), TENODESIS_C(0.0)}, /* tick_late: s, s */
                         {TENODESIS_C(0.0), TENODESIS_C(0.0)}, /* not_a_number: 1, s */
                         {TENODESIS_C(0.0), TENODESIS_C(0.0)}, /* homing_failed: 1, s */
+                        {TENODESIS_C(0.017453292519943295), TENODESIS_C(1.0)}, /* stroke_unexplained: rad, s */
                     },
             },
         },

@@ -186,7 +186,8 @@ class Endpoint {
                         from.friction_scale,
                         from.friction_scale_std,
                         from.faults,
-                        tenodesis_phase(&controller_, n)};
+                        static_cast<std::uint16_t>(tenodesis_phase(&controller_, n)),
+                        static_cast<std::uint16_t>(from.homing_failure)};
     }
     return output;
   }

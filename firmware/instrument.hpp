@@ -41,7 +41,7 @@ class Direct {
              estimate.friction_scale,
              estimate.friction_scale_std,
              axis.faults,
-             0},
+             axis.homing_failure.word()},
             static_cast<std::uint32_t>(got.state),
             got.homed,
             got.homing,

@@ -10,7 +10,7 @@
 // stops, every contact is on the same edge of its friction band: whichever way a load pushes the tip next, one of the
 // tendons slips at once and shows it. While the hand moves, it makes the tendons slip, and no common stroke is needed.
 
-#include "tenodesis/observer.hpp"
+#include "tenodesis/envelope.hpp"
 
 namespace tenodesis {
 
@@ -24,24 +24,31 @@ enum class ControlLaw : unsigned char {
 
 template <class S>
 struct CompensatorSettings {
-  S gain{};            ///< of the tip's lag, 1/s
-  S breakaway_time{};  ///< time in which friction is overcome after the hand reverses, s
-  S position_gain{};   ///< of a spool's set point, 1/s
-  S dead_band{};       ///< of the output angle, rad
-  S speed{};           ///< largest speed of a tendon, m/s
-  S common_speed{};    ///< least speed of a common stroke, m/s
-  S common_stroke{};   ///< largest common stroke to either side of the one that keeps the tendons tight, m
-  S stroke_share{};    ///< growth of it per stroke that keeps them tight
-  S far{};             ///< lag that is corrected first without a common stroke, in dead bands
-  S patience{};        ///< time for which that is tried, s
-  S settle_time{};     ///< time for which the tip must stay within the dead band before the motors rest, s
-  S least_tension{};   ///< tension that either tendon is to keep in the stem, N
-  S tension_limit{};   ///< tension above which no tendon is wound, N
-  S hand_travel{};     ///< handle travel above which the hand counts as moving, rad
-  S still_time{};      ///< time without motion after which it counts as still, s
+  S gain{};             ///< of the tip's lag, 1/s
+  S breakaway_time{};   ///< time in which friction is overcome after the hand reverses, s
+  S breakaway_speed{};  ///< largest speed of the tip that breaks away, rad/s
+  S position_gain{};    ///< of a spool's set point, 1/s
+  S dead_band{};        ///< of the output angle, rad
+  S speed{};            ///< largest speed of a tendon, m/s
+  S common_speed{};     ///< least speed of a common stroke, m/s
+  S common_stroke{};    ///< largest common stroke to either side of the one that keeps the tendons tight, m
+  S stroke_share{};     ///< growth of it per stroke that keeps them tight
+  S far{};              ///< lag that is corrected first without a common stroke, in dead bands
+  S patience{};         ///< time for which that is tried, s
+  S settle_time{};      ///< time for which the tip must stay within the dead band before the motors rest, s
+  S least_tension{};    ///< tension that either tendon is to keep in the stem, N
+  S tension_limit{};    ///< tension above which no tendon is wound, N
+  S hand_travel{};      ///< handle travel above which the hand counts as moving, rad
+  S still_time{};       ///< time without motion after which it counts as still, s
 };
 
-enum class Phase : unsigned char { rest, track, pull, release };
+enum class Phase : unsigned char {
+  rest,
+  track,
+  pull,
+  release,
+  restrained,  ///< as shown: tracking, with less than the law wants (envelope.hpp)
+};
 
 template <class S>
 struct CompensatorState {
@@ -56,7 +63,10 @@ struct CompensatorState {
   Phase stroke{Phase::pull};  ///< the last stroke
   int turns{};                ///< reversals of strokes since the motors last rested
   S tolerance{1};             ///< factor by which the dead band has grown over strokes that did not end in it
-  S short_of{};               ///< by how much the last stroke ended early because a tendon got loose, m
+  EnvelopeState<S> envelope{};
+  S short_of{};  ///< by how much the last stroke ended early because a tendon got loose, m
+
+  constexpr Phase shown() const { return phase == Phase::track && envelope.restrained() ? Phase::restrained : phase; }
 };
 
 template <class A>
@@ -66,6 +76,7 @@ struct Compensator {
 
   ControlModel<A> model{};
   CompensatorSettings<S> settings{};
+  Envelope<A> envelope{};
   ControlLaw law{ControlLaw::off};
   Actuation actuation{Actuation::differential};
 
@@ -81,17 +92,17 @@ struct Compensator {
       case ControlLaw::paper_feedback:
         return guarded(measured, by_pseudo_error(measured));
       case ControlLaw::robust:
-        return guarded(measured,
-                       kept_tight(memory, actuation == Actuation::agonist ? one_motor(observer, memory, state)
-                                                                          : two_motors(observer, memory, dt, state)));
+        return guarded(measured, kept_tight(memory, within_envelope(observer, memory, dt, state)));
     }
     return {};
   }
 
  private:
-  S dead_length(const S& output_angle) const {
-    return settings.dead_band * model.axis.distal.moment_arm(model.axis.distal.coordinate(output_angle));
+  // Tendon length of a small output angle about another.
+  S length_of(const S& angle, const S& output_angle) const {
+    return angle * model.axis.distal.moment_arm(model.axis.distal.coordinate(output_angle));
   }
+  S dead_length(const S& output_angle) const { return length_of(settings.dead_band, output_angle); }
 
   S wound(const Measurement<S>& measured, int i) const { return model.spool_radius * measured.spool_angle[i]; }
 
@@ -108,13 +119,37 @@ struct Compensator {
     return {guard(measured.tension[agonist], wanted.agonist), guard(measured.tension[antagonist], wanted.antagonist)};
   }
 
+  Winding<S> within_envelope(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
+                             State& state) const {
+    const bool strokes = state.phase == Phase::pull || state.phase == Phase::release;
+    envelope.update(
+        observer.certain_lag(memory),
+        (strokes ? envelope.settings.stroke_swing : envelope.settings.least_swing) * dead_length(memory.output_angle),
+        observer, memory, dt, state.envelope);
+    const S stroke = across(memory);
+    if (actuation == Actuation::agonist) {
+      const Winding<S> wanted = one_motor(observer, memory, state);
+      return {S(2) * limited(envelope.within(wanted.agonist * S(0.5), stroke, state.envelope)), S(0)};
+    }
+    const Winding<S> wanted = two_motors(observer, memory, dt, state);
+    const S along = (wanted.agonist + wanted.antagonist) * S(0.5);
+    const S allowed = limited(envelope.within((wanted.agonist - wanted.antagonist) * S(0.5), stroke, state.envelope));
+    return {along + allowed, along - allowed};
+  }
+
+  // The differential stroke, m.
+  S across(const FrictionMemory<S>& memory) const {
+    return (wound(memory.smooth, agonist) - wound(memory.smooth, antagonist)) * S(0.5);
+  }
+
   // A slack tendon neither moves the tip nor shows where it is: near the least tension it is let out more slowly, then
-  // not at all.
+  // not at all, and where it hangs it is wound.
   Winding<S> kept_tight(const FrictionMemory<S>& memory, const Winding<S>& wanted) const {
     const auto keep = [&](int i, const S& speed) {
       const S left = memory.tendon[i].tension[0] - settings.least_tension * S(0.5);
       const S room = clamp(left / (settings.least_tension * S(0.5)), S(0), S(1));
-      return speed < S(0) ? speed * room : speed;
+      if (room > S(0) || speed > S(0)) return speed < S(0) ? speed * room : speed;
+      return settings.common_speed * S(0.25) * clamp(S(-4) * left / settings.least_tension - S(1), S(0), S(1));
     };
     return {keep(agonist, wanted.agonist), keep(antagonist, wanted.antagonist)};
   }
@@ -159,21 +194,27 @@ struct Compensator {
     const S wanted = wanted_common(memory);
     choose(lag, dead, moving, common - wanted, observer, memory, dt, state);
     if (state.phase == Phase::rest) return {};
-    S across = settings.gain * lag;
+    const S authority = state.envelope.authority;
+    S differential = settings.gain * authority * (state.phase == Phase::track ? observer.certain_lag(memory) : lag);
+    if (state.phase == Phase::track && authority < S(1))
+      differential = differential + (S(1) - authority) * envelope.returning(across(memory), observer, memory);
     if (moving && lag * state.hand > dead) {
-      // The hand has reversed and friction holds the tip: the friction is overcome before the tip lags behind.
-      across = across + state.hand * observer.breakaway(memory, state.hand) / settings.breakaway_time;
+      // The hand has reversed and friction holds the tip: the friction is overcome before the tip lags behind, but not
+      // so fast that the tip leaps.
+      const S speed = observer.breakaway(memory, state.hand) / settings.breakaway_time;
+      differential = differential +
+                     state.hand * authority * smaller(speed, length_of(settings.breakaway_speed, memory.output_angle));
     }
     if (state.phase == Phase::track) {
       // A moving hand may need more tension to keep the looser tendon tight, and must not wait for it until it rests.
       const S tightening = wanted > S(0) ? clamp(settings.gain * (wanted - common), S(0), settings.common_speed) : S(0);
-      return {tightening + limited(across), tightening - limited(across)};
+      return {tightening + limited(differential), tightening - limited(differential)};
     }
-    across = clamp(across, -most_share * settings.speed, most_share * settings.speed);
+    differential = clamp(differential, -most_share * settings.speed, most_share * settings.speed);
     // On target a stroke continues slowly until the tip has come to rest there.
     const S least = state.near > S(0) ? settings.common_speed * S(0.25) : settings.common_speed;
-    const S along = larger(least, abs(across) / most_share) * (state.phase == Phase::pull ? S(1) : S(-1));
-    return {along + across, along - across};
+    const S along = larger(least, abs(differential) / most_share) * (state.phase == Phase::pull ? S(1) : S(-1));
+    return {along + differential, along - differential};
   }
 
   static constexpr int most_turns = 8;
@@ -216,16 +257,19 @@ struct Compensator {
     state.near = abs(lag) < dead ? state.near + dt : S(0);
     const bool near = state.near > settings.settle_time;
     const bool far = abs(lag) > settings.far * dead;
+    const bool steady = Envelope<A>::steady(state.envelope);
     state.since = smaller(state.since + dt, S(10));
     if (moving || (far && state.phase == Phase::rest)) return turn(Phase::track, state);
     switch (state.phase) {
       case Phase::track:
         if (near && unseen < S(4) * dead) return turn(Phase::rest, state);
         if (loose && tight) return;
-        if (!far || state.since > settings.patience) turn(above > S(0) && !loose ? Phase::release : Phase::pull, state);
+        if (steady && (!far || state.since > settings.patience))
+          turn(above > S(0) && !loose ? Phase::release : Phase::pull, state);
         return;
       case Phase::rest:
-        if (abs(lag) > S(2) * dead || unseen > S(4) * dead) turn(next_stroke(above, stroke, loose, state), state);
+        if (steady && (abs(lag) > S(2) * dead || unseen > S(4) * dead))
+          turn(next_stroke(above, stroke, loose, state), state);
         return;
       case Phase::pull:
         if (observer.slip_together(memory, S(1)) && near) return turn(Phase::rest, state);
@@ -236,6 +280,8 @@ struct Compensator {
       case Phase::release:
         if (observer.slip_together(memory, S(-1)) && near) return turn(Phase::rest, state);
         if (above < -stroke || loose) turn_back(Phase::pull, larger(above + stroke, S(0)), state);
+        return;
+      case Phase::restrained:
         return;
     }
   }

@@ -29,7 +29,8 @@ template <class S>
 struct AxisOutput {
   S spool_velocity[2]{};  ///< to send to the drives, rad/s
   Estimate<S> estimate{};
-  std::uint32_t faults{};  ///< present in this axis
+  std::uint32_t faults{};          ///< present in this axis
+  HomingFailure homing_failure{};  ///< of the last homing
 };
 
 /// Output of one tick.
@@ -39,6 +40,7 @@ struct ControlOutput {
   OperatingState state{OperatingState::disabled};
   bool homed{};
   bool homing{};
+  bool cut_power{};              ///< a motor does not obey: a relay in the motors' supply must open
   std::uint32_t faults{};        ///< latched ones in the fault state, otherwise those present
   std::uint32_t first_faults{};  ///< those that led to the fault state
 };
@@ -51,8 +53,10 @@ struct AxisMemory {
   HomingState<S> homing{};
   WatchState<S> watch{};
   CommandState<S> command{};
-  S zero[2]{};             ///< spool angles at home, rad
-  std::uint32_t failed{};  ///< faults to report with the next tick
+  HomingFailure homing_failure{};  ///< of the last homing
+  S zero[2]{};                     ///< spool angles at home, rad
+  S unexplained{};                 ///< time for which the stroke has been beyond the envelope, s
+  std::uint32_t failed{};          ///< faults to report with the next tick
 };
 
 template <class S, int axes>
@@ -110,12 +114,21 @@ struct AxisController {
   }
 
   /// Spool velocities that compensate or home, rad/s.
-  void want(const Measurement<S>& raw, const Measurement<S>& measured, bool home, const S& dt, Memory& memory,
-            S (&wanted)[2]) const {
-    const Winding<S> winding = home ? homing.wind(raw, dt, memory.homing)
+  void want(const Measurement<S>& measured, bool home, const S& dt, Memory& memory, S (&wanted)[2]) const {
+    const Winding<S> winding = home ? homing.wind(measured, memory.command.sent, dt, memory.homing)
                                     : compensator.wind(measured, friction, memory.friction, dt, memory.compensator);
     wanted[agonist] = winding.agonist / model().spool_radius;
     wanted[antagonist] = winding.antagonist / model().spool_radius;
+    judge_stroke(dt, memory);
+  }
+
+  /// Whether the motors have been beyond the envelope for long: then a sensor, a rope or a motor is not what it seems.
+  void judge_stroke(const S& dt, Memory& memory) const {
+    const Limit<S>& limit = watch.of(Fault::stroke_unexplained);
+    const S excess = memory.compensator.envelope.excess;
+    const bool beyond = excess > S(0) && limit.on() && excess > limit.threshold * model().axis.distal.moment_arm(S(0));
+    memory.unexplained = beyond ? smaller(memory.unexplained + dt, limit.persistence) : S(0);
+    if (beyond && memory.unexplained >= limit.persistence) memory.failed |= bit(Fault::stroke_unexplained);
   }
 };
 
@@ -164,7 +177,9 @@ struct Controller {
     for (int n = 0; n < count(); ++n) {
       AxisMemory<S>& memory = state.axis[n];
       measured[n] = axis[n].from_zero(input.axis[n], memory);
-      output.axis[n].faults = axis[n].watch.check(measured[n], memory.command.sent, dt, memory.watch) | memory.failed;
+      std::uint32_t found = axis[n].watch.check(measured[n], memory.command.sent, dt, memory.watch);
+      if (state.supervisor.homing) found = axis[n].homing.explain(found, memory.homing);
+      output.axis[n].faults = found | memory.failed;
       memory.failed = 0;
       faults |= output.axis[n].faults;
     }
@@ -177,13 +192,14 @@ struct Controller {
       const bool readable = is_readable(measured[n]);
       // An implausible reading is not used while the watch waits whether it lasts.
       if (readable) measured[n] = state.axis[n].watch.trusted;
-      run(n, input.axis[n], measured[n], readable, dt, state, output.axis[n]);
+      run(n, measured[n], readable, dt, state, output.axis[n]);
     }
-    if (state.supervisor.homing) finish_homing(input, state);
+    if (state.supervisor.homing) finish_homing(state);
 
     output.state = state.supervisor.operating;
     output.homed = state.homed;
     output.homing = state.supervisor.homing;
+    output.cut_power = state.supervisor.cut_power;
     output.faults = output.state == OperatingState::fault ? state.supervisor.faults : state.supervisor.present;
     output.first_faults = state.supervisor.first;
     return output.state;
@@ -220,7 +236,10 @@ struct Controller {
     const bool homing = state.supervisor.homing;
     if (homing && (!was_homing || input.request == Request::home)) {
       forget_home(state);
-      for (int n = 0; n < count(); ++n) state.axis[n].homing = axis[n].homing.begin(input.axis[n]);
+      for (int n = 0; n < count(); ++n) {
+        state.axis[n].homing = axis[n].homing.begin(state.axis[n].watch.trusted);
+        state.axis[n].homing_failure = {};
+      }
     }
     if (state.supervisor.operating == before && homing == was_homing) return;
     for (int n = 0; n < count(); ++n) {
@@ -235,7 +254,7 @@ struct Controller {
                       measured.spool_angle[1]);
   }
 
-  void run(int n, const Measurement<S>& raw, const Measurement<S>& measured, bool readable, const S& dt, State& state,
+  void run(int n, const Measurement<S>& measured, bool readable, const S& dt, State& state,
            AxisOutput<S>& output) const {
     AxisMemory<S>& memory = state.axis[n];
     const AxisController<A>& own = axis[n];
@@ -244,7 +263,7 @@ struct Controller {
     if (readable) {
       if (needs_friction(own)) own.friction.update(measured, step, memory.friction);
       if (state.supervisor.operating == OperatingState::enabled)
-        own.want(raw, measured, state.supervisor.homing, step, memory, wanted);
+        own.want(measured, state.supervisor.homing, step, memory, wanted);
     }
     // An unreadable tick is estimated from the last plausible readings.
     output.estimate = own.estimate(readable ? measured : memory.watch.trusted, memory);
@@ -252,21 +271,24 @@ struct Controller {
     for (int i = 0; i < 2; ++i) output.spool_velocity[i] = memory.command.sent[i];
     if (memory.homing.failed()) {
       memory.failed = bit(Fault::homing_failed);
-      if (memory.homing.stage == HomingStage::broken) memory.failed |= bit(Fault::tendon_break);
+      memory.homing_failure = memory.homing.failure;
+      if (memory.homing_failure.reason == HomingReason::tendon_broken) memory.failed |= bit(Fault::tendon_break);
       memory.homing = {};
     }
+    output.homing_failure = memory.homing_failure;
   }
 
   static bool needs_friction(const AxisController<A>& own) {
     return own.observer == ObserverKind::friction || own.compensator.law == ControlLaw::robust;
   }
 
-  void finish_homing(const Input& input, State& state) const {
+  void finish_homing(State& state) const {
     for (int n = 0; n < count(); ++n)
       if (state.axis[n].homing.stage != HomingStage::done) return;
     for (int n = 0; n < count(); ++n) {
       AxisMemory<S>& memory = state.axis[n];
-      for (int i = 0; i < 2; ++i) memory.zero[i] = axis[n].homing.zero(i, input.axis[n]);
+      // Trusted angles count from the zeros before.
+      for (int i = 0; i < 2; ++i) memory.zero[i] = memory.zero[i] + axis[n].homing.zero(i, memory.watch.trusted);
       Watch<S>::restart(memory.watch);
       memory.watch.homed = true;
       memory.friction.started = false;

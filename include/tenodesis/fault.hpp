@@ -38,16 +38,16 @@ constexpr Distrust distrusted(std::uint32_t faults) {
   const auto any = [faults](auto... fault) { return (faults & (bit(fault) | ...)) != 0; };
   // A dead load cell looks like a broken tendon, a slipped spool like a drifting cell.
   return {any(Fault::tendon_break, Fault::load_cell_stuck, Fault::load_cell_range, Fault::load_cell_drift,
-              Fault::not_a_number),
+              Fault::stroke_unexplained, Fault::not_a_number),
           any(Fault::encoder_dropout, Fault::encoder_jump, Fault::not_a_number),
           any(Fault::encoder_jump, Fault::load_cell_drift, Fault::spool_slip, Fault::motor_not_following,
-              Fault::not_a_number)};
+              Fault::stroke_unexplained, Fault::not_a_number)};
 }
 
 /// Whether what the spools have wound is in doubt, so that the instrument must be homed before the faults can clear.
 constexpr bool needs_homing(std::uint32_t faults) {
   return (faults & (bit(Fault::tendon_break) | bit(Fault::load_cell_drift) | bit(Fault::encoder_jump) |
-                    bit(Fault::spool_slip) | bit(Fault::homing_failed))) != 0;
+                    bit(Fault::spool_slip) | bit(Fault::homing_failed) | bit(Fault::stroke_unexplained))) != 0;
 }
 
 /// Counts up to the largest number, and stays there.

@@ -132,7 +132,8 @@ struct AxisAnswer {
   float friction_scale{};
   float friction_scale_std{};
   std::uint32_t faults{};
-  std::uint32_t phase{};  ///< of compensation
+  std::uint16_t phase{};           ///< of compensation
+  std::uint16_t homing_failure{};  ///< as in tenodesis_axis_output
 };
 
 /// Bits of TickAnswer::flags.
@@ -193,7 +194,7 @@ struct Refused {
 static_assert(sizeof(Header) == 8 && sizeof(Board) == 64 && sizeof(Parameters) == 8 + sizeof(ControllerParameters));
 static_assert(size_with<Step>(0) == 16 && size_with<Output>(0) == 32 && size_with<Streamed>(0) == 40);
 static_assert(sizeof(Measured) == 20 && sizeof(AxisAnswer) == 40 && sizeof(Keep) == 16);
-static_assert(sizeof(Counted) == 76 && sizeof(Refused) == 8);
+static_assert(sizeof(Counted) == 20 + 4 * (fault_count + 1) && sizeof(Refused) == 8);
 static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "structs are sent as they are in memory");
 
 /// Whether a sequence is after another, on a circle of 2^32.

@@ -41,6 +41,7 @@
   ROW(backbone_length, "m", not_negative, "length of a continuum joint's backbone")                             \
   ROW(backbone_rigidity, "N m^2", not_negative, "flexural rigidity of the backbone")                            \
   ROW(handle_range, "rad", positive, "largest absolute handle angle")                                           \
+  ROW(output_stop, "rad", positive, "output angle at the tip's mechanical stop")                                \
   /* tendons */                                                                                                 \
   ROW(stiffness, "N/m", positive, "axial stiffness of one tendon")                                              \
   ROW(pretension, "N", positive, "tension of either tendon at rest")                                            \
@@ -71,6 +72,7 @@
   /* compensator */                                                                                             \
   ROW(gain, "1/s", positive, "gain of the tip's lag")                                                           \
   ROW(breakaway_time, "s", positive, "time in which friction is overcome after the hand reverses")              \
+  ROW(breakaway_speed, "rad/s", not_negative, "largest speed of the tip that breaks away")                      \
   ROW(position_gain, "1/s", positive, "gain of a spool's set point")                                            \
   ROW(dead_band, "rad", not_negative, "dead band of the output angle")                                          \
   ROW(tendon_speed, "m/s", positive, "largest speed of a tendon")                                               \
@@ -84,15 +86,31 @@
   ROW(tension_limit, "N", positive, "tension above which no tendon is wound")                                   \
   ROW(hand_travel, "rad", not_negative, "handle travel above which the hand counts as moving")                  \
   ROW(still_time, "s", not_negative, "time without motion after which it counts as still")                      \
+  /* envelope */                                                                                                \
+  ROW(envelope_margin, "rad", positive, "output angle by which a stroke may exceed what a load explains")       \
+  ROW(envelope_friction, "1", positive, "largest plausible friction over the observer's")                       \
+  ROW(envelope_compliance, "1", positive, "largest plausible compliance over the observer's")                   \
+  ROW(envelope_smoothing, "s", not_negative, "time constant of the bounds of a stroke")                         \
+  ROW(least_swing, "1", positive, "lag by which its reversal stands out, in dead bands")                        \
+  ROW(stroke_swing, "1", positive, "the same during a common stroke")                                           \
+  ROW(swing_time, "s", not_negative, "least time between two reversals: the tip itself oscillates faster")      \
+  ROW(swing_memory, "s", positive, "time constant with which reversals are forgotten")                          \
+  ROW(swing_hand_travel, "rad", positive, "handle travel between reversals above which the hand made them")     \
+  ROW(return_rate, "1/s", positive, "rate of return to the least necessary stroke, without authority")          \
   /* homing */                                                                                                  \
   ROW(homing_speed, "m/s", positive, "speed of a slack tendon")                                                 \
   ROW(homing_gain, "1/s", positive, "gain of a tight tendon's missing stretch")                                 \
   ROW(homing_stroke, "m", positive, "largest stroke before a tendon must be tight")                             \
   ROW(homing_overshoot, "1", not_negative, "overshoot before the last approach, share of the pretension")       \
   ROW(homing_tolerance, "1", positive, "tolerance of the pretension, share of it")                              \
-  ROW(homing_settle_time, "s", not_negative, "time for which both tensions must be within it")                  \
+  ROW(homing_settle_time, "s", not_negative, "time for which the mean tension must be within it")               \
   ROW(homing_time, "s", positive, "longest time of each stage")                                                 \
   ROW(homing_least_stretch, "1", not_negative, "share of an elastic tendon's stretch below which it is jammed") \
+  ROW(homing_jog, "m", positive, "stroke of one motor to and fro, by which the wiring is proven")               \
+  ROW(homing_travel, "m", positive, "stroke by which one tendon alone may pull the tip")                        \
+  ROW(homing_offset, "N", positive, "largest error of a cell, and difference of the tensions of a free tip")    \
+  ROW(homing_notice, "N", positive, "change of a tension that stands out from noise")                           \
+  ROW(homing_gain_error, "1", positive, "largest difference of the load cells' gains, share")                   \
   /* fault detection */                                                                                         \
   ROW(mean_band, "1", not_negative, "share by which friction may change the mean tension")                      \
   ROW(load_cell_range, "N", positive, "largest reading of a load cell")                                         \
@@ -114,7 +132,30 @@
   ROW(motor_not_following, MOTOR_NOT_FOLLOWING, "rad", "a spool does not turn as commanded")                   \
   ROW(tick_late, TICK_LATE, "s", "a tick came too late, or time stood still")                                  \
   ROW(not_a_number, NOT_A_NUMBER, "1", "NaN, infinity, or beyond the range of any sensor")                     \
-  ROW(homing_failed, HOMING_FAILED, "1", "homing did not reach the pretension")
+  ROW(homing_failed, HOMING_FAILED, "1", "homing found something wrong: the reason says what")                 \
+  ROW(stroke_unexplained, STROKE_UNEXPLAINED, "rad", "the motors moved the tip further than a load explains")
+
+/* Why homing failed, in the order of their numbers: name, NAME, meaning. */
+#define TENODESIS_HOMING_REASON_TABLE(ROW)                                                                            \
+  ROW(none, NONE, "it has not failed")                                                                                \
+  ROW(tip_loaded, TIP_LOADED, "a load is on the tip")                                                                 \
+  ROW(cell_offset, CELL_OFFSET, "a load cell reads a tension that its tendon does not have")                          \
+  ROW(cell_reversed, CELL_REVERSED, "a load cell's reading falls as its tendon is wound")                             \
+  ROW(cells_swapped, CELLS_SWAPPED, "the load cells, or the motors together with their encoders, are exchanged")      \
+  ROW(cell_gains_apart, CELL_GAINS_APART, "the gains of the load cells differ, this one's reading being the smaller") \
+  ROW(motor_dead, MOTOR_DEAD, "an encoder does not answer its motor")                                                 \
+  ROW(motor_reversed, MOTOR_REVERSED, "a motor turns against its encoder; with slack tendons it may be the encoder")  \
+  ROW(motors_swapped, MOTORS_SWAPPED, "the motors are exchanged; with slack tendons it may be the encoders")          \
+  ROW(encoder_reversed, ENCODER_REVERSED, "an encoder counts against its motor")                                      \
+  ROW(encoders_swapped, ENCODERS_SWAPPED, "the spool encoders are exchanged")                                         \
+  ROW(encoder_gain, ENCODER_GAIN, "a spool's encoder counts more or less than its motor turns")                       \
+  ROW(spool_reversed, SPOOL_REVERSED, "a motor and its encoder wind where they should let out")                       \
+  ROW(tendon_broken, TENDON_BROKEN, "a tendon does not get tight, or carries no tension any more")                    \
+  ROW(tendons_slack, TENDONS_SLACK, "neither tendon gets tight: too much slack, or both spools reversed")             \
+  ROW(tendon_jammed, TENDON_JAMMED, "a tendon gets tight over too short a stroke")                                    \
+  ROW(stiffness_wrong, STIFFNESS_WRONG, "tension grows far too little by the stroke, or does not fall")               \
+  ROW(handle_moved, HANDLE_MOVED, "the handle was moved")                                                             \
+  ROW(timed_out, TIMED_OUT, "it took too long")
 
 /* The limits of spool jumps have no fault of their own: they raise encoder_jump. */
 #define TENODESIS_SPOOL_JUMP_UNIT "rad/s"

@@ -47,6 +47,7 @@ constexpr ControlModel<A> control_model(const P& p) {
   model.sheath = S(p.sheath_coefficient);
   model.sheath_bend = S(p.sheath_bend);
   model.sheath_bend_rate = S(p.sheath_bend_rate);
+  model.stop = model.taken(S(p.output_stop));
   return model;
 }
 
@@ -60,13 +61,20 @@ constexpr AxisController<A> axis_controller(const P& p) {
       {S(p.hand_play), S(p.sheath_play), S(p.length_noise), S(p.play), S(p.smoothing), S(p.friction_scale_std),
        S(p.reference_std), S(p.compliance_std), S(p.forgetting), S(p.slack_tension)}};
   axis.compensator.model = model;
-  axis.compensator.settings = {S(p.gain),          S(p.breakaway_time), S(p.position_gain), S(p.dead_band),
-                               S(p.tendon_speed),  S(p.common_speed),   S(p.common_stroke), S(p.common_stroke_share),
-                               S(p.far_lag),       S(p.patience),       S(p.settle_time),   S(p.least_tension),
-                               S(p.tension_limit), S(p.hand_travel),    S(p.still_time)};
+  axis.compensator.settings = {
+      S(p.gain),         S(p.breakaway_time), S(p.breakaway_speed), S(p.position_gain),       S(p.dead_band),
+      S(p.tendon_speed), S(p.common_speed),   S(p.common_stroke),   S(p.common_stroke_share), S(p.far_lag),
+      S(p.patience),     S(p.settle_time),    S(p.least_tension),   S(p.tension_limit),       S(p.hand_travel),
+      S(p.still_time)};
+  axis.compensator.envelope = {model,
+                               {S(p.envelope_margin) * model.axis.distal.moment_arm(S(0)), S(p.envelope_friction),
+                                S(p.envelope_compliance), S(p.envelope_smoothing), S(p.least_swing), S(p.stroke_swing),
+                                S(p.swing_time), S(1) / S(p.swing_memory), S(p.swing_hand_travel), S(p.return_rate)}};
   axis.homing = {model,
                  {S(p.homing_speed), S(p.homing_gain), S(p.homing_stroke), S(p.homing_overshoot), S(p.homing_tolerance),
-                  S(p.homing_settle_time), S(p.homing_time), S(p.homing_least_stretch)}};
+                  S(p.homing_settle_time), S(p.homing_time), S(p.homing_least_stretch), S(p.homing_jog),
+                  S(p.homing_travel), S(p.homing_offset), S(p.homing_notice), S(p.homing_gain_error), S(p.hand_travel),
+                  S(p.drive_time_constant), S(0.2)}};
   Watch<S>& watch = axis.watch;
   for (int n = 0; n < fault_count; ++n) watch.limit[n] = {S(p.limit[n].threshold), S(p.limit[n].persistence)};
   watch.spool_jump = {S(p.spool_jump.threshold), S(p.spool_jump.persistence)};
@@ -125,6 +133,8 @@ bool configure(const P& p, Controller<A, most_axes>& controller) {
     axis.compensator.law = ControlLaw(p.law);
     axis.compensator.actuation = Actuation(p.actuation);
     axis.watch.period = S(p.period);
+    // Jogs need motion that is not faded in.
+    axis.homing.settings.rest_time = larger(axis.homing.settings.rest_time, S(p.engage_time));
     if (!axis.watch.valid()) return false;
   }
   return true;

@@ -4,6 +4,16 @@
 // These functions need no math library. Build with -fno-math-errno, so that a square root is one instruction instead of
 // a call.
 
+#if !defined(__cpp_concepts) || __cpp_concepts < 201907L
+#error "tenodesis needs a C++20 compiler: GCC 11, Clang 14 or newer"
+#endif
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || defined(_M_FP_FAST)
+#error "tenodesis must not be compiled with -ffast-math or /fp:fast: NaN could reach a motor, and exp would be wrong"
+#endif
+#if defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__)
+#error "tenodesis must not be compiled with -funsafe-math-optimizations: exp relies on the order of operations"
+#endif
+
 #include <bit>
 #include <compare>
 #include <concepts>

@@ -32,6 +32,7 @@ struct SupervisorState {
   std::uint32_t present{};  ///< faults of this tick
   std::uint32_t first{};    ///< faults that led to the fault state
   std::uint32_t faults{};   ///< those and all since
+  bool cut_power{};         ///< a motor does not obey: only a relay in its supply stops it
   S since{};                ///< time in this state, s
 };
 
@@ -40,6 +41,11 @@ template <class S>
 struct CommandState {
   S sent[2]{};               ///< rad/s
   bool over_tension[2]{};    ///< from above the limit until well below it
+  S held[2]{};               ///< spool angles before a fault, rad
+  S held_tension[2]{};       ///< tensions then, N
+  S leaving[2]{};            ///< velocities sent then, rad/s
+  S before[2]{};             ///< spool angles of the last tick, rad
+  S speed[2]{};              ///< of the spools, smoothed, rad/s
   std::uint32_t withheld{};  ///< ticks in which a wanted velocity was not finite
 };
 
@@ -71,8 +77,10 @@ struct Supervisor {
     state.since = smaller(state.since + usable(dt), S(100));
     if (state.operating == OperatingState::fault) {
       state.faults |= faults;
+      if ((faults & bit(Fault::motor_not_following)) != 0 && state.since > time_to_obey) state.cut_power = true;
       if (request == Request::clear && faults == 0) {
         state.first = state.faults = 0;
+        state.cut_power = false;
         turn(OperatingState::disabled, state);
       }
     } else if (faults != 0) {
@@ -103,6 +111,7 @@ struct Supervisor {
     for (int i = 0; i < 2; ++i) {
       // A tension that is not a number has no effect here.
       const bool over = is_finite(measured.tension[i]) && measured.tension[i] > tension_limit;
+      remember(i, measured, usable(dt), state, axis);
       if (tension_limit > S(0) && over) axis.over_tension[i] = true;
       if (measured.tension[i] < relaxed()) axis.over_tension[i] = false;
       const S target = clamp(target_of(i, wanted[i], measured, state, axis), -speed_limit, speed_limit);
@@ -115,10 +124,28 @@ struct Supervisor {
   }
 
  private:
+  // Time in a fault after which a motor that does not follow is not only slow to stop, s.
+  static constexpr S time_to_obey = S(0.05);
+
   // A clock that has stopped must not keep the motors running.
   S usable(const S& dt) const { return dt > S(0) && is_finite(dt) ? dt : period; }
 
   S relaxed() const { return S(0.9) * tension_limit; }
+
+  // What a fault is judged by: where the spools were before, and how fast they turn.
+  static void remember(int i, const Measurement<S>& measured, const S& dt, const State& state, CommandState<S>& axis) {
+    const S angle = measured.spool_angle[i];
+    if (!all_finite(angle, measured.tension[i])) return;
+    if (state.operating == OperatingState::fault) {
+      const auto smoothing = S(0.004);  // s
+      axis.speed[i] = axis.speed[i] + ((angle - axis.before[i]) - axis.speed[i] * dt) / (smoothing + dt);
+    } else {
+      axis.held[i] = angle;
+      axis.held_tension[i] = measured.tension[i];
+      axis.leaving[i] = axis.speed[i] = axis.sent[i];
+    }
+    axis.before[i] = angle;
+  }
 
   static void turn(OperatingState to, State& state) {
     state.operating = to;
@@ -172,13 +199,38 @@ struct Supervisor {
     return S(0);
   }
 
+  // A motor that runs away moves the tip, unless the other tendon goes along. The tensions tell whether it really runs:
+  // where its encoder is what is wrong, they stay.
+  S following_velocity(int i, const Measurement<S>& measured, const CommandState<S>& axis) const {
+    const int other = 1 - i;
+    const S moved = measured.spool_angle[other] - axis.held[other];
+    const S own = measured.spool_angle[i] - axis.held[i];
+    // As far as it may take to stop, in its ramp and with its speed loop's lag, it has not run away.
+    const S left = abs(axis.leaving[other]);
+    const S stopping = left * (left / acceleration_limit + S(0.05)) + S(0.02);
+    const S before = (axis.held_tension[0] + axis.held_tension[1]) * S(0.5);
+    const S mean = (measured.tension[0] + measured.tension[1]) * S(0.5);
+    const S changed = moved > S(0) ? mean - before : before - mean;
+    // With both tendons wound as far, the mean changes by the pretension over twice the relief.
+    const bool runs = changed > S(0.2) * before * smaller(abs(moved) / (S(2) * relief), S(1));
+    if (!(abs(moved) > abs(own) && abs(moved) > stopping && runs)) return S(0);
+    const S rate(40);  // 1/s
+    const S speed = axis.speed[other] + rate * (moved - own);
+    return is_finite(speed) && !(speed > S(0) && axis.over_tension[i]) ? speed : S(0);
+  }
+
   S safe_velocity(int i, const Measurement<S>& measured, const State& state, const CommandState<S>& axis) const {
     const Distrust distrust = distrusted(state.faults);
     const S angle = measured.spool_angle[i];
+    const Distrust otherwise = distrusted(state.faults & ~bit(Fault::motor_not_following));
+    if (state.first == bit(Fault::motor_not_following) && !otherwise.spool && !otherwise.tension)
+      return following_velocity(i, measured, axis);
     if (distrust.spool || !is_finite(angle)) return S(0);
     // Bounded, since a wrong load cell would have it unwound without end.
     if (axis.over_tension[i]) return !distrust.tension && angle > -relief ? -neutral_speed : S(0);
-    if (safe_state != SafeState::neutral || state.since < hold_time) return S(0);
+    // Where a tendon hangs, the motors press the tip against something: they let go of it.
+    const bool relaxes = safe_state == SafeState::neutral || state.faults == bit(Fault::tendon_slack);
+    if (!relaxes || state.since < hold_time) return S(0);
     const S rate(5);  // 1/s: slows down near neutral
     const S creep = clamp(-rate * angle, -neutral_speed, neutral_speed);
     const bool loose = tension_limit > S(0) ? measured.tension[i] < relaxed() : is_finite(measured.tension[i]);

@@ -31,9 +31,9 @@ typedef TENODESIS_REAL tenodesis_real;
 
 #define TENODESIS_C(value) ((tenodesis_real)(value)) /* a constant */
 
-#define TENODESIS_VERSION 1u /* of this interface: raised whenever a struct or a meaning changes */
+#define TENODESIS_VERSION 2u /* of this interface: raised whenever a struct or a meaning changes */
 #define TENODESIS_AXES 2
-#define TENODESIS_FAULTS 13
+#define TENODESIS_FAULTS 14
 #define TENODESIS_RECORDS 111    /* of the flight recorder: 100 before a fault, the fault's, 10 after */
 #define TENODESIS_RECORD_TICKS 4 /* ticks per record: the last 200 ms at 2 kHz */
 
@@ -76,6 +76,13 @@ enum {
 #define TENODESIS_FAULT_NUMBER(name, NAME, unit, meaning) TENODESIS_FAULT_##NAME,
   TENODESIS_FAULT_TABLE(TENODESIS_FAULT_NUMBER)
 #undef TENODESIS_FAULT_NUMBER
+};
+
+/* Why homing failed: TENODESIS_HOMING_TIP_LOADED and so on. */
+enum {
+#define TENODESIS_HOMING_NUMBER(name, NAME, meaning) TENODESIS_HOMING_##NAME,
+  TENODESIS_HOMING_REASON_TABLE(TENODESIS_HOMING_NUMBER)
+#undef TENODESIS_HOMING_NUMBER
 };
 
 typedef struct {
@@ -124,7 +131,8 @@ typedef struct {
   tenodesis_real friction_scale;
   tenodesis_real friction_scale_std;
   uint32_t faults; /* present in this axis */
-  uint32_t reserved;
+  uint32_t
+      homing_failure; /* of the last homing: TENODESIS_HOMING_..., and 256 for the agonist, 512 for the antagonist */
 } tenodesis_axis_output;
 
 typedef struct {
@@ -134,7 +142,7 @@ typedef struct {
   uint32_t homing;
   uint32_t faults;       /* latched ones in the fault state, otherwise those present */
   uint32_t first_faults; /* those that led to the fault state */
-  uint32_t reserved;
+  uint32_t cut_power;    /* 1: a motor does not obey; a relay in the supply of the motors must open */
 } tenodesis_output;
 
 /* A tick in the flight recorder. */
@@ -176,13 +184,15 @@ int tenodesis_watchdog(const tenodesis_controller* controller, uint64_t since_la
 int tenodesis_records(const tenodesis_controller* controller);
 int tenodesis_read_record(const tenodesis_controller* controller, int number, tenodesis_record* record);
 int tenodesis_read_counts(const tenodesis_controller* controller, int axis, tenodesis_counts* counts);
-/* Phase of the robust law on an axis: 0 rest, 1 track, 2 pull, 3 release; 0 without such a controller or axis. */
+/* Phase of the robust law on an axis: 0 rest, 1 track, 2 pull, 3 release, 4 restrained (tracking, by less than the law
+ * wants); 0 without such a controller or axis. */
 uint32_t tenodesis_phase(const tenodesis_controller* controller, int axis);
 /* Version of the library, and the size of its tenodesis_real. */
 uint32_t tenodesis_version(void);
 uint32_t tenodesis_real_size(void);
-/* Name of a fault; "unknown" for other numbers. */
+/* Name of a fault, and of a reason for which homing failed; "unknown" for other numbers. */
 const char* tenodesis_fault_name(uint32_t number);
+const char* tenodesis_homing_reason_name(uint32_t number);
 
 #ifdef __cplusplus
 }

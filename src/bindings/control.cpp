@@ -160,6 +160,14 @@ std::vector<Row> fault_rows() {
   };
 }
 
+std::vector<std::tuple<std::string, std::string>> homing_reason_rows() {
+  return {
+#define TENODESIS_ROW(name, NAME, meaning) {#name, meaning},
+      TENODESIS_HOMING_REASON_TABLE(TENODESIS_ROW)
+#undef TENODESIS_ROW
+  };
+}
+
 }  // namespace
 
 void bind_control(nb::module_& m) {
@@ -200,6 +208,7 @@ void bind_control(nb::module_& m) {
   m.def(
       "control_axis_parameters", [] { return rows_of(axis_parameters); },
       "Name, unit and meaning of an axis's parameters.");
+  m.def("homing_reasons", &homing_reason_rows, "Name and meaning of each reason for which homing fails, by number.");
   m.def("faults", &fault_rows, "Name, unit of the threshold and meaning of each fault, in the order of their bits.");
   m.def(
       "control_signals", [] { return list_of(control_signal_names); },

@@ -45,7 +45,7 @@ bool give_order(Runtime& loop, int kind, int a, int b, int axis, double value, s
   require(kind >= 0 && kind < runtime::order_count, "there is no such order");
   const bool injects = OrderKind(kind) == OrderKind::inject_fault;
   require(!injects || (a >= 0 && std::cmp_less(a, injection_point_count) && b >= 0 &&
-                       b <= static_cast<int>(InjectionMode::hold)),
+                       b <= static_cast<int>(InjectionMode::swap)),
           "there is no such point or mode of fault injection");
   require(std::isfinite(value) || (injects && a != static_cast<int>(at_tick)), "value must be finite");
   return loop.order({OrderKind(kind), a, b, axis, value, ticks});

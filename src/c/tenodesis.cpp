@@ -124,14 +124,14 @@ void put(const ControlOutput<S, TENODESIS_AXES>& from, tenodesis_output& to) {
                   estimate.friction_scale,
                   estimate.friction_scale_std,
                   from.axis[n].faults,
-                  0};
+                  from.axis[n].homing_failure.word()};
   }
   to.state = static_cast<std::uint32_t>(from.state);
   to.homed = from.homed ? 1 : 0;
   to.homing = from.homing ? 1 : 0;
   to.faults = from.faults;
   to.first_faults = from.first_faults;
-  to.reserved = 0;
+  to.cut_power = from.cut_power ? 1 : 0;
 }
 
 void record(const ControlInput<S, TENODESIS_AXES>& in, const ControlOutput<S, TENODESIS_AXES>& out,
@@ -247,10 +247,13 @@ uint32_t tenodesis_phase(const tenodesis_controller* controller, int axis) {
   if (session == nullptr) return 0;
   return with(*session, [&](const auto& own) -> uint32_t {
     if (axis < 0 || axis >= own.controller.axes) return 0;
-    return static_cast<uint32_t>(own.state.axis[axis].compensator.phase);
+    return static_cast<uint32_t>(own.state.axis[axis].compensator.shown());
   });
 }
 
 uint32_t tenodesis_version(void) { return TENODESIS_VERSION; }
 uint32_t tenodesis_real_size(void) { return sizeof(tenodesis_real); }
 const char* tenodesis_fault_name(uint32_t number) { return number < fault_count ? name(Fault(number)) : "unknown"; }
+const char* tenodesis_homing_reason_name(uint32_t number) {
+  return number < homing_reason_count ? name(HomingReason(number)) : "unknown";
+}

@@ -146,8 +146,10 @@ class ControllerOf final : public AnyController {
     output.first_faults = out_.first_faults;
     for (int n = 0; n < most_axes; ++n) {
       const auto& from = out_.axis[n];
-      output.axis[n] = {
-          {from.spool_velocity[0], from.spool_velocity[1]}, estimate_as<Estimate<double>>(from.estimate), from.faults};
+      output.axis[n] = {{from.spool_velocity[0], from.spool_velocity[1]},
+                        estimate_as<Estimate<double>>(from.estimate),
+                        from.faults,
+                        from.homing_failure};
     }
     record(input, output);
   }
@@ -171,7 +173,7 @@ class ControllerOf final : public AnyController {
     return counts;
   }
 
-  Phase phase(int axis) const override { return state_.axis[axis].compensator.phase; }
+  Phase phase(int axis) const override { return state_.axis[axis].compensator.shown(); }
 
   bool watchdog(double since_last_step) const override {
     return controller_.axis[0].watch.watchdog(S(since_last_step));
@@ -209,7 +211,8 @@ inline constexpr std::array control_signal_names{"estimated_output_angle",
                                                  "commanded_spool_velocity.antagonist",
                                                  "operating_state",
                                                  "faults",
-                                                 "phase"};
+                                                 "phase",
+                                                 "homing_failure"};
 inline constexpr std::size_t control_signal_count = control_signal_names.size();
 using ControlSignals = std::array<double, control_signal_count>;
 /// Place of the first spool velocity among them.
@@ -229,7 +232,8 @@ inline ControlSignals control_signals(const AnyController& controller, std::size
           axis.spool_velocity[1],
           double(output.state),
           double(output.faults),
-          double(controller.phase(int(n)))};
+          double(controller.phase(int(n))),
+          double(axis.homing_failure.word())};
 }
 
 }  // namespace tenodesis::engine

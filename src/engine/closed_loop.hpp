@@ -38,11 +38,10 @@ class ClosedLoop {
       if ((started + i) % std::size_t(steps_per_tick_) == 0) tick(i, count, started, injected);
       for (std::size_t n = 0; n < twins_.size(); ++n) {
         Command<double> command = commands[n][i];
-        for (std::size_t k = 0; k < 2; ++k) {
-          const std::size_t point = at_velocity + k;
-          command.spool_velocity[k] = controller_.injector.pass(n, point, controller_.last.axis[n].spool_velocity[k],
-                                                                injected.at(n, i, count, point));
-        }
+        const auto velocity =
+            controller_.injector.pass_pair(n, at_velocity, controller_.last.axis[n].spool_velocity,
+                                           [&](std::size_t point) { return injected.at(n, i, count, point); });
+        for (std::size_t k = 0; k < 2; ++k) command.spool_velocity[k] = velocity[k];
         progress.status = twins_[n]->step(command);
         if (progress.status != Status::ok) return progress;
         keep(i, n, command);

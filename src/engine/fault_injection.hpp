@@ -26,9 +26,11 @@ enum InjectionPoint : std::size_t {
 
 enum class InjectionMode : unsigned char {
   none,
-  add,   ///< adds a value to the signal; seconds to the tick's time
-  set,   ///< replaces the signal by a value, NaN included
-  hold,  ///< repeats the last value; leaves the tick out
+  add,    ///< adds a value to the signal; seconds to the tick's time
+  set,    ///< replaces the signal by a value, NaN included
+  hold,   ///< repeats the last value; leaves the tick out
+  scale,  ///< multiplies the signal by a value; not of the tick
+  swap,   ///< exchanges the signals of the two tendons, whichever of them it is at
 };
 
 struct Injection {
@@ -44,20 +46,27 @@ class FaultInjector {
     double& last = last_[axis][point];
     if (fault.mode == InjectionMode::hold) return last;
     if (fault.mode == InjectionMode::set) return last = fault.value;
+    if (fault.mode == InjectionMode::scale) return last = value * fault.value;
     return last = fault.mode == InjectionMode::add ? value + fault.value : value;
+  }
+
+  /// The same for both tendons, from the agonist's point on; a fault of either may exchange them.
+  template <class FaultAt>
+  std::array<double, 2> pass_pair(std::size_t axis, std::size_t point, const double (&sent)[2],
+                                  const FaultAt& fault_at) {
+    const Injection at[2]{fault_at(point), fault_at(point + 1)};
+    const bool crossed = at[0].mode == InjectionMode::swap || at[1].mode == InjectionMode::swap;
+    return {pass(axis, point, sent[crossed ? 1 : 0], at[0]), pass(axis, point + 1, sent[crossed ? 0 : 1], at[1])};
   }
 
   /// The same for all sensors of an axis; fault_at gives the fault of a point.
   template <class FaultAt>
   Measurement<double> pass(std::size_t axis, const Measurement<double>& read, const FaultAt& fault_at) {
-    const auto arrives = [&](std::size_t point, double value) { return pass(axis, point, value, fault_at(point)); };
-    Measurement<double> measured{};
-    measured.handle_angle = arrives(at_handle_angle, read.handle_angle);
-    for (std::size_t i = 0; i < 2; ++i) {
-      measured.tension[i] = arrives(at_tension + i, read.tension[i]);
-      measured.spool_angle[i] = arrives(at_spool_angle + i, read.spool_angle[i]);
-    }
-    return measured;
+    const auto tension = pass_pair(axis, at_tension, read.tension, fault_at);
+    const auto spool_angle = pass_pair(axis, at_spool_angle, read.spool_angle, fault_at);
+    return {pass(axis, at_handle_angle, read.handle_angle, fault_at(at_handle_angle)),
+            {tension[0], tension[1]},
+            {spool_angle[0], spool_angle[1]}};
   }
 
   /// Shifts the time of a tick, ns; false where the tick is left out.

@@ -102,6 +102,7 @@ class BoardController : public AnyController {
       for (int i = 0; i < 2; ++i) to.spool_velocity[i] = from.spool_velocity[i];
       to.estimate = estimate_as<Estimate<double>>(from);
       to.faults = from.faults;
+      to.homing_failure = HomingFailure::of_word(from.homing_failure);
       phase_[n] = Phase(from.phase);
     }
   }
@@ -117,7 +118,7 @@ class BoardController : public AnyController {
     output.faults = was_fault ? output.faults | fault : fault;
     if (!was_fault) output.first_faults = fault;
     for (int n = 0; n < axes_; ++n)
-      output.axis[n] = {{0, 0}, {unknown, unknown, unknown, unknown, unknown, unknown}, fault};
+      output.axis[n] = {{0, 0}, {unknown, unknown, unknown, unknown, unknown, unknown}, fault, {}};
     std::ranges::fill(phase_, Phase::rest);
   }
 
@@ -128,7 +129,7 @@ class BoardController : public AnyController {
 
  private:
   bool is_sound(const link::AxisAnswer& axis) {
-    if (axis.phase > static_cast<std::uint32_t>(Phase::release))
+    if (axis.phase > static_cast<std::uint32_t>(Phase::restrained))
       return link_.fail(LinkProblem::bad_answer,
                         "the board is in phase " + std::to_string(axis.phase) + " of compensation");
     // Ramps in float may exceed the limit by rounding.

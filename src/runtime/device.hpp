@@ -39,6 +39,8 @@ class Device {
   virtual bool clocked() const = 0;
   /// The newest measurement; false where none has come within so many ns, and the input holds the previous one.
   virtual bool read(AnyInput& input, std::uint64_t timeout) = 0;
+  /// Whether a measurement that has not come is only late, so that the controller may wait for it.
+  virtual bool may_be_late() const { return false; }
   /// Measurements that were lost before the last one read.
   virtual std::uint64_t overtaken() const { return 0; }
   /// Sends velocities, rad/s at the spools; false where the bench cannot carry its load, and is as before.

@@ -123,6 +123,7 @@ class MailboxDevice final : public Device {
     return fresh;
   }
 
+  bool may_be_late() const override { return true; }
   std::uint64_t overtaken() const override { return overtaken_; }
 
   bool write(const Velocities& speed, const Benches& /*bench*/) override {

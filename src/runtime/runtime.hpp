@@ -233,7 +233,7 @@ class Runtime {
     for (std::size_t n = 0; n < axes(); ++n)
       input_.axis[n] =
           controller_.injector.pass(n, input_.axis[n], [&](std::size_t point) { return injected(n, point); });
-    const bool given = inject_into_tick();
+    const bool given = inject_into_tick() && !awaits_measurement(begun, fresh);
     // The request of a tick that does not reach the controller is made with the next.
     input_.request = given ? requests_.pop() : Request::none;
     const std::uint64_t asked = now();
@@ -271,13 +271,20 @@ class Runtime {
     return given;
   }
 
+  /// Whether a measurement is late by less than the controller's watchdog, so that the controller waits for it. The old
+  /// one again would mean that time stands still, which is a fault at once.
+  bool awaits_measurement(std::uint64_t begun, bool fresh) const {
+    if (fresh || !device_.may_be_late()) return false;
+    const std::uint64_t silent = begun - last_fresh_;
+    return !too_long(silent) && !controller_.watchdog(double(silent) * 1e-9);
+  }
+
   void send_velocities(Velocities& speed) {
-    for (std::size_t n = 0; n < axes(); ++n)
-      for (std::size_t i = 0; i < 2; ++i) {
-        const std::size_t point = engine::at_velocity + i;
-        speed[n][i] =
-            controller_.injector.pass(n, point, controller_.last.axis[n].spool_velocity[i], injected(n, point));
-      }
+    for (std::size_t n = 0; n < axes(); ++n) {
+      const auto sent = controller_.injector.pass_pair(n, engine::at_velocity, controller_.last.axis[n].spool_velocity,
+                                                       [&](std::size_t point) { return injected(n, point); });
+      for (std::size_t i = 0; i < 2; ++i) speed[n][i] = sent[i];
+    }
   }
 
   void take_orders() {

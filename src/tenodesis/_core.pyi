@@ -193,7 +193,7 @@ class Controller:
         The flight recorder, by record: time, state, faults, then per axis measurement, sent velocities, output angle; and the row of the fault's first tick, -1 without one.
         """
 
-INTERFACE_VERSION: int = 1
+INTERFACE_VERSION: int = 2
 
 SPOOL_JUMP_UNIT: str = 'rad/s'
 
@@ -202,6 +202,9 @@ def control_parameters() -> list[tuple[str, str, str]]:
 
 def control_axis_parameters() -> list[tuple[str, str, str]]:
     """Name, unit and meaning of an axis's parameters."""
+
+def homing_reasons() -> list[tuple[str, str]]:
+    """Name and meaning of each reason for which homing fails, by number."""
 
 def faults() -> list[tuple[str, str, str]]:
     """

@@ -1,9 +1,43 @@
-"""Files written atomically: first to a temporary place, then moved."""
+"""Files: read if they are regular, and written atomically, first to a temporary place, then moved."""
 
+import errno
+import os
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+
+def read_regular(path: Path, most: int | None = None) -> bytes:
+    """Return the content of a regular file: a device or a pipe may never end, and to open it may act on it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    most
+        Largest size, bytes; None for any.
+
+    Raises
+    ------
+    OSError
+        It cannot be read, is no regular file, or is larger; `strerror` states which.
+    """
+    _refuse_irregular(path, path.stat().st_mode)
+    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
+        found = os.fstat(file.fileno())
+        _refuse_irregular(path, found.st_mode)
+        if most is not None and found.st_size > most:
+            raise OSError(errno.EFBIG, f"it has {found.st_size / 1e6:.3g} MB, more than {most / 1e6:g} MB", str(path))
+        return file.read(found.st_size)
+
+
+def _refuse_irregular(path: Path, mode: int) -> None:
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EINVAL, "it is no regular file", str(path))
 
 
 @contextmanager

@@ -1,11 +1,11 @@
 """Parameters that controller and twin share: those of an instrument in the core's order, its longest time step."""
 
-from math import pi, sqrt
+from math import ceil, floor, log10, pi, sqrt
 
 import numpy as np
 
 from tenodesis import _core, statics
-from tenodesis.errors import ArgumentError
+from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.instrument import PARAMETERS, Instrument
 
 TIME_STEP = 5e-4
@@ -13,6 +13,10 @@ TIME_STEP = 5e-4
 _TWIN_PARAMETERS = _core.twin_parameters()
 # A longer step would leave fewer than a dozen to a period of the tip, and the integration's error would not be small.
 _LARGEST_PHASE_STEP = 0.5  # rad
+_LONGEST_TICK = 1.0
+"""Time between ticks that a controller allows without a watchdog, s."""
+_MOST_STEPS = 2**31 - 1
+_DIVISION_ERROR = 1e-6
 _DEFAULT_NATURAL_FREQUENCY = 2 * pi * 20.0  # rad/s
 _DEFAULT_DAMPING_RATIO = 0.2
 _STOP_STIFFNESS_RATIO = 20.0  # mechanical stop over tip
@@ -94,6 +98,67 @@ def spec(inst: Instrument, time_step: float, quasi_static: bool) -> _core.TwinSp
     )
 
 
+def check_runnable(inst: Instrument) -> None:
+    """Refuse an instrument that no twin of the default time step, and so no live loop, can run.
+
+    Raises
+    ------
+    InstrumentError
+        A value prevents it; the message names the key, the value and what is allowed.
+    ArgumentError
+        Its joints and handle leave no compliance to the stem.
+    """
+    for planar in inst.planar:
+        _check_inertia(planar)
+    _check_ticks(inst)
+    for planar in inst.planar:
+        _check_compliance(planar)
+
+
+def _check_inertia(inst: Instrument) -> None:
+    if longest_step(inst) >= TIME_STEP:
+        return
+    least = float(statics.flexural_stiffness(inst, 0.0)) * (TIME_STEP / _LARGEST_PHASE_STEP) ** 2
+    raise _not_runnable(
+        "dynamics.tip_inertia",
+        f"{inst.dynamics.tip_inertia:g} kg*m^2",
+        f"at least {_rounded_up(least):g} kg*m^2, so that the tip swings slowly enough for time steps of "
+        f"{TIME_STEP:g} s",
+    )
+
+
+def _check_ticks(inst: Instrument) -> None:
+    rate, watchdog = inst.sensors.sampling_rate, inst.control.watchdog
+    period = max(1 / rate, TIME_STEP)
+    longest = watchdog or _LONGEST_TICK
+    if period < longest:
+        _check_division(rate, period)
+    elif period > TIME_STEP:
+        reason = "after which control.watchdog stops the motors" if watchdog else "the longest time between ticks"
+        allowed = f"above {1 / longest:g} Hz: its period must be shorter than {longest:g} s, {reason}"
+        raise _not_runnable("sensors.sampling_rate", f"{rate:g} Hz", allowed)
+    else:
+        allowed = f"above {TIME_STEP:g} s, the time between ticks, or 0"
+        raise _not_runnable("control.watchdog", f"{watchdog:g} s", allowed)
+
+
+def _check_division(rate: float, period: float) -> None:
+    steps = round(period / TIME_STEP)
+    if abs(steps * TIME_STEP / period - 1) > _DIVISION_ERROR:
+        allowed = f"such that a period takes whole time steps of {TIME_STEP:g} s, as {1 / (steps * TIME_STEP):g} Hz"
+        raise _not_runnable("sensors.sampling_rate", f"{rate:g} Hz", allowed)
+
+
+def _not_runnable(key: str, value: str, allowed: str) -> InstrumentError:
+    return InstrumentError(f"{key} is {value}; to run it must be {allowed}.", key=key, value=value, allowed=allowed)
+
+
+def _rounded_up(value: float) -> float:
+    """Return a value of three digits that is at least as large."""
+    unit = 10.0 ** (floor(log10(value)) - 2)
+    return ceil(value / unit) * unit
+
+
 def steps_per_sample(inst: Instrument, time_step: float, quasi_static: bool) -> int:
     """Return how many time steps (s) a sampling period takes.
 
@@ -114,7 +179,11 @@ def steps_per_sample(inst: Instrument, time_step: float, quasi_static: bool) -> 
         raise ArgumentError(problem, key="time_step", value=time_step, allowed=allowed)
     period = 1 / inst.sensors.sampling_rate
     per_sample = max(1, round(period / time_step))
-    if period > time_step and abs(per_sample * time_step / period - 1) > 1e-6:
+    if per_sample > _MOST_STEPS:
+        rate, allowed = inst.sensors.sampling_rate, f"at least {1 / (_MOST_STEPS * time_step):.3g} Hz"
+        problem = f"sensors.sampling_rate is {rate:g} Hz; with time steps of {time_step:g} s it must be {allowed}."
+        raise ArgumentError(problem, key="sensors.sampling_rate", value=rate, allowed=allowed)
+    if period > time_step and abs(per_sample * time_step / period - 1) > _DIVISION_ERROR:
         allowed = f"an integer fraction of the sampling period of {period:g} s, or more"
         problem = f"time_step is {time_step:g} s; it must be {allowed}."
         raise ArgumentError(problem, key="time_step", value=time_step, allowed=allowed)

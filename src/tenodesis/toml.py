@@ -8,6 +8,10 @@ from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ConfigDict, Tag, ValidationError
 
 from tenodesis.errors import Error
+from tenodesis.files import read_regular
+
+_LARGEST = 16_000_000
+"""Largest TOML file, bytes."""
 
 
 class FileTable(BaseModel):
@@ -41,7 +45,7 @@ def read_text(path: Path, error: type[Error], *, source: str = "", kind: str = "
     source = source or str(path)
     needed = f"the path of a TOML file or one of {', '.join(names)}" if names else "the path of a TOML file"
     try:
-        return path.read_text("utf-8-sig")
+        return read_regular(path, _LARGEST).decode("utf-8-sig")
     except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
         problem = f"{source}: there is no such file{f' and no {kind} of that name' if kind else ''}"
     except UnicodeDecodeError:

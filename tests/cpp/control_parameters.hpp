@@ -30,6 +30,7 @@ tenodesis_axis_parameters axis_parameters(const A& axis) {
     p.backbone_rigidity = axis.distal.backbone_rigidity;
   }
   p.handle_range = axis.handle_range;
+  p.output_stop = 107 * degree;
   p.stiffness = axis.stiffness;
   p.pretension = axis.pretension;
   p.share_sheath = 0.08, p.share_handle = 0.11, p.share_stem = 0.795, p.share_tip = 0.015;
@@ -44,7 +45,7 @@ tenodesis_axis_parameters axis_parameters(const A& axis) {
   p.smoothing = 3e-3;
   p.friction_scale_std = 0.4, p.reference_std = 5e-6, p.compliance_std = 0.25, p.forgetting = 0.05;
   p.slack_tension = 0.3;
-  p.gain = 12, p.breakaway_time = 0.025, p.position_gain = 4;
+  p.gain = 12, p.breakaway_time = 0.025, p.breakaway_speed = 0.3, p.position_gain = 4;
   p.dead_band = 0.1 * degree;
   p.tendon_speed = 0.05;
   p.common_stroke = 0.4 * stretch, p.common_speed = 1.6 * stretch, p.common_stroke_share = 0.4;
@@ -52,8 +53,15 @@ tenodesis_axis_parameters axis_parameters(const A& axis) {
   p.least_tension = 0.15 * axis.pretension;
   p.tension_limit = 80;
   p.hand_travel = 3.5 * counts, p.still_time = 0.1;
+  p.envelope_margin = degree, p.envelope_friction = 2, p.envelope_compliance = 1.3, p.envelope_smoothing = 0.1;
+  p.least_swing = 3, p.stroke_swing = 10, p.swing_time = 0.04, p.swing_memory = 2, p.swing_hand_travel = 2 * degree;
+  p.return_rate = 4;
   p.homing_speed = 5e-3, p.homing_gain = 8, p.homing_stroke = 0.03, p.homing_overshoot = 0.15;
   p.homing_tolerance = 4e-3, p.homing_settle_time = 0.1, p.homing_time = 16, p.homing_least_stretch = 0.4;
+  p.homing_jog = std::max(4 * spool_radius * counts, 0.8 * degree * axis.distal.radius);
+  p.homing_travel = 1.6 * degree * axis.distal.radius;
+  p.homing_offset = axis.stiffness * axis.distal.radius * degree;
+  p.homing_notice = 0.15, p.homing_gain_error = 0.12;
   p.mean_band = 0.45, p.load_cell_range = 200, p.handle_noise = 6 * counts, p.spool_noise = 2.5 * counts;
   p.watch_window = 0.1;
   p.spool_jump = {60, 1.2 * dt};
@@ -71,6 +79,7 @@ tenodesis_axis_parameters axis_parameters(const A& axis) {
   set(Fault::spool_slip, 0.12 * axis.pretension, 0.01);
   set(Fault::motor_not_following, 0.008, 0.005);
   set(Fault::tick_late, 0.025, 0);
+  set(Fault::stroke_unexplained, degree, 1);
   return p;
 }
 

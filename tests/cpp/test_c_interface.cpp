@@ -157,11 +157,11 @@ void sizes_are_those_that_the_header_promises() {
   constexpr std::size_t real = sizeof(Number);
   CLAIM(tenodesis_version() == TENODESIS_VERSION);
   CLAIM(tenodesis_real_size() == real);
-  CLAIM(sizeof(tenodesis_parameters) == (real == 4 ? 768 : 1496));
+  CLAIM(sizeof(tenodesis_parameters) == (real == 4 ? 920 : 1800));
   CLAIM(sizeof(tenodesis_input) == (real == 4 ? 56 : 96));
   CLAIM(sizeof(tenodesis_output) == (real == 4 ? 104 : 168));
   CLAIM(sizeof(tenodesis_record) == (real == 4 ? 80 : 144));
-  CLAIM(sizeof(tenodesis_counts) == 76);
+  CLAIM(sizeof(tenodesis_counts) == 80);
   CLAIM(sizeof(tenodesis_controller) == 4096 * real);
 }
 
@@ -410,21 +410,22 @@ void faults_have_names() {
 }
 
 // Parameters and headers that were written for this version must keep their meaning.
-void the_layout_of_version_1_is_unchanged() {
+void the_layout_of_version_2_is_unchanged() {
   constexpr std::size_t real = sizeof(tenodesis_real);
   using Axis = tenodesis_axis_parameters;
-  static_assert(TENODESIS_VERSION == 1);
+  static_assert(TENODESIS_VERSION == 2);
   CLAIM(offsetof(tenodesis_parameters, homed) == 36 && offsetof(tenodesis_parameters, relief) == 40 + 7 * real);
-  CLAIM(sizeof(tenodesis_parameters) == 40 + 182 * real);
-  CLAIM(offsetof(Axis, handle_range) == 6 * real && offsetof(Axis, sheath_bend_rate) == 16 * real);
-  CLAIM(offsetof(Axis, slack_tension) == 30 * real && offsetof(Axis, still_time) == 45 * real);
-  CLAIM(offsetof(Axis, homing_least_stretch) == 53 * real && offsetof(Axis, watch_window) == 58 * real);
-  CLAIM(offsetof(Axis, spool_jump) == 59 * real && offsetof(Axis, limit) == 61 * real);
-  CLAIM(TENODESIS_FAULT_ENCODER_JUMP == 7 && TENODESIS_FAULT_HOMING_FAILED == TENODESIS_FAULTS - 1);
+  CLAIM(sizeof(tenodesis_parameters) == 40 + 220 * real);
+  CLAIM(offsetof(Axis, handle_range) == 6 * real && offsetof(Axis, sheath_bend_rate) == 17 * real);
+  CLAIM(offsetof(Axis, slack_tension) == 31 * real && offsetof(Axis, still_time) == 47 * real);
+  CLAIM(offsetof(Axis, homing_gain_error) == 70 * real && offsetof(Axis, watch_window) == 75 * real);
+  CLAIM(offsetof(Axis, spool_jump) == 76 * real && offsetof(Axis, limit) == 78 * real);
+  CLAIM(TENODESIS_FAULT_ENCODER_JUMP == 7 && TENODESIS_FAULT_STROKE_UNEXPLAINED == TENODESIS_FAULTS - 1);
+  CLAIM(TENODESIS_HOMING_TIP_LOADED == 1 && TENODESIS_HOMING_TIMED_OUT == 18);
 }
 
 int main() {
-  the_layout_of_version_1_is_unchanged();
+  the_layout_of_version_2_is_unchanged();
   sizes_are_those_that_the_header_promises();
   for (const unsigned axes : {1U, 2U}) {
     const auto check = [&](unsigned observer, unsigned law) {

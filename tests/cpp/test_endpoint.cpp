@@ -117,9 +117,9 @@ class Plant {
 
 bool same(const Output& first, const tenodesis_output& other) {
   const auto& axis = other.axis[0];
-  return std::memcmp(&first.axis[0], &axis, offsetof(tenodesis_axis_output, reserved)) == 0 &&
-         first.tick.state == other.state && first.tick.faults == other.faults &&
-         first.tick.first_faults == other.first_faults &&
+  return std::memcmp(&first.axis[0], &axis, offsetof(tenodesis_axis_output, homing_failure)) == 0 &&
+         first.axis[0].homing_failure == axis.homing_failure && first.tick.state == other.state &&
+         first.tick.faults == other.faults && first.tick.first_faults == other.first_faults &&
          (first.tick.flags & (homed | homing)) == (other.homed != 0 ? homed : 0U) + (other.homing != 0 ? homing : 0U);
 }
 

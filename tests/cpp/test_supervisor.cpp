@@ -425,7 +425,51 @@ void in_one_precision() {
   a_tendon_above_its_limit_is_only_unwound<S>();
 }
 
+/// Velocity sent to the antagonist, after the agonist's spool has run away while enabled, with tensions that change by
+/// this much per radian, N.
+double answer_to_a_spool_that_turns(double speed, double tension_per_radian, std::uint32_t also, bool& cut) {
+  const Supervisor<double> over = supervisor<double>();
+  SupervisorState<double> state{};
+  CommandState<double> axis{};
+  Measurement<double> measured{0, {pretension, pretension}, {}};
+  const double rest[2] = {0, 0};
+  over.advance(Request::enable, 0, period, state);
+  over.command(rest, measured, period, state, axis);
+  for (int n = 0; n < 200; ++n) {
+    measured.spool_angle[agonist] += speed * period;
+    measured.spool_angle[antagonist] += axis.sent[antagonist] * period;
+    for (double& tension : measured.tension)
+      tension =
+          pretension + tension_per_radian * (measured.spool_angle[agonist] + measured.spool_angle[antagonist]) / 2;
+    over.advance(Request::none, bit(Fault::motor_not_following) | also, period, state);
+    over.command(rest, measured, period, state, axis);
+  }
+  cut = state.cut_power;
+  return axis.sent[antagonist];
+}
+
+void a_partner_goes_along_with_a_motor_that_runs_away_and_the_supply_is_cut() {
+  bool cut = false;
+  for (const double speed : {-2.0, 2.0}) {
+    CLAIM_NEAR(answer_to_a_spool_that_turns(speed, stiffness * spool_radius, 0, cut), speed, 0.1);
+    CLAIM(cut);
+    // An encoder that turns alone leaves the tensions as they are.
+    CLAIM(answer_to_a_spool_that_turns(speed, 0, 0, cut) == 0);
+    CLAIM(answer_to_a_spool_that_turns(speed, stiffness * spool_radius, bit(Fault::load_cell_range), cut) == 0);
+  }
+  const Supervisor<double> over = supervisor<double>();
+  SupervisorState<double> state{};
+  over.advance(Request::enable, 0, period, state);
+  for (int n = 0; n < 50; ++n) over.advance(Request::none, bit(Fault::motor_not_following), period, state);
+  CLAIM(!state.cut_power);
+  for (int n = 0; n < 100; ++n) over.advance(Request::none, bit(Fault::motor_not_following), period, state);
+  CLAIM(state.cut_power);
+  over.advance(Request::clear, 0, period, state);
+  CLAIM(!state.cut_power);
+}
+
 int main() {
+  a_partner_goes_along_with_a_motor_that_runs_away_and_the_supply_is_cut();
   in_one_precision<double>();
   in_one_precision<float>();
   every_state_answers_every_request_as_specified();

@@ -1,8 +1,10 @@
+import importlib.util
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,23 @@ import tenodesis as tn
 from tenodesis.errors import ArgumentError, Error
 from tenodesis.instrument import Instrument
 
+if TYPE_CHECKING:
+    from tenodesis.console import Page
+
+    from .console_stand_in import StandIn
+
 ROOT = Path(__file__).parents[2]
+
+
+def load_benchmark(name: str) -> ModuleType:
+    """Return the module of a benchmark, which is no part of a package."""
+    spec = importlib.util.spec_from_file_location(f"{name}_benchmark", ROOT / "benchmarks" / f"{name}.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 EXAMPLES = ROOT / "examples"
 
 # No test depends on luck: the same examples every time, and no verdict by the clock.
@@ -80,3 +98,22 @@ def tenodesis(
         return code, said.out, said.err
 
     return run
+
+
+@pytest.fixture
+def bench(scaled: Instrument, tmp_path: Path) -> "Iterator[StandIn]":
+    """A stand-in for a runtime, for the console."""
+    from .console_stand_in import StandIn
+
+    found = StandIn(scaled, tmp_path)
+    yield found
+    found.close()
+
+
+@pytest.fixture
+def page(bench: "StandIn", tmp_path: Path) -> "Iterator[Page]":
+    """The console's page on that stand-in."""
+    from tenodesis.console import serve
+
+    with serve(bench.connect, port=0, recordings=tmp_path) as served:
+        yield served

@@ -6,6 +6,7 @@ import threading
 import time
 from contextlib import suppress
 from typing import Any
+from urllib.parse import quote
 
 import msgspec
 import zstandard
@@ -29,13 +30,13 @@ CAMERA = {
 class Guest:
     """One connection; parts of the panel are known by their label."""
 
-    def __init__(self, port: int, **headers: str) -> None:
+    def __init__(self, page: Any, **headers: str) -> None:
         import viser
 
         self.socket = connect(
-            f"ws://127.0.0.1:{port}",
+            f"ws://127.0.0.1:{page.port}",
             subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
-            additional_headers=headers,
+            additional_headers={"Cookie": cookie(page), **headers},
             max_size=None,
             compression=None,
         )
@@ -123,8 +124,18 @@ def operates(bench: Any, guest: Guest) -> bool:
 
 def get(page: Any, path: str = "/", **headers: str) -> http.client.HTTPResponse:
     """Return the answer of the page to a request."""
+    return get_without_token(page, path, **{"Cookie": cookie(page), **headers})
+
+
+def get_without_token(page: Any, path: str = "/", **headers: str) -> http.client.HTTPResponse:
     connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=10)
     connection.request("GET", path, headers={name.replace("_", "-"): value for name, value in headers.items()})
     answer = connection.getresponse()
     answer.read()
     return answer
+
+
+def cookie(page: Any) -> str:
+    """Return the cookie that a browser with the token gets."""
+    answer = get_without_token(page, f"/?token={quote(page.token)}")
+    return str(answer.getheader("Set-Cookie")).partition(";")[0]

@@ -27,7 +27,8 @@ from tenodesis.simulate.command import sampled
 TIME_STEP = 5e-4
 _BLOCK = 20
 _HAND_SPEED = 1.5  # rad/s
-_LEASE = 1.0  # s
+LEASE = 30.0
+"""More than an instrument gives, s: of a test, page and browser wait for the processor together."""
 _KEPT = 12.0  # s
 
 
@@ -60,7 +61,7 @@ class StandIn:
             self.ticks = 0
             axes = len(inst.axes)
             self.hands, self.forces, self.at = np.zeros(axes), np.zeros(axes), np.zeros(axes)
-            self.beat, self.rate, self.problem = 0.0, 1.0, None
+            self.beat, self.rate, self.problem = time.monotonic(), 1.0, None
             self.faults: list[FaultInjection] = []
             self.playing: Iterator[Mapping[str, Array]] | None = None
             self.protocol: ProtocolStatus | None = None
@@ -129,7 +130,7 @@ class StandIn:
         due = time.monotonic()
         while not self.done.is_set():
             with self.lock:
-                if self.operator is not None and time.monotonic() - self.beat > _LEASE:
+                if self.operator is not None and time.monotonic() - self.beat > LEASE:
                     self.commands.append((self.operator, "lease ran out"))
                     self.operator = None
                     self.controller.ask(Request.PAUSE)
@@ -224,7 +225,10 @@ class StandInConnection(RestartableConnection):
         self.bench.controller.ask(what)
 
     def stop(self) -> None:
-        self.bench.commands.append((self.origin, "stop"))
+        self.stop_for(self.origin)
+
+    def stop_for(self, origin: str) -> None:
+        self.bench.commands.append((origin, "stop"))
         self.bench.controller.ask(Request.PAUSE)
 
     def law(self, law: Any, actuation: Any) -> None:

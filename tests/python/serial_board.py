@@ -3,12 +3,14 @@
 Frames are made and read here by Python's own means, so that the C++ ones are not their own witness.
 """
 
+import fcntl
 import os
 import select
 import shutil
 import socket
 import struct
 import subprocess
+import tempfile
 import threading
 import time
 import zlib
@@ -19,9 +21,12 @@ from typing import NamedTuple
 
 import pytest
 
+from tenodesis.control.export import INTERFACE_VERSION
+
 from .conftest import ROOT
 
 VERSION = 2
+PARAMETERS_SIZE = 920
 HELLO, PARAMETERS, STEP, RESET, COUNTS, STOP, STREAM, KEEP = range(1, 9)
 BOARD, DONE, OUTPUT, STREAMED, REFUSED = 0x81, 0x82, 0x83, 0x87, 0xFF
 
@@ -85,7 +90,12 @@ def firmware() -> Path:
     for tool in ("qemu-system-arm", "arm-none-eabi-g++", "make"):
         if shutil.which(tool) is None:
             pytest.skip(f"needs {tool}")
-    subprocess.run(["make", "-C", str(ROOT / "firmware"), "link"], check=True, capture_output=True)
+    # Another test process must not start from a file that is still being written.
+    with (Path(tempfile.gettempdir()) / f"tenodesis-firmware-{os.getuid()}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        command = ["make", "-C", str(ROOT / "firmware"), "link"]
+        made = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert made.returncode == 0, made.stderr
     return ROOT / "build/firmware/link.elf"
 
 
@@ -170,7 +180,9 @@ class FakeBoard:
     def good(self, frame: Frame) -> list[bytes]:
         match frame.type:
             case 1:
-                info = struct.pack("<8I32s", 1, 4, 768, 2, 0, self._last, 25_000_000, 0, b"fake")
+                info = struct.pack(
+                    "<8I32s", INTERFACE_VERSION, 4, PARAMETERS_SIZE, 2, 0, self._last, 25_000_000, 0, b"fake"
+                )
                 return [Frame(BOARD, frame.session, frame.sequence, info).encoded()]
             case 3:
                 return [output(frame).encoded()]

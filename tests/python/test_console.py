@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 import tenodesis as tn
-from tenodesis.console import Page, serve
+from tenodesis.console import Page, link_page, serve, server
+from tenodesis.console.access import page_html
 from tenodesis.console.status import ADVICE
+from tenodesis.live import folder as folders
 
 from .console_stand_in import StandIn
 
@@ -21,6 +23,8 @@ playwright = pytest.importorskip("playwright.sync_api", reason="browser tests ne
 
 CHROMIUM = shutil.which("chromium") or ""
 pytestmark = [pytest.mark.process, pytest.mark.skipif(not CHROMIUM, reason="browser tests need Chromium")]
+
+PATIENCE = 60.0  # s
 
 BAD_FILE = 'name = "x"\njoint_type = "tendon-gear"\npretension = "30 mm"\nhandle_rnge = "45 deg"\n'
 SHORT_PROTOCOL = """
@@ -47,12 +51,24 @@ def bench(folder: Path) -> Iterator[StandIn]:
     found.close()
 
 
+def patient_html() -> str:
+    """Return the page that waits longer for an answer."""
+    limit = "AbortSignal.timeout(2000)"
+    html = page_html()
+    assert html.count(limit) == 1
+    return html.replace(limit, f"AbortSignal.timeout({1000 * PATIENCE:.0f})")
+
+
 @pytest.fixture(scope="module")
 def served(bench: StandIn, folder: Path) -> Iterator[Page]:
-    # Browsers without a graphics card draw every frame by hand, and both share the processor with the loop.
+    # Browsers without a graphics card draw every frame by hand, and both share the processor with the loop. What waits
+    # for it keeps its connection and control, and gets the answer to its stop.
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("tenodesis.console.page.FRAME_RATE", 8.0)
+        patch.setattr("tenodesis.console.page._HANGS_AFTER", PATIENCE)
+        patch.setattr("tenodesis.console.page.page_html", patient_html)
         patch.setattr("tenodesis.console.access.LARGEST_UPLOAD", 20_000)
+        patch.setitem(server._LIMITS, "ping_timeout", PATIENCE)
         with serve(bench.connect, port=0, recordings=folder) as page:
             yield page
 
@@ -62,18 +78,20 @@ class Window:
 
     def __init__(self, browser: Any, url: str, width: int, height: int) -> None:
         self.page = browser.new_page(viewport={"width": width, "height": height})
+        self.page.set_default_timeout(1000 * PATIENCE)
         self.problems: list[str] = []
         self.page.on("console", self._said)
         self.page.on("pageerror", lambda error: self.problems.append(str(error)))
-        self.page.on("request", lambda request: self._requested(request.url, url))
+        own = url.partition("?")[0]
+        self.page.on("request", lambda request: self._requested(request.url, own))
         self.page.goto(url)
-        self.page.get_by_role("button", name=re.compile("^(Enable|Resume|Take control)")).first.wait_for(timeout=60_000)
+        self.page.get_by_role("button", name=re.compile("^(Enable|Resume|Take control)")).first.wait_for()
         for notice in self.page.locator(".mantine-Notification-closeButton").all():
             notice.click()
 
     def _said(self, message: Any) -> None:
         if message.type == "error":
-            self.problems.append(message.text)
+            self.problems.append(f"{message.text} ({message.location['url']})")
 
     def _requested(self, asked: str, own: str) -> None:
         if not asked.startswith((own, "blob:" + own, "data:", own.replace("http", "ws"))):
@@ -97,7 +115,7 @@ class Window:
             self.press(button)
         chosen.value.set_files({"name": name, "mimeType": "text/plain", "buffer": content.encode()})
 
-    def sees(self, text: str, seconds: float = 20.0) -> None:
+    def sees(self, text: str, seconds: float = PATIENCE) -> None:
         self.page.get_by_text(text).first.wait_for(timeout=1000 * seconds)
 
 
@@ -122,7 +140,7 @@ def window(opened: Window) -> Iterator[Window]:
     assert opened.problems == []
 
 
-def wait(happens: Callable[[], Any], seconds: float = 20.0) -> None:
+def wait(happens: Callable[[], Any], seconds: float = PATIENCE) -> None:
     end = time.monotonic() + seconds
     while not happens():
         assert time.monotonic() < end, "it did not happen"
@@ -134,6 +152,15 @@ def loss(bench: StandIn) -> float:
     now = bench.connect("test").latest()
     asked = tn.statics.output_angle(bench.inst, float(now["handle_angle"]))
     return float(np.degrees(asked - now["output_angle"]))
+
+
+def test_the_link_in_a_file_opens_the_page_by_itself(browser: Any, served: Page, tmp_path: Path) -> None:
+    opener = folders.write_link(tmp_path, served.url, link_page(served.url))
+    page = browser.new_context().new_page()
+    page.goto(opener.as_uri())
+    page.get_by_role("button", name="STOP").wait_for(timeout=60_000)
+    assert page.url == served.url.partition("?")[0]
+    page.close()
 
 
 def test_a_slider_moves_the_handle_and_the_tip_follows(window: Window, bench: StandIn) -> None:
@@ -191,7 +218,11 @@ def test_the_escape_key_stops_from_a_field_too_and_closes_a_list(window: Window,
     wait(lambda: stops() == before + 1)
     window.tab("Law")
     window.field("Law").click()
+    # A list that is not open yet, or not closed yet, would take the key otherwise.
+    option = window.page.get_by_role("option", name="off", exact=True)
+    option.wait_for()
     window.page.keyboard.press("Escape")
+    option.wait_for(state="hidden")
     window.field("Law").press("Escape")
     wait(lambda: stops() == before + 2)
 
@@ -208,9 +239,12 @@ def test_a_protocol_runs_and_its_recording_is_opened_replayed_and_compared(
     window.tab("Tests")
     for _ in range(2):
         before = bench.recorded
+        # So slowly that it still runs when the browser shows it.
+        bench.rate = 0.02
         window.upload("Protocol file from here", "short.toml", SHORT_PROTOCOL)
         wait(lambda before=before: bench.recorded > before)
         window.sees("short runs")
+        bench.rate = 1.0
         window.sees("short is done")
     window.tab("Files")
     wait(lambda: window.field("Recording").input_value() != "none yet")
@@ -284,7 +318,7 @@ def test_stop_and_state_are_seen_at_every_size(window: Window, size: tuple[int, 
 
 def test_a_page_whose_server_has_gone_says_that_it_shows_what_was(window: Window, bench: StandIn) -> None:
     old, stops = window.page.get_by_text("No connection: what is shown is old."), len(bench.commands)
-    assert old.count() == 0
+    old.wait_for(state="detached")
     for path in ("**/alive", "**/stop"):
         window.page.route(path, lambda route: route.abort())
     old.wait_for()

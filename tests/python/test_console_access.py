@@ -3,7 +3,7 @@
 import asyncio
 import gzip
 import http.client
-from collections.abc import Iterator
+import os
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,12 +12,17 @@ from websockets.datastructures import Headers
 from websockets.exceptions import InvalidStatus
 from websockets.http11 import Request
 
-from tenodesis.console import Page, serve
+from tenodesis import simulate
+from tenodesis.console import Page, link_page, serve
 from tenodesis.console.access import AccessControl
-from tenodesis.errors import LiveError
+from tenodesis.console.tab_setup import read_instrument
+from tenodesis.errors import InstrumentError, LiveError, ProtocolError
 from tenodesis.instrument import Instrument
+from tenodesis.instrument.text import to_toml
+from tenodesis.live import folder as folders
 
-from .console_guest import Guest, get, operates, wait
+from .conftest import refused
+from .console_guest import Guest, cookie, get, operates, wait
 from .console_stand_in import StandIn
 
 pytestmark = pytest.mark.process
@@ -25,68 +30,94 @@ pytestmark = pytest.mark.process
 HAND = "Handle yaw, °"
 
 
-@pytest.fixture
-def bench(scaled: Instrument, tmp_path: Path) -> Iterator[StandIn]:
-    found = StandIn(scaled, tmp_path)
-    yield found
-    found.close()
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
+def test_the_page_answers_nothing_without_the_token_wherever_it_listens(
+    bench: StandIn, tmp_path: Path, host: str
+) -> None:
+    """Any account of this computer reaches its loopback addresses."""
+    with serve(bench.connect, host=host, port=0, recordings=tmp_path) as page:
+        assert len(page.token) >= 32
+        assert page.token in page.url
+        for wrong in ("", f"tenodesis-{page.port}=wrong"):
+            assert get(page, Cookie=wrong).status == 401
+            assert get(page, "/stop", X_Tenodesis="stop", Cookie=wrong).status == 401
+            assert get(page, "/index.html", Cookie=wrong).status == 401
+            with pytest.raises(InvalidStatus, match="401"):
+                Guest(page, Cookie=wrong)
+        assert get(page, "/?token=wrong", Cookie="").status == 401
+        assert bench.commands == []
+        assert get(page).status == 200
+        with Guest(page) as guest:
+            wait(lambda: operates(bench, guest))
 
 
-@pytest.fixture
-def page(bench: StandIn, tmp_path: Path) -> Iterator[Page]:
-    with serve(bench.connect, port=0, recordings=tmp_path) as served:
-        yield served
-
-
-@pytest.fixture
-def guarded(bench: StandIn, tmp_path: Path) -> Iterator[Page]:
-    with serve(bench.connect, port=0, token="the token", recordings=tmp_path) as served:
-        yield served
-
-
-def test_the_page_behind_a_token_answers_nothing_without_it(guarded: Page, bench: StandIn) -> None:
-    assert get(guarded).status == 401
-    assert get(guarded, "/stop", X_Tenodesis="stop").status == 401
-    assert get(guarded, "/index.html").status == 401
-    assert get(guarded, Cookie=f"tenodesis-{guarded.port}=wrong").status == 401
-    with pytest.raises(InvalidStatus, match="401"):
-        Guest(guarded.port)
-    assert get(guarded, "/?token=wrong").status == 401
-    assert bench.commands == []
-    answer = get(guarded, "/?token=the%20token")
-    assert answer.status == 303
+def test_the_token_is_shown_once_and_the_cookie_stays_with_the_page(page: Page) -> None:
+    answer = get(page, f"/?token={page.token}", Cookie="")
+    assert answer.status == 200
     cookie = str(answer.getheader("Set-Cookie"))
     assert "HttpOnly" in cookie
     assert "SameSite=Strict" in cookie
-    shown = cookie.partition(";")[0]
-    assert get(guarded, Cookie=shown).status == 200
-    with Guest(guarded.port, Cookie=shown) as guest:
-        wait(lambda: operates(bench, guest))
+    assert page.token not in cookie
 
 
-def test_another_address_gets_a_token_and_this_machine_none(page: Page, bench: StandIn, tmp_path: Path) -> None:
-    assert page.token is None
-    with serve(bench.connect, host="0.0.0.0", port=0, recordings=tmp_path) as open_page:
-        assert open_page.token is not None
-        assert len(open_page.token) >= 32
-        assert open_page.token in open_page.url
-        assert get(open_page).status == 401
+def test_a_token_that_can_be_guessed_is_refused(bench: StandIn) -> None:
+    with refused("token", "1234"):
+        serve(bench.connect, port=0, token="1234")
+
+
+def test_an_address_of_another_machine_is_refused(bench: StandIn) -> None:
     with pytest.raises(LiveError, match=r"host is '203\.0\.113\.1'"):
         serve(bench.connect, host="203.0.113.1")
 
 
+def test_the_link_is_for_its_user_alone(tmp_path: Path) -> None:
+    opener = folders.write_link(tmp_path, "http://127.0.0.1:1/?token=x", link_page("http://127.0.0.1:1/?token=x"))
+    assert {path.stat().st_mode & 0o777 for path in tmp_path.iterdir()} == {0o600}
+    assert folders.read_link(tmp_path) == "http://127.0.0.1:1/?token=x"
+    assert "url=http://127.0.0.1:1/?token=x" in opener.read_text()
+    assert folders.read_link(tmp_path / "elsewhere") is None
+
+
+def test_only_instrument_files_of_the_given_folders_are_read(tmp_path: Path, scaled: Instrument) -> None:
+    inside, outside = tmp_path / "inside", tmp_path / "outside"
+    for folder in (inside, outside):
+        folder.mkdir()
+        (folder / "own.toml").write_text(to_toml(scaled))
+        (folder / "notes.txt").write_text("secret")
+    (inside / "way.toml").symlink_to(outside / "own.toml")
+    (inside / "away").symlink_to(outside)
+    (inside / "large.toml").write_bytes(b"#" * 1_000_001)
+    os.mkfifo(inside / "pipe.toml")
+    assert read_instrument(str(inside / "own.toml"), (inside,)) == to_toml(scaled)
+    assert read_instrument(str(inside / "away" / "own.toml"), (inside, outside)) == to_toml(scaled)
+    for path in ("own.toml", "../outside/own.toml", "way.toml", "away/own.toml", "notes.txt", "a\0b"):
+        given = str(outside / path) if path == "own.toml" else str(inside / path)
+        with refused("path", given, kind=InstrumentError):
+            read_instrument(given, (inside,))
+    for path, says in (("large.toml", "more than 1 MB"), ("pipe.toml", "no regular file"), ("no.toml", "no such file")):
+        with pytest.raises(InstrumentError, match=says):
+            read_instrument(str(inside / path), (inside,))
+
+
+def test_a_protocol_of_a_browser_names_no_file() -> None:
+    text = 'name = "p"\n[[phases]]\nkind = "motion"\nfile = "/etc/passwd"\nangle_unit = "deg"\n'
+    with pytest.raises(ProtocolError, match="it must be data") as caught:
+        simulate.parse(text)
+    assert "root" not in str(caught.value)
+
+
 def test_a_page_of_another_site_can_neither_connect_nor_stop(page: Page, bench: StandIn) -> None:
     with pytest.raises(InvalidStatus, match="403"):
-        Guest(page.port, Origin="http://elsewhere.example")
+        Guest(page, Origin="http://elsewhere.example")
     assert get(page, Host="elsewhere.example").status == 403
     assert get(page, "/stop").status == 403
     assert bench.commands == []
-    with Guest(page.port, Origin=f"http://127.0.0.1:{page.port}") as guest:
+    with Guest(page, Origin=f"http://127.0.0.1:{page.port}") as guest:
         wait(lambda: operates(bench, guest))
 
 
 def test_the_page_cannot_be_put_on_the_internet_by_a_browser(page: Page, bench: StandIn) -> None:
-    with Guest(page.port) as guest:
+    with Guest(page) as guest:
         wait(lambda: operates(bench, guest))
         guest.send({"type": "ShareUrlRequest"})
         guest.set(HAND, 3.0)
@@ -97,7 +128,7 @@ def test_the_page_cannot_be_put_on_the_internet_by_a_browser(page: Page, bench: 
 @pytest.mark.parametrize("path", ["/index.html", "//", "/./", "/?/../index.html", "/..%2f..%2fsetup.py", "//[", "/%00"])
 def test_no_address_gives_a_page_without_the_stop_button(page: Page, path: str) -> None:
     connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=10)
-    connection.request("GET", path, headers={"Accept-Encoding": "identity"})
+    connection.request("GET", path, headers={"Accept-Encoding": "identity", "Cookie": cookie(page)})
     answer = connection.getresponse()
     body = answer.read()
     if answer.status == 200:
@@ -123,17 +154,17 @@ def test_no_address_gives_a_page_without_the_stop_button(page: Page, path: str) 
 def test_forged_headers_do_not_get_in(page: Page, bench: StandIn, headers: list[tuple[str, str]]) -> None:
     connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=10)
     connection.putrequest("GET", "/stop", skip_host=True)
-    for name, value in [*headers, ("X-Tenodesis", "stop")]:
+    for name, value in [*headers, ("X-Tenodesis", "stop"), ("Cookie", cookie(page))]:
         connection.putheader(name, value)
     connection.endheaders()
     assert connection.getresponse().status in {400, 403}
     assert bench.commands == []
 
 
-def test_a_pass_of_any_bytes_is_only_wrong(guarded: Page) -> None:
-    connection = http.client.HTTPConnection("127.0.0.1", guarded.port, timeout=10)
+def test_a_pass_of_any_bytes_is_only_wrong(page: Page) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", page.port, timeout=10)
     connection.putrequest("GET", "/")
-    connection.putheader("Cookie", f"tenodesis-{guarded.port}=".encode() + b"\xff\xfe")
+    connection.putheader("Cookie", f"tenodesis-{page.port}=".encode() + b"\xff\xfe")
     connection.endheaders()
     assert connection.getresponse().status == 401
 
@@ -153,14 +184,15 @@ def test_a_stop_that_does_not_get_through_says_so(page: Page, bench: StandIn, mo
     def gone(*_: object) -> None:
         raise LiveError("The runtime has ended.")
 
-    monkeypatch.setattr("tests.python.console_stand_in.StandInConnection.stop", gone)
+    monkeypatch.setattr("tests.python.console_stand_in.StandInConnection.stop_for", gone)
     assert get(page, "/stop", X_Tenodesis="stop").status == 503
 
 
 def test_a_page_that_hangs_says_so_to_those_who_ask() -> None:
     async def ask(alive: bool) -> bytes:
-        access = AccessControl("the page", loopback=True, token=None, stop=lambda _: None, alive=lambda: alive)
-        request = Request("/alive", Headers({"Host": "localhost"}))
+        access = AccessControl("the page", loopback=True, token="x", stop=lambda _: None, alive=lambda: alive)
+        pass_ = f"tenodesis-80={access._cookie_value}"
+        request = Request("/alive", Headers({"Host": "localhost", "Cookie": pass_}))
         answer = await access.answer(SimpleNamespace(remote_address=None), request, lambda *_: None)  # type: ignore[arg-type]
         assert answer is not None
         assert answer.status_code == 200

@@ -13,11 +13,11 @@ from tenodesis.console.display import shown_signals
 from tenodesis.console.plots import SLACK, TensionColours
 from tenodesis.console.scene import with_short_stem
 from tenodesis.console.solids import solids
-from tenodesis.console.status import ADVICE
+from tenodesis.console.status import ADVICE, HOMING_REMEDIES
 from tenodesis.console.tab_files import compare, repeated
 from tenodesis.console.tab_law import ACTUATIONS, LAWS
 from tenodesis.console.tab_move import motion_protocol, next_to_try
-from tenodesis.control import FAULTS
+from tenodesis.control import FAULTS, HOMING_REASONS
 from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.errors import ProtocolError, RecordingError
 from tenodesis.instrument import Instrument
@@ -144,5 +144,6 @@ def test_a_recording_is_repeated_by_the_hand(scaled: Instrument, tmp_path: Path)
 
 def test_every_fault_and_every_choice_has_its_words() -> None:
     assert tuple(ADVICE) == FAULTS
+    assert ("none", *HOMING_REMEDIES) == tuple(HOMING_REASONS)
     assert tuple(LAWS) == LawName.__args__
     assert tuple(ACTUATIONS) == ActuationName.__args__

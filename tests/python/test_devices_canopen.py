@@ -13,6 +13,7 @@ import pytest
 
 import tenodesis as tn
 from tenodesis.control import Controller, OperatingState
+from tenodesis.devices import can_bus
 from tenodesis.devices.can_layout import LEAD, Aim, layout
 from tenodesis.devices.canopen import CanOpenDevice
 from tenodesis.devices.simulated.bench import SimulatedBench, TwinPlant
@@ -46,6 +47,7 @@ from .can_bench import (
 )
 
 EMERGENCY_OVERVOLTAGE = 0x3210
+ANSWER_TIME = 60.0  # s, of an answer that comes, however busy the machine
 
 
 @pytest.fixture(scope="module")
@@ -165,7 +167,8 @@ def test_the_loop_by_positions_ends_where_that_by_speeds_does(inst: Instrument) 
     off = np.abs(tips - in_process(inst, 1, 1000)[0])
     before_the_load = round(0.4 * RATE)
     assert off[:before_the_load].max() < np.radians(0.1)
-    assert off[-1] < inst.control.dead_band
+    # Each of the two loops comes to rest within one dead band of the target.
+    assert off[-1] < 2 * inst.control.dead_band
 
 
 @pytest.mark.parametrize("position", [0, 123_456, 2**31 - 2, -(2**31) + 2])
@@ -274,7 +277,11 @@ def test_a_drive_that_does_not_say_that_it_has_stopped_is_named_at_the_end(inst:
         device.close()
 
 
-def test_a_drive_that_heeds_no_pdo_any_more_loses_its_power_by_sdo(inst: Instrument) -> None:
+def test_a_drive_that_heeds_no_pdo_any_more_loses_its_power_by_sdo(
+    inst: Instrument, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The bench answers only once it has simulated a period for each SYNC that stopping has sent it.
+    monkeypatch.setattr(can_bus, "_ANSWER_TIME", ANSWER_TIME)
     with served(inst) as (device, bench, clock):
         tick(device, clock)
         tick(device, clock)

@@ -50,7 +50,11 @@ def test_the_python_examples_run_and_print_what_they_say(page: str) -> None:
 def test_contributing_names_files_that_exist() -> None:
     text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
     named = [name for name in re.findall(r"`([\w./]+\.(?:hpp|h|py|md|cpp|toml))`", text) if name != "instrument.toml"]
-    tracked = [str(path) for folder in ("include", "src", "docs", "tests") for path in (ROOT / folder).rglob("*.*")]
+    tracked = [
+        str(path)
+        for folder in ("include", "src", "docs", "tests", "benchmarks")
+        for path in (ROOT / folder).rglob("*.*")
+    ]
     assert len(named) > 50
     assert [name for name in named if not any(path.endswith(f"/{name}") for path in tracked)] == []
 

@@ -96,7 +96,7 @@ def test_quoted_headings_and_a_byte_order_mark_are_read(recorded: InstrumentRun,
         ('time = { column = "t", unit = "N" }', "the unit of time is 'N'"),
         ('time = { column = "t", unit = "quux" }', "the unit of time is 'quux'"),
         ('time = { column = "t", unit = "s", factor = 0 }', "factor is 0"),
-        ("time = ", "is no TOML"),
+        ("time = ", "is not valid TOML"),
         ('time = { column = "t", unit = "s" }', "lacks handle_angle, tension_agonist, tension_antagonist"),
     ],
 )

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 import tenodesis as tn
-from tenodesis.control import FAULTS, Controller, OperatingState, Request, parameters
+from tenodesis.control import FAULTS, Controller, OperatingState, Request, homing_failure, parameters
 from tenodesis.instrument import Instrument
 from tenodesis.run import Run
 from tenodesis.simulate import FaultInjection
@@ -54,7 +54,7 @@ def home(
     *,
     slack: float = 2e-3,
     seed: int = 0,
-    seconds: float = 4.0,
+    seconds: float = 6.0,
     sheath_bend: float = 0.0,
     handle: float = 0.0,
     let_out: Array | float = 0.0,
@@ -85,6 +85,10 @@ def first_faults(run: Run) -> set[str]:
     return {name for n, name in enumerate(FAULTS) if mask >> n & 1}
 
 
+def failure(run: Run) -> str:
+    return homing_failure(int(run["homing_failure"][-1]))
+
+
 def fault_time(run: Run) -> float:
     """Return the time from what was asked to the fault, s; NaN without one."""
     at = np.flatnonzero(run["operating_state"] == OperatingState.FAULT)
@@ -105,7 +109,7 @@ def test_homing_ends_at_the_pretension_however_slack_the_tendons_were(name: str)
     ends, strokes = [], []
     for seed, slack in enumerate(np.geomspace(0.5e-3, 15e-3, 20)):
         controller.reset()
-        run, _ = home(inst, controller, slack=float(slack), seed=seed, seconds=7.0)
+        run, _ = home(inst, controller, slack=float(slack), seed=seed, seconds=15.0)
         assert run["operating_state"][-1] == OperatingState.PAUSED
         ends.append(run["tension"][-1])
         strokes.append(run["spool_angle"][-1])
@@ -190,10 +194,10 @@ def test_a_broken_tendon_ends_homing_after_the_stroke_it_may_take(name: str, sid
 
 
 @pytest.mark.parametrize("name", INSTRUMENTS)
-@pytest.mark.parametrize("after", [1.0, 1.5, 2.0])
+@pytest.mark.parametrize("after", [2.0, 2.5, 3.0])
 def test_a_tendon_that_breaks_during_homing_ends_it_at_once(name: str, after: float) -> None:
     inst = instrument(name)
-    run, _ = home(inst, unhomed(inst), let_out=breaking(0, after, 4.0))
+    run, _ = home(inst, unhomed(inst), let_out=breaking(0, after, 6.0))
     assert first_faults(run) == {"homing_failed", "tendon_break"}
     assert 0 <= fault_time(run) - after < 0.03
     moved = np.abs(run["commanded_spool_velocity"])
@@ -219,11 +223,13 @@ def test_a_jammed_tendon_ends_homing_before_its_tension_grows(name: str, jam: di
 
 @pytest.mark.parametrize("name", INSTRUMENTS)
 @pytest.mark.parametrize("side", ["agonist", "antagonist"])
-def test_a_blocked_drive_ends_homing(name: str, side: str) -> None:
+def test_a_blocked_drive_ends_homing_before_anything_is_wound(name: str, side: str) -> None:
     inst = instrument(name)
     run, _ = home(inst, unhomed(inst), fault_injection=[FaultInjection(f"spool_velocity.{side}", "set", 0.0)])  # type: ignore[arg-type]
-    assert first_faults(run) == {"motor_not_following"}
-    assert fault_time(run) < 0.12
+    assert first_faults(run) == {"homing_failed"}
+    assert failure(run) == f"motor_dead.{side}"
+    assert fault_time(run) < 0.6
+    assert np.abs(run["output_angle"]).max() < np.radians(1)
 
 
 def test_a_dead_load_cell_keeps_homing_from_starting() -> None:
@@ -241,7 +247,7 @@ def test_after_a_failed_homing_clearing_and_homing_again_works() -> None:
         inst, controller, fault_injection=[FaultInjection("spool_velocity.agonist", "set", 0.0)], seconds=1.0
     )
     assert run["operating_state"][-1] == OperatingState.FAULT
-    count = round(4 / TIME_STEP)
+    count = round(6 / TIME_STEP)
     request = np.zeros(count, int)
     request[100], request[200] = Request.CLEAR, Request.HOME
     again = twin.run(np.zeros(count), controller=controller, request=request)
@@ -273,7 +279,7 @@ def test_tendons_that_are_tight_already_may_be_homed_again(name: str, slack: flo
     twin = Twin(inst)
     if slack:
         twin.loosen(slack * stretch)
-    count = round(3 / TIME_STEP)
+    count = round(6 / TIME_STEP)
     request = np.zeros(count, int)
     request[100] = Request.HOME
     run = twin.run(np.zeros(count), controller=unhomed(inst), request=request)

@@ -59,7 +59,7 @@ def made(seed: int, noise: float = math.radians(0.1)) -> Pair:
     blank = Pair([recording(bend) for bend in (0, 120, 240)])
     truth = np.array([TRUTH[one.name] for one in blank.parameters])
     random = np.random.default_rng(seed)
-    outputs = [blank.output_angle(truth, run) + noise * random.normal(size=600) for run in range(3)]
+    outputs = [blank.predict(truth, run) + noise * random.normal(size=600) for run in range(3)]
     return Pair([recording(bend, output) for bend, output in zip((0, 120, 240), outputs, strict=True)])
 
 
@@ -149,7 +149,7 @@ def test_left_out_bend_is_predicted_to_the_sensors_noise() -> None:
 def test_more_sections_of_the_sheath_change_less_and_less() -> None:
     recordings = [recording(bend) for bend in (0, 240)]
     truth = np.array([TRUTH[one.name] for one in Pair(recordings).parameters])
-    angles = [np.degrees(Pair(recordings, sections=count).output_angle(truth, 1)) for count in (3, 6, 12, 24)]
+    angles = [np.degrees(Pair(recordings, sections=count).predict(truth, 1)) for count in (3, 6, 12, 24)]
     changes = [np.abs(fine - coarse).max() for coarse, fine in itertools.pairwise(angles)]
     print(f"largest changes of the angle from 3 to 6, 12, 24 sections: {changes} deg")
     assert changes[2] < changes[1] < changes[0]
@@ -159,7 +159,7 @@ def test_more_sections_of_the_sheath_change_less_and_less() -> None:
 def test_output_angle_is_used_for_nothing_but_the_error() -> None:
     silent, said = Pair([recording(60)]), Pair([recording(60, np.ones(600))])
     at = starts(silent)
-    assert (silent.output_angle(at, 0) == said.output_angle(at, 0)).all()
+    assert (silent.predict(at, 0) == said.predict(at, 0)).all()
 
 
 def test_at_one_bend_nothing_is_asked_of_how_friction_grows_with_it() -> None:
@@ -320,7 +320,7 @@ def test_friction_is_worth_more_than_the_tension_difference_which_is_worth_more_
     measured: Pair,
 ) -> None:
     errors = []
-    for series in measured._series:
+    for series in measured.full:
         command, difference, one = series.command, series.agonist - series.antagonist, np.ones(series.command.size)
         columns = [np.column_stack([command, one]), np.column_stack([command, difference, one])]
         fits = [np.linalg.lstsq(one, series.output)[0] for one in columns]

@@ -42,9 +42,7 @@ def made(noise: float, seed: int = 0) -> MeasuredRun:
 
 def test_model_is_the_tendons_own_contact() -> None:
     model = Sheath([recording()], law="capstan")
-    assert model.distal_tension(np.array([0.84, 0.6]), 0) == pytest.approx(
-        transmit(pulls()[1], 0.6, gain=0.84), rel=1e-12
-    )
+    assert model.predict(np.array([0.84, 0.6]), 0) == pytest.approx(transmit(pulls()[1], 0.6, gain=0.84), rel=1e-12)
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -85,7 +83,7 @@ def test_load_index_is_found_again_within_its_interval() -> None:
     truth = np.array([0.84, 0.8, 0.82])
     blank = Sheath([recording()], law="capstan-power")
     noise = 0.02 * np.random.default_rng(3).normal(size=1500)
-    found = fit(Sheath([recording(blank.distal_tension(truth, 0) + noise)], law="capstan-power"), train=[0], starts=3)
+    found = fit(Sheath([recording(blank.predict(truth, 0) + noise)], law="capstan-power"), train=[0], starts=3)
     for name, true in zip(("gain", "exponent", "load_index"), truth, strict=True):
         low, high = found.interval_95[name]
         assert low <= true <= high

@@ -344,9 +344,11 @@ def set_moving(loop, bench):
     end = time.monotonic() + 30
     while not np.any(bench.speed):
         assert time.monotonic() < end, "it does not move"
-        for request in ("clear", "home"):
+        for request, seconds in (("clear", 0.05), ("home", 1.0)):
             loop.request(request)
-            time.sleep(0.05)
+            begun = time.monotonic()
+            while time.monotonic() < begun + seconds and not np.any(bench.speed):
+                time.sleep(0.01)
 
 
 @pytest.mark.parametrize("mode", ["silent", "broken", "past", "nan"])
@@ -403,3 +405,39 @@ def test_a_lease_is_held_by_one_and_runs_out():
     assert not lease.release(other)
     assert lease.release(one)
     assert renewed[-1] == 0
+
+
+def hiccup(tmp_path, pause, **control):
+    """Return the faults that a bench causes whose thread pauses once, its clock going on."""
+    inst = slow_rate().replace(**control)
+    bench = Bench(inst)
+    loop = looped(tmp_path, inst, device=bench)
+    reader = Reader(tmp_path)
+    loop.start()
+    until(lambda: reader.written > 50)
+    before = reader.written
+    read = bench.read
+
+    def paused(timeout):
+        bench.read = read
+        time.sleep(pause)
+        bench.time += round(pause * 1e9)
+        return read(timeout)
+
+    bench.read = paused
+    until(lambda: reader.written > before + 100)
+    loop.finish()
+    run, _ = reader.read(10**5)
+    mask = int(np.bitwise_or.reduce(np.nan_to_num(run.faults).astype(int)))
+    return [name for n, name in enumerate(tn.control.FAULTS) if mask >> n & 1]
+
+
+@pytest.mark.process
+def test_a_bench_that_pauses_for_less_than_the_watchdog_is_no_fault(tmp_path):
+    """The loop waits for two periods, which is less: the time that stands still meanwhile is the loop's."""
+    assert "tick_late" not in hiccup(tmp_path, 0.06, **{"control.watchdog": 0.5})
+
+
+@pytest.mark.process
+def test_a_bench_that_pauses_for_longer_than_the_watchdog_is_a_fault(tmp_path):
+    assert "tick_late" in hiccup(tmp_path, 0.3, **{"control.watchdog": 0.1})

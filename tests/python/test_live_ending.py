@@ -12,7 +12,9 @@ from pathlib import Path
 import pytest
 
 from tenodesis.errors import LiveError
+from tenodesis.live import folder as folders
 from tenodesis.live import host as hosts
+from tenodesis.live import runtime_process
 from tenodesis.live.host import Host
 
 from .conftest import ROOT
@@ -76,8 +78,8 @@ def test_a_runtime_ends_in_order_when_it_is_told_to_and_one_that_does_not_start_
     place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     host = Host("scaled-up", recordings=tmp_path)
-    process = host._process
-    assert process is not None
+    assert host._process is not None
+    process = host._process._process
     process.send_signal(signal.SIGTERM)
     assert process.wait(20) == 0
     started, make = [], subprocess.Popen
@@ -86,43 +88,36 @@ def test_a_runtime_ends_in_order_when_it_is_told_to_and_one_that_does_not_start_
         started.append(make(*arguments, **options))  # type: ignore[call-overload]
         return started[-1]  # type: ignore[no-any-return]
 
-    monkeypatch.setattr(hosts, "_TO_START", 0.0)
-    monkeypatch.setattr(hosts.subprocess, "Popen", starting)
+    monkeypatch.setattr(runtime_process, "_TO_START", 0.0)
+    monkeypatch.setattr(runtime_process.subprocess, "Popen", starting)
     with pytest.raises(LiveError, match="the runtime has not started within 0 s"):
         host.start("real-size")
-    assert host.pid is None
+    assert host.generation == 1
     assert started[0].returncode is not None
     host.close()
     assert list(place.iterdir()) == []
 
 
-def dead() -> int:
-    """A process that is no more."""
-    process = subprocess.Popen(["true"])
-    process.wait()
-    return process.pid
-
-
 def test_what_a_killed_host_left_is_kept_until_nobody_works_in_it(place: Path) -> None:
-    killed, mine = place / f"tenodesis-{dead()}-x", place / f"tenodesis-{os.getpid()}-x"
-    for folder in (killed, mine, place / "tenodesis-other"):
+    """Numbers of processes say nothing: to another namespace of processes, all those of this one are strangers."""
+    killed, mine, other = place / "tenodesis-1-x", place / "tenodesis-x", place / "tenodesis-other"
+    for folder in (killed, mine, other):
         (folder / "1").mkdir(parents=True)
         (folder / "1" / "ring").write_bytes(b"ticks")
-    # As a runtime that is still closing its recording. It says when it has become its program: /proc gives the
-    # arguments of a process only from then on.
-    program = [sys.executable, "-c", "print('works', flush=True); input()", str(killed / "1")]
-    closing = subprocess.Popen(program, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    host, held = folders.make_lock(killed), folders.make_lock(mine)
+    # As a runtime that is still closing its recording.
+    closing = subprocess.Popen(["cat"], stdin=subprocess.PIPE, pass_fds=(host,))
+    os.close(host)
     try:
-        assert closing.stdout is not None
-        assert closing.stdout.readline() == b"works\n"
         hosts._tidy()
         assert (killed / "1" / "ring").exists()
     finally:
-        closing.communicate(b"\n")
+        closing.communicate()
     hosts._tidy()
     assert not killed.exists()
     assert (mine / "1" / "ring").exists()
-    assert (place / "tenodesis-other").exists()
+    assert (other / "1" / "ring").exists()
+    os.close(held)
 
 
 def test_a_killed_host_leaves_its_runtime_its_folder_until_that_has_ended(place: Path, tmp_path: Path) -> None:

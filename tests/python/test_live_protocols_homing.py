@@ -48,7 +48,8 @@ def test_a_pretension_phase_is_homing_and_what_follows_is_as_planned(tmp_path: P
     assert run["operating_state"][-1] == OperatingState.ENABLED
     assert loop.latest()["homed"] == 1
     loaded = int(np.flatnonzero(run["force"])[0])
-    assert run["measured_tension"][loaded - 200 : loaded].mean(axis=0) == pytest.approx(scaled.pretension, abs=2.0)
+    # Of both tendons: with a bent handle friction divides it between them.
+    assert run["measured_tension"][loaded - 200 : loaded].mean() == pytest.approx(scaled.pretension, abs=2.0)
     alone = Protocol(name="steps", phases=HOMING.phases[1:])
     rows = planned(alone, loop)
     moving = int(np.flatnonzero(run["commanded_handle_angle"])[0])

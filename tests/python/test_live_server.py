@@ -211,6 +211,23 @@ def test_a_recorder_that_is_killed_is_said_and_its_file_can_be_read_to_the_last_
     until(lambda: server.loop.core.ticks > ticks)
 
 
+def test_a_recorder_that_hangs_is_said_while_it_hangs(served):
+    folder, server = served
+    one = operating(folder)
+    path = one.record(True, "long")
+    until(lambda: server.runtime.recorder.status().get("rows", 0) > 1000)
+    assert one.status().problem is None
+    pid = server.runtime.recorder.status()["pid"]
+    os.kill(pid, signal.SIGSTOP)
+    begun = time.monotonic()
+    until(lambda: one.status().problem)
+    print(f"reported after {time.monotonic() - begun:.2f} s")
+    assert one.status().problem == f"The recorder of {path} hangs: what happens now may not be in its file."
+    assert one.status().recording == path
+    os.kill(pid, signal.SIGCONT)
+    until(lambda: one.status().problem is None)
+
+
 def test_a_runtime_that_is_killed_is_said_and_can_be_started_again(tmp_path):
     host = Host("scaled-up", recordings=tmp_path)
     try:
@@ -236,7 +253,7 @@ def test_a_runtime_ends_with_what_started_it(tmp_path):
     host = Host("scaled-up", recordings=tmp_path)
     client = wait_for(host.folder, "one")
     reader = Reader(host.folder)
-    process = host._process
+    process = host._process._process
     process.stdin.close()
     process.wait(10)
     assert not _core.RingReader(str(host.folder / folders.RING)).silence < 0

@@ -138,7 +138,8 @@ def test_eq_22_as_a_set_point_of_both_motors_does_most_of_what_fig_15_shows(pape
     }
     of = {key.removeprefix(start): result.value for key, result in context.results.items() if key.startswith(start)}
     assert of["set_point.agonist.fast.final_error_at_0deg"] < -3
-    assert min(of[f"feedback.differential.fast.final_error_at_{state}deg"] for state in (0, 33, 67, 80)) > 20
+    # It overshoots until a tendon hangs; then the motors let go.
+    assert min(of[f"feedback.differential.fast.overshoot_at_{state}deg"] for state in (0, 33, 67, 80)) > 20
     late = [of[f"set_point.differential.slow.delay_at_{state}deg"] for state in (0, 33, 67, 80)]
     assert late == sorted(late)
     assert late[-1] > 2

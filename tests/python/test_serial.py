@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 import tenodesis as tn
 from tenodesis.control import Controller, OperatingState, Request
+from tenodesis.control.export import INTERFACE_VERSION
 from tenodesis.devices.serial import SerialController
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
@@ -152,7 +153,7 @@ def test_malformed_frames_move_nothing_and_are_counted(board: str, scaled: Instr
         for frame, why in (
             (Frame(sb.STEP, 7, 2**31 - 1, bytes(36), version=3), 1),
             (Frame(sb.STEP, 0, 2**31 - 1, bytes(36)), 4),
-            (Frame(sb.PARAMETERS, 7, 2**30, bytes(768)), 3),
+            (Frame(sb.PARAMETERS, 7, 2**30, bytes(sb.PARAMETERS_SIZE)), 3),
         ):
             answer = sb.answer_to(line, frame)
             assert (answer.type, struct.unpack("<I", answer.payload[:4])[0]) == (sb.REFUSED, why)
@@ -255,11 +256,17 @@ def test_a_board_with_sensors_measures_steps_and_sends_by_itself(tmp_path: Path,
         with sb.connected(address) as line:
             parameters = Frame(sb.PARAMETERS, 9, 100, struct.pack("<2I", 0, 0) + image)
             assert sb.answer_to(line, parameters).type == sb.DONE
-            assert sb.answer_to(line, Frame(sb.STREAM, 9, 101)).type == sb.DONE
+            line.sendall(Frame(sb.STREAM, 9, 101).encoded())
+            frames = sb.frames_from(line)
+            assert next(frames).type == sb.DONE
+            # Enabled before its first tick, a board that has to wait for the processor would show no other state.
+            ticks = [next(frames)]
             line.sendall(sb.keep(1, Request.ENABLE, 9, 102).encoded())
-            ticks = list(sb.frames_from(line, until=lambda frame: Streamed.of(frame).state == OperatingState.PAUSED))
+            for frame in frames:
+                ticks.append(frame)
+                if Streamed.of(frame).state == OperatingState.PAUSED:
+                    break
     assert {frame.type for frame in ticks} == {sb.STREAMED}
-    # The first ticks may come together with the answer to the request to stream.
     first = ticks[0].sequence
     assert [frame.sequence for frame in ticks] == list(range(first, first + len(ticks)))
     states = {Streamed.of(frame).state for frame in ticks}
@@ -288,7 +295,7 @@ LIES: dict[str, tuple[str, Callable[[Frame], list[bytes]]]] = {
     "the past": ("stale_answers", lambda f: [sb.output(f, sequence=f.sequence - 1).encoded()]),
     "another tick": ("wrong_tick", lambda f: [sb.output(f, time=17).encoded()]),
     "no state": ("bad_answer", lambda f: [sb.output(f, state=4).encoded()]),
-    "no phase": ("bad_answer", lambda f: [sb.output(f, phase=4).encoded()]),
+    "no phase": ("bad_answer", lambda f: [sb.output(f, phase=5).encoded()]),
     "too short": ("bad_answer", lambda f: [sb.output(f)._replace(payload=bytes(20)).encoded()]),
     "another type": ("bad_answer", lambda f: [sb.output(f)._replace(type=sb.DONE).encoded()]),
     "damaged": ("damaged_frames", lambda f: [sb.output(f).encoded().replace(b"\x01", b"\x02")]),
@@ -327,13 +334,20 @@ def test_a_board_that_lies_moves_no_motor(lie: str, scaled: Instrument) -> None:
         ),
         (
             lambda f: [
-                Frame(sb.BOARD, f.session, f.sequence, struct.pack("<8I32s", 2, 4, 768, *[0] * 5, b"")).encoded()
+                Frame(
+                    sb.BOARD,
+                    f.session,
+                    f.sequence,
+                    struct.pack("<8I32s", INTERFACE_VERSION + 1, 4, sb.PARAMETERS_SIZE, *[0] * 5, b""),
+                ).encoded()
             ],
-            "version 2 of the C interface",
+            f"version {INTERFACE_VERSION + 1} of the C interface",
         ),
         (
             lambda f: [
-                Frame(sb.BOARD, f.session, f.sequence, struct.pack("<8I32s", 1, 8, 1496, *[0] * 5, b"")).encoded()
+                Frame(
+                    sb.BOARD, f.session, f.sequence, struct.pack("<8I32s", INTERFACE_VERSION, 8, 1800, *[0] * 5, b"")
+                ).encoded()
             ],
             "8 bytes",
         ),
@@ -344,7 +358,8 @@ def test_a_board_that_lies_moves_no_motor(lie: str, scaled: Instrument) -> None:
 def test_what_is_no_board_of_this_version_is_refused(
     lie: Callable[[Frame], list[bytes]], said: str, scaled: Instrument, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tenodesis.devices.serial._CONNECT_TIMEOUT", 0.5)
+    # What does not answer is given up soon; an answer that comes may have to wait for the processor.
+    monkeypatch.setattr("tenodesis.devices.serial._CONNECT_TIMEOUT", 0.5 if "did not answer" in said else 20.0)
     with sb.served(lie) as address, pytest.raises(DeviceError, match=said):
         SerialController(address, scaled, timeout=0.5)
 

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from tenodesis.control import Controller, OperatingState
+from tenodesis.control.export import INTERFACE_VERSION
 from tenodesis.devices import registry
 from tenodesis.devices.communication_test import measure
 from tenodesis.devices.serial_device import SerialDevice
@@ -282,7 +283,7 @@ class StreamingBoard:
 
     def _answer(self, frame: Frame) -> bytes:
         if frame.type == sb.HELLO:
-            info = struct.pack("<8I32s", 1, 4, 768, 2, 0, 0, 25_000_000, 1, b"fake")
+            info = struct.pack("<8I32s", INTERFACE_VERSION, 4, sb.PARAMETERS_SIZE, 2, 0, 0, 25_000_000, 1, b"fake")
             return Frame(sb.BOARD, frame.session, frame.sequence, info).encoded()
         return Frame(sb.DONE, frame.session, frame.sequence).encoded()
 

@@ -7,8 +7,9 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from tenodesis import instrument
-from tenodesis.cli.common import InstrumentFile, console
+from tenodesis import instrument, plant
+from tenodesis.cli.common import InstrumentFile, console, warn
+from tenodesis.errors import Error
 
 Kind: TypeAlias = Literal["instrument", "catalogue", "tolerances"]
 
@@ -41,3 +42,7 @@ def check(instrument_file: InstrumentFile) -> None:
             if key in own:
                 values.add_row(f"{axis}: {key}", f"{value:.6g} {quantity.unit}", "")
     console.print(values)
+    try:
+        plant.check_runnable(inst)
+    except Error as problem:
+        warn(f"this file can be neither run live nor simulated in time steps of {plant.TIME_STEP:g} s: {problem}")

@@ -1,7 +1,9 @@
 """The commands about a live instrument: the page in the browser, and Foxglove."""
 
+import os
 import tempfile
 import threading
+import webbrowser
 from pathlib import Path
 from typing import Annotated
 
@@ -20,6 +22,8 @@ from tenodesis.live.ticks import Reader
 
 _PLACES = (Path("/dev/shm"), Path(tempfile.gettempdir()))
 """Where folders of runtimes are."""
+_DESKTOPS = ("DISPLAY", "WAYLAND_DISPLAY")
+"""Variables of the environment, one of which is set where a browser has a screen."""
 
 
 def live_console(  # noqa: PLR0917
@@ -31,13 +35,22 @@ def live_console(  # noqa: PLR0917
     law: Annotated[LawName, typer.Option(help="Compensation law.")] = "robust",
     actuation: Annotated[ActuationName, typer.Option(help="Motors that act.")] = "differential",
     host: Annotated[
-        str, typer.Option(help="Address to listen on; other than on this computer's own, browsers need the token.")
+        str, typer.Option(help="Address to listen on; by default only this computer can connect.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port; the next free port if it is taken.")] = 8080,
     token: Annotated[
-        str | None, typer.Option(help="Token for browsers on other computers; by default a random token.")
+        str | None,
+        typer.Option(
+            help="Token that browsers need; by default a random one. Every account can see the arguments of programs.",
+            envvar="TENODESIS_TOKEN",
+        ),
     ] = None,
+    browser: Annotated[bool, typer.Option(help="Open the page in the browser of this desktop.")] = True,
     recordings: Annotated[Path, typer.Option(help="Folder of recordings.")] = Path("recordings"),
+    instruments: Annotated[
+        list[Path] | None,
+        typer.Option(help="Folder of instrument files that the page may run; repeatable.", show_default="the current"),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the twin's sensor noise.", min=0)] = 0,
     foxglove: Annotated[
         int | None,
@@ -45,7 +58,7 @@ def live_console(  # noqa: PLR0917
     ] = None,
 ) -> None:
     """Open the live instrument in the browser: move its handle, push on its tip, switch the compensation on and off."""
-    from tenodesis.console import serve  # noqa: PLC0415 - foxglove does without the page
+    from tenodesis.console import link_page, serve  # noqa: PLC0415 - foxglove does without the page
 
     if not 0 < port < 65536:
         raise CommandError(key="--port", value=port, allowed="between 1 and 65535")
@@ -56,12 +69,15 @@ def live_console(  # noqa: PLR0917
         with console.status("Starting the runtime"):
             live = Host(instrument_file, choices, recordings)
         try:
-            page = serve(live.connect, host, port, token, recordings=recordings)
+            page = serve(
+                live.connect, host, port, token, recordings=recordings, instruments=instruments or [Path.cwd()]
+            )
             try:
+                opener = folders.write_link(live.home, page.url, link_page(page.url))
                 say(f"Console: {page.url}   (Ctrl-C ends it)")
+                if browser and any(os.environ.get(name) for name in _DESKTOPS):
+                    webbrowser.open(opener.as_uri())
                 say(f"Runtime: process {live.pid}, folder {live.folder}; recordings go to {recordings.absolute()}.")
-                if page.token is not None:
-                    say(f"Browsers need the token {page.token}")
                 if foxglove is not None:
                     with live_foxglove.Server(Reader(live.folder), "127.0.0.1", foxglove, folder=live.folder) as server:
                         say(f"Foxglove: ws://127.0.0.1:{server.port}")
@@ -104,8 +120,16 @@ def foxglove(
             say(f"{server.lost} rows were not sent, for this was too slow.")
 
 
+def link() -> None:
+    """Print the link that opens the page of the console that runs here, its token included."""
+    url = folders.read_link(_running().parent)
+    if url is None:
+        raise LiveError("the live instrument that runs here has no page; start one with `tenodesis console`.")
+    say(url)
+
+
 def _running() -> Path:
-    """Return the folder of the only runtime that runs."""
+    """Return the folder of the only runtime that this user runs."""
     found = []
     for place in _PLACES:
         for ring in place.glob(f"tenodesis-*/*/{folders.RING}"):

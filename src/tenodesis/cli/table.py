@@ -91,6 +91,9 @@ COMMANDS: dict[str, Command | Group] = {
         "off.",
         "live.live_console",
     ),
+    "link": Command(
+        "Print the link that opens the page of the console that runs here, its token included.", "live.link"
+    ),
     "foxglove": Command(
         "Show a live instrument to Foxglove: the recordings' topics over a WebSocket, read-only.",
         "live.foxglove",

@@ -4,6 +4,7 @@ from tenodesis.extras import require
 
 require("viser", "live")  # before the modules that import it and what comes with it
 
+from tenodesis.console.access import link_page  # noqa: E402
 from tenodesis.console.page import Page, serve  # noqa: E402
 
-__all__ = ["Page", "serve"]
+__all__ = ["Page", "link_page", "serve"]

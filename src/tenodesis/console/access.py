@@ -46,7 +46,7 @@ class AccessControl:
         Whether only this machine can reach the page; requests must then name this machine as their host, so that no
         page of another site can be resolved to it.
     token
-        Token that a browser must show once; None where none is needed.
+        Token that a browser must show once.
     stop
         Stops the motors in the name of an origin; returns the problem, or None.
     alive
@@ -58,7 +58,7 @@ class AccessControl:
         page: str,
         *,
         loopback: bool,
-        token: str | None,
+        token: str,
         stop: Callable[[str], str | None],
         alive: Callable[[], bool] = lambda: True,
     ) -> None:
@@ -78,7 +78,7 @@ class AccessControl:
             return _text(http.HTTPStatus.FORBIDDEN, "This page answers requests to localhost and 127.0.0.1 only.")
         if site not in (None, host):
             return _text(http.HTTPStatus.FORBIDDEN, "This page does not answer requests of other sites.")
-        if self._token is not None and not self._has_cookie(headers, host):
+        if not self._has_cookie(headers, host):
             return self._check_token(host, parse_qs(target.query).get("token", [""])[0])
         if "websocket" in headers.get_all("Upgrade"):
             return inner(connection, request)
@@ -103,10 +103,10 @@ class AccessControl:
         """Answer a browser without the cookie: with the cookie for the right token, otherwise with a form for it."""
         if not token:
             return _html(http.HTTPStatus.UNAUTHORIZED, _form("").encode())
-        if not hmac.compare_digest(_bytes(token), _bytes(str(self._token))):
+        if not hmac.compare_digest(_bytes(token), _bytes(self._token)):
             return _html(http.HTTPStatus.UNAUTHORIZED, _form("This is not the token.").encode())
-        answer = _text(http.HTTPStatus.SEE_OTHER, "Authorised.")
-        answer.headers["Location"] = "/"
+        # After a redirect that a file or another site began, a browser would not send the cookie.
+        answer = _html(http.HTTPStatus.OK, link_page("/").encode())
         answer.headers["Set-Cookie"] = f"{_cookie(host)}={self._cookie_value}; HttpOnly; SameSite=Strict; Path=/"
         return answer
 
@@ -118,6 +118,13 @@ class AccessControl:
         if problem is None:
             return _text(http.HTTPStatus.OK, "Stopped.")
         return _text(http.HTTPStatus.SERVICE_UNAVAILABLE, problem)
+
+
+def link_page(url: str) -> str:
+    """Return the HTML of a page that opens another at once."""
+    # Without an icon of its own, a browser that is slow to go on asks for /favicon.ico, which there is not.
+    head = '<!doctype html><meta charset="utf-8"><link rel="icon" href="data:,">'
+    return f'{head}<meta http-equiv="refresh" content="0; url={escape(url)}">'
 
 
 def page_html() -> str:
@@ -193,8 +200,8 @@ def _form(problem: str) -> str:
         "<title>Tenodesis</title><style>body{font:16px system-ui,sans-serif;color:#1b2733;max-width:26em;"
         "margin:15vh auto;padding:0 1em}input,button{font:inherit;padding:.5em;width:100%;box-sizing:border-box;"
         "margin-top:.6em}p.problem{color:#b4232f}</style><h1>Tenodesis console</h1>"
-        "<p>Other machines can reach this instrument, so the page needs the token that "
-        "<code>tenodesis console</code> printed at its start.</p>"
+        "<p>Who opens this page can move motors, so it needs the token that <code>tenodesis console</code> printed at "
+        "its start; <code>tenodesis link</code> prints it again.</p>"
         f'<p class="problem" role="alert">{escape(problem)}</p>'
         '<form><label>Token<input name="token" type="password" autocomplete="off" autofocus></label>'
         "<button>Open the console</button></form></html>"

@@ -1,25 +1,27 @@
 """The page: its server, its browsers, and the thread that keeps them up to date."""
 
 import ipaddress
-import logging
 import queue
 import secrets
 import socket
 import threading
 import time
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 from tenodesis.console import server
 from tenodesis.console.access import AccessControl, is_loopback, page_html
 from tenodesis.console.browser import Browser
 from tenodesis.console.display import shown_signals
+from tenodesis.console.incoming import guard
+from tenodesis.console.log import rare_log
 from tenodesis.console.plots import ROWS, WINDOW
-from tenodesis.console.session import PageState, Session
-from tenodesis.errors import LiveError
+from tenodesis.console.session import Folders, PageState, Session
+from tenodesis.console.workers import Workers
+from tenodesis.errors import ArgumentError, LiveError
 from tenodesis.live.commands import Connect
 from tenodesis.live.status import Status
 
@@ -33,19 +35,21 @@ _HEARTBEAT_PERIOD = 0.2  # s
 _RETRY_PERIOD = 0.5  # s
 _HANGS_AFTER = 3.0
 """Time without a tick after which the page counts as hanging, s."""
-_log = logging.getLogger(__name__)
+_SHORTEST_TOKEN = 16
+_log = rare_log(__name__)
 
 
 class Page:
     """The page while it is served, made by :func:`serve`; a context manager that closes it."""
 
-    def __init__(self, connect: Connect, *, host: str, port: int, token: str | None, recordings: Path) -> None:
-        loopback = is_loopback(host)
-        self.token = token or (None if loopback else secrets.token_urlsafe(24))
-        """Token that a browser must show; None where only this machine can reach the page."""
-        self._connect, self._recordings = connect, recordings
+    def __init__(self, connect: Connect, *, host: str, port: int, token: str | None, folders: Folders) -> None:
+        if token is not None and len(token) < _SHORTEST_TOKEN:
+            raise ArgumentError(key="token", value=token, allowed=f"at least {_SHORTEST_TOKEN} characters")
+        self.token = token or secrets.token_urlsafe(24)
+        """Token that a browser must show."""
+        self._connect, self._folders = connect, folders
         self._watch = connect("page")
-        self._workers = ThreadPoolExecutor(2, thread_name_prefix="console")
+        self._workers = Workers(2)
         self._changes: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._browsers: dict[int, Browser] = {}
         self._waiting: dict[int, tuple[viser.ClientHandle, str]] = {}
@@ -56,7 +60,9 @@ class Page:
         self.frames = 0
         """Frames sent so far."""
         try:
-            access = AccessControl(page_html(), loopback=loopback, token=self.token, stop=self._stop, alive=self._alive)
+            access = AccessControl(
+                page_html(), loopback=is_loopback(host), token=self.token, stop=self._stop, alive=self._alive
+            )
             self._server = server.start(host, port, access)
         except LiveError:
             self._watch.close()
@@ -88,10 +94,10 @@ class Page:
 
     @property
     def url(self) -> str:
-        """Where to open the page, the token included."""
+        """Link that opens the page: it contains the token."""
         name = socket.gethostname() if _every_address(self._host) else self._host
         name = f"[{name}]" if ":" in name else name
-        return f"http://{name}:{self.port}/" + (f"?token={self.token}" if self.token else "")
+        return f"http://{name}:{self.port}/?token={quote(self.token)}"
 
     def close(self) -> None:
         """Stop serving and release the operator, which pauses the instrument; a second call does nothing."""
@@ -103,7 +109,7 @@ class Page:
         for number in list(self._browsers):
             self._remove(number)
         server.stop(self._server)
-        self._workers.shutdown(wait=True, cancel_futures=True)
+        self._workers.close()
         self._watch.close()
 
     def __enter__(self) -> "Page":
@@ -190,9 +196,10 @@ class Page:
                 self._offer_restart(client, str(problem))
             return
         self._waiting.pop(client.client_id, None)
-        browser = Browser(Session(client, link, origin, self._workers, self._recordings))
+        session = Session(client, link, origin, self._workers, self._folders)
+        guard(client, lambda: browser.operating, session.notify)
+        browser = Browser(session)
         self._browsers[client.client_id] = browser
-        server.limit_uploads(client, browser.session.notify)
         # No real motor moves: the first browser may operate at once.
         if link.capabilities.simulated and link.status().operator is None:
             browser.session.attempt(browser.operate)
@@ -203,7 +210,7 @@ class Page:
         text = f"There is no instrument to show; its motors are stopped by their own watchdogs. {problem}"
         gui.add_html(f'<div style="padding:.5em .8em;font-size:.8rem" role="alert">{escape(text)}</div>')
         button = gui.add_button("Start the instrument again", color="orange")
-        button.on_click(lambda _: self._workers.submit(self._restart, client))
+        button.on_click(lambda _: self._workers.submit(lambda: self._restart(client)))
 
     def _restart(self, client: "viser.ClientHandle") -> None:
         try:
@@ -235,16 +242,7 @@ class Page:
     def _stop(self, origin: str) -> str | None:
         """Stop the motors in the name of an origin; return what went wrong, or None."""
         try:
-            try:
-                link = self._connect(origin)
-            except LiveError:
-                # The page's own connection stops as well.
-                self._watch.stop()
-                return None
-            try:
-                link.stop()
-            finally:
-                link.close()
+            self._watch.stop_for(origin)
         except (LiveError, OSError) as problem:
             return f"Not stopped: {problem} Switch the motors' supply off."
         return None
@@ -265,6 +263,7 @@ def serve(
     token: str | None = None,
     *,
     recordings: Path = Path("recordings"),
+    instruments: Sequence[Path] = (Path(),),
 ) -> Page:
     """Serve the page of a live instrument.
 
@@ -273,17 +272,21 @@ def serve(
     connect
         Opens a connection to the runtime in the name of an origin: one for the page itself, one for every browser.
     host
-        Address to listen on; on others than this machine's loopback addresses, browsers need the token.
+        Address to listen on.
     port
         Port; the next free one if it is taken.
     token
-        The token; by default a random one where it is needed.
+        The token that browsers need; by default a random one.
     recordings
         Folder of the recordings.
+    instruments
+        Folders from which browsers may run instrument files; those that are shipped they may in any case.
 
     Raises
     ------
+    ArgumentError
+        The token is too short.
     LiveError
         This machine does not have the address, or the runtime cannot be reached.
     """
-    return Page(connect, host=host, port=port, token=token, recordings=recordings)
+    return Page(connect, host=host, port=port, token=token, folders=Folders(recordings, tuple(instruments)))

@@ -14,7 +14,9 @@ from websockets.asyncio import server as websockets
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
-from tenodesis.console.access import LARGEST_UPLOAD, AccessControl, ProcessRequest
+from tenodesis.console.access import AccessControl, ProcessRequest
+from tenodesis.console.incoming import LARGEST_MESSAGE, filter_messages
+from tenodesis.console.log import connection_log
 from tenodesis.errors import LiveError
 
 if TYPE_CHECKING:
@@ -22,12 +24,15 @@ if TYPE_CHECKING:
 
 MOST_CLIENTS = 12
 """Browsers at a time; more would take processor time that the loop needs."""
+_MOST_SILENT = 64
+"""Connections at a time that have sent no request yet."""
 _LIMITS = {
     # A browser that has gone without closing its connection is noticed within the sum, and another timeout, s.
     "ping_interval": 1.0,
     "ping_timeout": 1.5,
     "close_timeout": 1.5,
-    "max_size": 4 * 2**20,
+    "max_size": LARGEST_MESSAGE,
+    "max_queue": 4,
 }
 """Of every connection; sizes in bytes."""
 
@@ -89,33 +94,6 @@ def make_sending_thread_safe(client: "ClientHandle") -> None:
     buffer.message_event.__class__ = LoopOnlyEvent
 
 
-def limit_uploads(client: "ClientHandle", notify: Callable[[str], None]) -> None:
-    """Let a browser send one file at a time, of limited size; the library keeps all of it in memory."""
-    from viser._messages import FileTransferPart, FileTransferStartUpload  # noqa: PLC0415 - takes half a second
-
-    gui: Any = client.gui
-    uploads: dict[str, Any] = gui._current_file_upload_states
-
-    # These run after the library's own handlers.
-    def started(_: int, message: FileTransferStartUpload) -> None:
-        for other in [upload for upload in uploads if upload != message.transfer_uuid]:
-            del uploads[other]
-        if message.size_bytes > LARGEST_UPLOAD:
-            uploads.pop(message.transfer_uuid, None)
-            notify(
-                f"{message.filename} has {message.size_bytes / 1e6:.0f} MB; a file must have at most "
-                f"{LARGEST_UPLOAD / 1e6:g} MB."
-            )
-
-    def continued(_: int, message: FileTransferPart) -> None:
-        state = uploads.get(message.transfer_uuid)
-        if state is not None and state["transferred_bytes"] > state["total_bytes"]:
-            del uploads[message.transfer_uuid]
-
-    gui._websock_interface.register_handler(FileTransferStartUpload, started)
-    gui._websock_interface.register_handler(FileTransferPart, continued)
-
-
 def _check_address(host: str) -> None:
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
@@ -128,6 +106,28 @@ def _check_address(host: str) -> None:
             key="host",
             value=host,
         ) from None
+
+
+def _yielding(silent: dict[ServerConnection, None]) -> type[ServerConnection]:
+    """Return a kind of connection that gives its place to a later one while it is silent.
+
+    Anybody can open connections and send nothing; they must not take the place of one that stops the motors.
+    """
+
+    class Yielding(ServerConnection):
+        def connection_made(self, transport: Any) -> None:
+            while len(silent) >= _MOST_SILENT:
+                oldest = next(iter(silent))
+                del silent[oldest]
+                oldest.transport.abort()
+            silent[self] = None
+            super().connection_made(transport)
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            silent.pop(self, None)
+            super().connection_lost(exc)
+
+    return Yielding
 
 
 @contextlib.contextmanager
@@ -155,14 +155,19 @@ def _behind(access: AccessControl) -> Iterator[None]:
             try:
                 address: Any = connection.remote_address
                 _CLIENT_ADDRESS.set(f"{address[0]}:{address[1]}" if address else "unknown")
+                filter_messages(connection)
                 await handler(connection)
             finally:
                 connected -= 1
 
         async def check(connection: ServerConnection, request: Request) -> Response | None:
+            silent.pop(connection, None)
             return await access.answer(connection, request, process_request)
 
-        return serve(handle, *where, process_request=check, **(settings | _LIMITS))
+        silent: dict[ServerConnection, None] = {}
+        kind = _yielding(silent)
+        own = {"process_request": check, "logger": connection_log(), "create_connection": kind}
+        return serve(handle, *where, **(settings | _LIMITS | own))
 
     with _STARTING:
         websockets.serve = guarded  # type: ignore[assignment,misc]

@@ -1,15 +1,15 @@
 """A browser's session: its connection to the runtime, and the requests of its panel."""
 
-import logging
 import threading
 import time
 from collections.abc import Callable, Iterable
-from concurrent.futures import Executor
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 from tenodesis.console.display import ShownSignals
+from tenodesis.console.log import rare_log
+from tenodesis.console.workers import Workers
 from tenodesis.errors import Error
 from tenodesis.live.commands import RestartableConnection
 from tenodesis.live.status import Status
@@ -22,7 +22,7 @@ _SETTLING_TIME = 1.0
 """Time for which a control keeps the value that its browser chose, until the runtime has it, s."""
 _PHONE_ASPECT, _PHONE_WIDTH = 0.8, 450
 """Largest ratio of width to height, and largest width in pixels, of a phone's screen."""
-_log = logging.getLogger(__name__)
+_log = rare_log(__name__)
 
 Action: TypeAlias = Callable[[], object]
 
@@ -34,6 +34,13 @@ class PageState(NamedTuple):
     shown: ShownSignals
     operating: bool
     """Whether the browser operates the instrument."""
+
+
+class Folders(NamedTuple):
+    """Folders from which the page reads."""
+
+    recordings: Path
+    instruments: tuple[Path, ...]
 
 
 class PanelSection(Protocol):
@@ -77,14 +84,19 @@ class Session:
         That name.
     workers
         Run what takes longer than a tick of the page.
-    folder
-        Folder of the recordings.
+    folders
+        Folders from which the page reads.
     """
 
     def __init__(
-        self, client: "viser.ClientHandle", link: RestartableConnection, origin: str, workers: Executor, folder: Path
+        self,
+        client: "viser.ClientHandle",
+        link: RestartableConnection,
+        origin: str,
+        workers: Workers,
+        folders: Folders,
     ) -> None:
-        self.client, self.link, self.origin, self.folder = client, link, origin, folder
+        self.client, self.link, self.origin, self.folders = client, link, origin, folders
         self.requests = RequestQueue()
         camera = client.camera
         self.small = camera.aspect < _PHONE_ASPECT and camera.image_width < _PHONE_WIDTH

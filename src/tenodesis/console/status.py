@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from tenodesis.console.plots import TensionColours
 from tenodesis.console.session import PageState, Session, enable, set_properties
+from tenodesis.control import HOMING_REASONS
 from tenodesis.instrument import Instrument
 from tenodesis.live.commands import ControllerRequest
 from tenodesis.live.status import RuntimeState, Status
@@ -69,11 +70,37 @@ ADVICE = {
         "Check the device's connection, then clear.",
     ),
     "homing_failed": Advice(
-        "The pretension was not reached while homing.",
-        "Check for a jammed or broken tendon and that the tip is free, then home again.",
+        "Homing has found something wrong and stopped.",
+        "Put it right as said below, clear, then home again.",
+    ),
+    "stroke_unexplained": Advice(
+        "The motors have moved the tip further than any load explains: a sensor, a rope or a motor is not as it seems.",
+        "Check the spools' encoders, the load cells and the ropes. Then home, then enable.",
     ),
 }
 """By the names in :data:`tenodesis.control.FAULTS`."""
+
+HOMING_REMEDIES = {
+    "tip_loaded": "Take everything off the tip. If it is free, set the zero of the load cells again.",
+    "cell_offset": "Set the load cell's zero with a slack tendon; check its cable.",
+    "cell_reversed": "Exchange the wires of the load cell's signal.",
+    "cells_swapped": "Check which load cell, and which motor with its encoder, belongs to which tendon.",
+    "cell_gains_apart": "Calibrate both load cells; see whether one tendon rubs.",
+    "motor_dead": "Check the power and the cables of the motor and of its encoder.",
+    "motor_reversed": "Reverse the motor or its encoder; homing from tight tendons tells which.",
+    "motors_swapped": "Exchange the motors' cables, or those of their encoders.",
+    "encoder_reversed": "Reverse the encoder's direction.",
+    "encoders_swapped": "Exchange the cables of the spool encoders.",
+    "encoder_gain": "Check the encoder's counts per turn and the gear ratio.",
+    "spool_reversed": "Reverse both the motor and its encoder, or wind the tendon onto its spool the other way.",
+    "tendon_broken": "Check whether the tendon broke or came off its spool, and bring the tip in line with the handle.",
+    "tendons_slack": "Wind both tendons by hand until they are nearly tight; check that both motors wind.",
+    "tendon_jammed": "Free the tendons.",
+    "stiffness_wrong": "Check the calibration of the load cells and the stiffness in the instrument file.",
+    "handle_moved": "Hold the handle still.",
+    "timed_out": "Look at the tensions while homing: they do not settle.",
+}
+"""What to do, by the names in :data:`tenodesis.control.HOMING_REASONS`."""
 
 _COLOURS = {
     RuntimeState.DISABLED: "#5b6675",
@@ -104,6 +131,7 @@ def status_line(status: Status, origin: str, notes: Iterable[str] = ()) -> str:
         'font-weight:600">'
         f"{escape(status.state)}</span> {words}",
         *(_fault(name, name in status.first_faults) for name in status.faults),
+        *(_homing_failure(axis, failure) for axis, failure in status.homing_failures.items() if status.faults),
     ]
     lines += [_warning(sentence) for sentence in (status.problem, *_recorder(status), *notes) if sentence]
     if status.state != RuntimeState.GONE:
@@ -130,6 +158,13 @@ def _fault(name: str, first: bool) -> str:
         '<div style="border-left:4px solid #b4232f;background:#fdf0ef;padding:.3em .5em;margin:.3em 0">'
         f"<b>{escape(name)}</b>{mark}:{text}</div>"
     )
+
+
+def _homing_failure(axis: str, failure: str) -> str:
+    reason, _, tendon = failure.partition(".")
+    place = f"{axis}, {tendon}" if tendon else axis
+    meaning, remedy = HOMING_REASONS.get(reason, ""), HOMING_REMEDIES.get(reason, "")
+    return _warning(f"{place}: {meaning} ({reason}). {remedy}")
 
 
 def _warning(sentence: str) -> str:

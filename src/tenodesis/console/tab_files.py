@@ -1,7 +1,9 @@
 """The tab of the recordings: open, replay, repeat and compare them."""
 
+import stat
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from math import ceil, degrees, sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -49,7 +51,7 @@ class FilesTab:
         gui: Any = session.client.gui
         self._name = gui.add_dropdown("Recording", (_NONE,))
         self._open = gui.add_button("Open", icon="folder-open")
-        self._facts = gui.add_markdown(f"Recordings are in {as_plain(session.folder.absolute())}.")
+        self._facts = gui.add_markdown(f"Recordings are in {as_plain(session.folders.recordings.absolute())}.")
         self._axis = gui.add_dropdown("Axis of the curves", inst.axes, visible=len(inst.axes) > 1)
         self._chart = add_chart(gui, "Tip angle, deg", _OPENED, height=170)
         self._chart.visible = False
@@ -75,7 +77,7 @@ class FilesTab:
         if time.monotonic() - self._listed_at < _LIST_PERIOD:
             return
         self._listed_at = time.monotonic()
-        names = tuple(_recordings(self._session.folder)) or (_NONE,)
+        names = tuple(_recordings(self._session.folders.recordings)) or (_NONE,)
         if self._name.options != names:
             # Until the browser chooses, the newest recording and the one before it.
             newest = (names[0], names[min(1, len(names) - 1)])
@@ -99,10 +101,10 @@ class FilesTab:
         return ShownSignals(*(values[max(row, 0)] for values in shown))
 
     def _recording(self, name: str) -> tuple[Recording, Instrument]:
-        """Open a recording of the list; a browser may send other names."""
-        if name not in _recordings(self._session.folder):
-            raise RecordingError(f"{name} is not among the recordings of {self._session.folder}.")
-        recording = Recording.open(self._session.folder / name)
+        """Open a recording of the list, which may have changed."""
+        if name not in _recordings(self._session.folders.recordings):
+            raise RecordingError(f"{name} is not among the recordings of {self._session.folders.recordings}.")
+        recording = Recording.open(self._session.folders.recordings / name)
         inst = recording.instrument() if "instrument" in recording.metadata else self._inst
         if recording.run.axes != inst.axes:
             raise RecordingError(
@@ -200,10 +202,10 @@ def _recordings(folder: Path) -> list[str]:
     """Return the names of a folder's recordings, the newest first."""
     found = []
     for path in folder.glob("*.mcap"):
-        try:
-            found.append((path.stat().st_mtime, path.name))
-        except OSError:
-            continue
+        with suppress(OSError):
+            status = path.stat()
+            if stat.S_ISREG(status.st_mode):
+                found.append((status.st_mtime, path.name))
     return [name for _, name in sorted(found, reverse=True)[:_LISTED]]
 
 

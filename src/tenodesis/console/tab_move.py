@@ -16,6 +16,8 @@ from tenodesis.simulate import Motion, Protocol
 
 _APPLY, _REMOVE = "Apply the load as a step", "Remove the load as a step"
 _SYNTHETIC = "wrist, synthetic"
+_MOST_MOTIONS = 10
+"""Motions of a browser that are kept."""
 _ANGLE_UNITS: tuple[Literal["deg", "rad"], ...] = ("deg", "rad")
 _MOVED = 0.02
 """Handle angle above which the handle counts as moved, rad."""
@@ -118,7 +120,10 @@ class MoveTab:
 
     def _add_motion(self) -> None:
         file = self._upload.value
+        self._motions.pop(file.name, None)
         self._motions[file.name] = motion_protocol(file.content, file.name)
+        for oldest in list(self._motions)[1:-_MOST_MOTIONS]:
+            del self._motions[oldest]
         with self._session.client.atomic():
             self._motion.options = tuple(self._motions)
             self._motion.value = file.name

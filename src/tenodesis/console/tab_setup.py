@@ -1,6 +1,6 @@
 """The tab of the instrument: the instrument that runs, and others to run from a file."""
 
-import stat
+from collections.abc import Sequence
 from functools import partial
 from html import escape
 from pathlib import Path
@@ -9,9 +9,10 @@ from typing import Any
 from tenodesis import instrument
 from tenodesis.console.session import PageState, Session, as_plain, enable, set_properties
 from tenodesis.errors import InstrumentError, LiveError
+from tenodesis.files import read_regular
 
 _LARGEST_FILE = 1_000_000
-"""Largest instrument file that is read, bytes; a device may never end."""
+"""Largest instrument file that is read, bytes."""
 _SPEEDS = {"1/10": 0.1, "1/4": 0.25, "real time": 1.0, "2": 2.0, "5": 5.0}
 
 
@@ -66,13 +67,16 @@ class SetupTab:
             raise LiveError("You only watch; take control first.")
         self._session.run_in_background("load", load)
 
-    def _run(self, name_or_path: str) -> None:
-        self._run_checked(lambda: instrument.load(name_or_path), name_or_path)
+    def _run(self, name: str) -> None:
+        self._run_checked(lambda: instrument.load(name), name)
 
     def _run_path(self) -> None:
         given = self._path.value.strip()
-        _check_size(given)
-        self._run(given)
+        if given in instrument.shipped():
+            self._run(given)
+            return
+        text = read_instrument(given, self._session.folders.instruments)
+        self._run_checked(lambda: instrument.parse(text, given), text)
 
     def _run_upload(self) -> None:
         file = self._upload.value
@@ -89,24 +93,38 @@ class SetupTab:
         """Run an instrument if it is valid, and list its errors otherwise."""
         try:
             inst = parse()
+            set_properties(self._problems, content="")
+            self._session.notify("This takes a few seconds.", f"Starting {inst.name}", good=True)
+            self._session.link.load(source)
         except InstrumentError as problem:
             set_properties(self._problems, content=_error_list(str(problem)))
-            return
-        set_properties(self._problems, content="")
-        self._session.notify("This takes a few seconds.", f"Starting {inst.name}", good=True)
-        self._session.link.load(source)
 
 
-def _check_size(path: str) -> None:
-    """Refuse what is no regular file, or is too large; whether it can be read shows later."""
+def read_instrument(path: str, folders: Sequence[Path]) -> str:
+    """Return the text of an instrument file within folders, links resolved: error messages quote what is read.
+
+    Raises
+    ------
+    InstrumentError
+        It is outside the folders, no regular file, too large, or no TOML file.
+    """
+    among = " or ".join(str(folder.absolute()) for folder in folders)
+    allowed = f"the path of an instrument file (.toml) in {among}"
+    refused = InstrumentError(key="path", value=path, allowed=allowed)
     try:
-        found = Path(path).stat()
-    except (OSError, ValueError):
-        return
-    if not stat.S_ISREG(found.st_mode) or found.st_size > _LARGEST_FILE:
-        raise InstrumentError(
-            f"{path} is no instrument file; it must be a regular file of at most {_LARGEST_FILE / 1e6:g} MB."
-        )
+        found = Path(path).resolve()
+    except (OSError, ValueError, RuntimeError):
+        raise refused from None
+    if found.suffix != ".toml" or not any(found.is_relative_to(folder.resolve()) for folder in folders):
+        raise refused
+    try:
+        return read_regular(found, _LARGEST_FILE).decode("utf-8-sig")
+    except FileNotFoundError:
+        raise InstrumentError(f"{path}: there is no such file; it must be {allowed}.") from None
+    except UnicodeDecodeError:
+        raise InstrumentError(f"{path} is not UTF-8 text; it must be a TOML file.") from None
+    except OSError as problem:
+        raise InstrumentError(f"{path} cannot be read: {problem.strerror}.") from None
 
 
 def _error_list(problems: str) -> str:

@@ -8,12 +8,14 @@ from tenodesis.control.controller import (
     OperatingState,
     Output,
     Request,
+    homing_failure,
 )
 from tenodesis.control.export import export_header, header, identifier
-from tenodesis.control.parameters import FAULTS, Parameters, parameters
+from tenodesis.control.parameters import FAULTS, HOMING_REASONS, Parameters, parameters
 
 __all__ = [
     "FAULTS",
+    "HOMING_REASONS",
     "Controller",
     "FlightRecord",
     "LawName",
@@ -24,6 +26,7 @@ __all__ = [
     "Request",
     "export_header",
     "header",
+    "homing_failure",
     "identifier",
     "parameters",
 ]

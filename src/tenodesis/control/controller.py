@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core
-from tenodesis.control.parameters import FAULTS, parameters
+from tenodesis.control.parameters import FAULTS, HOMING_REASONS, parameters
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument
 
@@ -65,6 +65,8 @@ class Output(NamedTuple):
     """Names of the faults that came first"""
     homed: bool
     homing: bool
+    homing_failure: Any
+    """Why the last homing failed, as of :func:`homing_failure`; with two axes a tuple of two"""
 
 
 class FlightRecord(NamedTuple):
@@ -210,6 +212,7 @@ class Controller:
         rows, _, state, homed, homing, faults, first = self.core.step(round(time * 1e9), int(asked), measured)
         table = np.array(rows)
         signals = {name: table[:, n] if axes > 1 else float(table[0, n]) for n, name in enumerate(_SIGNALS)}
+        failures = tuple(homing_failure(int(word)) for word in table[:, _SIGNALS.index("homing_failure")])
         sent = table[:, _SIGNALS.index("commanded_spool_velocity.agonist") :][:, :2]
         return Output(
             sent if axes > 1 else sent[0],
@@ -224,6 +227,7 @@ class Controller:
             fault_names(first),
             homed,
             homing,
+            failures if axes > 1 else failures[0],
         )
 
     def ask(self, request: Request | str) -> None:
@@ -295,6 +299,12 @@ class Controller:
 def fault_names(mask: int) -> tuple[str, ...]:
     """Return the names of the faults in a mask of bits."""
     return tuple(name for n, name in enumerate(FAULTS) if mask >> n & 1)
+
+
+def homing_failure(word: int) -> str:
+    """Return a value of the signal ``homing_failure`` in words: ``"tip_loaded"``, ``"motor_dead.agonist"``, ``""``."""
+    reason, tendon = tuple(HOMING_REASONS)[word & 255], word >> 8
+    return ("" if not word else reason) + ("", ".agonist", ".antagonist")[tendon]
 
 
 def _choice(argument: str, value: str, choices: Any) -> int:

@@ -11,6 +11,9 @@ from tenodesis.instrument import Instrument
 FAULTS = tuple(name for name, _, _ in _core.faults())
 """Names of the faults, in the order of their bits."""
 
+HOMING_REASONS = dict(_core.homing_reasons())
+"""Why homing may fail, and what each reason means, in the order of their numbers."""
+
 COMMON, AXIS = (
     tuple(name for name, _, _ in rows) for rows in (_core.control_parameters(), _core.control_axis_parameters())
 )
@@ -18,9 +21,15 @@ COMMON, AXIS = (
 _USUAL_GAIN = 12.0  # 1/s
 # An integrating loop becomes unstable at twice the damping ratio of a free tip times its angular frequency.
 _GAIN_PER_SWING = 0.23
+# Of a tip that breaks away: its speed over its angular frequency, rad.
+_OVERSHOOT = np.radians(0.6)
 _STROKE_TIME = 0.25  # s
 _USUAL_LIMIT = 80.0  # N
 _FAULT_OVER_LIMIT = 1.25
+# Of the tip while homing, rad: moved by one motor's jog, by one tendon alone, and what a cell's error may cost.
+_JOG, _PULL, _TIP_ERROR = np.radians([0.8, 1.6, 0.5])
+# Of a tip that one tendon alone pulls: it coasts when the motor stops, rad/s.
+_PULL_SPEED = 1.0
 
 
 class Parameters(NamedTuple):
@@ -87,6 +96,8 @@ def _axis(inst: Instrument, period: float) -> dict[str, float]:
     stretch = pretension / stiffness
     speed = drives.motor_speed / drives.gear_ratio
     stroke = control.common_stroke * stretch
+    arm = numbers["distal_radius"]
+    homing_speed = min(control.homing_speed, _PULL_SPEED * arm)
     return {
         "proximal_radius": numbers["proximal_radius"],
         "distal_radius": numbers["distal_radius"],
@@ -95,6 +106,7 @@ def _axis(inst: Instrument, period: float) -> dict[str, float]:
         "backbone_length": float(np.nan_to_num(numbers["backbone_length"])),
         "backbone_rigidity": float(np.nan_to_num(numbers["backbone_rigidity"])),
         "handle_range": inst.handle_range,
+        "output_stop": inst.output_stop,
         "stiffness": stiffness,
         "pretension": pretension,
         "share_sheath": in_handle,
@@ -121,6 +133,7 @@ def _axis(inst: Instrument, period: float) -> dict[str, float]:
         "slack_tension": max(0.01 * pretension, 8 * sensors.load_cell_noise),
         "gain": control.gain or min(_USUAL_GAIN, _GAIN_PER_SWING * plant.natural_frequency(inst)),
         "breakaway_time": 0.025,
+        "breakaway_speed": _OVERSHOOT * plant.natural_frequency(inst),
         "position_gain": control.position_gain,
         "dead_band": control.dead_band,
         "tendon_speed": control.tendon_speed or 0.5 * speed * drives.spool_radius,
@@ -134,14 +147,29 @@ def _axis(inst: Instrument, period: float) -> dict[str, float]:
         "tension_limit": tension_limit(inst),
         "hand_travel": 5 * 0.7 * handle_step,
         "still_time": 0.1,
-        "homing_speed": control.homing_speed,
+        "envelope_margin": np.radians(1),
+        "envelope_friction": 2.0,
+        "envelope_compliance": 1.3,
+        "envelope_smoothing": 0.1,
+        "least_swing": 3.0,
+        "stroke_swing": 10.0,
+        "swing_time": max(0.04, 1.3 * np.pi / plant.natural_frequency(inst)),
+        "swing_memory": 2.0,
+        "swing_hand_travel": np.radians(2),
+        "return_rate": 4.0,
+        "homing_speed": homing_speed,
         "homing_gain": 8.0,
         "homing_stroke": control.homing_stroke,
         "homing_overshoot": 0.15,
         "homing_tolerance": 0.004,
         "homing_settle_time": 0.1,
-        "homing_time": control.homing_stroke / control.homing_speed + 10.0,
+        "homing_time": control.homing_stroke / homing_speed + 10.0,
         "homing_least_stretch": 0.4,
+        "homing_jog": max(4 * spool_step, _JOG * arm),
+        "homing_travel": _PULL * arm,
+        "homing_offset": max(2 * stiffness * arm * _TIP_ERROR, 8 * sensors.load_cell_noise),
+        "homing_notice": max(5 * sensors.load_cell_noise, 0.005 * pretension),
+        "homing_gain_error": 0.12,
         "mean_band": control.mean_band,
         "load_cell_range": sensors.load_cell_range - numbers["load_cell_resolution"],
         "handle_noise": 6 * handle_step,
@@ -171,5 +199,6 @@ def _limits(inst: Instrument, period: float) -> dict[str, tuple[float, float]]:
         "tick_late": (inst.control.watchdog, 0.0),
         "not_a_number": (0.0, 0.0),
         "homing_failed": (0.0, 0.0),
+        "stroke_unexplained": (np.radians(1), 1.0),
         "spool_jump": (3 * speed, 1.2 * period),
     }

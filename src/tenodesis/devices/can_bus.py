@@ -21,15 +21,7 @@ class BusError(DeviceError):
 
 
 class CanBus:
-    """The bus of a bench.
-
-    Parameters
-    ----------
-    settings
-        Table devices.canopen, which names the bus.
-    given
-        A bus of python-can that is open already, and stays open.
-    """
+    """The bus that a bench's table devices.canopen names, or a given bus of python-can, open, which stays open."""
 
     def __init__(self, settings: CanOpen, given: can.BusABC | None = None) -> None:
         self._settings, self._given = settings, given
@@ -43,13 +35,7 @@ class CanBus:
         return self._open
 
     def open(self) -> None:
-        """Open the bus.
-
-        Raises
-        ------
-        DeviceError
-            There is no such bus.
-        """
+        """Open the bus; raises DeviceError if there is no such bus."""
         settings = self._settings
         if self._given is not None:
             self._open = self._given
@@ -91,10 +77,7 @@ class CanBus:
     def write_object(self, nodes: Iterable[int], index: int, sub: int, value: bytes) -> set[int]:
         """Write an object of nodes by SDO, which needs no SYNC, and return the nodes that have not confirmed it.
 
-        Raises
-        ------
-        BusError
-            The bus does not carry the frames.
+        Raises BusError if the bus does not carry the frames.
         """
         request = struct.pack("<BHB", 0x23 | 4 - len(value) << 2, index, sub) + value.ljust(4, b"\0")
         waiting = set(nodes)

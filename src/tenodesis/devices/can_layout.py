@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from math import floor, isfinite, nan, pi
 from typing import TypeAlias
 
+from tenodesis.devices.cia402 import wrapped
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import CanAngle, CanAxis, CanDrive, CanOpen, CanTension
@@ -22,8 +23,6 @@ _CONTROL_AND_TARGET = struct.Struct("<Hi")
 _MEASURED_OBJECTS = ((0x6041, 0, 16), (0x6064, 0, 32))
 LEAD = 0.05
 """Largest lag of a motor, as time at full speed, s; a blocked motor must not jump when it is released."""
-_TURN = 2**32
-"""Counts after which a target position wraps."""
 _Placed: TypeAlias = tuple[int, int, CanAngle | CanTension]
 """A sensor's axis and column, and where it is."""
 _TARGET_VELOCITY, _TARGET_POSITION = 0x60FF, 0x607A
@@ -98,17 +97,7 @@ class DriveFrames:
 
 
 class Aim:
-    """A target position, counted on without an end.
-
-    Parameters
-    ----------
-    drive
-        The drive.
-    position
-        Where it is, counts.
-    period
-        Between commands, s.
-    """
+    """A target position, in counts without an end, that goes on with every command, after a period (s)."""
 
     def __init__(self, drive: DriveFrames, position: int, period: float) -> None:
         self._drive, self._period = drive, period
@@ -117,17 +106,12 @@ class Aim:
     @property
     def target(self) -> int:
         """Where it is to be at the next SYNC, as the drive counts."""
-        return (round(self._counts) + _TURN // 2) % _TURN - _TURN // 2
+        return wrapped(round(self._counts))
 
     def go_on(self, spool_velocity: float, turned: int | None) -> int:
-        """Return the target a tick further on.
+        """Return the target a tick further on, by a finite speed (rad/s) within the limit.
 
-        Parameters
-        ----------
-        spool_velocity
-            rad/s, finite and within the limit.
-        turned
-            Where the motor is, counted on without an end; None where it is not known yet.
+        `turned` is where the motor is, counted on without an end; None where it is not known yet.
         """
         drive = self._drive
         self._counts += spool_velocity * self._period / drive.angle_per_count
@@ -163,11 +147,8 @@ class Layout:
 def layout(inst: Instrument, settings: CanOpen) -> Layout:
     """Return the frames by which an instrument's bench is served.
 
-    Raises
-    ------
-    InstrumentError
-        An axis is missing, two sensors are one, a node has more sensors than its PDOs carry, the heartbeat is faster
-        than the samples, the unit of velocity is too coarse or too fine, or the bus is too slow.
+    Raises InstrumentError if an axis is missing, two sensors are one, a node has more sensors than its PDOs carry, the
+    heartbeat is faster than the samples, the unit of velocity is too coarse or too fine, or the bus is too slow.
     """
     axes: list[CanAxis] = []
     for name in inst.axes:

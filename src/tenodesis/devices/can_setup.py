@@ -9,7 +9,7 @@ from canopen import Network, ObjectDictionary, RemoteNode, SdoAbortedError
 from canopen.sdo.exceptions import SdoError
 
 from tenodesis.devices import cia402
-from tenodesis.devices.can_layout import DriveFrames, Layout, SensorFrame
+from tenodesis.devices.can_layout import DriveFrames, Layout
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import CanOpen
@@ -32,13 +32,7 @@ _OPERATIONAL, _PRE_OPERATIONAL = 1, 128  # NMT commands
 
 
 class Setup:
-    """Prepares nodes by SDO; DeviceError is raised for what a node refuses.
-
-    Parameters
-    ----------
-    network
-        Of the canopen library, listening.
-    """
+    """Prepares nodes by SDO on a listening network; DeviceError is raised for what a node refuses."""
 
     def __init__(self, network: Network, inst: Instrument, settings: CanOpen, plan: Layout) -> None:
         self._network = network
@@ -70,7 +64,9 @@ class Setup:
             self._prepare_drive(drive)
         taken: set[int] = set()
         for frame in self._plan.sensors:
-            self._map_measured(frame)
+            number = (frame.cob_id - 0x180) >> 8
+            cob_id = frame.cob_id | _NO_REMOTE_REQUEST
+            self._map(frame.node, 0x1800 + number, 0x1A00 + number, cob_id, frame.objects)
             taken.add(frame.cob_id)
         for number in self._plan.nodes:
             self._silence(number, taken)
@@ -78,10 +74,7 @@ class Setup:
     def enable(self) -> dict[int, int]:
         """Lead all drives to operation enabled, at rest; from now on they heed our heartbeat.
 
-        Returns
-        -------
-        dict
-            Counts that each is at, by node.
+        Returns the counts that each is at, by node.
         """
         positions = {}
         for number in self._plan.nodes:
@@ -122,10 +115,6 @@ class Setup:
         self._write(node, 0x1400, 5, "H", lost, needed=False)
         self._map(node, 0x1400, 0x1600, drive.commanded_id, drive.commanded_objects)
         self._map(node, 0x1800, 0x1A00, drive.measured_id | _NO_REMOTE_REQUEST, drive.measured_objects)
-
-    def _map_measured(self, frame: SensorFrame) -> None:
-        number = (frame.cob_id - 0x180) >> 8
-        self._map(frame.node, 0x1800 + number, 0x1A00 + number, frame.cob_id | _NO_REMOTE_REQUEST, frame.objects)
 
     def _silence(self, node: int, taken: Iterable[int]) -> None:
         """Switch a node's other PDOs off: none may move a motor, or fill the bus."""

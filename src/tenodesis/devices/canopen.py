@@ -44,24 +44,11 @@ _WITHOUT_POWER = cia402.DISABLE_VOLTAGE.to_bytes(2, "little")
 class CanOpenDevice(Bench):
     """A bench on a CAN bus: its drives measure and act on SYNC, which `read` sends.
 
-    Parameters
-    ----------
-    inst
-        The instrument.
-    settings
-        Its table devices.canopen, unless another is given.
-    bus
-        A bus of python-can that is open already; by default the settings' own.
-    clock
-        What heartbeats and measurements are timed by, ns.
-    paced
-        Whether `read` waits until a sampling period has passed since the last SYNC; if not, the caller keeps time, and
-        `read` waits for all answers until its timeout.
+    A bus of python-can that is open already may be given; by default it is the settings' own. Heartbeats and
+    measurements are timed by the clock (ns). If paced, `read` waits until a sampling period has passed since the last
+    SYNC; if not, the caller keeps time, and `read` waits for all answers until its timeout.
 
-    Raises
-    ------
-    InstrumentError
-        The instrument file does not describe how its bench is wired.
+    Raises InstrumentError if the instrument file does not describe how its bench is wired.
     """
 
     def __init__(
@@ -232,10 +219,7 @@ class CanOpenDevice(Bench):
     def close(self) -> None:
         """Stop the motors, take their power away and let go of the bus.
 
-        Raises
-        ------
-        DeviceError
-            A drive does not report that it has no power; a drive that failed before has reported why.
+        Raises DeviceError if a drive does not report that it has no power; a drive that failed before has reported why.
         """
         if not self._opened:
             return
@@ -375,7 +359,7 @@ class CanOpenDevice(Bench):
                 self._note("past", f"{self._named(drive.node)} sent an old frame: counter {before} → {counted}.")
                 return False
         last = self._position.get(drive.node)
-        moved = None if last is None else (position - last + 2**31) % 2**32 - 2**31
+        moved = None if last is None else cia402.wrapped(position - last)
         if position == _NEVER_MEASURED and (moved is None or abs(moved) > _NEARBY):
             self._note("saturated", f"{self._named(drive.node)} gives no position.")
             return True

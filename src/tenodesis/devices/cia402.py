@@ -116,6 +116,11 @@ class Emergency(NamedTuple):
         return f"0x{self.code:04X} ({known})"
 
 
+def wrapped(counts: int) -> int:
+    """Return counts as a drive has them, in 32 bits."""
+    return (counts + 2**31) % 2**32 - 2**31
+
+
 def state(statusword: int) -> State:
     """Return the state in a statusword."""
     return next((state for mask, bits, state in _STATES if statusword & mask == bits), State.UNKNOWN)

@@ -137,23 +137,9 @@ def measure(
 ) -> Findings:
     """Read a device for a time as the live loop does, its motors commanded to rest with every tick.
 
-    Parameters
-    ----------
-    device
-        The device, not open.
-    inst
-        Whose sampling period is the controller's.
-    seconds
-        How long, s.
-    progress
-        Called with the time done, s.
-    clock, sleep
-        Of the test itself, s.
-
-    Raises
-    ------
-    DeviceError
-        The device cannot be opened, or the time is not one.
+    The device is not open yet; the instrument's sampling period is the controller's. Times are in s, `progress` is
+    called with the time done, and clock and sleep are the test's own. Raises DeviceError if the device cannot be
+    opened, or the time is not one.
     """
     if not 0 < seconds <= 3600:
         raise DeviceError(key="--seconds", value=seconds, allowed="a time above 0 and up to 3600 s")

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from dataclasses import dataclass
 from types import TracebackType
-from typing import NamedTuple, Protocol, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -58,61 +58,36 @@ class Measurement(NamedTuple):
         return np.column_stack([self.handle_angle, self.tension, self.spool_angle, self.output_angle]).astype(float)
 
 
-class Device(Protocol):
-    """A bench: opened, read, written and closed by one thread, in that order.
+class Device(ABC):
+    """A bench: opened, read, written and closed by one thread, in that order; as a context it is open within.
 
     A failure raises :class:`tenodesis.errors.DeviceError` in one sentence that states what to do; the motors are then
     stopped. A sensor without a value is NaN, which the controller treats as a fault.
     """
 
-    @property
-    def capabilities(self) -> Capabilities:
-        """What the device has; known before it is opened, except for what only the hardware can report."""
-        ...
+    capabilities: Capabilities
+    """What the device has; known before it is opened, except for what only the hardware can report."""
 
+    @abstractmethod
     def open(self) -> None:
         """Take hold of the hardware, motors enabled and at rest."""
-        ...
 
+    @abstractmethod
     def read(self, timeout: float) -> Measurement | None:
         """Return the next measurement, or None where none has come within a time (s)."""
-        ...
 
+    @abstractmethod
     def write(self, spool_velocity: Array) -> None:
         """Command the motors a speed, rad/s at the spool, positive winds, shape (axes, 2).
 
         A speed that is not finite stops its motor; one beyond the device's limit is cut to it.
         """
-        ...
 
+    @abstractmethod
     def close(self) -> None:
         """Stop the motors and let go of the hardware; a second time does nothing."""
-        ...
 
     def __enter__(self) -> Self:
-        """Open."""
-        ...
-
-    def __exit__(
-        self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close."""
-        ...
-
-
-class Opened(ABC):
-    """A device as a context: opened when it is entered, closed when it is left."""
-
-    @abstractmethod
-    def open(self) -> None:
-        """Take hold of the hardware."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Let go of the hardware."""
-
-    def __enter__(self) -> Self:
-        """Open."""
         self.open()
         return self
 
@@ -128,16 +103,8 @@ class Opened(ABC):
             problem.add_note(str(worse))
 
 
-class Bench(Opened):
-    """What benches with motors share: bounds of the speeds, and no command to motors after a failure.
-
-    Parameters
-    ----------
-    capabilities
-        What it has.
-    speed_limit
-        Largest speed of a spool, rad/s.
-    """
+class Bench(Device):
+    """What benches with motors share: bounds of a spool's speed (rad/s), and no command to motors after a failure."""
 
     def __init__(self, capabilities: Capabilities, speed_limit: float) -> None:
         self.capabilities = capabilities

@@ -9,7 +9,7 @@ from typing import NoReturn
 import numpy as np
 
 from tenodesis.devices.device import Bench, Capabilities, Measurement
-from tenodesis.devices.nidaq_tasks import NiTasks, Tasks
+from tenodesis.devices.nidaq_tasks import NiTasks
 from tenodesis.errors import DeviceError, InstrumentError
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import NiAxis, NiDaq
@@ -25,21 +25,9 @@ _COUNTS = 2**32
 class NiDaqDevice(Bench):
     """A bench at a data acquisition device.
 
-    Parameters
-    ----------
-    inst
-        The instrument.
-    settings
-        Its table devices.nidaq.
-    tasks
-        What reads and writes volts; by default the device's own.
-    clock
-        What the first sample is timed by, ns; those after it follow the device's clock.
-
-    Raises
-    ------
-    InstrumentError
-        The instrument file does not describe how its bench is wired.
+    Tasks read and write volts; by default they are the device's own. The clock (ns) times the first sample; those after
+    it follow the device's clock. Raises InstrumentError if the instrument file does not describe how its bench is
+    wired.
     """
 
     def __init__(
@@ -47,7 +35,7 @@ class NiDaqDevice(Bench):
         inst: Instrument,
         settings: NiDaq,
         *,
-        tasks: Tasks | None = None,
+        tasks: NiTasks | None = None,
         clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         axes: list[NiAxis] = []
@@ -73,7 +61,7 @@ class NiDaqDevice(Bench):
         with np.errstate(over="ignore"):
             self._volts_per_speed = inst.drives.gear_ratio / np.array([drive.gain for drive in drives])
         self._period = 1e9 / rate
-        self._tasks: Tasks = tasks or NiTasks(
+        self._tasks = tasks or NiTasks(
             settings,
             [one.channel for one in wired],
             drives,
@@ -138,7 +126,7 @@ class NiDaqDevice(Bench):
             self._started = self._clock() - round(samples.number * self._period)
         there = np.abs(samples.volts) < self._limit
         if not there.all():
-            place = self._axes_inputs()[int(np.argmin(there))]
+            place = [one.channel for axis in self._axes for one in axis.inputs][int(np.argmin(there))]
             self._note("saturated", f"Input {place} is at the end of its range; look for an open wire.")
         with np.errstate(over="ignore"):
             values = self._gains * samples.volts + self._offsets
@@ -181,9 +169,6 @@ class NiDaqDevice(Bench):
         self._wraps -= np.nan_to_num(np.round(moved / self._turn))
         self._counted = turned
         return turned + self._wraps * self._turn
-
-    def _axes_inputs(self) -> list[str]:
-        return [one.channel for axis in self._axes for one in axis.inputs]
 
     def _fail(self, problem: DeviceError) -> NoReturn:
         """Put the outputs to standstill and raise."""

@@ -3,7 +3,7 @@
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from math import inf
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,56 +29,13 @@ class Samples(NamedTuple):
     """By counter, rad of the motor."""
 
 
-class Tasks(Protocol):
-    """What a bench needs of a data acquisition device, all on one sample clock."""
-
-    @property
-    def stops_alone(self) -> float:
-        """Time without a command after which the outputs go to standstill by themselves, s; infinite if never."""
-        ...
-
-    @property
-    def unwatched(self) -> str:
-        """Why the outputs do not go to standstill by themselves, in a sentence; empty where they do."""
-        ...
-
-    def open(self) -> None:
-        """Put the outputs to standstill and prepare the clock."""
-        ...
-
-    def read(self, timeout: float) -> Samples | None:
-        """Return the newest samples, once there are some that were not read; None if there are none within a time.
-
-        The first call starts the clock; from then on every sample must be answered.
-        """
-        ...
-
-    def write(self, volts: Array, count: int) -> None:
-        """Append `count` equal samples, shape (outputs,), to those that wait."""
-        ...
-
-    def close(self) -> None:
-        """Put the outputs to standstill and stop the clock."""
-        ...
-
-
 class NiTasks:
-    """The tasks by nidaqmx, whose failures become DeviceError.
+    """What a bench needs of a data acquisition device, all on one sample clock, by nidaqmx (`ni`).
 
-    Parameters
-    ----------
-    settings
-        Table devices.nidaq.
-    inputs
-        Analogue inputs, in the order of the samples.
-    drives
-        Drives, in the order of the outputs and of the counters.
-    rate
-        Samples per second.
-    encoder_counts
-        Counts per turn of a motor.
-    ni
-        The package nidaqmx.
+    Its failures become DeviceError.
+
+    Samples of the analogue inputs, and of the drives' outputs and counters, are in the order given here, `rate` a
+    second; a motor's encoder has `encoder_counts` a turn.
     """
 
     def __init__(
@@ -104,7 +61,9 @@ class NiTasks:
         self._watchdog: Any = None
         self._alive: Any = None
         self.stops_alone = inf
+        """Time without a command after which the outputs go to standstill by themselves, s; infinite if never."""
         self.unwatched = ""
+        """Why the outputs do not go to standstill by themselves, in a sentence; empty where they do."""
 
     def open(self) -> None:
         """Put the outputs to standstill and prepare the clock."""
@@ -192,7 +151,10 @@ class NiTasks:
                 self._watchdog = None
 
     def read(self, timeout: float) -> Samples | None:
-        """Return the newest samples."""
+        """Return the newest samples, once there are some that were not read; None if there are none within a time, s.
+
+        The first call starts the clock; from then on every sample must be answered.
+        """
         with self._named_problems("gives no samples"):
             if not self._runs:
                 self._run()
@@ -211,7 +173,7 @@ class NiTasks:
         return Samples(self._number - 1, volts[:, -1], turned[:, -1])
 
     def write(self, volts: Array, count: int) -> None:
-        """Append samples, and show that we are alive."""
+        """Append `count` equal samples, shape (outputs,), to those that wait, and show that we are alive."""
         with self._named_problems("takes no commands"):
             if count:
                 self._append(volts, count)

@@ -22,16 +22,7 @@ class Kind:
 
 
 def make(name: str, inst: Instrument, address: str | None = None) -> Device:
-    """Return a device for an instrument, not open yet.
-
-    Parameters
-    ----------
-    name
-        The device.
-    inst
-        The instrument, whose file describes the wiring of its bench.
-    address
-        Of a serial device, instead of the file's port.
+    """Return a device for an instrument, not open yet; the address replaces a serial device's port in the file.
 
     Raises
     ------

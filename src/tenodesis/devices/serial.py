@@ -171,13 +171,11 @@ class BoardController(Controller):
         self._link.close()
 
     def __enter__(self) -> Self:
-        """Return itself."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, problem: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close."""
         self.close()
 
 
@@ -191,12 +189,7 @@ class StreamedController(BoardController):
     """A controller on a board with sensors and motors of its own, which ticks by itself; options as of its base.
 
     A step sends nothing to the board: it returns the answer of the newest tick that was received. Requests go to the
-    board with the next frame.
-
-    Raises
-    ------
-    DeviceError
-        The board measures nothing by itself.
+    board with the next frame. Raises DeviceError if the board measures nothing by itself.
     """
 
     _core_type = _core.StreamedController

@@ -6,7 +6,7 @@ from math import nan
 import numpy as np
 
 from tenodesis import _core
-from tenodesis.devices.device import Capabilities, Measurement, Opened
+from tenodesis.devices.device import Capabilities, Device, Measurement
 from tenodesis.devices.serial import BoardController, SerialController, StreamedController
 from tenodesis.errors import DeviceError
 from tenodesis.instrument import Instrument
@@ -14,34 +14,21 @@ from tenodesis.instrument.devices import Serial
 from tenodesis.run import Array
 
 
-class SerialDevice(Opened):
-    """The line to a board: what it measures by itself, or how soon it answers a tick.
-
-    Parameters
-    ----------
-    inst
-        The instrument.
-    settings
-        Port, timeout, and whether the sensors are the board's.
-    """
+class SerialDevice(Device):
+    """The line to a board: what it measures by itself, or how soon it answers a tick."""
 
     def __init__(self, inst: Instrument, settings: Serial) -> None:
         self._inst, self._settings = inst, settings
         self._streams = settings.sensors == "board"
+        rate = inst.sensors.sampling_rate
+        self.capabilities = Capabilities(
+            "serial", inst.axes, rate, self._streams, not self._streams, False, 1 / rate, inst.control.watchdog
+        )
         self._controller: BoardController | None = None
         self._bench: _core.StreamedDevice | None = None
         self._lost = 0
         self.round_trip = nan
         """From a tick's question to its answer, s; NaN where the board ticks by itself."""
-
-    @property
-    def capabilities(self) -> Capabilities:
-        """What it has."""
-        rate = self._inst.sensors.sampling_rate
-        stops_alone = self._inst.control.watchdog
-        return Capabilities(
-            "serial", self._inst.axes, rate, self._streams, not self._streams, False, 1 / rate, stops_alone
-        )
 
     @property
     def counts(self) -> dict[str, int]:
@@ -60,10 +47,7 @@ class SerialDevice(Opened):
     def open(self) -> None:
         """Begin a session with the board, its controller disabled.
 
-        Raises
-        ------
-        DeviceError
-            There is no such port, no board behind it, or an unsuitable one.
+        Raises DeviceError if there is no such port, no board behind it, or an unsuitable one.
         """
         settings = self._settings
         kind = StreamedController if self._streams else SerialController
@@ -81,10 +65,7 @@ class SerialDevice(Opened):
     def read(self, timeout: float) -> Measurement | None:
         """Return what the board has measured, or the measurement that it was sent and has answered.
 
-        Raises
-        ------
-        DeviceError
-            The link has failed.
+        Raises DeviceError if the link has failed.
         """
         if self._controller is None:
             raise DeviceError("the board is not open; open it first.")

@@ -16,12 +16,9 @@ _QUIET = 2.0
 
 
 def block_length(series: Array) -> int:
-    """Return the length of block for an interval of a mean, after Politis and White (2004), as corrected in 2009.
+    """Return the length of block for an interval of the mean of a sensor's residuals, shape (n,).
 
-    Parameters
-    ----------
-    series
-        Residuals of one sensor, shape (n,).
+    After Politis and White (2004), as corrected in 2009.
     """
     count = series.size
     longest = max(1, count // LEAST_BLOCKS)
@@ -46,18 +43,8 @@ def block_length(series: Array) -> int:
 def resampled(residuals: Array, channels: int, length: int, draw: np.random.Generator) -> Array:
     """Return residuals made of blocks of given residuals, about zero, shape (n,).
 
-    Blocks wrap around the end, and all sensors of a run are drawn together.
-
-    Parameters
-    ----------
-    residuals
-        One sensor after the other, shape (n,).
-    channels
-        Number of sensors.
-    length
-        Samples of a block.
-    draw
-        Source of random numbers.
+    Residuals are one sensor after the other. Blocks of `length` samples wrap around the end, and all sensors of a run
+    are drawn together.
     """
     rows = residuals.reshape(channels, -1)
     rows = rows - rows.mean(axis=1, keepdims=True)

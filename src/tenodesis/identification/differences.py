@@ -36,16 +36,8 @@ def scales(parameters: Sequence[Parameter], values: Array) -> Array:
 def jacobian_error(problem: Problem, values: Array, run: int, *, quantile: float = 1.0) -> float:
     """Return how far a problem's own derivatives are from differences, as a share of each column's largest.
 
-    Parameters
-    ----------
-    problem
-        Has derivatives of its own.
-    values
-        Where, shape (parameters,).
-    run
-        Index of the run.
-    quantile
-        Of the deviations; below 1 leaves out the few samples where a difference steps over stick and slip.
+    Values have the shape (parameters,). A quantile of the deviations below 1 leaves out the few samples where a
+    difference steps over stick and slip.
     """
     own = problem.jacobian(values, run)
     if own is None:

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from tenodesis.identification.problem import Parameter, Problem
 from tenodesis.identification.results import Fit
 from tenodesis.report import style
+from tenodesis.report.content import unit_text
 from tenodesis.units import in_unit
 
 _READABLE = {"rad": "deg", "m": "mm", "s": "ms"}
@@ -21,7 +22,7 @@ _MOST_WRITTEN = 12
 def readable(unit: str) -> tuple[float, str]:
     """Return the factor from an SI unit to the unit shown, and that unit's name."""
     shown = _READABLE.get(unit, unit)
-    name = "" if shown in {"", "1"} else shown.replace("*", "·").replace("^2", "²")
+    name = "" if shown in {"", "1"} else unit_text(shown)
     return (in_unit(shown, unit) if shown != unit else 1.0), name
 
 

@@ -39,8 +39,6 @@ def fit(
 
     Parameters
     ----------
-    problem
-        The model with its recordings.
     free
         Names of the parameters to fit, all by default; the others keep their start.
     train, test

@@ -59,14 +59,7 @@ def information_criteria(residuals: Array, parameters: int) -> tuple[float, floa
 def unexplained(problem: Problem, values: Array, files: Sequence[RunErrors]) -> list[str]:
     """Return a sentence for each signal of a run of which the model explains little.
 
-    Parameters
-    ----------
-    problem
-        The model with its recordings.
-    values
-        Of all parameters.
-    files
-        Errors of the runs at these values.
+    `values` are those of all parameters, `files` the errors of the runs there.
     """
     spreads = {
         one.name: {

@@ -59,20 +59,8 @@ def examine(
 ) -> Identifiability:
     """Return which of the free parameters are identifiable, and which only in combination.
 
-    Parameters
-    ----------
-    problem
-        The model with its recordings.
-    free
-        Indices of the fitted parameters.
-    values
-        The optimum, shape (parameters,).
-    scale
-        Unit of the changes of each, shape (free parameters,).
-    found
-        The uncertainty there.
-    change
-        Maps values to the sum of squared changes of the residuals.
+    `values` (parameters,) are the optimum, `scale` (free parameters,) the units of the changes, `found` is the
+    uncertainty there; `change` maps values to the sum of squared changes of the residuals.
     """
     parameters = [problem.parameters[index] for index in free]
     identifiable = {one.name: bool(std < IDENTIFIABLE_SHARE) for one, std in zip(parameters, found.std, strict=True)}
@@ -163,7 +151,7 @@ def _combination(
             for one, step in zip(taking, _together(taking, changes), strict=True)
         )
         rest = f"only {known} is" if known else f"changing {moves} together hardly changes the readings"
-        sentence = f"{_listed(names)} are not identifiable separately from the recordings: {rest}."
+        sentence = f"{listed(names)} are not identifiable separately from the recordings: {rest}."
     advice = problem.advice(names)
     if advice is None and len(taking) == 1:
         advice = f"A protocol would identify it in which {taking[0].meaning} changes the readings."
@@ -186,7 +174,8 @@ def _unit(one: Parameter) -> str:
     return "" if one.unit in {"", "1"} else f" {one.unit}"
 
 
-def _listed(names: Sequence[str]) -> str:
+def listed(names: Sequence[str]) -> str:
+    """Return names as part of a sentence: a, b and c."""
     return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
 
 

@@ -49,21 +49,11 @@ def compare_laws(
     Residuals of one run are not independent, so the criterion counts samples by their autocorrelation time; the least
     count of all laws holds for all, or a law would be preferred for leaving slower errors.
 
-    Parameters
-    ----------
-    problem_factory
-        Returns the same model of the same recordings with the friction law of this name.
-    train, test
-        Indices of the runs to fit and of those held out.
-    laws
-        Names to compare.
-    starts, seed, loss
-        Of each fit. The criteria use the loss: twice its mean in place of the variance of the residuals.
+    `problem_factory` returns the same model of the same recordings with the friction law of a name; `train` and `test`
+    are indices of the runs to fit and of those held out. The criteria use the loss of the fits: twice its mean in place
+    of the variance of the residuals.
 
-    Raises
-    ------
-    IdentificationError
-        There is no law to compare, or one cannot be fitted.
+    Raises IdentificationError if there is no law to compare, or one cannot be fitted.
     """
     if not laws:
         raise IdentificationError("laws is empty; it must name at least one friction law.", key="laws")

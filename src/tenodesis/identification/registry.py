@@ -3,10 +3,11 @@
 A package adds a format of its own by an entry point of the group ``tenodesis.formats`` that names a `Format`.
 """
 
-from collections.abc import Callable, Iterator, MutableMapping, Sequence
+from collections import UserDict
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, cast
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.formats.measured import MeasuredRun
@@ -49,53 +50,26 @@ class Format(NamedTuple):
     """Default loss."""
 
 
-class Formats(MutableMapping[str, Format]):
-    """Formats by name; each is imported when it is first used, so that none waits for, or fails with, another.
+class Formats(UserDict[str, Format]):
+    """Formats by name; each is imported when it is first used, so that none waits for, or fails with, another."""
 
-    Parameters
-    ----------
-    places
-        Where each is found, by name.
-    """
+    data: dict[str, Any]
 
-    def __init__(self, places: dict[str, EntryPoint]) -> None:
-        self._places: dict[str, EntryPoint | Format] = {**places}
+    def __init__(self, places: Mapping[str, EntryPoint]) -> None:
+        super().__init__()
+        self.data |= places
 
     def __getitem__(self, name: str) -> Format:
-        """Return a format.
-
-        Raises
-        ------
-        KeyError
-            There is none of this name.
-        IdentificationError
-            It cannot be imported.
-        """
-        found = self._places[name]
+        """Return a format; raises IdentificationError if it cannot be imported."""
+        found = self.data[name]
         if isinstance(found, EntryPoint):
             try:
-                found = found.load()
+                found = self.data[name] = found.load()
             except (ImportError, AttributeError) as problem:
                 raise IdentificationError(
                     f"format {name} is not available here: {problem}.", key="format", value=name
                 ) from problem
-            self._places[name] = found
-        return found
-
-    def __setitem__(self, name: str, value: Format) -> None:
-        self._places[name] = value
-
-    def __delitem__(self, name: str) -> None:
-        del self._places[name]
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._places
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._places)
-
-    def __len__(self) -> int:
-        return len(self._places)
+        return cast("Format", found)
 
 
 def _entry_points() -> dict[str, EntryPoint]:

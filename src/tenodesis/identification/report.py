@@ -1,6 +1,5 @@
 """A fit as files: a self-contained HTML page, all values, and the identified instrument."""
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.files import atomic_files
 from tenodesis.identification import figures
 from tenodesis.identification.goodness import unexplained
 from tenodesis.identification.problem import Parameter, Problem
@@ -20,6 +18,7 @@ from tenodesis.report import page, style
 PAGE, NUMBERS, INSTRUMENT = "report.html", "result.json", "instrument.toml"
 """What a fit is written as."""
 
+as_text = page.json_text
 _POOR = "From a poor fit: do not rely on these values."
 _TEMPLATE = "identification.html.j2"
 _DOTS = 150
@@ -40,31 +39,12 @@ def write(
 ) -> list[Path]:
     """Write report.html, result.json and, if there is an instrument, instrument.toml into a folder, atomically.
 
-    Parameters
-    ----------
-    problem, found
-        The model and its fit.
-    out
-        The folder.
-    runs
-        Indices of the runs, train then test, as they were fitted.
-    format, law
-        Format of the recordings and name of the friction law.
-    notes
-        Notes of the loader on each recording, by its name.
-
-    Returns
-    -------
-    list of Path
-        What was written.
-
-    Raises
-    ------
-    IdentificationError
-        The folder cannot be written.
+    `runs` are the indices of the runs, train then test, as they were fitted; `notes` are the loader's on each
+    recording, by its name. Returns the paths of what was written. Raises IdentificationError if the folder cannot be
+    written.
     """
     numbers = to_json(found, format=format, law=law, notes=notes)
-    texts = {NUMBERS: as_text(numbers), PAGE: render(problem, found, runs=runs, numbers=numbers)}
+    texts = {NUMBERS: page.json_text(numbers), PAGE: render(problem, found, runs=runs, numbers=numbers)}
     inst = problem.instrument(found.vector)
     if inst is not None:
         fitted = ", ".join(found.free)
@@ -78,23 +58,12 @@ def write(
 def write_files(out: Path, texts: Mapping[str, str], *, last: str) -> list[Path]:
     """Write text files by name into a folder, all or none, and return their paths.
 
-    Raises
-    ------
-    IdentificationError
-        The folder cannot be written.
+    Raises IdentificationError if the folder cannot be written.
     """
-    try:
-        with atomic_files(out, last=last) as new:
-            for name, text in texts.items():
-                (new / name).write_text(text, "utf-8")
-    except OSError as problem:
-        raise IdentificationError(f"{out} cannot be written: {problem.strerror or problem}.") from problem
+    with page.written(out, IdentificationError, last=last) as new:
+        for name, text in texts.items():
+            (new / name).write_text(text, "utf-8")
     return [out / name for name in texts]
-
-
-def as_text(numbers: Mapping[str, Any]) -> str:
-    """Return plain values as the text of a JSON file."""
-    return json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def render(problem: Problem, found: Fit, *, runs: Sequence[int], numbers: Mapping[str, Any]) -> str:
@@ -114,7 +83,7 @@ def render(problem: Problem, found: Fit, *, runs: Sequence[int], numbers: Mappin
         _TEMPLATE,
         found=found,
         numbers=numbers,
-        cards=cards(found),
+        key_figures=cards(found),
         rows=[(one.name.replace("_", " "), one.meaning, shown(found, one)) for one in found.parameters],
         keys=list(dict.fromkeys(key for one in found.files for key in one.rmse)),
         axis_label=figures.axis_label,

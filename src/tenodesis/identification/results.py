@@ -18,6 +18,8 @@ LIBRARIES = ("scipy",)
 RESULTS_SCHEMA = 1
 """Version of the layout of result.json."""
 
+_AS_THEY_ARE = ("samples", "loss", "starts", "same_optimum", "seed", "bootstrap", "evaluations", "jacobians", "seconds")
+
 Interval = tuple[float, float]
 
 
@@ -104,14 +106,7 @@ def distinct(names: Sequence[str]) -> list[str]:
 def to_json(found: Fit, *, format: str, law: str, notes: Mapping[str, Sequence[str]] | None = None) -> dict[str, Any]:
     """Return a fit as plain values for JSON, SI; None for values that are not finite.
 
-    Parameters
-    ----------
-    found
-        The fit.
-    format, law
-        Format of the recordings and name of the friction law.
-    notes
-        Notes of the loader on each recording, by its name.
+    `format` is that of the recordings, `law` the friction law; `notes` are the loader's on each recording, by its name.
     """
     runs = distinct([one.name for one in found.files])
     return {
@@ -143,18 +138,10 @@ def to_json(found: Fit, *, format: str, law: str, notes: Mapping[str, Sequence[s
         "cost": json_number(found.cost),
         "aic": json_number(found.aic),
         "bic": json_number(found.bic),
-        "samples": found.samples,
-        "loss": found.loss,
-        "starts": found.starts,
-        "same_optimum": found.same_optimum,
         "costs": [json_number(value) for value in found.costs],
-        "seed": found.seed,
-        "bootstrap": found.bootstrap,
-        "evaluations": found.evaluations,
-        "jacobians": found.jacobians,
+        **{name: getattr(found, name) for name in _AS_THEY_ARE},
         "warnings": list(found.warnings),
         "notes": {name: list(sentences) for name, sentences in (notes or {}).items()},
-        "seconds": found.seconds,
     }
 
 

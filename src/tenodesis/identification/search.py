@@ -86,18 +86,9 @@ class Search:
     def solve(
         self, start: Array, *, aim: Array | None = None, held: Sequence[int] = (), steps: int = MOST_STEPS
     ) -> SearchEnd | None:
-        """Return the optimum found from a start, or None where the model has no answer there.
+        """Return the optimum found from a start of the free parameters, or None where the model has no answer there.
 
-        Parameters
-        ----------
-        start
-            Of the free parameters.
-        aim
-            Subtracted from the residuals, for the bootstrap.
-        held
-            Which of the free parameters stay as they are.
-        steps
-            Most iterations.
+        `aim` is subtracted from the residuals, for the bootstrap; `held` are the free parameters that stay as they are.
         """
         loose = [index for index in range(start.size) if index not in set(held)]
 

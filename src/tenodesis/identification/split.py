@@ -41,23 +41,11 @@ def split(
 ) -> Problem:
     """Return a model whose first runs are the fitted part of each recording, then come the other parts, then the tests.
 
-    Parameters
-    ----------
-    recordings
-        To be split.
-    tests
-        Recordings that are held out entirely.
-    share
-        Of each recording's duration, where it is split.
-    fitted
-        Which part is: until the split, of which alone the model is then built, or from it on.
-    build
-        Returns the model of recordings to fit and to hold out.
+    Recordings are split at a share of their duration; tests are held out entirely. `fitted` says which part is: until
+    the split, of which alone the model is then built, or from it on. `build` returns the model of recordings to fit and
+    to hold out.
 
-    Raises
-    ------
-    IdentificationError
-        The share leaves too little on either side, or the model cannot be built.
+    Raises IdentificationError if the share leaves too little on either side, or the model cannot be built.
     """
     if not LEAST_SHARE <= share <= 1 - LEAST_SHARE:
         raise IdentificationError(key="share", value=share, allowed=f"{LEAST_SHARE:g} to {1 - LEAST_SHARE:g}")
@@ -77,15 +65,7 @@ def split(
 
 
 class Windowed(Problem):
-    """A problem with some runs of which only a window counts.
-
-    Parameters
-    ----------
-    problem
-        The problem.
-    windows
-        By index of the run.
-    """
+    """A problem with some runs of which only a window counts, by index of the run."""
 
     def __init__(self, problem: Problem, windows: Mapping[int, Window]) -> None:
         self._problem, self._windows = problem, windows

@@ -27,20 +27,37 @@ NodeId = Annotated[int, Field(ge=1, le=127, strict=True)]
 ObjectIndex = Annotated[int, Field(ge=0x1000, le=0xFFFF, strict=True)]
 SubIndex = Annotated[int, Field(ge=0, le=255, strict=True)]
 Drive = TypeVar("Drive", bound=FileTable)
+AngleSensor = TypeVar("AngleSensor", bound=FileTable)
+LoadCell = TypeVar("LoadCell", bound=FileTable)
 CanType: TypeAlias = Literal["i8", "u8", "i16", "u16", "i32", "u32", "f32"]
 CanMode: TypeAlias = Literal["cyclic-velocity", "profile-velocity", "cyclic-position"]
 
 
-class Axis(FileTable, Generic[Drive]):
-    """The drives of one bending axis."""
+class Axis(FileTable, Generic[Drive, AngleSensor, LoadCell]):
+    """The drives and sensors of one bending axis."""
 
     agonist: Drive = Field(description="Drive of the agonist tendon")
     antagonist: Drive = Field(description="Drive of the antagonist tendon")
+    handle_angle: AngleSensor = Field(description="Encoder of the handle")
+    agonist_tension: LoadCell = Field(description="Load cell of the agonist tendon")
+    antagonist_tension: LoadCell = Field(description="Load cell of the antagonist tendon")
+    output_angle: AngleSensor | None = Field(default=None, description="Distal encoder, as a bench may have")
 
     @property
     def drives(self) -> tuple[Drive, Drive]:
         """Drives of agonist and antagonist."""
         return self.agonist, self.antagonist
+
+    @property
+    def sources(self) -> dict[str, AngleSensor | LoadCell]:
+        """The sensors that are there, by what they measure, in the order of a measurement's row."""
+        named = {
+            "handle angle": self.handle_angle,
+            "agonist tension": self.agonist_tension,
+            "antagonist tension": self.antagonist_tension,
+            "output angle": self.output_angle,
+        }
+        return {name: source for name, source in named.items() if source is not None}
 
 
 class CanSource(FileTable):
@@ -73,24 +90,8 @@ class CanDrive(FileTable):
     reversed: bool = Field(default=False, strict=True, description="Whether positive turns unwind")
 
 
-class CanAxis(Axis[CanDrive]):
+class CanAxis(Axis[CanDrive, CanAngle, CanTension]):
     """The sensors and drives of one bending axis on the CAN bus."""
-
-    handle_angle: CanAngle = Field(description="Encoder of the handle")
-    agonist_tension: CanTension = Field(description="Load cell of the agonist tendon")
-    antagonist_tension: CanTension = Field(description="Load cell of the antagonist tendon")
-    output_angle: CanAngle | None = Field(default=None, description="Distal encoder, as a bench may have")
-
-    @property
-    def sources(self) -> dict[str, CanAngle | CanTension]:
-        """The sensors' objects, by what they measure."""
-        named: dict[str, CanAngle | CanTension | None] = {
-            "handle angle": self.handle_angle,
-            "agonist tension": self.agonist_tension,
-            "antagonist tension": self.antagonist_tension,
-            "output angle": self.output_angle,
-        }
-        return {name: source for name, source in named.items() if source is not None}
 
 
 class CanCounter(FileTable):
@@ -177,19 +178,13 @@ class NiDrive(FileTable):
     reversed: bool = Field(default=False, strict=True, description="Whether the encoder counts down as it winds")
 
 
-class NiAxis(Axis[NiDrive]):
+class NiAxis(Axis[NiDrive, NiAngle, NiTension]):
     """The sensors and drives of one bending axis."""
-
-    handle_angle: NiAngle = Field(description="Encoder of the handle")
-    agonist_tension: NiTension = Field(description="Load cell of the agonist tendon")
-    antagonist_tension: NiTension = Field(description="Load cell of the antagonist tendon")
-    output_angle: NiAngle | None = Field(default=None, description="Distal encoder, as a bench may have")
 
     @property
     def inputs(self) -> tuple[NiAngle | NiTension, ...]:
         """The analogue inputs: handle, agonist, antagonist and, if present, output."""
-        given = (self.handle_angle, self.agonist_tension, self.antagonist_tension)
-        return given if self.output_angle is None else (*given, self.output_angle)
+        return tuple(self.sources.values())
 
 
 class NiDaq(FileTable):

@@ -173,7 +173,7 @@ class Control(FileTable):
     mean_band: Share = Field(default=0.3, description="Share by which friction may change the mean tension")
     watchdog: Time = Field(default=0.025, description="Time without a tick after which the motors stop")
     safe_state: SafeState = Field(default="hold", description="Motors after a fault: hold, or creep to neutral")
-    homing_speed: HomingSpeed = Field(default=5e-3, description="Speed at which slack tendons are wound")
+    homing_speed: HomingSpeed = Field(default=5e-3, description="Largest speed at which slack tendons are wound")
     homing_stroke: Length = Field(default=0.03, description="Length wound after which a tendon counts as broken")
 
 

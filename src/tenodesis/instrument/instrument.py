@@ -153,28 +153,18 @@ class Instrument(FileTable):
             yield "tendon_stiffness", self.tendon_stiffness, STIFFNESS
 
     def replace(self, **changes: Any) -> Self:
-        """Return this instrument with some values changed.
+        """Return this instrument with some values changed, by key.
 
-        Parameters
-        ----------
-        **changes
-            New values by key, in SI units or as text with a unit; None for a key left out again. A key within a table
-            is written with a dot: ``**{"friction.vertex_coefficient": 0.2}``.
-
-        Raises
-        ------
-        InstrumentError
-            A key is unknown or a value is not allowed.
+        Values are in SI units or text with a unit; None leaves a key out again. A key within a table is written with a
+        dot: ``**{"friction.vertex_coefficient": 0.2}``. Raises InstrumentError if a key is unknown or a value is not
+        allowed.
         """
         return validated(type(self), self._with(changes), InstrumentError)
 
     def axis(self, name: str) -> Self:
         """Return the instrument of a single axis, with that axis's own values.
 
-        Raises
-        ------
-        InstrumentError
-            The instrument has no such axis.
+        Raises InstrumentError if the instrument has no such axis.
         """
         if name not in self.axes:
             has = " and ".join(self.axes)

@@ -8,15 +8,9 @@ from pydantic import Field, TypeAdapter
 from tenodesis.instrument.instrument import Instrument
 from tenodesis.units import FlexuralRigidity, Length
 
-_SHARED_FIELDS = {
-    "handle_length": "handle_length",
-    "end_effector_length": "end_effector_length",
-    "given_stiffness": "given_stiffness",
-    "tendon_modulus": "tendon_modulus",
-    "tendon_diameter": "tendon_diameter",
-    "tendon_length": "tendon_length",
-    "pretension": "pretension",
-}
+_LENGTHS = ("handle_length", "end_effector_length")
+_TENDON = ("given_stiffness", "tendon_modulus", "tendon_diameter", "tendon_length", "pretension")
+_SHARED_FIELDS = {name: name for name in (*_LENGTHS, *_TENDON)}
 
 
 class TendonGear(Instrument):

@@ -19,10 +19,7 @@ def shipped() -> tuple[str, ...]:
 def load(name_or_path: str | Path) -> Instrument:
     """Read an instrument that comes with the package, by name, or an instrument file, by path.
 
-    Raises
-    ------
-    InstrumentError
-        There is no such instrument or file, it cannot be read, or it is not valid.
+    Raises InstrumentError if there is no such instrument or file, it cannot be read, or it is not valid.
     """
     source = str(name_or_path)
     if source in shipped():
@@ -34,18 +31,13 @@ def load(name_or_path: str | Path) -> Instrument:
 def parse(text: str, source: str = "instrument") -> Instrument:
     """Read an instrument from the text (str) of an instrument file.
 
-    Raises
-    ------
-    InstrumentError
-        The text is not TOML or not a valid instrument; the message starts with `source`.
+    Raises InstrumentError, whose message starts with `source`, if the text is not TOML or not a valid instrument.
     """
     values = parse_toml(text, InstrumentError, source)
     joint_type = values.get("joint_type")
     if not isinstance(joint_type, str) or joint_type not in JOINT_TYPES:
-        found, allowed = (
-            "is missing" if joint_type is None else f"is {joint_type!r}",
-            f"one of {', '.join(JOINT_TYPES)}",
-        )
+        found = "is missing" if joint_type is None else f"is {joint_type!r}"
+        allowed = f"one of {', '.join(JOINT_TYPES)}"
         raise InstrumentError(
             f"{source}: joint_type {found}; it must be {allowed}.", key="joint_type", value=joint_type, allowed=allowed
         )

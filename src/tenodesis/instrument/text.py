@@ -24,48 +24,38 @@ def to_toml(inst: Instrument) -> str:
     return tomli_w.dumps(with_units(inst) | {"overrides": own})
 
 
-_READABLE = {"m": "mm", "Pa": "GPa", "rad": "deg", "s": "ms", "rad/s": "deg/s", "m/s": "mm/s"}
+READABLE = {"m": "mm", "Pa": "GPa", "rad": "deg", "s": "ms", "rad/s": "deg/s", "m/s": "mm/s"}
+"""Units of drawings, by SI unit."""
 
 
 def to_file(inst: Instrument, *, comment: str = "") -> str:
-    """Return the text of an instrument file for people to read and edit.
+    """Return the text of a one-axis instrument's file for people to read and edit, with a comment at its beginning.
 
     It has the values that were given, no defaults, in the units of drawings, to nine digits.
-
-    Parameters
-    ----------
-    inst
-        The instrument, one axis.
-    comment
-        Comment at the beginning of the file.
     """
-    values = {key: value for key, value in _readable(with_units(inst, unset=False)).items() if value not in ({}, [])}
+    values = {key: value for key, value in readable(with_units(inst, unset=False)).items() if value not in ({}, [])}
     lines = "".join(f"# {line}\n" for line in comment.splitlines())
     return f"{lines}\n{tomli_w.dumps(values)}" if lines else tomli_w.dumps(values)
 
 
-def _readable(value: Any) -> Any:
+def readable(value: Any, units: Mapping[str, str] = READABLE) -> Any:
+    """Return the values of a file with their quantities in units for people, to nine digits."""
     if isinstance(value, dict):
-        return {key: item if key == "sources" else _readable(item) for key, item in value.items()}
+        return {key: item if key == "sources" else readable(item, units) for key, item in value.items()}
     if isinstance(value, list):
-        return [_readable(item) for item in value]
+        return [readable(item, units) for item in value]
     number, _, unit = value.partition(" ") if isinstance(value, str) else ("", "", "")
     try:
-        shown = float(number) * in_unit(_READABLE.get(unit, unit), unit)
+        shown = float(number) * in_unit(units.get(unit, unit), unit)
     except ValueError:
         return value
-    return f"{shown:.9g} {_READABLE.get(unit, unit)}"
+    return f"{shown + 0.0:.9g} {units.get(unit, unit)}"
 
 
 def with_units(model: BaseModel, *, unset: bool = True) -> dict[str, Any]:
     """Return the values of a table by key, as in a file; quantities are text with their SI unit.
 
-    Parameters
-    ----------
-    model
-        The model.
-    unset
-        Whether to include defaults.
+    Defaults are included unless only what was set is wanted.
     """
     values: dict[str, Any] = {}
     for name, field in type(model).model_fields.items():

@@ -68,10 +68,7 @@ def dimensions(inst: Instrument) -> Dimensions:
 def limits(inst: Instrument) -> Limits:
     """Return the limits of the tip's coordinates, rad and m: bending to output_range, the rest by table geometry.
 
-    Raises
-    ------
-    InstrumentError
-        As :func:`dimensions`.
+    Raises InstrumentError as :func:`dimensions`.
     """
     lengths = dimensions(inst)
     least, _, most = _insertions(inst, lengths.stem_length)

@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 from tenodesis.instrument import Instrument
 from tenodesis.kinematics.dimensions import Dimensions, dimensions
 from tenodesis.kinematics.motion import Posture, frames
-from tenodesis.kinematics.parts import STEEL, TOWARD, Joint, Part, joint_positions, parts
+from tenodesis.kinematics.parts import STEEL, TOWARD, Joint, Part, joint_positions, parts, text
 
 _TIME_STEP = 1e-3  # s
 # MuJoCo's softest tie that keeps the halves of a joint together to about 1e-6 rad at this time step.
@@ -41,12 +41,8 @@ _CONTINUUM = """
 def mjcf(inst: Instrument) -> str:
     """Return an instrument as the text of a MuJoCo model: bodies as in :func:`frames`, tendons as strings, held joints.
 
-    Positions of its joints are those of :func:`joint_positions`; the keyframe "rest" is the straight instrument.
-
-    Raises
-    ------
-    InstrumentError
-        The instrument's lengths leave no stem.
+    Positions of its joints are those of :func:`joint_positions`; the keyframe "rest" is the straight instrument. Raises
+    InstrumentError if the instrument's lengths leave no stem.
     """
     lengths, tree = dimensions(inst), parts(inst)
     root = Element("mujoco", model=inst.name)
@@ -57,7 +53,7 @@ def mjcf(inst: Instrument) -> str:
     SubElement(root, "option", timestep=f"{_TIME_STEP}", integrator="implicitfast", gravity="0 0 0")
     _defaults(root)
     world = SubElement(root, "worldbody")
-    SubElement(world, "site", name="port", size=_text(lengths.stem_diameter))
+    SubElement(world, "site", name="port", size=text(lengths.stem_diameter))
     bodies: dict[str | None, Element] = {None: world}
     for part in tree:
         bodies[part.name] = _body(
@@ -72,15 +68,15 @@ def mjcf(inst: Instrument) -> str:
     rest = joint_positions(inst, Posture())
     held = [joint for joint in joints if joint.same_as is None and joint.name in _held(inst)]
     for joint in held:
-        gain = _text(_stiffness(inst, joint))
+        gain = text(_stiffness(inst, joint))
         SubElement(servos, "position", name=joint.name, joint=joint.name, kp=gain)
     toward = TOWARD[inst.axes[0]]
     against = " ".join(f"{-component:g}" for component in toward)
     SubElement(servos, "motor", name="force", site="tip_force", gear=f"{against} 0 0 0")
     control = [rest[joint.name] for joint in held] + [0.0]
     key = SubElement(SubElement(root, "keyframe"), "key", name="rest")
-    key.set("qpos", " ".join(_text(rest[joint.name]) for joint in joints))
-    key.set("ctrl", " ".join(_text(value) for value in control))
+    key.set("qpos", " ".join(text(rest[joint.name]) for joint in joints))
+    key.set("ctrl", " ".join(text(value) for value in control))
     indent(root)
     return tostring(root, encoding="unicode") + "\n"
 
@@ -93,7 +89,7 @@ def _held(inst: Instrument) -> set[str]:
 
 def _defaults(root: Element) -> None:
     default = SubElement(root, "default")
-    SubElement(default, "geom", contype="0", conaffinity="0", density=_text(STEEL), rgba="0.7 0.73 0.76 1")
+    SubElement(default, "geom", contype="0", conaffinity="0", density=text(STEEL), rgba="0.7 0.73 0.76 1")
     SubElement(default, "equality", _TIE)
     SubElement(default, "tendon", width="2e-4", rgba="0.7 0.14 0.18 1")
     SubElement(default, "site", size="2e-4", group="3")
@@ -114,22 +110,22 @@ def _stiffness(inst: Instrument, joint: Joint) -> float:
 def _body(parent: Element, part: Part, stiffness: Mapping[str, float]) -> Element:
     body = SubElement(parent, "body", name=part.name)
     if part.offset:
-        body.set("pos", f"0 0 {_text(part.offset)}")
+        body.set("pos", f"0 0 {text(part.offset)}")
     for joint in part.joints:
         SubElement(
             body,
             "joint",
             name=joint.name,
             type=joint.kind,
-            axis=" ".join(_text(component) for component in joint.axis),
-            range=f"{_text(joint.least)} {_text(joint.most)}",
-            armature=_text(stiffness[joint.name] / _RATE**2),
-            damping=_text(2 * _DAMPING_RATIO * stiffness[joint.name] / _RATE),
+            axis=" ".join(text(component) for component in joint.axis),
+            range=f"{text(joint.least)} {text(joint.most)}",
+            armature=text(stiffness[joint.name] / _RATE**2),
+            damping=text(2 * _DAMPING_RATIO * stiffness[joint.name] / _RATE),
         )
     if part.cylinder is None:
         SubElement(body, "inertial", pos="0 0 0", mass=_LEAST_MASS, diaginertia=_LEAST_INERTIA)
     else:
-        start, end, radius = (_text(value) for value in part.cylinder)
+        start, end, radius = (text(value) for value in part.cylinder)
         SubElement(body, "geom", type="cylinder", fromto=f"0 0 {start} 0 0 {end}", size=radius)
     SubElement(body, "site", name=f"{part.name}_force" if part.name == "tip" else f"{part.name}_origin")
     return body
@@ -142,7 +138,7 @@ def _tie(ties: Element, inst: Instrument, joint: Joint) -> None:
         # L (sin h / h - 1) of the half angle h, to its fourth power.
         length = -joint.least
         half = joint.name.replace("_chord", "_carrier")
-        coefficients = f"0 0 {_text(-length / 6)} 0 {_text(length / 120)}"
+        coefficients = f"0 0 {text(-length / 6)} 0 {text(length / 120)}"
         SubElement(ties, "joint", joint1=joint.name, joint2=half, polycoef=coefficients)
 
 
@@ -170,18 +166,18 @@ def _strings(
         # A range of rest lengths that starts far below makes a string: it pulls, and never pushes.
         if inst.joint_type == "tendon-gear":
             span = sum(math.dist(a, b) for a, b in pairwise(paths[name]))
-            string = SubElement(tendons, "spatial", name=name, springlength=f"0 {_text(span - stretch)}")
+            string = SubElement(tendons, "spatial", name=name, springlength=f"0 {text(span - stretch)}")
             passed = lengths.axes[: place + 1]
             guides = [_guides(bodies, end, passed, sign, axis) for end in (handle, tip)]
             for guide in (*reversed(guides[0]), *guides[1]):
                 SubElement(string, "site", site=guide)
         else:
-            string = SubElement(tendons, "fixed", name=name, springlength=f"{_text(-_FAR)} {_text(-stretch)}")
+            string = SubElement(tendons, "fixed", name=name, springlength=f"{text(-_FAR)} {text(-stretch)}")
             for end, slope in ((handle, sign * handle.radius), (tip, -sign * tip.radius)):
                 # Both halves of the angle draw the radius times themselves.
                 for half in ("carrier", "far"):
-                    SubElement(string, "joint", joint=f"{end.prefix}{axis}_{half}", coef=_text(slope))
-        string.set("stiffness", _text(planar.tendon_stiffness))
+                    SubElement(string, "joint", joint=f"{end.prefix}{axis}_{half}", coef=text(slope))
+        string.set("stiffness", text(planar.tendon_stiffness))
 
 
 def _guides(bodies: dict[str | None, Element], end: _End, passed: Sequence[str], sign: float, axis: str) -> list[str]:
@@ -193,10 +189,6 @@ def _guides(bodies: dict[str | None, Element], end: _End, passed: Sequence[str],
         far = f"{end.prefix}{pair}_far"
         for gear, body, along in (("fixed", on, height), ("far", far, 0.0)):
             names.append(f"{axis}_{side}_{end.prefix}{pair}_{gear}")
-            SubElement(bodies[body], "site", name=names[-1], pos=f"{_text(x)} {_text(y)} {_text(along)}")
+            SubElement(bodies[body], "site", name=names[-1], pos=f"{text(x)} {text(y)} {text(along)}")
         on, height = far, end.spacing
     return names
-
-
-def _text(value: float) -> str:
-    return repr(float(value))

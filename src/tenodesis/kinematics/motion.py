@@ -11,7 +11,7 @@ from tenodesis import _core
 from tenodesis.errors import ArgumentError, NoSolutionError
 from tenodesis.instrument import Instrument
 from tenodesis.kinematics.dimensions import chain, dimensions, limits
-from tenodesis.statics.query import FloatOrArray, numbers
+from tenodesis.statics.query import FloatOrArray, common_shape, numbers
 from tenodesis.threads import threads
 
 _Array = NDArray[np.float64]
@@ -83,14 +83,9 @@ def forward(inst: Instrument, posture: Posture) -> Frame:
 
 
 def frames(inst: Instrument, posture: Posture) -> Frames:
-    """Return the frames of all bodies and the polylines of all tendons at a posture, m.
+    """Return the frames of all bodies and the polylines of all tendons at a posture, m; errors as :func:`forward`.
 
     Where a handle angle is left out and the handle cannot bend so far, the handle's bodies and the tendons are NaN.
-
-    Raises
-    ------
-    ValueError, InstrumentError
-        As :func:`forward`.
     """
     bound = chain(inst)
     rows, shape = _rows(inst, posture)
@@ -108,12 +103,8 @@ def frames(inst: Instrument, posture: Posture) -> Frames:
 def jacobian(inst: Instrument, posture: Posture) -> _Array:
     """Return the Jacobian of the tip (..., 6, 7): velocity (m/s) over angular velocity (rad/s) in the port's frame.
 
-    Columns are pan, tilt, spin, insertion, yaw, pitch, roll; zero for an axis that the instrument does not have.
-
-    Raises
-    ------
-    ValueError, InstrumentError
-        As :func:`forward`.
+    Columns are pan, tilt, spin, insertion, yaw, pitch, roll; zero for an axis that the instrument does not have. Errors
+    are those of :func:`forward`.
     """
     rows, shape = _rows(inst, posture)
     out = np.empty((len(rows), 6, len(COORDINATES)))
@@ -133,8 +124,6 @@ def inverse(
 
     Parameters
     ----------
-    inst
-        The instrument.
     position
         Of the tip in the port's frame (..., 3), m.
     quaternion
@@ -170,13 +159,8 @@ def inverse(
         near = _posture("near", near)
     start = [_finite("spin", spin)]
     start += [np.full((), np.nan)] * 2 if near is None else [_finite("pan", near.pan), _finite("tilt", near.tilt)]
-    try:
-        shape = np.broadcast_shapes(places.shape[:-1], turns.shape[:-1], *(angle.shape for angle in start))
-    except ValueError:
-        raise ArgumentError(
-            f"the shapes do not broadcast: position {places.shape}, quaternion {turns.shape}, "
-            f"spin, pan and tilt {', '.join(str(angle.shape) for angle in start)}."
-        ) from None
+    angles = {key: angle.shape for key, angle in zip(("spin", "pan", "tilt"), start, strict=True)}
+    shape = common_shape({"position[..., 0]": places.shape[:-1], "quaternion[..., 0]": turns.shape[:-1]} | angles)
     lengths = np.linalg.norm(turns, axis=-1, keepdims=True)
     if lengths.size and not np.abs(lengths - 1).max() <= 1e-6:
         worst = lengths.flat[np.abs(lengths - 1).argmax()]
@@ -203,12 +187,7 @@ def inverse(
 def within_limits(inst: Instrument, posture: Posture) -> FloatOrArray:
     """Return whether every coordinate of the tip is within its limits, see :func:`limits`; False where any is NaN.
 
-    Raises
-    ------
-    ValueError
-        A coordinate is no number.
-    InstrumentError
-        The instrument's lengths leave no stem.
+    Raises ValueError if a coordinate is no number, and InstrumentError if the instrument's lengths leave no stem.
     """
     posture = _posture("posture", posture)
     inside: Any = True
@@ -258,11 +237,7 @@ def _rows(inst: Instrument, posture: Posture) -> tuple[_Array, tuple[int, ...]]:
                     value=float(worst),
                     allowed="less than half a turn",
                 )
-    try:
-        shape = np.broadcast_shapes(*(value.shape for value in given.values()))
-    except ValueError:
-        shapes = ", ".join(f"{key} {value.shape}" for key, value in given.items())
-        raise ArgumentError(f"the shapes do not broadcast: {shapes}.") from None
+    shape = common_shape({key: value.shape for key, value in given.items()})
     rows = np.zeros((prod(shape), 9))
     bends = list(inst.axes)
     for place, key in [

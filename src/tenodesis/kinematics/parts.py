@@ -48,10 +48,7 @@ class Part(NamedTuple):
 def parts(inst: Instrument) -> list[Part]:
     """Return the parts of an instrument, parents first, named as the bodies of :func:`frames`.
 
-    Raises
-    ------
-    InstrumentError
-        The instrument's lengths leave no stem.
+    Raises InstrumentError if the instrument's lengths leave no stem.
     """
     lengths, bounds = dimensions(inst), limits(inst)
     thick = lengths.stem_diameter / 2
@@ -130,7 +127,9 @@ def _stack(inst: Instrument, lengths: Dimensions, *, distal: bool) -> list[Part]
         name = f"{end}{axis}"
         carrier = Joint(f"{name}_carrier", "hinge", BEND[axis], -half, half)
         far = Joint(f"{name}_far", "hinge", BEND[axis], -half, half, same_as=carrier.name)
-        slides = (Joint(f"{name}_chord", "slide", Z, -abs(chord), 0.0),) if distal and _bends_along(inst) else ()
+        # A backbone bends along its length, so that its chord shortens.
+        bends_along = distal and inst.joint_type == "continuum"
+        slides = (Joint(f"{name}_chord", "slide", Z, -abs(chord), 0.0),) if bends_along else ()
         link = spacing if place + 1 < len(lengths.axes) else 0.0
         found += [
             Part(carrier.name, on, offset, (carrier,), _cylinder(0.0, chord, 0.5 * radius)),
@@ -140,9 +139,9 @@ def _stack(inst: Instrument, lengths: Dimensions, *, distal: bool) -> list[Part]
     return found
 
 
-def _bends_along(inst: Instrument) -> bool:
-    """Return whether the distal joint bends along its length, so that its chord shortens."""
-    return inst.joint_type == "continuum"
+def text(value: float) -> str:
+    """Return a number as the text of an attribute, to the last bit."""
+    return repr(float(value))
 
 
 def _cylinder(start: float, end: float, radius: float) -> tuple[float, float, float] | None:

@@ -4,7 +4,7 @@ import math
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
 from tenodesis.instrument import Instrument
-from tenodesis.kinematics.parts import STEEL, Joint, Part, parts
+from tenodesis.kinematics.parts import STEEL, Joint, Part, parts, text
 
 _KINDS = {"hinge": "revolute", "slide": "prismatic"}
 # URDF requires an effort and a velocity at every limited joint; the instrument file has neither.
@@ -27,12 +27,8 @@ _CONTINUUM = """
 def urdf(inst: Instrument) -> str:
     """Return an instrument as the text of a URDF file: links as the bodies of :func:`frames`, the port its base.
 
-    Positions of its joints are those of :func:`joint_positions`.
-
-    Raises
-    ------
-    InstrumentError
-        The instrument's lengths leave no stem.
+    Positions of its joints are those of :func:`joint_positions`. Raises InstrumentError if the instrument's lengths
+    leave no stem.
     """
     tree = parts(inst)
     root = Element("robot", name=inst.name.replace(" ", "_"))
@@ -59,8 +55,8 @@ def urdf(inst: Instrument) -> str:
 def _joint(root: Element, joint: Joint, parent: str, child: str, offset: float) -> None:
     element = SubElement(root, "joint", name=joint.name, type=_KINDS[joint.kind])
     _between(element, parent, child, offset)
-    SubElement(element, "axis", xyz=" ".join(_text(one) for one in joint.axis))
-    SubElement(element, "limit", lower=_text(joint.least), upper=_text(joint.most), effort=_EFFORT, velocity=_VELOCITY)
+    SubElement(element, "axis", xyz=" ".join(text(one) for one in joint.axis))
+    SubElement(element, "limit", lower=text(joint.least), upper=text(joint.most), effort=_EFFORT, velocity=_VELOCITY)
     if joint.same_as is not None:
         SubElement(element, "mimic", joint=joint.same_as, multiplier="1", offset="0")
 
@@ -68,7 +64,7 @@ def _joint(root: Element, joint: Joint, parent: str, child: str, offset: float) 
 def _between(joint: Element, parent: str, child: str, offset: float) -> None:
     SubElement(joint, "parent", link=parent)
     SubElement(joint, "child", link=child)
-    SubElement(joint, "origin", xyz=f"0 0 {_text(offset)}", rpy="0 0 0")
+    SubElement(joint, "origin", xyz=f"0 0 {text(offset)}", rpy="0 0 0")
 
 
 def _link(root: Element, part: Part) -> None:
@@ -81,14 +77,10 @@ def _link(root: Element, part: Part) -> None:
     across, along = mass * (3 * radius**2 + length**2) / 12, mass * radius**2 / 2
     for kind in ("inertial", "visual"):
         element = SubElement(link, kind)
-        SubElement(element, "origin", xyz=f"0 0 {_text((start + end) / 2)}", rpy="0 0 0")
+        SubElement(element, "origin", xyz=f"0 0 {text((start + end) / 2)}", rpy="0 0 0")
         if kind == "inertial":
-            SubElement(element, "mass", value=_text(mass))
+            SubElement(element, "mass", value=text(mass))
             moments = {"ixx": across, "iyy": across, "izz": along, "ixy": 0.0, "ixz": 0.0, "iyz": 0.0}
-            SubElement(element, "inertia", {key: _text(value) for key, value in moments.items()})
+            SubElement(element, "inertia", {key: text(value) for key, value in moments.items()})
         else:
-            SubElement(SubElement(element, "geometry"), "cylinder", radius=_text(radius), length=_text(length))
-
-
-def _text(value: float) -> str:
-    return repr(float(value))
+            SubElement(SubElement(element, "geometry"), "cylinder", radius=text(radius), length=text(length))

@@ -60,22 +60,11 @@ class Workspace(NamedTuple):
 def workspace(inst: Instrument, force: float = 0.0, *, points: int = 121) -> Workspace:
     """Return the cross-section of the workspace within the limits of the joints (Fig. 1).
 
-    Parameters
-    ----------
-    inst
-        The instrument.
-    force
-        Tangential force at the tip, N, that opposes flexion to either side. It limits the bend to the output angle
-        that remains at the end of the handle's range.
-    points
-        Number of distances, and of angles.
+    It has `points` distances and as many angles. The force (N) is tangential at the tip and opposes flexion to either
+    side: it limits the bend to the output angle that remains at the end of the handle's range.
 
-    Raises
-    ------
-    ValueError
-        The force is negative or not finite, or there are fewer than two points.
-    InstrumentError
-        The instrument's lengths leave no stem.
+    Raises ValueError if the force is negative or not finite, or there are fewer than two points, and InstrumentError if
+    the instrument's lengths leave no stem.
     """
     bounds = limits(inst)
     if not (isinstance(force, Real) and isfinite(force) and force >= 0):

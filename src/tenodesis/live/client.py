@@ -1,6 +1,7 @@
 """A connection to a runtime process over the socket in its folder."""
 
 import json
+import math
 import socket
 import threading
 import time
@@ -41,6 +42,8 @@ class Client(Connection):
         The runtime's folder.
     origin
         Name of the client, as others see it.
+    patience
+        Longest wait for an answer, s; by default that of each command.
 
     Raises
     ------
@@ -48,8 +51,8 @@ class Client(Connection):
         There is no runtime.
     """
 
-    def __init__(self, folder: str | Path, origin: str) -> None:
-        self.folder, self.origin = Path(folder), origin
+    def __init__(self, folder: str | Path, origin: str, *, patience: float = math.inf) -> None:
+        self.folder, self.origin, self._patience = Path(folder), origin, patience
         self._reader = Reader(self.folder)
         self._lock = threading.Lock()
         self._number = 0
@@ -186,7 +189,7 @@ class Client(Connection):
 
     def _exchange(self, message: dict[str, Any], timeout: float) -> dict[str, Any] | None:
         assert self._socket is not None
-        self._socket.settimeout(timeout)
+        self._socket.settimeout(min(timeout, self._patience))
         self._socket.sendall(json.dumps(message).encode() + b"\n")
         line = self._lines.readline()
         answer: dict[str, Any] | None = json.loads(line) if line else None
@@ -195,7 +198,7 @@ class Client(Connection):
     def _connect(self) -> None:
         connected = socket.socket(socket.AF_UNIX)
         try:
-            connected.settimeout(_TIMEOUT)
+            connected.settimeout(min(_TIMEOUT, self._patience))
             _reach(connected, self.folder / folders.SOCKET)
         except OSError:
             connected.close()

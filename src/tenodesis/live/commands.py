@@ -306,6 +306,10 @@ class RestartableConnection(Connection):
     """A connection that outlasts its runtime."""
 
     @abstractmethod
+    def stop_for(self, origin: str) -> None:
+        """Stop the motors at once in the name of another origin, which needs no connection of its own."""
+
+    @abstractmethod
     def load(self, instrument: str) -> None:
         """Start with another instrument, by path, shipped name or text, and operate that."""
 

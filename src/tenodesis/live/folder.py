@@ -1,6 +1,9 @@
 """The folder of a live runtime: its files, and the file that describes the runtime."""
 
+import fcntl
 import json
+import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,6 +16,9 @@ RING = "ring"
 SOCKET = "control.sock"
 """Socket that accepts commands."""
 INSTRUMENT = "instrument.toml"
+LOCK = "lock"
+"""Held in the folder around those of a host's runtimes by every process that works in them."""
+_LINK = "link"
 _SESSION = "session.json"
 
 
@@ -59,3 +65,63 @@ def read(folder: Path) -> About:
         raise LiveError(
             f"{folder} is no folder of a live instrument ({problem}); start one with `tenodesis console`."
         ) from None
+
+
+def write_link(home: Path, url: str, page: str) -> Path:
+    """Write the link to the page of a host for tools of the same user, and a page that opens it; return the latter.
+
+    The link contains a token, which the arguments of a program that opens it would show to every account.
+    """
+    for name, text in ((_LINK, url), (f"{_LINK}.html", page)):
+        with atomic_file(home / name) as new, os.fdopen(os.open(new, os.O_WRONLY | os.O_CREAT, 0o600), "w") as file:
+            file.write(text)
+    return home / f"{_LINK}.html"
+
+
+def read_link(home: Path) -> str | None:
+    """Return the link to the page of a host, or None if it has no page."""
+    try:
+        return (home / _LINK).read_text("utf-8")
+    except OSError:
+        return None
+
+
+def hold(home: Path) -> int | None:
+    """Return a descriptor that holds a host's folder in use until it is closed, also in processes that inherit it.
+
+    A lock of the file system is seen from every namespace of processes, in which the numbers of processes differ.
+    None where the folder has no lock.
+    """
+    try:
+        lock = os.open(home / LOCK, os.O_RDWR | os.O_CLOEXEC)
+    except OSError:
+        return None
+    fcntl.flock(lock, fcntl.LOCK_SH)
+    return lock
+
+
+def make_lock(home: Path) -> int:
+    """Make the lock of a host's folder, and return a descriptor that holds it as :func:`hold` does."""
+    made = home / f"{LOCK}.new"
+    lock = os.open(made, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+    fcntl.flock(lock, fcntl.LOCK_SH)
+    # Under its name it is held from the first moment on.
+    made.rename(home / LOCK)
+    return lock
+
+
+def is_left(home: Path) -> bool:
+    """Return whether a folder is a host's in which no process works any more."""
+    try:
+        lock = os.open(home / LOCK, os.O_RDWR | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    else:
+        return True
+    finally:
+        with suppress(OSError):
+            os.close(lock)

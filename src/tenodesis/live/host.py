@@ -1,14 +1,10 @@
-"""A runtime process of this process: restarted with another instrument, ended with its parent."""
+"""The runtime of this process: replaced by one of another instrument, ended with its parent."""
 
 import os
 import shutil
-import subprocess
-import sys
 import tempfile
 import threading
-import time
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +13,13 @@ from tenodesis.errors import LiveError
 from tenodesis.files import atomic_file
 from tenodesis.instrument import Instrument, load, parse
 from tenodesis.instrument.text import to_toml
+from tenodesis.live import folder as folders
 from tenodesis.live.client import Client
 from tenodesis.live.commands import Command, RestartableConnection
-from tenodesis.live.loop import Choices
+from tenodesis.live.loop import Choices, rehearse
+from tenodesis.live.runtime_process import RuntimeProcess
 from tenodesis.run import Array
 
-_TO_START = 30.0
-_TO_END = 15.0
 _SHARED = Path("/dev/shm")
 """A folder in memory, so that the ring is not written to a disk."""
 _PREFIX = "tenodesis-"
@@ -44,19 +40,24 @@ class Host:
     Raises
     ------
     InstrumentError
-        The instrument is not valid.
+        The instrument is not valid, or no runtime can run it.
     LiveError
         The runtime does not start; the message states why.
     """
 
     def __init__(self, instrument: str, choices: Choices | None = None, recordings: Path = Path("recordings")) -> None:
         self.choices, self.recordings = choices or Choices(), recordings
-        self._lock = threading.RLock()
+        self._changing, self._closing = threading.RLock(), threading.Event()
         _tidy()
-        self._home = Path(tempfile.mkdtemp(prefix=f"{_PREFIX}{os.getpid()}-", dir=_place()))
+        self.home = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=_place()))
+        """Folder around those of the runtimes, which only its owner can enter."""
+        self._lock = folders.make_lock(self.home)
         self.generation = 0
-        """Number of runtimes started."""
-        self._process: subprocess.Popen[bytes] | None = None
+        """Number of the present runtime."""
+        self._started = self._stops = 0
+        self._replacing = False
+        """Whether the present runtime ends before the next one starts."""
+        self._process: RuntimeProcess | None = None
         try:
             self.start(instrument)
         except BaseException:
@@ -66,7 +67,11 @@ class Host:
     @property
     def folder(self) -> Path:
         """Folder of the present runtime."""
-        return self._home / str(self.generation)
+        return self.folder_of(self.generation)
+
+    def folder_of(self, generation: int) -> Path:
+        """Return the folder of a runtime by its number."""
+        return self.home / str(generation)
 
     @property
     def pid(self) -> int | None:
@@ -74,97 +79,112 @@ class Host:
         return None if self._process is None else self._process.pid
 
     def start(self, instrument: str) -> None:
-        """Restart with another instrument; if it is not valid, the present runtime continues.
+        """Replace the runtime by one of another instrument.
+
+        The present runtime goes on until the new one runs. A bench can be opened only once: what can be checked without
+        it is checked before the present runtime ends, which is started again where the new one does not start.
 
         Parameters
         ----------
         instrument
             Path or shipped name, or the text of an instrument file.
+
+        Raises
+        ------
+        InstrumentError
+            The instrument is not valid, or no runtime can run it.
+        LiveError
+            The new runtime does not start; the message states why, and what runs now.
         """
         inst = parse(instrument, "the instrument file") if "\n" in instrument else load(instrument)
-        with self._lock:
-            self._end()
-            self.generation += 1
-            file = self._home / f"{self.generation}.toml"
+        rehearse(inst, self.choices)
+        with self._changing:
+            file = self.home / f"{self._started + 1}.toml"
             with atomic_file(file) as new:
                 new.write_text(to_toml(inst), "utf-8")
-            self._begin(file)
+            before, generation = self._process, self.generation
+            try:
+                if before is None or not before.runs or not _exists_once(self.choices):
+                    self._begin(file)
+                    if before is not None:
+                        before.end()
+                else:
+                    self._replace(before, file)
+            finally:
+                if self.generation != generation:
+                    shutil.rmtree(self.folder_of(generation), ignore_errors=True)
 
     def again(self) -> None:
         """Start again, as after it was killed."""
-        self.start(str(self._home / f"{self.generation}.toml"))
+        self.start(str(self.home / f"{self.generation}.toml"))
+
+    def stop(self, origin: str) -> None:
+        """Stop the motors in the name of an origin, also those of a runtime that starts or ends at this moment.
+
+        A runtime that does not answer is killed, so that the watchdogs of its devices stop the motors.
+
+        Raises
+        ------
+        LiveError
+            No runtime runs.
+        """
+        self._stops += 1
+        process = self._process
+        if self._replacing and (process is None or not process.runs):
+            # No motor moves, and the runtime that starts is stopped as soon as it is ready.
+            return
+        if process is None or not process.runs:
+            raise LiveError("The runtime has ended: its motors are stopped by their own watchdogs. Start it again.")
+        process.stop(origin)
+        if process is not self._process and self._process is not None:
+            self._process.stop(origin)
 
     def close(self) -> None:
-        """End the runtime, motors at rest; a second call does nothing."""
-        with self._lock:
-            self._end()
-            shutil.rmtree(self._home, ignore_errors=True)
+        """End the runtime, motors at rest, and one that starts; a second call does nothing."""
+        if self._closing.is_set():
+            return
+        self._closing.set()
+        with self._changing:
+            process, self._process = self._process, None
+            if process is not None:
+                process.end()
+            os.close(self._lock)
+            shutil.rmtree(self.home, ignore_errors=True)
 
     def connect(self, origin: str) -> "HostConnection":
         """Return a connection in the name of an origin, which outlasts a restart."""
         return HostConnection(self, origin)
 
     def _begin(self, file: Path) -> None:
-        choices = self.choices
-        options = {
-            "--instrument": str(file),
-            "--device": choices.device,
-            "--law": choices.law,
-            "--actuation": choices.actuation,
-            "--speed": str(choices.speed),
-            "--seed": str(choices.seed),
-            "--recordings": str(self.recordings.absolute()),
-        } | ({} if choices.address is None else {"--address": choices.address})
-        arguments = [part for pair in options.items() for part in pair]
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "tenodesis.live.server", str(self.folder), "--attached", *arguments],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            start_new_session=True,
-        )
+        """Start a runtime, and make it the present one once it is ready."""
+        self._started += 1
+        stops, folder = self._stops, self.folder_of(self._started)
+        process = RuntimeProcess(file, folder, self.choices, self.recordings, self._lock)
         try:
-            self._wait()
+            process.wait_until_ready(self._closing)
         except BaseException:
-            # A runtime that starts later would occupy its device unnoticed.
-            self._end()
+            shutil.rmtree(folder, ignore_errors=True)
             raise
+        self._process, self.generation = process, self._started
+        if self._stops != stops:
+            process.stop("stop during the start")
 
-    def _wait(self) -> None:
-        end = time.monotonic() + _TO_START
-        process = self._process
-        assert process is not None
-        while True:
-            try:
-                Client(self.folder, "host").close()
-            except LiveError:
-                pass
-            else:
-                # Nothing reads its output from here on, and a full pipe would block it.
-                threading.Thread(target=_drain, args=(process,), daemon=True).start()
-                return
-            if process.poll() is not None:
-                said = b"" if process.stderr is None else process.stderr.read()
-                lines = said.decode("utf-8", "replace").strip().splitlines()
-                why = lines[-1].removeprefix("tenodesis: ") if lines else f"it ended with code {process.returncode}."
-                raise LiveError(why)
-            if time.monotonic() > end:
-                raise LiveError(f"the runtime has not started within {_TO_START:g} s.")
-            time.sleep(0.05)
-
-    def _end(self) -> None:
-        process, self._process = self._process, None
-        if process is None:
-            return
-        process.terminate()
+    def _replace(self, before: RuntimeProcess, file: Path) -> None:
+        """End a runtime and start the next one, or the one before again."""
+        self._replacing = True
         try:
-            process.wait(_TO_END)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        for pipe in (process.stdin, process.stderr):
-            if pipe is not None:
-                pipe.close()
+            before.end()
+            self._begin(file)
+        except LiveError as problem:
+            again = self.home / f"{self._started + 1}.toml"
+            shutil.copyfile(before.file, again)
+            try:
+                self._begin(again)
+            except LiveError as worse:
+                raise LiveError(f"{problem} Nor does the instrument before start again: {worse}") from None
+            raise LiveError(f"{problem} The instrument before runs again, its motors disabled.") from None
+        finally:
+            self._replacing = False
 
 
 class HostConnection(RestartableConnection):
@@ -174,7 +194,7 @@ class HostConnection(RestartableConnection):
         self._host, self._origin = host, origin
         self._lock = threading.Lock()
         self._generation = host.generation
-        self._client = Client(host.folder, origin)
+        self._client = Client(host.folder_of(self._generation), origin)
 
     def send(self, command: Command, arguments: Mapping[str, Any]) -> Any:
         """Send a command to the runtime that runs now, and return its answer."""
@@ -202,6 +222,14 @@ class HostConnection(RestartableConnection):
     def history(self, seconds: float, rows: int = 500) -> dict[str, Array]:
         """Return the signals of the last seconds by name."""
         return self._current().history(seconds, rows)
+
+    def stop(self) -> None:
+        """Stop the motors at once; anyone may."""
+        self.stop_for(self._origin)
+
+    def stop_for(self, origin: str) -> None:
+        """Stop the motors at once in the name of another origin."""
+        self._host.stop(origin)
 
     def load(self, instrument: str) -> None:
         """Start with another instrument, by path, shipped name or text, and operate that; needs the lease.
@@ -231,11 +259,17 @@ class HostConnection(RestartableConnection):
 
     def _current(self) -> Client:
         with self._lock:
-            if self._generation != self._host.generation:
+            present = self._host.generation
+            if self._generation != present:
                 self._client.close()
-                self._client = Client(self._host.folder, self._origin)
-                self._generation = self._host.generation
+                self._client = Client(self._host.folder_of(present), self._origin)
+                self._generation = present
             return self._client
+
+
+def _exists_once(choices: Choices) -> bool:
+    """Return whether a device cannot be opened while another runtime has it open."""
+    return choices.device != "twin"
 
 
 def _place() -> Path:
@@ -244,27 +278,6 @@ def _place() -> Path:
 
 def _tidy() -> None:
     """Remove the folders of killed hosts, once their runtimes and recorders have ended too."""
-    for folder in _place().glob(f"{_PREFIX}*-*"):
-        pid = folder.name.removeprefix(_PREFIX).partition("-")[0]
-        if pid.isdecimal() and not Path(f"/proc/{pid}").exists() and not _used(folder):
-            shutil.rmtree(folder, ignore_errors=True)
-
-
-def _used(folder: Path) -> bool:
-    """Return whether a process works in a folder, by its arguments: a runtime that is still closing, its recorder."""
-    within = os.fsencode(folder) + b"/"
-    for arguments in Path("/proc").glob("[0-9]*/cmdline"):
-        # A process that ends meanwhile uses nothing.
-        with suppress(OSError):
-            if any(one.startswith(within) for one in arguments.read_bytes().split(b"\0")):
-                return True
-    return False
-
-
-def _drain(process: "subprocess.Popen[bytes]") -> None:
-    if process.stderr is not None:
-        try:
-            while process.stderr.read(4096):
-                pass
-        except ValueError:
-            return
+    for home in _place().glob(f"{_PREFIX}*"):
+        if folders.is_left(home):
+            shutil.rmtree(home, ignore_errors=True)

@@ -20,15 +20,17 @@ from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import Serial
 from tenodesis.live import folder as folders
 from tenodesis.live.device_thread import DeviceThread
+from tenodesis.plant import check_runnable
 from tenodesis.run import Array
-from tenodesis.simulate.fault_injection import INJECTION_POINTS
+from tenodesis.simulate.fault_injection import INJECTION_MODES, INJECTION_POINTS, check_mode
 from tenodesis.twin import Twin
 
 _RING_SECONDS = 8.0
 """Time by which a reader may fall behind, s."""
 ORDERS = tuple(order.name.lower() for order in _core.Order)
 """Orders in the queue of the core's loop, by number."""
-_MODES = ("none", "add", "set", "hold")
+_LATE_BOUND = 0.05
+"""Delay above which real motors are stopped where the instrument has no watchdog, s."""
 _LARGEST_FORCE = 100.0
 """At the tip, N."""
 
@@ -59,8 +61,27 @@ class Choices:
     seed: int = 0
     real_time: bool = True
     """Whether to request real-time scheduling and locked memory."""
-    late_bound: float = 0.05
-    """Delay above which real motors are stopped, s."""
+    late_bound: float | None = None
+    """Delay above which the loop itself stops real motors, s; by default twice the instrument's watchdog."""
+
+
+def rehearse(inst: Instrument, choices: Choices) -> None:
+    """Check all that can be checked of a loop without its device: instrument, twin, controller, table of the device.
+
+    Raises
+    ------
+    InstrumentError
+        A value of the instrument prevents a loop.
+    ArgumentError
+        Twin or controller cannot be made.
+    DeviceError
+        The device does not suit the instrument, or its table is missing.
+    """
+    check_runnable(inst)
+    twin = Twin(inst, seed=choices.seed)
+    Controller(inst, law=choices.law, actuation=choices.actuation, period=twin.time_step * twin.steps_per_tick)
+    if choices.device not in ("twin", "serial"):
+        _check_axes(_made(choices.device, inst).capabilities, inst)
 
 
 class LiveLoop:
@@ -125,7 +146,7 @@ class LiveLoop:
                 ranges,
                 self.period,
                 choices.speed,
-                choices.late_bound,
+                choices.late_bound or 2 * inst.control.watchdog or _LATE_BOUND,
                 choices.real_time,
             )
         except (OSError, RuntimeError) as problem:
@@ -136,10 +157,7 @@ class LiveLoop:
         axes, rate = self.inst.axes, 1 / self.period
         if self._device is not None:
             has = self._device.capabilities
-            if has.axes != axes:
-                raise DeviceError(
-                    f"{has.name} has {' and '.join(has.axes)}; {self.inst.name} has {' and '.join(axes)}."
-                )
+            _check_axes(has, self.inst)
             box = _core.MailboxDevice(len(axes))
             self._device_thread = DeviceThread(self._device, box, self.period)
             return box, has
@@ -231,9 +249,10 @@ class LiveLoop:
         """Inject a fault, as :class:`tenodesis.simulate.FaultInjection` is, from now on for a time, s."""
         if not self.capabilities.simulated:
             raise LiveError("faults can be injected on the twin only.")
-        for argument, value_given, allowed in (("point", point, INJECTION_POINTS), ("mode", mode, _MODES)):
+        for argument, value_given, allowed in (("point", point, INJECTION_POINTS), ("mode", mode, INJECTION_MODES)):
             if value_given not in allowed:
                 raise LiveError(key=argument, value=value_given, allowed=_one_of(allowed))
+        check_mode(point, mode)
         if axis is not None and axis not in self.inst.axes:
             raise LiveError(key="axis", value=axis, allowed=_one_of(self.inst.axes))
         if not 0 < seconds <= 3600:
@@ -241,7 +260,7 @@ class LiveLoop:
         ticks = round(seconds / self.period)
         for n, name in enumerate(self.inst.axes):
             if axis in (None, name):
-                place, how = INJECTION_POINTS.index(point), _MODES.index(mode)
+                place, how = INJECTION_POINTS.index(point), INJECTION_MODES.index(mode)
                 self._order("inject_fault", place, how, axis=n, value=float(value), ticks=ticks)
 
     @property
@@ -299,6 +318,11 @@ def _controller(inst: Instrument, choices: Choices, *, served: bool) -> Controll
         timeout=settings.timeout,
         baud_rate=settings.baud_rate,
     )
+
+
+def _check_axes(has: Capabilities, inst: Instrument) -> None:
+    if has.axes != inst.axes:
+        raise DeviceError(f"{has.name} has {' and '.join(has.axes)}; {inst.name} has {' and '.join(inst.axes)}.")
 
 
 def _made(name: str, inst: Instrument) -> Device:

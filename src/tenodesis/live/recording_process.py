@@ -1,22 +1,29 @@
 """The recorder as a separate process: start, supervision, end."""
 
 import json
+import os
 import re
 import signal
 import subprocess
 import sys
 import threading
+import time
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from tenodesis.errors import LiveError
+from tenodesis.live import folder as folders
 from tenodesis.live.recorder import STATUS
 
 _TO_END = 10.0
 _PATIENCE = 0.5
 """Longest wait for the previous recorder, s: the operator's lease must be renewed every second."""
 _LONGEST_NAME = 80
+_TO_BEGIN = 10.0
+"""Longest wait for the first status of a recorder, s."""
+_SILENT = 1.0
+"""Time without a status after which a recorder counts as hanging, s; it writes four in that time."""
 
 
 class RecordingProcess:
@@ -35,8 +42,11 @@ class RecordingProcess:
         self._process: subprocess.Popen[bytes] | None = None
         self.path: Path | None = None
         """File of the present recording; None if there is none."""
-        self.problem: str | None = None
+        self._ended_because: str | None = None
         """Why the recording has ended."""
+        self._heard: tuple[int, float] = (0, 0.0)
+        """Stamp of the last status, ns, and when it was seen first, on the monotonic clock, s."""
+        self._hangs = False
         self._lock = threading.RLock()
         self._stopping = False
         self._begun = False
@@ -67,15 +77,30 @@ class RecordingProcess:
             raise LiveError(f"{self._recordings} cannot be written: {problem.strerror}.") from None
         path = _free(self._recordings / f"{stamp}-{name}.mcap")
         (self._folder / STATUS).unlink(missing_ok=True)
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "tenodesis.live.recorder", str(self._folder), str(path)],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            start_new_session=True,
-        )
-        self.problem, self.path, self._begun = None, path, False
+        lock = folders.hold(self._folder.parent)
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "tenodesis.live.recorder", str(self._folder), str(path)],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                start_new_session=True,
+                pass_fds=() if lock is None else (lock,),
+            )
+        finally:
+            if lock is not None:
+                os.close(lock)
+        self._ended_because, self.path, self._begun = None, path, False
+        self._heard, self._hangs = (0, time.monotonic()), False
         return path
+
+    @property
+    def problem(self) -> str | None:
+        """Why the recording has ended, or that its recorder hangs, in a sentence."""
+        path = self.path
+        if self._hangs and path is not None:
+            return f"The recorder of {path} hangs: what happens now may not be in its file."
+        return self._ended_because
 
     @property
     def recording(self) -> bool:
@@ -97,11 +122,24 @@ class RecordingProcess:
         return content if isinstance(content, dict) else {}
 
     def look(self) -> None:
-        """Check whether it still runs; if it has ended by itself, set `problem`."""
+        """Check whether it still runs and writes; if not, set `problem`."""
+        # While it closes its file it writes no status.
+        self._hangs = self.path is not None and not self._stopping and self._is_silent()
         if self._stopping:
             return
         with self._lock:
             self._look()
+
+    def _is_silent(self) -> bool:
+        try:
+            stamp = (self._folder / STATUS).stat().st_mtime_ns
+        except OSError:
+            stamp = 0
+        known, since = self._heard
+        if stamp != known:
+            self._heard = (stamp, time.monotonic())
+            return False
+        return time.monotonic() - since > (_SILENT if stamp else _TO_BEGIN)
 
     def _look(self) -> None:
         if self._process is None or self._process.poll() is None:
@@ -132,7 +170,7 @@ class RecordingProcess:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-            self.problem = f"The recorder of {self.path} did not end, and was ended; its file can be read."
+            self._ended_because = f"The recorder of {self.path} did not end, and was ended; its file can be read."
         else:
             self._explain_end(self._process, asked=True)
         self._forget()
@@ -143,13 +181,13 @@ class RecordingProcess:
         lines = said.decode("utf-8", "replace").strip().splitlines()
         why = lines[-1].removeprefix("tenodesis: ") if lines else ""
         if self.path is not None and not self.path.exists():
-            self.problem = f"The recorder of {self.path} has ended, and there is no such file: "
-            self.problem += why or f"it ended with {_named(process.returncode)}"
+            self._ended_because = f"The recorder of {self.path} has ended, and there is no such file: "
+            self._ended_because += why or f"it ended with {_named(process.returncode)}"
         elif process.returncode or not asked:
             why = why or f"it ended with {_named(process.returncode)}"
-            self.problem = f"The recorder of {self.path} has ended: {why} What it wrote before can be read."
+            self._ended_because = f"The recorder of {self.path} has ended: {why} What it wrote before can be read."
         elif why:
-            self.problem = f"{self.path}: {why}"
+            self._ended_because = f"{self.path}: {why}"
 
     def _forget(self) -> None:
         if self._process is not None and self._process.stderr is not None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tenodesis.control import OperatingState
-from tenodesis.control.controller import fault_names
+from tenodesis.control.controller import fault_names, homing_failure
 from tenodesis.errors import LiveError
 from tenodesis.live.journal import Journal
 from tenodesis.live.lease import Lease
@@ -123,6 +123,7 @@ class Runtime:
             recorder_lost=lost,
             speed=core.speed,
             problem=self._problem(),
+            homing_failures=_homing_failures(tick, loop.inst.axes),
         )
 
     def _tick(self) -> dict[str, Any]:
@@ -176,6 +177,11 @@ class Runtime:
 def _state(tick: dict[str, Any]) -> RuntimeState:
     states = np.nan_to_num(np.atleast_1d(tick.get("operating_state", 0.0)))
     return RuntimeState[OperatingState(int(states.max())).name]
+
+
+def _homing_failures(tick: dict[str, Any], axes: tuple[str, ...]) -> dict[str, str]:
+    words = np.nan_to_num(np.atleast_1d(tick.get("homing_failure", 0.0))).astype(np.int64)
+    return {axis: homing_failure(int(word)) for axis, word in zip(axes, words, strict=False) if word}
 
 
 def _mask(tick: dict[str, Any], name: str) -> int:

@@ -1,6 +1,6 @@
 """The state of a live runtime, as its server reports it and a connection returns it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple
@@ -99,6 +99,9 @@ class Status:
     """Simulated over wall time."""
     problem: str | None
     """Problem of the runtime itself, in a sentence."""
+    homing_failures: dict[str, str] = field(default_factory=dict)
+    """Why the last homing failed, as of :func:`tenodesis.control.homing_failure`, by axis; without axes where it did
+    not."""
 
     @property
     def protocol_runs(self) -> bool:

@@ -95,9 +95,14 @@ class Reader:
         return self.about.period
 
     @property
+    def silence(self) -> float:
+        """Time since the loop last turned, s."""
+        return self._ring.silence
+
+    @property
     def alive(self) -> bool:
         """Whether the runtime still runs."""
-        return self._ring.silence < _SILENT
+        return self.silence < _SILENT
 
     @property
     def columns(self) -> int:

@@ -153,8 +153,7 @@ def _axes(context: Context, inst: TendonGear) -> tuple[str, list[Plot]]:
         f"Largest change of an axis's angle by the other axis, {max(poses):.0f} deg, {max(forces):.3g} N (MuJoCo)",
     )
     worst = found.loaded
-    fig, (axis,) = style.figure(height=3.4)
-    chart = Chart(fig)
+    chart, (axis,) = Chart.panels(height=3.4)
     pitch = chart.keep("pitch output angle, unloaded [deg]", np.linspace(0.0, max(poses), 7))
     handle = statics.handle_angle(inst, np.radians(pitch))
     yaw = float(statics.handle_angle(inst, np.radians(40.0 * share)))

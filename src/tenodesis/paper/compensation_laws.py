@@ -78,8 +78,7 @@ def section(context: Context) -> Section:
         table.row(name, *lost, key=f"{actuation}.{law}", left=" left", by=by, without=", no friction")
         remaining.append((name, color, lost))
 
-    fig, (axis,) = style.figure(height=3.5)
-    chart = Chart(fig)
+    chart, (axis,) = Chart.panels(height=3.5)
     chart.keep("unloaded_output_angle [deg]", np.degrees(states))
     for place, (name, color, lost) in enumerate(remaining):
         _bars(axis, chart.keep(f"{name} [deg]", lost), place, len(remaining), color=color, label=name)

@@ -53,8 +53,7 @@ def section(context: Context) -> Section:
         "N·m/rad",
         "Flexural stiffness of the distal joint at the end of its working range (eq. 16)",
     )
-    fig, (left, right) = style.figure(2, width=8.6, height=4.0)
-    chart = Chart(fig)
+    chart, (left, right) = Chart.panels(2, width=8.6, height=4.0)
     _construction(chart, left, inst, force)
     _losses(chart, right, inst)
     plot = chart.plot(

@@ -1,10 +1,10 @@
 """Fig. 14: flexion and extension under load on the twin, and eq. 19's estimate from the tensions measured there."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from tenodesis import simulate, statics, twin
 from tenodesis.errors import NoSolutionError
@@ -12,7 +12,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.paper import published
 from tenodesis.paper.context import Context, RecordedRun, forces
 from tenodesis.report import style
-from tenodesis.report.content import Array, Chart, Column, Plot, ResultTable, Section, Table, fixed, named, number
+from tenodesis.report.content import Array, Chart, Column, Plot, Section, Table, fixed, named, number, unit_text
 from tenodesis.run import Run
 from tenodesis.units import unit_of
 
@@ -117,7 +117,7 @@ def section(context: Context) -> Section:
     return Section("hysteresis", _TITLE, _text(context, inst), plots, [_table(context, cycles), *_parameters(inst)])
 
 
-def _table(context: Context, cycles: list[Cycles]) -> ResultTable:
+def _table(context: Context, cycles: list[Cycles]) -> Table:
     def column(heading: str, name: str, unit: str, description: str) -> Column:
         return Column(heading, f"hysteresis.{name}.at_{{force:g}}N", unit, f"{description}, {{force:g}} N")
 
@@ -169,7 +169,7 @@ def _parameters(inst: Instrument) -> list[Table]:
             if unit == "rad":
                 text = f"{fixed(float(np.degrees(value)), 1)}°"
             elif isinstance(value, float):
-                text = " ".join([number(value), *([unit.replace("*", "·").replace("^2", "²")] if unit else [])])
+                text = " ".join([number(value), *([unit_text(unit)] if unit else [])])
             else:
                 text = str(value)
             source = inst.sources.get(f"{name}.{key}", inst.sources.get(name, ""))
@@ -204,17 +204,16 @@ def _text(context: Context, inst: Instrument) -> str:
     return text
 
 
-def _panels(cycles: list[Cycles], ylabel: str) -> tuple[Figure, list[Axes]]:
-    fig, axes = style.figure(len(cycles), width=3.1 * len(cycles) + 0.6, height=3.6)
+def _panels(cycles: list[Cycles], ylabel: str) -> tuple[Chart, Sequence[Axes]]:
+    chart, axes = Chart.panels(len(cycles), width=3.1 * len(cycles) + 0.6, height=3.6)
     for axis, done in zip(axes, cycles, strict=True):
         axis.set(title=f"{done.force:g} N", xlabel="handle angle $\\theta_h$ [deg]")
     axes[0].set_ylabel(ylabel)
-    return fig, list(axes)
+    return chart, axes
 
 
 def _angles(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
-    fig, axes = _panels(cycles, "output angle $\\theta_e$ [deg]")
-    chart = Chart(fig)
+    chart, axes = _panels(cycles, "output angle $\\theta_e$ [deg]")
     grid = np.linspace(0, statics.reach(inst), 101)
     unloaded = np.degrees(statics.output_angle(inst, grid))
     for axis, done in zip(axes, cycles, strict=True):
@@ -230,7 +229,7 @@ def _angles(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
         order = np.argsort(handle)
         axis.plot(handle[order], theory[order], "--", color=style.INK, lw=1.3)
     style.legend_outside(
-        fig,
+        chart.figure,
         ("twin, measured", style.AGONIST, "-"),
         ("estimate, eq. 19", style.ANTAGONIST, "-"),
         ("theory, no load", style.MUTED, ":"),
@@ -245,8 +244,7 @@ def _angles(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
 
 
 def _tensions(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
-    fig, axes = _panels(cycles, "tension [N]")
-    chart = Chart(fig)
+    chart, axes = _panels(cycles, "tension [N]")
     grid = np.linspace(0, statics.reach(inst), 101)
     sides = (("agonist", style.AGONIST), ("antagonist", style.ANTAGONIST))
     for axis, done in zip(axes, cycles, strict=True):
@@ -258,7 +256,7 @@ def _tensions(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
             chart.curve(axis, handle, f"{side} at {done.force:g} N [N]", measured, color=color, lw=0.9)
             axis.plot(np.degrees(grid), expected, "--", color=color, lw=1.3)
     lines = [(side, color, "-") for side, color in sides]
-    style.legend_outside(fig, *lines, ("pretension", style.MUTED, ":"), ("theory", style.INK, "--"))
+    style.legend_outside(chart.figure, *lines, ("pretension", style.MUTED, ":"), ("theory", style.INK, "--"))
     return chart.plot(
         "fig14b_tensions",
         f"Tendon tensions beside the spools over the same cycles ({context.figure_of('Fig. 14(b)')}). "

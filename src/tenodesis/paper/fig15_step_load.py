@@ -12,6 +12,7 @@ from tenodesis.paper.context import Context, RecordedRun, held_angles, shown_for
 from tenodesis.report import style
 from tenodesis.report.content import Chart, Column, Plot, Section, fixed, named
 from tenodesis.run import Run
+from tenodesis.simulate.command import SMOOTH
 
 BEFORE, AFTER = 10.0, 10.0
 """Time before the load, which in the paper comes near 10 s, and under it, s."""
@@ -50,9 +51,13 @@ def rigged(inst: Instrument) -> float | None:
     return None if weight is None or radius is None else weight * radius / inst.rig_arm
 
 
+def approach_time(handle_angle: float) -> float:
+    """Return how long the straight handle moves to an angle (rad), s."""
+    return SMOOTH.peak * abs(handle_angle) / APPROACH
+
+
 def protocol(inst: Instrument, handle_angle: float, force: float) -> simulate.Protocol:
     """Return the protocol at a handle angle (rad), loaded by the weight on the rig's cable or by the force (N)."""
-    moving = abs(handle_angle) / APPROACH * 15 / 8
     return simulate.Protocol(
         name=f"step load at {np.degrees(handle_angle):.1f} deg",
         description="Fig. 15: a load applied suddenly while the handle is held, without compensation",
@@ -60,7 +65,7 @@ def protocol(inst: Instrument, handle_angle: float, force: float) -> simulate.Pr
             simulate.StepLoad(
                 handle_angle=handle_angle,
                 approach=APPROACH,
-                delay=BEFORE - moving,
+                delay=BEFORE - approach_time(handle_angle),
                 duration=AFTER,
                 **({"force": force} if rigged(inst) is None else {"weight": inst.conditions.cable_force}),
             )
@@ -176,8 +181,7 @@ def section(context: Context) -> Section:
 
 def _plot(context: Context, states: list[State], rig: str) -> Plot:
     inst = context.tested
-    fig, axes = style.figure(len(states), width=2.5 * len(states) + 0.8, height=3.4)
-    chart = Chart(fig)
+    chart, axes = Chart.panels(len(states), width=2.5 * len(states) + 0.8, height=3.4)
     for axis, state in zip(axes, states, strict=True):
         run, at = state.run[_EVERY], f"at {np.degrees(state.desired):.4g} deg"
         time = chart.keep(f"time {at} [s]", run.time)
@@ -202,7 +206,7 @@ def _plot(context: Context, states: list[State], rig: str) -> Plot:
     axes[0].set_ylabel("output angle $\\theta_e$ [deg]")
     right.set_ylabel("agonist tension [N]")
     style.legend_outside(
-        fig,
+        chart.figure,
         ("output angle (left)", style.AGONIST, "-"),
         ("agonist tension (right)", style.ANTAGONIST, "-"),
         ("output angle, theory without friction", style.INK, ":"),

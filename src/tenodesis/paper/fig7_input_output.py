@@ -68,8 +68,7 @@ def section(context: Context) -> Section:
         "antagonist slack",
     )
 
-    fig, (axis,) = style.figure()
-    chart = Chart(fig)
+    chart, (axis,) = Chart.panels()
     angles = np.linspace(0.0, min(inst.handle_range, 1.3 * end), 301)
     handle = chart.keep("handle_angle [deg]", np.degrees(angles))
     line = chart.keep("gear ratio line [deg]", ratio * handle)

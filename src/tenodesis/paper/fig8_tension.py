@@ -26,8 +26,7 @@ def section(context: Context) -> Section:
             digits=1,
         ),
     )
-    fig, (axis,) = style.figure()
-    chart = Chart(fig)
+    chart, (axis,) = Chart.panels()
     handle = np.linspace(0.0, min(inst.handle_range, 1.6 * statics.reach(inst)), 321)
     chart.keep("handle_angle [deg]", np.degrees(handle))
     for force, color in zip(loads[1:], style.colors(len(loads))[1:], strict=True):

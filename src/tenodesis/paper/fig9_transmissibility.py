@@ -29,8 +29,7 @@ def section(context: Context) -> Section:
             for angle in labels
         ),
     )
-    fig, (axis,) = style.figure(height=3.7)
-    chart = Chart(fig)
+    chart, (axis,) = Chart.panels(height=3.7)
     handle = np.linspace(0.0, min(inst.handle_range, 1.6 * statics.reach(inst)), 321)
     chart.keep("handle_angle [deg]", np.degrees(handle))
     for force, color in zip(loads, style.colors(len(loads)), strict=True):

@@ -9,7 +9,7 @@ from markupsafe import Markup
 from tenodesis.instrument import Instrument
 from tenodesis.paper.context import Context, shown_force
 from tenodesis.report import page
-from tenodesis.report.content import Section, fixed
+from tenodesis.report.content import Section, fixed, unit_text
 from tenodesis.units import in_unit
 
 
@@ -60,7 +60,7 @@ def _dimensions(inst: Instrument) -> tuple[str, list[tuple[str, str, str]]]:
     rows = []
     for key, value, quantity in inst.quantities():
         unit = units.get(quantity.unit, quantity.unit)
-        shown = f"{value * in_unit(unit, quantity.unit):.5g} {unit.replace('*', '·').replace('^2', '²')}"
+        shown = f"{value * in_unit(unit, quantity.unit):.5g} {unit_text(unit)}"
         source = "follows from E A / L" if key == "tendon_stiffness" and inst.given_stiffness is None else ""
         rows.append((key.replace("_", " "), shown.replace(" deg", "°"), inst.sources.get(key, source)))
     forces = ", ".join(f"{force:g}" for force in inst.conditions.forces)

@@ -1,13 +1,10 @@
 """A run of the report: compute every section, then write all files or none."""
 
-import json
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from tenodesis.errors import ReportError
-from tenodesis.files import atomic_files
 from tenodesis.instrument import Instrument
 from tenodesis.paper import (
     campaign,
@@ -30,7 +27,7 @@ from tenodesis.paper.context import SEEDS, Context
 from tenodesis.recording.simulation import write_run
 from tenodesis.report import style
 from tenodesis.report.content import Section
-from tenodesis.report.page import about, json_number, write_columns, write_figure
+from tenodesis.report.page import about, json_number, json_text, write_columns, write_figure, written
 
 RESULTS_SCHEMA = 1
 """Version of the layout of results.json."""
@@ -68,12 +65,10 @@ def run(
     *,
     seeds: int = SEEDS,
 ) -> Context:
-    """Compute the report for an instrument and write it with its figures, curves and results.
+    """Compute the report for an instrument, write it with its figures and curves, and return it with its results.
 
     Parameters
     ----------
-    inst
-        The instrument.
     scaled
         Its scale model, of the same joint type; without it the report leaves similarity out.
     out
@@ -85,11 +80,6 @@ def run(
     seeds
         Noise seeds of the robust law's campaign; 0 leaves it out.
 
-    Returns
-    -------
-    Context
-        The results by name.
-
     Raises
     ------
     ReportError
@@ -97,7 +87,7 @@ def run(
     """
     context = Context.of(inst, scaled, seeds=seeds, progress=progress)
     # A folder that cannot be written is reported before a minute of work, not after it.
-    with _report_errors(out), atomic_files(out):
+    with written(out, ReportError):
         pass
     with style.applied():
         sections = []
@@ -114,12 +104,9 @@ def run(
 def write(context: Context, sections: Sequence[Section], out: Path) -> None:
     """Write the report on sections into a folder, all files or none.
 
-    Raises
-    ------
-    ReportError
-        The folder cannot be written.
+    Raises ReportError if the folder cannot be written.
     """
-    with _report_errors(out), atomic_files(out, last="report.html") as new:
+    with written(out, ReportError, last="report.html") as new:
         for folder in ("figures", "curves", "recordings"):
             (new / folder).mkdir()
         drawings = {}
@@ -129,17 +116,8 @@ def write(context: Context, sections: Sequence[Section], out: Path) -> None:
         for name, done in context.recordings.items():
             path = new / "recordings" / f"{name}.mcap"
             write_run(done.run, done.inst, path, protocol=done.protocol, seed=done.seed)
-        (new / "results.json").write_text(json.dumps(_results(context), indent=1, ensure_ascii=False) + "\n", "utf-8")
+        (new / "results.json").write_text(json_text(_results(context)), "utf-8")
         (new / "report.html").write_text(report.render(context, sections, drawings), "utf-8")
-
-
-@contextmanager
-def _report_errors(out: Path) -> Iterator[None]:
-    """Convert an error of the file system to a message that names the folder."""
-    try:
-        yield
-    except OSError as problem:
-        raise ReportError(f"{out} cannot be written: {problem.strerror or problem}.") from problem
 
 
 def _results(context: Context) -> dict[str, Any]:
@@ -149,7 +127,7 @@ def _results(context: Context) -> dict[str, Any]:
         if result.published is not None:
             entries[key] |= {
                 "published": result.published.value,
-                "residual": result.residual,
+                "residual": json_number(result.value - result.published.value),
                 "source": result.published.source,
             }
     return {

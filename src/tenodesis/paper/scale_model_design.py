@@ -147,8 +147,7 @@ def _front(front: Front, marked: dict[str, Objectives]) -> Plot:
 
 
 def _loop(trips: dict[float, RoundTrip]) -> Plot:
-    fig, axes = style.figure(2, width=8.6, height=3.7)
-    chart = Chart(fig)
+    chart, axes = Chart.panels(2, width=8.6, height=3.7)
     for axis, (force, trip) in zip(axes, trips.items(), strict=True):
         every = slice(None, None, max(trip.handle_angle.size // _DRAWN, 1))
         load = f"{force:.2g} N"

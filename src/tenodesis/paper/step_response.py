@@ -12,9 +12,10 @@ from tenodesis.control import Controller, LawName, Request
 from tenodesis.errors import NoSolutionError
 from tenodesis.instrument import Instrument
 from tenodesis.paper.context import held_angles, shown_force
-from tenodesis.paper.fig15_step_load import APPROACH, rigged
+from tenodesis.paper.fig15_step_load import approach_time, rigged
 from tenodesis.report.content import Array
 from tenodesis.run import Run
+from tenodesis.simulate.command import SMOOTH
 from tenodesis.statics import Actuation
 from tenodesis.threads import threads
 from tenodesis.twin import TIME_STEP, Twin
@@ -67,13 +68,7 @@ class Response(NamedTuple):
 
 
 def controller_model(inst: Instrument, friction: float = 1.0, identified: bool = True) -> Instrument:
-    """Return the controller's model of an instrument: friction by a factor, the tendons' stiffness identified or not.
-
-    Raises
-    ------
-    ValueError
-        There is no such instrument.
-    """
+    """Return the controller's model of an instrument: its friction by a factor, its stiffness identified or not."""
     changes: dict[str, float] = {}
     if friction != 1:
         changes = {f"friction.{key}": friction * getattr(inst.friction, key) for key in _COEFFICIENTS}
@@ -125,10 +120,9 @@ def held_motion(inst: Instrument, desired: float, force: float, before: float, a
     handle = float(statics.handle_angle(inst, desired))
     steps = round((before + after) / TIME_STEP)
     time = np.arange(1, steps + 1) * TIME_STEP
-    part = np.clip(time / max(abs(handle) / APPROACH * 15 / 8, TIME_STEP), 0, 1)
+    part = np.clip(time / max(approach_time(handle), TIME_STEP), 0, 1)
     loaded = round(before / TIME_STEP)
-    path = handle * part**3 * (10 - 15 * part + 6 * part**2)
-    return Motion(path, np.where(np.arange(steps) < loaded, 0, force), loaded, desired)
+    return Motion(handle * SMOOTH.way(part), np.where(np.arange(steps) < loaded, 0, force), loaded, desired)
 
 
 def simulate_motion(
@@ -144,10 +138,7 @@ def simulate_motion(
 ) -> Run:
     """Run the twin with a controller that has a model of the instrument; paused: the motors stop when the load comes.
 
-    Raises
-    ------
-    NoSolutionError
-        The joint does not hold the load.
+    Raises NoSolutionError if the joint does not hold the load.
     """
     request = np.zeros(len(motion.force), int)
     if paused:

@@ -8,8 +8,7 @@ from tenodesis import statics
 from tenodesis.instrument import Instrument, TendonGear
 from tenodesis.paper.context import Context
 from tenodesis.paper.published import CAPTION_FORCE, EQUIVALENT_FORCE, SCALE_FACTORS, STATES, STIFFNESS, TIP_FORCE
-from tenodesis.report import style
-from tenodesis.report.content import CarePoint, Chart, Column, Plot, Section, Table, fixed, named, number
+from tenodesis.report.content import CarePoint, Chart, Column, Plot, Section, Table, fixed, named, number, unit_text
 from tenodesis.similarity import Comparison, compare
 from tenodesis.units import in_unit
 
@@ -70,7 +69,7 @@ def _dimensions(context: Context, comparison: Comparison) -> Table:
         if len(values) < len(pair):
             continue
         shown = [number(value * in_unit(unit, si_unit), 5) for value in values]
-        label = f"{name} [{unit.replace('*', '·').replace('^2', '²')}]"
+        label = f"{name} [{unit_text(unit)}]"
         factor = _factor(context, f"table1.factor.{key}", comparison.factors[key], f"Scale factor of the {name}", key)
         rows.append([label, *shown, *factor])
     printed = [context.results[f"table1.stiffness.{role}"].published for role in ("instrument", "scale_model")]
@@ -294,8 +293,7 @@ def _causes(context: Context, comparison: Comparison) -> Table:
 
 
 def _map(comparison: Comparison) -> Plot:
-    fig, axes = style.figure(2, width=8.6, height=3.7)
-    chart = Chart(fig)
+    chart, axes = Chart.panels(2, width=8.6, height=3.7)
     bound = max(0.5, *(min(5.0, error.quantile_95) for error in comparison.errors.values()))
     for axis, (name, error) in zip(axes, comparison.errors.items(), strict=True):
         degrees = np.degrees(error.handle_angle)
@@ -314,7 +312,7 @@ def _map(comparison: Comparison) -> Plot:
         chart.keep("handle_angle [deg]", handle.ravel())
         chart.keep("force [N]", force.ravel())
         chart.keep(f"error, pretension {name} [deg]", error.error.ravel())
-    fig.colorbar(mesh, ax=axes, label="error [deg]", extend="both")
+    chart.figure.colorbar(mesh, ax=axes, label="error [deg]", extend="both")
     return chart.plot(
         "similarity_error",
         f"Similarity error: output of {named(comparison.scaled_up)} minus {named(comparison.real_size)}, force factor "

@@ -126,15 +126,15 @@ def _off_mujoco(inst: Instrument) -> float:
 
 
 def _plot(inst: Instrument, force: float, free: Workspace, loaded: Workspace) -> Plot:
-    fig, axes = style.figure(3, width=10.5, height=3.6)
+    chart, axes = Chart.panels(3, width=10.5, height=3.6)
     shades = Normalize(0.0, float(np.degrees(free.span.max())))
     for axis, space, load in ((axes[0], free, "no load"), (axes[1], loaded, f"{force:.3g} N against flexion")):
         _draw(axis, space, shades)
         axis.set(title=load, xlabel="x [mm]", ylabel="z, into the patient [mm]" if axis is axes[0] else "")
-    fig.colorbar(
+    chart.figure.colorbar(
         ScalarMappable(shades, "viridis"), ax=list(axes[:2]), label="span of directions [deg]", shrink=0.8, pad=0.02
     )
-    chart, axis = Chart(fig), axes[2]
+    axis = axes[2]
     forces = chart.keep("force [N]", np.linspace(0.0, 2 * force, _FORCES))
     spaces = [kinematics.workspace(inst, float(each), points=61) for each in forces]
     span = np.degrees([space.mean_span for space in spaces])

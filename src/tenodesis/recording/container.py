@@ -10,11 +10,14 @@ from typing import NamedTuple
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Metadata, Schema
-from mcap.stream_reader import get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
+
+from tenodesis.recording.inflate import Allowance, InflationError, inflate
 
 _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
+_INVALID = 0
+"""Opcode that no record has."""
 
 
 class Message(NamedTuple):
@@ -57,6 +60,7 @@ def scan(data: bytes) -> Contents:
 
 def _scan(data: bytes, contents: Contents) -> None:
     summary = False
+    allowance = Allowance(len(data))
     for opcode, start, end in _records(data, len(MCAP0_MAGIC)):
         if opcode == Opcode.FOOTER:
             if data[end:] != MCAP0_MAGIC:
@@ -66,7 +70,9 @@ def _scan(data: bytes, contents: Contents) -> None:
         if summary:
             continue
         try:
-            checksum = _record(opcode, data[start:end], contents)
+            checksum = _record(opcode, data[start:end], contents, allowance)
+        except InflationError as problem:
+            raise _DamageError(f"the chunk at byte {start - _RECORD.size} {problem}") from None
         # zstandard and lz4 have errors of their own, which have nothing but Exception in common.
         except Exception as problem:
             kind = "chunk" if opcode == Opcode.CHUNK else "record"
@@ -77,12 +83,12 @@ def _scan(data: bytes, contents: Contents) -> None:
     raise _DamageError("the file ends before it was closed")
 
 
-def _record(opcode: int, body: bytes, contents: Contents) -> int:
+def _record(opcode: int, body: bytes, contents: Contents, allowance: Allowance) -> int:
     """Add a record; return the checksum of all records before it if the record contains it, or else 0."""
     if opcode == Opcode.DATA_END:
         return int.from_bytes(body, "little")
     if opcode == Opcode.CHUNK:
-        _chunk(body, contents)
+        _chunk(body, contents, allowance)
     elif opcode == Opcode.METADATA:
         record = Metadata.read(_stream(body))
         contents.metadata[record.name] = record.metadata
@@ -91,12 +97,15 @@ def _record(opcode: int, body: bytes, contents: Contents) -> int:
     return 0
 
 
-def _chunk(body: bytes, contents: Contents) -> None:
+def _chunk(body: bytes, contents: Contents, allowance: Allowance) -> None:
     """Add a chunk's records, all or none."""
-    stream, length = get_chunk_data_stream(Chunk.read(_stream(body)), validate_crc=True)
-    data = stream.read(length)
+    chunk = Chunk.read(_stream(body))
+    data = inflate(chunk.data, chunk.compression, chunk.uncompressed_size, allowance)
+    if chunk.uncompressed_crc and chunk.uncompressed_crc != zlib.crc32(data):
+        raise ValueError("its checksum differs")
     new = Contents(schemas=dict(contents.schemas), channels=dict(contents.channels))
     for opcode, start, end in _records(data, 0):
+        allowance.take_record()
         _content(opcode, data, start, end, new)
     contents.schemas, contents.channels = new.schemas, new.channels
     for channel, messages in new.messages.items():
@@ -124,7 +133,7 @@ def _records(data: bytes, position: int) -> Iterator[tuple[int, int, int]]:
         opcode, length = _RECORD.unpack_from(data, position)
         start = position + _RECORD.size
         position = start + length
-        if position > len(data):
+        if position > len(data) or opcode == _INVALID:
             raise _DamageError(f"the record at byte {start - _RECORD.size} is cut off or corrupted")
         yield opcode, start, position
 

@@ -1,6 +1,8 @@
 """Messages of a topic as arrays."""
 
+import io
 from collections.abc import Sequence
+from contextlib import redirect_stderr
 from enum import Enum, auto
 from typing import Any, NamedTuple
 
@@ -55,7 +57,9 @@ def decode(factory: DecoderFactory, schema: Schema, encoding: str, messages: Seq
     if schema.name not in {JOINT_STATE, WRENCH, FLOAT64}:
         return LeftOut(Misfit.TYPE, f"its messages are {schema.name}")
     try:
-        return _decoded(factory, schema, encoding, messages)
+        # The library prints what it then raises.
+        with redirect_stderr(io.StringIO()):
+            return _decoded(factory, schema, encoding, messages)
     # The definition is the other program's, so that anything can go wrong with it.
     except Exception:
         return LeftOut(Misfit.TYPE, f"its messages cannot be decoded as {schema.name}")

@@ -1,6 +1,7 @@
 """Read recordings, complete or damaged."""
 
 import json
+import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +13,7 @@ from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from tenodesis.errors import RecordingError
+from tenodesis.files import read_regular
 from tenodesis.recording import cdr, container, schemas, tables
 from tenodesis.recording.container import Contents, Message
 from tenodesis.recording.decode import Decoded, LeftOut, Misfit, decode
@@ -95,8 +97,8 @@ class Recording:
         events: tuple[Event, ...] = ()
         if schemas.METADATA in contents.metadata:
             run, gap = _without_gap(run, contents)
-            events = _events(contents)
-            damage = gap or damage
+            events, torn = _events(contents)
+            damage = gap or damage or torn
         if damage is not None:
             until = f"{run.time[-1]:.6g} s ({len(run)} rows)" if len(run) else "before its first row"
             damage = f"{path} is read up to {until} only: {damage}."
@@ -142,7 +144,7 @@ class Recording:
 
 def _bytes(path: Path) -> bytes:
     try:
-        data = path.read_bytes()
+        data = read_regular(path)
     except FileNotFoundError:
         raise RecordingError(f"{path} cannot be read: there is no such file.") from None
     except OSError as problem:
@@ -251,17 +253,27 @@ def _without_gap(run: Run, contents: Contents) -> tuple[Run, str | None]:
     return run, None
 
 
-def _events(contents: Contents) -> tuple[Event, ...]:
-    """Return the events up to the first that is missing."""
+def _events(contents: Contents) -> tuple[tuple[Event, ...], str | None]:
+    """Return the events up to the first that is missing, and what is wrong with one that cannot be read."""
     found: list[Event] = []
     for channel, messages in _channels(contents):
         if channel.topic == schemas.EVENTS:
             for number, message in enumerate(messages):
                 if message.sequence != number % 2**32:
                     break
-                content = json.loads(cdr.content(message.data))
-                found.append(Event(content.pop("time"), content))
-    return tuple(found)
+                event = _event(message.data)
+                if event is None:
+                    return tuple(found), f"event {number + 1} cannot be read"
+                found.append(event)
+    return tuple(found), None
+
+
+def _event(data: bytes) -> Event | None:
+    try:
+        content = json.loads(cdr.content(data))
+        return Event(float(content.pop("time")), content)
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError, struct.error):
+        return None
 
 
 def _infos(contents: Contents) -> dict[str, TopicInfo]:

@@ -29,7 +29,15 @@ EVENTS = "/events"
 
 TENDONS = ("agonist", "antagonist")
 
-_CONTROL_NUMBERS = ("friction_scale", "friction_scale_std", "operating_state", "faults", "phase", "request")
+_CONTROL_NUMBERS = (
+    "friction_scale",
+    "friction_scale_std",
+    "operating_state",
+    "faults",
+    "phase",
+    "homing_failure",
+    "request",
+)
 """Signals of a controller that have a topic of their name."""
 
 _FIELDS = {

@@ -20,7 +20,13 @@ from tenodesis.recording.reader import Recording
 from tenodesis.recording.tables import columns
 from tenodesis.run import COMMANDS, CONTROL, MEASURED, Array, Run
 
-_RANGED = {**COMMANDS, **MEASURED, **CONTROL}.keys() - {"operating_state", "faults", "phase", "request"}
+_RANGED = {**COMMANDS, **MEASURED, **CONTROL}.keys() - {
+    "operating_state",
+    "faults",
+    "phase",
+    "homing_failure",
+    "request",
+}
 """Signals whose ranges are shown; those of states have no meaning."""
 
 _VERSIONS = ("tenodesis", "python", "numpy")

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis.instrument import Instrument
+from tenodesis.report import style
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -39,6 +40,11 @@ def number(value: float, digits: int = 4) -> str:
 def fixed(value: float, decimals: int = 2) -> str:
     """Return a number as text with fixed decimals, a dash if there is no number, no minus before a zero."""
     return f"{round(value, decimals) + 0.0:.{decimals}f}".replace("-", "−") if np.isfinite(value) else "–"
+
+
+def unit_text(unit: str) -> str:
+    """Return a unit as pages write it: N·m² for N*m^2."""
+    return unit.replace("*", "·").replace("^2", "²")
 
 
 class Published(NamedTuple):
@@ -80,6 +86,12 @@ class Chart:
     def __init__(self, figure: Figure) -> None:
         self.figure = figure
         self.columns: dict[str, Array] = {}
+
+    @classmethod
+    def panels(cls, count: int = 1, **size: float) -> tuple["Chart", Sequence[Axes]]:
+        """Return a chart of this many panels side by side, and the panels; the size is as for `style.figure`."""
+        figure, axes = style.figure(count, **size)
+        return cls(figure), axes
 
     def keep(self, heading: str, values: ArrayLike) -> Array:
         """Keep values as a column of the CSV file, and return them as an array."""
@@ -131,14 +143,8 @@ Cell: TypeAlias = str | float | tuple[float, Published | None]
 class ResultTable(Table):
     """A table that is filled row by row and records the numbers of its rows as results.
 
-    Parameters
-    ----------
-    caption
-        What the table shows.
-    layout
-        Its columns; a heading alone means text, or numbers with two decimals that are not results.
-    record
-        Takes key, value, unit, description and published number of each result.
+    In its layout a heading alone means text, or numbers with two decimals that are not results; `record` takes key,
+    value, unit, description and published number of each result.
     """
 
     def __init__(self, caption: str, layout: Sequence[str | Column], record: Callable[..., float]) -> None:

@@ -2,10 +2,12 @@
 
 import csv
 import io
+import json
 import math
 import platform
-from collections.abc import Mapping
-from importlib import metadata, resources
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +17,10 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+from tenodesis.errors import Error
+from tenodesis.files import atomic_files
 from tenodesis.report import style
-from tenodesis.report.content import Plot, fixed, number
+from tenodesis.report.content import Plot, fixed
 from tenodesis.version import __version__
 
 DRAWINGS = ("svg", "png")
@@ -26,11 +30,11 @@ _PNG_DOTS = 200  # per inch
 
 
 def render(package: str, template: str, **values: Any) -> str:
-    """Return a page from a Jinja template in a package; templates may use `fixed`, `number` and `about`."""
-    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    environment.globals.update(fixed=fixed, number=number, about=about())
-    text = (resources.files(package) / template).read_text("utf-8")
-    return environment.from_string(text).render(**values)
+    """Return a page from a Jinja template in a package; it may extend base.html.j2, and use `fixed` and `about`."""
+    loader = jinja2.ChoiceLoader([jinja2.PackageLoader(one, "") for one in (package, "tenodesis.report")])
+    environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.globals.update(fixed=fixed, about=about())
+    return environment.get_template(template).render(**values)
 
 
 def about(*libraries: str) -> dict[str, str]:
@@ -39,11 +43,16 @@ def about(*libraries: str) -> dict[str, str]:
     return versions | {name: metadata.version(name) for name in libraries}
 
 
-def inline_svg(name: str, figure: Figure, *, dots_per_inch: float = _PNG_DOTS) -> Markup:
-    """Return a figure as SVG for use within HTML, its ids made unique by a name."""
+def svg_text(figure: Figure, *, dots_per_inch: float = _PNG_DOTS) -> str:
+    """Return a figure as the text of an SVG file."""
     file = io.StringIO()
     figure.savefig(file, format="svg", dpi=dots_per_inch, metadata={"Date": None})
-    return Markup(style.inlined(name, file.getvalue()))
+    return file.getvalue()
+
+
+def inline_svg(name: str, figure: Figure, *, dots_per_inch: float = _PNG_DOTS) -> Markup:
+    """Return a figure as SVG for use within HTML, its ids made unique by a name."""
+    return Markup(style.inlined(name, svg_text(figure, dots_per_inch=dots_per_inch)))
 
 
 def write_figure(plot: Plot, folder: Path) -> Markup:
@@ -67,6 +76,21 @@ def write_columns(columns: Mapping[str, ArrayLike], path: Path, *, digits: int =
                 "" if i >= column.size or math.isnan(column[i]) else f"{column[i]:.{digits}g}"
                 for column in arrays.values()
             )
+
+
+@contextmanager
+def written(out: Path, error: type[Error], *, last: str = "") -> Iterator[Path]:
+    """Yield a temporary folder whose files go to a folder, all or none, or raise an error that names the folder."""
+    try:
+        with atomic_files(out, last=last) as new:
+            yield new
+    except OSError as problem:
+        raise error(f"{out} cannot be written: {problem.strerror or problem}.") from problem
+
+
+def json_text(numbers: Mapping[str, Any]) -> str:
+    """Return plain values as the text of a JSON file."""
+    return json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def json_number(value: float) -> float | None:

@@ -22,10 +22,7 @@ _MOST_POINTS = 20_000
 def plot(replay: Replay, path: str | Path) -> None:
     """Draw output angles and tensions, recorded and replayed, with a column for each axis of the instrument.
 
-    Raises
-    ------
-    RecordingError
-        The extension is unknown, or the file cannot be written.
+    Raises RecordingError if the extension is unknown, or the file cannot be written.
     """
     path = Path(path)
     if path.suffix not in FORMATS:

@@ -125,10 +125,7 @@ def candidates(
 ) -> Candidates:
     """Return about `combinations` scale models that a catalogue, narrowed to pins (SI units), allows for an instrument.
 
-    Raises
-    ------
-    DesignError
-        The catalogue lacks parts, or no two wheels have the ratio of the radii.
+    Raises DesignError if the catalogue lacks parts, or no two wheels have the ratio of the radii.
     """
     catalogue.refuse_incomplete(real_size.joint_type)
     constraints = catalogue.constraints
@@ -151,7 +148,8 @@ def finer(found: Candidates, catalogue: Catalogue, numbers: NDArray[np.int64], c
 
 
 def _lengths_levels(constraints: Constraints, combinations: float) -> int:
-    free = [low != high for low, high in _given(constraints.overall_length, constraints.end_effector_length)]
+    ranges = (constraints.overall_length, constraints.end_effector_length)
+    free = [one[0] != one[1] for one in ranges if one is not None]
     return int(np.clip(np.ceil(combinations ** (1 / max(sum(free), 1))), _FEWEST_LEVELS, _MOST_LEVELS))
 
 
@@ -173,10 +171,6 @@ def _with_lengths(parts: _Parts, constraints: Constraints, levels: int, among: C
         np.concatenate([np.tile(between, (len(pairs), 1)), nearest], axis=1),
         _made(handle, constraints.handle_length),
     )
-
-
-def _given(*ranges: tuple[float, float] | None) -> list[tuple[float, float]]:
-    return [one for one in ranges if one is not None]
 
 
 def _overall(real_size: Instrument, limits: tuple[float, float] | None, distal: Array, levels: int) -> Array:

@@ -11,7 +11,6 @@ from tenodesis.errors import DesignError
 from tenodesis.scaling.catalogue_file import CatalogueFile, Constraints, parse
 from tenodesis.scaling.parts import (
     KINDS,
-    CataloguePart,
     Encoder,
     Gears,
     LoadCell,
@@ -57,10 +56,7 @@ class Catalogue(FileTable):
     def refuse_incomplete(self, joint_type: str) -> None:
         """Refuse a catalogue that lacks what a scale model of a joint type needs.
 
-        Raises
-        ------
-        DesignError
-            A list is empty, or there is no such joint type.
+        Raises DesignError if a list is empty, or there is no such joint type.
         """
         if joint_type not in NEEDED:
             raise DesignError(key="joint_type", value=joint_type, allowed=f"one of {', '.join(NEEDED)}")
@@ -79,20 +75,12 @@ def shipped() -> tuple[str, ...]:
 
 
 def load(*names_or_paths: str | Path) -> Catalogue:
-    """Read and merge shipped catalogues, by name, and catalogue files, by path.
+    """Read and merge shipped catalogues, by name, and catalogue files, by path; by default the standard one.
 
-    Parts of all files are joined; a part that several have is the last one's. Of gears and constraints, a later
-    file's values replace an earlier one's key by key. What a file includes comes before it.
+    Parts of all files are joined; a part that several have is the last one's. Of gears and constraints, a later file's
+    values replace an earlier one's key by key. What a file includes comes before it.
 
-    Parameters
-    ----------
-    *names_or_paths
-        Catalogues in order; the standard one if none is given.
-
-    Raises
-    ------
-    DesignError
-        There is no such catalogue or file, it cannot be read, or it is not valid.
+    Raises DesignError if there is no such catalogue or file, it cannot be read, or it is not valid.
     """
     catalogues = [_read(wanted, Path(), ()) for wanted in names_or_paths or (STANDARD,)]
     name = " + ".join(catalogue.name for catalogue in catalogues)
@@ -130,23 +118,18 @@ def _read(name_or_path: str | Path, folder: Path, chain: tuple[Path, ...]) -> Ca
 
 
 def _merged(earlier: Catalogue, later: Catalogue) -> Catalogue:
-    parts = {kind: _joined(getattr(earlier, kind), getattr(later, kind)) for kind in KINDS}
+    parts = {kind: {part.key: part for one in (earlier, later) for part in getattr(one, kind)} for kind in KINDS}
     return Catalogue(
         name=later.name,
         description=later.description or earlier.description,
         gears=_over(earlier.gears, later.gears) if earlier.gears and later.gears else later.gears or earlier.gears,
         constraints=_over(earlier.constraints, later.constraints),
         sources={**earlier.sources, **later.sources},
-        **parts,
+        **{kind: tuple(by_key.values()) for kind, by_key in parts.items()},
     )
 
 
-_P = TypeVar("_P", bound=CataloguePart)
 _T = TypeVar("_T", bound=FileTable)
-
-
-def _joined(earlier: tuple[_P, ...], later: tuple[_P, ...]) -> tuple[_P, ...]:
-    return tuple({part.key: part for part in (*earlier, *later)}.values())
 
 
 def _over(earlier: _T, later: _T) -> _T:

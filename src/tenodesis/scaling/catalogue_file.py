@@ -107,9 +107,6 @@ _SOURCE_KEYS = (
 def parse(text: str, source: str) -> CatalogueFile:
     """Read a catalogue file from its text.
 
-    Raises
-    ------
-    DesignError
-        The text is not TOML or not a valid catalogue; the message starts with `source`.
+    Raises DesignError, whose message starts with `source`, if the text is not TOML or not a valid catalogue.
     """
     return validated(CatalogueFile, parse_toml(text, DesignError, source), DesignError, source, context={"file": True})

@@ -47,6 +47,17 @@ class Objectives(NamedTuple):
     tension_margin: float
     """Breaking load over the largest tension."""
 
+    @classmethod
+    def of_costs(cls, costs: Array) -> "Objectives":
+        """Return the objectives of costs as in :class:`Sweep`, shape (4,)."""
+        error, resolution, length, inverse = costs.tolist()
+        return cls(error, resolution, length, 1 / inverse)
+
+    @property
+    def costs(self) -> Array:
+        """Their costs as in :class:`Sweep`, shape (4,)."""
+        return np.array([*self[:3], 1 / self.tension_margin])
+
 
 class Rival(NamedTuple):
     """A scale model that is at least as good in every objective."""
@@ -113,12 +124,8 @@ class Front:
     def __getitem__(self, index: int) -> Design:
         """Return a design of the front.
 
-        Raises
-        ------
-        IndexError
-            There is no such design.
-        DesignError
-            Its weights cannot set a test force precisely enough.
+        Raises IndexError if there is no such design, and DesignError if its weights cannot set a test force precisely
+        enough.
         """
         return _design(self.sweep, int(self.sweep.numbers[index]))
 
@@ -140,28 +147,13 @@ class Front:
     @cached_property
     def objectives(self) -> tuple[Objectives, ...]:
         """The objectives of every design."""
-        return tuple(
-            Objectives(error, resolution, length, 1 / inverse) for error, resolution, length, inverse in self._rows
-        )
-
-    @cached_property
-    def _rows(self) -> list[list[float]]:
-        rows: list[list[float]] = self.sweep.costs.tolist()
-        return rows
+        return tuple(Objectives.of_costs(row) for row in self.sweep.costs)
 
     def ranked(self, prefer: Preference = "similarity") -> list[int]:
         """Return the indices of the designs that are best in the preferred objective, sorted by the others.
 
-        Parameters
-        ----------
-        prefer
-            One objective; designs within 0.1 deg, or 1 %, of its best value count as best. Of these, or for
-            "balanced" of all, the first is the one whose worst rank in all objectives is best.
-
-        Raises
-        ------
-        ValueError
-            The preference is unknown.
+        Designs within 0.1 deg, or 1 %, of the best value count as best. Of these, or for "balanced" of all, the first
+        is the one whose worst rank in all objectives is best. Raises ValueError if the preference is unknown.
         """
         if prefer not in PREFERENCES:
             raise ArgumentError(key="prefer", value=prefer, allowed=f"one of {', '.join(PREFERENCES)}")
@@ -188,7 +180,7 @@ class Front:
 
         They are as good in every objective and better in one; they need not be on the front.
         """
-        costs = np.array([*objectives[:3], 1 / objectives.tension_margin])
+        costs = objectives.costs
         # Equal up to rounding is as good.
         bound = costs * (1 + 1e-9) + 1e-12
         found = []
@@ -203,9 +195,8 @@ class Front:
             better = (exact < costs * (1 - 1e-9) - 1e-12).any(axis=1)
             good = allowed & (exact <= bound).all(axis=1) & better
             for row in np.flatnonzero(good):
-                error, resolution, length, inverse = exact[row].tolist()
                 made_of = _described(stage.candidates, int(stage.feasible[possible][row]))
-                found.append(Rival(Objectives(error, resolution, length, 1 / inverse), made_of))
+                found.append(Rival(Objectives.of_costs(exact[row]), made_of))
         # A scale model may have been judged in both stages.
         return sorted(set(found))
 
@@ -230,7 +221,7 @@ def design(
     combinations: int = COMBINATIONS,
     progress: Progress = lambda *_: None,
 ) -> Front:
-    """Find the Pareto front of an instrument's scale models.
+    """Find the Pareto front of an instrument's scale models, sorted by their similarity error.
 
     Parameters
     ----------
@@ -244,11 +235,6 @@ def design(
         Approximate number of scale models to judge.
     progress
         Called with the name of the step, the amount done and the total.
-
-    Returns
-    -------
-    Front
-        The designs, sorted by their similarity error.
 
     Raises
     ------
@@ -300,7 +286,7 @@ def _shown(value: float) -> str:
 
 def _trades(front: Front, objectives: Objectives) -> str:
     """Return in words how good each objective can be on the front if the others may be slightly worse."""
-    costs = np.array([*objectives[:3], 1 / objectives.tension_margin])
+    costs = objectives.costs
     gains = []
     for column, (name, unit) in enumerate(_OBJECTIVES):
         others = [n for n in range(4) if n != column]
@@ -346,7 +332,6 @@ def _design(found: Sweep, number: int) -> Design:
     judge = found.judge(found.stages[-1])
     columns = judge.columns(np.array([number]), fine=True)
     values = {name: float(column[0]) for name, column in columns.items()}
-    error, resolution, length, inverse = judge.costs(columns)[0].tolist()
     wheels, rope, rod = found.candidates.parts(number)
     choice = Choice(
         *wheels,
@@ -364,7 +349,7 @@ def _design(found: Sweep, number: int) -> Design:
         scaled_up,
         choice,
         found.catalogue,
-        Objectives(error, resolution, length, 1 / inverse),
+        Objectives.of_costs(judge.costs(columns)[0]),
         comparison,
         tests,
         values["largest_tension"],
@@ -383,10 +368,7 @@ def _encoder(catalogue: Catalogue, radius: float) -> Encoder | None:
 def weights_for(catalogue: Catalogue, force: float, values: Mapping[str, float]) -> TestLoad:
     """Return the weights for a force (N) on the real-size instrument, from the rig arm (m) and force factor by name.
 
-    Raises
-    ------
-    DesignError
-        The weights do not come close enough; the message names the closest set.
+    Raises DesignError, which names the closest set, if the weights do not come close enough.
     """
     constraints = catalogue.constraints
     lever = constraints.cable_pulley_radius / values["rig_arm"]
@@ -408,6 +390,7 @@ def _scaled_up(found: Sweep, choice: Choice, values: Mapping[str, float], tests:
         field: values[parameter] for field, parameter in real_size.parameter_fields.items() if parameter in values
     }
     length = changes.pop("tendon_length")
+    counts = 2 * choice.load_cell.range / choice.load_cell.resolution
     factor = values["distal_radius"] / value_of(real_size, "distal_radius")
     changes |= {
         "name": name_of(real_size),
@@ -429,7 +412,7 @@ def _scaled_up(found: Sweep, choice: Choice, values: Mapping[str, float], tests:
             "cable_pulley_radius": constraints.cable_pulley_radius,
         },
         "sensors.load_cell_range": choice.load_cell.range,
-        "sensors.load_cell_bits": _bits(2 * choice.load_cell.range / choice.load_cell.resolution),
+        "sensors.load_cell_bits": min(max(math.ceil(math.log2(counts)), 4), 32),
     }
     if choice.encoder is not None:
         changes |= {
@@ -444,10 +427,6 @@ def _scaled_up(found: Sweep, choice: Choice, values: Mapping[str, float], tests:
         return carry_friction(real_size, scaled_up) if real_size.friction.law != "none" else scaled_up
     except InstrumentError as problem:
         raise DesignError(f"the scale model is not a valid instrument: {problem}") from None
-
-
-def _bits(counts: float) -> int:
-    return min(max(math.ceil(math.log2(counts)), 4), 32)
 
 
 def _sources(found: Sweep, choice: Choice, changes: Mapping[str, Any]) -> dict[str, str]:

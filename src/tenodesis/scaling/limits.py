@@ -46,10 +46,7 @@ class Forces(NamedTuple):
 def forces_of(real_size: Instrument, catalogue: Catalogue) -> Forces:
     """Return the forces at which a scale model is judged and tested, N on the real-size instrument.
 
-    Raises
-    ------
-    DesignError
-        A test force exceeds the largest force.
+    Raises DesignError if a test force exceeds the largest force.
     """
     constraints = catalogue.constraints
     tests = constraints.test_forces or real_size.conditions.forces or (1.0,)

@@ -20,13 +20,7 @@ _SAME = 9
 
 
 def ordered(pair: tuple[float, float]) -> tuple[float, float]:
-    """Return a pair of minimum and maximum, if it is in order.
-
-    Raises
-    ------
-    ValueError
-        The least is greater than the most.
-    """
+    """Return a pair of minimum and maximum, or raise ValueError if it is not in order."""
     if pair[0] > pair[1]:
         raise ValueError(f"its least, {pair[0]:g}, is more than its most, {pair[1]:g}; the least must come first")
     return pair

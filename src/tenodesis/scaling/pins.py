@@ -1,7 +1,7 @@
 """Choices fixed beforehand, and a catalogue narrowed to them."""
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -9,8 +9,6 @@ from tenodesis.errors import DesignError
 from tenodesis.scaling.catalogue import Catalogue
 from tenodesis.similarity.parameters import RADII
 from tenodesis.units import Force, Length
-
-_T = TypeVar("_T")
 
 SAME_LENGTH = 1e-6
 """Relative difference up to which a length equals the pinned length."""
@@ -24,18 +22,8 @@ PINS = ("factor", *_RANGES, *RADII, "tendon_diameter", *_PARTS, "spool_radius", 
 def parse(pins: Mapping[str, Any], *, file: bool = False) -> dict[str, Any]:
     """Return pins in SI units.
 
-    Parameters
-    ----------
-    pins
-        Value by key: lengths in m and pretension in N as numbers or text with a unit, parts by name, factor as a
-        number.
-    file
-        Whether numbers must have their units, as in files.
-
-    Raises
-    ------
-    DesignError
-        A key is unknown or a value is not understood.
+    Lengths (m) and pretension (N) are given as numbers or text with a unit, parts by name, factor as a number; in a
+    `file` numbers must have their units. Raises DesignError if a key is unknown or a value is not understood.
     """
     return {key: _value(key, value, file) for key, value in pins.items()}
 
@@ -66,44 +54,28 @@ def same(one: float, other: float) -> bool:
 def narrowed(catalogue: Catalogue, pins: Mapping[str, Any]) -> Catalogue:
     """Return a catalogue with only the pinned parts and ranges; radii stay, as modules and teeth give them.
 
-    Raises
-    ------
-    DesignError
-        The catalogue has no such part; the message names the nearest.
+    Raises DesignError, which names the nearest part, if the catalogue has no such part.
     """
     changes: dict[str, Any] = {}
     for key, field in _PARTS.items():
         if key in pins:
-            changes[field] = _only(getattr(catalogue, field), key, pins[key], lambda part: part.name, catalogue)
-    if "tendon_diameter" in pins:
-        ropes = changes.get("ropes", catalogue.ropes)
-        wanted = pins["tendon_diameter"]
-        changes["ropes"] = _nearest(ropes, "tendon_diameter", wanted, lambda rope: rope.diameter, catalogue)
-    if "spool_radius" in pins:
-        changes["spools"] = _nearest(
-            catalogue.spools, "spool_radius", pins["spool_radius"], lambda spool: spool.radius, catalogue
-        )
+            changes[field] = _named(getattr(catalogue, field), key, pins[key], catalogue)
+    for key, field, size in (("tendon_diameter", "ropes", "diameter"), ("spool_radius", "spools", "radius")):
+        if key in pins:
+            parts = changes.get(field, getattr(catalogue, field))
+            changes[field] = tuple(part for part in parts if same(getattr(part, size), pins[key]))
+            if not changes[field]:
+                raise missing(key, pins[key], [getattr(part, size) for part in parts], catalogue)
     ranges: dict[str, Any] = {key: (pins[key], pins[key]) for key in (*_RANGES, "factor") if key in pins}
     constraints = catalogue.constraints.model_copy(update=ranges)
     return catalogue.model_copy(update=changes | {"constraints": constraints})
 
 
-def _only(
-    parts: Sequence[_T], key: str, wanted: str, name: Callable[[_T], str], catalogue: Catalogue
-) -> tuple[_T, ...]:
-    found = tuple(part for part in parts if name(part) == wanted)
+def _named(parts: Sequence[Any], key: str, wanted: str, catalogue: Catalogue) -> tuple[Any, ...]:
+    found = tuple(part for part in parts if part.name == wanted)
     if not found:
-        names = ", ".join(name(part) for part in parts) or "none"
+        names = ", ".join(part.name for part in parts) or "none"
         raise DesignError(f"{key} = {wanted!r} is pinned, but catalogue {catalogue.name} has {names}.")
-    return found
-
-
-def _nearest(
-    parts: Sequence[_T], key: str, wanted: float, size: Callable[[_T], float], catalogue: Catalogue
-) -> tuple[_T, ...]:
-    found = tuple(part for part in parts if same(size(part), wanted))
-    if not found:
-        raise missing(key, wanted, [size(part) for part in parts], catalogue)
     return found
 
 

@@ -17,10 +17,9 @@ from markupsafe import Markup, escape
 
 from tenodesis.errors import DesignError
 from tenodesis.extras import require
-from tenodesis.files import atomic_files
 from tenodesis.report import style
 from tenodesis.report.content import fixed
-from tenodesis.report.page import about, render
+from tenodesis.report.page import about, render, written
 from tenodesis.scaling import figures, plan_tables
 from tenodesis.scaling.plan_tables import SNAPPED, PlanTable
 from tenodesis.scaling.plan_text import angle, falling_short, plain, quantity, signed
@@ -114,36 +113,17 @@ def content(design: "Design") -> Plan:
 
 
 def write(design: "Design", folder: Path) -> tuple[Path, Path]:
-    """Write the plan of a design as plan.html and plan.pdf (A4), both or neither.
+    """Write the plan of a design as plan.html and plan.pdf (A4) to a folder, both or neither, and return their paths.
 
-    Parameters
-    ----------
-    design
-        The design.
-    folder
-        Where to write; made if absent.
-
-    Returns
-    -------
-    tuple of Path
-        The HTML file and the PDF.
-
-    Raises
-    ------
-    DesignError
-        The folder cannot be written.
+    Raises DesignError if the folder cannot be written.
     """
     plan = content(design)
     files = {"plan.html": html(plan).encode(), "plan.pdf": pdf(plan)}
-    try:
-        for name in files:
+    with written(folder, DesignError) as new:
+        for name, data in files.items():
             if (folder / name).is_dir():
                 raise IsADirectoryError(EISDIR, f"{name} is a folder")
-        with atomic_files(folder) as new:
-            for name, data in files.items():
-                (new / name).write_bytes(data)
-    except OSError as problem:
-        raise DesignError(f"{folder} cannot be written: {problem.strerror or problem}.") from problem
+            (new / name).write_bytes(data)
     return folder / "plan.html", folder / "plan.pdf"
 
 

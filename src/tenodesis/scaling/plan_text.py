@@ -4,7 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable
 
-from tenodesis.report.content import fixed, number
+from tenodesis.report.content import fixed, number, unit_text
 from tenodesis.units import in_unit
 
 SPACE = "\u00a0"
@@ -22,8 +22,7 @@ _SYMBOLS = {"Theta": "Θ", "theta": "θ", "kappa": "κ", "zeta": "ζ", "phi": "�
 
 def quantity(value: float, unit: str, digits: int, si_unit: str = "") -> str:
     """Return a value with its unit, converted from the SI unit if they differ."""
-    label = unit.replace("*", "·").replace("^2", "²")
-    return f"{converted(value, unit, digits, si_unit)}{SPACE}{label}"
+    return f"{converted(value, unit, digits, si_unit)}{SPACE}{unit_text(unit)}"
 
 
 def converted(value: float, unit: str, digits: int, si_unit: str = "") -> str:

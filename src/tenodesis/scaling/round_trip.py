@@ -40,23 +40,9 @@ def round_trip(
 ) -> RoundTrip:
     """Run two hysteresis cycles on the scaled-up twin, convert them, and run the real-size twin directly.
 
-    The second cycle is returned: the first one still depends on the initial state of friction.
-
-    Parameters
-    ----------
-    real_size, scaled_up
-        The real-size and the scaled-up instrument, of one axis, with their friction.
-    force
-        Constant force at the scaled-up tip, N.
-    amplitude
-        Unloaded output angle at the ends of the cycle, on either side, rad.
-    seed
-        Seed of the sensors' noise.
-
-    Raises
-    ------
-    NoSolutionError
-        A tip is loaded past what it can hold.
+    The second cycle is returned: the first one still depends on the initial state of friction. Both instruments have
+    one axis and their friction. The force acts on the scaled-up tip, N; the cycle ends at an unloaded output angle of
+    `amplitude` (rad) on either side. Raises NoSolutionError if a tip is loaded past what it can hold.
     """
     cycles = Cycles(output_amplitude=amplitude, symmetric=True, speed=SPEED, count=2, force=force)
     run = execute(Twin(scaled_up, seed=seed), Protocol(name="cycles", phases=(cycles,)))

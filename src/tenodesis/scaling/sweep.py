@@ -91,12 +91,8 @@ def sweep(
 ) -> Sweep:
     """Judge the scale models of a one-axis instrument by the full frictionless model, and find the Pareto front.
 
-    The catalogue is narrowed to the pins (SI units); about `combinations` scale models are judged.
-
-    Raises
-    ------
-    DesignError
-        No scale model meets the constraints.
+    The catalogue is narrowed to the pins (SI units); about `combinations` scale models are judged. Raises DesignError
+    if no scale model meets the constraints.
     """
     forces = forces_of(real_size, catalogue)
     span = working_range(real_size, forces.largest)

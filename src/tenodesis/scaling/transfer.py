@@ -86,10 +86,7 @@ class Carried:
     def write(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write it as a recording, with the topics of the original.
 
-        Raises
-        ------
-        RecordingError
-            The file cannot be written, or exists, or time steps shrink to less than 1 ns.
+        Raises RecordingError if the file cannot be written, or exists, or time steps shrink to less than 1 ns.
         """
         with Recorder(path, axes=self.run.axes, metadata=self.metadata, overwrite=overwrite) as recorder:
             recorder.write(self.run)

@@ -65,10 +65,7 @@ def comparison(real_size: Instrument, scaled_up: Instrument) -> Comparison:
 def factors(compared: Comparison, time_factor: float | None = None) -> Mapping[str, float]:
     """Return the factors of two instruments, scaled-up over real-size, by :data:`KEYS`, and that of angular velocity.
 
-    Raises
-    ------
-    ValueError
-        The time factor is not a number above 0.
+    Raises ValueError if the time factor is not a number above 0.
     """
     found = {key: float(compared.factors[key]) for key in KEYS}
     if time_factor is not None:

@@ -15,24 +15,12 @@ def carry_friction(scaled: Instrument, real_size: _T, *, source: str = "", time_
     """Return the real-size instrument with the friction of the scaled-up instrument.
 
     Coefficients and bends stay the same, since capstan friction is dimensionless; constant friction scales as a
-    tension; viscous friction and the speed and memory of the Stribeck law scale by their dimensions.
+    tension; viscous friction and the speed and memory of the Stribeck law scale by their dimensions. Only the table
+    friction and its source change; `source` is the file of the scaled-up instrument or recording, named in it. The
+    factor of time is by default that of the tips' periods.
 
-    Parameters
-    ----------
-    scaled
-        The scaled-up instrument, its friction identified.
-    real_size
-        The real-size instrument; only its table friction and the source of that change.
-    source
-        The file of the scaled-up instrument or recording, named in the sources.
-    time_factor
-        Factor of time; by default that of the tips' periods.
-
-    Raises
-    ------
-    InstrumentError
-        The scaled-up instrument has no friction, no axis or another joint type in common, or the carried friction is
-        not allowed.
+    Raises InstrumentError if the scaled-up instrument has no friction, no axis or another joint type in common, or the
+    carried friction is not allowed.
     """
     if scaled.friction.law == "none":
         raise InstrumentError(
@@ -51,10 +39,7 @@ def carry_friction(scaled: Instrument, real_size: _T, *, source: str = "", time_
 def shared_axes(scaled: Instrument, real_size: Instrument) -> tuple[str, ...]:
     """Return the axes of the scaled-up instrument.
 
-    Raises
-    ------
-    InstrumentError
-        The real-size one lacks one of them, or has another joint type.
+    Raises InstrumentError if the real-size one lacks one of them, or has another joint type.
     """
     if scaled.joint_type != real_size.joint_type:
         raise InstrumentError(

@@ -8,12 +8,13 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.errors import ArgumentError, DesignError
+from tenodesis.scaling.parts import Weight
 from tenodesis.units import STANDARD_GRAVITY
 
 _GRID = 1e-6
@@ -27,22 +28,6 @@ _BASE = 1000
 
 _AS_WANTED = 5e-4
 """Relative error of the weight below which it is not mentioned."""
-
-
-class Pieces(Protocol):
-    """Equal weights: their mass and its tolerance, kg, and their number."""
-
-    @property
-    def mass(self) -> float:
-        """Mass of a single weight, kg."""
-
-    @property
-    def count(self) -> int:
-        """Number of weights."""
-
-    @property
-    def tolerance(self) -> float:
-        """Largest error of the mass of a single weight, kg."""
 
 
 @dataclass(frozen=True)
@@ -88,10 +73,7 @@ class WeightSelection:
     @property
     def sentence(self) -> str:
         """The weights on each cable and their error, without a full stop."""
-        cables = ", ".join(
-            f"{_listed(masses)} on the {cable} cable"
-            for cable, masses in (("loading", self.loading), ("counter", self.counter))
-        )
+        cables = f"{_listed(self.loading)} on the loading cable, {_listed(self.counter)} on the counter cable"
         return f"{cables}: {self.weight:.4g} N, {self._error_text()}"
 
     def _error_text(self) -> str:
@@ -103,24 +85,15 @@ class WeightSelection:
         return f"{size} {'more' if off > 0 else 'less'} than wanted"
 
 
-def select_weights(weight: float, weights: Sequence[Pieces], *, cable_mass: float) -> WeightSelection:
+def select_weights(weight: float, weights: Sequence[Weight], *, cable_mass: float) -> WeightSelection:
     """Return the weights whose difference is nearest to a wanted difference, with the fewest pieces.
 
-    Parameters
-    ----------
-    weight
-        Wanted weight on the loading cable minus that on the counter cable, N; negative for a negative tip force.
-    weights
-        Weights at hand; masses count to the milligram.
-    cable_mass
-        Least mass on either cable, which keeps it taut, kg.
+    `weight` (N) is wanted on the loading cable more than on the counter cable, negative for a negative tip force;
+    masses of the weights at hand count to the milligram; `cable_mass` (kg) is the least on either cable, which keeps it
+    taut.
 
-    Raises
-    ------
-    ValueError
-        The weight is not finite, or the mass is negative or not finite.
-    DesignError
-        There are no weights, or too few to keep both cables taut.
+    Raises ValueError if the weight is not finite, or the mass is negative or not finite, and DesignError if there are
+    no weights, or too few to keep both cables taut.
     """
     if not math.isfinite(weight):
         raise ArgumentError(key="weight", value=weight, allowed="a finite force in N")
@@ -132,7 +105,7 @@ def select_weights(weight: float, weights: Sequence[Pieces], *, cable_mass: floa
     return WeightSelection(_masses(weights, loading), _masses(weights, counter), weight, used * STANDARD_GRAVITY)
 
 
-def least_difference(weights: Sequence[Pieces], cable_mass: float) -> float:
+def least_difference(weights: Sequence[Weight], cable_mass: float) -> float:
     """Return the smallest possible difference above zero between the two cables, kg: the resolution of the force.
 
     Parameters and errors are those of :func:`select_weights`; also, a DesignError where all differences are zero.
@@ -186,7 +159,7 @@ class _Problem(NamedTuple):
     unit: float
 
     @classmethod
-    def of(cls, weights: Sequence[Pieces], cable_mass: float) -> "_Problem":
+    def of(cls, weights: Sequence[Weight], cable_mass: float) -> "_Problem":
         if not weights:
             raise DesignError("there are no weights to hang; use a catalogue that has some.")
         masses = np.array([round(one.mass / _GRID) for one in weights], np.int64)
@@ -313,7 +286,7 @@ def _nearest(differences: Iterable[int], target: float, same: float) -> set[int]
     return {one for one, far in off.items() if far <= min(off.values()) + same}
 
 
-def _masses(weights: Sequence[Pieces], counts: NDArray[np.int64]) -> tuple[float, ...]:
+def _masses(weights: Sequence[Weight], counts: NDArray[np.int64]) -> tuple[float, ...]:
     masses = (piece.mass for piece, count in zip(weights, counts.tolist(), strict=True) for _ in range(count))
     return tuple(sorted(masses, reverse=True))
 

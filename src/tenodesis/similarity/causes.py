@@ -65,13 +65,7 @@ class Causes:
         return self.causes[0].name
 
     def __getitem__(self, name: str) -> Cause:
-        """Return a cause by the name of its group.
-
-        Raises
-        ------
-        KeyError
-            There is no such cause.
-        """
+        """Return a cause by the name of its group; raises KeyError if there is no such cause."""
         for cause in self.causes:
             if cause.name == name:
                 return cause
@@ -114,9 +108,7 @@ def frictionless_causes(
     grid: tuple[int, int],
 ) -> Causes:
     """Return the causes of the frictionless error, by exact derivatives; see :meth:`Comparison.causes`."""
-    error = similarity_error(
-        pair, pretension=pretension, force_factor=force_factor, largest_force=largest_force, grid=grid
-    )
+    error = similarity_error(pair, pretension, force_factor, largest_force, grid)
     path = _Path(pair, pretension, force_factor)
     parts: dict[str, Array] = {}
     for node, weight in zip((1 + _NODES) / 2, _WEIGHTS / 2, strict=True):

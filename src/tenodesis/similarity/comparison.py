@@ -56,9 +56,7 @@ class Comparison(Pair):
         grid
             Number of handle angles, over the real-size output range without load, and of forces, from zero on.
         """
-        return similarity_error(
-            self, pretension=pretension, force_factor=force_factor, largest_force=largest_force, grid=grid
-        )
+        return similarity_error(self, pretension, force_factor, largest_force, grid)
 
     def error_at_rest(
         self,
@@ -192,12 +190,7 @@ class Comparison(Pair):
         middle = float(self.force_factor())
 
         def cost(logarithm: float) -> float:
-            error = self.error(
-                pretension=pretension,
-                force_factor=middle * float(np.exp(logarithm)),
-                largest_force=largest_force,
-                grid=grid,
-            )
+            error = similarity_error(self, pretension, middle * float(np.exp(logarithm)), largest_force, grid)
             return error.largest_snapped if measure == "largest" else error.rms_snapped
 
         # Snapping through makes the cost discontinuous, so that the minimum is bracketed by a grid search first.
@@ -211,19 +204,8 @@ class Comparison(Pair):
 def compare(real_size: Instrument, scaled_up: Instrument, *, largest_force: float | None = None) -> Comparison:
     """Compare a scaled-up instrument with the real-size instrument that it models.
 
-    Parameters
-    ----------
-    real_size
-        The real instrument, the paper's model.
-    scaled_up
-        The instrument to build, the paper's prototype; it may have another joint type.
-    largest_force
-        Largest tangential force on the real-size instrument, N; by default the largest of its conditions, else 1 N.
-
-    Returns
-    -------
-    Comparison
-        Its `factors`, `groups`, errors (in deg) and their `causes`. Of an instrument with two axes, the first is taken.
+    They may have different joint types; of two axes the first is taken. The largest tangential force is on the
+    real-size instrument, N; by default the largest of its conditions, else 1 N.
 
     Raises
     ------

@@ -13,14 +13,16 @@ GRID = (161, 61)
 
 
 class ErrorStatistics:
-    """Statistics of `error` (deg, NaN where either instrument has no equilibrium), for classes that have it."""
+    """Statistics of `error` (deg) between two angles (rad), NaN where an instrument has no equilibrium."""
 
     error: NDArray[np.float64]
+    real_size_angle: NDArray[np.float64]
+    scaled_up_angle: NDArray[np.float64]
 
     @property
     def largest(self) -> float:
         """Largest magnitude of the error, deg; NaN if there is none."""
-        return float(np.fmax.reduce(np.abs(self.error), axis=None))
+        return largest(self.error)
 
     @property
     def rms(self) -> float:
@@ -37,6 +39,16 @@ class ErrorStatistics:
     def unsolved(self) -> float:
         """Share of the points at which either instrument has no equilibrium."""
         return float(np.isnan(self.error).mean())
+
+    @property
+    def held_by_one(self) -> float:
+        """Share of the points at which exactly one of the two instruments has an equilibrium."""
+        return float((np.isnan(self.real_size_angle) != np.isnan(self.scaled_up_angle)).mean())
+
+
+def largest(values: NDArray[np.float64]) -> float:
+    """Return the largest magnitude of the finite values; NaN if there is none."""
+    return float(np.fmax.reduce(np.abs(values), axis=None))
 
 
 def rms(values: NDArray[np.float64]) -> float:
@@ -71,11 +83,6 @@ class SimilarityError(ErrorStatistics):
         return float(self.handle_angle[at[0]]), float(self.force[at[1]])
 
     @property
-    def held_by_one(self) -> float:
-        """Share of the grid at which exactly one of the two instruments has an equilibrium."""
-        return float((np.isnan(self.real_size_angle) != np.isnan(self.scaled_up_angle)).mean())
-
-    @property
     def snapped(self) -> NDArray[np.float64]:
         """The error, deg, with a scaled-up tip that has snapped through at its stop, where the load drives it.
 
@@ -88,7 +95,7 @@ class SimilarityError(ErrorStatistics):
     @property
     def largest_snapped(self) -> float:
         """Largest magnitude of :attr:`snapped`, deg."""
-        return float(np.fmax.reduce(np.abs(self.snapped), axis=None))
+        return largest(self.snapped)
 
     @property
     def rms_snapped(self) -> float:
@@ -98,11 +105,10 @@ class SimilarityError(ErrorStatistics):
 
 def similarity_error(
     pair: Pair,
-    *,
-    pretension: float | None = None,
-    force_factor: float | None = None,
-    largest_force: float | None = None,
-    grid: tuple[int, int] = GRID,
+    pretension: float | None,
+    force_factor: float | None,
+    largest_force: float | None,
+    grid: tuple[int, int],
 ) -> SimilarityError:
     """Return the frictionless error; :meth:`tenodesis.similarity.Comparison.error` describes the arguments."""
     scaled = pair.scaled_pretension if pretension is None else pretension

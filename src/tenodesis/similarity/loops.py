@@ -82,11 +82,6 @@ class LoopError(ErrorStatistics):
         return Place(float(self.handle_angle[at[1]]), float(self.force[at[0]]), bool(self.flexing[at[1]]))
 
     @property
-    def held_by_one(self) -> float:
-        """Share of the rows that exactly one of the two instruments reaches."""
-        return float((np.isnan(self.real_size_angle) != np.isnan(self.scaled_up_angle)).mean())
-
-    @property
     def largest_force(self) -> float:
         """Largest force, N on the real-size instrument, that both can hold to the end; NaN if there is none."""
         held = ~np.isnan(self.error).any(axis=1)

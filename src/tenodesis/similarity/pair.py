@@ -30,12 +30,15 @@ class Pair:
     @cached_property
     def reach(self) -> float:
         """Real-size handle angle, rad, up to which both can be compared: the working range as far as both reach."""
-        full = statics.reach(self.real_size)
+        return self.common_range(statics.reach(self.real_size))
+
+    def common_range(self, limit: float) -> float:
+        """Return the largest real-size handle angle up to a limit that the scaled-up one reaches as well, rad."""
         if self.same_mechanism:
-            return min(full, self.scaled_up.handle_range)
+            return min(limit, self.scaled_up.handle_range)
         bent = statics.output_angle(self.scaled_up, self.scaled_up.handle_range)
-        if bent >= statics.output_angle(self.real_size, full):
-            return full
+        if bent >= statics.output_angle(self.real_size, limit):
+            return limit
         return float(statics.handle_angle(self.real_size, bent))
 
     @property

@@ -16,13 +16,7 @@ RADII = tuple(
 
 
 def field_of(inst: Instrument, parameter: str) -> str:
-    """Return the field that sets a parameter of the core.
-
-    Raises
-    ------
-    KeyError
-        The joint type has no such parameter.
-    """
+    """Return the field that sets a parameter of the core; raises KeyError if the joint type has no such parameter."""
     for field, name in inst.parameter_fields.items():
         if name == parameter:
             return field

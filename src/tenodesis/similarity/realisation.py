@@ -33,10 +33,7 @@ class Realisation(NamedTuple):
     def instrument(self, groups: Mapping[str, float]) -> Instrument:
         """Return the instrument that has these groups, and the template's where a group is not given.
 
-        Raises
-        ------
-        InstrumentError
-            No instrument can have them.
+        Raises InstrumentError if no instrument can have them.
         """
         inst = self.template
         radius, stiffness, time = value_of(inst, "distal_radius"), inst.tendon_stiffness, unit_of_time(inst)

@@ -46,12 +46,7 @@ class _Loop:
     def home(self, command: Command, timeout: float) -> Iterator[Run]:
         """Home, resume if the controller starts enabled, and yield the plant's response in short runs.
 
-        A fault on the way ends homing, not the run.
-
-        Raises
-        ------
-        ProtocolError
-            Homing takes longer than the timeout (s).
+        A fault on the way ends homing, not the run. Raises ProtocolError if homing takes longer than the timeout (s).
         """
         time_step = self.plant.time_step
         steps = max(1, round(_HOMING_BLOCK / time_step))
@@ -84,7 +79,7 @@ def execute(
     on_block: Callable[[Run], object] | None = None,
     progress: Callable[[float, float], object] | None = None,
 ) -> Run:
-    """Run a protocol on a plant whose handle is straight, without load, the drives at rest.
+    """Run a protocol, checked before, on a plant whose handle is straight, without load, the drives at rest.
 
     A controller moves the motors itself. A pretension phase is then its homing, whether or not it was homed before: all
     axes at once, to the pretension, at the speed and within the stroke of the table control of its instrument; after
@@ -93,10 +88,6 @@ def execute(
 
     Parameters
     ----------
-    plant
-        The twin, or a bench.
-    protocol
-        The protocol; all of it is checked before the first command.
     controller
         Closes the loop, from its present state on.
     on_block
@@ -137,19 +128,9 @@ def execute(
 
 
 def check_controllable(plan: Sequence[Planned], inst: Instrument) -> None:
-    """Check that a controller can run phases: they must leave the spools to it and match its homing.
+    """Check that a controller can run phases: they must leave the spools to it and match the homing of its instrument.
 
-    Parameters
-    ----------
-    plan
-        The phases.
-    inst
-        The controller's instrument.
-
-    Raises
-    ------
-    ProtocolError
-        The controller cannot run a phase.
+    Raises ProtocolError if it cannot run a phase.
     """
     for planned in plan:
         with errors_of(planned.label):

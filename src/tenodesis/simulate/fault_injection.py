@@ -23,23 +23,39 @@ InjectionPoint: TypeAlias = Literal[
     "spool_velocity.antagonist",
     "tick",
 ]
-_MODES = ("none", "add", "set", "hold")
+INJECTION_MODES = ("none", "add", "set", "hold", "scale", "swap")
+"""What a fault does to a signal, in the order of the core."""
 
 
-@dataclass(frozen=True)
-class FaultInjection:
-    """A fault of a signal for a time: a value added, a value set instead, or the last value held.
-
-    On ``tick``, ``hold`` leaves ticks out and ``add`` shifts their time, s.
+def check_mode(point: str, mode: str) -> None:
+    """Check that a fault of this mode can be injected at this point.
 
     Raises
     ------
     ArgumentError
-        There is no such point or mode.
+        It cannot.
+    """
+    if (mode == "swap" and "." not in point) or (mode == "scale" and point == "tick"):
+        where = ", ".join(one for one in INJECTION_POINTS if ("." in one if mode == "swap" else one != "tick"))
+        raise ArgumentError(f"mode is {mode} at {point}; it may be at {where}.", key="mode", value=mode, allowed=where)
+
+
+@dataclass(frozen=True)
+class FaultInjection:
+    """A fault of a signal for a time.
+
+    A value is added (``add``), set instead (``set``) or a gain (``scale``); the last value is held (``hold``); or the
+    two tendons' signals are exchanged (``swap``, at either of the two). On ``tick``, ``hold`` leaves ticks out,
+    ``add`` shifts their time, s, and ``set`` sets it.
+
+    Raises
+    ------
+    ArgumentError
+        There is no such point or mode, or not this mode at this point.
     """
 
     point: InjectionPoint
-    mode: Literal["add", "set", "hold"]
+    mode: Literal["add", "set", "hold", "scale", "swap"]
     value: float = 0.0
     rate: float = 0.0
     """Growth of the value per second."""
@@ -51,8 +67,9 @@ class FaultInjection:
     def __post_init__(self) -> None:
         if self.point not in INJECTION_POINTS:
             raise ArgumentError(key="point", value=self.point, allowed=f"one of {', '.join(INJECTION_POINTS)}")
-        if self.mode not in _MODES[1:]:
-            raise ArgumentError(key="mode", value=self.mode, allowed=f"one of {', '.join(_MODES[1:])}")
+        if self.mode not in INJECTION_MODES[1:]:
+            raise ArgumentError(key="mode", value=self.mode, allowed=f"one of {', '.join(INJECTION_MODES[1:])}")
+        check_mode(self.point, self.mode)
 
     def schedule(
         self,
@@ -89,4 +106,4 @@ class FaultInjection:
         for n, axis in enumerate(axes):
             if self.axis in (None, axis):
                 values[n, during, point] = self.value + self.rate * (time[during] - self.start)
-                modes[n, during, point] = _MODES.index(self.mode)
+                modes[n, during, point] = INJECTION_MODES.index(self.mode)

@@ -12,13 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from tenodesis import statics
 from tenodesis.errors import ProtocolError
+from tenodesis.files import read_regular
 from tenodesis.run import Array
 from tenodesis.simulate.command import Segment
 from tenodesis.simulate.phases import Loaded, Start, check_choice
-from tenodesis.simulate.reach import check_handle_angles, largest
+from tenodesis.simulate.reach import check_handle_angles
 from tenodesis.units import Angle
 
+_LARGEST = 100_000_000
+"""Largest CSV file, bytes."""
 _RADIANS = {"rad": 1.0, "deg": math.radians(1)}
 
 
@@ -51,11 +55,13 @@ class Motion(Loaded):
     @field_validator("file")
     @classmethod
     def _resolve_file(cls, file: Path | None, info: ValidationInfo) -> Path | None:
-        return file and Path((info.context or {}).get("folder", "")) / file
+        return file and Path((info.context or {}).get("folder") or "") / file
 
     @model_validator(mode="after")
-    def _check_readable(self) -> Self:
+    def _check_readable(self, info: ValidationInfo) -> Self:
         check_choice(self, "file", "data")
+        if self.file is not None and (info.context or {}).get("folder", Path()) is None:
+            raise ValueError("file is given in a text that is no file itself; it must be data")
         _ = self.samples
         return self
 
@@ -94,7 +100,7 @@ class Motion(Loaded):
         """Return the handle angle at every sample, rad, shape (n,)."""
         angles = self.scale * _RADIANS[self.angle_unit] * self.samples.values + self.offset
         if self.limit:
-            return np.clip(angles, -largest(start.inst), largest(start.inst))
+            return np.clip(angles, -statics.reach(start.inst), statics.reach(start.inst))
         places = zip(self.samples.lines, self.samples.times, strict=True)
         names = [f"{self.file or 'data'}: line {line} ({time:g} s): the handle angle" for line, time in places]
         check_handle_angles(start.inst, names, angles)
@@ -110,8 +116,9 @@ def csv_text(times: Array, values: Array, time_column: str, value_column: str) -
 
 def _read(file: Path, time_column: str, value_column: str) -> Samples:
     try:
-        # Reading from a device would never end.
-        text = file.read_text("utf-8-sig") if file.is_file() else None
+        text = read_regular(file, _LARGEST).decode("utf-8-sig")
+    except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
+        text = None
     except UnicodeDecodeError:
         raise ProtocolError(f"file is {str(file)!r}: it is not UTF-8 text; it must be a CSV file") from None
     except OSError as problem:

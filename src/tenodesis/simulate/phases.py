@@ -24,13 +24,7 @@ class ProtocolModel(BaseModel):
 
 
 def check_choice(model: BaseModel, *keys: str, required: bool = True) -> None:
-    """Check that exactly one of these keys is given, or at most one if none is required.
-
-    Raises
-    ------
-    ValueError
-        None is given, or several are.
-    """
+    """Raise ValueError unless exactly one of these keys is given, or at most one if none is required."""
     given = [key for key in keys if getattr(model, key) is not None]
     if len(given) > 1:
         raise ValueError(f"{_listed(given)} are given; give only one of them")
@@ -70,13 +64,7 @@ class OpenLoop(Phase):
 
     @abstractmethod
     def segments(self, start: Start) -> Iterator[Segment]:
-        """Yield the segments of the phase.
-
-        Raises
-        ------
-        ProtocolError
-            The instrument cannot follow them.
-        """
+        """Yield the segments of the phase; raises ProtocolError if the instrument cannot follow them."""
 
 
 class Moving(OpenLoop):
@@ -184,10 +172,7 @@ class Cycles(Loaded):
     def ends(self, inst: Instrument) -> tuple[float, float]:
         """Return the handle angles (rad) the cycles go from and to.
 
-        Raises
-        ------
-        ProtocolError
-            An angle is out of range, or both are the same.
+        Raises ProtocolError if an angle is out of range, or both are the same.
         """
         if self.amplitude is not None:
             far = check_handle_angle(inst, "amplitude", self.amplitude)
@@ -251,10 +236,7 @@ class StepLoad(Moving):
     def tip_force(self, inst: Instrument) -> float:
         """Return the tangential force at the tip, N, for either form of the load.
 
-        Raises
-        ------
-        ProtocolError
-            The load is a weight and the instrument's file lacks the radius of the cable's pulley.
+        Raises ProtocolError if the load is a weight and the instrument's file lacks the radius of the cable's pulley.
         """
         if self.force is not None:
             return self.force

@@ -54,11 +54,8 @@ class Pretension(Phase):
     def run(self, plant: Plant, command: Command) -> Iterator[Run]:
         """Wind, from a command on, and yield the plant's response in short runs.
 
-        Raises
-        ------
-        ProtocolError
-            A tendon does not get tight within timeout and travel, its load cell reads nothing, or the tip is pulled
-            aside.
+        Raises ProtocolError if a tendon does not get tight within timeout and travel, its load cell reads nothing, or
+        the tip is pulled aside.
         """
         axes = self._axes(plant.inst)
         insts = [plant.inst.planar[axis] for axis in axes]

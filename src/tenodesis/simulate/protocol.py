@@ -58,35 +58,20 @@ class Protocol(ProtocolModel):
         return tomli_w.dumps(with_units(self, unset=False) | {"phases": tables}, multiline_strings=True)
 
     def duration(self, inst: Instrument, time_step: float = 1e-3) -> float:
-        """Return the duration of a run, s.
+        """Return the duration of a run, s; closed-loop phases count with their timeout.
 
-        Parameters
-        ----------
-        inst
-            The instrument.
-        time_step
-            Time step, s; every move is rounded up to full time steps, and closed-loop phases count with their timeout.
-
-        Raises
-        ------
-        ProtocolError
-            The instrument cannot run it, or not within an hour.
+        Every move is rounded up to full time steps (s). Raises ProtocolError if the instrument cannot run it, or not
+        within an hour.
         """
         return math.fsum(planned.seconds for planned in self.plan(inst, time_step))
 
     def commands(self, inst: Instrument, time_step: float) -> dict[str, Array]:
-        """Return the commands of all time steps (s).
+        """Return the commands of all time steps (s), by name.
 
-        Returns
-        -------
-        dict
-            By name, for n steps: handle_angle (rad), force and radial_force (N), of shape (n,), and spool_velocity
-            (rad/s), of shape (n, 2), agonist first; with two axes (n, 2) and (n, 2, 2), axis before tendon.
+        For n steps: handle_angle (rad), force and radial_force (N), of shape (n,), and spool_velocity (rad/s), of shape
+        (n, 2), agonist first; with two axes (n, 2) and (n, 2, 2), axis before tendon.
 
-        Raises
-        ------
-        ProtocolError
-            A phase is closed-loop, the instrument cannot run it, or not within an hour.
+        Raises ProtocolError if a phase is closed-loop, the instrument cannot run it, or not within an hour.
         """
         closed = [phase.kind for phase in self.phases if isinstance(phase, Pretension)]
         if closed:
@@ -101,10 +86,7 @@ class Protocol(ProtocolModel):
     def plan(self, inst: Instrument, time_step: float) -> list[Planned]:
         """Return the phases planned on an instrument, at a time step (s).
 
-        Raises
-        ------
-        ProtocolError
-            The instrument cannot run it, or not within an hour.
+        Raises ProtocolError if the instrument cannot run it, or not within an hour.
         """
         block_size(time_step, time_step)
         plan: list[Planned] = []
@@ -131,10 +113,7 @@ def shipped() -> tuple[str, ...]:
 def load(name_or_path: str | Path) -> Protocol:
     """Read a protocol that comes with the package, by name, or a protocol file, by path.
 
-    Raises
-    ------
-    ProtocolError
-        There is no such protocol or file, it cannot be read, or it is not valid.
+    Raises ProtocolError if there is no such protocol or file, it cannot be read, or it is not valid.
     """
     source = str(name_or_path)
     path = _SHIPPED / f"{source}.toml" if source in shipped() else Path(name_or_path)
@@ -143,23 +122,12 @@ def load(name_or_path: str | Path) -> Protocol:
 
 
 def parse(text: str, source: str = "protocol", *, folder: Path | None = None) -> Protocol:
-    """Read a protocol from the text of a protocol file.
+    """Read a protocol from the text of a protocol file; messages start with `source`.
 
-    Parameters
-    ----------
-    text
-        The text.
-    source
-        What messages start with.
-    folder
-        Where recorded motions are; the working directory if not given.
-
-    Raises
-    ------
-    ProtocolError
-        The text is not TOML or not a valid protocol.
+    Recorded motions are in a folder; without it the text may name no file, for it may come from somebody else. Raises
+    ProtocolError if the text is not TOML or not a valid protocol.
     """
-    context = {"file": True, "folder": folder or Path()}
+    context = {"file": True, "folder": folder}
     values = parse_toml(text, ProtocolError, source)
     return validated(Protocol, values, ProtocolError, source, context=context, entries={"phases": "phase"})
 
@@ -178,10 +146,7 @@ def errors_of(label: str) -> Iterator[None]:
 def block_size(time_step: float, seconds: float) -> int:
     """Return how many time steps (s) fit into a block of some seconds, at least 1.
 
-    Raises
-    ------
-    ProtocolError
-        Either is below 1e-9 s, or no number.
+    Raises ProtocolError if either is below 1e-9 s, or no number.
     """
     for key, value in (("time_step", time_step), ("seconds", seconds)):
         if not 1e-9 <= value < math.inf:

@@ -16,19 +16,7 @@ _ROUNDING = 1 + 1e-9
 def check_handle_angles(inst: Instrument, names: Sequence[str], angles: Array) -> None:
     """Check that handle angles are within the handle's range and do not bend the unloaded tip to its stop.
 
-    Parameters
-    ----------
-    inst
-        The instrument, of one axis.
-    names
-        Name of each angle in the error.
-    angles
-        Handle angles, rad, shape (n,).
-
-    Raises
-    ------
-    ProtocolError
-        An angle does not; the first is named.
+    The angles (rad, shape (n,)) are of one axis, and named in the error, a ProtocolError about the first that is not.
     """
     for name, angle in zip(names, angles, strict=True):
         if abs(angle) > inst.handle_range:
@@ -56,10 +44,7 @@ def check_handle_angle(inst: Instrument, key: str, angle: float) -> float:
 def unloaded_handle_angle(inst: Instrument, key: str, angle: float) -> float:
     """Return the handle angle (rad) of an output angle (rad), given by a key, without load.
 
-    Raises
-    ------
-    ProtocolError
-        The output angle is beyond the output's range, or the handle cannot give it.
+    Raises ProtocolError if the output angle is beyond the output's range, or the handle cannot give it.
     """
     if abs(angle) > inst.output_range * _ROUNDING:
         raise _beyond(key, angle, f"within the output range of ±{degrees(inst.output_range):.6g} deg")
@@ -69,14 +54,6 @@ def unloaded_handle_angle(inst: Instrument, key: str, angle: float) -> float:
         raise ProtocolError(
             f"{key} is {degrees(angle):.6g} deg: {str(problem).rstrip('.')}", key=key, value=angle
         ) from None
-
-
-def largest(inst: Instrument) -> float:
-    """Return the largest handle angle (rad) within the handle's range and, without load, the output's."""
-    try:
-        return min(inst.handle_range, float(statics.handle_angle(inst, inst.output_range)))
-    except NoSolutionError:
-        return inst.handle_range
 
 
 def _beyond(name: str, angle: float, allowed: str) -> ProtocolError:

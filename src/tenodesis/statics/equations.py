@@ -13,9 +13,10 @@ Equations 21, 22       :func:`compensation_stroke`
 
 Angles in rad, forces in N, lengths in m. Every function takes numbers or arrays of any shapes that broadcast as in
 NumPy; it returns a float where all are numbers, and otherwise an array of the shape that they broadcast to. Functions
-act on an instrument's first axis; ``inst.axis("pitch")`` is the other one. A single point without a solution raises
-:class:`tenodesis.NoSolutionError`; in an array it becomes NaN, and :func:`equilibrium` gives the reason. Input that is
-not finite, or a handle angle beyond the handle's range, raises ``ValueError`` in either case.
+act on an instrument's first axis; ``inst.axis("pitch")`` is the other one. A single point without a solution, such as
+an output angle of half a turn, raises :class:`tenodesis.NoSolutionError`; in an array it becomes NaN, and
+:func:`equilibrium` gives the reason. Input that is not finite or not allowed, or a handle angle beyond the handle's
+range, raises ``ValueError`` in either case.
 """
 
 import inspect
@@ -65,23 +66,12 @@ def output_angle(
 
     Parameters
     ----------
-    inst
-        The instrument.
-    handle_angle
-        Handle angle, rad.
     force
         Tangential force at the tip, N, turning with it; positive opposes positive flexion.
     radial_force
         Force along the end-effector, N, turning with it; positive outward.
     wound
         Tendon length wound in by the motors, m: the agonist's, or a pair.
-
-    Raises
-    ------
-    ValueError
-        An input is not finite or beyond the handle's range.
-    NoSolutionError
-        A single point has no equilibrium.
     """
     return _evaluate("output_angle", inst, locals())[0]
 
@@ -96,7 +86,7 @@ def handle_angle(
 ) -> FloatOrArray:
     """Return the handle angle that maintains an output angle under load (eq. 20, slack included), rad.
 
-    The inverse of :func:`output_angle`, with the same other parameters (N, m) and errors; output_angle is in rad.
+    The inverse of :func:`output_angle`, with its other parameters (N, m).
     """
     return _evaluate("handle_angle", inst, locals())[0]
 
@@ -109,10 +99,7 @@ def tensions(
     radial_force: ArrayLike = 0.0,
     wound: Wound = 0.0,
 ) -> Tensions:
-    """Return the tendon tensions at a held handle under load (eqs. 6-8), N.
-
-    Parameters and errors are those of :func:`output_angle`.
-    """
+    """Return the tendon tensions at a held handle under load (eqs. 6-8), N; parameters as of :func:`output_angle`."""
     return Tensions(*_evaluate("tensions", inst, locals()))
 
 
@@ -126,7 +113,7 @@ def torque_transmissibility(
 ) -> FloatOrArray:
     """Return the torque transmissibility, output over input moment (eqs. 10-14), dimensionless.
 
-    Parameters and errors are those of :func:`output_angle`. The moment of a continuum's own backbone is not counted.
+    Parameters are those of :func:`output_angle`. The moment of a continuum's own backbone is not counted.
     """
     return _evaluate("torque_transmissibility", inst, locals())[0]
 
@@ -142,11 +129,6 @@ def equilibrium(
     """Return output angle (rad), tensions (N) and status, without an error where there is no equilibrium.
 
     Parameters are those of :func:`output_angle`; status is a :class:`Status`, or an array of its values.
-
-    Raises
-    ------
-    ValueError
-        An input is not finite or beyond the handle's range.
     """
     query = prepare("equilibrium", inst, locals())
     outputs, status = solve(query)
@@ -156,15 +138,7 @@ def equilibrium(
 
 
 def flexural_stiffness(inst: Instrument, output_angle: ArrayLike) -> FloatOrArray:
-    """Return the flexural stiffness of the distal joint at an output angle (rad), tendons taut (eqs. 15, 16), N·m/rad.
-
-    Raises
-    ------
-    ValueError
-        The angle is not finite.
-    NoSolutionError
-        A single angle is half a turn or more.
-    """
+    """Return the distal joint's flexural stiffness at an output angle (rad), tendons taut (eqs. 15, 16), N·m/rad."""
     return _evaluate("flexural_stiffness", inst, locals())[0]
 
 
@@ -172,27 +146,12 @@ def loss_of_dexterity(inst: Instrument, output_angle: ArrayLike, force: ArrayLik
     """Return the loss of dexterity at an output angle (rad) under a tangential force (N), rad (eq. 17).
 
     It is the loss of output angle to first order in the force.
-
-    Raises
-    ------
-    ValueError
-        An input is not finite.
-    NoSolutionError
-        A single angle is half a turn or more.
     """
     return _evaluate("loss_of_dexterity", inst, locals())[0]
 
 
 def slack_force(inst: Instrument, output_angle: ArrayLike) -> FloatOrArray:
-    """Return the tangential force at which the antagonist goes slack at an output angle (rad), N (eq. 8).
-
-    Raises
-    ------
-    ValueError
-        The angle is not finite.
-    NoSolutionError
-        A single angle is half a turn or more.
-    """
+    """Return the tangential force at which the antagonist goes slack at an output angle (rad), N (eq. 8)."""
     return _evaluate("slack_force", inst, locals())[0]
 
 
@@ -207,25 +166,16 @@ def estimate_output_angle(
 ) -> FloatOrArray:
     """Return the output angle estimated from handle angle and tensions (eq. 19, slack and motor aware), rad.
 
+    There is none where both tendons are slack, or no angle fits.
+
     Parameters
     ----------
-    inst
-        The instrument.
-    handle_angle
-        Handle angle, rad.
     agonist, antagonist
         Measured tendon tensions, N.
     wound
         Tendon length wound in by the motors, m: the agonist's, or a pair.
     slack_below
         Tension, N, up to which a tendon counts as slack; with noisy load cells, above their noise.
-
-    Raises
-    ------
-    ValueError
-        An input is not finite or beyond the handle's range.
-    NoSolutionError
-        At a single point both tendons are slack, or no angle fits.
     """
     return _evaluate("estimate_output_angle", inst, locals())[0]
 
@@ -239,10 +189,10 @@ def compensation_stroke(
 ) -> FloatOrArray:
     """Return the tendon length to wind so that the tip bends as if tendons did not stretch (eqs. 21, 22), m.
 
+    There is none where the agonist's motor alone cannot restore the angle.
+
     Parameters
     ----------
-    inst
-        The instrument.
     agonist, antagonist
         Measured tendon tensions, N.
     actuation
@@ -250,13 +200,6 @@ def compensation_stroke(
     law
         "exact": restores all of the lost angle, slack included; "paper": eq. 22 as printed, whatever the actuation,
         which restores half of it with one motor.
-
-    Raises
-    ------
-    ValueError
-        An input is not finite, or actuation or law is unknown.
-    NoSolutionError
-        At a single point the agonist's motor alone cannot restore the angle.
     """
     return _evaluate("compensation_stroke", inst, locals())[0]
 
@@ -270,25 +213,15 @@ def gradient(
     ----------
     function
         The function, or its name: one of this module that returns angles, tensions, ratios, stiffnesses or strokes.
-    inst
-        The instrument.
     *args, **kwargs
         The function's other arguments.
     wrt
         What to differentiate by: keys of the instrument (SI units), or inputs such as "force" or "agonist_wound".
 
-    Returns
-    -------
-    dict of str to float or array
-        The derivative by each of `wrt`; for `tensions`, a :class:`Tensions` of derivatives. At the onset of slack,
-        where the derivative jumps, it is the one with the slack tendon.
+    Returned is the derivative by each of `wrt`, a float or an array; for `tensions`, a :class:`Tensions` of
+    derivatives. At the onset of slack, where the derivative jumps, it is the one with the slack tendon.
 
-    Raises
-    ------
-    ValueError
-        The function or a name in `wrt` is unknown or has no effect, or an input is invalid.
-    NoSolutionError
-        A single point has no solution.
+    Raises ValueError if the function or a name in `wrt` is unknown or has no effect.
     """
     name = function if isinstance(function, str) else getattr(function, "__name__", str(function))
     if name not in INPUTS or name == "equilibrium":

@@ -1,5 +1,6 @@
 """Calls of the core by the statics: arguments checked and broadcast, points solved, errors explained."""
 
+from collections.abc import Mapping
 from math import degrees, prod
 from typing import Any, NamedTuple, TypeAlias
 
@@ -89,11 +90,7 @@ def prepare(name: str, inst: Instrument, arguments: dict[str, Any]) -> Query:
             raise ArgumentError(key="wound", value=wound, allowed="the agonist's length, or a tuple of both tendons'")
         values["agonist_wound"], values["antagonist_wound"] = pair
     arrays = [numbers(key, values[key]) for key in INPUTS[name]]
-    try:
-        shape = np.broadcast_shapes(*(array.shape for array in arrays))
-    except ValueError:
-        shapes = ", ".join(f"{key} {array.shape}" for key, array in zip(INPUTS[name], arrays, strict=True))
-        raise ArgumentError(f"the shapes do not broadcast: {shapes}.") from None
+    shape = common_shape({key: array.shape for key, array in zip(INPUTS[name], arrays, strict=True)})
     columns = [
         array.reshape(1) if array.size == 1 else np.ascontiguousarray(np.broadcast_to(array, shape)).reshape(-1)
         for array in arrays
@@ -105,6 +102,15 @@ def check_instrument(inst: Instrument) -> None:
     """Raise TypeError if an argument is no instrument."""
     if not isinstance(inst, Instrument):
         raise TypeError(f"inst is {inst!r}; it must be an instrument, as tenodesis.load returns it.")
+
+
+def common_shape(shapes: Mapping[str, tuple[int, ...]]) -> tuple[int, ...]:
+    """Return the shape that arguments, by name, broadcast to; raises ArgumentError if they do not."""
+    try:
+        return np.broadcast_shapes(*shapes.values())
+    except ValueError:
+        given = ", ".join(f"{key} {shape}" for key, shape in shapes.items())
+        raise ArgumentError(f"the shapes do not broadcast: {given}.") from None
 
 
 def numbers(key: str, value: ArrayLike) -> NDArray[np.float64]:
@@ -119,24 +125,10 @@ def numbers(key: str, value: ArrayLike) -> NDArray[np.float64]:
 
 
 def solve(query: Query, variables: list[int] | None = None) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """Return outputs, or their derivatives by some variables, and the status of every point.
+    """Return outputs, or their derivatives by some variables of the core, and the status of every point.
 
-    Parameters
-    ----------
-    query
-        The function at n points.
-    variables
-        The core's indices of what to differentiate by; None for the outputs themselves.
-
-    Returns
-    -------
-    tuple of arrays
-        Outputs of shape (outputs, 1, n), or derivatives of shape (outputs, variables, n), and status of shape (n,).
-
-    Raises
-    ------
-    ValueError
-        An input is not finite or beyond the handle's range.
+    Outputs are (outputs, 1, n), derivatives (outputs, variables, n), and the status (n,). Raises ValueError if an input
+    is not finite or beyond the handle's range.
     """
     count = prod(query.shape)
     rows = 1 if variables is None else len(variables)

@@ -23,15 +23,9 @@ _IDENTIFICATION: dict[str, dict[str, Any]] = {
         "standard_deviation": "5 %",
         "source": "ours: set by load cells beside the spools, with the sheath's friction between them and the joints",
     },
-    "friction.vertex_coefficient": {
-        "distribution": "normal",
-        "standard_deviation": "20 %",
-        "source": _IDENTIFIED,
-    },
-    "friction.sheath_coefficient": {
-        "distribution": "normal",
-        "standard_deviation": "20 %",
-        "source": _IDENTIFIED,
+    **{
+        f"friction.{key}": {"distribution": "normal", "standard_deviation": "20 %", "source": _IDENTIFIED}
+        for key in ("vertex_coefficient", "sheath_coefficient")
     },
     "friction.sheath_bend": {
         "distribution": "uniform",

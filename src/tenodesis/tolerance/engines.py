@@ -49,12 +49,9 @@ class Threads:
 
 
 class Cluster:
-    """A running Ray cluster; a chunk lost with its node is evaluated again by another.
+    """A running Ray cluster, by the host:port of its head, or auto for the one on this machine.
 
-    Parameters
-    ----------
-    address
-        host:port of its head, or auto for the one on this machine.
+    A chunk lost with its node is evaluated again by another.
     """
 
     def __init__(self, address: str) -> None:
@@ -63,10 +60,7 @@ class Cluster:
     def evaluate(self, task: Task, chunks: Sequence[Array], progress: Callable[[int], None]) -> list[Array]:
         """Return the results of the chunks in their order.
 
-        Raises
-        ------
-        StudyError
-            Ray is not installed, the cluster does not answer, or it cannot evaluate a chunk.
+        Raises StudyError if Ray is not installed, the cluster does not answer, or it cannot evaluate a chunk.
         """
         ray = _imported()
         with self._connected(ray):
@@ -170,13 +164,7 @@ def _evaluate_alone(task: Task, rows: Array) -> Array:
 
 
 def named(engine: str, address: str | None) -> Engine:
-    """Return the engine of that name.
-
-    Raises
-    ------
-    StudyError
-        There is none of that name, or the address does not go with it.
-    """
+    """Return the engine of that name; raises StudyError if there is none, or the address does not go with it."""
     if engine not in NAMES:
         raise StudyError(key="engine", value=engine, allowed=" or ".join(NAMES))
     if engine == "threads" and address is not None:

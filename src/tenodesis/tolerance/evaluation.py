@@ -61,8 +61,7 @@ def cycles(comparison: Comparison) -> tuple[Cycle, Cycle]:
     They go to the end of the real-size working range, or less far where a handle does not reach a quarter beyond it.
     """
     real_size = comparison.real_size
-    room = min(real_size.handle_range, _range_of_scaled_up(comparison)) / (1 + BEYOND / STEPS)
-    end = min(statics.reach(real_size), room)
+    end = min(statics.reach(real_size), comparison.common_range(real_size.handle_range) / (1 + BEYOND / STEPS))
     top = STEPS + BEYOND
     nodes = np.concatenate(
         [np.zeros(LOADING), np.arange(1, top + 1), np.arange(top - 1, -1, -1), np.arange(1, STEPS + 1)]
@@ -73,17 +72,6 @@ def cycles(comparison: Comparison) -> tuple[Cycle, Cycle]:
     mapped = np.asarray(comparison.scaled_up_handle_angle(handle))
     other = float(comparison.scaled_up_handle_angle(end))
     return Cycle(handle, load, end, end / STEPS / SPEED), Cycle(mapped, load, other, end / STEPS / SPEED)
-
-
-def _range_of_scaled_up(comparison: Comparison) -> float:
-    """Return the real-size handle angle that corresponds to the end of the scaled-up handle's range, rad."""
-    real_size, scaled_up = comparison.real_size, comparison.scaled_up
-    if comparison.same_mechanism:
-        return scaled_up.handle_range
-    bent = statics.output_angle(scaled_up, scaled_up.handle_range)
-    if bent >= statics.output_angle(real_size, real_size.handle_range):
-        return real_size.handle_range
-    return float(statics.handle_angle(real_size, bent))
 
 
 class Task(NamedTuple):

@@ -85,23 +85,14 @@ class Tolerances(FileTable):
 
 
 def load(path: str | Path) -> Tolerances:
-    """Read a tolerance file.
-
-    Raises
-    ------
-    StudyError
-        There is no such file, it cannot be read, or it is not valid.
-    """
+    """Read a tolerance file; raises StudyError if there is none, it cannot be read, or it is not valid."""
     return parse(read_text(Path(path), StudyError), str(path))
 
 
 def parse(text: str, source: str = "tolerances") -> Tolerances:
     """Read tolerances from the text of a tolerance file.
 
-    Raises
-    ------
-    StudyError
-        The text is not TOML or not valid; the message starts with `source`.
+    Raises StudyError, whose message starts with `source`, if the text is not TOML or not valid.
     """
     values = parse_toml(text, StudyError, source)
     if not values.get("parameters"):

@@ -10,8 +10,9 @@ from pydantic.fields import FieldInfo
 
 from tenodesis.errors import StudyError
 from tenodesis.instrument import Instrument
+from tenodesis.report.content import unit_text
 from tenodesis.tolerance.files import DistributionName, InstrumentName, Tolerance, Tolerances
-from tenodesis.units import Quantity, annotation, in_unit
+from tenodesis.units import Quantity, annotation, in_unit, quantity_of
 
 MOST_OUTSIDE = 1e-6
 """Largest probability of values outside the bounds of an instrument file; the distribution is truncated there."""
@@ -51,7 +52,7 @@ class Parameter(NamedTuple):
         """Return a value with its unit, in mm, GPa and degrees."""
         unit = _SHOWN.get(self.unit, self.unit)
         number = f"{value * in_unit(unit, self.unit) if unit != '1' else value:.{digits}g}"
-        return f"{number} {unit}".removesuffix(" 1").replace("*", "·").replace("^2", "²").replace(" deg", "°")
+        return f"{number} {unit_text(unit)}".removesuffix(" 1").replace(" deg", "°")
 
     @property
     def width_text(self) -> str:
@@ -71,11 +72,8 @@ class _Number(NamedTuple):
 def resolve(tolerances: Tolerances, real_size: Instrument, scaled_up: Instrument) -> tuple[Parameter, ...]:
     """Return the parameters of a study, from tolerances and the two instruments.
 
-    Raises
-    ------
-    StudyError
-        A key is unknown or not a number, a width is not understood, zero or negative, or a distribution exceeds the
-        bounds of an instrument file.
+    Raises StudyError if a key is unknown or not a number, a width is not understood, zero or negative, or a
+    distribution exceeds the bounds of an instrument file.
     """
     return tuple(
         _parameter(one, real_size if one.instrument == "real-size" else scaled_up) for one in tolerances.parameters
@@ -105,7 +103,7 @@ def _number(key: str, inst: Instrument) -> _Number:
         raise StudyError(f"{key} of {inst.name} cannot vary: {_FIXED[key]}.", key=key)
     known = dict(_fields(inst))
     if key not in known:
-        keys = ", ".join(name for name, (value, _) in known.items() if _varies(name, value))
+        keys = ", ".join(name for name, (value, _) in known.items() if name not in _FIXED and isinstance(value, float))
         raise StudyError(
             f"{key} is not a known key of {inst.name}; keys that can vary are {keys}.", key=key, allowed=keys
         )
@@ -114,11 +112,7 @@ def _number(key: str, inst: Instrument) -> _Number:
         raise StudyError(f"{key} of {inst.name} is not given, so it cannot vary; use a key that its file has.", key=key)
     if not isinstance(value, float):
         raise StudyError(f"{key} of {inst.name} is {_kind(value)}; only a number can vary.", key=key, value=value)
-    return _Number(value, _quantity(field), *_bounds(field))
-
-
-def _varies(key: str, value: object) -> bool:
-    return key not in _FIXED and isinstance(value, float)
+    return _Number(value, quantity_of(field), *_bounds(field))
 
 
 def _kind(value: object) -> str:
@@ -138,10 +132,6 @@ def _fields(table: BaseModel, prefix: str = "") -> Iterator[tuple[str, tuple[Any
 def _metadata(field: FieldInfo) -> list[Any]:
     inner = [item for option in get_args(field.annotation) for item in getattr(option, "__metadata__", ())]
     return [item for one in [*field.metadata, *inner] for item in getattr(one, "metadata", [one])]
-
-
-def _quantity(field: FieldInfo) -> Quantity | None:
-    return next((item for item in _metadata(field) if isinstance(item, Quantity)), None)
 
 
 def _bounds(field: FieldInfo) -> tuple[float, float]:

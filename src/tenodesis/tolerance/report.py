@@ -1,6 +1,5 @@
 """The report of a study: a self-contained HTML page, figures, samples and all results."""
 
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -8,10 +7,18 @@ from typing import Any
 from markupsafe import Markup
 
 from tenodesis.errors import StudyError
-from tenodesis.files import atomic_files
 from tenodesis.report import style
 from tenodesis.report.content import Plot, fixed
-from tenodesis.report.page import DRAWINGS, about, json_number, render, write_columns, write_figure
+from tenodesis.report.page import (
+    DRAWINGS,
+    about,
+    json_number,
+    json_text,
+    render,
+    write_columns,
+    write_figure,
+    written,
+)
 from tenodesis.tolerance import figures
 from tenodesis.tolerance.results import QUANTILES, Response, Study
 
@@ -24,25 +31,17 @@ _PAGE = "tolerance.html"
 def write(study: Study, out: Path) -> None:
     """Write tolerance.html, tolerance.json, samples.csv and figures/ into a folder, atomically.
 
-    Raises
-    ------
-    StudyError
-        The folder cannot be written.
+    Raises StudyError if the folder cannot be written.
     """
-    try:
-        with style.applied(), atomic_files(out, last=_PAGE) as new:
-            (new / "figures").mkdir()
-            drawings = [(plot, write_figure(plot, new / "figures")) for plot in figures.plots(study)]
-            _write_samples(study, new / "samples.csv")
-            (new / "tolerance.json").write_text(
-                json.dumps(_results(study), indent=1, ensure_ascii=False, allow_nan=False) + "\n", "utf-8"
-            )
-            (new / _PAGE).write_text(_rendered(study, drawings), "utf-8")
+    with style.applied(), written(out, StudyError, last=_PAGE) as new:
+        (new / "figures").mkdir()
+        drawings = [(plot, write_figure(plot, new / "figures")) for plot in figures.plots(study)]
+        _write_samples(study, new / "samples.csv")
+        (new / "tolerance.json").write_text(json_text(_results(study)), "utf-8")
+        (new / _PAGE).write_text(_rendered(study, drawings), "utf-8")
         for name in set(figures.NAMES) - {plot.name for plot, _ in drawings}:
             for kind in DRAWINGS:
                 (out / f"figures/{name}.{kind}").unlink(missing_ok=True)
-    except OSError as problem:
-        raise StudyError(f"{out} cannot be written: {problem.strerror or problem}.") from problem
 
 
 def _write_samples(study: Study, path: Path) -> None:
@@ -119,7 +118,7 @@ def _rendered(study: Study, plots: list[tuple[Plot, Markup]]) -> str:
         "tenodesis.tolerance",
         "tolerance.html.j2",
         study=study,
-        cards=cards,
+        key_figures=cards,
         quantiles=QUANTILES,
         ranked=next((one.order for one in study.responses.values() if one.indices), ()),
         end=fixed(math.degrees(study.end), 1),

@@ -61,10 +61,7 @@ def _described(parameter: Parameter) -> tuple[str, list[float]]:
 def scheme(parameters: Sequence[Parameter], samples: int, seed: int) -> Array:
     """Return Saltelli's scheme: per base sample a row of A, a row of A per parameter with that from B, and a row of B.
 
-    Returns
-    -------
-    numpy.ndarray
-        Values in SI units, shape (samples * (parameters + 2), parameters).
+    Values are in SI units, shape (samples * (parameters + 2), parameters).
     """
     sobol = require("SALib.sample.sobol", "design")
 

@@ -10,6 +10,7 @@ from tenodesis import _core, plant
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
+from tenodesis.statics.query import common_shape
 from tenodesis.threads import threads
 from tenodesis.twin.rows import ARGUMENTS, COMMANDS, SIGNALS, check_finite, check_handle_range, check_rig, check_seed
 
@@ -147,12 +148,8 @@ def _shared_commands(runs: int, *arguments: ArrayLike) -> Array:
     """Return commands of shape (runs, n, columns), or (1, n, columns) if all runs share them."""
     arrays = [np.asarray(argument, float) for argument in arguments]
     named = dict(zip(ARGUMENTS, arrays, strict=False))
-    shapes = [array.shape[:-1] if name == "spool_velocity" else array.shape for name, array in named.items()]
-    try:
-        shape = np.broadcast_shapes(*shapes)
-    except ValueError:
-        given = ", ".join(f"{name} {array.shape}" for name, array in named.items())
-        raise ArgumentError(f"the shapes do not broadcast: {given}.") from None
+    by_step = {name: array.shape[:-1] if name == "spool_velocity" else array.shape for name, array in named.items()}
+    shape = common_shape(by_step)
     shape = (1,) * (2 - len(shape)) + shape
     if len(shape) != 2 or (shape[0] not in (1, runs) and runs != 1):
         problem = f"commands have shape {shape}; it must be (n,) or ({runs}, n)."

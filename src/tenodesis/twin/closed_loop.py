@@ -51,10 +51,7 @@ def run_closed_loop(
 ) -> tuple[int, Status, list[Array], list[Array]]:
     """Step the twins of the core with the controller in the loop; after a lost step both keep their states.
 
-    Returns
-    -------
-    tuple
-        Steps taken, status, and by axis the twin's signals and the controller's, each of shape (n, columns).
+    Returns steps taken, status, and by axis the twin's signals and the controller's, each of shape (n, columns).
     """
     count = rows[0].shape[0]
     if any(np.any(row[:, ARGUMENTS["spool_velocity"]]) for row in rows):

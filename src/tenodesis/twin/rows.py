@@ -79,18 +79,10 @@ def as_run(
     outs: Sequence[Array],
     controls: Sequence[Array] = (),
 ) -> Run:
-    """Return rows of the core as a run.
+    """Return rows of the core as a run, at times of shape (n,), s.
 
-    Parameters
-    ----------
-    time
-        Time of each row, s, shape (n,).
-    axes
-        Names of the axes.
-    commanded
-        Signals of the commands, shaped as in the run.
-    outs, controls
-        By axis, the twin's signals and the controller's, each of shape (n, columns).
+    Commanded signals are shaped as in the run; `outs` and `controls` are, by axis, the twin's signals and the
+    controller's, each of shape (n, columns).
     """
     controlled = {name: _of_axes(controls, _columns(CONTROL, name)) for name in _CONTROLLED} if controls else {}
     simulated = {name: _of_axes(outs, _columns(SIGNALS, name)) for name in _MEASURED_AND_TRUE}

@@ -79,22 +79,12 @@ class Energy(NamedTuple):
 class Twin:
     """The digital twin of an instrument, at rest with a straight handle and pretensioned tendons at first.
 
-    Parameters
-    ----------
-    inst
-        The instrument; its tables friction, dynamics, drives, sensors and mismatch are those of the twin.
-    time_step
-        Time step, s.
-    seed
-        Seed of the sensors' noise, from 0 to 2**64 - 1.
-    quasi_static
-        Leave inertia and damping out: every step ends at rest.
+    The instrument's tables friction, dynamics, drives, sensors and mismatch are those of the twin. The time step is in
+    s; the sensors' noise has a seed from 0 to 2**64 - 1. A quasi-static twin leaves inertia and damping out: every step
+    ends at rest.
 
-    Raises
-    ------
-    ValueError
-        The time step is too long for the tip's oscillation or does not divide the sampling period, or the seed is
-        invalid.
+    Raises ValueError if the time step is too long for the tip's oscillation or does not divide the sampling period, or
+    the seed is invalid.
     """
 
     def __init__(
@@ -175,7 +165,7 @@ class Twin:
         request: ArrayLike = 0,
         fault_injection: Sequence[SignalFault] = (),
     ) -> Run:
-        """Step over arrays of commands, from the present state.
+        """Step over arrays of commands, from the present state, and return the signals, one row per step.
 
         Parameters
         ----------
@@ -201,11 +191,6 @@ class Twin:
             Request to the controller at each step, values of :class:`tenodesis.control.Request`; shape (n,).
         fault_injection
             Faults on the signals between the twin and the controller.
-
-        Returns
-        -------
-        Run
-            The signals, one row per step.
 
         Raises
         ------
@@ -296,12 +281,7 @@ class Twin:
     def loosen(self, length: float = 2e-3) -> Run:
         """Unwind both spools by a length (m) at a third of their speed, without load, and return that run.
 
-        The handle stays at its last commanded angle.
-
-        Raises
-        ------
-        ValueError
-            The length is not positive.
+        The handle stays at its last commanded angle. Raises ValueError if the length is not positive.
         """
         if not 0 < length < 1:
             raise ArgumentError(key="length", value=length, allowed="a length above 0 and below 1 m")

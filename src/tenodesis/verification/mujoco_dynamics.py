@@ -60,32 +60,13 @@ def simulate(
 ) -> Motion:
     """Move the handle and load the tip as prescribed, and follow the tip from rest.
 
-    Sample k holds the state after step k, at whose end handle angle and forces have their values k; within the step
-    they run linearly from their values k - 1. Before the first sample the instrument rests under its values.
+    Sample k holds the state after step k, at whose end handle angle (rad) and forces (N), each (n,), have their values
+    k; within the step they run linearly from their values k - 1. Before the first sample the instrument rests under its
+    values. A force acts across the end-effector, positive against positive flexion, a radial one along it, positive
+    outward.
 
-    Parameters
-    ----------
-    inst
-        The instrument, in SI units.
-    handle_angle
-        Handle angle (rad), shape (n,).
-    force
-        Tip force across the end-effector (N), turning with it, positive against positive flexion, shape (n,).
-    time_step
-        Time between two samples (s).
-    inertia
-        Effective moment of inertia of the tip about the output angle (kg m^2).
-    damping
-        Viscous damping of the output angle (N m s/rad).
-    substeps
-        Steps of MuJoCo's Runge-Kutta integrator per sample; of fourth order as long as no tendon slackens or tautens.
-    radial_force
-        Tip force along the end-effector (N), turning with it, positive outward, shape (n,); none by default.
-
-    Returns
-    -------
-    Motion
-        Output angle, its rate and tensions.
+    Time steps are in s, inertia (kg m^2) and viscous damping (N m s/rad) about the output angle. A sample takes
+    `substeps` of MuJoCo's Runge-Kutta integrator, of fourth order as long as no tendon slackens or tautens.
 
     Raises
     ------
@@ -125,41 +106,11 @@ def steps_per_second(
     time_step: float = 5e-4,
     seconds: float = 1.0,
 ) -> float:
-    """Measure how fast one core steps this instrument in MuJoCo, handle held and load constant.
+    """Measure how many steps a second one core makes with this instrument in MuJoCo, handle held and load constant.
 
     Everything that MuJoCo can do without is left out: the handle and all else that rests is one body, nothing is
     rendered, sensed or checked for contact, and the cheapest integrator and solver run in C, a batch at a time.
-
-    Parameters
-    ----------
-    inst
-        The instrument, in SI units.
-    inertia
-        Effective moment of inertia of the tip about the output angle (kg m^2).
-    damping
-        Viscous damping of the output angle (N m s/rad).
-    handle_angle
-        Angle at which the handle is held (rad).
-    force
-        Tip force across the end-effector (N).
-    time_step
-        Time that a step takes in the simulation (s).
-    seconds
-        How long to measure (s).
-
-    Returns
-    -------
-    float
-        Steps per second.
-
-    Raises
-    ------
-    ValueError
-        Time step, inertia or damping make no sense.
-    NoSolutionError
-        The load is more than the joint bears.
-    MissingExtraError
-        MuJoCo is not installed.
+    Quantities and errors are those of :func:`simulate`; it measures for some seconds.
     """
     _check(time_step, inertia, damping)
     mujoco = require("mujoco", "verify")

@@ -74,21 +74,8 @@ class Independence:
 def settle(inst: TendonGear, handle_angle: float, force: float, radial_force: float = 0.0) -> Settled:
     """Let a single axis come to rest, first unloaded and then under its tip loads.
 
-    Parameters
-    ----------
-    inst
-        The instrument, in SI units.
-    handle_angle
-        Angle at which the handle is held (rad).
-    force
-        Tip force across the end-effector (N), turning with it, positive against positive flexion.
-    radial_force
-        Tip force along the end-effector (N), turning with it, positive outward.
-
-    Returns
-    -------
-    Settled
-        Output angle, tensions and steps; NaN beyond the fold, where no equilibrium exists.
+    The handle is held at an angle (rad). A force (N) acts across the end-effector, positive against positive flexion, a
+    radial one along it, positive outward; both turn with it. Beyond the fold there is no equilibrium, and all is NaN.
     """
     (axis,) = _settle(planar_xml(inst, handle_angle), (force, radial_force))
     return axis
@@ -112,21 +99,9 @@ def settle_two_axis(
 ) -> TwoAxis:
     """Let both axes of the stacked joint come to rest, first unloaded and then under their tip forces.
 
-    Parameters
-    ----------
-    inst
-        The instrument, in SI units; both axes share its gears and tendons.
-    yaw, pitch
-        Angles at which the handle is held (rad).
-    force_yaw, force_pitch
-        Tip forces (N), turning with the end-effector, positive against their axis's positive flexion.
-    gap
-        Length of the rigid link between the tip's two pairs (m), by default a pair's centre distance.
-
-    Returns
-    -------
-    TwoAxis
-        Output angles and tensions; NaN beyond the fold, where no equilibrium exists.
+    Both axes share gears and tendons. The handle is held at angles (rad); forces (N) turn with the end-effector,
+    positive against their axis's positive flexion. The rigid link between the tip's two pairs is `gap` long (m), by
+    default a pair's centre distance. Beyond the fold there is no equilibrium, and all is NaN.
     """
     yawed, pitched = _settle(two_axis_xml(inst, yaw, pitch, gap=gap), (force_yaw, force_pitch, 0.0))
     tensions = (yawed.agonist, yawed.antagonist), (pitched.agonist, pitched.antagonist)
@@ -141,24 +116,8 @@ def axis_independence(
 ) -> Independence:
     """Find how far the settled angle of an axis changes because the other is moved and loaded.
 
-    Every pair of output angles meets every pair of forces; each axis is compared with itself in the same
-    model while the other is held straight and free of force.
-
-    Parameters
-    ----------
-    inst
-        The instrument, in SI units.
-    output_angles
-        Unloaded output angles (rad) that each axis is set to.
-    forces
-        Tip forces (N) that each axis is loaded with.
-    progress
-        Called after every load case.
-
-    Returns
-    -------
-    Independence
-        The worst coupling without loads, the worst with them, and how many comparisons found no equilibrium.
+    Every pair of unloaded output angles (rad) meets every pair of tip forces (N); each axis is compared with itself in
+    the same model while the other is held straight and free of force. `progress` is called after every load case.
     """
 
     @cache

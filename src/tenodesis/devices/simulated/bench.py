@@ -37,18 +37,12 @@ class Plant(Protocol):
 
     def step(self, spool_velocity: Array) -> Measurement:
         """Go on by a sampling period with spool velocities (rad/s, shape (axes, 2)) and return what is measured."""
-        ...
 
 
 class TwinPlant:
     """The twin as a plant.
 
-    Parameters
-    ----------
-    twin
-        The twin.
-    motion
-        Handle angles and tip forces at a time (s), numbers or shape (axes,); by default at rest.
+    `motion` gives handle angles and tip forces at a time (s), numbers or shape (axes,); by default it rests.
     """
 
     def __init__(
@@ -82,25 +76,11 @@ class TwinPlant:
 
 
 class SimulatedBench:
-    """The nodes of an instrument's table devices.canopen, served by a thread of their own.
+    """The nodes of an instrument's table devices.canopen, served on an open bus by a thread of their own.
 
-    Lock-step: with every SYNC the plant goes on by a sampling period with the speeds that were in force since the SYNC
-    before, the nodes send what is then measured, and speeds that have come since take force.
-
-    Parameters
-    ----------
-    inst
-        The instrument.
-    settings
-        Its table devices.canopen.
-    bus
-        A bus of python-can, open.
-    plant
-        What is on the bench; by default a twin of the instrument.
-    clock
-        What heartbeats are timed by, ns.
-    positions
-        Counts that the drives' encoders show at first, by node.
+    Lock-step: with every SYNC the plant, by default a twin, goes on by a sampling period with the speeds that were in
+    force since the SYNC before, the nodes send what is then measured, and speeds that have come since take force.
+    Heartbeats are timed by the clock (ns); drives' encoders show `positions` at first, counts by node.
     """
 
     def __init__(
@@ -173,7 +153,6 @@ class SimulatedBench:
         self.network.cut_off.add(node)
 
     def __enter__(self) -> Self:
-        """Start."""
         self._thread.start()
         return self
 

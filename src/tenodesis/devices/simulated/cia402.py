@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 import canopen
 from canopen import objectdictionary as od
 
-from tenodesis.devices.cia402 import State
+from tenodesis.devices.cia402 import State, wrapped
 
 _RAMPS = (0x6083, 0x6084, 0x6085, 0x60C5, 0x60C6, 0x607F)
 _DRIVE_OBJECTS: tuple[tuple[int, str, int, str], ...] = (
@@ -31,7 +31,6 @@ _POSITION_GAIN = 20.0  # 1/s, of the drive's own loop beside the step of its tar
 _HOME_HERE = (35, 37)
 _VALUE_OUT_OF_RANGE = 0x0609_0030
 _HEARTBEAT_LOST, _PDO_LENGTH, _PDO_TIMEOUT = 0x8130, 0x8210, 0x8250
-_COMMUNICATION = 0x10  # bit of the error register
 _PRE_OPERATIONAL = "PRE-OPERATIONAL"
 
 NOT_READY, DISABLED, READY = State.NOT_READY, State.SWITCH_ON_DISABLED, State.READY
@@ -53,20 +52,10 @@ _STATUS = {
 
 
 class Node:
-    """A node with PDOs on SYNC and a heartbeat of its own.
+    """A node with PDOs on SYNC and a heartbeat of its own, timed by the clock (ns).
 
-    Parameters
-    ----------
-    number
-        Node id.
-    device_type
-        Object 1000h.
-    network
-        Where it sends.
-    clock
-        What it times by, ns.
-    objects
-        Index, sub-index and type (of the canopen library) of what else it has.
+    The device type is object 1000h; `objects` are index, sub-index and type (of the canopen library) of what else it
+    has.
     """
 
     def __init__(
@@ -121,10 +110,9 @@ class Node:
         variable = self.local.object_dictionary.get_variable(index, sub)
         assert variable is not None
         if variable.data_type in od.INTEGER_TYPES:
-            least, most = (-(2 ** (len(variable) - 1)), 2 ** (len(variable) - 1) - 1) if (
-                variable.data_type in od.SIGNED_TYPES
-            ) else (0, 2 ** len(variable) - 1)  # fmt: skip
-            raw = min(max(round(raw), least), most)
+            half = 2 ** (len(variable) - 1)
+            least = -half if variable.data_type in od.SIGNED_TYPES else 0
+            raw = min(max(round(raw), least), least + 2 * half - 1)
         self.local.data_store.setdefault(index, {})[sub] = variable.encode_raw(raw)
 
     def get(self, index: int, sub: int = 0) -> int:
@@ -164,14 +152,8 @@ class Node:
 class Drive(Node):
     """A CiA 402 drive: states, modes, homing, its watch over the master, and emergencies.
 
-    Parameters
-    ----------
-    counter
-        Index and sub-index of a u16 that counts its measurements.
-    position
-        Counts that its encoder shows at the start.
-    objects
-        What else it has, as of :class:`Node`.
+    `counter` is index and sub-index of a u16 that counts its measurements, `position` the counts that its encoder shows
+    at the start; `objects` are as of :class:`Node`.
     """
 
     def __init__(
@@ -225,7 +207,7 @@ class Drive(Node):
         """Speed at which a drive follows target positions that come at a rate (Hz), counts/s."""
         if not (self.state == ENABLED and self.operational and self.get(0x6061) == 8):
             return 0.0
-        behind = _wrapped(self._aim - self._aim_step - self.get(0x6064))
+        behind = wrapped(self._aim - self._aim_step - self.get(0x6064))
         return self._aim_step * rate + _POSITION_GAIN * behind
 
     @property
@@ -243,8 +225,7 @@ class Drive(Node):
     def measure(self, turned: int) -> None:
         """Set what it measures: counts turned since the start."""
         self._turned = turned
-        position = (self._start + turned - self._offset + 2**31) % 2**32 - 2**31
-        self.set(0x6064, 0, position)
+        self.set(0x6064, 0, wrapped(self._start + turned - self._offset))
         if self.counter is not None:
             self.set(*self.counter, (self.get(*self.counter) + 1) % 2**16)
 
@@ -262,7 +243,7 @@ class Drive(Node):
                 if 0x60FF in values:
                     self.target = values[0x60FF]
                 if 0x607A in values:
-                    self._aim_step, self._aim = _wrapped(values[0x607A] - self._aim), values[0x607A]
+                    self._aim_step, self._aim = wrapped(values[0x607A] - self._aim), values[0x607A]
                     aimed = True
                 if 0x6040 in values:
                     self._obey(values[0x6040])
@@ -423,8 +404,3 @@ def _add_record(
         variable.access_type = "rw" if sub or writable_count else "ro"
         record.add_member(variable)
     made.add_object(record)
-
-
-def _wrapped(counts: int) -> int:
-    """Return a difference of positions that wrap after 32 bits."""
-    return (counts + 2**31) % 2**32 - 2**31

@@ -28,10 +28,16 @@ import numpy as np
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.datasets.dual_numbers import Dual, Operand, number, unknowns
 from tenodesis.identification.datasets.friction_laws import band, held, hysteresis
+from tenodesis.identification.datasets.reference import (
+    ReferenceProblem,
+    ReferenceSeries,
+    check_recordings,
+    refuse_instrument,
+)
 from tenodesis.identification.formats.measured import MeasuredRun, Source, checksum
 from tenodesis.identification.formats.raw import Raw, Unit
 from tenodesis.identification.formats.table import read_rows
-from tenodesis.identification.problem import Parameter, Problem, Trace
+from tenodesis.identification.problem import Parameter
 from tenodesis.identification.registry import Format
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
@@ -88,10 +94,8 @@ def load(path: Path) -> MeasuredRun:
     it was measured, for no model takes it. The first seconds, in which the bench settles, are kept: a model with memory
     needs them.
 
-    Raises
-    ------
-    IdentificationError
-        The file cannot be read, its units fit none that are known, or its samples cannot be used.
+    Raises IdentificationError if the file cannot be read, its units fit none that are known, or its samples cannot be
+    used.
     """
     rows = read_rows(path, COLUMNS)
     raw = Raw(
@@ -202,21 +206,17 @@ LAWS: Mapping[str, tuple[Parameter, ...]] = {
 _SHAPES = ("load_index", "static_excess", "stribeck_speed")
 
 
-@dataclass(frozen=True)
-class Series:
+@dataclass(frozen=True, kw_only=True)
+class Series(ReferenceSeries):
     """What the model reads of a run, and the jaw angle it is compared with, each (1 + n,); rad, N*m, rad/s.
 
-    The first sample is before the run: the torque it began from.
+    The first sample is before the run: the torque it began from. Those after the bench has settled count.
     """
 
-    time: Array
     spindle: Array
     torque: Array
     """By the sign in which it mostly works against its load."""
     speed: Array
-    jaw: Array
-    counted: slice
-    """Samples after the bench has settled."""
 
 
 class Signs(NamedTuple):
@@ -228,23 +228,14 @@ class Signs(NamedTuple):
     """Whether the jaw turns with the spindle's sensor (1) or against it (-1)."""
 
 
-class Tool(Problem):
-    """A tool with its recordings.
+class Tool(ReferenceProblem[Series]):
+    """A tool with its recordings of spindle_angle, spindle_torque and jaw_angle, fitted every 10 ms.
 
-    Parameters
-    ----------
-    train, test
-        Recordings with spindle_angle, spindle_torque and jaw_angle; the signs of the sensors come from train.
-    law
-        Friction law, a key of `LAWS`.
-    contacts
-        Contacts that the transmission is cut into.
-
-    Raises
-    ------
-    IdentificationError
-        There is no such law, or a recording is too short.
+    The signs of the sensors come from `train`; the law is a key of `LAWS`, and the transmission is cut into `contacts`.
+    Raises IdentificationError if there is no such law, or a recording is too short.
     """
+
+    key, scale, noise = "output_angle_deg", math.degrees(1), NOISE
 
     def __init__(
         self,
@@ -258,16 +249,14 @@ class Tool(Problem):
             raise IdentificationError(key="law", value=law, allowed=f"one of {', '.join(LAWS)}")
         if contacts < 1:
             raise IdentificationError(key="contacts", value=contacts, allowed="an integer of at least 1")
-        if not train:
-            raise IdentificationError("train is empty; it must hold at least one recording.", key="train")
+        check_recordings(train)
         self.law, self.contacts = law, contacts
         self.signs = _signs(train)
         recordings = [*train, *test]
         self.runs = tuple(one.name for one in recordings)
-        self._full = [_series(one, self.signs) for one in recordings]
-        self._thin = [_thinned(one) for one in self._full]
-        self._kinematics = _kinematics(self._thin[: len(train)], self.signs)
-        self.parameters = (*self._kinematics, *LAWS[law])
+        self.full = [_series(one, self.signs) for one in recordings]
+        self.fitted = [_thinned(one) for one in self.full]
+        self.parameters = (*_kinematics(self.fitted[: len(train)], self.signs), *LAWS[law])
         self._names = tuple(one.name for one in self.parameters)
         self.groups = {
             "friction": tuple(one.name for one in LAWS[law]),
@@ -275,34 +264,9 @@ class Tool(Problem):
             "kinematics": tuple(name for name in self._names if name in ("offset", "ratio")),
         }
 
-    def residuals(self, values: Array, run: int) -> Array:
-        """Return measured minus modelled jaw angle every 10 ms, (n,), in standard deviations of the encoder."""
-        return self._errors(values, self._thin[run]) / NOISE
-
-    def jacobian(self, values: Array, run: int) -> Array:
-        """Return the derivatives of the residuals, (n, parameters)."""
-        series = self._thin[run]
-        slopes = self._modelled(values, series, exact=True).slopes[:, series.counted]
-        return np.ascontiguousarray(-slopes.T / NOISE)
-
-    def errors(self, values: Array, run: int) -> dict[str, Array]:
-        """Return measured minus modelled jaw angle at all samples after settling, deg."""
-        return {"output_angle_deg": np.degrees(self._errors(values, self._full[run]))}
-
     def predict(self, values: Array, run: int) -> Array:
-        """Return the modelled jaw angle at all samples, (n,), rad, by nothing but the run's proximal signals."""
-        return self._model(values, self._full[run])[1:]
-
-    def traces(self, values: Array, run: int) -> dict[str, Trace]:
-        """Return measured and modelled jaw angle at all samples after settling, deg."""
-        series = self._full[run]
-        measured = series.jaw[series.counted]
-        model = measured - self._errors(values, series)
-        return {"output_angle_deg": Trace(series.time[series.counted], np.degrees(measured), np.degrees(model))}
-
-    def sample_time(self, run: int) -> float:
-        """Return the time between the samples that are fitted, s."""
-        return float(np.median(np.diff(self._thin[run].time[1:])))
+        """Return the modelled jaw angle at all samples, (n,), rad, without the one before the run."""
+        return super().predict(values, run)[1:]
 
     def advice(self, names: Sequence[str]) -> str | None:
         """Return which recording would make these parameters identifiable."""
@@ -315,13 +279,8 @@ class Tool(Problem):
             return "Record the same motion at several loads at the jaw, over a larger angle."
         return None
 
-    def _errors(self, values: Array, series: Series) -> Array:
-        return np.asarray((series.jaw - self._model(values, series))[series.counted])
-
-    def _model(self, values: Array, series: Series) -> Array:
-        return self._modelled(values, series, exact=False).value
-
-    def _modelled(self, values: Array, series: Series, *, exact: bool) -> Dual:
+    def modelled(self, values: Array, series: Series, *, exact: bool) -> Dual:
+        """Return the jaw angle by the model, (1 + n,), rad."""
         given = unknowns(self._names, values, exact=exact)
         turned = given["ratio"] * series.spindle + self.signs.load * given["compliance"] * self._mean(given, series)
         return self.signs.jaw * turned + given["offset"]
@@ -359,18 +318,8 @@ class Tool(Problem):
 def problem(
     train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None
 ) -> Tool:
-    """Return the model with its recordings, those of train first.
-
-    Raises
-    ------
-    IdentificationError
-        There is no such law, a recording is too short, or an instrument is given, which the tool is not.
-    """
-    if instrument is not None:
-        raise IdentificationError(
-            "instrument is given; it must be left out: a davinci-tool recording is of a tool without instrument file.",
-            key="instrument",
-        )
+    """Return the model with its recordings, those of train first; raises as `Tool`, and for an instrument."""
+    refuse_instrument(instrument, "a davinci-tool recording is of a tool without instrument file")
     return Tool(train, test, law=law)
 
 
@@ -385,12 +334,12 @@ def _behind(
 def _kinematics(train: Sequence[Series], signs: Signs) -> tuple[Parameter, ...]:
     """Return the parameters that act without friction, which start where a plane through the training runs has them."""
     columns = [
-        np.column_stack([np.ones(one.jaw.size), signs.jaw * one.spindle, signs.jaw * signs.load * one.torque])[
-            one.counted
+        np.column_stack([np.ones(one.time.size), signs.jaw * one.spindle, signs.jaw * signs.load * one.torque])[
+            one.first :
         ]
         for one in train
     ]
-    jaw = np.concatenate([one.jaw[one.counted] for one in train])
+    jaw = np.concatenate([one.reference[one.first :] for one in train])
     offset, ratio, compliance = np.linalg.lstsq(np.vstack(columns), jaw)[0].tolist()
     ratio, compliance = float(np.clip(ratio, *_RATIO)), float(np.clip(compliance, *_COMPLIANCE))
     return (
@@ -438,12 +387,12 @@ def _series(one: MeasuredRun, signs: Signs) -> Series:
     torque = signs.load * one["spindle_torque"]
     level = float(torque[one.time < one.time[0] + _LEVEL_SPAN].mean())
     return Series(
-        np.append(one.time[0] - one.sample_time, one.time),
-        np.append(spindle[0], spindle),
-        np.append(level, _causal_mean(torque, window)),
-        np.append(0.0, (spindle - spindle[before]) / passed),
-        np.append(one["jaw_angle"][0], one["jaw_angle"]),
-        slice(1 + first, None),
+        time=np.append(one.time[0] - one.sample_time, one.time),
+        reference=np.append(one["jaw_angle"][0], one["jaw_angle"]),
+        first=1 + first,
+        spindle=np.append(spindle[0], spindle),
+        torque=np.append(level, _causal_mean(torque, window)),
+        speed=np.append(0.0, (spindle - spindle[before]) / passed),
     )
 
 
@@ -457,12 +406,12 @@ def _thinned(one: Series) -> Series:
         return np.append(values[0], means)
 
     return Series(
-        block(one.time),
-        block(one.spindle),
-        np.append(one.torque[0], one.torque[step::step]),
-        np.append(one.speed[0], one.speed[step::step]),
-        block(one.jaw),
-        slice(1 + -(-(one.counted.start - 1) // step), None),
+        time=block(one.time),
+        reference=block(one.reference),
+        first=1 + -(-(one.first - 1) // step),
+        spindle=block(one.spindle),
+        torque=np.append(one.torque[0], one.torque[step::step]),
+        speed=np.append(one.speed[0], one.speed[step::step]),
     )
 
 

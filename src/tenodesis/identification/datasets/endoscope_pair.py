@@ -31,10 +31,16 @@ import numpy as np
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.datasets.dual_numbers import Dual, Operand, number, unknowns
 from tenodesis.identification.datasets.friction_laws import LAWS, law_of, pass_on
+from tenodesis.identification.datasets.reference import (
+    ReferenceProblem,
+    ReferenceSeries,
+    check_recordings,
+    refuse_instrument,
+)
 from tenodesis.identification.formats.measured import MeasuredRun, Source, checksum
 from tenodesis.identification.formats.raw import GRAM_FORCE, Raw, Unit, spread_of
 from tenodesis.identification.formats.table import read_rows
-from tenodesis.identification.problem import Parameter, Problem, Trace
+from tenodesis.identification.problem import Parameter
 from tenodesis.identification.registry import Format
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
@@ -74,10 +80,8 @@ def load(path: Path) -> MeasuredRun:
     name as sheath_bend (rad). Rows of the same time are what sensors read while the clock was held: their mean is
     taken.
 
-    Raises
-    ------
-    IdentificationError
-        The file cannot be read, its name is no bend, its units fit none that are known, or its samples cannot be used.
+    Raises IdentificationError if the file cannot be read, its name is no bend, its units fit none that are known, or
+    its samples cannot be used.
     """
     bend = _bend(path)
     rows = read_rows(path, COLUMNS)
@@ -209,39 +213,26 @@ _MOST_EXPONENT, _MOST_PER_BEND = 1.5, 0.3
 """With more, next to nothing passes, and a search finds no way back."""
 
 
-@dataclass(frozen=True)
-class Series:
-    """A run, each (n,); rad, N, rad/s."""
+@dataclass(frozen=True, kw_only=True)
+class Series(ReferenceSeries):
+    """A run with its output angle, each (n,); rad, N, rad/s."""
 
-    time: Array
     command: Array
     agonist: Array
     antagonist: Array
     speed: Array
-    output: Array
     bend: float
 
 
-class Pair(Problem):
-    """A pair with its recordings.
+class Pair(ReferenceProblem[Series]):
+    """A pair with its recordings of commanded_angle, output_angle, both tensions and a constant sheath_bend.
 
-    Parameters
-    ----------
-    recordings
-        With commanded_angle, output_angle, agonist_tension, antagonist_tension and a constant sheath_bend.
-    law
-        Friction law, a key of `tenodesis.identification.datasets.friction_laws.LAWS`.
-    sections
-        Places along the sheath at which its stretch is taken.
-    trained
-        How many of the recordings, the first ones, are fitted; all by default. Whether parameters may grow with the
-        bend follows from theirs.
-
-    Raises
-    ------
-    IdentificationError
-        There is no such law, no recording, or no section.
+    The law is a key of `LAWS`; the sheath's stretch is taken at so many `sections` along it. The first `trained` of the
+    recordings are fitted, all by default: whether parameters may grow with the bend follows from theirs. Raises
+    IdentificationError if there is no such law, no recording, or no section.
     """
+
+    key, scale, noise = "output_angle_deg", math.degrees(1), NOISE
 
     def __init__(
         self,
@@ -252,17 +243,16 @@ class Pair(Problem):
         trained: int | None = None,
     ) -> None:
         found = law_of(law)
-        if not recordings:
-            raise IdentificationError("train is empty; it must hold at least one recording.", key="train")
+        check_recordings(recordings)
         if sections < 1:
             raise IdentificationError(key="sections", value=sections, allowed="an integer of at least 1")
         self.law, self.sections = law, sections
         self.runs = tuple(one.name for one in recordings)
-        self._series = [_series(one) for one in recordings]
+        self.full = self.fitted = [_series(one) for one in recordings]
         self._magnitudes = tuple(one.name for one in found.magnitudes)
         self._shapes = tuple(one.name for one in found.shapes)
         # at one bend only, growth with the bend is not identifiable
-        self._bends = len({one.bend for one in self._series[:trained]}) > 1
+        self._bends = len({one.bend for one in self.fitted[:trained]}) > 1
         kinematics = tuple(one for one in _KINEMATICS if self._bends or not one.name.endswith(_PER_BEND))
         friction = [
             *(part for one in found.magnitudes for part in _with_bend(one, several=self._bends)),
@@ -278,32 +268,6 @@ class Pair(Problem):
             "kinematics": tuple(one.name for one in kinematics),
         }
 
-    def residuals(self, values: Array, run: int) -> Array:
-        """Return measured minus modelled output angle, (n,), in standard deviations of its sensor."""
-        return (self._series[run].output - self.output_angle(values, run)) / NOISE
-
-    def jacobian(self, values: Array, run: int) -> Array:
-        """Return the derivatives of the residuals, (n, parameters)."""
-        return np.ascontiguousarray(-self._model(values, run, exact=True).slopes.T / NOISE)
-
-    def output_angle(self, values: Array, run: int) -> Array:
-        """Return the modelled output angle, rad, (n,)."""
-        return self._model(values, run, exact=False).value
-
-    def errors(self, values: Array, run: int) -> dict[str, Array]:
-        """Return measured minus modelled output angle, deg."""
-        return {"output_angle_deg": np.degrees(self._series[run].output - self.output_angle(values, run))}
-
-    def traces(self, values: Array, run: int) -> dict[str, Trace]:
-        """Return measured and modelled output angle, deg."""
-        series = self._series[run]
-        model = np.degrees(self.output_angle(values, run))
-        return {"output_angle_deg": Trace(series.time, np.degrees(series.output), model)}
-
-    def sample_time(self, run: int) -> float:
-        """Return the time between samples, s."""
-        return float(np.median(np.diff(self._series[run].time)))
-
     def advice(self, names: Sequence[str]) -> str | None:
         """Return which recording would make these parameters identifiable."""
         if any(name.endswith(_PER_BEND) for name in names):
@@ -312,8 +276,9 @@ class Pair(Problem):
             return "Record reversals at several amplitudes, and at a second pretension."
         return "Record the same motion with the joint held fast, which leaves the tendons' stretch alone."
 
-    def _model(self, values: Array, run: int, *, exact: bool) -> Dual:
-        given, series = unknowns(self._names, values, exact=exact), self._series[run]
+    def modelled(self, values: Array, series: Series, *, exact: bool) -> Dual:
+        """Return the output angle by the model, (n,), rad."""
+        given = unknowns(self._names, values, exact=exact)
         reach = 1 + given.get("reach_per_bend", number(0.0)) * series.bend
         antagonist = given["antagonist_gain"] * series.antagonist
         entering = given["ratio"] * series.command - given["compliance"] * (series.agonist - antagonist)
@@ -338,18 +303,8 @@ class Pair(Problem):
 def problem(
     train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None
 ) -> Pair:
-    """Return the model with its recordings, those of train first.
-
-    Raises
-    ------
-    IdentificationError
-        There is no such law, no recording, or an instrument is given, which the pair is not.
-    """
-    if instrument is not None:
-        raise IdentificationError(
-            "instrument is given; it must be left out: an endoscope-pair recording is of a joint without one.",
-            key="instrument",
-        )
+    """Return the model with its recordings, those of train first; raises as `Pair`, and for an instrument."""
+    refuse_instrument(instrument, "an endoscope-pair recording is of a joint without one")
     return Pair([*train, *test], law=law, trained=len(train))
 
 
@@ -380,13 +335,13 @@ def _with_bend(one: Parameter, *, several: bool) -> tuple[Parameter, ...]:
 def _series(one: MeasuredRun) -> Series:
     command = one["commanded_angle"]
     return Series(
-        one.time,
-        command,
-        np.maximum(one["agonist_tension"], 0.0),
-        np.maximum(one["antagonist_tension"], 0.0),
-        np.gradient(command, one.time),
-        one["output_angle"],
-        float(one["sheath_bend"][0]),
+        time=one.time,
+        reference=one["output_angle"],
+        command=command,
+        agonist=np.maximum(one["agonist_tension"], 0.0),
+        antagonist=np.maximum(one["antagonist_tension"], 0.0),
+        speed=np.gradient(command, one.time),
+        bend=float(one["sheath_bend"][0]),
     )
 
 

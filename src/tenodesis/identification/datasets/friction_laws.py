@@ -73,13 +73,7 @@ _SMALL = 1e-4
 
 
 def law_of(name: str) -> Law:
-    """Return a friction law by its name.
-
-    Raises
-    ------
-    IdentificationError
-        There is no such law.
-    """
+    """Return a friction law by its name; raises IdentificationError if there is none."""
     if name not in LAWS:
         raise IdentificationError(key="law", value=name, allowed=f"one of {', '.join(LAWS)}")
     return LAWS[name]
@@ -99,23 +93,9 @@ def pass_on(
     The tendons of a pair slip by the same length, one forward and one back: the contact holds their difference between
     the least of the agonist less the most of the antagonist and the most less the least.
 
-    Parameters
-    ----------
-    name
-        Of the law.
-    given
-        Its parameters by name.
-    tension, against
-        Before the contact, N, (n,); of the antagonist if there is one.
-    speed
-        Of the motion, (n,); only stribeck needs it.
-    start
-        What is behind the contact before the first sample, N.
-
-    Raises
-    ------
-    IdentificationError
-        There is no such law.
+    Tension, and that of the antagonist if there is one (`against`), are before the contact, N, (n,); `start` is behind
+    it before the first sample, N. Only stribeck needs the speed of the motion, (n,). Raises IdentificationError if
+    there is no such law.
     """
     law_of(name)
     before = number(tension)
@@ -135,16 +115,7 @@ def band(
 ) -> tuple[Dual, Dual]:
     """Return the least and the most tension that a contact of a play-type law can hold behind it.
 
-    Parameters
-    ----------
-    name, given
-        The law and its parameters.
-    tension
-        Before the contact.
-    speed
-        Of the motion; only stribeck needs it.
-    slack
-        Whether no bound is below zero: a tendon cannot push.
+    Only stribeck needs the speed of the motion. With `slack` no bound is below zero: a tendon cannot push.
     """
     found = []
     for sign in (-1.0, 1.0):
@@ -175,18 +146,8 @@ def held(lower: Dual, upper: Dual, start: Dual) -> Dual:
 def hysteresis(moved: Dual, width: Operand, beta: Operand, start: Operand = 0.0) -> Dual:
     """Return friction relative to full sliding friction: Wen 1976 with exponent 1 and beta + gamma = 1.
 
-    Solved exactly within each step.
-
-    Parameters
-    ----------
-    moved
-        What friction follows: a tension or an angle.
-    width
-        How far that moves until friction has reversed.
-    beta
-        Share of friction that a reversal meets at once.
-    start
-        Before the first step.
+    Solved exactly within each step. Friction follows what has moved, a tension or an angle: it reverses over its
+    `width`, and a reversal meets a share `beta` of it at once; `start` is its value before the first step.
     """
     wide, shape, state = number(width), number(beta), number(start)
     steps = np.diff(moved.value)

@@ -16,10 +16,16 @@ import numpy as np
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.datasets.dual_numbers import Dual, unknowns
 from tenodesis.identification.datasets.friction_laws import LAWS, law_of, pass_on
+from tenodesis.identification.datasets.reference import (
+    ReferenceProblem,
+    ReferenceSeries,
+    check_recordings,
+    refuse_instrument,
+)
 from tenodesis.identification.formats.measured import MeasuredRun, Source, checksum
 from tenodesis.identification.formats.raw import CLOCKS, GRAM_FORCE, Raw, Unit, spread_of
 from tenodesis.identification.formats.table import heading, read_table, scale_of
-from tenodesis.identification.problem import Parameter, Problem, Trace
+from tenodesis.identification.problem import Parameter
 from tenodesis.identification.registry import Format
 from tenodesis.identification.uncertainty import LossName
 from tenodesis.instrument import Instrument
@@ -50,10 +56,8 @@ def load(path: Path) -> MeasuredRun:
 
     Columns: proximal_tension, distal_tension (N), each the median of three samples, so that isolated spikes go.
 
-    Raises
-    ------
-    IdentificationError
-        The file cannot be read, a column is missing, its units fit none that are known, or its samples cannot be used.
+    Raises IdentificationError if the file cannot be read, a column is missing, its units fit none that are known, or
+    its samples cannot be used.
     """
     table = read_table(path)
     headings = [heading(one) for one in table.headings]
@@ -136,71 +140,32 @@ NOISE = 0.02
 _GAIN = Parameter("gain", "1", 1.0, 0.3, 2.0, "Gain of the distal load cell over the proximal one")
 
 
-@dataclass(frozen=True)
-class Series:
-    """A run, each (n,); s, N, N/s."""
+@dataclass(frozen=True, kw_only=True)
+class Series(ReferenceSeries):
+    """A run with its distal tension, each (n,); s, N, N/s."""
 
-    time: Array
     proximal: Array
     rate: Array
-    distal: Array
 
 
-class Sheath(Problem):
-    """A sheathed tendon with its recordings.
+class Sheath(ReferenceProblem[Series]):
+    """A sheathed tendon with its recordings of proximal_tension and distal_tension.
 
-    Parameters
-    ----------
-    recordings
-        With proximal_tension and distal_tension.
-    law
-        Friction law, a key of `tenodesis.identification.datasets.friction_laws.LAWS`.
-
-    Raises
-    ------
-    IdentificationError
-        There is no such law, or no recording.
+    The law is a key of `LAWS`. Raises IdentificationError if there is no such law, or no recording.
     """
+
+    key, noise = "tension_N", NOISE
 
     def __init__(self, recordings: Sequence[MeasuredRun], *, law: str = DEFAULT_LAW) -> None:
         found = law_of(law)
-        if not recordings:
-            raise IdentificationError("train is empty; it must hold at least one recording.", key="train")
+        check_recordings(recordings)
         self.law = law
         self.runs = tuple(one.name for one in recordings)
-        self._series = [_series(one) for one in recordings]
-        friction = [
-            *found.magnitudes,
-            *(_in_unit(one, self._series[0].rate) for one in found.shapes),
-        ]
+        self.full = self.fitted = [_series(one) for one in recordings]
+        friction = [*found.magnitudes, *(_in_unit(one, self.fitted[0].rate) for one in found.shapes)]
         self.parameters = (_GAIN, *friction)
         self._names = tuple(one.name for one in self.parameters)
         self.groups = {"friction": tuple(one.name for one in friction), "stiffness": (), "kinematics": ("gain",)}
-
-    def residuals(self, values: Array, run: int) -> Array:
-        """Return measured minus modelled distal tension, (n,), in standard deviations of its load cell."""
-        return (self._series[run].distal - self.distal_tension(values, run)) / NOISE
-
-    def jacobian(self, values: Array, run: int) -> Array:
-        """Return the derivatives of the residuals, (n, parameters)."""
-        return np.ascontiguousarray(-self._model(values, run, exact=True).slopes.T / NOISE)
-
-    def distal_tension(self, values: Array, run: int) -> Array:
-        """Return what the distal load cell would show, N, (n,)."""
-        return self._model(values, run, exact=False).value
-
-    def errors(self, values: Array, run: int) -> dict[str, Array]:
-        """Return measured minus modelled distal tension, N."""
-        return {"tension_N": self._series[run].distal - self.distal_tension(values, run)}
-
-    def traces(self, values: Array, run: int) -> dict[str, Trace]:
-        """Return measured and modelled distal tension, N."""
-        series = self._series[run]
-        return {"tension_N": Trace(series.time, series.distal, self.distal_tension(values, run))}
-
-    def sample_time(self, run: int) -> float:
-        """Return the time between samples, s."""
-        return float(np.median(np.diff(self._series[run].time)))
 
     def advice(self, names: Sequence[str]) -> str | None:
         """Return which recording would make these parameters identifiable."""
@@ -208,8 +173,9 @@ class Sheath(Problem):
             return "Pull and release far enough that the tendon slides both ways: the band's two edges show the gain."
         return "Record reversals at several tensions, the highest several times the lowest."
 
-    def _model(self, values: Array, run: int, *, exact: bool) -> Dual:
-        given, series = unknowns(self._names, values, exact=exact), self._series[run]
+    def modelled(self, values: Array, series: Series, *, exact: bool) -> Dual:
+        """Return what the distal load cell would show, (n,), N."""
+        given = unknowns(self._names, values, exact=exact)
         start = float(series.proximal[0])
         return given["gain"] * pass_on(self.law, given, series.proximal, speed=series.rate, start=start)
 
@@ -217,18 +183,8 @@ class Sheath(Problem):
 def problem(
     train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None
 ) -> Sheath:
-    """Return the model with its recordings, those of train first.
-
-    Raises
-    ------
-    IdentificationError
-        There is no such law, no recording, or an instrument is given, which the sheath is not.
-    """
-    if instrument is not None:
-        raise IdentificationError(
-            "instrument is given; it must be left out: a tendon-sheath recording is of a tendon without one.",
-            key="instrument",
-        )
+    """Return the model with its recordings, those of train first; raises as `Sheath`, and for an instrument."""
+    refuse_instrument(instrument, "a tendon-sheath recording is of a tendon without one")
     return Sheath([*train, *test], law=law)
 
 
@@ -242,7 +198,8 @@ def _in_unit(one: Parameter, rate: Array) -> Parameter:
 
 def _series(one: MeasuredRun) -> Series:
     proximal = np.maximum(one["proximal_tension"], 0.0)
-    return Series(one.time, proximal, np.gradient(proximal, one.time), one["distal_tension"])
+    rate = np.gradient(proximal, one.time)
+    return Series(time=one.time, reference=one["distal_tension"], proximal=proximal, rate=rate)
 
 
 FORMAT = Format(load, problem, laws=tuple(LAWS), law=DEFAULT_LAW, loss=DEFAULT_LOSS)

@@ -13,7 +13,6 @@ from tenodesis.errors import IdentificationError, NoSolutionError
 from tenodesis.instrument import Instrument
 from tenodesis.simulate import Cycles, Hold, Ramp, StepLoad
 from tenodesis.simulate.protocol import AnyPhase
-from tenodesis.simulate.reach import largest
 
 Phase: TypeAlias = AnyPhase
 
@@ -55,10 +54,7 @@ class Candidate(NamedTuple):
 def loads(inst: Instrument, forces: Sequence[float] | None = None) -> tuple[float, ...]:
     """Return the forces at the tip (N), ascending: those given, or shares of the force at slack onset.
 
-    Raises
-    ------
-    IdentificationError
-        A force is not a finite number above 0.
+    Raises IdentificationError if a force is not a finite number above 0.
     """
     if forces is not None:
         for force in forces:
@@ -76,7 +72,7 @@ def loads(inst: Instrument, forces: Sequence[float] | None = None) -> tuple[floa
 
 def candidates(inst: Instrument, forces: Sequence[float]) -> list[Candidate]:
     """Return all candidates for a one-axis instrument under the forces (N) of its bench."""
-    reach = math.radians(math.floor(math.degrees(largest(inst)) * 10) / 10)
+    reach = math.radians(math.floor(math.degrees(statics.reach(inst)) * 10) / 10)
     return [
         *_cycles(reach, forces),
         *_step_loads(reach, forces),
@@ -87,21 +83,12 @@ def candidates(inst: Instrument, forces: Sequence[float]) -> list[Candidate]:
 
 
 def baselines(inst: Instrument, forces: Sequence[float], duration: float) -> dict[str, tuple[Phase, ...]]:
-    """Return protocols by name: plain cycles without load, and the paper's cycles of Fig. 14.
+    """Return protocols of a one-axis instrument by name: plain cycles without load, and the paper's cycles of Fig. 14.
 
-    Parameters
-    ----------
-    inst
-        The instrument, of one axis.
-    forces
-        Forces at the tip of the paper's cycles, N; without any they are left out.
-    duration
-        Duration of each candidate, s, to the nearest integer number of cycles.
+    Each lasts `duration` (s), to the nearest integer number of cycles. The paper's cycles have forces (N) at the tip,
+    and are left out without any.
     """
-    try:
-        amplitude = min(statics.reach(inst), largest(inst))
-    except NoSolutionError:
-        amplitude = largest(inst)
+    amplitude = statics.reach(inst)
     count = max(1, round(duration / _PLAIN_PERIOD))
     found: dict[str, tuple[Phase, ...]] = {
         "plain cycles": (Cycles(amplitude=amplitude, period=duration / count, count=count),)

@@ -22,14 +22,7 @@ class Criterion:
     the marginal covariance, whose inverse is the Schur complement of the others in the information (Atkinson, Donev and
     Tobias 2007, ch. 10). What nothing identifies counts as known to its scale.
 
-    Parameters
-    ----------
-    name
-        D or A.
-    free
-        Indices of the parameters that are open.
-    wanted
-        Indices of those that count, among them.
+    `free` are the indices of the parameters that are open, `wanted` those among them that count.
     """
 
     def __init__(self, name: CriterionName, free: Sequence[int], wanted: Sequence[int]) -> None:
@@ -56,25 +49,10 @@ class Criterion:
 def choose(
     offered: Sequence[Information], seconds: Sequence[float], duration: float, criterion: Criterion, *, most: int
 ) -> list[int]:
-    """Return which candidates to take, some of them several times: greedy by gain a second, then by exchange.
+    """Return the indices of candidates to take, ascending, some repeated: greedy by gain a second, then by exchange.
 
-    Parameters
-    ----------
-    offered
-        Information of each candidate; that of several together is taken to be the sum.
-    seconds
-        How long each lasts, s.
-    duration
-        How long all of them may last, s.
-    criterion
-        To be minimised.
-    most
-        How often each may be taken.
-
-    Returns
-    -------
-    list of int
-        Indices in ascending order; empty where none fits.
+    The information of several candidates is taken to be the sum. Each lasts `seconds`, all together `duration` (s) at
+    most, and each is taken `most` times at most. The criterion is minimised; nothing is taken where no candidate fits.
     """
     pool = _Pool(offered, np.asarray(seconds, dtype=np.float64), duration, criterion, most)
     chosen = pool.filled([])

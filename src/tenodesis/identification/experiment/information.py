@@ -58,24 +58,11 @@ def information(
     averaged: int,
     until: Sequence[float],
 ) -> list[Information]:
-    """Return the information in the first run of a problem up to some times.
+    """Return the information in the first run of a problem up to some times, s.
 
-    The noise is independent from sample to sample; rounding errors persist while a signal rests (`QuantisedSensor`).
-
-    Parameters
-    ----------
-    problem
-        The model with the run.
-    values
-        At which it is taken, shape (parameters,).
-    scale
-        Unit of the changes of each parameter, shape (parameters,).
-    sensors
-        By the unit of the problem's traces.
-    averaged
-        Samples that one of the problem's stands for.
-    until
-        Times, s.
+    The noise is independent from sample to sample; rounding errors persist while a signal rests (`QuantisedSensor`). It
+    is taken at `values` in units of `scale`, both of shape (parameters,). Sensors are by the unit of the problem's
+    traces; `averaged` samples make one of the problem's.
     """
     traces = problem.traces(values, 0)
     kinds = [sensors[name.rpartition("_")[2]] for name in traces]

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import tomli_w
@@ -14,10 +14,9 @@ from tenodesis.identification.experiment.candidates import Candidate
 from tenodesis.identification.experiment.choice import CriterionName
 from tenodesis.identification.problem import Parameter
 from tenodesis.instrument import Instrument
-from tenodesis.instrument.text import with_units
+from tenodesis.instrument.text import READABLE, readable, with_units
 from tenodesis.run import Run
 from tenodesis.simulate import Protocol
-from tenodesis.units import in_unit
 
 OPTIMISTIC = (
     "Predicted intervals account for the sensors' noise and rounding alone: they are the best that a bench can reach. "
@@ -29,7 +28,7 @@ HELD_WITH = {"friction.sheath_bend": "friction.sheath_coefficient"}
 """Parameters that are held unless wanted, since they act only in a product with another."""
 HALF = float(special.ndtri(0.975))
 """Half a 95 % interval, in standard deviations."""
-_READABLE = {"rad": "deg", "rad/s": "deg/s", "m": "mm", "m/s": "mm/s"}
+_UNITS = {si: unit for si, unit in READABLE.items() if si != "s"}
 
 
 class Block(NamedTuple):
@@ -106,20 +105,6 @@ class Plan:
 def to_text(protocol: Protocol, comment: str = "") -> str:
     """Return the text of a protocol file, with a comment at its head."""
     phases = [{"kind": phase.kind} | with_units(phase, unset=False) for phase in protocol.phases]
-    values = with_units(protocol, unset=False) | {"phases": [_readable(phase) for phase in phases]}
+    values = with_units(protocol, unset=False) | {"phases": readable(phases, _UNITS)}
     head = "".join(f"# {line}".rstrip() + "\n" for line in comment.splitlines())
     return f"{head}\n{tomli_w.dumps(values)}" if head else tomli_w.dumps(values)
-
-
-def _readable(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _readable(one) for key, one in value.items()}
-    if isinstance(value, list):
-        return [_readable(one) for one in value]
-    number, _, unit = value.partition(" ") if isinstance(value, str) else ("", "", "")
-    try:
-        size = float(number)
-    except ValueError:
-        return value
-    shown = _READABLE.get(unit, unit)
-    return f"{size * in_unit(shown, unit) + 0.0:.9g} {shown}"

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import count
 from typing import NamedTuple, get_args
 
 import numpy as np
@@ -43,18 +44,14 @@ def plan(
 ) -> Plan:
     """Propose the bench protocol after which the wanted parameters are known best, and predict how well.
 
-    The design is local: derivatives are taken at the file's values.
+    The design is local: derivatives are taken at the file's values. Of two axes it is for the first.
 
     Parameters
     ----------
-    inst
-        The instrument; of two axes the first.
     want
         Names of parameters or groups; friction, stiffness and pretension by default.
     duration
         How long the protocol may last, s.
-    distal_encoder
-        Whether the bench has one.
     forces
         Known forces at the tip that the bench has, N; none if empty; by default shares of the slack limit.
     law
@@ -77,15 +74,24 @@ def plan(
     measure = Criterion(criterion, free, wanted)
     given = blocks.loads(experiment.inst, forces)
     offered = blocks.candidates(experiment.inst, given)
-    compared = baselines(experiment.inst, _of_paper(experiment.inst, given), duration)
-    report = _Progress(progress, len(offered) + len(compared) + _ORDERS)
+    # The loads of Fig. 14, or those of the bench where the file has none; none without a load rig.
+    of_paper = experiment.inst.conditions.forces or given[:3] if given else ()
+    compared = baselines(experiment.inst, of_paper, duration)
+    done, total = count(1), len(offered) + len(compared) + _ORDERS
 
-    tried, left_out = _tried(experiment, offered, report)
+    def step() -> None:
+        if progress is not None:
+            progress(min(next(done), total), total)
+
+    def predicted(name: str, run: Run, found: Information) -> Prediction:
+        return Prediction(name, float(run.time[-1]), _std(experiment, found, free), measure.one(found))
+
+    tried, left_out = _tried(experiment, offered, step)
     if not tried:
         reasons = "; ".join(dict.fromkeys(left_out.values()))
         raise IdentificationError(f"{inst.name} can run none of the candidates: {reasons}.")
     everything = sum((one.information for one in tried[1:]), tried[0].information)
-    best = _best(experiment, tried, duration=duration, measure=measure, left_out=left_out, report=report)
+    best = _best(experiment, tried, duration=duration, measure=measure, left_out=left_out, step=step)
     names = [one.name for one in experiment.parameters]
     predictions, skipped = [], []
     for name, phases in compared.items():
@@ -96,12 +102,10 @@ def plan(
             skipped.append(f"Not compared with {name}: {problem}.")
         else:
             (information,) = experiment.information(run)[1]
-            predictions.append(_prediction(experiment, name, run, information, free=free, measure=measure))
-        report.step()
+            predictions.append(predicted(name, run, information))
+        step()
     ends = [*(one.begins + one.seconds for one in best.blocks[:-1]), math.inf]
     fitted, grown = experiment.information(best.run, ends)
-    proposed = _prediction(experiment, "the proposed protocol", best.run, grown[-1], free=free, measure=measure)
-    unidentifiable = _unidentifiable(experiment, fitted, everything, given)
     found = Plan(
         inst=experiment.inst,
         law=experiment.law,
@@ -116,10 +120,10 @@ def plan(
         protocol=best.protocol,
         blocks=best.blocks,
         run=best.run,
-        proposed=proposed,
+        proposed=predicted("the proposed protocol", best.run, grown[-1]),
         baselines=tuple(predictions),
         growth=tuple(_std(experiment, one, free) for one in grown),
-        unidentifiable=unidentifiable,
+        unidentifiable=_unidentifiable(experiment, fitted, everything, given),
         left_out=left_out,
         warnings=(),
     )
@@ -139,16 +143,6 @@ class _TriedProtocol(NamedTuple):
     blocks: tuple[Block, ...]
     run: Run
     information: Information
-
-
-class _Progress:
-    def __init__(self, report: Callable[[int, int], None] | None, total: int) -> None:
-        self._report, self._total, self._done = report, total, 0
-
-    def step(self) -> None:
-        self._done = min(self._done + 1, self._total)
-        if self._report is not None:
-            self._report(self._done, self._total)
 
 
 def _check(duration: float, criterion: str) -> None:
@@ -200,13 +194,8 @@ def _free(experiment: SimulatedExperiment, wanted: Sequence[int]) -> tuple[list[
     return [index for index in range(len(names)) if index not in held], held
 
 
-def _of_paper(inst: Instrument, forces: Sequence[float]) -> tuple[float, ...]:
-    """Return the loads of Fig. 14, or those of the bench where the file has none; none without a load rig."""
-    return inst.conditions.forces or tuple(forces[:3]) if forces else ()
-
-
 def _tried(
-    experiment: SimulatedExperiment, offered: Sequence[Candidate], report: _Progress
+    experiment: SimulatedExperiment, offered: Sequence[Candidate], step: Callable[[], None]
 ) -> tuple[list[_TriedCandidate], dict[str, str]]:
     """Return the information of each candidate by itself, and why others cannot be run."""
 
@@ -226,7 +215,7 @@ def _tried(
                 left_out[candidate.name] = found
             else:
                 tried.append(found)
-            report.step()
+            step()
     return tried, left_out
 
 
@@ -243,7 +232,7 @@ def _best(
     duration: float,
     measure: Criterion,
     left_out: dict[str, str],
-    report: _Progress,
+    step: Callable[[], None],
 ) -> _TriedProtocol:
     """Return the best of several orders of the chosen blocks, each run as a protocol.
 
@@ -267,7 +256,7 @@ def _best(
                 protocols.append(_joined(experiment, [pool[place] for place in order]))
             except InfeasibleProtocolError as problem:
                 reason = str(problem)
-            report.step()
+            step()
         if protocols:
             return min(protocols, key=lambda one: measure.one(one.information))
         gone = max(chosen, key=lambda place: len(pool[place].candidate.phases))
@@ -302,23 +291,6 @@ def _joined(experiment: SimulatedExperiment, order: Sequence[_TriedCandidate]) -
     return _TriedProtocol(protocol, parts, run, experiment.information(run)[1][0])
 
 
-def _prediction(
-    experiment: SimulatedExperiment,
-    name: str,
-    run: Run,
-    information: Information,
-    *,
-    free: Sequence[int],
-    measure: Criterion,
-) -> Prediction:
-    return Prediction(
-        name=name,
-        seconds=float(run.time[-1]),
-        std=_std(experiment, information, free),
-        objective=measure.one(information),
-    )
-
-
 def _std(experiment: SimulatedExperiment, information: Information, free: Sequence[int]) -> dict[str, float]:
     """Return the standard deviation of parameters that are open together, SI."""
     std = information.of(free).uncertainty().std * experiment.scale[list(free)]
@@ -343,9 +315,8 @@ def _unidentifiable(
         if len(one.names) == 1:
             sentence = f"No candidate identifies {one.names[0]}: the readings hardly depend on it."
         else:
-            names = " and ".join([", ".join(one.names[:-1]), one.names[-1]])
             known = f"only {one.known} acts" if one.known else "they change the readings in the same way"
-            sentence = f"No candidate identifies {names} separately: {known}."
+            sentence = f"No candidate identifies {identifiability.listed(one.names)} separately: {known}."
         reason = _reason(experiment, problem, one.names)
         why |= dict.fromkeys(one.names, f"{sentence} {reason}" if reason else sentence)
     for name, fine in examined.identifiable.items():

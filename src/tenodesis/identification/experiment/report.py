@@ -1,20 +1,18 @@
 """A plan as files: the protocol to record, a self-contained HTML page, a figure and all values."""
 
-import io
 import math
 from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from tenodesis.identification.experiment import figures
 from tenodesis.identification.experiment.plan import HALF, OPTIMISTIC, Plan, Prediction, to_text
 from tenodesis.identification.figures import readable
-from tenodesis.identification.report import as_text, write_files
+from tenodesis.identification.report import write_files
 from tenodesis.identification.results import LIBRARIES
 from tenodesis.report import page, style
-from tenodesis.report.page import json_number
+from tenodesis.report.page import json_number, json_text, svg_text
 
 PROTOCOL, PAGE, FIGURE, NUMBERS = "protocol.toml", "plan.html", "plan.svg", "plan.json"
 """What a plan is written as."""
@@ -27,10 +25,7 @@ _TEMPLATE = "plan.html.j2"
 def write(plan: Plan, out: Path) -> list[Path]:
     """Write protocol.toml, plan.html, plan.svg and plan.json into a folder, atomically, and return their paths.
 
-    Raises
-    ------
-    IdentificationError
-        The folder cannot be written.
+    Raises IdentificationError if the folder cannot be written.
     """
     with style.applied():
         drawn = {
@@ -41,11 +36,11 @@ def write(plan: Plan, out: Path) -> list[Path]:
             ),
             "growth": (figures.growth(plan), "Uncertainty of the wanted parameters, block by block."),
         }
-        svgs = {name: (_svg(figure), caption) for name, (figure, caption) in drawn.items()}
+        svgs = {name: (svg_text(figure), caption) for name, (figure, caption) in drawn.items()}
     texts = {
         PROTOCOL: to_text(plan.protocol, comment=_comment(plan)),
         FIGURE: svgs["course"][0],
-        NUMBERS: as_text(to_json(plan)),
+        NUMBERS: json_text(to_json(plan)),
         PAGE: _page(plan, svgs),
     }
     return write_files(out, texts, last=PAGE)
@@ -140,9 +135,3 @@ def _page(plan: Plan, svgs: dict[str, tuple[str, str]]) -> str:
         optimistic=OPTIMISTIC,
         about=page.about(*LIBRARIES),
     )
-
-
-def _svg(figure: Figure) -> str:
-    file = io.StringIO()
-    figure.savefig(file, format="svg", metadata={"Date": None})
-    return file.getvalue()

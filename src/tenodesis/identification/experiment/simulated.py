@@ -14,7 +14,7 @@ from tenodesis.identification.experiment.candidates import Phase
 from tenodesis.identification.experiment.information import Information, converters, information
 from tenodesis.identification.formats.instrument_run import TENDONS
 from tenodesis.identification.formats.measured import MeasuredRun
-from tenodesis.identification.problem import Parameter, Trace
+from tenodesis.identification.problem import Parameter
 from tenodesis.identification.twin_model.problem import TwinProblem
 from tenodesis.identification.twin_model.tuning import LONGEST_STEP
 from tenodesis.instrument import Instrument
@@ -35,14 +35,7 @@ class InfeasibleProtocolError(Error):
 class SimulatedExperiment:
     """A one-axis instrument with its sensors, on which protocols are run.
 
-    Parameters
-    ----------
-    inst
-        The instrument; the mismatch of its file is left out.
-    law
-        Friction law of the model.
-    distal_encoder
-        Whether there is one.
+    The mismatch of the instrument's file is left out; `law` is the friction law of the model.
     """
 
     def __init__(self, inst: Instrument, law: str, *, distal_encoder: bool) -> None:
@@ -76,11 +69,8 @@ class SimulatedExperiment:
     def run(self, phases: Sequence[Phase]) -> Run:
         """Return the twin's response.
 
-        Raises
-        ------
-        InfeasibleProtocolError
-            The protocol is beyond a range, loses the tip, or exceeds the tension limit, with the file's stiffness and
-            pretension or with both a fifth off.
+        Raises InfeasibleProtocolError if the protocol is beyond a range, loses the tip, or exceeds the tension limit,
+        with the file's stiffness and pretension or with both a fifth off.
         """
         try:
             commands = Protocol(name=_CANDIDATE, phases=tuple(phases)).commands(self.inst, self.time_step)
@@ -127,7 +117,7 @@ class SimulatedExperiment:
         }
         true |= {f"tension_{tendon}_N": run["tension"][:, n] for n, tendon in enumerate(TENDONS)}
         traces = problem.traces(self.values, 0)
-        return [_at(one.time, Trace(run.time, true[name], true[name])) - one.model for name, one in traces.items()]
+        return [np.interp(one.time, run.time, true[name]) - one.model for name, one in traces.items()]
 
     def _too_coarse(self, problem: TwinProblem, run: Run) -> bool:
         sensors = [self._sensors[name.rpartition("_")[2]] for name in problem.traces(self.values, 0)]
@@ -186,10 +176,6 @@ _DEGREE = math.radians(1)
 def _beside(deviation: float, resolution: float, finer: int) -> float:
     """Return the noise that, with rounding to steps n times finer, makes up a deviation."""
     return math.sqrt(max(deviation**2 - (resolution / finer) ** 2 / 12, 0.0))
-
-
-def _at(time: Array, trace: Trace) -> Array:
-    return np.asarray(np.interp(time, trace.time, trace.model), dtype=np.float64)
 
 
 def _time_step(inst: Instrument) -> float:

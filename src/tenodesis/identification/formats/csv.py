@@ -8,7 +8,6 @@ of their own. It has one table per column of :data:`COLUMNS` and one for the tim
     tension_agonist = { column = "F1", unit = "N" }
 """
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from math import inf, isfinite, radians
 from pathlib import Path
@@ -22,6 +21,7 @@ from tenodesis.identification.formats.measured import checksum
 from tenodesis.identification.formats.raw import GRAM_FORCE, Unit, spread_of
 from tenodesis.identification.formats.table import heading, read_table, scale_of
 from tenodesis.run import Array
+from tenodesis.toml import parse_toml, read_text
 
 MAP_SUFFIX = ".columns.toml"
 SHARED_MAP = "columns.toml"
@@ -63,10 +63,7 @@ def load(path: Path) -> InstrumentRun:
     Separators are commas, semicolons or tabs, with a decimal comma if they are no commas. An empty cell is a missing
     value. Columns and what becomes of them are those of InstrumentRun.
 
-    Raises
-    ------
-    IdentificationError
-        The file or its map cannot be read, lacks what is needed, or is not usable.
+    Raises IdentificationError if the file or its map cannot be read, lacks what is needed, or is not usable.
     """
     read = read_table(path)
     headings = read.headings
@@ -119,12 +116,7 @@ def _recognised(path: Path, headings: Sequence[str], notes: list[str]) -> dict[s
 
 def _mapped(path: Path, headings: Sequence[str]) -> dict[str, _Place]:
     """Return the columns that a map names."""
-    try:
-        given = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as problem:
-        raise IdentificationError(f"{path} cannot be read: {problem.strerror}.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
-        raise IdentificationError(f"{path} is no TOML: {problem}.") from None
+    given = parse_toml(read_text(path, IdentificationError), IdentificationError, str(path))
     places = {}
     for name, entry in given.items():
         where = f"{path}: {name}"

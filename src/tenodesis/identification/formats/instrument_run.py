@@ -59,12 +59,8 @@ def checked(
 ) -> InstrumentRun:
     """Return a run whose columns are in SI and in order, or refuse it with the reason.
 
-    The clock's unit is the first of `clocks` with a plausible magnitude.
-
-    Raises
-    ------
-    IdentificationError
-        Too much of it is corrupt, it is too short, or the handle does not move.
+    The clock's unit is the first of `clocks` with a plausible magnitude. Raises IdentificationError if too much of the
+    run is corrupt, it is too short, or the handle does not move.
     """
     raw = Raw(name, time, columns)
     for note in notes:

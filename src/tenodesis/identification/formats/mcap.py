@@ -12,6 +12,7 @@ from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from tenodesis.errors import IdentificationError, InstrumentError, RecordingError
+from tenodesis.files import read_regular
 from tenodesis.identification.formats import bag
 from tenodesis.identification.formats.instrument_run import TENDONS, InstrumentRun, checked
 from tenodesis.identification.formats.measured import checksum
@@ -65,10 +66,7 @@ def load(path: Path) -> InstrumentRun:
     spool_antagonist (rad). What was not recorded is left out; without a force the tip is taken to be free. Topics with
     stamps of their own are brought to those of the load cells.
 
-    Raises
-    ------
-    IdentificationError
-        The file is no recording, or lacks what is needed, or is not usable.
+    Raises IdentificationError if the file is no recording, lacks what is needed, or is not usable.
     """
     files = _files(path)
     try:
@@ -164,7 +162,10 @@ def _decoded(files: Sequence[Path], notes: list[str]) -> dict[str, list[Decoded]
         # numbers of schemas are the file's own
         factory = DecoderFactory()
         for number, messages in contents.messages.items():
-            channel = contents.channels[number]
+            channel = contents.channels.get(number)
+            if channel is None:
+                notes.append(f"{file.name} holds messages of a channel that it does not describe: {number}")
+                continue
             schema = contents.schemas.get(channel.schema_id)
             if channel.topic not in schemas.TOPICS or schema is None:
                 continue
@@ -184,7 +185,7 @@ def _contents(file: Path) -> container.Contents:
     if bag.is_sqlite(file):
         return bag.scan(file, schemas.TOPICS)
     try:
-        data = file.read_bytes()
+        data = read_regular(file)
     except OSError as problem:
         raise RecordingError(f"{file} cannot be read: {problem.strerror}.") from None
     if not container.is_mcap(data):

@@ -100,10 +100,7 @@ def distinct_names(paths: Sequence[Path]) -> list[str]:
 def load_all(load: Callable[[Path], _MeasuredRun], paths: Sequence[Path]) -> list[_MeasuredRun]:
     """Return the recordings of several files, each under a name of its own.
 
-    Raises
-    ------
-    IdentificationError
-        One of them cannot be used.
+    Raises IdentificationError if one of them cannot be used.
     """
     return [_named(load, path, name) for path, name in zip(paths, distinct_names(paths), strict=True)]
 

@@ -145,17 +145,9 @@ class Raw:
         """Convert columns of a kind to SI from the unit that their magnitude shows, and return that unit's name.
 
         All are taken to be in one unit, which the column that moves most shows. The first unit is the format's own; any
-        other is noted. Refused where no unit is plausible, several are, or no column moves. Plausible is
-        judged on the spread of the middle 90 % of the values, and on whether most are integers.
-
-        Parameters
-        ----------
-        units
-            What the columns may be in.
-        columns
-            Their names.
-        advice
-            What to do where magnitudes leave the unit open.
+        other is noted. Refused where no unit is plausible, several are, or no column moves. Plausible is judged on the
+        spread of the middle 90 % of the values, and on whether most are integers. `advice` is what to do where
+        magnitudes leave the unit open.
         """
         named, several = " and ".join(columns), len(columns) > 1
         spread, widest = max((spread_of(self.columns[column]), column) for column in columns)

@@ -9,9 +9,12 @@ import numpy as np
 import pint
 
 from tenodesis.errors import IdentificationError
+from tenodesis.files import read_regular
 from tenodesis.run import Array
 from tenodesis.units import in_unit
 
+_LARGEST = 1_000_000_000
+"""Largest file of text, bytes."""
 _HEADING = re.compile(r"\s*(?P<name>[^\[\]]*?)\s*(?:\[\s*(?P<unit>[^\]]*?)\s*\])?\s*")
 
 
@@ -44,10 +47,7 @@ class Table(NamedTuple):
 def read_table(path: Path) -> Table:
     """Return a text file with headings, separated by commas, semicolons or tabs; lines of # or % are left out.
 
-    Raises
-    ------
-    IdentificationError
-        The file cannot be read, or is empty.
+    Raises IdentificationError if the file cannot be read, or is empty.
     """
     lines = [line for line in _lines(path) if not line.startswith(("#", "%"))]
     if not lines:
@@ -69,10 +69,7 @@ def heading(text: str) -> Heading:
 def scale_of(unit: str, si_unit: str, what: str) -> float:
     """Return the factor from a unit to an SI unit.
 
-    Raises
-    ------
-    IdentificationError
-        The unit is unknown or of another dimension; `what` names the place and the column.
+    Raises IdentificationError if the unit is unknown or of another dimension; `what` names the place and the column.
     """
     try:
         return in_unit(si_unit, unit)
@@ -86,21 +83,9 @@ def read_rows(
 ) -> Array:
     """Return the numbers of a text file without headings, shape (rows, width); a row that cannot be read is NaN.
 
-    Parameters
-    ----------
-    path
-        The file.
-    width
-        Columns of the format; further ones are not read.
-    delimiter, comment
-        What separates columns (None: white space) and what starts a line to leave out (None: nothing does).
-    skip
-        Header lines to leave out.
-
-    Raises
-    ------
-    IdentificationError
-        The file cannot be read, or no row has enough columns.
+    Further columns are not read. Without a delimiter white space separates columns; header lines to `skip` and lines
+    that start with a comment are left out. Raises IdentificationError if the file cannot be read, or no row has enough
+    columns.
     """
     lines = [line for line in _lines(path)[skip:] if not (comment and line.startswith(comment))]
     if not lines:
@@ -117,7 +102,7 @@ def read_rows(
 def _lines(path: Path) -> list[str]:
     """Return the lines of a text file that are not blank, without a byte order mark."""
     try:
-        text = path.read_text(encoding="utf-8-sig", errors="replace")
+        text = read_regular(path, _LARGEST).decode("utf-8-sig", errors="replace")
     except OSError as error:
         raise IdentificationError(f"{path} cannot be read: {error.strerror}.") from None
     return [line for line in text.splitlines() if line.strip()]

@@ -37,16 +37,7 @@ def smoothed(values: Array, sample_time: float, sensor: QuantisedSensor) -> Reco
     Second differences are penalised (Whittaker 1923) by the weight of least expected error (Stein 1981), up to a blur
     of a fifth of a second, except where the signal has a kink. The errors are those of a path whose second differences
     have the variance that this weight stands for (Wahba 1983), described at some places (Quiñonero-Candela and
-    Rasmussen 2005).
-
-    Parameters
-    ----------
-    values
-        The signal, shape (n,), evenly sampled.
-    sample_time
-        Time between samples, s.
-    sensor
-        What it was read by, in its own unit.
+    Rasmussen 2005). The signal, shape (n,), is in the sensor's unit and evenly sampled, every `sample_time` s.
     """
     deviation = sensor.deviation
     if deviation <= 0 or values.size < max(tuning.KINK_WINDOWS) or not np.ptp(values):
@@ -77,16 +68,8 @@ def unrounded(values: Array, sample_time: float, resolution: float) -> Reconstru
     """Return a signal without a converter's rounding, reconstructed from when it passes from one step to the next.
 
     Between such times it is drawn straight; where it rests, turns, begins or ends it is in the middle of the step. Its
-    errors: half a step where it rests, less on the way there and where its speed changes.
-
-    Parameters
-    ----------
-    values
-        The signal, shape (n,), evenly sampled, rounded and without noise.
-    sample_time
-        Time between samples, s.
-    resolution
-        The converter's step.
+    errors: half a step where it rests, less on the way there and where its speed changes. The signal, shape (n,), is
+    evenly sampled, every `sample_time` s, without noise and rounded to the converter's steps, `resolution`.
     """
     changes = np.flatnonzero(np.diff(values))
     if not changes.size:

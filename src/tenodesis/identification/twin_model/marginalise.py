@@ -37,14 +37,9 @@ class Marginalisation(NamedTuple):
 
 
 def marginalise(run: SteppedRun, expected: Callable[[Array], Array]) -> Marginalisation:
-    """Return how the residuals of a run are whitened.
+    """Return how the residuals of a run with errors of its inputs are whitened.
 
-    Parameters
-    ----------
-    run
-        The run, with errors of its inputs.
-    expected
-        Maps commands to readings in standard deviations, one sensor after the other.
+    `expected` maps commands to readings in standard deviations, one sensor after the other.
     """
     effects, nonlinear = _effects(run, expected)
     weights = 1 / np.sqrt(1 + run.stride * np.sum(nonlinear**2, axis=1))

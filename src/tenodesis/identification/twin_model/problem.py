@@ -287,10 +287,7 @@ def problem(
 ) -> TwinProblem:
     """Return the problem of an instrument's recordings.
 
-    Raises
-    ------
-    IdentificationError
-        No instrument is known, or the law is none of the twin's.
+    Raises IdentificationError if no instrument is known, or the law is none of the twin's.
     """
     runs = [*train, *test]
     known = [run.instrument for run in runs if isinstance(run, InstrumentRun) and run.instrument is not None]

@@ -68,16 +68,9 @@ class SteppedRun(NamedTuple):
 
 
 def in_steps(run: MeasuredRun, inst: Instrument, stride: int) -> SteppedRun:
-    """Return a run averaged over steps.
+    """Return a run, in columns of InstrumentRun, averaged over steps of `stride` samples.
 
-    Parameters
-    ----------
-    run
-        The recording, in columns of InstrumentRun.
-    inst
-        The instrument, for its sensors and its nominal pretension.
-    stride
-        Samples per step.
+    The instrument gives the sensors and the nominal pretension.
     """
     columns = dict(run.columns)
     # a compliant hand is not where it was commanded to be

@@ -43,13 +43,22 @@ def _of_pair(key: str, place: int) -> Callable[[Instrument, float], dict[str, An
     return changes
 
 
-def _in_file(  # noqa: PLR0917
-    key: str, unit: str, upper: float, meaning: str, group: str, lower: float = 0.0
-) -> tuple[str, Unknown]:
-    return key, Unknown(key.partition(".")[2], unit, lower, upper, meaning, _key(key), group)
-
-
 # The largest bend and coefficient together stay below the largest friction exponent that the core takes.
+_KEYS = (
+    ("friction.vertex_coefficient", "1", 0.0, 1.0, "friction coefficient at the joints", "friction"),
+    ("friction.sheath_coefficient", "1", 0.0, 1.0, "friction coefficient in the sheath", "friction"),
+    ("friction.sheath_bend", "rad", 0.0, 3 * pi, "total bend of the sheath", "sheath"),
+    ("friction.constant", "N", 0.0, 20.0, "load-independent friction of each joint and of the sheath", "friction"),
+    ("friction.static_ratio", "1", 1.0, 3.0, "static over kinetic friction coefficient", "friction"),
+    ("friction.stribeck_speed", "m/s", 1e-5, 0.1, "slip speed at which static friction has vanished", "friction"),
+    ("friction.viscous", "N*s/m", 0.0, 100.0, "viscous friction of each joint and of the sheath", "viscous"),
+    ("dynamics.tip_damping", "N*m*s", 0.0, 1.0, "viscous damping of the tip", "viscous"),
+    ("drives.backlash", "rad", 0.0, 0.5, "backlash of the gearbox, at the spool", "drives"),
+    ("mismatch.handle_encoder_offset", "rad", -0.3, 0.3, "offset of the handle's encoder", "sensors"),
+    ("mismatch.output_encoder_offset", "rad", -0.3, 0.3, "offset of the distal encoder", "sensors"),
+)
+"""Key of an instrument file, unit, bounds, meaning and group of the parameters that are a key's value."""
+
 UNKNOWNS = {
     "stiffness_ratio": Unknown(
         "stiffness_ratio", "1", 0.2, 3.0, "true over nominal stiffness of the tendons", _stiffness, "stiffness"
@@ -66,30 +75,10 @@ UNKNOWNS = {
     "pretension_ratio": Unknown(
         "pretension_ratio", "1", 0.1, 4.0, "true over nominal pretension", _pretension, "pretension"
     ),
-    **dict(
-        [
-            _in_file("friction.vertex_coefficient", "1", 1.0, "friction coefficient at the joints", "friction"),
-            _in_file("friction.sheath_coefficient", "1", 1.0, "friction coefficient in the sheath", "friction"),
-            _in_file("friction.sheath_bend", "rad", 3 * pi, "total bend of the sheath", "sheath"),
-            _in_file(
-                "friction.constant", "N", 20.0, "load-independent friction of each joint and of the sheath", "friction"
-            ),
-            _in_file("friction.static_ratio", "1", 3.0, "static over kinetic friction coefficient", "friction", 1.0),
-            _in_file(
-                "friction.stribeck_speed",
-                "m/s",
-                0.1,
-                "slip speed at which static friction has vanished",
-                "friction",
-                1e-5,
-            ),
-            _in_file("friction.viscous", "N*s/m", 100.0, "viscous friction of each joint and of the sheath", "viscous"),
-            _in_file("dynamics.tip_damping", "N*m*s", 1.0, "viscous damping of the tip", "viscous"),
-            _in_file("drives.backlash", "rad", 0.5, "backlash of the gearbox, at the spool", "drives"),
-            _in_file("mismatch.handle_encoder_offset", "rad", 0.3, "offset of the handle's encoder", "sensors", -0.3),
-            _in_file("mismatch.output_encoder_offset", "rad", 0.3, "offset of the distal encoder", "sensors", -0.3),
-        ]
-    ),
+    **{
+        key: Unknown(key.partition(".")[2], unit, lower, upper, meaning, _key(key), group)
+        for key, unit, lower, upper, meaning, group in _KEYS
+    },
     **{
         f"mismatch.load_cell_{kind}.{tendon}": Unknown(
             f"{tendon}_load_cell_{kind}",

@@ -1,0 +1,426 @@
+"""Whether the motors ever do harm: random work, random faults, and motors that run away.
+
+Peer: the same instrument with its motors standing at home, with the same hand, load and friction. Errors are distances
+of the tip from where the handle puts it without a load and without friction. For a fault, the hull of the peer, of this
+target, of the run without the fault, and of one whose motors stop when the fault is named, shows what it did itself.
+"""
+
+import argparse
+import os
+import time
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import tenodesis as tn
+from tenodesis.control import Controller, OperatingState, Request, parameters
+from tenodesis.control.controller import fault_names
+from tenodesis.instrument import Instrument
+from tenodesis.run import Run
+from tenodesis.simulate import FaultInjection
+from tenodesis.twin import TIME_STEP, Twin
+
+Array = NDArray[np.float64]
+Random = np.random.Generator
+Faults = tuple[FaultInjection, ...]
+
+RATED = {"scaled-up": 1.485, "real-size": 0.52}  # N; 0.15 N m on the large one, and the same on the small one
+EASED, LOADED, FAULT, JUDGED = 1.2, 1.5, 1.8, 2.5  # s
+SECONDS, NAMED_WITHIN = 8.0, 3.0  # s
+MORE_RMS, MORE_PEAK, MORE_IN_FAULT, MORE_THAN_BOUND = 0.1, 1.0, 2.0, 1.2  # deg, deg, deg, ratio
+# The supervisor's time until it has the supply cut, and a relay's, s.
+RELAY = 0.05 + 0.01
+# Of 800 runs such as those of part 1, before the law had an envelope.
+BEFORE = "before the envelope: 133 of 800 runs worse, worst peak +27.8°, tips of 1800 °/s"
+
+
+class Work(NamedTuple):
+    """What an instrument is asked to do, and what its controller is told about it."""
+
+    seed: tuple[int, int]
+    plant: Instrument
+    known: Instrument
+    handle: Array
+    force: Array
+    hand: str
+    load: str
+    words: str
+
+
+class Comparison(NamedTuple):
+    """A run with the motors against one without, deg."""
+
+    work: Work
+    rms: float
+    rms_off: float
+    peak: float
+    peak_off: float
+    speed: float
+    """Largest of the tip, deg/s"""
+    speed_off: float
+    restrained: float
+    """Share of the time"""
+    faults: tuple[str, ...]
+
+    @property
+    def more_rms(self) -> float:
+        return self.rms - self.rms_off
+
+    @property
+    def more_peak(self) -> float:
+        return self.peak - self.peak_off
+
+    @property
+    def worse(self) -> bool:
+        return self.more_rms > MORE_RMS or self.more_peak > MORE_PEAK
+
+
+class Excess(NamedTuple):
+    """How much further off target the tip is than with standing motors, and how far outside the hull, deg."""
+
+    off: float
+    hull: float
+
+
+class Outcome(NamedTuple):
+    """What a fault did."""
+
+    work: Work
+    kind: str
+    fault: FaultInjection
+    names: tuple[str, ...]
+    seconds: float
+    """From the fault until it was named; NaN if it was not within :data:`NAMED_WITHIN`"""
+    before: Excess
+    """Until it was named, or else for :data:`NAMED_WITHIN`"""
+    after: Excess
+    """From then on"""
+    bound: float = np.nan
+    """Of a motor that runs away, deg"""
+
+    @property
+    def over_bound(self) -> float:
+        return max(self.before.hull, self.after.hull) / self.bound
+
+    @property
+    def words(self) -> str:
+        fault, named = self.fault, f"named after {self.seconds:.3f} s" if self.names else "not named"
+        size = f"{fault.value:+.3g}" + (f" {fault.rate:+.3g}/s" if fault.rate else "")
+        bound = f", bound {self.bound:.2f}°" if self.bound > 0 else ""
+        return f"{self.kind}, {fault.point} {fault.mode} {size}, {named}{bound}\n      {self.work.words}"
+
+
+def eased(time: Array, span: float) -> Array:
+    u = np.clip(time / span, 0, 1)
+    return np.asarray(u**3 * (10 - 15 * u + 6 * u * u))
+
+
+def differing(inst: Instrument, friction: float, stiffness: float = 1.0) -> Instrument:
+    """Return the instrument with other friction, and with the true stiffness times a factor."""
+    true = inst.tendon_stiffness * inst.mismatch.stiffness_ratio
+    mismatch = inst.mismatch.model_dump() | {"stiffness_ratio": 1 / stiffness}
+    coefficients = {
+        f"friction.{name}": getattr(inst.friction, name) * friction
+        for name in ("vertex_coefficient", "sheath_coefficient")
+    }
+    return inst.replace(tendon_stiffness=true * stiffness, mismatch=mismatch, **coefficients)
+
+
+def make_work(inst: Instrument, seed: int, number: int, trial: bool = False) -> Work:
+    """Return random work; trial: of a fault, under the rated load, by a hand without tremor."""
+    random = np.random.default_rng([seed, number, trial])
+    count = round(SECONDS / TIME_STEP)
+    time = np.arange(1, count + 1, dtype=np.float64) * TIME_STEP
+    friction, told_friction, told_stiffness = random.uniform([0.5, 0.7, 0.7], [1.5, 1.3, 1.3])
+    plant = differing(inst, friction)
+    known = differing(plant, told_friction, told_stiffness)
+
+    degrees = random.uniform(0, 67 if trial else 80)
+    sways = random.random() < (0.5 if trial else 0.75)
+    sway, rate, phase = sways * random.uniform(0, 6), random.uniform(0.1, 2), random.uniform(0, 2 * np.pi)
+    moves = np.radians(sway) * np.sin(2 * np.pi * rate * time + phase)
+    tremor, tones = (not trial and random.random() < 0.5) * random.uniform(0.05, 0.5), random.choice([1, 12])
+    for tone, at in random.uniform([6, 0], [12, 2 * np.pi], (tones, 2)):
+        moves += np.radians(tremor) / np.sqrt(tones) * np.sin(2 * np.pi * tone * time + at)
+    aim = float(tn.statics.handle_angle(inst, np.radians(degrees)))
+    handle = np.clip((aim + moves) * eased(time, EASED), -inst.handle_range, inst.handle_range)
+
+    mean, size, beat = random.uniform(-1, 1), random.uniform(0, 0.5) * (random.random() < 0.75), random.uniform(0, 3)
+    if trial:
+        mean, size = np.sign(mean), 0.0
+    scale = RATED[inst.name] / max(1, abs(mean) + size)
+    force = scale * (mean + size * np.sin(2 * np.pi * beat * (time - LOADED))) * (time > LOADED)
+    hand = "tremor" if tremor else "swaying" if sways else "still"
+    load = "constant" if not size else "reversing" if size > abs(mean) else "varying"
+    words = (
+        f"#{number} {inst.name} {degrees:.0f}°, sway {sway:.1f}° {rate:.1f} Hz, tremor {tremor:.2f}°"
+        f"{' noise' if tremor and tones > 1 else ''}, load {scale * mean:+.2f} N + {scale * size:.2f} N {beat:.1f} Hz, "
+        f"friction x{friction:.2f} told x{told_friction:.2f}, stiffness told x{told_stiffness:.2f}"
+    )
+    return Work((seed, number), plant, known, handle, force, hand, load, words)
+
+
+def run_off(work: Work) -> tuple[Run, Array]:
+    """Return the run with standing motors, and the target, deg."""
+    off = Twin(work.plant, seed=work.seed[1]).run(work.handle, work.force)
+    target, stop = tn.statics.output_angle(work.plant, off["handle_angle"], 0.0), work.plant.output_stop
+    return off, np.degrees(np.clip(target, -stop, stop))
+
+
+def run_on(work: Work, faults: Faults = (), pause: float | None = None) -> Run:
+    """Return the run with the law; pause: time from which on the motors stand, s."""
+    request = np.zeros(work.handle.size, int)
+    if pause is not None:
+        request[round(pause / TIME_STEP)] = Request.PAUSE
+    twin, controller = Twin(work.plant, seed=work.seed[1]), Controller(work.known)
+    return twin.run(work.handle, work.force, controller=controller, request=request, fault_injection=faults)
+
+
+def faults_in(run: Run) -> tuple[str, ...]:
+    return fault_names(int(np.bitwise_or.reduce(run["faults"].astype(int))))
+
+
+def compare(work: Work) -> Comparison:
+    """Compare a run with the motors with one without."""
+    off, target = run_off(work)
+    on = run_on(work)
+    judged = on.time > JUDGED
+    errors = np.array([(np.degrees(run["output_angle"]) - target)[judged] for run in (on, off)])
+    (rms, rms_off), (peak, peak_off) = np.sqrt((errors**2).mean(1)).tolist(), np.abs(errors).max(1).tolist()
+    speed, speed_off = (float(np.degrees(np.abs(run["output_velocity"][judged]).max())) for run in (on, off))
+    restrained = float(np.mean(on["phase"][judged] == 4))
+    return Comparison(work, rms, rms_off, peak, peak_off, speed, speed_off, restrained, faults_in(on))
+
+
+def either(random: Random, low: float, high: float) -> float:
+    """Return a size, evenly on a logarithmic scale, of either sign."""
+    return float(random.choice([-1, 1]) * np.exp(random.uniform(np.log(low), np.log(high))))
+
+
+def gain(random: Random, low: float = 0.5, high: float = 2.0) -> float:
+    return float(np.exp(random.uniform(np.log(low), np.log(high))))
+
+
+def injector(point: str, mode: str, value: Any = None, rate: Any = None) -> Callable[[Random], FaultInjection]:
+    """Return what draws a fault; a point that ends in a dot is at either tendon."""
+
+    def draw(random: Random) -> FaultInjection:
+        side = random.choice(["agonist", "antagonist"])
+        where: Any = point + str(side) if point.endswith(".") else point
+        how: Any = mode
+        return FaultInjection(where, how, value(random) if value else 0.0, rate(random) if rate else 0.0, FAULT)
+
+    return draw
+
+
+def ticks_lost(random: Random) -> FaultInjection:
+    return FaultInjection("tick", "hold", start=FAULT, stop=FAULT + gain(random, 0.005, 0.5))
+
+
+KINDS: dict[str, Callable[[Random], FaultInjection]] = {
+    "cell steps": injector("tension.", "add", lambda r: either(r, 1, 10)),
+    "cell drifts": injector("tension.", "add", rate=lambda r: either(r, 0.2, 5)),
+    "cell gain": injector("tension.", "scale", gain),
+    "cell frozen": injector("tension.", "hold"),
+    "cells swapped": injector("tension.", "swap"),
+    "handle steps": injector("handle_angle", "add", lambda r: np.radians(either(r, 5, 15))),
+    "handle drifts": injector("handle_angle", "add", rate=lambda r: np.radians(either(r, 1, 60))),
+    "handle frozen": injector("handle_angle", "hold"),
+    "spool encoder frozen": injector("spool_angle.", "hold"),
+    "spool encoder reversed": injector("spool_angle.", "scale", lambda r: -1.0),
+    "spool encoder loses": injector("spool_angle.", "add", rate=lambda r: either(r, 0.01, 1)),
+    "spool encoder gain": injector("spool_angle.", "scale", gain),
+    "spool encoders swapped": injector("spool_angle.", "swap"),
+    "motors swapped": injector("spool_velocity.", "swap"),
+    "motor reversed": injector("spool_velocity.", "scale", lambda r: -1.0),
+    "motor dead": injector("spool_velocity.", "set"),
+    "drive offset": injector("spool_velocity.", "add", lambda r: either(r, 0.05, 1)),
+    "drive at half speed": injector("spool_velocity.", "scale", lambda r: 0.5),
+    "drive at double speed": injector("spool_velocity.", "scale", lambda r: 2.0),
+    "ticks lost": ticks_lost,
+}
+RUN_AWAY = injector("spool_velocity.", "set", lambda r: either(r, 0.3, 20))
+
+
+def judge(work: Work, kind: str, fault: FaultInjection, relay: bool, lasting: float) -> Outcome:
+    """Run a trial with a fault, with none, and with standing motors.
+
+    relay: one cuts the motors' supply as the supervisor asks for; lasting: time judged after the fault is named, s.
+    """
+    off, target = run_off(work)
+    healthy, faulty = run_on(work), run_on(work, (fault,))
+    found = np.flatnonzero((faulty["operating_state"] == OperatingState.FAULT) & (faulty.time > FAULT))
+    named = faulty.time[found[0]] - FAULT if found.size else np.inf
+    names = fault_names(int(faulty["faults"][found[0]])) if named <= NAMED_WITHIN else ()
+    until = FAULT + min(named, NAMED_WITHIN)
+    peers = [off, healthy]
+    if names:
+        # With the best answer to a fault the motors stand from there on.
+        peers.append(run_on(work, pause=until))
+    if relay and "motor_not_following" in names:
+        faulty = run_on(work, with_relay(fault, until + RELAY))
+    tip, others = np.degrees(faulty["output_angle"]), np.degrees([one["output_angle"] for one in peers])
+    hull = np.vstack([target, others])
+    outside = np.maximum(tip - hull.max(0), hull.min(0) - tip)
+
+    def excess(during: NDArray[np.bool_]) -> Excess:
+        error, peer = np.abs(tip - target)[during].max(), np.abs(others[0] - target)[during].max()
+        return Excess(float(error - peer), float(max(outside[during].max(), 0)))
+
+    before = (faulty.time > FAULT) & (faulty.time <= until)
+    after = (faulty.time > until) & (faulty.time <= until + lasting)
+    return Outcome(work, kind, fault, names, float(named) if names else np.nan, excess(before), excess(after))
+
+
+def with_relay(fault: FaultInjection, cut: float) -> Faults:
+    """Return a fault, and motors without power from a time on."""
+    motors: tuple[Any, ...] = ("spool_velocity.agonist", "spool_velocity.antagonist")
+    first = replace(fault, stop=cut) if fault.point in motors else fault
+    return (first, *(FaultInjection(motor, "set", start=cut) for motor in motors))
+
+
+def try_fault(work: Work, kind: str) -> Outcome:
+    return judge(work, kind, KINDS[kind](np.random.default_rng([*work.seed, 2])), True, np.inf)
+
+
+def try_run_away(work: Work, relay: bool) -> Outcome:
+    fault = RUN_AWAY(np.random.default_rng([*work.seed, 3]))
+    outcome = judge(work, f"with{'' if relay else 'out'} a relay", fault, relay, 1.0)
+    return outcome._replace(bound=bound_of(work.known, fault.value))
+
+
+def bound_of(inst: Instrument, speed: float) -> float:
+    """Return how far (deg) a motor that runs away moves the tip before its partner can go along as fast.
+
+    It must be told first; then the partner, with the same drive, is late by that time.
+    """
+    own, limits = parameters(inst).axes[0], parameters(inst).limits[0]
+    threshold, persistence = limits["motor_not_following"]
+    # Unwound, since this has the drive alone.
+    run = Twin(inst).run(np.zeros(round(0.5 / TIME_STEP)), spool_velocity=np.array([-abs(speed), 0.0]))
+    path = -run["spool_angle"][:, 0]
+    behind, kept = np.zeros(path.size), own["watch_window"] / (own["watch_window"] + TIME_STEP)
+    for n in range(1, path.size):
+        behind[n] = (behind[n - 1] + path[n] - path[n - 1]) * kept
+    late = int(np.argmax(behind > threshold)) + round(persistence / TIME_STEP)
+    return float(np.degrees((path[late:] - path[:-late]).max() * own["spool_radius"] / 2 / own["distal_radius"]))
+
+
+def report(target: str, done: Sequence[Any], harm: Callable[[Any], float], most: float) -> None:
+    """Print whether a target is reached, and the worst runs."""
+    beyond = sum(harm(one) > most for one in done)
+    print(f"  {target}: {beyond} of {len(done)}   target 0   {'MISSED' if beyond else 'reached'}")
+    for one in sorted(done, key=harm, reverse=True)[: min(beyond, 3)]:
+        print(f"    {harm(one):+.2f}: {one.words if isinstance(one, Outcome) else one.work.words}")
+
+
+def grouped(done: Iterable[Any], labels: Callable[[Any], Iterable[str]]) -> dict[str, list[Any]]:
+    groups: dict[str, list[Any]] = defaultdict(list)
+    for one in done:
+        for label in labels(one):
+            groups[label].append(one)
+    return groups
+
+
+def report_work(done: list[Comparison]) -> None:
+    print(
+        "no faults, error of the tip in deg:     mean RMS       median     worst more than off  restrained    tip, °/s"
+    )
+    print(
+        "  hand     load        runs   worse     on    off     on    off      RMS    peak                     on   off"
+    )
+    in_order = sorted(done, key=lambda one: (one.work.hand, one.work.load))
+    groups = grouped(in_order, lambda one: [f"{one.work.hand:9s}{one.work.load}"])
+    for label, own in (groups | grouped(done, lambda one: [one.work.plant.name]) | {"all": done}).items():
+        values = np.array([one[1:8] for one in own])
+        (rms, off), (mid, mid_off) = values[:, :2].mean(0), np.median(values[:, :2], 0)
+        more_rms, more_peak = max(one.more_rms for one in own), max(one.more_peak for one in own)
+        print(
+            f"  {label:18s}{len(own):6d}{sum(one.worse for one in own):8d}{rms:7.2f}{off:7.2f}{mid:7.2f}{mid_off:7.2f}"
+            f"{more_rms:+9.2f}{more_peak:+8.2f}{100 * values[:, 6].mean():9.1f} %{values[:, 4].max():10.0f}"
+            f"{values[:, 5].max():6.0f}"
+        )
+    print(f"  {BEFORE}")
+    report(f"RMS beyond off by more than {MORE_RMS:g}°", done, lambda one: one.more_rms, MORE_RMS)
+    report(f"peak beyond off by more than {MORE_PEAK:g}°", done, lambda one: one.more_peak, MORE_PEAK)
+    report("faults raised", done, lambda one: len(one.faults), 0)
+
+
+COLUMNS = "runs  named  median s  longest  until named: off   hull   then: off   hull"
+
+
+def columns(own: list[Outcome]) -> str:
+    seconds = [one.seconds for one in own if one.names] or [np.nan]
+    worst = np.max([(*one.before, *one.after) for one in own], axis=0)
+    return (
+        f"{len(own):4d}{sum(bool(one.names) for one in own):7d}{np.median(seconds):10.3f}{max(seconds):9.3f}"
+        f"{worst[0]:+18.2f}{worst[1]:7.2f}{worst[2]:+12.2f}{worst[3]:7.2f}"
+    )
+
+
+def report_faults(done: list[Outcome]) -> None:
+    print(f"one fault each at {FAULT:g} s: the tip in deg beyond motors off, and outside the hull")
+    print(f"  {'fault':23s}{COLUMNS}  names")
+    for kind, own in grouped(done, lambda one: [one.kind]).items():
+        names = Counter(",".join(one.names) for one in own if one.names)
+        print(f"  {kind:23s}{columns(own)}  {', '.join(f'{name} {count}' for name, count in names.items())}")
+    beyond = f"beyond motors off by more than {MORE_IN_FAULT:g}°"
+    report(f"{beyond} until it is named", done, lambda one: one.before.off, MORE_IN_FAULT)
+    report(f"{beyond} from then on", done, lambda one: one.after.off, MORE_IN_FAULT)
+
+
+def report_run_aways(done: list[Outcome]) -> None:
+    print(f"a motor that runs away at {FAULT:g} s, and the next second")
+    print(f"  {'rad/s':26s}{COLUMNS}  hull over bound: median, worst")
+    for kind, own in grouped(done, lambda one: [one.kind]).items():
+        for low, high in pairwise((0.3, 1, 3, 10, 21)):
+            band = [one for one in own if low <= abs(one.fault.value) < high]
+            if band:
+                ratios = [one.over_bound for one in band]
+                label = f"{low:g} to {min(high, 20):g} {kind}"
+                print(f"  {label:26s}{columns(band)}{np.median(ratios):8.2f}{max(ratios):8.2f}")
+        report(f"{kind} beyond {MORE_THAN_BOUND:g} of the bound", own, lambda one: one.over_bound, MORE_THAN_BOUND)
+
+
+def instruments(names: Iterable[str]) -> list[Instrument]:
+    return [tn.load(name).axis("yaw") for name in names]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--runs", type=int, default=200, help="without faults")
+    parser.add_argument("--faults", type=int, default=120, help="runs with one each")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--instrument", choices=[*RATED], action="append", help="by default all")
+    options = parser.parse_args()
+    insts = instruments(options.instrument or RATED)
+    tn.set_threads(1)
+    begun = time.perf_counter()
+
+    def work(n: int, trial: bool) -> Work:
+        return make_work(insts[n % len(insts)], options.seed, n, trial)
+
+    kinds = list(KINDS)
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        report_work(list(pool.map(lambda n: compare(work(n, False)), range(options.runs))))
+        # In pairs, so that each kind comes to each instrument.
+        pairs = [(n, kinds[n // len(insts) % len(kinds)]) for n in range(options.faults)]
+        report_faults(
+            sorted(
+                pool.map(lambda pair: try_fault(work(pair[0], True), pair[1]), pairs),
+                key=lambda one: kinds.index(one.kind),
+            )
+        )
+        cases = [(n, relay) for relay in (False, True) for n in range(options.faults // 2)]
+        report_run_aways(list(pool.map(lambda case: try_run_away(work(case[0], True), case[1]), cases)))
+    print(f"{time.perf_counter() - begun:.0f} s on {os.cpu_count()} cores")
+
+
+if __name__ == "__main__":
+    main()

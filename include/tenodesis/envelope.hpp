@@ -1,0 +1,130 @@
+#pragma once
+// The envelope: what the motors may do across the tendons, whatever the law wants.
+//
+// Where the tip is on target, each tendon has been wound by as much as it is stretched. The tensions at the spools and
+// the strongest plausible friction bound this stretch, and with it the differential stroke that a load can explain. A
+// stroke beyond these bounds would push the tip further off than motors at rest leave it.
+//
+// A law that corrects a tip which friction holds may also hunt: it winds until the tip breaks away, and then back. So
+// the reversals of the lag that the hand has not made are counted. Where many follow each other the law loses its
+// authority, and the spools go to the least stroke that the tensions prove to be necessary, which is none if friction
+// explains their difference.
+
+#include "tenodesis/observer.hpp"
+
+namespace tenodesis {
+
+template <class S>
+struct EnvelopeSettings {
+  S margin{};        ///< of the differential stroke beyond its bounds, m
+  S friction{};      ///< largest plausible friction over the observer's
+  S compliance{};    ///< largest plausible compliance over the observer's
+  S smoothing{};     ///< time constant of the bounds, s
+  S least_swing{};   ///< lag by which a reversal stands out, in dead bands
+  S stroke_swing{};  ///< the same during a common stroke
+  S swing_time{};    ///< least time between two reversals, s: the tip itself oscillates faster
+  S forgetting{};    ///< rate at which reversals are forgotten, 1/s
+  S hand_travel{};   ///< handle travel between two reversals above which the hand has made them, rad
+  S return_rate{};   ///< rate at which spools return while the law has no authority, 1/s
+};
+
+/// What the law may do at present.
+template <class S>
+struct EnvelopeState {
+  S low{};  ///< bounds of the differential stroke, m
+  S high{};
+  S excess{};        ///< of the stroke over them, m
+  S extreme{};       ///< of the lag since its last reversal, m
+  S reversed{};      ///< lag at that reversal, m
+  S direction{1};    ///< of the lag since then
+  S since{};         ///< time since then, s
+  S handle_angle{};  ///< at that reversal, rad
+  S swings{};        ///< recent reversals
+  S authority{1};    ///< of the law: 1 all, 0 none
+  bool loose{};      ///< whether a tendon is slack
+  bool bounded{};    ///< whether a bound has held the law back in this tick
+  bool started{};
+
+  /// Whether the law may not do what it wants.
+  constexpr bool restrained() const { return bounded || authority < S(1); }
+};
+
+template <class A>
+struct Envelope {
+  using S = A::Scalar;
+  using State = EnvelopeState<S>;
+
+  ControlModel<A> model{};
+  EnvelopeSettings<S> settings{};
+
+  /// Follows the bounds and the lag; threshold: of a reversal, m.
+  void update(const S& lag, const S& threshold, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
+              const S& dt, State& state) const {
+    follow_bounds(observer, memory, dt, state);
+    count_swings(lag, threshold, memory.smooth.handle_angle, dt, state);
+  }
+
+  /// Whether the lag is steady enough for common strokes, which free what friction holds.
+  static bool steady(const State& state) { return state.swings <= few_swings; }
+
+  /// Differential speed that leads a law without authority back, m/s; across: the present differential stroke, m.
+  S returning(const S& across, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory) const {
+    const S lost = observer.measured_loss(memory);
+    const S hidden = observer.hidden_loss(memory, proven_friction);
+    const S proven = lost > S(0) ? larger(lost - hidden, S(0)) : smaller(lost + hidden, S(0));
+    return settings.return_rate * (proven - across);
+  }
+
+  /// A differential speed within the bounds, m/s.
+  S within(const S& speed, const S& across, State& state) const {
+    const S allowed = clamp(speed, approach_rate * (state.low - across), approach_rate * (state.high - across));
+    state.bounded = allowed != speed;
+    state.excess = state.loose ? S(0) : larger(larger(across - state.high, state.low - across), S(0));
+    return allowed;
+  }
+
+ private:
+  // Reversals after which the law begins to lose its authority, and after which it has none.
+  static constexpr S few_swings = S(3), many_swings = S(5);
+  // Over that of the observer: friction that a stroke without authority does not rely on.
+  static constexpr S proven_friction = S(1.5);
+  // At which the differential stroke may approach its bounds, 1/s.
+  static constexpr S approach_rate = S(30);
+
+  void follow_bounds(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
+                     State& state) const {
+    const S lost = observer.measured_loss(memory);
+    // What a slack tendon would have to let out does not show in its tension.
+    state.loose = observer.loose(memory);
+    const S slack = state.loose ? model.axis.pretension / model.axis.stiffness : S(0);
+    const S hidden = observer.hidden_loss(memory, settings.friction) + slack;
+    const S high = settings.compliance * larger(lost + hidden, S(0)) + settings.margin;
+    const S low = settings.compliance * smaller(lost - hidden, S(0)) - settings.margin;
+    const S share = state.started ? dt / (settings.smoothing + dt) : S(1);
+    state.started = true;
+    state.high = state.high + (high - state.high) * share;
+    state.low = state.low + (low - state.low) * share;
+  }
+
+  void count_swings(const S& lag, const S& threshold, const S& handle_angle, const S& dt, State& state) const {
+    state.swings = state.swings - state.swings * dt * settings.forgetting;
+    state.since = smaller(state.since + dt, S(100));
+    if ((lag - state.extreme) * state.direction > S(0)) {
+      state.extreme = lag;
+    } else if ((state.extreme - lag) * state.direction > threshold) {
+      // A tip that friction holds lags by what the hand has drawn, and by no more.
+      const S drawn = abs(model.drawn(handle_angle) - model.drawn(state.handle_angle));
+      const bool by_hand = abs(handle_angle - state.handle_angle) >= settings.hand_travel &&
+                           abs(state.extreme - state.reversed) <= S(1.25) * drawn;
+      if (!by_hand && state.since >= settings.swing_time) state.swings = state.swings + S(1);
+      state.since = S(0);
+      state.direction = -state.direction;
+      state.reversed = state.extreme;
+      state.extreme = lag;
+      state.handle_angle = handle_angle;
+    }
+    state.authority = clamp((many_swings - state.swings) * (S(1) / (many_swings - few_swings)), S(0), S(1));
+  }
+};
+
+}  // namespace tenodesis

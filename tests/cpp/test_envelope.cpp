@@ -1,0 +1,129 @@
+// Claims about the envelope: which strokes a load explains, and when a law loses its authority.
+
+#include "tenodesis/envelope.hpp"
+
+#include "control_parameters.hpp"
+
+template <class A>
+struct Fixture {
+  using S = A::Scalar;
+
+  AxisController<A> own{};
+  FrictionMemory<S> memory{};
+  EnvelopeState<S> state{};
+  S least{};  // lag by which a reversal stands out, m
+
+  explicit Fixture(const A& axis) {
+    own = detail::axis_controller<A>(parameters(axis, ControlLaw::robust, Actuation::differential).axis[0]);
+    for (S& tension : memory.smooth.tension) tension = axis.pretension;
+    for (auto& one : memory.tendon)
+      for (S& tension : one.tension) tension = axis.pretension;
+    least = S(3 * 0.1 * degree) * axis.distal.moment_arm(S(0));
+  }
+
+  const Envelope<A>& envelope() const { return own.compensator.envelope; }
+  S margin() const { return envelope().settings.margin; }
+
+  void load(double difference) {
+    memory.smooth.tension[agonist] = own.model().axis.pretension + S(difference / 2);
+    memory.smooth.tension[antagonist] = own.model().axis.pretension - S(difference / 2);
+  }
+
+  void settle_bounds() {
+    for (int n = 0; n < 4000; ++n) envelope().update(S(0), least, own.friction, memory, S(dt), state);
+  }
+
+  /// Lets the lag, in reversals that stand out, and the handle (rad) swing for a while; returns the authority.
+  double swing(double lag, double handle, double frequency, double seconds) {
+    for (int n = 0; n < int(seconds / dt); ++n) {
+      const double at = std::sin(2 * pi * frequency * n * dt);
+      memory.smooth.handle_angle = S(handle * at);
+      envelope().update(S(lag * at) * least, least, own.friction, memory, S(dt), state);
+    }
+    return double(state.authority);
+  }
+};
+
+template <class A>
+void a_load_explains_the_stroke_that_restores_its_loss_and_no_more(const A& axis) {
+  using S = A::Scalar;
+  for (const double difference : {-8.0, 0.0, 8.0}) {
+    Fixture<A> fixture(axis);
+    fixture.own.friction.model.vertex = fixture.own.friction.model.sheath = S(0);
+    fixture.load(difference);
+    fixture.settle_bounds();
+    const double restores = difference / (2 * double(axis.stiffness));
+    const double above = 1.3 * std::fmax(restores, 0.0) + double(fixture.margin());
+    const double below = 1.3 * std::fmin(restores, 0.0) - double(fixture.margin());
+    CLAIM_NEAR(fixture.state.high / above, 1, 1e-3);
+    CLAIM_NEAR(fixture.state.low / below, 1, 1e-3);
+  }
+}
+
+template <class A>
+void beyond_its_bounds_a_stroke_is_taken_back_whatever_the_law_wants(const A& axis) {
+  using S = A::Scalar;
+  Fixture<A> fixture(axis);
+  fixture.settle_bounds();
+  auto& state = fixture.state;
+  const auto fast = S(0.05);
+  CLAIM(fixture.envelope().within(S(0), S(0), state) == S(0) && !state.bounded);
+  CLAIM(fixture.envelope().within(fast, state.high, state) == S(0) && state.bounded);
+  CLAIM(fixture.envelope().within(fast, S(1.5) * state.high, state) < S(0) && state.excess > S(0));
+  CLAIM(fixture.envelope().within(-fast, S(1.5) * state.low, state) > S(0) && state.excess > S(0));
+  CLAIM(fixture.envelope().within(-fast, state.high, state) < S(0) && state.excess == S(0));
+}
+
+template <class A>
+void a_lag_that_reverses_at_3_hz_takes_the_authority_and_gives_it_back(const A& axis) {
+  Fixture<A> fixture(axis);
+  CLAIM(fixture.swing(0.4, 0, 3, 3) == 1);  // too small to stand out
+  CLAIM(fixture.swing(5, 0, 3, 3) == 0);
+  CLAIM(!Envelope<A>::steady(fixture.state));
+  CLAIM(fixture.swing(0, 0, 3, 4) == 1);
+  CLAIM(Envelope<A>::steady(fixture.state));
+}
+
+template <class A>
+void neither_the_hand_nor_rare_loads_nor_the_tips_own_oscillation_take_it(const A& axis) {
+  Fixture<A> hand(axis);
+  CLAIM(hand.swing(5, 10 * degree, 2, 4) == 1);
+  Fixture<A> rare(axis);
+  CLAIM(rare.swing(20, 0, 0.25, 12) == 1);
+  Fixture<A> ringing(axis);
+  CLAIM(ringing.swing(5, 0, 60, 1) == 1);
+}
+
+template <class A>
+void without_authority_a_stroke_returns_to_what_the_tensions_prove(const A& axis) {
+  using S = A::Scalar;
+  Fixture<A> fixture(axis);
+  const auto stroke = S(1e-4);
+  fixture.memory.smooth.handle_angle = S(0.5);
+  fixture.load(0.02 * double(axis.pretension));  // friction explains as much
+  CLAIM_NEAR(fixture.envelope().returning(stroke, fixture.own.friction, fixture.memory), -4 * stroke, 1e-9);
+  fixture.load(double(axis.pretension));
+  const S proven = fixture.envelope().returning(S(0), fixture.own.friction, fixture.memory) / S(4);
+  CLAIM(proven > S(0) && proven < fixture.own.friction.measured_loss(fixture.memory));
+}
+
+template <class S>
+void in_one_precision() {
+  const auto claim = [](const auto& axis) {
+    a_load_explains_the_stroke_that_restores_its_loss_and_no_more(axis);
+    beyond_its_bounds_a_stroke_is_taken_back_whatever_the_law_wants(axis);
+    a_lag_that_reverses_at_3_hz_takes_the_authority_and_gives_it_back(axis);
+    neither_the_hand_nor_rare_loads_nor_the_tips_own_oscillation_take_it(axis);
+    without_authority_a_stroke_returns_to_what_the_tensions_prove(axis);
+  };
+  claim(instruments::real_size<S>());
+  claim(instruments::scaled_up<S>());
+  claim(instruments::pulley<S>());
+  claim(instruments::continuum<S>());
+}
+
+int main() {
+  in_one_precision<double>();
+  in_one_precision<float>();
+  return claims::report();
+}

@@ -1,0 +1,160 @@
+"""Claims about harm: motors leave the tip no further off target than it is without, whatever happens."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import tenodesis as tn
+from tenodesis.instrument import Instrument
+from tenodesis.run import Run
+from tenodesis.simulate import FaultInjection
+from tenodesis.twin import TIME_STEP
+
+from .conftest import load_benchmark
+
+Array = NDArray[np.float64]
+
+
+harm = load_benchmark("harm")
+SIDES = ("agonist", "antagonist")
+
+
+@pytest.fixture(params=["scaled-up", "real-size"])
+def inst(request: pytest.FixtureRequest) -> Instrument:
+    return tn.load(request.param).axis("yaw")
+
+
+def work(
+    inst: Instrument, deg: float, load: Callable[[Array], Any], sway: float = 0.0, aim: float | None = None
+) -> Any:
+    """Return work at an output angle, deg, or a handle angle, rad, with a sway of the handle at 0.5 Hz, deg."""
+    time = np.arange(1, round(harm.SECONDS / TIME_STEP) + 1, dtype=np.float64) * TIME_STEP
+    middle = float(tn.statics.handle_angle(inst, np.radians(deg))) if aim is None else aim
+    handle = (middle + np.radians(sway) * np.sin(np.pi * time)) * harm.eased(time, harm.EASED)
+    force = harm.RATED[inst.name] * load(time - harm.LOADED) * (time > harm.LOADED)
+    return harm.Work((1, 3), inst, harm.differing(inst, 1.0), handle, force, "", "", "")
+
+
+def steady(time: Array) -> Array:
+    return np.ones_like(time)
+
+
+def beyond_off(of: Any, on: Run, start: float) -> float:
+    """Return by how much (deg) the tip's largest error from a time on exceeds that with standing motors."""
+    off, target = harm.run_off(of)
+    errors = [np.abs(np.degrees(run["output_angle"]) - target)[run.time > start].max() for run in (on, off)]
+    return float(errors[0] - errors[1])
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("gain", [0.95, 1.05])
+def test_a_load_cell_that_is_wrong_by_five_percent_does_no_harm_under_a_swaying_hand(
+    inst: Instrument, side: Any, gain: float
+) -> None:
+    for sign in (-1, 1):
+        case = work(inst, 67, lambda time, sign=sign: sign * steady(time), sway=5)
+        on = harm.run_on(case, (FaultInjection(f"tension.{side}", "scale", gain),))  # type: ignore[arg-type]
+        assert beyond_off(case, on, harm.FAULT) < 1
+        assert not harm.faults_in(on)
+
+
+@pytest.mark.parametrize("deg", [0, 33, 67])
+@pytest.mark.parametrize("sway", [0, 3])
+def test_a_load_that_changes_at_three_hertz_is_compensated_by_its_mean(
+    inst: Instrument, deg: float, sway: float
+) -> None:
+    done = harm.compare(work(inst, deg, lambda time: 0.5 + 0.5 * np.sin(6 * np.pi * time), sway))
+    assert done.more_rms < -1
+    assert done.more_peak < 0
+
+
+def test_a_load_that_reverses_at_three_hertz_is_not_chased_at_a_straight_handle(inst: Instrument) -> None:
+    done = harm.compare(work(inst, 0, lambda time: 0.5 * np.sin(6 * np.pi * time)))
+    assert done.more_rms < harm.MORE_RMS
+    assert done.more_peak < harm.MORE_PEAK
+
+
+@pytest.mark.parametrize("sign", [-1, 0, 1])
+def test_motors_do_not_pull_a_tip_against_its_stop(inst: Instrument, sign: int) -> None:
+    case = work(inst, 0, lambda time: sign * steady(time), aim=inst.handle_range)
+    off, target = harm.run_off(case)
+    on = harm.run_on(case)
+    # The handle alone would have it go beyond.
+    assert target[-1] == pytest.approx(np.degrees(inst.output_stop))
+    assert on["tension"].max() < 2 * off["tension"].max()
+    # The stop yields a little.
+    assert beyond_off(case, on, harm.FAULT) < 0.5
+    assert not harm.faults_in(on)
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("rate", [-0.05, 0.05])
+def test_an_encoder_of_the_large_spool_that_loses_counts_does_no_harm(side: Any, rate: float) -> None:
+    inst = tn.load("scaled-up")
+    for deg, sway in ((0, 0), (67, 5)):
+        case = work(inst, deg, steady, sway)
+        on = harm.run_on(case, (FaultInjection(f"spool_angle.{side}", "add", rate=rate, start=harm.FAULT),))  # type: ignore[arg-type]
+        assert beyond_off(case, on, harm.FAULT) < harm.MORE_IN_FAULT
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("speed", [-5.0, 5.0])
+def test_the_partner_of_a_motor_that_runs_away_goes_along(inst: Instrument, side: Any, speed: float) -> None:
+    fault = FaultInjection(f"spool_velocity.{side}", "set", speed, start=harm.FAULT)  # type: ignore[arg-type]
+    case = work(inst, 33, np.zeros_like)
+    outcome = harm.judge(case, "runs away", fault, False, 0.1)
+    assert outcome.names == ("motor_not_following",)
+    assert outcome.seconds < 0.02
+    spools = harm.run_on(case, (fault,)).between(harm.FAULT + outcome.seconds)["spool_angle"]
+    moved = spools[round(0.1 / TIME_STEP)] - spools[0]
+    assert moved[1 - SIDES.index(side)] / np.sign(speed) > 0.1
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "cell frozen",
+        "handle steps",
+        "spool encoder frozen",
+        "spool encoder reversed",
+        "spool encoder gain",
+        "spool encoders swapped",
+        "motors swapped",
+        "motor reversed",
+        "motor dead",
+        "drive at half speed",
+        "drive at double speed",
+        "ticks lost",
+    ],
+)
+def test_a_fault_does_no_harm_until_it_is_named_nor_then(kind: str) -> None:
+    for number, inst in enumerate(harm.instruments(harm.RATED)):
+        outcome = harm.try_fault(harm.make_work(inst, 1, number, True), kind)
+        assert outcome.before.off < harm.MORE_IN_FAULT
+        assert outcome.after.off < harm.MORE_IN_FAULT
+
+
+def compared(runs: int) -> list[Any]:
+    insts = harm.instruments(harm.RATED)
+    with ThreadPoolExecutor(2) as pool:
+        return list(pool.map(lambda n: harm.compare(harm.make_work(insts[n % 2], 1, n)), range(runs)))
+
+
+def test_random_work_is_done_better_with_motors_and_raises_no_fault() -> None:
+    done = compared(40)
+    assert not any(one.faults for one in done)
+    assert sum(one.worse for one in done) <= 3
+    assert np.mean([one.rms for one in done]) < 0.5 * np.mean([one.rms_off for one in done])
+
+
+@pytest.mark.slow
+def test_the_motors_seldom_do_worse_and_never_much() -> None:
+    done = compared(200)
+    assert not any(one.faults for one in done)
+    assert sum(one.worse for one in done) <= 11
+    assert max(one.more_rms for one in done) < 1
+    assert max(one.more_peak for one in done) < 5
