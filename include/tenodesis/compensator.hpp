@@ -189,7 +189,7 @@ struct Compensator {
                         State& state) const {
     const S lag = observer.lag(memory);
     const S dead = dead_length(memory.output_angle) * state.tolerance;
-    const bool moving = detect_hand_motion(memory.smooth.handle_angle, dt, state);
+    const bool moving = detect_hand_motion(memory.intent.angle, dt, state);
     const S common = (wound(memory.smooth, agonist) + wound(memory.smooth, antagonist)) * S(0.5);
     const S wanted = wanted_common(memory);
     choose(lag, dead, moving, common - wanted, observer, memory, dt, state);

@@ -61,7 +61,7 @@ struct Envelope {
   void update(const S& lag, const S& threshold, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
               const S& dt, State& state) const {
     follow_bounds(observer, memory, dt, state);
-    count_swings(lag, threshold, memory.smooth.handle_angle, dt, state);
+    count_swings(lag, threshold, memory.intent.angle, dt, state);
   }
 
   /// Whether the lag is steady enough for common strokes, which free what friction holds.

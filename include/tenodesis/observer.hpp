@@ -10,6 +10,7 @@
 // strong friction is.
 
 #include "tenodesis/control.hpp"
+#include "tenodesis/intent.hpp"
 
 namespace tenodesis {
 
@@ -73,13 +74,16 @@ struct FrictionMemory {
   TendonMemory<S> tendon[2]{};
   S handle_angle{};         ///< smoothed, rad
   Measurement<S> smooth{};  ///< with play in the handle angle
-  S tip{};                  ///< position of the tip as tendon length, m
-  S output_angle{};         ///< at that position, rad
-  S scale{1};               ///< of friction
-  S reference{};            ///< excess of both tendons' lengths over their references, m
-  S compliance{1};          ///< of the tendons, relative to the parameters
-  S covariance[3][3]{};     ///< of scale, reference, compliance
-  S freedom[2]{};           ///< how far the tip may have moved unseen, toward flexion and extension, m
+  IntentState<S> intent{};
+  S target{};            ///< of the tip's position, m: with inextensible tendons, or its stop
+  S nominal[3]{};        ///< exponents of sheath, handle's joint and tip's joint by the parameters' friction
+  S tip{};               ///< position of the tip as tendon length, m
+  S output_angle{};      ///< at that position, rad
+  S scale{1};            ///< of friction
+  S reference{};         ///< excess of both tendons' lengths over their references, m
+  S compliance{1};       ///< of the tendons, relative to the parameters
+  S covariance[3][3]{};  ///< of scale, reference, compliance
+  S freedom[2]{};        ///< how far the tip may have moved unseen, toward flexion and extension, m
   bool started{};
 };
 
@@ -95,6 +99,7 @@ struct FrictionSettings {
   S compliance_std{};  ///< of the compliance at the start
   S forgetting{};      ///< growth of the three deviations, share of their start per root second
   S slack_below{};     ///< tension below which a tendon counts as slack, N
+  IntentSettings<S> intent{};
 };
 
 /// Tracks both tendons' friction from the spools to the tip.
@@ -110,22 +115,21 @@ struct FrictionObserver {
     if (!memory.started) start(measured, memory);
     smooth(measured, dt, memory);
     grow(dt, memory);
-    const S handle = memory.smooth.handle_angle;
-    const S drawn = model.drawn(handle);
-    const Exponents nominal = exponents(handle, memory.output_angle);
-    const S ratio[3] = {exp(memory.scale * nominal.at[0]), exp(memory.scale * nominal.at[1]),
-                        exp(memory.scale * nominal.at[2])};
+    const S drawn = model.drawn(memory.smooth.handle_angle);
+    follow(settings.intent, memory.smooth.handle_angle, dt, memory.intent);
+    memory.target = clamp(model.drawn(memory.intent.angle), -model.stop, model.stop);
+    set_exponents(memory);
+    const S ratio[3] = {exp(memory.scale * memory.nominal[0]), exp(memory.scale * memory.nominal[1]),
+                        exp(memory.scale * memory.nominal[2])};
     S position[2];
     for (int i = 0; i < 2; ++i) position[i] = follow_to_stem(i, drawn, ratio, memory);
     place_tip(position, ratio, memory);
-    if (calm(measured, memory)) learn(position, ratio, nominal, memory);
+    if (calm(measured, memory)) learn(position, ratio, memory);
     for (int i = 0; i < 2; ++i) follow_to_tip(i, position[i], ratio, memory);
   }
 
-  /// Lag of the tip behind its target, as tendon length, m: its position with inextensible tendons, or its stop.
-  S lag(const Memory& memory) const {
-    return clamp(model.drawn(memory.smooth.handle_angle), -model.stop, model.stop) - memory.tip;
-  }
+  /// Lag of the tip behind its target, as tendon length, m.
+  S lag(const Memory& memory) const { return memory.target - memory.tip; }
 
   /// The part of the lag that is certain: the tip may have moved unseen toward its target, m.
   S certain_lag(const Memory& memory) const {
@@ -147,20 +151,20 @@ struct FrictionObserver {
 
   /// How far friction, so many times as strong as it is taken for, may have changed that difference, m.
   S hidden_loss(const Memory& memory, const S& times) const {
-    const Exponents nominal = exponents(memory.smooth.handle_angle, memory.output_angle);
+    const S* const nominal = memory.nominal;
     // e^x - 1 to x^3: within 2 % at an exponent of 0.7, which no instrument of use has.
     const auto grown = [](const S& x) { return x * (S(1) + x * (S(0.5) + x * S(1.0 / 6))); };
-    const S at_sheath = grown(times * nominal.at[0]);
-    const S at_stem = grown(times * (nominal.at[0] + nominal.at[1]));
+    const S at_sheath = grown(times * nominal[0]);
+    const S at_stem = grown(times * (nominal[0] + nominal[1]));
     const S both = larger(memory.smooth.tension[agonist], S(0)) + larger(memory.smooth.tension[antagonist], S(0));
     return both * unit_of(memory) * S(0.5) * (model.share[1] * at_sheath + (model.share[2] + model.share[3]) * at_stem);
   }
 
   /// Differential stroke needed before the tip breaks away toward flexion (direction 1) or extension (-1), m.
   S breakaway(const Memory& memory, const S& direction) const {
-    const Exponents nominal = exponents(memory.smooth.handle_angle, memory.output_angle);
-    const S at_tip = exp(memory.scale * nominal.at[2]);
-    const S all = exp(memory.scale * (nominal.at[0] + nominal.at[1] + nominal.at[2]));
+    const S* const nominal = memory.nominal;
+    const S at_tip = exp(memory.scale * nominal[2]);
+    const S all = exp(memory.scale * (nominal[0] + nominal[1] + nominal[2]));
     const auto& pulled = memory.tendon[direction > S(0) ? agonist : antagonist];
     const auto& held = memory.tendon[direction > S(0) ? antagonist : agonist];
     const S needed = pulled.tension[3] - held.tension[3];
@@ -225,14 +229,11 @@ struct FrictionObserver {
   }
 
  private:
-  struct Exponents {
-    S at[3]{};
-  };
-
-  Exponents exponents(const S& handle, const S& angle) const {
-    const S bend = model.sheath_bend + model.sheath_bend_rate * abs(handle);
-    return {{model.sheath * bend, model.vertex * model.axis.proximal.wrap_angle(handle),
-             model.vertex * model.axis.distal.wrap_angle(angle)}};
+  void set_exponents(Memory& memory) const {
+    const S handle = memory.smooth.handle_angle;
+    memory.nominal[0] = model.sheath * (model.sheath_bend + model.sheath_bend_rate * abs(handle));
+    memory.nominal[1] = model.vertex * model.axis.proximal.wrap_angle(handle);
+    memory.nominal[2] = model.vertex * model.axis.distal.wrap_angle(memory.output_angle);
   }
 
   // Stretch of a tendon per newton, m/N.
@@ -253,6 +254,7 @@ struct FrictionObserver {
     memory.started = true;
     memory.smooth = measured;
     memory.handle_angle = measured.handle_angle;
+    memory.intent = IntentState<S>::at(measured.handle_angle);
     memory.covariance[0][0] = settings.scale_std * settings.scale_std;
     memory.covariance[1][1] = settings.reference_std * settings.reference_std;
     memory.covariance[2][2] = settings.compliance_std * settings.compliance_std;
@@ -391,7 +393,7 @@ struct FrictionObserver {
   }
 
   // Both tendons slip the same way: their two positions of the tip differ by errors of friction, lengths and stiffness.
-  void learn(const S* position, const S* ratio, const Exponents& nominal, Memory& memory) const {
+  void learn(const S* position, const S* ratio, Memory& memory) const {
     const S first = memory.tendon[agonist].slip[1].evidence;
     const S second = memory.tendon[antagonist].slip[1].evidence;
     const S direction = first > S(0) ? S(1) : S(-1);
@@ -405,8 +407,8 @@ struct FrictionObserver {
       const S stem = direction > S(0) ? one.tension[1] / ratio[1] : one.tension[1] * ratio[1];
       residual = residual + position[i] - stretch_of(2, stem, unit) - stretch_of(3, one.tension[3], unit);
       by[0] = by[0] + direction * unit *
-                          (model.share[1] * nominal.at[0] * one.tension[1] +
-                           model.share[2] * (nominal.at[0] + nominal.at[1]) * stem);
+                          (model.share[1] * memory.nominal[0] * one.tension[1] +
+                           model.share[2] * (memory.nominal[0] + memory.nominal[1]) * stem);
       by[2] = by[2] - stretch(one, unit) / memory.compliance;
     }
     const S noise = settings.length_noise * settings.length_noise;

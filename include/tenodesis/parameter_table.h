@@ -69,6 +69,10 @@
   ROW(compliance_std, "1", not_negative, "initial standard deviation of the compliance")                        \
   ROW(forgetting, "1/s^0.5", not_negative, "growth of these deviations, share per root second")                 \
   ROW(slack_tension, "N", not_negative, "tension below which a tendon counts as slack")                         \
+  /* the hand's tremor */                                                                                       \
+  ROW(tremor_half_period, "s", positive, "longest time between two reversals of tremor")                        \
+  ROW(tremor_limit, "rad", not_negative, "largest amplitude of tremor, at the handle; 0: none")                 \
+  ROW(tremor_memory, "s", positive, "time constant with which that amplitude is forgotten")                     \
   /* compensator */                                                                                             \
   ROW(gain, "1/s", positive, "gain of the tip's lag")                                                           \
   ROW(breakaway_time, "s", positive, "time in which friction is overcome after the hand reverses")              \

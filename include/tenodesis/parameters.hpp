@@ -56,10 +56,18 @@ constexpr AxisController<A> axis_controller(const P& p) {
   using S = A::Scalar;
   AxisController<A> axis{};
   const ControlModel<A> model = control_model<A>(p);
-  axis.friction = {
-      model,
-      {S(p.hand_play), S(p.sheath_play), S(p.length_noise), S(p.play), S(p.smoothing), S(p.friction_scale_std),
-       S(p.reference_std), S(p.compliance_std), S(p.forgetting), S(p.slack_tension)}};
+  axis.friction = {model,
+                   {S(p.hand_play),
+                    S(p.sheath_play),
+                    S(p.length_noise),
+                    S(p.play),
+                    S(p.smoothing),
+                    S(p.friction_scale_std),
+                    S(p.reference_std),
+                    S(p.compliance_std),
+                    S(p.forgetting),
+                    S(p.slack_tension),
+                    {S(p.tremor_half_period), S(p.tremor_limit), S(p.hand_play), S(p.tremor_memory)}}};
   axis.compensator.model = model;
   axis.compensator.settings = {
       S(p.gain),         S(p.breakaway_time), S(p.breakaway_speed), S(p.position_gain),       S(p.dead_band),
