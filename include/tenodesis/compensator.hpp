@@ -40,6 +40,7 @@ struct CompensatorSettings {
   S tension_limit{};    ///< tension above which no tendon is wound, N
   S hand_travel{};      ///< handle travel above which the hand counts as moving, rad
   S still_time{};       ///< time without motion after which it counts as still, s
+  S steady_delay{};
 };
 
 enum class Phase : unsigned char {
@@ -122,10 +123,10 @@ struct Compensator {
   Winding<S> within_envelope(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
                              State& state) const {
     const bool strokes = state.phase == Phase::pull || state.phase == Phase::release;
-    envelope.update(
-        observer.certain_lag(memory),
-        (strokes ? envelope.settings.stroke_swing : envelope.settings.least_swing) * dead_length(memory.output_angle),
-        observer, memory, dt, state.envelope);
+    const S swing = strokes ? envelope.settings.stroke_swing : envelope.settings.least_swing;
+    const S shaking = model.axis.proximal.moment_arm(S(0)) * memory.intent.tremor;
+    envelope.update(observer.certain_lag(memory), swing * dead_length(memory.output_angle) + S(0.5) * shaking, observer,
+                    memory, dt, state.envelope);
     const S stroke = across(memory);
     if (actuation == Actuation::agonist) {
       const Winding<S> wanted = one_motor(observer, memory, state);
@@ -133,13 +134,25 @@ struct Compensator {
     }
     const Winding<S> wanted = two_motors(observer, memory, dt, state);
     const S along = (wanted.agonist + wanted.antagonist) * S(0.5);
-    const S allowed = limited(envelope.within((wanted.agonist - wanted.antagonist) * S(0.5), stroke, state.envelope));
-    return {along + allowed, along - allowed};
+    const S allowed = envelope.within((wanted.agonist - wanted.antagonist) * S(0.5), stroke, state.envelope);
+    const S across = limited(allowed + steadying(memory, observer.settings.shake_smoothing));
+    return {along + across, along - across};
   }
 
-  // The differential stroke, m.
+  // The differential stroke without what takes away the tremor, m.
   S across(const FrictionMemory<S>& memory) const {
-    return (wound(memory.smooth, agonist) - wound(memory.smooth, antagonist)) * S(0.5);
+    return (wound(memory.smooth, agonist) - wound(memory.smooth, antagonist)) * S(0.5) + memory.shaken;
+  }
+
+  // Differential speed that takes the hand's tremor away. A tremor is nearly sinusoidal, so that its value and its
+  // speed tell its speed when the motors will have followed.
+  S steadying(const FrictionMemory<S>& memory, const S& smoothing) const {
+    const S speed = (memory.shaken - memory.shaken_before) / smoothing;
+    const S turn = memory.intent.pulsation * settings.steady_delay;
+    const S square = turn * turn;
+    const S sine = turn * (S(1) - square * S(1.0 / 6));
+    const S cosine = S(1) - square * (S(0.5) - square * S(1.0 / 24));
+    return (S(1) + square * S(0.25)) * (memory.intent.pulsation * sine * memory.shaken - cosine * speed);
   }
 
   // A slack tendon neither moves the tip nor shows where it is: near the least tension it is let out more slowly, then
@@ -226,9 +239,13 @@ struct Compensator {
   // A hand counts as moving once it has travelled further than noise does, until it has been still for a while.
   bool detect_hand_motion(const S& handle_angle, const S& dt, State& state) const {
     const S moved = handle_angle - state.handle_angle;
-    state.handle_angle = handle_angle;
-    if (moved != S(0)) state.hand = moved > S(0) ? S(1) : S(-1);
-    state.still = moved == S(0) ? smaller(state.still + dt, settings.still_time) : S(0);
+    if (abs(moved) > settings.hand_travel * S(0.2)) {
+      state.hand = moved > S(0) ? S(1) : S(-1);
+      state.handle_angle = handle_angle;
+      state.still = S(0);
+    } else {
+      state.still = smaller(state.still + dt, settings.still_time);
+    }
     if (state.still >= settings.still_time) {
       state.held_angle = handle_angle;
       state.moving = false;

@@ -73,6 +73,8 @@
   ROW(tremor_half_period, "s", positive, "longest time between two reversals of tremor")                        \
   ROW(tremor_limit, "rad", not_negative, "largest amplitude of tremor, at the handle; 0: none")                 \
   ROW(tremor_memory, "s", positive, "time constant with which that amplitude is forgotten")                     \
+  ROW(shake_smoothing, "s", positive, "x") \
+  ROW(steady_delay, "s", not_negative, "y") \
   /* compensator */                                                                                             \
   ROW(gain, "1/s", positive, "gain of the tip's lag")                                                           \
   ROW(breakaway_time, "s", positive, "time in which friction is overcome after the hand reverses")              \

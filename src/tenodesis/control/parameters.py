@@ -24,6 +24,9 @@ _GAIN_PER_SWING = 0.23
 # Of a tip that breaks away: its speed over its angular frequency, rad.
 _OVERSHOOT = np.radians(0.6)
 _STROKE_TIME = 0.25  # s
+# Of all measurements, in ticks, and of the tremor, s.
+_SMOOTHING = 6
+_SHAKE_SMOOTHING = 0.004
 _USUAL_LIMIT = 80.0  # N
 _FAULT_OVER_LIMIT = 1.25
 # Of the tip while homing, rad: moved by one motor's jog, by one tendon alone, and what a cell's error may cost.
@@ -125,15 +128,17 @@ def _axis(inst: Instrument, period: float) -> dict[str, float]:
         "sheath_play": max(3e-6, 10 * sensors.load_cell_noise * in_handle / stiffness),
         "play": max(0.4 * numbers["proximal_radius"] * handle_step, spool_step, 1e-6),
         "length_noise": max(2 * spool_step, 2e-6),
-        "smoothing": 6 * period,
+        "smoothing": _SMOOTHING * period,
         "friction_scale_std": control.friction_uncertainty,
         "reference_std": control.reference_uncertainty,
         "compliance_std": control.stiffness_uncertainty,
         "forgetting": 0.05,
         "slack_tension": max(0.01 * pretension, 8 * sensors.load_cell_noise),
         "tremor_half_period": 0.1,
-        "tremor_limit": np.radians(1.5),
+        "tremor_limit": np.radians(1.2),
         "tremor_memory": 1.0,
+        "shake_smoothing": _SHAKE_SMOOTHING,
+        "steady_delay": drives.time_constant + _SMOOTHING * period + period + _SHAKE_SMOOTHING / 2,
         "gain": control.gain or min(_USUAL_GAIN, _GAIN_PER_SWING * plant.natural_frequency(inst)),
         "breakaway_time": 0.025,
         "breakaway_speed": _OVERSHOOT * plant.natural_frequency(inst),
