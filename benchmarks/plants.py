@@ -1,0 +1,741 @@
+"""The controller on a family of plants that shares no code with the twin, each differing from what it assumes.
+
+The plants are NumPy over many lanes at once, written from the published equations: gears or pulleys, tendons that
+stretch between contacts with capstan friction (Euler, Eytelwein), a tip with inertia, two spools on drives, sensors.
+Each contact's slip is projected onto its friction law from where the step began, in red-black Gauss-Seidel sweeps,
+until no slip changes by more than :data:`SETTLED`; the tip is integrated by velocity Verlet. The twin eliminates its
+contacts directly and integrates by the trapezoidal rule.
+
+``Plants(lanes)`` makes plants, ``plants.step(handle_angle, force, spool_velocity)`` advances them by a tick and
+``plants.read()`` reads their sensors; ``run(cases)`` closes the loop with controllers. Peer: the same plants with motors
+that stand. Errors are distances of the tip from where the handle puts it without load and friction.
+"""
+
+import argparse
+import os
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import tenodesis as tn
+from tenodesis.control import FAULTS, Controller
+from tenodesis.instrument import Instrument
+
+Array = NDArray[np.float64]
+
+PERIOD = 5e-4  # s, of ticks
+SETTLED = 1e-9  # m
+MOST_SWEEPS = 200
+SWEEPS_BETWEEN_CHECKS = 3
+# Of a sub-step, in radians of the tip's fastest oscillation, on its last segments alone; Verlet is unstable from 2 on.
+PHASE_STEP = 0.4
+LEAST_SUBSTEPS = 2
+
+EASED, LOADED, SECONDS, JUDGED = 1.2, 1.5, 8.0, 2.0  # s; the estimate is judged from JUDGED on
+LATER, LAST, AVERAGED = 3.0, 1.0, 0.1  # s
+STATES = (0.0, 33.0, 67.0, 80.0)  # deg, Fig. 15
+TOLD = (0.7, 1.0, 1.3)
+RATED = {"scaled-up": 1.485, "real-size": 0.52, "pulley wrist": 1.0}  # N
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+@dataclass(frozen=True)
+class Plant:
+    """One lane of the family, in SI units; :func:`plant_of` makes it of an instrument's numbers."""
+
+    gears: bool
+    """Whether joints are rolling gears, else pulleys"""
+    proximal_radius: float
+    distal_radius: float
+    tip_length: float
+    """From the distal joint's moving centre to where the force acts"""
+    stiffness: float
+    """Of a whole tendon, N/m"""
+    pretension: float
+    shares: tuple[float, ...]
+    """Compliance of each segment over the tendon's, from the spool: sheath, handle, stem, tip; with two vertices sheath,
+    handle, span over the handle's joint, stem, span over the tip's joint, end"""
+    vertex: float
+    """Friction coefficient at the vertices"""
+    sheath: float
+    """Friction exponent of the sheath"""
+    inertia: float
+    damping: float
+    stop: float
+    stop_stiffness: float
+    base: float = 0.0
+    """Friction exponent that remains at each joint when it is straight"""
+    sheath_rate: float = 0.0
+    """Growth of the sheath's exponent by the size of the handle's angle"""
+    spool_radius: float = 5e-3
+    speed_limit: float = 20.0
+    acceleration_limit: float = 400.0
+    time_constant: float = 0.01
+    spool_step: float = 2 * np.pi / 4096
+    angle_step: float = 2 * np.pi / 4096
+    angle_noise: float = 0.0
+    tension_step: float = 400 / 65536
+    tension_noise: float = 0.0
+    tension_range: float = 200.0
+    cell_gain: tuple[float, float] = (1.0, 1.0)
+    cell_offset: tuple[float, float] = (0.0, 0.0)
+    handle_offset: float = 0.0
+    """Of the handle's encoder"""
+    hand_stiffness: float = np.inf
+    """Of the hand on the handle, N m/rad; infinite: the handle is where it is commanded"""
+    hand_damping: float = 0.05
+    hand_inertia: float = 2e-3
+    tissue_angle: float = np.inf
+    """Output angle at which the tip touches tissue"""
+    tissue_stiffness: float = 0.0
+    """N/m, at the tip"""
+    tissue_damping: float = 0.0
+    """N s/m"""
+
+    @property
+    def contacts(self) -> int:
+        return len(self.shares) - 1
+
+    @property
+    def substeps(self) -> int:
+        """Sub-steps of a tick, such that the tip on its last segments alone is well resolved."""
+        own = sum(self.shares[-1:] if self.contacts == 3 else self.shares[-2:-1])
+        stiffest = 2 * self.stiffness / own * self.distal_radius**2 + self.stop_stiffness
+        stiffest += self.tissue_stiffness * (self.tip_length + self.distal_radius) ** 2
+        return max(LEAST_SUBSTEPS, int(np.ceil(PERIOD * np.sqrt(stiffest / self.inertia) / PHASE_STEP)))
+
+    def target(self, handle_angle: ArrayLike) -> Array:
+        """Return the output angle without load and friction (eq. 18)."""
+        ratio = self.proximal_radius / self.distal_radius
+        angle = np.asarray(handle_angle, float)
+        output = 2 * np.arcsin(ratio * np.sin(angle / 2)) if self.gears else ratio * angle
+        return np.clip(output, -self.stop, self.stop)
+
+    def handle_angle(self, output: float) -> float:
+        """Return the handle's angle that gives an output angle without load and friction."""
+        ratio = self.distal_radius / self.proximal_radius
+        return float(2 * np.arcsin(ratio * np.sin(output / 2)) if self.gears else ratio * output)
+
+
+def shares_of(inst: Instrument, vertices: int = 1, before_handle: float | None = None) -> tuple[float, ...]:
+    """Return the segments' shares of compliance, by length; before_handle: share between spool and handle joint."""
+    numbers: Any = inst
+    gears = inst.joint_type == "tendon-gear"
+    length = inst.tendon_length or inst.overall_length
+    at_handle, at_tip = (
+        2 * getattr(numbers, f"{end}_{'gear' if gears else 'pulley'}_radius") / length for end in ("proximal", "distal")
+    )
+    before = inst.handle_length / length if before_handle is None else before_handle
+    stem = 1 - before - at_handle - at_tip
+    if vertices == 1:
+        return before / 2, before / 2 + at_handle, stem, at_tip
+    end = at_tip / 2
+    return before / 2, before / 2, at_handle, stem - end, at_tip, end
+
+
+def plant_of(
+    inst: Instrument,
+    *,
+    vertices: int = 1,
+    before_handle: float | None = None,
+    softer: float = 1.0,
+    **changes: Any,
+) -> Plant:
+    """Return a plant with the numbers of an instrument of one axis, and changes of :class:`Plant`'s fields.
+
+    vertices: per joint, 1 with its whole wrap or 2 with the span that the joint draws between them, half the wrap each;
+    softer: true over told stiffness of the tendons.
+    """
+    numbers: Any = inst
+    gears = inst.joint_type == "tendon-gear"
+    kind = "gear" if gears else "pulley"
+    drives, sensors, friction, dynamics = inst.drives, inst.sensors, inst.friction, inst.dynamics
+    radius = getattr(numbers, f"distal_{kind}_radius")
+    rotational = 2 * inst.tendon_stiffness * radius**2
+    inertia = dynamics.tip_inertia or rotational / (2 * np.pi * 20) ** 2
+    damping = 0.4 * np.sqrt(rotational * inertia) if dynamics.tip_damping is None else dynamics.tip_damping
+    plant = Plant(
+        gears=gears,
+        proximal_radius=getattr(numbers, f"proximal_{kind}_radius"),
+        distal_radius=radius,
+        tip_length=inst.end_effector_length,
+        stiffness=inst.tendon_stiffness * softer,
+        pretension=inst.pretension,
+        shares=shares_of(inst, vertices, before_handle),
+        vertex=friction.vertex_coefficient,
+        sheath=friction.sheath_coefficient * friction.sheath_bend,
+        sheath_rate=friction.sheath_coefficient * friction.sheath_bend_per_handle_angle,
+        inertia=inertia,
+        damping=damping,
+        stop=inst.output_stop,
+        stop_stiffness=20 * rotational,
+        spool_radius=drives.spool_radius,
+        speed_limit=drives.motor_speed / drives.gear_ratio,
+        acceleration_limit=drives.motor_acceleration / drives.gear_ratio,
+        time_constant=drives.time_constant,
+        spool_step=2 * np.pi / drives.encoder_counts / drives.gear_ratio,
+        angle_step=sensors.encoder_range / 2**sensors.encoder_bits,
+        angle_noise=sensors.encoder_noise,
+        tension_step=2 * sensors.load_cell_range / 2**sensors.load_cell_bits,
+        tension_noise=sensors.load_cell_noise,
+        tension_range=sensors.load_cell_range,
+    )
+    return replace(plant, **changes)
+
+
+class Plants:
+    """Plants of the same joints and number of contacts, advanced together by ticks; arrays end with the lane.
+
+    A tension is ``pretension + k (drawn + slip before - slip beyond)``, where a slip is the length that has passed a
+    contact toward the spool. Contacts stick while the tension on neither side exceeds that on the other by more than
+    the factor exp(exponent). Spools start where the tendons have their pretension.
+
+    Parameters
+    ----------
+    lanes
+        The plants.
+    seeds
+        Of each lane's sensor noise.
+    substeps
+        Of a tick; by default what the fastest lane needs.
+    """
+
+    def __init__(self, lanes: Sequence[Plant], seeds: Sequence[int] | None = None, substeps: int | None = None) -> None:
+        kinds = {(lane.gears, lane.contacts) for lane in lanes}
+        if len(kinds) != 1:
+            raise ValueError("lanes differ in their joints or contacts; they must be run apart.")
+        (self.gears, self.contacts), count = kinds.pop(), len(lanes)
+        self.lanes = tuple(lanes)
+        self.substeps = substeps or max(lane.substeps for lane in lanes)
+        self.dt = PERIOD / self.substeps
+        for field in fields(Plant):
+            setattr(self, f"_{field.name}", np.array([getattr(lane, field.name) for lane in lanes], float).T)
+        n = self.contacts
+        p: Any = self
+        self._k = (p._stiffness / p._shares)[:, None]  # (segment, 1, lane)
+        self._drawn_at = (1, 3) if n == 3 else (2, 4)  # by handle and tip
+        self._growth = self._k[1:] / self._k[:-1]
+        self._soft = 1 / self._k[:-1]
+        self._half = 1.0 if n == 3 else 0.5
+        self._signs = np.array([[1.0], [-1.0]])
+
+        self.tip, self.tip_velocity, self._acceleration = np.zeros((3, count))
+        self.handle, self.handle_velocity, self._handle_acceleration = np.zeros((3, count))
+        self.spool, self.spool_velocity = np.zeros((2, 2, count))
+        self._slip = np.zeros((n + 2, 2, count))  # with both ends, which never slip
+        self._rate = np.zeros((n, 2, count))
+        self._held = np.zeros((n, 2, count))
+        self.tension = np.broadcast_to(p._pretension, (n + 1, 2, count)).copy()
+        self._relaxed = np.zeros((n + 1, 2, count))
+        self._edges, self._weight = np.zeros((2, n, 2, 2, count))  # (contact, edge, tendon, lane)
+        self._ratio = np.ones((n, 2, 1, count))
+        # Each phase of a sweep takes every other contact.
+        self._phases = [self._phase(start) for start in range(2)]
+        self.dissipated = np.zeros(count)
+        self.least_dissipated = 0.0
+        self.touch = np.zeros(count)
+        self.sweeps = self.most_sweeps = 0
+        self._any_tissue = bool(np.any(np.isfinite(p._tissue_angle)))
+        self._soft_hand = np.isfinite(p._hand_stiffness)
+        self._random = [np.random.default_rng(seed) for seed in seeds or range(count)]
+        self._noise, self._drawn = np.zeros((0, count, 3)), 0
+
+    def _phase(self, start: int) -> tuple[Array, ...]:
+        n, slip = self.contacts, self._slip
+        own = slip[1 + start : n + 1 : 2]
+        edges = self._edges[start::2]
+        return (
+            slip[start:n:2],
+            slip[2 + start : n + 2 : 2],
+            own,
+            self._held[start::2],
+            self._weight[start::2],
+            edges,
+            np.empty_like(own),
+            np.empty_like(edges),
+        )
+
+    @property
+    def drawn(self) -> Array:
+        """Shape (2, lane): length that the handle and that the tip takes of the agonist, m."""
+        radii = (self._proximal_radius, self._distal_radius)  # type: ignore[attr-defined]
+        return np.array([self._excursion(*pair) for pair in zip(radii, (self.handle, self.tip), strict=True)])
+
+    def _excursion(self, radius: Array, angle: Array) -> Array:
+        return 2 * radius * np.sin(angle / 2) if self.gears else radius * angle
+
+    def _arm(self, radius: Array, angle: Array) -> Array:
+        return radius * np.cos(angle / 2) if self.gears else radius
+
+    def step(self, handle_angle: ArrayLike, force: ArrayLike = 0.0, spool_velocity: ArrayLike = 0.0) -> None:
+        """Advance by a tick.
+
+        Parameters
+        ----------
+        handle_angle
+            At the tick's end, rad, shape (lane,) or scalar; moved to linearly. With a hand, what the hand wants.
+        force
+            At the tip and square to it, against positive flexion, N.
+        spool_velocity
+            Commanded, rad/s, positive winds, shape (2, lane) or scalar.
+        """
+        wanted, velocity = np.asarray(handle_angle, float), np.asarray(spool_velocity, float)
+        begin = getattr(self, "_wanted", self.handle)
+        for part in range(1, self.substeps + 1):
+            self._substep(begin + (wanted - begin) * (part / self.substeps), np.asarray(force, float), velocity)
+        self._wanted = wanted
+
+    def _substep(self, wanted: Array, force: Array, command: Array) -> None:
+        p: Any = self
+        dt = self.dt
+        # First-order loop, by its exact solution for a constant command.
+        follow = -np.expm1(-dt / p._time_constant)
+        goal = np.clip(command, -p._speed_limit, p._speed_limit)
+        most = p._acceleration_limit * dt
+        change = np.clip((goal - self.spool_velocity) * follow, -most, most)
+        self.spool = self.spool + (self.spool_velocity + change / 2) * dt
+        self.spool_velocity = self.spool_velocity + change
+
+        if self._soft_hand.any():
+            moved = self.handle + dt * self.handle_velocity + dt * dt / 2 * self._handle_acceleration
+            self.handle = np.where(self._soft_hand, moved, wanted)
+        else:
+            self.handle = wanted + np.zeros_like(self.tip)
+        self.tip = self.tip + dt * self.tip_velocity + dt * dt / 2 * self._acceleration
+        self._settle()
+
+        at_handle, at_tip = self._drawn_at
+        arm = self._arm(p._distal_radius, self.tip)
+        lever = p._tip_length + arm if self.gears else p._tip_length
+        moment = (self.tension[at_tip, 0] - self.tension[at_tip, 1]) * arm
+        moment -= force * lever
+        beyond = self.tip - np.clip(self.tip, -p._stop, p._stop)
+        moment -= p._stop_stiffness * beyond
+        damping = p._damping
+        if self._any_tissue:
+            self.touch = self._tissue(lever)
+            moment -= self.touch * lever
+        before = self.tip_velocity + dt / 2 * self._acceleration
+        self.tip_velocity = (before + dt / 2 * moment / p._inertia) / (1 + dt / 2 * damping / p._inertia)
+        self._acceleration = (moment - damping * self.tip_velocity) / p._inertia
+        if self._soft_hand.any():
+            self._move_hand(wanted, (self.tension[at_handle, 0] - self.tension[at_handle, 1]))
+
+    def _tissue(self, lever: Array) -> Array:
+        p: Any = self
+        deep = self.tip - p._tissue_angle
+        pushed = lever * (p._tissue_stiffness * np.maximum(deep, 0) + p._tissue_damping * self.tip_velocity)
+        return np.where(deep > 0, np.maximum(pushed, 0), 0.0)
+
+    def _move_hand(self, wanted: Array, difference: Array) -> None:
+        p: Any = self
+        dt, inertia = self.dt, p._hand_inertia
+        stiffness = np.where(self._soft_hand, p._hand_stiffness, 0)
+        torque = stiffness * (wanted - self.handle) - difference * self._arm(p._proximal_radius, self.handle)
+        before = self.handle_velocity + dt / 2 * self._handle_acceleration
+        self.handle_velocity = (before + dt / 2 * torque / inertia) / (1 + dt / 2 * p._hand_damping / inertia)
+        self._handle_acceleration = (torque - p._hand_damping * self.handle_velocity) / inertia
+
+    def _settle(self) -> None:
+        """Solve the contacts for the present spools, handle and tip."""
+        p: Any = self
+        n, slip, relaxed = self.contacts, self._slip, self._relaxed
+        by_handle, by_tip = self.drawn
+        at_handle, at_tip = self._drawn_at
+        relaxed[:] = p._pretension
+        relaxed[0] += self._k[0] * (p._spool_radius * self.spool)
+        relaxed[at_handle] += self._k[at_handle] * self._signs * by_handle
+        relaxed[at_tip] -= self._k[at_tip] * self._signs * by_tip
+
+        bent = np.abs(self.handle), np.abs(self.tip)
+        joints = [np.exp(self._half * (p._vertex * angle + p._base)) for angle in bent]
+        up = self._ratio[:, 0, 0]
+        up[0] = np.exp(p._sheath + p._sheath_rate * bent[0])
+        up[1 : (n + 1) // 2] = joints[0]
+        up[(n + 1) // 2 :] = joints[1]
+        np.divide(1, self._ratio[:, 0], out=self._ratio[:, 1])
+
+        # Slip at which a contact is on the edge, to the spool or to the tip, as a line of its neighbours' slips.
+        np.divide(1, 1 + self._ratio * self._growth[:, None], out=self._weight[:])
+        np.multiply(self._ratio, relaxed[1:, None], out=self._edges)
+        np.subtract(relaxed[:-1, None], self._edges, out=self._edges)
+        self._edges *= self._weight
+        self._edges *= self._soft[:, None]
+
+        own, held = slip[1:-1], self._held
+        held[:] = own
+        own += self._rate
+        for sweep in range(1, MOST_SWEEPS + 1):
+            check = sweep % SWEEPS_BETWEEN_CHECKS == 0
+            before = own.copy() if check else own
+            for near, far, mine, start, weight, edges, gap, edge in self._phases:
+                np.subtract(near, far, out=gap)
+                np.multiply(weight, gap[:, None], out=edge)
+                edge += far[:, None]
+                edge += edges
+                np.maximum(start, edge[:, 0], out=mine)
+                np.minimum(mine, edge[:, 1], out=mine)
+            if check and np.abs(own - before).max() < SETTLED:
+                break
+        self.sweeps, self.most_sweeps = sweep, max(sweep, self.most_sweeps)
+        np.subtract(own, held, out=self._rate)
+        np.subtract(slip[:-1], slip[1:], out=self.tension)
+        self.tension *= self._k
+        self.tension += relaxed
+        np.maximum(self.tension, 0, out=self.tension)
+        lost = ((self.tension[:-1] - self.tension[1:]) * self._rate).sum((0, 1))
+        self.least_dissipated = min(self.least_dissipated, float(lost.min()))
+        self.dissipated += lost
+
+    def residual(self) -> Array:
+        """Return by how much (N) the last sub-step's tensions violate the friction law, shape (contact, tendon, lane)."""
+        spool, tip, ratio = self.tension[:-1], self.tension[1:], self._ratio[:, 0]
+        beyond_spool, beyond_tip = spool - ratio * tip, tip - ratio * spool
+        least = SETTLED
+        return np.where(
+            self._rate > least,
+            np.abs(beyond_spool),
+            np.where(self._rate < -least, np.abs(beyond_tip), np.maximum(np.maximum(beyond_spool, beyond_tip), 0)),
+        )
+
+    def read(self) -> Array:
+        """Return the sensors' readings: handle angle, tensions, spool angles, shape (lane, 5)."""
+        p: Any = self
+        if self._drawn == len(self._noise):
+            self._noise = np.stack([own.standard_normal((1000, 3)) for own in self._random], 1)
+            self._drawn = 0
+        noise = self._noise[self._drawn].T
+        self._drawn += 1
+        angle = self.handle + p._handle_offset + p._angle_noise * noise[0]
+        tension = p._cell_gain * self.tension[0] + p._cell_offset + p._tension_noise * noise[1:]
+        found = np.empty((len(self.lanes), 5))
+        found[:, 0] = np.round(angle / p._angle_step) * p._angle_step
+        found[:, 1:3] = np.clip(
+            np.round(tension / p._tension_step) * p._tension_step, -p._tension_range, p._tension_range
+        ).T
+        found[:, 3:] = (np.round(self.spool / p._spool_step) * p._spool_step).T
+        return found
+
+
+class Case(NamedTuple):
+    """A plant at work, and what its controller is told about it."""
+
+    plant: Plant
+    known: Instrument | None
+    """None: motors stand"""
+    output: float
+    """Where the handle is moved to, as the angle of the tip without load and friction, rad"""
+    force: float = 0.0
+    """At the tip from :data:`LOADED` on, N"""
+    tremor: float = 0.0
+    """Amplitude at the handle, rad"""
+    rate: float = 7.0
+    """Of the tremor, Hz"""
+    seed: int = 0
+
+    def handle(self, at: Array) -> Array:
+        """Return the handle's angle over time, rad."""
+        u = np.clip(at / EASED, 0, 1)
+        trembling = self.tremor * np.sin(2 * np.pi * self.rate * (at - EASED)) * (at > EASED)
+        return self.plant.handle_angle(self.output) * u**3 * (10 - 15 * u + 6 * u * u) + trembling
+
+    @property
+    def kind(self) -> tuple[bool, int, int]:
+        """What cases that run together have in common."""
+        return self.plant.gears, self.plant.contacts, self.plant.substeps
+
+
+class Trace(NamedTuple):
+    """What a case did, by tick; single precision, since only the memory counts."""
+
+    time: Array
+    tip: NDArray[np.float32]
+    error: NDArray[np.float32]
+    """Of the tip, rad"""
+    estimate: NDArray[np.float32]
+    std: NDArray[np.float32]
+    touch: NDArray[np.float32]
+    """Force on the tissue, N"""
+    tension: NDArray[np.float32]
+    """Higher of the two beside the spools, N"""
+    friction_scale: NDArray[np.float32]
+    faults: tuple[str, ...]
+
+
+def run(cases: Sequence[Case], seconds: float = SECONDS) -> list[Trace]:
+    """Run cases for a time, those that can together, each with its own controller stepped by the tick."""
+    found: dict[int, Trace] = {}
+    kinds = dict.fromkeys(case.kind for case in cases)
+    for kind in kinds:
+        places = [n for n, case in enumerate(cases) if case.kind == kind]
+        found.update(zip(places, _run_together([cases[n] for n in places], seconds), strict=True))
+    return [found[n] for n in range(len(cases))]
+
+
+def _run_together(cases: Sequence[Case], seconds: float) -> list[Trace]:
+    count = round(seconds / PERIOD)
+    at = np.arange(1, count + 1) * PERIOD
+    handle = np.stack([case.handle(at) for case in cases], 1)
+    target = np.stack([case.plant.target(angle) for case, angle in zip(cases, handle.T, strict=True)], 1)
+    force = np.array([case.force for case in cases])
+    plants = Plants([case.plant for case in cases], [case.seed for case in cases])
+    controllers = [(n, Controller(case.known)) for n, case in enumerate(cases) if case.known is not None]
+    steps = [(n, one.core.step, one.take_request()) for n, one in controllers]
+    names = tn.control.controller._SIGNALS
+    columns = {
+        name: names.index(f"estimated_{name}") for name in ("output_angle", "output_angle_std")
+    }
+    wind, scale = names.index("commanded_spool_velocity.agonist"), names.index("friction_scale")
+    kept = np.full((7, count, len(cases)), np.nan, np.float32)
+    faults = np.zeros(len(cases), int)
+    command = np.zeros((2, len(cases)))
+    for k in range(count):
+        plants.step(handle[k], force if at[k] > LOADED else 0.0, command)
+        readings = plants.read()
+        for n, step, request in steps:
+            rows, _, _, _, _, mask, _ = step((k + 1) * 500_000, int(request) if k == 0 else 0, readings[n : n + 1])
+            row = rows[0]
+            command[:, n] = row[wind : wind + 2]
+            kept[2, k, n], kept[3, k, n] = row[columns["output_angle"]], row[columns["output_angle_std"]]
+            kept[6, k, n] = row[scale]
+            faults[n] |= mask
+        kept[0, k], kept[1, k] = plants.tip, plants.tip - target[k]
+        kept[4, k], kept[5, k] = plants.touch, plants.tension[0].max(0)
+    return [
+        Trace(at, *kept[:, :, n], tuple(name for bit, name in enumerate(FAULTS) if faults[n] >> bit & 1))
+        for n in range(len(cases))
+    ]
+
+
+class Row(NamedTuple):
+    """A row of the table: what differs, and at which work."""
+
+    words: str
+    changes: Mapping[str, Any]
+    """Of the plant, by the keys of :func:`plant_of`; the controller is told of none of them"""
+    told: Mapping[str, float]
+    """Values of the instrument's file, which the controller is told"""
+    instrument: str = "scaled-up"
+    states: tuple[float, ...] = STATES
+    """deg"""
+    load: float = 1.0
+    """Of the rated one"""
+    tremors: tuple[float, ...] = (0.0,)
+    """deg"""
+    depths: tuple[float, ...] = (0.0,)
+    """Of the target in the tissue, deg; 0: there is none"""
+
+
+def row(words: str, told: Mapping[str, float] | None = None, **rest: Any) -> Row:
+    """Return a row; keys that are not a row's own are changes of the plant."""
+    own = {key: value for key, value in rest.items() if key in Row._fields}
+    return Row(words, {key: value for key, value in rest.items() if key not in own}, told or {}, **own)
+
+
+def rubbing(coefficient: float) -> dict[str, float]:
+    return {"friction.vertex_coefficient": coefficient, "friction.sheath_coefficient": coefficient}
+
+
+GAINS = (1.02, 0.98)
+TISSUE = 1e4  # N/m
+TWO, FRONT, BASE, SOFT = {"vertices": 2}, {"before_handle": 0.55}, {"base": 0.03}, {"softer": 0.85}
+ROWS = {
+    "nothing": row("nothing"),
+    "two": row("two vertices a joint", **TWO),
+    "front": row("compliance 55 % before handle joint", **FRONT),
+    "rough": row("coefficient 0.25, told", rubbing(0.25)),
+    "four": row("two vertices, 0.25 told, base 0.03, 15 % softer", rubbing(0.25), **TWO, **BASE, **SOFT),
+    "gains": row("load cell gains 1.02/0.98", cell_gain=GAINS),
+    "wrist": row("wrist, pulleys of 3.2/6 mm, tip of 12 mm", instrument="pulley wrist"),
+    "tremor": row("hand trembles 0.1/0.3° at 7 Hz, no load", states=(33.0, 67.0), load=0.0, tremors=(0.1, 0.3)),
+    "still": row("a still hand at 67°, no load", states=(67.0,), load=0.0),
+    "tissue": row("tissue of 10 N/mm, 5 and 12° into it", states=(33.0,), load=0.0, depths=(5.0, 12.0)),
+    # Of our own.
+    "rougher": row("coefficient 0.4, told", rubbing(0.4)),
+    "base": row("base exponent 0.03 a joint", **BASE),
+    "soft": row("15 % softer", **SOFT),
+    "offsets": row("load cells off by +0.5/-0.5 N", cell_offset=(0.5, -0.5)),
+    "encoder": row("handle encoder off by 0.2°", handle_offset=np.radians(0.2)),
+    "hand": row("a hand of 5 N m/rad", hand_stiffness=5.0),
+    "two-front": row("two vertices, compliance 55 %", **TWO, **FRONT),
+    "two-gains": row("two vertices, gains", cell_gain=GAINS, **TWO),
+    "rough-soft": row("0.25 told, 15 % softer", rubbing(0.25), **SOFT),
+    "rough-gains": row("0.25 told, gains", rubbing(0.25), cell_gain=GAINS),
+    "still-two": row("a still hand at 67°, no load, two vertices", states=(67.0,), load=0.0, **TWO),
+    "real": row("nothing, real-size", instrument="real-size"),
+    "real-two": row("two vertices, real-size", instrument="real-size", **TWO),
+    "all": row(
+        "all at once: two vertices, 55 %, 0.25 told, base, softer, gains",
+        rubbing(0.25),
+        cell_gain=GAINS,
+        **TWO,
+        **FRONT,
+        **BASE,
+        **SOFT,
+    ),
+}
+"""Rows of the table by name; the first ten are those of issue 17."""
+
+
+def instrument(name: str) -> Instrument:
+    """Return an instrument of one axis, whose file has the true stiffness."""
+    if name == "pulley wrist":
+        return tn.load(EXAMPLES / "pulley.toml").replace(
+            proximal_pulley_radius=6e-3,
+            distal_pulley_radius=3.2e-3,
+            end_effector_length=12e-3,
+            friction={"law": "capstan", "sheath_bend": np.radians(10), **dict.fromkeys(COEFFICIENTS, 0.1)},
+        )
+    inst = tn.load(name).axis("yaw")
+    return inst.replace(tendon_stiffness=inst.tendon_stiffness * inst.mismatch.stiffness_ratio, mismatch=None)
+
+
+COEFFICIENTS = ("vertex_coefficient", "sheath_coefficient")
+
+
+def cases_of(row: Row) -> list[Case]:
+    """Return a row's cases, those with motors first, and then the same with motors that stand."""
+    inst = instrument(row.instrument).replace(**row.told)
+    plant, found = plant_of(inst, **row.changes), []
+    for state in row.states:
+        for tremor in row.tremors:
+            for depth in row.depths:
+                lane = with_tissue(plant, np.radians(state - depth)) if depth else plant
+                for told in TOLD:
+                    scaled = {f"friction.{key}": told * getattr(inst.friction, key) for key in COEFFICIENTS}
+                    found.append(
+                        Case(
+                            lane,
+                            inst.replace(**scaled),
+                            np.radians(state),
+                            RATED[row.instrument] * row.load,
+                            np.radians(tremor),
+                            seed=len(found),
+                        )
+                    )
+    return found + [case._replace(known=None) for case in found]
+
+
+def with_tissue(plant: Plant, angle: float) -> Plant:
+    """Return a plant whose tip meets tissue at an output angle, damped a fifth of critically."""
+    damping = 0.4 * np.sqrt(TISSUE * plant.inertia) / plant.tip_length
+    return replace(plant, tissue_angle=angle, tissue_stiffness=TISSUE, tissue_damping=damping)
+
+
+class Summary(NamedTuple):
+    """What a row's cases came to, deg unless said; of those with motors, `off` of those without."""
+
+    final_rms: float
+    """Of the mean error in the last second, over the cases"""
+    final_worst: float
+    off_rms: float
+    off_worst: float
+    later_worst: float
+    """Error :data:`LATER` s after the load"""
+    estimate_rms: float
+    """Error of the estimate in the last second"""
+    nees: float
+    """Squared error of the estimate over its variance, mean over time and cases"""
+    nees_worst: float
+    """Of the case with the largest"""
+    swing: float
+    """Of the tip, peak to peak in the last second, largest"""
+    swing_off: float
+    touch: float
+    """Force on the tissue in the last second, mean, largest, N"""
+    touch_off: float
+    highest_tension: float
+    """N"""
+    least_scale: float
+    """Of the friction scale at the end, over the truth"""
+    most_scale: float
+    faults: tuple[str, ...]
+
+
+def summary(cases: Sequence[Case], traces: Sequence[Trace]) -> Summary:
+    """Summarise cases, the second half of which are with motors that stand."""
+    half = len(cases) // 2
+    on, off = traces[:half], traces[half:]
+    at = on[0].time
+    last, judged = at > at[-1] - LAST, at > JUDGED
+    later = np.abs(at - LOADED - LATER) < AVERAGED / 2
+
+    def over(of: Iterable[Trace], value: Callable[[Trace], Any]) -> Array:
+        return np.array([value(one) for one in of], float)
+
+    final = np.degrees(over(on, lambda one: one.error[last].mean()))
+    standing = np.degrees(over(off, lambda one: one.error[last].mean()))
+    nees = over(on, lambda one: (((one.estimate - one.tip) / one.std)[judged].astype(float) ** 2).mean())
+    missed = np.degrees(over(on, lambda one: np.sqrt(((one.estimate - one.tip)[last].astype(float) ** 2).mean())))
+    swings = [np.degrees(over(of, lambda one: np.ptp(one.tip[last]))).max() for of in (on, off)]
+    told = np.array([TOLD[n % len(TOLD)] for n in range(half)])
+    scale = over(on, lambda one: one.friction_scale[-1]) * told
+    return Summary(
+        rms(final),
+        np.abs(final).max(),
+        rms(standing),
+        np.abs(standing).max(),
+        np.abs(np.degrees(over(on, lambda one: one.error[later].mean()))).max(),
+        rms(missed),
+        nees.mean(),
+        nees.max(),
+        *swings,
+        over(on, lambda one: one.touch[last].mean()).max(),
+        over(off, lambda one: one.touch[last].mean()).max(),
+        over(on, lambda one: one.tension.max()).max(),
+        scale.min(),
+        scale.max(),
+        tuple(dict.fromkeys(name for one in on for name in one.faults)),
+    )
+
+
+def rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def judge(rows: Mapping[str, Row], seconds: float = SECONDS) -> dict[str, Summary]:
+    """Run rows, all of their cases together, and summarise each."""
+    cases = {name: cases_of(one) for name, one in rows.items()}
+    traces = iter(run([case for own in cases.values() for case in own], seconds))
+    return {name: summary(own, [next(traces) for _ in own]) for name, own in cases.items()}
+
+
+HEADING = (
+    f"  {'what differs':64s}{'final error':>13s}{'motors off':>14s}  {'3 s on':>6s}{'estimate':>9s}{'NEES':>7s}"
+    f"{'worst':>8s}{'swing':>7s}{'off':>6s}{'scale':>11s}  highest T, faults\n"
+    f"  {'deg; error over 12 cases, swing peak to peak in the last second':64s}{'RMS  worst':>13s}{'RMS  worst':>14s}  "
+    f"{'worst':>6s}{'RMS':>9s}"
+)
+
+
+def line(words: str, one: Summary) -> str:
+    touch = f", presses {one.touch:.2f} N (off {one.touch_off:.2f})" if one.touch or one.touch_off else ""
+    return (
+        f"  {words:64s}{one.final_rms:6.2f}{one.final_worst:7.2f}{one.off_rms:7.2f}{one.off_worst:7.2f}"
+        f"{one.later_worst:8.2f}{one.estimate_rms:9.3f}{one.nees:7.1f}{one.nees_worst:8.1f}{one.swing:7.2f}"
+        f"{one.swing_off:6.2f}{one.least_scale:6.2f}{one.most_scale:5.2f}  {one.highest_tension:.0f} N{touch}"
+        f"{', ' if one.faults else ''}{', '.join(one.faults)}"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--rows", nargs="+", choices=[*ROWS], metavar="ROW", help=f"of {', '.join(ROWS)}")
+    parser.add_argument("--quick", action="store_true", help="the first three rows only")
+    options = parser.parse_args()
+    names = options.rows or list(ROWS)[: 3 if options.quick else None]
+    begun = time.perf_counter()
+    done = judge({name: ROWS[name] for name in names})
+    print(HEADING)
+    for name, one in done.items():
+        print(line(ROWS[name].words, one))
+    print(f"{time.perf_counter() - begun:.0f} s, one core of {os.cpu_count()}")
+
+
+if __name__ == "__main__":
+    main()
