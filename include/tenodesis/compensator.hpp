@@ -41,6 +41,7 @@ struct CompensatorSettings {
   S hand_travel{};      ///< handle travel above which the hand counts as moving, rad
   S still_time{};       ///< time without motion after which it counts as still, s
   S steady_delay{};
+  S steady_gain{};
 };
 
 enum class Phase : unsigned char {
@@ -124,9 +125,9 @@ struct Compensator {
                              State& state) const {
     const bool strokes = state.phase == Phase::pull || state.phase == Phase::release;
     const S swing = strokes ? envelope.settings.stroke_swing : envelope.settings.least_swing;
-    const S shaking = model.axis.proximal.moment_arm(S(0)) * memory.intent.tremor;
-    envelope.update(observer.certain_lag(memory), swing * dead_length(memory.output_angle) + S(0.5) * shaking, observer,
-                    memory, dt, state.envelope);
+    envelope.update(observer.certain_lag(memory),
+                    swing * dead_length(memory.output_angle) + S(0.5) * tremor_arm() * memory.intent.amplitude,
+                    observer, memory, dt, state.envelope);
     const S stroke = across(memory);
     if (actuation == Actuation::agonist) {
       const Winding<S> wanted = one_motor(observer, memory, state);
@@ -135,24 +136,19 @@ struct Compensator {
     const Winding<S> wanted = two_motors(observer, memory, dt, state);
     const S along = (wanted.agonist + wanted.antagonist) * S(0.5);
     const S allowed = envelope.within((wanted.agonist - wanted.antagonist) * S(0.5), stroke, state.envelope);
-    const S across = limited(allowed + steadying(memory, observer.settings.shake_smoothing));
+    // The motors take the hand's tremor away, as far as it is known when they follow.
+    const S across =
+        limited(allowed - tremor_arm() * settings.steady_gain * memory.intent.speed_after(settings.steady_delay));
     return {along + across, along - across};
   }
 
-  // The differential stroke without what takes away the tremor, m.
-  S across(const FrictionMemory<S>& memory) const {
-    return (wound(memory.smooth, agonist) - wound(memory.smooth, antagonist)) * S(0.5) + memory.shaken;
-  }
+  // Tendon length that a small tremor of the handle draws, per its angle, m.
+  S tremor_arm() const { return model.axis.proximal.moment_arm(S(0)); }
 
-  // Differential speed that takes the hand's tremor away. A tremor is nearly sinusoidal, so that its value and its
-  // speed tell its speed when the motors will have followed.
-  S steadying(const FrictionMemory<S>& memory, const S& smoothing) const {
-    const S speed = (memory.shaken - memory.shaken_before) / smoothing;
-    const S turn = memory.intent.pulsation * settings.steady_delay;
-    const S square = turn * turn;
-    const S sine = turn * (S(1) - square * S(1.0 / 6));
-    const S cosine = S(1) - square * (S(0.5) - square * S(1.0 / 24));
-    return (S(1) + square * S(0.25)) * (memory.intent.pulsation * sine * memory.shaken - cosine * speed);
+  // The differential stroke without what takes the tremor away, m.
+  S across(const FrictionMemory<S>& memory) const {
+    return (wound(memory.smooth, agonist) - wound(memory.smooth, antagonist)) * S(0.5) +
+           tremor_arm() * memory.intent.shaken;
   }
 
   // A slack tendon neither moves the tip nor shows where it is: near the least tension it is let out more slowly, then
@@ -230,8 +226,8 @@ struct Compensator {
     return {along + differential, along - differential};
   }
 
-  static constexpr int most_turns = 8;
-  static constexpr S growth = S(1.25), most_tolerance = S(4);
+  static constexpr int most_turns = 4;
+  static constexpr S growth = S(1.5), most_tolerance = S(4);
 
   // Largest share of the differential speed in the common one: neither tendon may reverse.
   static constexpr S most_share = S(0.8);

@@ -16,21 +16,39 @@ struct IntentSettings {
   S limit{};        ///< largest amplitude of tremor, rad
   S play{};         ///< half the width of the noise, rad
   S memory{};       ///< time constant with which the amplitude is forgotten, s
+  S smoothing{};    ///< time constant of tremor's speed, s
 };
 
 template <class S>
 struct IntentState {
-  S angle{};        ///< that the hand means, rad
-  S tremor{};       ///< half the width of the play, rad
-  S extreme{};      ///< of the handle since its last reversal, rad
-  S reversed{};     ///< handle angle at that reversal, rad
-  S direction{1};   ///< of the handle since then
-  S since{};        ///< time since then, s
-  S shaken{};       ///< handle angle by tremor, rad
-  S pulsation{50};  ///< of tremor, rad/s
+  S angle{};         ///< that the hand means, rad
+  S amplitude{};     ///< of the tremor, rad
+  S extreme{};       ///< of the handle since its last reversal, rad
+  S reversed{};      ///< handle angle at that reversal, rad
+  S swing{};         ///< between that reversal and the one before, rad
+  S direction{1};    ///< of the handle since then
+  S since{};         ///< time since then, s
+  S pulsation{50};   ///< of the tremor, rad/s
+  S shaken{};        ///< handle angle by tremor, smoothed, rad
+  S speed{};         ///< its rate, rad/s
+  S smooth_speed{};  ///< the same, smoothed once more
+  S acceleration{};  ///< rad/s^2
 
   /// Where the hand is still.
-  static constexpr IntentState at(const S& angle) { return {angle, S(0), angle, angle, S(1), S(0), S(0), S(50)}; }
+  static constexpr IntentState at(const S& angle) {
+    IntentState state{};
+    state.angle = state.extreme = state.reversed = angle;
+    return state;
+  }
+
+  /// Speed of the tremor after a small part of its period (s), as far as it is sinusoidal, rad/s.
+  constexpr S speed_after(const S& delay) const {
+    const S turn = pulsation * delay;
+    const S square = turn * turn;
+    const S sine = delay * (S(1) - square * S(1.0 / 6));
+    const S cosine = S(1) - square * (S(0.5) - square * S(1.0 / 24));
+    return cosine * speed + sine * acceleration;
+  }
 };
 
 /// Follows the handle, whose angle's noise is within the play.
@@ -40,14 +58,17 @@ void follow(const IntentSettings<S>& settings, const S& handle_angle, const S& d
   const S spare(1.2);
   const bool fast = state.since < settings.half_period;
   state.since = smaller(state.since + dt, S(10));
-  state.tremor = state.tremor - state.tremor * (dt / settings.memory);
+  state.amplitude = state.amplitude - state.amplitude * (dt / settings.memory);
   const S onward = (handle_angle - state.extreme) * state.direction;
   if (onward > S(0)) {
     state.extreme = handle_angle;
   } else if (-onward > settings.play) {
-    const S swing = abs(state.extreme - state.reversed) * S(0.5);
-    if (fast && swing > settings.play * S(0.75)) {
-      state.tremor = smaller(larger(state.tremor, spare * swing), settings.limit);
+    // What the hand means to do makes every other swing longer, and one alone is no tremor.
+    const S swing = abs(state.extreme - state.reversed);
+    const S amplitude = smaller(S(0.25) * (swing + state.swing), S(0.75) * smaller(swing, state.swing));
+    state.swing = fast ? swing : S(0);
+    if (fast && amplitude > settings.play * S(0.75)) {
+      state.amplitude = smaller(larger(state.amplitude, spare * amplitude), settings.limit);
       state.pulsation = state.pulsation + (S(pi) / (state.since + dt) - state.pulsation) * S(0.2);
     }
     state.reversed = state.extreme;
@@ -55,14 +76,19 @@ void follow(const IntentSettings<S>& settings, const S& handle_angle, const S& d
     state.direction = -state.direction;
     state.since = S(0);
   }
-  const S width = larger(state.tremor, settings.play);
-  if (fast && state.tremor > settings.play) {
+  if (fast && state.amplitude > settings.play) {
     const S middle = (state.extreme + state.reversed) * S(0.5);
     state.angle = state.angle + (middle - state.angle) * (dt / settings.memory);
   }
+  const S width = larger(state.amplitude, settings.play);
   state.angle = clamp(state.angle, handle_angle - width, handle_angle + width);
   // A tremor that is forgotten fades out.
-  state.shaken = (handle_angle - state.angle) * clamp(state.tremor / settings.play - S(0.5), S(0), S(1));
+  const S shaken = (handle_angle - state.angle) * clamp(state.amplitude / settings.play - S(0.5), S(0), S(1));
+  const S rate = S(1) / (settings.smoothing + dt);
+  state.speed = (shaken - state.shaken) * rate;
+  state.shaken = state.shaken + state.speed * dt;
+  state.acceleration = (state.speed - state.smooth_speed) * rate;
+  state.smooth_speed = state.smooth_speed + state.acceleration * dt;
 }
 
 }  // namespace tenodesis

@@ -76,8 +76,6 @@ struct FrictionMemory {
   Measurement<S> smooth{};  ///< with play in the handle angle
   IntentState<S> intent{};
   S target{};            ///< of the tip's position, m: with inextensible tendons, or its stop
-  S shaken{};            ///< tendon length that the hand's tremor draws at present, m
-  S shaken_before{};     ///< the same, smoothed, m
   S nominal[3]{};        ///< exponents of sheath, handle's joint and tip's joint by the parameters' friction
   S tip{};               ///< position of the tip as tendon length, m
   S output_angle{};      ///< at that position, rad
@@ -102,7 +100,6 @@ struct FrictionSettings {
   S forgetting{};      ///< growth of the three deviations, share of their start per root second
   S slack_below{};     ///< tension below which a tendon counts as slack, N
   IntentSettings<S> intent{};
-  S shake_smoothing{};
 };
 
 /// Tracks both tendons' friction from the spools to the tip.
@@ -121,9 +118,6 @@ struct FrictionObserver {
     const S drawn = model.drawn(memory.smooth.handle_angle);
     follow(settings.intent, memory.handle_angle, dt, memory.intent);
     memory.target = clamp(model.drawn(memory.intent.angle), -model.stop, model.stop);
-    memory.shaken = model.axis.proximal.moment_arm(S(0)) * memory.intent.shaken;
-    memory.shaken_before =
-        memory.shaken_before + (memory.shaken - memory.shaken_before) * (dt / (settings.shake_smoothing + dt));
     set_exponents(memory);
     const S ratio[3] = {exp(memory.scale * memory.nominal[0]), exp(memory.scale * memory.nominal[1]),
                         exp(memory.scale * memory.nominal[2])};

@@ -73,8 +73,9 @@
   ROW(tremor_half_period, "s", positive, "longest time between two reversals of tremor")                        \
   ROW(tremor_limit, "rad", not_negative, "largest amplitude of tremor, at the handle; 0: none")                 \
   ROW(tremor_memory, "s", positive, "time constant with which that amplitude is forgotten")                     \
-  ROW(shake_smoothing, "s", positive, "x") \
-  ROW(steady_delay, "s", not_negative, "y") \
+  ROW(tremor_smoothing, "s", positive, "time constant of tremor's speed")                                       \
+  ROW(steady_delay, "s", not_negative, "by which the motors follow late")                                       \
+  ROW(steady_gain, "1", not_negative, "share of tremor that they take away")                                    \
   /* compensator */                                                                                             \
   ROW(gain, "1/s", positive, "gain of the tip's lag")                                                           \
   ROW(breakaway_time, "s", positive, "time in which friction is overcome after the hand reverses")              \

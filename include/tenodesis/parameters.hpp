@@ -56,25 +56,25 @@ constexpr AxisController<A> axis_controller(const P& p) {
   using S = A::Scalar;
   AxisController<A> axis{};
   const ControlModel<A> model = control_model<A>(p);
-  axis.friction = {model,
-                   {S(p.hand_play),
-                    S(p.sheath_play),
-                    S(p.length_noise),
-                    S(p.play),
-                    S(p.smoothing),
-                    S(p.friction_scale_std),
-                    S(p.reference_std),
-                    S(p.compliance_std),
-                    S(p.forgetting),
-                    S(p.slack_tension),
-                    {S(p.tremor_half_period), S(p.tremor_limit), S(p.hand_play), S(p.tremor_memory)},
-                    S(p.shake_smoothing)}};
+  axis.friction = {
+      model,
+      {S(p.hand_play),
+       S(p.sheath_play),
+       S(p.length_noise),
+       S(p.play),
+       S(p.smoothing),
+       S(p.friction_scale_std),
+       S(p.reference_std),
+       S(p.compliance_std),
+       S(p.forgetting),
+       S(p.slack_tension),
+       {S(p.tremor_half_period), S(p.tremor_limit), S(p.hand_play), S(p.tremor_memory), S(p.tremor_smoothing)}}};
   axis.compensator.model = model;
   axis.compensator.settings = {
       S(p.gain),         S(p.breakaway_time), S(p.breakaway_speed), S(p.position_gain),       S(p.dead_band),
       S(p.tendon_speed), S(p.common_speed),   S(p.common_stroke),   S(p.common_stroke_share), S(p.far_lag),
       S(p.patience),     S(p.settle_time),    S(p.least_tension),   S(p.tension_limit),       S(p.hand_travel),
-      S(p.still_time),   S(p.steady_delay)};
+      S(p.still_time),   S(p.steady_delay),   S(p.steady_gain)};
   axis.compensator.envelope = {model,
                                {S(p.envelope_margin) * model.axis.distal.moment_arm(S(0)), S(p.envelope_friction),
                                 S(p.envelope_compliance), S(p.envelope_smoothing), S(p.least_swing), S(p.stroke_swing),
