@@ -197,7 +197,8 @@ struct Compensator {
   Winding<S> two_motors(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
                         State& state) const {
     const S lag = observer.lag(memory);
-    const S dead = dead_length(memory.output_angle) * state.tolerance;
+    const S dead =
+        dead_length(memory.output_angle) * state.tolerance + S(0.15) * tremor_arm() * memory.intent.amplitude;
     const bool moving = detect_hand_motion(memory.intent.angle, dt, state);
     const S common = (wound(memory.smooth, agonist) + wound(memory.smooth, antagonist)) * S(0.5);
     const S wanted = wanted_common(memory);
@@ -271,27 +272,29 @@ struct Compensator {
     const bool near = state.near > settings.settle_time;
     const bool far = abs(lag) > settings.far * dead;
     const bool steady = Envelope<A>::steady(state.envelope);
+    // A tremor turns the contacts at the handle to and fro, whatever the strokes do.
+    const bool shaken = memory.intent.amplitude > settings.hand_travel * S(0.2);
     state.since = smaller(state.since + dt, S(10));
     if (moving || (far && state.phase == Phase::rest)) return turn(Phase::track, state);
     switch (state.phase) {
       case Phase::track:
-        if (near && unseen < S(4) * dead) return turn(Phase::rest, state);
+        if (near && (shaken || unseen < S(4) * dead)) return turn(Phase::rest, state);
         if (loose && tight) return;
         if (steady && (!far || state.since > settings.patience))
           turn(above > S(0) && !loose ? Phase::release : Phase::pull, state);
         return;
       case Phase::rest:
-        if (steady && (abs(lag) > S(2) * dead || unseen > S(4) * dead))
+        if (steady && (abs(lag) > S(2) * dead || (!shaken && unseen > S(4) * dead)))
           turn(next_stroke(above, stroke, loose, state), state);
         return;
       case Phase::pull:
-        if (observer.slip_together(memory, S(1)) && near) return turn(Phase::rest, state);
+        if ((observer.slip_together(memory, S(1)) || shaken) && near) return turn(Phase::rest, state);
         // Between slack and the limit there is no room for strokes: only tracking is left.
         if (loose && tight) return turn(Phase::track, state);
         if (above > larger(stroke, state.short_of + stroke) || tight) turn_back(Phase::release, S(0), state);
         return;
       case Phase::release:
-        if (observer.slip_together(memory, S(-1)) && near) return turn(Phase::rest, state);
+        if ((observer.slip_together(memory, S(-1)) || shaken) && near) return turn(Phase::rest, state);
         if (above < -stroke || loose) turn_back(Phase::pull, larger(above + stroke, S(0)), state);
         return;
       case Phase::restrained:
