@@ -10,12 +10,13 @@ namespace tenodesis {
 /// Energies of one axis, J.
 template <class S>
 struct Energy {
-  S stored{};    ///< in tendons, backbone, stop and the tip's motion
+  S stored{};    ///< in tendons, backbone, stop, tissue and the tip's motion
   S handle{};    ///< work of the handle on the tendons
   S spools{};    ///< work of the spools on the tendons
   S load{};      ///< work of the load on the tip
   S friction{};  ///< lost at the contacts
   S damping{};   ///< lost at the tip
+  S tissue{};    ///< lost in tissue: to its damping, and what was stored in tissue that is taken away
   /// Lost at the contacts by the tensions at the step's end, where the friction law holds: not negative, except for
   /// rounding.
   S friction_at_end{};
@@ -32,7 +33,7 @@ T::S stored_energy(const T& twin, const typename T::State& state) {
   for (const auto& tendon : state.tendon)
     for (int i = 0; i <= twin.tendon.contacts(); ++i)
       sum = sum + tendon.tension[i] * tendon.tension[i] / twin.tendon.stiffness[i];
-  return sum * S(0.5);
+  return sum * S(0.5) + twin.stored_in(state.load.contact, state.output_angle);
 }
 
 /// The energies of a step between two states, with the loads at its two ends.
@@ -52,6 +53,13 @@ Energy<typename T::S> account(const T& twin, const typename T::State& before, co
   energy.load = mean(load_moment(before, load_before), load_moment(after, load_after)) * turned;
   if (!twin.quasi_static)
     energy.damping = twin.body.damping * mean(before.output_velocity, after.output_velocity) * turned;
+  // Placed or taken away while the tip is where it was, then pushed.
+  const auto& contact = after.load.contact;
+  energy.tissue =
+      twin.stored_in(before.load.contact, before.output_angle) - twin.stored_in(contact, before.output_angle);
+  if (!twin.quasi_static)
+    energy.tissue = energy.tissue - after.contact_moment * turned + twin.stored_in(contact, before.output_angle) -
+                    twin.stored_in(contact, after.output_angle);
   for (int k = 0; k < 2; ++k) {
     const auto& was = before.tendon[k];
     const auto& is = after.tendon[k];

@@ -6,6 +6,7 @@
 //   excursion_slope()             tendon drawn per unit of x, m
 //   moment_arm(x)                 of one tendon about the output angle, m
 //   tangential_arm(x)             of a force at the tip, square to the end-effector, m
+//   tip_path(angle, x)            length of the tip's path square to the end-effector, whose rate is that arm, m
 //   radial_arm(x)                 of a force at the tip, outward along the end-effector, m
 //   passive_stiffness()           moment of the joint's own spring per radian, N·m/rad
 //   demand(x, load)               the tension difference that holds a load
@@ -55,6 +56,7 @@ struct TendonGear {
   constexpr S excursion_slope() const { return S(2) * radius; }
   S moment_arm(const S& x) const { return radius * cosine(x); }
   S tangential_arm(const S& x) const { return length + radius * cosine(x); }
+  constexpr S tip_path(const S& angle, const S& x) const { return length * angle + S(2) * radius * x; }
   constexpr S radial_arm(const S& x) const { return radius * x; }
   static constexpr S passive_stiffness() { return S(0); }
 
@@ -94,6 +96,7 @@ struct TendonPulley {
   constexpr S excursion_slope() const { return radius; }
   constexpr S moment_arm(const S&) const { return radius; }
   constexpr S tangential_arm(const S&) const { return length; }
+  constexpr S tip_path(const S& angle, const S&) const { return length * angle; }
   static constexpr S radial_arm(const S&) { return S(0); }
   static constexpr S passive_stiffness() { return S(0); }
 
@@ -123,6 +126,9 @@ struct TendonContinuum {
   constexpr S excursion_slope() const { return radius; }
   constexpr S moment_arm(const S&) const { return radius; }
   constexpr S tangential_arm(const S& x) const { return tangential(x, length, backbone_length); }
+  constexpr S tip_path(const S& angle, const S&) const {
+    return angle * (length + backbone_length * rise_of_square(angle * angle));
+  }
   constexpr S radial_arm(const S& x) const { return radial(x, backbone_length); }
   constexpr S passive_stiffness() const { return backbone_rigidity / backbone_length; }
 

@@ -96,6 +96,9 @@ template <Real S>
 inline constexpr std::size_t bow_terms = sizeof(S) == 4 ? 9 : 15;  // |u| <= pi
 
 template <Real S>
+inline constexpr std::size_t rise_terms = bow_terms<S>;  // |u| <= pi
+
+template <Real S>
 inline constexpr std::size_t exp_terms = sizeof(S) == 4 ? 8 : 14;  // |u| <= ln(2)/2
 
 template <Real S>
@@ -145,6 +148,18 @@ inline constexpr auto bow_series = [] {
   return series;
 }();
 
+// the integral of (1 - cos u)/u^2 from 0, over u, as a series in u^2: (-1)^n / ((2n+2)! (2n+1))
+template <Real S>
+inline constexpr auto rise_series = [] {
+  Series<S, rise_terms<S>> series{};
+  double term = 0.5;
+  for (std::size_t n = 0; n < rise_terms<S>; ++n) {
+    series.coefficient[n] = S(term / double(2 * n + 1));
+    term /= -double((2 * n + 3) * (2 * n + 4));
+  }
+  return series;
+}();
+
 }  // namespace detail
 
 /// sin(u)/u, given u^2; |u| <= pi/2.
@@ -157,6 +172,12 @@ constexpr S sinc_of_square(const S& square) {
 template <class S>
 constexpr S bow_of_square(const S& square) {
   return detail::bow_series<ValueOf<S>>(square);
+}
+
+/// The mean of (1 - cos v)/v^2 for v from 0 to u, given u^2; |u| <= pi.
+template <class S>
+constexpr S rise_of_square(const S& square) {
+  return detail::rise_series<ValueOf<S>>(square);
 }
 
 /// Sine of an angle within a quarter turn, |u| <= pi/2, rad.

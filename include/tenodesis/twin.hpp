@@ -59,13 +59,16 @@ struct Twin {
   Status step(const Command<S>& command, State& state) const {
     if (!all_finite(value_of(command.handle_angle), value_of(command.force), value_of(command.radial_force),
                     value_of(command.weight), value_of(command.spool_velocity[0]), value_of(command.spool_velocity[1]),
-                    value_of(command.sheath_bend), value_of(command.let_out[0]), value_of(command.let_out[1])))
+                    value_of(command.sheath_bend), value_of(command.let_out[0]), value_of(command.let_out[1]),
+                    value_of(command.contact.angle), value_of(command.contact.stiffness),
+                    value_of(command.contact.damping)))
       return Status::not_finite;
+    if (abs(command.contact.angle) > S(pi)) return Status::unreachable;
     State next = state;
     next.sheath_bend = command.sheath_bend;
     for (int i = 0; i < 2; ++i) next.let_out[i] = command.let_out[i];
     next.residual_in_parts = S(-1);
-    const Load<S> load = load_of(command);
+    const TipLoad<S> load = load_of(command);
     for (int i = 0; i < 2; ++i)
       next.drive[i] = advance(drive, state.drive[i], command.spool_velocity[i], state.tendon[i].tension[0], time_step);
     Status found = move(command.handle_angle, load, state, next);
@@ -81,8 +84,8 @@ struct Twin {
     return Status::ok;
   }
 
-  Load<S> load_of(const Command<S>& command) const {
-    return {command.force + rig.force(command.weight), command.radial_force};
+  TipLoad<S> load_of(const Command<S>& command) const {
+    return {{command.force + rig.force(command.weight), command.radial_force}, command.contact};
   }
 
   /// Torque that the hand holds the handle with, N m.
@@ -108,11 +111,31 @@ struct Twin {
   /// A typical tension, N.
   S tension_scale() const { return tendon.rest_tension + axis.stiffness * axis.distal.excursion_slope() * S(0.1); }
 
-  /// Moment of everything on the tip except its inertia, positive in flexion, N m.
+  /// Moment of everything on the tip except its inertia and tissue, positive in flexion, N m.
   S tip_moment(const S& angle, const S& velocity, const S& x, const S& difference, const Load<S>& load) const {
     return difference * axis.distal.moment_arm(x) - axis.distal.passive_stiffness() * angle -
            load.force * axis.distal.tangential_arm(x) + load.radial_force * axis.distal.radial_arm(x) -
            body.damping * velocity - body.stop_stiffness * beyond_stop(angle);
+  }
+
+  /// How far the tip has come into tissue along its path, m; negative outside.
+  S depth(const Contact<S>& contact, const S& angle, const S& x) const {
+    const S touching = axis.distal.tip_path(contact.angle, axis.distal.coordinate(contact.angle));
+    const S way = axis.distal.tip_path(angle, x) - touching;
+    return contact.stiffness < S(0) ? -way : way;
+  }
+
+  /// Whether the tip is within tissue.
+  bool inside(const Contact<S>& contact, const State& state) const {
+    const S& angle = state.output_angle;
+    return contact.present() && depth(contact, angle, axis.distal.coordinate(angle)) > S(0);
+  }
+
+  /// Energy stored in tissue, J.
+  S stored_in(const Contact<S>& contact, const S& angle) const {
+    if (!contact.present()) return S(0);
+    const S deep = larger(depth(contact, angle, axis.distal.coordinate(angle)), S(0));
+    return abs(contact.stiffness) * deep * deep * S(0.5);
   }
 
   /// Excess of an output angle over the mechanical stop, rad.
@@ -180,7 +203,7 @@ struct Twin {
     both.band[1] = Law::depends_on_speed ? bands(handle_angle, tip_angle, bend, before.slip_speed[1]) : both.band[0];
   }
 
-  Status move(const S& handle_angle, const Load<S>& load, const State& before, State& next) const {
+  Status move(const S& handle_angle, const TipLoad<S>& load, const State& before, State& next) const {
     return prescribed() ? move_tip(handle_angle, load, before, next) : move_handle(handle_angle, load, before, next);
   }
 
@@ -188,7 +211,7 @@ struct Twin {
 
   // Divides a large quasi-static step: a guess within a large step may have no equilibrium although the tendons have
   // one.
-  [[gnu::noinline, gnu::cold]] Status move_in_parts(const S& handle_angle, const Load<S>& load, const State& before,
+  [[gnu::noinline, gnu::cold]] Status move_in_parts(const S& handle_angle, const TipLoad<S>& load, const State& before,
                                                     State& next) const {
     const State wound = next;
     Status found = Status::no_equilibrium;
@@ -209,8 +232,9 @@ struct Twin {
           to.drive[i] = wound.drive[i];
           to.drive[i].spool = between(before.drive[i].spool, wound.drive[i].spool);
         }
-        const Load<S> carried{between(before.load.force, load.force),
-                              between(before.load.radial_force, load.radial_force)};
+        const TipLoad<S> carried{
+            {between(before.load.force, load.force), between(before.load.radial_force, load.radial_force)},
+            load.contact};
         found = part.move(between(before.handle_wanted, handle_angle), carried, at, to);
         worst = larger(worst, part.residual(at, to));
         sweeps += to.sweeps;
@@ -226,7 +250,7 @@ struct Twin {
   }
 
   // Moves the tip to the step's end at a given handle angle.
-  Status move_tip(const S& handle_angle, const Load<S>& load, const State& before, State& next) const {
+  Status move_tip(const S& handle_angle, const TipLoad<S>& load, const State& before, State& next) const {
     if (check_handle(axis, handle_angle) != Status::ok) return Status::out_of_range;
     Tip tip = first_guess(before);
     Chain both = chain(handle_angle, tip.angle, before, next);
@@ -254,6 +278,7 @@ struct Twin {
         next.tendon[agonist].tension[tendon.contacts()] - next.tendon[antagonist].tension[tendon.contacts()];
     next.tip_moment = tip_moment(tip.angle, next.output_velocity, tip.x, difference, load);
     const S drawn = next.tendon[agonist].tension[handle_segment()] - next.tendon[antagonist].tension[handle_segment()];
+    set_contact(before, tip, load.contact, next);
     next.handle_moment = drawn * axis.proximal.moment_arm(axis.proximal.coordinate(handle_angle));
     if constexpr (Law::depends_on_speed)
       for (int i = 0; i < 2; ++i)
@@ -270,18 +295,19 @@ struct Twin {
 
   Tip first_guess(const State& before) const {
     if (quasi_static) return {before.output_angle, axis.distal.coordinate(before.output_angle)};
-    const S velocity = before.output_velocity + before.tip_moment / body.inertia * time_step * S(0.5);
+    const S moment = before.tip_moment + before.contact_moment;
+    const S velocity = before.output_velocity + moment / body.inertia * time_step * S(0.5);
     return {before.output_angle + velocity * time_step, S(0)};
   }
 
-  Status correct_tip(const Reaction<S>* end, const Load<S>& load, const State& before, Tip& tip) const {
+  Status correct_tip(const Reaction<S>* end, const TipLoad<S>& load, const State& before, Tip& tip) const {
     return quasi_static ? balance_tip(end, load, tip) : push_tip(end, load, before, tip);
   }
 
   S tolerance() const { return friction_tolerance<ValueOf<S>> * tension_scale(); }
 
   // Guess, pass, revise (tendon.hpp), with the tip's own equation at the tendons' end.
-  Status settle(Chain& both, const Load<S>& load, const State& before, Tip& tip, State& next) const {
+  Status settle(Chain& both, const TipLoad<S>& load, const State& before, Tip& tip, State& next) const {
     const Tip start = tip;
     for (int sweep = 1; sweep <= hasty_sweeps; ++sweep) {
       ++next.sweeps;
@@ -304,7 +330,7 @@ struct Twin {
 
   // Between two slack tendons, a tip without load and spring stays where it is, or is moved by the tendon that becomes
   // tight. Friction may keep parts of a loose tendon tight, which then move it.
-  [[gnu::noinline, gnu::cold]] bool stays_loose(Chain& both, const Load<S>& load, const State& before, State& next,
+  [[gnu::noinline, gnu::cold]] bool stays_loose(Chain& both, const TipLoad<S>& load, const State& before, State& next,
                                                 Tip& tip) const {
     if (load.force != S(0) || load.radial_force != S(0) || axis.distal.passive_stiffness() > S(0)) return false;
     S length[2];
@@ -315,6 +341,7 @@ struct Twin {
     const S slope = axis.distal.excursion_slope();
     const S x = clamp(tip.x, length[agonist] / slope, -length[antagonist] / slope);
     const Tip resting{axis.distal.angle(x), x};
+    if (load.contact.present() && depth(load.contact, resting.angle, x) > S(0)) return false;
     set_bands(next.handle_angle, resting.angle, before, next, both);
     S tightest(0);
     for (int i = 0; i < 2; ++i) {
@@ -341,7 +368,7 @@ struct Twin {
 
   // Solves the tip's equation by bracketing, with both tendons solved for every trial: slower, but up to a fold the
   // moment falls with the tip's angle, so that its sign shows on which side the solution lies.
-  [[gnu::noinline, gnu::cold]] Status settle_by_bracketing(Chain& both, const Load<S>& load, const State& before,
+  [[gnu::noinline, gnu::cold]] Status settle_by_bracketing(Chain& both, const TipLoad<S>& load, const State& before,
                                                            Tip& tip, State& next) const {
     S low = -axis.distal.angle(axis.distal.limit());
     S high = -low;
@@ -372,21 +399,68 @@ struct Twin {
   }
 
   // Unbalanced moment on the tip with the present tensions.
-  S unbalanced_at(const Load<S>& load, const State& before, const State& next, const Tip& tip) const {
+  S unbalanced_at(const TipLoad<S>& load, const State& before, const State& next, const Tip& tip) const {
     const int last = tendon.contacts();
     const S difference = next.tendon[agonist].tension[last] - next.tendon[antagonist].tension[last];
     if (quasi_static) {
-      const Demand<S> demand = axis.distal.demand(tip.x, load);
+      const Demand<S> demand = demand_at(tip.x, load);
       return difference * demand.weight - demand.value;
     }
-    return unbalanced(tip, difference, load, before);
+    return unbalanced(tip, difference, load, before) + resistance(load.contact, before, tip).moment;
   }
 
   // Mean moment of the step's two ends less the moment that accelerates the tip this far.
-  S unbalanced(const Tip& tip, const S& difference, const Load<S>& load, const State& before) const {
+  S unbalanced(const Tip& tip, const S& difference, const TipLoad<S>& load, const State& before) const {
     const S moment = tip_moment(tip.angle, velocity(before, tip.angle), tip.x, difference, load);
     const S turned = tip.angle - before.output_angle;
     return (moment + before.tip_moment) * S(0.5) - inertial() * (turned - before.output_velocity * time_step);
+  }
+
+  // Mean force of tissue in a step: its size, its moment on the tip, and how that falls with the tip's angle.
+  struct Resistance {
+    S force{};
+    S moment{};
+    S stiffness{};
+  };
+
+  Resistance resistance(const Contact<S>& contact, const State& before, const Tip& tip) const {
+    return contact.present() ? resistance_within(contact, before, tip) : Resistance{};
+  }
+
+  // The mean force times the way is what the spring stores, also in a step that enters or leaves, and what its damping
+  // loses: whatever the step, tissue gives back no more than it took (Gonzalez 1996,
+  // https://doi.org/10.1007/BF02440162).
+  [[gnu::noinline, gnu::cold]] Resistance resistance_within(const Contact<S>& contact, const State& before,
+                                                            const Tip& tip) const {
+    const S x = axis.distal.coordinate(before.output_angle);
+    const S was = depth(contact, before.output_angle, x);
+    const S is = depth(contact, tip.angle, tip.x);
+    const S inside = larger(is, S(0)) - larger(was, S(0));
+    // The share of the way that lies within, unless there is no way.
+    const bool crosses = (was > S(0)) != (is > S(0));
+    const S share = crosses ? inside / (is - was) : S(1);
+    const S mean = (larger(is, S(0)) + larger(was, S(0))) * S(0.5) * share;
+    const S size = abs(contact.stiffness);
+    const S force = size * mean + contact.damping * per_second() * inside;
+    if (!(force > S(0))) return {};
+    const S shift = is > S(0) ? share * (S(1) - share * S(0.5)) : share * share * S(0.5);
+    const S slope = size * shift + (is > S(0) ? contact.damping * per_second() : S(0));
+    const S arm = (axis.distal.tangential_arm(x) + axis.distal.tangential_arm(tip.x)) * S(0.5);
+    const S against = contact.stiffness < S(0) ? -force : force;
+    return {against, -against * arm, slope * arm * arm};
+  }
+
+  // Tissue's force in the step that has been solved, at rest without its damping.
+  void set_contact(const State& before, const Tip& tip, const Contact<S>& contact, State& next) const {
+    Resistance found{};
+    if (!quasi_static) {
+      found = resistance(contact, before, tip);
+    } else if (contact.present()) {
+      found.force = contact.stiffness * larger(depth(contact, tip.angle, tip.x), S(0));
+      found.moment = -found.force * axis.distal.tangential_arm(tip.x);
+    }
+    next.contact_force = found.force;
+    next.contact_moment = found.moment;
   }
 
   S inertial() const { return S(2) * body.inertia * per_second() * per_second(); }
@@ -396,7 +470,7 @@ struct Twin {
   }
 
   // The trapezoidal rule: the mean moment of the step's two ends accelerates the tip.
-  Status push_tip(const Reaction<S>* end, const Load<S>& load, const State& before, Tip& tip) const {
+  Status push_tip(const Reaction<S>* end, const TipLoad<S>& load, const State& before, Tip& tip) const {
     const S slope = axis.distal.excursion_slope();
     const S pull = end[agonist].at_rest - end[antagonist].at_rest;
     const S springs = end[agonist].stiffness + end[antagonist].stiffness;
@@ -406,8 +480,9 @@ struct Twin {
       tip.x = axis.distal.coordinate(tip.angle);
       const S arm = axis.distal.moment_arm(tip.x);
       const S stop = beyond_stop(tip.angle) == S(0) ? S(0) : body.stop_stiffness;
-      const S stiffness = (springs * arm * arm + spring + stop) * S(0.5) + inertial();
-      const S correction = unbalanced(tip, pull - rate * tip.x, load, before) / stiffness;
+      const Resistance tissue = resistance(load.contact, before, tip);
+      const S stiffness = (springs * arm * arm + spring + stop) * S(0.5) + inertial() + tissue.stiffness;
+      const S correction = (unbalanced(tip, pull - rate * tip.x, load, before) + tissue.moment) / stiffness;
       tip.angle = tip.angle + correction;
       if (!(abs(tip.angle) < S(pi))) return Status::no_equilibrium;
       // The slope neglects terms orders of magnitude below the inertia: the next correction would be rounding.
@@ -421,16 +496,36 @@ struct Twin {
     return Status::no_equilibrium;
   }
 
+  // The demand on the tendons at rest, with the force of tissue, which grows along the tip's path.
+  Demand<S> demand_at(const S& x, const TipLoad<S>& load) const {
+    return load.contact.present() ? demand_within(x, load) : axis.distal.demand(x, load);
+  }
+
+  [[gnu::noinline, gnu::cold]] Demand<S> demand_within(const S& x, const TipLoad<S>& load) const {
+    const auto& joint = axis.distal;
+    const S deep = depth(load.contact, joint.angle(x), x);
+    if (!(deep > S(0))) return joint.demand(x, load);
+    const Load<S> all{load.force + load.contact.stiffness * deep, load.radial_force};
+    Demand<S> demand = joint.demand(x, all);
+    const S by_force = joint.demand(x, Load<S>{S(1), S(0)}).value - joint.demand(x, Load<S>{}).value;
+    const S turn = joint.excursion_slope() / joint.moment_arm(x);
+    demand.slope = demand.slope + by_force * abs(load.contact.stiffness) * joint.tangential_arm(x) * turn;
+    return demand;
+  }
+
   // Newton's iteration on the moment balance at rest (eq. 1), in the joint's own coordinate.
-  Status balance_tip(const Reaction<S>* end, const Load<S>& load, Tip& tip) const {
+  Status balance_tip(const Reaction<S>* end, const TipLoad<S>& load, Tip& tip) const {
     const S pull = end[agonist].at_rest - end[antagonist].at_rest;
     const S rate = (end[agonist].stiffness + end[antagonist].stiffness) * axis.distal.excursion_slope();
     const S longest = axis.distal.limit() * S(0.2);
     for (int n = 0; n < most_corrections; ++n) {
-      const Demand<S> demand = axis.distal.demand(tip.x, load);
+      const Demand<S> demand = demand_at(tip.x, load);
       const S slope = rate * demand.weight + demand.slope;
       // Both tendons are slack by the guess: the next pass revises it.
-      if (slope == S(0)) return Status::ok;
+      if (slope == S(0)) {
+        if (n > 0) tip.angle = axis.distal.angle(tip.x);
+        return Status::ok;
+      }
       if (!(slope > S(0))) return Status::no_equilibrium;
       const S correction = ((pull - rate * tip.x) * demand.weight - demand.value) / slope;
       tip.x = tip.x + clamp(correction, -longest, longest);
@@ -444,7 +539,8 @@ struct Twin {
   }
 
   // Finds the handle angle at which hand and tendons are balanced, by the secant method.
-  [[gnu::noinline]] Status move_handle(const S& wanted, const Load<S>& load, const State& before, State& next) const {
+  [[gnu::noinline]] Status move_handle(const S& wanted, const TipLoad<S>& load, const State& before,
+                                       State& next) const {
     const S arm = axis.proximal.moment_arm(axis.proximal.coordinate(before.handle_angle));
     const S inertial = quasi_static ? S(0) : S(2) * hand.inertia * per_second() * per_second();
     const S damping = quasi_static ? S(0) : hand.damping * S(2) * per_second();

@@ -27,6 +27,23 @@ struct Body {
   S stop_stiffness{};  ///< N m/rad
 };
 
+/// Tissue at the tip: beyond a place it pushes back against the tip's path square to the end-effector, and never pulls.
+template <class S>
+struct Contact {
+  S angle{};      ///< output angle at which the tip touches it, rad
+  S stiffness{};  ///< N/m; positive: it lies in flexion from there, negative: in extension; 0: there is none
+  S damping{};    ///< N s/m
+
+  constexpr bool present() const { return stiffness != S(0); }
+  friend constexpr bool operator==(const Contact&, const Contact&) = default;
+};
+
+/// What acts on the tip.
+template <class S>
+struct TipLoad : Load<S> {
+  Contact<S> contact{};
+};
+
 /// The hand on the handle; without stiffness the handle angle is prescribed.
 template <class S>
 struct Hand {
@@ -62,6 +79,7 @@ struct Command {
   S spool_velocity[2]{};  ///< rad/s
   S sheath_bend{};        ///< added to the sheath's own, rad
   S let_out[2]{};         ///< tendon length that has come off the spool, or is torn, m
+  Contact<S> contact{};
 };
 
 /// Readings of the sensors of one axis.
@@ -83,10 +101,12 @@ struct TwinState {
   S handle_angle{};
   S handle_velocity{};
   S handle_moment{};      ///< of the tendons on the handle's joint, against positive handle angles, N m
-  S tip_moment{};         ///< of everything on the tip except its inertia, N m
+  S tip_moment{};         ///< of everything on the tip except its inertia and tissue, N m
+  S contact_force{};      ///< of tissue on the tip, mean of the last step, against flexion, N
+  S contact_moment{};     ///< its mean moment, in flexion, N m
   S net_handle_torque{};  ///< of hand and tendons, N m
   S handle_wanted{};      ///< by the last command, rad
-  Load<S> load{};         ///< by the last command
+  TipLoad<S> load{};      ///< by the last command
   S sheath_bend{};        ///< added to the sheath's own, by the last command, rad
   S let_out[2]{};         ///< by the last command, m
   TendonState<S, Rows> tendon[2]{};

@@ -52,13 +52,17 @@ bool give_order(Runtime& loop, int kind, int a, int b, int axis, double value, s
 }
 
 std::size_t play(Runtime& loop, const In<3>& rows) {
-  require(rows.shape(1) <= most_axes && rows.shape(2) == 3, "rows must have the shape (n, axes, 3)");
+  require(rows.shape(1) <= most_axes && (rows.shape(2) == 3 || rows.shape(2) == 6),
+          "rows must have the shape (n, axes, 3) or (n, axes, 6)");
   // A motion is played only if all of it can be.
   require(std::all_of(rows.data(), rows.data() + rows.size(), [](double value) { return std::isfinite(value); }),
           "rows must be finite");
   for (std::size_t k = 0; k < rows.shape(0); ++k) {
     runtime::PlayedTick tick;
-    for (std::size_t n = 0; n < rows.shape(1); ++n) tick.bench[n] = {rows(k, n, 0), rows(k, n, 1), rows(k, n, 2)};
+    for (std::size_t n = 0; n < rows.shape(1); ++n) {
+      tick.bench[n] = {rows(k, n, 0), rows(k, n, 1), rows(k, n, 2), {}};
+      if (rows.shape(2) == 6) tick.bench[n].contact = {rows(k, n, 3), rows(k, n, 4), rows(k, n, 5)};
+    }
     if (!loop.play(tick)) return k;
   }
   return rows.shape(0);
@@ -116,7 +120,8 @@ void bind_runtime(nb::module_& m) {
       .value("TIP_LOST", Problem::tip_lost, "the load was more than the tip can hold, and was not applied")
       .value("LATE", Problem::late, "a tick came later than the bound")
       .value("NO_MEASUREMENT", Problem::no_measurement, "no measurement for longer than the bound")
-      .value("OPERATOR_GONE", Problem::operator_gone, "the operator's lease ran out");
+      .value("OPERATOR_GONE", Problem::operator_gone, "the operator's lease ran out")
+      .value("IN_TISSUE", Problem::in_tissue, "the tip is where tissue is to be");
   nb::enum_<OrderKind>(m, "Order", nb::is_arithmetic(), "What the live loop can be ordered to do.")
       .value("REQUEST", OrderKind::request, "a: a request to the controller")
       .value("LAW", OrderKind::law, "a: law, b: actuation")
@@ -151,7 +156,8 @@ void bind_runtime(nb::module_& m) {
       .def("order", &give_order, "kind"_a, "a"_a = 0, "b"_a = 0, "axis"_a = 0, "value"_a = 0.0, "ticks"_a = 0,
            "Give an order, by number of its kind; false where too many orders wait already.")
       .def("play", &play, "rows"_a, nb::sig("def play(self, rows: NDArray[numpy.float64]) -> int"),
-           "Queue ticks of a motion, per axis handle angle, force, radial force; returns how many were taken.")
+           "Queue ticks of a motion, per axis handle angle, force, radial force, and with tissue its angle, stiffness "
+           "and damping; returns how many were taken.")
       .def(
           "lease", [](Runtime& loop, double seconds) { loop.lease(in_nanoseconds(seconds)); }, "seconds"_a,
           "The operator is present for so many seconds more; 0: is absent.")

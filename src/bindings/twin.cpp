@@ -103,7 +103,7 @@ void bind_twin(nb::module_& m) {
           nb::sig("def audit(self, commands: NDArray[numpy.float64]) -> "
                   "tuple[int, Status, list[float], float, float, int]"),
           "Step over rows of commands: steps, status, energies in J (stored before and after, handle, spools, load, "
-          "friction, damping), least friction loss of a step, worst residual, most sweeps.")
+          "friction, damping, tissue), least friction loss of a step, worst residual, most sweeps.")
       .def_prop_rw(
           "state",
           [](const AnyTwin& twin) {
@@ -113,6 +113,17 @@ void bind_twin(nb::module_& m) {
           [](AnyTwin& twin, const nb::bytes& bytes) { twin.set_state({bytes.c_str(), bytes.size()}); },
           "The state, as bytes.")
       .def_prop_ro("handle_wanted", &AnyTwin::handle_wanted, "Handle angle of the last command, rad.")
+      .def_prop_ro(
+          "contact",
+          [](const AnyTwin& twin) {
+            const Contact<double> contact = twin.contact();
+            return std::make_tuple(contact.angle, contact.stiffness, contact.damping);
+          },
+          "Tissue by the last command: angle in rad, stiffness in N/m, damping in N s/m.")
+      .def(
+          "inside",
+          [](const AnyTwin& twin, double angle, double stiffness) { return twin.inside({angle, stiffness, 0}); },
+          "angle"_a, "stiffness"_a, "Whether the tip is within tissue, were it there.")
       .def(
           "signals", [](const AnyTwin& twin, const In<2>& command) { return twin.signals(commands_of(command)[0]); },
           "command"_a, nb::sig("def signals(self, command: NDArray[numpy.float64]) -> list[float]"),

@@ -52,7 +52,8 @@ Progress differentiate(const TwinSpec& spec, const Commands& commands, std::size
                          D(given.weight),
                          {D(given.spool_velocity[0]), D(given.spool_velocity[1])},
                          D(given.sheath_bend),
-                         {-spool[0], -spool[1]}};
+                         {-spool[0], -spool[1]},
+                         {D(given.contact.angle), D(given.contact.stiffness), D(given.contact.damping)}};
       if (as_read) command.handle_angle = command.handle_angle - row[handle_encoder_offset];
       const Status status = twin.step(command, state);
       if (status != Status::ok) return {i, status};

@@ -25,7 +25,10 @@ inline constexpr std::array command_names{"handle_angle",
                                           "antagonist_spool_velocity",
                                           "sheath_bend",
                                           "agonist_let_out",
-                                          "antagonist_let_out"};
+                                          "antagonist_let_out",
+                                          "contact_angle",
+                                          "contact_stiffness",
+                                          "contact_damping"};
 inline constexpr std::size_t command_count = command_names.size();
 
 /// Signals that a step writes, in order.
@@ -48,6 +51,7 @@ inline constexpr std::array signal_names{"measured_handle_angle",
                                          "spool_velocity.agonist",
                                          "spool_velocity.antagonist",
                                          "force",
+                                         "contact_force",
                                          "sweeps"};
 inline constexpr std::size_t signal_count = signal_names.size();
 
@@ -57,7 +61,7 @@ struct Commands {
 
   Command<double> operator[](std::size_t i) const {
     const double* row = rows + i * command_count;
-    return {row[0], row[1], row[2], row[3], {row[4], row[5]}, row[6], {row[7], row[8]}};
+    return {row[0], row[1], row[2], row[3], {row[4], row[5]}, row[6], {row[7], row[8]}, {row[9], row[10], row[11]}};
   }
 };
 
@@ -68,8 +72,9 @@ struct Progress {
 };
 
 struct EnergyTotals {
-  std::array<double, 7> values{};  // stored before, stored after, handle, spools, load, friction, damping
-  double least_friction{};         // the smallest loss in any step, by the tensions at its end
+  // stored before, stored after, handle, spools, load, friction, damping, tissue
+  std::array<double, 8> values{};
+  double least_friction{};  // the smallest loss in any step, by the tensions at its end
   double worst_residual{};
   int most_sweeps{};
 };
@@ -93,6 +98,10 @@ class AnyTwin {
   virtual std::string state() const = 0;
   virtual void set_state(const std::string& bytes) = 0;
   virtual double handle_wanted() const = 0;
+  /// By the last command.
+  virtual Contact<double> contact() const = 0;
+  /// Whether the tip is within tissue, were it there.
+  virtual bool inside(const Contact<double>& contact) const = 0;
   virtual std::array<double, signal_count> signals(const Command<double>& command) const = 0;
 };
 
@@ -136,6 +145,7 @@ class TwinOf final : public AnyTwin {
       totals.values[4] += energy.load;
       totals.values[5] += energy.friction;
       totals.values[6] += energy.damping;
+      totals.values[7] += energy.tissue;
       totals.least_friction = std::min(totals.least_friction, energy.friction_at_end);
       totals.worst_residual = std::max(totals.worst_residual, twin_.residual(before, state_));
       totals.most_sweeps = std::max(totals.most_sweeps, state_.sweeps);
@@ -159,6 +169,10 @@ class TwinOf final : public AnyTwin {
   }
 
   double handle_wanted() const override { return state_.handle_wanted; }
+
+  Contact<double> contact() const override { return state_.load.contact; }
+
+  bool inside(const Contact<double>& contact) const override { return twin_.inside(contact, state_); }
 
   std::array<double, signal_count> signals(const Command<double>& command) const override {
     return signals_of(command);
@@ -195,7 +209,8 @@ class TwinOf final : public AnyTwin {
             tendon[agonist].tension[last], tendon[antagonist].tension[last],
             drive[agonist].spool,          drive[antagonist].spool,
             drive[agonist].speed,          drive[antagonist].speed,
-            twin_.load_of(command).force,  double(state_.sweeps)};
+            twin_.load_of(command).force,  state_.contact_force,
+            double(state_.sweeps)};
   }
 
   T twin_;

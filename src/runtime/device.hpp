@@ -19,6 +19,7 @@ struct Bench {
   double handle_angle{};  ///< where the hand holds it, rad
   double force{};         ///< tangential at the tip, N
   double radial_force{};  ///< N
+  Contact<double> contact{};
 };
 
 using Benches = std::array<Bench, most_axes>;
@@ -45,6 +46,8 @@ class Device {
   virtual std::uint64_t overtaken() const { return 0; }
   /// Sends velocities, rad/s at the spools; false where the bench cannot carry its load, and is as before.
   virtual bool write(const Velocities& speed, const Benches& bench) = 0;
+  /// Whether tissue was not placed, since the tip is where it was to be.
+  virtual bool in_tissue(int /*axis*/) const { return false; }
   /// An axis's signals after that; NaN where they are not known.
   virtual Signals signals(int axis) const = 0;
   virtual void stop() noexcept = 0;

@@ -26,7 +26,7 @@ enum class OrderKind : unsigned char {
   radial,        ///< value: N; axis
   speed,         ///< value: simulated over real time; 0: as fast as possible
   inject_fault,  ///< a: point, b: InjectionMode, axis, value; ticks: for how long
-  drop,          ///< the rest of a played motion; the hand stays where it is
+  drop,          ///< the rest of a played motion, and its tissue; the hand stays where it is
 };
 inline constexpr int order_count = 8;
 
@@ -49,12 +49,14 @@ enum class Problem : unsigned char {
   late,            ///< a tick came later than the bound
   no_measurement,  ///< the device sent no measurement for longer than the bound
   operator_gone,   ///< the lease ran out
+  in_tissue,       ///< the tip was where tissue was to be, which is placed as soon as the tip has left
 };
 
 /// Columns of a record: those of the tick, then those of each axis.
 inline constexpr std::array tick_columns{"time",    "request", "homed", "homing",          "first_faults",
                                          "stopped", "problem", "late",  "controller_time", "fresh"};
-inline constexpr std::array bench_columns{"commanded_handle_angle", "radial_force"};
+inline constexpr std::array bench_columns{"commanded_handle_angle", "radial_force", "contact_angle",
+                                          "contact_stiffness", "contact_damping"};
 inline constexpr std::size_t axis_columns = bench_columns.size() + engine::signal_count + engine::control_signal_count;
 
 inline std::size_t columns(int axes) { return tick_columns.size() + std::size_t(axes) * axis_columns; }

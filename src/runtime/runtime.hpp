@@ -249,6 +249,16 @@ class Runtime {
         bench_[n].radial_force = bench_before_[n].radial_force;
       }
     }
+    bool in_tissue = false;
+    for (std::size_t n = 0; n < axes(); ++n) {
+      if (!device_.in_tissue(static_cast<int>(n))) continue;
+      bench_[n].contact = {};
+      in_tissue = true;
+    }
+    if (in_tissue)
+      report(Problem::in_tissue);
+    else
+      withdraw(Problem::in_tissue);
     bench_before_ = bench_;
     record(fresh, answered - asked, speed);
     ++tick_;
@@ -321,6 +331,7 @@ class Runtime {
           break;
         case OrderKind::drop:
           drop_played();
+          for (auto& bench : bench_) bench.contact = {};
           break;
       }
     }
@@ -401,7 +412,9 @@ class Runtime {
     for (std::size_t n = 0; n < axes(); ++n) {
       const bool simulated = device_.simulated();
       *to++ = simulated ? bench_[n].handle_angle : unknown;
-      *to++ = simulated ? bench_[n].radial_force : unknown;
+      const Contact<double>& contact = bench_[n].contact;
+      for (const double value : {bench_[n].radial_force, contact.angle, contact.stiffness, contact.damping})
+        *to++ = simulated ? value : unknown;
       to = std::ranges::copy(device_.signals(static_cast<int>(n)), to).out;
       engine::ControlSignals signals = engine::control_signals(controller_, n);
       // What the motors were sent, which is not what the controller wanted while they are stopped.

@@ -26,9 +26,15 @@ class TwinDevice final : public Device {
     return true;
   }
 
-  // A load that a tip cannot hold is not applied: the step is made with the previous one.
-  bool write(const Velocities& speed, const Benches& bench) override {
+  // A load that a tip cannot hold is not applied: the step is made with the previous one. Nor is tissue placed where
+  // the tip is.
+  bool write(const Velocities& speed, const Benches& given) override {
     bool taken = true;
+    Benches bench = given;
+    for (std::size_t n = 0; n < twins_.size(); ++n) {
+      in_tissue_[n] = bench[n].contact != twins_[n]->contact() && twins_[n]->inside(bench[n].contact);
+      if (in_tissue_[n]) bench[n].contact = {};
+    }
     for (int k = 0; k < steps_per_tick_; ++k) {
       ++steps_;
       for (std::size_t n = 0; n < twins_.size(); ++n) {
@@ -39,6 +45,8 @@ class TwinDevice final : public Device {
     }
     return taken;
   }
+
+  bool in_tissue(int axis) const override { return in_tissue_[static_cast<std::size_t>(axis)]; }
 
   Signals signals(int axis) const override {
     const auto n = static_cast<std::size_t>(axis);
@@ -53,6 +61,7 @@ class TwinDevice final : public Device {
     command.handle_angle = bench.handle_angle;
     command.force = bench.force;
     command.radial_force = bench.radial_force;
+    command.contact = bench.contact;
     for (int i = 0; i < 2; ++i) command.spool_velocity[i] = speed[i];
     last_[n] = command;
     if (twins_[n]->step(command) != Status::ok) return false;
@@ -65,6 +74,7 @@ class TwinDevice final : public Device {
   int steps_per_tick_;
   std::uint64_t steps_{};
   Benches held_{};
+  bool in_tissue_[most_axes]{};
   std::array<Command<double>, most_axes> last_{};
 };
 

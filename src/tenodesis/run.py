@@ -40,6 +40,11 @@ class Run:
     commanded_handle_angle: Array | None = _signal("command", "rad", "Handle angle that the hand aims at")
     force: Array | None = _signal("command", "N", "Tangential force at the tip; positive opposes positive flexion")
     radial_force: Array | None = _signal("command", "N", "Force along the end-effector; positive outward")
+    contact_angle: Array | None = _signal("command", "rad", "Output angle at which the tip touches tissue")
+    contact_stiffness: Array | None = _signal(
+        "command", "N/m", "Tissue's stiffness at the tip: positive in flexion, negative in extension; 0: there is none"
+    )
+    contact_damping: Array | None = _signal("command", "N*s/m", "Tissue's damping at the tip")
     commanded_spool_velocity: Array | None = _signal(
         "command", "rad/s", "Spool velocity commanded to the drives; positive winds", per_tendon=True
     )
@@ -57,6 +62,9 @@ class Run:
     handle_torque: Array | None = _signal("truth", "N*m", "Torque of the hand on the handle")
     output_angle: Array | None = _signal("truth", "rad", "Output angle of the end-effector")
     output_velocity: Array | None = _signal("truth", "rad/s", "Its rate")
+    contact_force: Array | None = _signal(
+        "truth", "N", "Tangential force of tissue on the tip, mean of the step; positive opposes positive flexion"
+    )
     tension: Array | None = _signal("truth", "N", "Tendon tension beside the spool", per_tendon=True)
     distal_tension: Array | None = _signal("truth", "N", "Tendon tension at the tip", per_tendon=True)
     spool_angle: Array | None = _signal("truth", "rad", "Spool angle", per_tendon=True)
@@ -147,6 +155,9 @@ MEASURED = _group("measured")
 
 TRUTH = _group("truth")
 """Signals that only a twin has, and no bench."""
+
+TISSUE = tuple(name for name in COMMANDS if name.startswith("contact_"))
+"""The commands among them that describe tissue, which only some runs have."""
 
 CONTROL = _group("control")
 """Estimates, outputs and requests of a controller; NaN while it does not run."""

@@ -207,6 +207,8 @@ Strength = Annotated[float, *annotation(Quantity("tensile strength", "Pa", "1570
 FlexuralRigidity = Annotated[
     float, *annotation(Quantity("flexural rigidity", "N*m^2", "2e-4 N*m^2", above=1e-12, below=1e3))
 ]
+TissueStiffness = Annotated[float, *annotation(Quantity("stiffness", "N/m", "1 N/mm", at_least=0, below=1e7))]
+TissueDamping = Annotated[float, *annotation(Quantity("damping", "N*s/m", "5 N*s/m", at_least=0, below=1e5))]
 HandStiffness = Annotated[float, *annotation(Quantity("stiffness", "N*m", "20 N*m", at_least=0, below=1e6))]
 Damping = Annotated[float, *annotation(Quantity("damping", "N*m*s", "1e-3 N*m*s", at_least=0, below=1e3))]
 Viscosity = Annotated[float, *annotation(Quantity("viscous friction", "N*s/m", "5 N*s/m", at_least=0, below=1e6))]

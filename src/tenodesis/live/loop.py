@@ -40,6 +40,7 @@ PROBLEMS = (
     "A tick came later than the bound, and the motors were stopped: see the timing, then clear or resume.",
     "The device was silent for longer than the bound, and the motors were stopped: look at its cables and power.",
     "The operator went away, and the motors were paused: resume to go on.",
+    "The tip is where tissue is to be, which is placed as soon as the tip has left.",
 )
 """Problems of the core's loop, by number."""
 
@@ -269,15 +270,16 @@ class LiveLoop:
         return self.core.pending_rows
 
     def push(self, rows: Array) -> int:
-        """Append ticks of a played motion, shape (n, axes, 3), and return how many fitted.
+        """Append ticks of a played motion, shape (n, axes, 3) or with tissue (n, axes, 6), and return how many fitted.
 
-        A row per tick and axis: handle angle (rad), force and radial force (N).
+        A row per tick and axis: handle angle (rad), force and radial force (N); tissue's angle (rad), stiffness (N/m,
+        negative in extension) and damping (N s/m).
         """
         with self._lock:
             return self.core.play(np.ascontiguousarray(rows, float))
 
     def drop(self) -> None:
-        """Drop the remaining ticks of a played motion; the handle stays where it is."""
+        """Drop the remaining ticks of a played motion and its tissue; the handle stays where it is."""
         self._order("drop")
 
     def _per_axis(self, order: str, argument: str, values: ArrayLike, most: float) -> None:

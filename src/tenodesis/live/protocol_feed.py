@@ -12,9 +12,10 @@ from tenodesis.control.controller import fault_names
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.simulate import Pretension
-from tenodesis.simulate.command import SMOOTH, Command, between, sampled
+from tenodesis.simulate.command import SMOOTH, VALUES, Command, between, sampled
 from tenodesis.simulate.execution import check_controllable
 from tenodesis.simulate.protocol import Planned, block_size
+from tenodesis.twin.contact import NO_TISSUE, Contact
 
 _AHEAD = 0.1
 """Least time by which the queue is kept ahead, s."""
@@ -29,6 +30,7 @@ _UNLOADING = 0.5
 _PATIENCE = 1.0
 """Time within which the instrument must begin what was requested, s, on its clock."""
 _COMMANDED = ("commanded_handle_angle", "force", "radial_force")
+_COLUMNS = len(_COMMANDED) + len(NO_TISSUE)
 
 
 class Progress(NamedTuple):
@@ -47,7 +49,10 @@ class Queue(Protocol):
         ...
 
     def push(self, rows: Array) -> int:
-        """Append rows, shape (n, axes, 3): handle angle (rad), force and radial force (N); return how many fitted."""
+        """Append rows, shape (n, axes, 6), and return how many fitted.
+
+        Handle angle (rad), force and radial force (N), and tissue's angle, stiffness and damping.
+        """
         ...
 
     def drop(self) -> None:
@@ -101,7 +106,7 @@ class Player:
         self._tick: Mapping[str, Any] = {}
         self._script = self._play()
         self._over = self._homing = self._interrupted = False
-        self._at = np.zeros((self._axes, 3))
+        self._at = np.zeros((self._axes, _COLUMNS))
         """Last row sent."""
         self._least = self._ahead = max(1, round(_AHEAD / time_step))
         self._pending = self._given = 0
@@ -158,9 +163,10 @@ class Player:
                 yield from self._home(planned)
                 continue
             for commands in sampled(planned.segments, block_size(self._time_step, _BLOCK)):
-                rows = np.stack([commands[name].reshape(-1, self._axes) for name in Command._fields[:3]], axis=-1)
-                yield from self._send(rows, planned, played=True)
+                yield from self._send(self._rows(commands), planned, played=True)
         yield from self._emptied()
+        if self._at[:, len(_COMMANDED) :].any():
+            self._queue.drop()
 
     def _send(self, rows: Array, planned: Planned, *, disabled: bool = False, played: bool = False) -> Iterator[None]:
         """Send the rows that are due, while the instrument is enabled or need not be."""
@@ -250,14 +256,22 @@ class Player:
             yield
 
     def _way_to(self, end: Array) -> Array:
-        """Return rows, shape (n, axes, 3), from the present commands to other commands (axes, 3)."""
+        """Return rows, shape (n, axes, 6), from the present commands to other commands (axes, 6), with their tissue."""
         commanded = np.stack([np.reshape(self._tick[name], self._axes) for name in _COMMANDED], axis=-1)
-        start = np.where(np.isfinite(commanded), commanded, end)
+        tissue = end[:, len(_COMMANDED) :]
+        moved = np.where(np.isfinite(commanded), commanded, end[:, : len(_COMMANDED)])
+        start = np.concatenate([moved, tissue], axis=-1)
         if (start == end).all():
-            return np.empty((0, self._axes, 3))
+            return np.empty((0, self._axes, _COLUMNS))
         seconds = max(SMOOTH.peak * float(np.abs(end - start)[:, 0].max()) / _APPROACH, _UNLOADING)
         steps = math.ceil(seconds / self._time_step)
         return between(start, end, SMOOTH.way(np.arange(1, steps + 1) / steps))
+
+    def _rows(self, commands: Mapping[str, Any]) -> Array:
+        """Return commands of :func:`sampled` as rows, shape (n, axes, 6)."""
+        moved = np.stack([commands[name].reshape(-1, self._axes) for name in VALUES[:3]], axis=-1)
+        tissue = _tissue(commands.get("contact"), self._axes)
+        return np.concatenate([moved, np.broadcast_to(tissue, (len(moved), *tissue.shape))], axis=-1)
 
     @property
     def _time(self) -> float:
@@ -284,5 +298,11 @@ class _Homing(Enum):
 
 
 def _rows(command: Command) -> Array:
-    """Return a command as a row, shape (axes, 3)."""
-    return np.stack([command.handle_angle, command.force, command.radial_force], axis=-1)
+    """Return a command as a row, shape (axes, 6)."""
+    moved = np.stack([command.handle_angle, command.force, command.radial_force], axis=-1)
+    return np.concatenate([moved, _tissue(command.contact, len(moved))], axis=-1)
+
+
+def _tissue(contact: Sequence[Contact | None] | None, axes: int) -> Array:
+    """Return the columns of tissue, shape (axes, 3)."""
+    return np.array([NO_TISSUE if one is None else one.row for one in contact or (None,) * axes])

@@ -12,7 +12,7 @@ from tenodesis import _core
 from tenodesis.errors import LiveError
 from tenodesis.instrument import Instrument
 from tenodesis.live import folder as folders
-from tenodesis.run import TRUTH, Array, Run
+from tenodesis.run import TISSUE, TRUTH, Array, Run
 from tenodesis.twin import as_run
 
 TICK = tuple(_core.tick_columns())
@@ -148,14 +148,14 @@ def run_of(rows: Array, axes: tuple[str, ...], *, simulated: bool, distal: bool)
     run = as_run(
         rows[:, 0].copy(),
         axes,
-        {"commanded_handle_angle": by_axis(bench[:, :, 0]), "radial_force": by_axis(bench[:, :, 1])},
+        {name: by_axis(bench[:, :, column]) for column, name in enumerate(_core.bench_columns())},
         list(outs.swapaxes(0, 1)),
         list(controls.swapaxes(0, 1)),
     )
     request = np.repeat(rows[:, TICK.index("request")][:, np.newaxis], len(axes), axis=1)
     unknown: list[str] = []
     if not simulated:
-        unknown = [*TRUTH, "commanded_handle_angle", "force", "radial_force"]
+        unknown = [*TRUTH, *TISSUE, "commanded_handle_angle", "force", "radial_force"]
         unknown += [] if distal else ["measured_output_angle"]
     missing: Mapping[str, Any] = dict.fromkeys(unknown)
     return replace(run, request=by_axis(request), **missing)

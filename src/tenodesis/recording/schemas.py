@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.recording import cdr
-from tenodesis.run import SIGNALS, Array, Run
+from tenodesis.run import SIGNALS, TISSUE, Array, Run
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 WRENCH = "geometry_msgs/msg/WrenchStamped"
@@ -99,7 +99,11 @@ def topics(axes: tuple[str, ...]) -> tuple[Topic, ...]:
         ("/tendons/measured_js", tendons, {"effort": "measured_tension"}),
         ("/tip/measured2_js", tip, {"position": "measured_output_angle"}),
         ("/twin/handle/measured_js", handle, {"position": "handle_angle", "effort": "handle_torque"}),
-        ("/twin/tip/measured_js", tip, {"position": "output_angle", "velocity": "output_velocity"}),
+        (
+            "/twin/tip/measured_js",
+            tip,
+            {"position": "output_angle", "velocity": "output_velocity", "effort": "contact_force"},
+        ),
         ("/twin/tendons/measured_js", tendons, {"effort": "tension"}),
         ("/twin/tendons/distal/measured_js", tendons, {"effort": "distal_tension"}),
         ("/twin/motors/measured_js", tendons, {"position": "spool_angle", "velocity": "spool_velocity"}),
@@ -123,6 +127,11 @@ def topics(axes: tuple[str, ...]) -> tuple[Topic, ...]:
                 f"/controller/{f'{axis}/' if axes[1:] else ''}{signal}", FLOAT64, (), {"data": signal}, slice(i, i + 1)
             )
             for signal in _CONTROL_NUMBERS
+            for i, axis in enumerate(axes)
+        ),
+        *(
+            Topic(f"/rig/{f'{axis}/' if axes[1:] else ''}{signal}", FLOAT64, (), {"data": signal}, slice(i, i + 1))
+            for signal in TISSUE
             for i, axis in enumerate(axes)
         ),
     )

@@ -12,7 +12,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.recording import schemas
 from tenodesis.recording.metadata import metadata_of
 from tenodesis.recording.writer import Recorder
-from tenodesis.run import CONTROL, Run, concatenate
+from tenodesis.run import CONTROL, TISSUE, Run, concatenate
 from tenodesis.simulate import Pretension, Protocol, execute
 from tenodesis.simulate.execution import check_controllable
 from tenodesis.twin import TIME_STEP, Twin
@@ -85,6 +85,7 @@ def record(
         runs = []
         if isinstance(protocol.phases[0], Pretension):
             loosened = twin.loosen(_slackening(inst))
+            loosened = without_tissue(loosened) if protocol.has_tissue else loosened
             runs.append(loosened if controller is None else without_control(loosened))
             recorder.write(runs[0])
         runs.append(execute(twin, protocol, controller, on_block=recorder.write, progress=progress))
@@ -131,6 +132,12 @@ def write_run(
 def without_control(run: Run) -> Run:
     """Return a run with the signals of a controller that did not run yet, all NaN."""
     absent: dict[str, Any] = {name: np.full(schemas.shape(name, len(run), run.axes), np.nan) for name in CONTROL}
+    return replace(run, **absent)
+
+
+def without_tissue(run: Run) -> Run:
+    """Return a run with the signals of tissue that is not there."""
+    absent: dict[str, Any] = {name: np.zeros(schemas.shape(name, len(run), run.axes)) for name in TISSUE}
     return replace(run, **absent)
 
 

@@ -11,7 +11,7 @@ from tenodesis.simulate.command import Plant
 from tenodesis.simulate.execution import execute
 from tenodesis.simulate.fault_injection import INJECTION_POINTS, FaultInjection
 from tenodesis.simulate.motion import Motion
-from tenodesis.simulate.phases import Cycles, Hold, Ramp, StepLoad
+from tenodesis.simulate.phases import Cycles, Hold, Ramp, StepLoad, TissueContact
 from tenodesis.simulate.pretension import Pretension
 from tenodesis.simulate.protocol import Protocol, load, parse, shipped
 
@@ -27,6 +27,7 @@ __all__ = [
     "ProtocolError",
     "Ramp",
     "StepLoad",
+    "TissueContact",
     "concatenate",
     "execute",
     "load",

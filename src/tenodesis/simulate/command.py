@@ -1,8 +1,9 @@
 """Commands at an instant and along a segment of time, the shapes of strokes, and the interface of a plant."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol, Self, TypeAlias
+from itertools import groupby
+from typing import Any, Literal, NamedTuple, Protocol, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from tenodesis.control import Controller
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array, Run
+from tenodesis.twin import Contact
 
 AngleByStep: TypeAlias = Callable[[NDArray[np.int64]], Array]
 """Handle angles (n,), in rad, after numbers of steps (n,), counted from 1."""
@@ -34,17 +36,27 @@ SMOOTH = SHAPES["smooth"]
 
 
 class Command(NamedTuple):
-    """Command at an instant, by axis: handle angle (rad), forces (N) and spool velocities (rad/s)."""
+    """Command at an instant, by axis: handle angle (rad), forces (N), spool velocities (rad/s), and tissue.
+
+    Without an entry for tissue the plant need not know of it.
+    """
 
     handle_angle: Array
     force: Array
     radial_force: Array
     spool_velocity: Array
+    contact: tuple[Contact | None, ...] | None = None
 
     @classmethod
-    def rest(cls, axes: int) -> Self:
-        """Return the command of an instrument that is straight, unloaded and not driven."""
-        return cls(np.zeros(axes), np.zeros(axes), np.zeros(axes), np.zeros((axes, 2)))
+    def rest(cls, axes: int, *, tissue: bool = False) -> Self:
+        """Return the command of an instrument that is straight, unloaded and not driven; tissue: it may get some."""
+        contact = (None,) * axes if tissue else None
+        return cls(np.zeros(axes), np.zeros(axes), np.zeros(axes), np.zeros((axes, 2)), contact)
+
+    @property
+    def values(self) -> dict[str, Array]:
+        """What may change along a segment, by name."""
+        return {name: getattr(self, name) for name in VALUES}
 
     def on(self, axis: int, **changes: float | Sequence[float] | Array | None) -> Self:
         """Return this command with values changed on an axis; None leaves a value unchanged."""
@@ -55,12 +67,20 @@ class Command(NamedTuple):
                 changed[name][axis] = value
         return self._replace(**changed)
 
+    def touching(self, axis: int, contact: Contact | None) -> Self:
+        """Return this command with tissue on an axis, or without."""
+        before = self.contact or (None,) * self.handle_angle.size
+        return self._replace(contact=(*before[:axis], contact, *before[axis + 1 :]))
+
+
+VALUES = ("handle_angle", "force", "radial_force", "spool_velocity")
+
 
 @dataclass(frozen=True)
 class Segment:
     """A part of a phase: every command goes linearly from start to end, where the last step is.
 
-    A path, if there is one, gives the handle angle of one axis instead.
+    A path, if there is one, gives the handle angle of one axis instead. Tissue is that of the start.
     """
 
     start: Command
@@ -74,7 +94,7 @@ class Segment:
         done = np.arange(first + 1, last + 1)
         columns = {
             name: between(start, end, done / self.steps)
-            for name, start, end in zip(Command._fields, self.start, self.end, strict=True)
+            for (name, start), end in zip(self.start.values.items(), self.end.values.values(), strict=True)
         }
         if self.path is not None:
             columns["handle_angle"][:, self.axis] = self.path(done)
@@ -89,8 +109,14 @@ def between(start: float | Array, end: float | Array, fraction: Array) -> Array:
     return np.where(along < 1, first + along * (last - first), last)
 
 
-def sampled(segments: Sequence[Segment], size: int) -> Iterator[dict[str, Array]]:
-    """Yield the commands of consecutive segments in blocks of at most `size` steps."""
+def sampled(segments: Sequence[Segment], size: int) -> Iterator[dict[str, Any]]:
+    """Yield the commands of consecutive segments in blocks of at most `size` steps, each with the same tissue."""
+    for contact, same in groupby(segments, lambda segment: segment.start.contact):
+        for block in _blocks(same, size):
+            yield block if contact is None else {**block, "contact": contact}
+
+
+def _blocks(segments: Iterable[Segment], size: int) -> Iterator[dict[str, Array]]:
     pieces: list[dict[str, Array]] = []
     room = size
     for segment in segments:
@@ -108,7 +134,7 @@ def sampled(segments: Sequence[Segment], size: int) -> Iterator[dict[str, Array]
 
 
 def _joined(pieces: Sequence[dict[str, Array]]) -> dict[str, Array]:
-    return {name: np.concatenate([piece[name] for piece in pieces]) for name in Command._fields}
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in VALUES}
 
 
 class Plant(Protocol):
@@ -126,7 +152,15 @@ class Plant(Protocol):
     def spool_radius(self) -> float:
         """Radius of the spools, m."""
 
-    def run(self, *, handle_angle: Array, force: Array, radial_force: Array, spool_velocity: Array) -> Run:
+    def run(
+        self,
+        *,
+        handle_angle: Array,
+        force: Array,
+        radial_force: Array,
+        spool_velocity: Array,
+        contact: Sequence[Contact | None] | None = None,
+    ) -> Run:
         """Continue from the present state by as many time steps as there are commands."""
 
 
@@ -140,6 +174,7 @@ class ControllablePlant(Plant, Protocol):
         force: Array,
         radial_force: Array,
         spool_velocity: Array,
+        contact: Sequence[Contact | None] | None = None,
         controller: Controller | None = None,
         request: ArrayLike = 0,
     ) -> Run:

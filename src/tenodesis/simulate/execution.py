@@ -2,16 +2,18 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from tenodesis.control import Controller, OperatingState, Request
-from tenodesis.errors import ProtocolError
+from tenodesis.errors import ArgumentError, ProtocolError
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array, Run, concatenate
 from tenodesis.simulate.command import Command, ControllablePlant, Plant, Segment, sampled
 from tenodesis.simulate.pretension import Pretension
 from tenodesis.simulate.protocol import Planned, Protocol, block_size, errors_of
+from tenodesis.twin import Contact
 
 _BLOCK = 1.0
 """Longest block, s."""
@@ -26,18 +28,28 @@ class _Loop:
     def __init__(self, plant: ControllablePlant, controller: Controller) -> None:
         self.plant, self.controller = plant, controller
 
-    def run(self, *, handle_angle: Array, force: Array, radial_force: Array, spool_velocity: Array) -> Run:
+    def run(
+        self,
+        *,
+        handle_angle: Array,
+        force: Array,
+        radial_force: Array,
+        spool_velocity: Array,
+        contact: Sequence[Contact | None] | None = None,
+    ) -> Run:
         """Continue by as many time steps as there are commands; the controller's pending request comes with the first.
 
         The spool velocities are 0.
         """
         request = np.zeros(len(handle_angle), np.uint8)
         request[0] = self.controller.take_request()
+        tissue: dict[str, Any] = {} if contact is None else {"contact": contact}
         run = self.plant.run(
             handle_angle=handle_angle,
             force=force,
             radial_force=radial_force,
             spool_velocity=spool_velocity,
+            **tissue,
             controller=self.controller,
             request=request,
         )
@@ -98,8 +110,9 @@ def execute(
     Raises
     ------
     ProtocolError
-        The instrument cannot run the protocol, or a tendon does not get tight; with a controller, the protocol moves
-        the spools or requires a pretension that homing does not reach, or homing outlasts its phase.
+        The instrument cannot run the protocol, a tendon does not get tight, or the tip is inside tissue that is placed;
+        with a controller, the protocol moves the spools or requires a pretension that homing does not reach, or homing
+        outlasts its phase.
     ValueError
         The controller is for other axes or joints.
     """
@@ -148,6 +161,17 @@ def with_request(run: Run, request: Array) -> Run:
     return replace(run, request=request if len(run.axes) == 1 else np.stack([request] * len(run.axes), -1))
 
 
+def _continued(plant: Plant | _Loop, commands: dict[str, Any]) -> Run:
+    try:
+        return plant.run(**commands)
+    except ArgumentError as problem:
+        if problem.key != "contact.angle":
+            raise
+        raise ProtocolError(
+            str(problem).removeprefix("contact.").rstrip("."), key="angle", value=problem.value, allowed=problem.allowed
+        ) from None
+
+
 def _check_homing(phase: Pretension, initial: Command, inst: Instrument) -> None:
     if phase.axis is not None and len(inst.axes) > 1:
         raise ProtocolError(
@@ -169,8 +193,9 @@ def _check_homing(phase: Pretension, initial: Command, inst: Instrument) -> None
 def _runs(plant: Plant, loop: _Loop | None, planned: Planned) -> Iterator[Run]:
     """Yield the runs of a phase."""
     if not isinstance(planned.phase, Pretension):
-        for commands in sampled(planned.segments, block_size(plant.time_step, _BLOCK)):
-            yield (loop or plant).run(**commands)
+        with errors_of(planned.label):
+            for commands in sampled(planned.segments, block_size(plant.time_step, _BLOCK)):
+                yield _continued(loop or plant, commands)
         return
     with errors_of(planned.label):
         if loop is None:

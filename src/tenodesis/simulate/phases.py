@@ -14,7 +14,18 @@ from tenodesis.instrument import AxisName, Instrument
 from tenodesis.run import Array
 from tenodesis.simulate.command import SHAPES, SMOOTH, AngleByStep, Command, Segment, ShapeName, between
 from tenodesis.simulate.reach import check_handle_angle, unloaded_handle_angle
-from tenodesis.units import Angle, Delay, Duration, HandleSpeed, SignedForce, SignedMoment, SpoolVelocity
+from tenodesis.twin import Contact, Side
+from tenodesis.units import (
+    Angle,
+    Delay,
+    Duration,
+    HandleSpeed,
+    SignedForce,
+    SignedMoment,
+    SpoolVelocity,
+    TissueDamping,
+    TissueStiffness,
+)
 
 
 class ProtocolModel(BaseModel):
@@ -259,3 +270,44 @@ class StepLoad(Moving):
         if self.handle_angle is not None:
             return check_handle_angle(start.inst, "handle_angle", self.handle_angle)
         return float(start.command.handle_angle[start.axis])
+
+
+class TissueContact(OpenLoop):
+    """The tip gets tissue that it meets from an output angle on, or loses it; all else stays as it is.
+
+    Its force is a function of the tip's angle and velocity, as :class:`tenodesis.twin.Contact` says.
+    """
+
+    kind: Literal["contact"] = "contact"
+    stiffness: TissueStiffness = Field(description="At the tip; 0 N/m takes the tissue away")
+    angle: Angle | None = Field(default=None, description="Output angle at which the tip touches")
+    damping: TissueDamping = Field(default=0.0, description="At the tip")
+    side: Side = Field(default="flexion", description="Whether it lies above that angle, in flexion, or below")
+    duration: Duration | None = Field(default=None, description="How long; else it stays for the phases that follow")
+
+    @model_validator(mode="after")
+    def _check_angle(self) -> Self:
+        if self.stiffness and self.angle is None:
+            raise ValueError("angle is missing; give the output angle at which the tip touches the tissue")
+        return self
+
+    def segments(self, start: Start) -> Iterator[Segment]:
+        """Yield the time in contact, and what follows it."""
+        touching = start.command.touching(start.axis, self._contact(start.inst))
+        yield start.segment(touching, touching, self.duration or 0.0)
+        if self.duration is not None:
+            free = touching.touching(start.axis, None)
+            yield start.segment(free, free, 0.0)
+
+    def _contact(self, inst: Instrument) -> Contact | None:
+        if not self.stiffness or self.angle is None:
+            return None
+        if abs(self.angle) > inst.output_stop:
+            stop = f"within the joint's stops at ±{math.degrees(inst.output_stop):.6g} deg"
+            raise ProtocolError(
+                f"angle is {math.degrees(self.angle):.6g} deg; it must be {stop}",
+                key="angle",
+                value=self.angle,
+                allowed=stop,
+            )
+        return Contact(self.angle, self.stiffness, self.damping, self.side)

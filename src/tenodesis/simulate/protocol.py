@@ -15,11 +15,11 @@ from tenodesis.instrument.text import with_units
 from tenodesis.run import Array
 from tenodesis.simulate.command import Command, Segment, sampled
 from tenodesis.simulate.motion import Motion
-from tenodesis.simulate.phases import Cycles, Hold, ProtocolModel, Ramp, Start, StepLoad
+from tenodesis.simulate.phases import Cycles, Hold, ProtocolModel, Ramp, Start, StepLoad, TissueContact
 from tenodesis.simulate.pretension import Pretension
 from tenodesis.toml import parse_toml, read_text, validated
 
-AnyPhase: TypeAlias = Pretension | Hold | Cycles | StepLoad | Ramp | Motion
+AnyPhase: TypeAlias = Pretension | Hold | Cycles | StepLoad | Ramp | Motion | TissueContact
 
 LONGEST = 3600.0
 """Longest run, s."""
@@ -71,7 +71,8 @@ class Protocol(ProtocolModel):
         For n steps: handle_angle (rad), force and radial_force (N), of shape (n,), and spool_velocity (rad/s), of shape
         (n, 2), agonist first; with two axes (n, 2) and (n, 2, 2), axis before tendon.
 
-        Raises ProtocolError if a phase is closed-loop, the instrument cannot run it, or not within an hour.
+        Raises ProtocolError if a phase is closed-loop or has tissue, whose force is not known before, the instrument
+        cannot run it, or not within an hour.
         """
         closed = [phase.kind for phase in self.phases if isinstance(phase, Pretension)]
         if closed:
@@ -79,9 +80,19 @@ class Protocol(ProtocolModel):
                 f"{self.name}: the commands of a {closed[0]} phase follow from its load cells; "
                 "execute the protocol on a twin instead"
             )
+        if self.has_tissue:
+            raise ProtocolError(
+                f"{self.name}: the force in a contact phase follows from the tip's angle; execute the protocol on a "
+                "twin instead"
+            )
         segments = [segment for planned in self.plan(inst, time_step) for segment in planned.segments]
         (commands,) = sampled(segments, sum(segment.steps for segment in segments))
         return commands
+
+    @property
+    def has_tissue(self) -> bool:
+        """Whether the tip meets tissue in it."""
+        return any(isinstance(phase, TissueContact) for phase in self.phases)
 
     def plan(self, inst: Instrument, time_step: float) -> list[Planned]:
         """Return the phases planned on an instrument, at a time step (s).
@@ -90,7 +101,7 @@ class Protocol(ProtocolModel):
         """
         block_size(time_step, time_step)
         plan: list[Planned] = []
-        command, total = Command.rest(len(inst.axes)), 0.0
+        command, total = Command.rest(len(inst.axes), tissue=self.has_tissue), 0.0
         for number, phase in enumerate(self.phases, 1):
             label = f"{self.name}: phase {number} ({phase.kind})"
             with errors_of(label):

@@ -3,7 +3,20 @@
 from tenodesis.plant import TIME_STEP
 from tenodesis.twin.batch import Batch, run_many
 from tenodesis.twin.closed_loop import LoopController, SignalFault
+from tenodesis.twin.contact import Contact, Side
 from tenodesis.twin.rows import as_run
 from tenodesis.twin.twin import Energy, State, Twin
 
-__all__ = ["TIME_STEP", "Batch", "Energy", "LoopController", "SignalFault", "State", "Twin", "as_run", "run_many"]
+__all__ = [
+    "TIME_STEP",
+    "Batch",
+    "Contact",
+    "Energy",
+    "LoopController",
+    "Side",
+    "SignalFault",
+    "State",
+    "Twin",
+    "as_run",
+    "run_many",
+]

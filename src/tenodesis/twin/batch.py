@@ -12,6 +12,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.statics.query import common_shape
 from tenodesis.threads import threads
+from tenodesis.twin.contact import Contact, rows_of
 from tenodesis.twin.rows import ARGUMENTS, COMMANDS, SIGNALS, check_finite, check_handle_range, check_rig, check_seed
 
 
@@ -38,6 +39,7 @@ def run_many(
     radial_force: ArrayLike = 0.0,
     weight: ArrayLike = 0.0,
     spool_velocity: ArrayLike = 0.0,
+    contact: Contact | Sequence[Contact | None] | None = None,
     vary: Mapping[str, ArrayLike] | None = None,
     seeds: ArrayLike | None = None,
     signals: Sequence[str] = ("output_angle",),
@@ -55,6 +57,8 @@ def run_many(
         Commands as for :meth:`Twin.run`, shape (n,) for all runs or (runs, n).
     spool_velocity
         Spool velocities, rad/s, shape (n, 2) for all runs or (runs, n, 2).
+    contact
+        Tissue at the tip, for all runs or one per run, None where there is none.
     vary
         Values per run by key of the instrument, as :meth:`Instrument.replace` takes them: ``{"pretension": array}``,
         ``{"friction.vertex_coefficient": array}``.
@@ -70,15 +74,17 @@ def run_many(
     Raises
     ------
     ValueError
-        Shapes do not fit, a command is not finite or beyond the handle's range, or a signal is unknown.
+        Shapes do not fit, a command is not finite or beyond the handle's range, a straight tip is inside tissue, or a
+        signal is unknown.
     InstrumentError
         A varied value is not allowed.
     """
     insts = _instruments(inst, vary or {})
     commands = _shared_commands(len(insts), handle_angle, force, radial_force, weight, spool_velocity)
+    tissue = _tissue(contact)
     runs = len(insts)
-    if commands.shape[0] > 1 and runs == 1:
-        insts = insts * commands.shape[0]
+    if runs == 1:
+        insts = insts * max(len(commands), len(tissue))
         runs = len(insts)
     if commands.shape[0] not in (1, runs):
         raise ArgumentError(f"commands are for {commands.shape[0]} runs, instruments for {runs}; it must be the same.")
@@ -90,6 +96,10 @@ def run_many(
     if commands[:, :, COMMANDS.index("weight")].any():
         for one in insts:
             check_rig(one)
+    if len(tissue) not in (1, runs):
+        raise ArgumentError(f"contact is for {len(tissue)} runs, instruments for {runs}; it must be the same.")
+    commands = np.repeat(commands, len(tissue) if len(commands) == 1 else 1, axis=0)
+    commands[:, :, ARGUMENTS["contact"]] = tissue[:, np.newaxis]
     if not commands.shape[1]:
         raise ArgumentError("handle_angle is empty; it must have one step or more.", key="handle_angle")
     if not (isinstance(every, int | np.integer) and 1 <= every <= commands.shape[1]):
@@ -159,6 +169,15 @@ def _shared_commands(runs: int, *arguments: ArrayLike) -> Array:
         check_finite(name, array)
         rows[..., ARGUMENTS[name]] = array
     return rows
+
+
+def _tissue(contact: Contact | Sequence[Contact | None] | None) -> Array:
+    """Return the commands' columns for tissue, of all runs or of each, shape (1 or runs, 3)."""
+    given = (contact,) if contact is None or isinstance(contact, Contact) else tuple(contact)
+    for one in given:
+        if one is not None:
+            one.check_outside(0.0)
+    return np.concatenate([rows_of(one, ("run",)) for one in given]) if given else np.empty((0, 3))
 
 
 def _seeds(seeds: ArrayLike | None, runs: int) -> NDArray[np.uint64]:

@@ -8,7 +8,7 @@ from tenodesis import _core
 from tenodesis._core import Status
 from tenodesis.errors import ArgumentError, NoSolutionError
 from tenodesis.instrument import Instrument
-from tenodesis.run import Array, Run
+from tenodesis.run import TISSUE, Array, Run
 from tenodesis.statics.query import handle_angle_error, place
 
 COMMANDS = _core.twin_commands()
@@ -20,6 +20,7 @@ ARGUMENTS: dict[str, int | slice] = {
     "spool_velocity": slice(4, 6),
     "sheath_bend": COMMANDS.index("sheath_bend"),
     "let_out": slice(7, 9),
+    "contact": slice(9, 12),
 }
 """Columns of a command, by the argument that fills them."""
 PER_TENDON = ("spool_velocity", "let_out")
@@ -89,12 +90,11 @@ def as_run(
     return Run(time, axes, **{**commanded, **controlled, **simulated})
 
 
-def commanded(commands: Sequence[Array]) -> dict[str, Array]:
-    """Return the commands of each axis, each of shape (n, columns), as signals of a run."""
-    return {
-        f"{prefix}{name}": _of_axes(commands, ARGUMENTS[name])
-        for prefix, name in (("commanded_", "handle_angle"), ("", "radial_force"), ("commanded_", "spool_velocity"))
-    }
+def commanded(commands: Sequence[Array], *, tissue: bool) -> dict[str, Array]:
+    """Return the commands of each axis, each of shape (n, columns), as signals of a run, with or without tissue."""
+    named = (("commanded_", "handle_angle"), ("", "radial_force"), ("commanded_", "spool_velocity"))
+    signals = {f"{prefix}{name}": _of_axes(commands, ARGUMENTS[name]) for prefix, name in named}
+    return signals | {name: _of_axes(commands, COMMANDS.index(name)) for name in (TISSUE if tissue else ())}
 
 
 def _of_axes(stack: Sequence[Array], columns: int | slice) -> Array:

@@ -15,6 +15,7 @@ from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array, Run, concatenate
 from tenodesis.twin.closed_loop import LoopController, SignalFault, run_closed_loop
+from tenodesis.twin.contact import Contacts, by_axis, rows_of
 from tenodesis.twin.rows import (
     ARGUMENTS,
     COMMANDS,
@@ -57,6 +58,8 @@ class Energy(NamedTuple):
     """Dissipated by friction."""
     damping: float
     """Dissipated by damping."""
+    tissue: float
+    """Dissipated by tissue's damping, or stored in tissue that was taken away."""
     least_friction: float
     """Smallest dissipation by friction in any step, by the tensions at its end, where the law is satisfied."""
     residual: float
@@ -72,7 +75,7 @@ class Energy(NamedTuple):
     @property
     def unaccounted(self) -> float:
         """Residual of the energy balance."""
-        put_in = self.handle + self.spools + self.load - self.friction - self.damping
+        put_in = self.handle + self.spools + self.load - self.friction - self.damping - self.tissue
         return self.stored_after - self.stored_before - put_in
 
 
@@ -161,6 +164,7 @@ class Twin:
         spool_velocity: ArrayLike = 0.0,
         sheath_bend: ArrayLike = 0.0,
         let_out: ArrayLike = 0.0,
+        contact: Contacts | None = None,
         controller: LoopController | None = None,
         request: ArrayLike = 0,
         fault_injection: Sequence[SignalFault] = (),
@@ -185,6 +189,9 @@ class Twin:
             Bend of the sheath in addition to the instrument's, rad; as handle_angle, or a number.
         let_out
             Length of tendon that has slipped off its spool, m, as spool_velocity; half a metre for a torn one.
+        contact
+            Tissue at the tip, for the whole call; with two axes one per axis, None where there is none. It stays in
+            place if the next call has the same.
         controller
             Closes the loop: it is given the sensors' readings, and the drives its spool velocities.
         request
@@ -195,15 +202,18 @@ class Twin:
         Raises
         ------
         ValueError
-            A command is not finite or beyond the handle's range; nothing has been done then.
+            A command is not finite or beyond the handle's range, or the tip is inside tissue that is placed; nothing
+            has been done then.
         NoSolutionError
             The load on the tip is more than it can hold; the twin is then in its state before the call.
         """
         rows = self._commands(handle_angle, force, radial_force, weight, spool_velocity, sheath_bend, let_out)
+        self._place(contact, rows)
         count = rows[0].shape[0]
         time = np.arange(self._steps + 1, self._steps + 1 + count, dtype=np.float64) * self.time_step
+        given = commanded(rows, tissue=contact is not None)
         if controller is None:
-            return as_run(time, self.inst.axes, commanded(rows), self._step_axes(rows))
+            return as_run(time, self.inst.axes, given, self._step_axes(rows))
         controller.check_instrument(self.inst)
         steps, status, outs, control = run_closed_loop(
             self._axes,
@@ -219,7 +229,7 @@ class Twin:
         self._steps += steps
         if status != Status.OK:
             raise lost(status, f"step {steps} ({self.time:.6g} s)")
-        return as_run(time, self.inst.axes, commanded(rows), outs, control)
+        return as_run(time, self.inst.axes, given, outs, control)
 
     def _step_axes(self, rows: list[Array]) -> list[Array]:
         """Step every axis over its commands and return its signals; a lost step leaves the twin unchanged."""
@@ -243,6 +253,7 @@ class Twin:
         radial_force: ArrayLike = 0.0,
         weight: ArrayLike = 0.0,
         spool_velocity: ArrayLike = 0.0,
+        contact: Contacts | None = None,
     ) -> Run:
         """Advance by one step and return its signals, without their first dimension; otherwise as :meth:`run`."""
         run = self.run(
@@ -253,6 +264,7 @@ class Twin:
             spool_velocity=np.broadcast_to(np.asarray(spool_velocity, float), (2,) if len(self._axes) == 1 else (2, 2))[
                 np.newaxis
             ],
+            contact=contact,
         )
         return Run(run.time[0], run.axes, **{name: values[0] for name, values in run.signals().items()})
 
@@ -264,19 +276,23 @@ class Twin:
         radial_force: ArrayLike = 0.0,
         weight: ArrayLike = 0.0,
         spool_velocity: ArrayLike = 0.0,
+        contact: Contacts | None = None,
     ) -> Energy:
         """Step over arrays of commands and return the energy balance; for one axis, otherwise as :meth:`run`."""
         if len(self._axes) != 1:
             raise ArgumentError(f"{self.inst.name} has two axes; it must have one: make the twin of inst.axis(name).")
         (rows,) = self._commands(handle_angle, force, radial_force, weight, spool_velocity)
+        self._place(contact, [rows])
         before = self.state
         steps, status, energies, least, residual, sweeps = self._axes[0].audit(rows)
         if status != Status.OK:
             self.state = before
             raise lost(status, f"step {steps} ({self.time + steps * self.time_step:.6g} s)")
         self._steps += steps
-        stored_before, stored_after, handle, spools, load, friction, damping = energies
-        return Energy(stored_before, stored_after, handle, spools, load, friction, damping, least, residual, sweeps)
+        stored_before, stored_after, handle, spools, load, friction, damping, tissue = energies
+        return Energy(
+            stored_before, stored_after, handle, spools, load, friction, damping, tissue, least, residual, sweeps
+        )
 
     def loosen(self, length: float = 2e-3) -> Run:
         """Unwind both spools by a length (m) at a third of their speed, without load, and return that run.
@@ -297,6 +313,14 @@ class Twin:
             if not unwinding and np.abs(runs[-1]["spool_velocity"][-1]).max() < 1e-6 * speed:
                 break
         return concatenate(runs)
+
+    def _place(self, contact: Contacts | None, rows: Sequence[Array]) -> None:
+        """Write tissue into the commands of each axis; the tip must be outside of tissue that was not there before."""
+        tissue = rows_of(contact, self.inst.axes)
+        for axis, one, row, columns in zip(self._axes, by_axis(contact, self.inst.axes), rows, tissue, strict=True):
+            if one is not None and axis.contact != one.row:
+                one.check_outside(axis.signals(np.zeros((1, len(COMMANDS))))[SIGNALS.index("output_angle")])
+            row[:, ARGUMENTS["contact"]] = columns
 
     def _spool_angles(self) -> Array:
         """Return the spools' angles, rad, shape (axes, 2)."""
