@@ -41,7 +41,7 @@ SWEEPS_BETWEEN_CHECKS = 3
 PHASE_STEP = 0.4
 LEAST_SUBSTEPS = 2
 
-EASED, LOADED, SECONDS, JUDGED = 1.2, 1.5, 8.0, 2.0  # s; the estimate is judged from JUDGED on
+EASED, ONSET, LOADED, SECONDS, JUDGED = 1.2, 0.2, 1.5, 8.0, 2.0  # s; the estimate is judged from JUDGED on
 LATER, LAST, AVERAGED = 3.0, 1.0, 0.1  # s
 STATES = (0.0, 33.0, 67.0, 80.0)  # deg, Fig. 15
 TOLD = (0.7, 1.0, 1.3)
@@ -459,11 +459,14 @@ class Case(NamedTuple):
     rate: float = 7.0
     """Of the tremor, Hz"""
     seed: int = 0
+    """Of the sensors' noise, and of the tremor's phase"""
 
     def handle(self, at: Array) -> Array:
         """Return the handle's angle over time, rad."""
         u = np.clip(at / EASED, 0, 1)
-        trembling = self.tremor * np.sin(2 * np.pi * self.rate * (at - EASED)) * (at > EASED)
+        # The phase differs between seeds by the golden angle.
+        trembling = self.tremor * np.sin(2 * np.pi * self.rate * at + 2.4 * self.seed)
+        trembling *= np.clip((at - EASED) / ONSET, 0, 1)
         return self.plant.handle_angle(self.output) * u**3 * (10 - 15 * u + 6 * u * u) + trembling
 
     @property
@@ -749,7 +752,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--rows", nargs="+", choices=[*ROWS], metavar="ROW", help=f"of {', '.join(ROWS)}")
     parser.add_argument("--quick", action="store_true", help="the first three rows only")
-    parser.add_argument("--seeds", type=int, default=1, help="of the sensors' noise")
+    parser.add_argument("--seeds", type=int, default=1, help="of noise and the tremor's phase")
     options = parser.parse_args()
     names = options.rows or list(ROWS)[: 3 if options.quick else None]
     begun = time.perf_counter()
