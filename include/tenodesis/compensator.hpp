@@ -38,6 +38,8 @@ struct CompensatorSettings {
   S settle_time{};      ///< time for which the tip must stay within the dead band before the motors rest, s
   S least_tension{};    ///< tension that either tendon is to keep in the stem, N
   S tension_limit{};    ///< tension above which no tendon is wound, N
+  S force_limit{};      ///< tip force that the motors do not go beyond, N; 0: none
+  S assistance{1};      ///< share of the lost angle that is given back
   S hand_travel{};      ///< handle travel above which the hand counts as moving, rad
   S still_time{};       ///< time without motion after which it counts as still, s
   S steady_delay{};
@@ -50,6 +52,7 @@ enum class Phase : unsigned char {
   pull,
   release,
   restrained,  ///< as shown: tracking, with less than the law wants (envelope.hpp)
+  yielding,    ///< as shown: the tip presses with the force limit, and lags behind
 };
 
 template <class S>
@@ -66,9 +69,13 @@ struct CompensatorState {
   int turns{};                ///< reversals of strokes since the motors last rested
   S tolerance{1};             ///< factor by which the dead band has grown over strokes that did not end in it
   EnvelopeState<S> envelope{};
-  S short_of{};  ///< by how much the last stroke ended early because a tendon got loose, m
+  S short_of{};     ///< by how much the last stroke ended early because a tendon got loose, m
+  bool yielding{};  ///< whether the force limit has held the law back in this tick
 
-  constexpr Phase shown() const { return phase == Phase::track && envelope.restrained() ? Phase::restrained : phase; }
+  constexpr Phase shown() const {
+    if (yielding) return Phase::yielding;
+    return phase == Phase::track && envelope.restrained() ? Phase::restrained : phase;
+  }
 };
 
 template <class A>
@@ -100,11 +107,8 @@ struct Compensator {
   }
 
  private:
-  // Tendon length of a small output angle about another.
-  S length_of(const S& angle, const S& output_angle) const {
-    return angle * model.axis.distal.moment_arm(model.axis.distal.coordinate(output_angle));
-  }
-  S dead_length(const S& output_angle) const { return length_of(settings.dead_band, output_angle); }
+  // The dead band as tendon length; arm: of the tendons at the tip, m.
+  S dead_length(const S& arm) const { return settings.dead_band * arm; }
 
   S wound(const Measurement<S>& measured, int i) const { return model.spool_radius * measured.spool_angle[i]; }
 
@@ -125,9 +129,9 @@ struct Compensator {
                              State& state) const {
     const bool strokes = state.phase == Phase::pull || state.phase == Phase::release;
     const S swing = strokes ? envelope.settings.stroke_swing : envelope.settings.least_swing;
-    envelope.update(observer.certain_lag(memory),
-                    swing * dead_length(memory.output_angle) + S(0.5) * tremor_arm() * memory.intent.amplitude,
-                    observer, memory, dt, state.envelope);
+    envelope.update(observer.certain(observer.lag(memory), memory),
+                    swing * dead_length(memory.arm) + S(0.5) * tremor_arm() * memory.intent.amplitude, observer, memory,
+                    dt, state.envelope);
     const S stroke = across(memory);
     if (actuation == Actuation::agonist) {
       const Winding<S> wanted = one_motor(observer, memory, state);
@@ -151,6 +155,22 @@ struct Compensator {
            tremor_arm() * memory.intent.shaken;
   }
 
+  // The lag that is corrected: a share of the lost angle, and none by which the tip would press harder than it may.
+  // Where it does, the motors give back what they have wound, and no more: the rest is the hand's.
+  S yielding(const S& lag, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, State& state) const {
+    const S stroke = across(memory);
+    const S shared = settings.assistance * lag - (S(1) - settings.assistance) * stroke;
+    state.yielding = false;
+    if (!(settings.force_limit > S(0))) return shared;
+    const S limit = settings.force_limit * observer.stretch_per_force(memory);
+    const S exerted = observer.exerted(memory);
+    const S most = larger(limit - exerted, smaller(-stroke, S(0)));
+    const S least = smaller(-limit - exerted, larger(-stroke, S(0)));
+    const S bounded = shared > S(0) ? smaller(shared, most) : larger(shared, least);
+    state.yielding = bounded != shared;
+    return bounded;
+  }
+
   // A slack tendon neither moves the tip nor shows where it is: near the least tension it is let out more slowly, then
   // not at all, and where it hangs it is wound.
   Winding<S> kept_tight(const FrictionMemory<S>& memory, const Winding<S>& wanted) const {
@@ -171,7 +191,9 @@ struct Compensator {
     const S stroke = found.status == Status::ok ? found.value : -model.axis.pretension / model.axis.stiffness;
     const auto approach = [&](int i, const S& target) {
       const S missing = target - wound(measured, i);
-      return abs(missing) <= dead_length(S(0)) ? S(0) : limited(settings.position_gain * missing);
+      return abs(missing) <= dead_length(model.axis.distal.moment_arm(S(0)))
+                 ? S(0)
+                 : limited(settings.position_gain * missing);
     };
     return {approach(agonist, stroke), actuation == Actuation::differential ? approach(antagonist, -stroke) : S(0)};
   }
@@ -179,15 +201,15 @@ struct Compensator {
   Winding<S> by_pseudo_error(const Measurement<S>& measured) const {
     const S estimated = paper_output_angle(model, measured);
     const S missing = model.drawn(measured.handle_angle) - model.taken(estimated);
-    if (abs(missing) <= dead_length(estimated)) return {};
+    if (abs(missing) <= dead_length(model.axis.distal.moment_arm(model.axis.distal.coordinate(estimated)))) return {};
     const S speed = limited(settings.gain * missing);
     return {speed, actuation == Actuation::differential ? -speed : S(0)};
   }
 
   // One motor cannot make both tendons slip the same way: it corrects by the observer's estimate as it is.
   Winding<S> one_motor(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, State& state) const {
-    const S lag = observer.lag(memory);
-    const S dead = dead_length(memory.output_angle);
+    const S lag = yielding(observer.lag(memory), observer, memory, state);
+    const S dead = dead_length(memory.arm);
     const bool resting = state.phase == Phase::rest;
     state.phase = abs(lag) > (resting ? S(2) * dead : dead * S(0.5)) ? Phase::track : Phase::rest;
     if (state.phase == Phase::rest) return {};
@@ -196,24 +218,22 @@ struct Compensator {
 
   Winding<S> two_motors(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
                         State& state) const {
-    const S lag = observer.lag(memory);
-    const S dead =
-        dead_length(memory.output_angle) * state.tolerance + S(0.15) * tremor_arm() * memory.intent.amplitude;
+    const S lag = yielding(observer.lag(memory), observer, memory, state);
+    const S dead = dead_length(memory.arm) * state.tolerance + S(0.15) * tremor_arm() * memory.intent.amplitude;
     const bool moving = detect_hand_motion(memory.intent.angle, dt, state);
     const S common = (wound(memory.smooth, agonist) + wound(memory.smooth, antagonist)) * S(0.5);
     const S wanted = wanted_common(memory);
     choose(lag, dead, moving, common - wanted, observer, memory, dt, state);
     if (state.phase == Phase::rest) return {};
     const S authority = state.envelope.authority;
-    S differential = settings.gain * authority * (state.phase == Phase::track ? observer.certain_lag(memory) : lag);
+    S differential = settings.gain * authority * (state.phase == Phase::track ? observer.certain(lag, memory) : lag);
     if (state.phase == Phase::track && authority < S(1))
       differential = differential + (S(1) - authority) * envelope.returning(across(memory), observer, memory);
     if (moving && lag * state.hand > dead) {
       // The hand has reversed and friction holds the tip: the friction is overcome before the tip lags behind, but not
       // so fast that the tip leaps.
       const S speed = observer.breakaway(memory, state.hand) / settings.breakaway_time;
-      differential = differential +
-                     state.hand * authority * smaller(speed, length_of(settings.breakaway_speed, memory.output_angle));
+      differential = differential + state.hand * authority * smaller(speed, settings.breakaway_speed * memory.arm);
     }
     if (state.phase == Phase::track) {
       // A moving hand may need more tension to keep the looser tendon tight, and must not wait for it until it rests.
@@ -227,6 +247,7 @@ struct Compensator {
     return {along + differential, along - differential};
   }
 
+  static constexpr S long_rest = S(1);  // s
   static constexpr int most_turns = 4;
   static constexpr S growth = S(1.5), most_tolerance = S(4);
 
@@ -298,6 +319,7 @@ struct Compensator {
         if (above < -stroke || loose) turn_back(Phase::pull, larger(above + stroke, S(0)), state);
         return;
       case Phase::restrained:
+      case Phase::yielding:
         return;
     }
   }
@@ -318,8 +340,8 @@ struct Compensator {
   }
 
   static void turn(Phase phase, State& state) {
-    // A new load has woken the motors: the full accuracy applies again.
-    if (phase == Phase::track || state.phase == Phase::rest) {
+    // A new load has woken the motors, rather than their own last stroke: the full accuracy applies again.
+    if (phase == Phase::track || (state.phase == Phase::rest && state.since > long_rest)) {
       state.tolerance = S(1);
       state.turns = 0;
     }

@@ -79,6 +79,8 @@ struct FrictionMemory {
   S nominal[3]{};        ///< exponents of sheath, handle's joint and tip's joint by the parameters' friction
   S tip{};               ///< position of the tip as tendon length, m
   S output_angle{};      ///< at that position, rad
+  S x{};                 ///< the joint's coordinate there
+  S arm{};               ///< moment arm of the tendons there, m
   S scale{1};            ///< of friction
   S reference{};         ///< excess of both tendons' lengths over their references, m
   S compliance{1};       ///< of the tendons, relative to the parameters
@@ -131,10 +133,21 @@ struct FrictionObserver {
   /// Lag of the tip behind its target, as tendon length, m.
   S lag(const Memory& memory) const { return memory.target - memory.tip; }
 
-  /// The part of the lag that is certain: the tip may have moved unseen toward its target, m.
-  S certain_lag(const Memory& memory) const {
-    const S behind = lag(memory);
+  /// The part of a lag that is certain: the tip may have moved unseen toward its target, m.
+  S certain(const S& behind, const Memory& memory) const {
     return behind > S(0) ? larger(behind - memory.freedom[0], S(0)) : smaller(behind + memory.freedom[1], S(0));
+  }
+
+  /// Stretch by which a force at the tip differs the two tendons, halved, per its size, m/N.
+  S stretch_per_force(const Memory& memory) const {
+    return model.axis.distal.tangential_arm(memory.x) / memory.arm * unit_of(memory) * S(0.5);
+  }
+
+  /// The same of the force that the tip exerts, positive toward flexion, m.
+  S exerted(const Memory& memory) const {
+    const S difference = memory.tendon[agonist].tension[3] - memory.tendon[antagonist].tension[3];
+    const S passive = model.axis.distal.passive_stiffness() * memory.output_angle / memory.arm;
+    return (difference - passive) * unit_of(memory) * S(0.5);
   }
 
   /// Half the difference of both tendons' stretches if their tensions were those at the spools, m: without friction,
@@ -178,13 +191,12 @@ struct FrictionObserver {
     Estimate<S> estimate{};
     const A& axis = model.axis;
     const S angle = memory.output_angle;
-    const S x = axis.distal.coordinate(angle);
-    const S arm = axis.distal.moment_arm(x);
+    const S arm = memory.arm;
     estimate.output_angle = angle;
     const S off = deviation(memory);
     estimate.output_angle_std = off / arm;
     const auto& tendon = memory.tendon;
-    const S reach = axis.distal.tangential_arm(x);
+    const S reach = axis.distal.tangential_arm(memory.x);
     estimate.tip_force =
         ((tendon[agonist].tension[3] - tendon[antagonist].tension[3]) * arm - axis.distal.passive_stiffness() * angle) /
         reach;
@@ -323,7 +335,9 @@ struct FrictionObserver {
   void put_tip(const S& tip, Memory& memory) const {
     const S most = model.axis.distal.limit() * S(0.999);
     memory.tip = tip;
-    memory.output_angle = model.axis.distal.angle(clamp(tip / model.axis.distal.excursion_slope(), -most, most));
+    memory.x = clamp(tip / model.axis.distal.excursion_slope(), -most, most);
+    memory.output_angle = model.axis.distal.angle(memory.x);
+    memory.arm = model.axis.distal.moment_arm(memory.x);
   }
 
   void place_tip(const S* position, const S* ratio, Memory& memory) const {

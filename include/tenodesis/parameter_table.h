@@ -91,6 +91,8 @@
   ROW(settle_time, "s", not_negative, "time within the dead band before the motors rest")                       \
   ROW(least_tension, "N", not_negative, "tension that either tendon is to keep in the stem")                    \
   ROW(tension_limit, "N", positive, "tension above which no tendon is wound")                                   \
+  ROW(force_limit, "N", not_negative, "tip force that the motors do not go beyond; 0: none")                    \
+  ROW(assistance, "1", not_negative, "share of the lost angle that is given back")                              \
   ROW(hand_travel, "rad", not_negative, "handle travel above which the hand counts as moving")                  \
   ROW(still_time, "s", not_negative, "time without motion after which it counts as still")                      \
   /* envelope */                                                                                                \

@@ -73,8 +73,8 @@ constexpr AxisController<A> axis_controller(const P& p) {
   axis.compensator.settings = {
       S(p.gain),         S(p.breakaway_time), S(p.breakaway_speed), S(p.position_gain),       S(p.dead_band),
       S(p.tendon_speed), S(p.common_speed),   S(p.common_stroke),   S(p.common_stroke_share), S(p.far_lag),
-      S(p.patience),     S(p.settle_time),    S(p.least_tension),   S(p.tension_limit),       S(p.hand_travel),
-      S(p.still_time),   S(p.steady_delay),   S(p.steady_gain)};
+      S(p.patience),     S(p.settle_time),    S(p.least_tension),   S(p.tension_limit),       S(p.force_limit),
+      S(p.assistance),   S(p.hand_travel),    S(p.still_time),      S(p.steady_delay),        S(p.steady_gain)};
   axis.compensator.envelope = {model,
                                {S(p.envelope_margin) * model.axis.distal.moment_arm(S(0)), S(p.envelope_friction),
                                 S(p.envelope_compliance), S(p.envelope_smoothing), S(p.least_swing), S(p.stroke_swing),

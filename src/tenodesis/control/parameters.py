@@ -154,6 +154,8 @@ def _axis(inst: Instrument, period: float) -> dict[str, float]:
         "settle_time": 0.03,
         "least_tension": control.least_tension * pretension,
         "tension_limit": tension_limit(inst),
+        "force_limit": control.force_limit,
+        "assistance": control.assistance,
         "hand_travel": 5 * 0.7 * handle_step,
         "still_time": 0.1,
         "envelope_margin": np.radians(1),

@@ -161,6 +161,12 @@ class Control(FileTable):
     tension_limit: Force | None = Field(
         default=None, description="Tension above which no tendon is wound; without it 80 N, or 3 pretensions if more"
     )
+    force_limit: Force = Field(
+        default=1.25, description="Force at the tip beyond which the motors yield to the tissue; 0: none"
+    )
+    assistance: Annotated[float, Field(ge=0, le=1)] = Field(
+        default=1.0, description="Share of the lost angle that the motors give back"
+    )
     least_tension: Share = Field(default=0.15, description="Tension that both tendons keep, over the pretension")
     common_stroke: Share = Field(default=0.4, description="Change of tension by a common stroke, over the pretension")
     friction_uncertainty: Share = Field(default=0.4, description="Initial deviation of the friction scale")
