@@ -114,7 +114,7 @@ struct FrictionObserver {
   FrictionSettings<S> settings{};
 
   void update(const Measurement<S>& measured, const S& dt, Memory& memory) const {
-    if (!memory.started) start(measured, memory);
+    if (!memory.started) return start(measured, memory);
     smooth(measured, dt, memory);
     grow(dt, memory);
     const S drawn = model.drawn(memory.smooth.handle_angle);
@@ -283,6 +283,8 @@ struct FrictionObserver {
       tip = tip + side * S(0.5) * (wound + side * drawn - stretch(one, unit));
     }
     put_tip(tip, memory);
+    set_exponents(memory);
+    memory.target = clamp(drawn, -model.stop, model.stop);
     memory.tendon[agonist].slip[2].dragged = tip;
     memory.tendon[antagonist].slip[2].dragged = -tip;
   }

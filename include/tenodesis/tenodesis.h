@@ -185,7 +185,7 @@ int tenodesis_records(const tenodesis_controller* controller);
 int tenodesis_read_record(const tenodesis_controller* controller, int number, tenodesis_record* record);
 int tenodesis_read_counts(const tenodesis_controller* controller, int axis, tenodesis_counts* counts);
 /* Phase of the robust law on an axis: 0 rest, 1 track, 2 pull, 3 release, 4 restrained (tracking, by less than the law
- * wants); 0 without such a controller or axis. */
+ * wants), 5 yielding (at the force limit); 0 without such a controller or axis. */
 uint32_t tenodesis_phase(const tenodesis_controller* controller, int axis);
 /* Version of the library, and the size of its tenodesis_real. */
 uint32_t tenodesis_version(void);
