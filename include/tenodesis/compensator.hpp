@@ -162,7 +162,7 @@ struct Compensator {
     const S shared = settings.assistance * lag - (S(1) - settings.assistance) * stroke;
     state.yielding = false;
     if (!(settings.force_limit > S(0))) return shared;
-    const S limit = settings.force_limit * observer.stretch_per_force(memory);
+    const S limit = settings.force_limit * observer.stretch_per_force(memory) + observer.exerted_unseen(memory);
     const S exerted = observer.exerted(memory);
     const S most = larger(limit - exerted, smaller(-stroke, S(0)));
     const S least = smaller(-limit - exerted, larger(-stroke, S(0)));

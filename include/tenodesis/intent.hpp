@@ -55,7 +55,7 @@ struct IntentState {
 template <class S>
 void follow(const IntentSettings<S>& settings, const S& handle_angle, const S& dt, IntentState<S>& state) {
   // Successive swings of a hand differ.
-  const S spare(1.2);
+  const auto spare = S(1.2);
   const bool fast = state.since < settings.half_period;
   state.since = smaller(state.since + dt, S(10));
   state.amplitude = state.amplitude - state.amplitude * (dt / settings.memory);
