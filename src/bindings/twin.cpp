@@ -121,10 +121,6 @@ void bind_twin(nb::module_& m) {
           },
           "Tissue by the last command: angle in rad, stiffness in N/m, damping in N s/m.")
       .def(
-          "inside",
-          [](const AnyTwin& twin, double angle, double stiffness) { return twin.inside({angle, stiffness, 0}); },
-          "angle"_a, "stiffness"_a, "Whether the tip is within tissue, were it there.")
-      .def(
           "signals", [](const AnyTwin& twin, const In<2>& command) { return twin.signals(commands_of(command)[0]); },
           "command"_a, nb::sig("def signals(self, command: NDArray[numpy.float64]) -> list[float]"),
           "The signals as they stand.");

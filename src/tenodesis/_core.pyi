@@ -117,7 +117,7 @@ class Twin:
 
     def audit(self, commands: NDArray[numpy.float64]) -> tuple[int, Status, list[float], float, float, int]:
         """
-        Step over rows of commands: steps, status, energies in J (stored before and after, handle, spools, load, friction, damping), least friction loss of a step, worst residual, most sweeps.
+        Step over rows of commands: steps, status, energies in J (stored before and after, handle, spools, load, friction, damping, tissue), least friction loss of a step, worst residual, most sweeps.
         """
 
     @property
@@ -130,6 +130,12 @@ class Twin:
     @property
     def handle_wanted(self) -> float:
         """Handle angle of the last command, rad."""
+
+    @property
+    def contact(self) -> tuple[float, float, float]:
+        """
+        Tissue by the last command: angle in rad, stiffness in N/m, damping in N s/m.
+        """
 
     def signals(self, command: NDArray[numpy.float64]) -> list[float]:
         """The signals as they stand."""
@@ -241,6 +247,9 @@ class LoopProblem(enum.IntEnum):
     OPERATOR_GONE = 4
     """the operator's lease ran out"""
 
+    IN_TISSUE = 5
+    """the tip is where tissue is to be"""
+
 class Order(enum.IntEnum):
     """What the live loop can be ordered to do."""
 
@@ -316,7 +325,7 @@ class Runtime:
 
     def play(self, rows: NDArray[numpy.float64]) -> int:
         """
-        Queue ticks of a motion, per axis handle angle, force, radial force; returns how many were taken.
+        Queue ticks of a motion, per axis handle angle, force, radial force, and with tissue its angle, stiffness and damping; returns how many were taken.
         """
 
     def lease(self, seconds: float) -> None:

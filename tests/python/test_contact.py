@@ -326,7 +326,8 @@ def test_expected_readings_have_derivatives_in_tissue(any_inst: Instrument) -> N
     for place, variable in enumerate(variables):
         step = 1e-6 * values[variable]
         up, down = (
-            readings([v + sign * step * (n == variable) for n, v in enumerate(values)], [])[1, 0, -1] for sign in (1, -1)
+            readings([v + sign * step * (n == variable) for n, v in enumerate(values)], [])[1, 0, -1]
+            for sign in (1, -1)
         )
         assert exact[place] == pytest.approx((up - down) / (2 * step), rel=1e-3, abs=1e-9), wanted[place]
 

@@ -38,7 +38,7 @@ def motion_file(tmp_path: Path) -> Path:
 
 
 def test_the_shipped_protocols_are_the_ones_promised() -> None:
-    assert simulate.shipped() == ("cycles", "pretension", "step-load", "wrist")
+    assert simulate.shipped() == ("cycles", "pretension", "step-load", "tissue", "wrist")
 
 
 def test_the_shipped_wrist_is_said_to_be_synthetic() -> None:

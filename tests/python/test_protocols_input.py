@@ -222,7 +222,7 @@ def test_a_protocol_that_is_not_there_is_refused_with_what_there_is(tmp_path: Pa
     for bad, start in (
         (
             "nothing",
-            "nothing: there is no such file and no protocol of that name; .* cycles, pretension, step-load, wr",
+            "nothing: there is no such file and no protocol of that name; .* cycles, pretension, step-load, ti",
         ),
         (tmp_path, "there is no such file"),
         (tmp_path / "b.toml", "is not UTF-8 text"),

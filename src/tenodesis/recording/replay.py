@@ -1,8 +1,9 @@
 """Replay: run a recording's commands on a twin again, and compare."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,9 +18,9 @@ from tenodesis.recording.schemas import TRANSFERRED
 from tenodesis.recording.simulation import without_control
 from tenodesis.recording.tables import columns
 from tenodesis.recording.writer import Recorder
-from tenodesis.run import Array, Run, concatenate
+from tenodesis.run import TISSUE, Array, Run, concatenate
 from tenodesis.simulate.execution import with_request
-from tenodesis.twin import Twin
+from tenodesis.twin import Contact, Twin
 
 _UNEVEN = 0.01
 """Largest share by which a time step may differ from the others."""
@@ -142,15 +143,35 @@ def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
 
 def _run(twin: Twin, recorded: Run, controller: Controller | None = None) -> Run:
     """Return the twin's run under recorded commands, with or without a controller in the loop."""
+    if not all(name in recorded.signals() for name in TISSUE):
+        return _run_in(twin, recorded, controller, None)
+    tissue = np.nan_to_num(np.stack([recorded[name].reshape(len(recorded), -1) for name in TISSUE], axis=-1))
+    changes = np.flatnonzero((tissue[1:] != tissue[:-1]).any(axis=(1, 2))) + 1
+    return concatenate(
+        [
+            _run_in(twin, recorded[first:last], controller, [Contact.of_row(*row) for row in tissue[first].tolist()])
+            for first, last in pairwise([0, *changes.tolist(), len(recorded)])
+        ]
+    )
+
+
+def _run_in(twin: Twin, recorded: Run, controller: Controller | None, contact: Sequence[Contact | None] | None) -> Run:
     handle, force = recorded["commanded_handle_angle"], _or_zero(recorded.force)
     radial_force = _or_zero(recorded.radial_force)
     if controller is None:
         velocity = _or_zero(recorded.commanded_spool_velocity)
-        return twin.run(handle, force, radial_force=radial_force, spool_velocity=velocity)
+        return twin.run(handle, force, radial_force=radial_force, spool_velocity=velocity, contact=contact)
     request = np.zeros(len(recorded))
     if recorded.request is not None:
         request = np.nan_to_num(recorded.request.reshape(len(recorded), -1)[:, 0])
-    run = twin.run(handle, force, radial_force=radial_force, controller=controller, request=request.astype(np.uint8))
+    run = twin.run(
+        handle,
+        force,
+        radial_force=radial_force,
+        contact=contact,
+        controller=controller,
+        request=request.astype(np.uint8),
+    )
     return with_request(run, request)
 
 

@@ -130,7 +130,7 @@ def topics(axes: tuple[str, ...]) -> tuple[Topic, ...]:
             for i, axis in enumerate(axes)
         ),
         *(
-            Topic(f"/rig/{f'{axis}/' if axes[1:] else ''}{signal}", FLOAT64, (), {"data": signal}, slice(i, i + 1))
+            Topic(f"/twin/{f'{axis}/' if axes[1:] else ''}{signal}", FLOAT64, (), {"data": signal}, slice(i, i + 1))
             for signal in TISSUE
             for i, axis in enumerate(axes)
         ),

@@ -23,6 +23,9 @@ KEYS = (
 
 QUANTITY = {
     "force": "force",
+    "contact_force": "force",
+    "contact_stiffness": "contact_stiffness",
+    "contact_damping": "contact_damping",
     "estimated_force": "force",
     "estimated_force_std": "force",
     # A radial force bends the joint by its radius alone, as a tension does, and not by the end-effector's length.
@@ -63,7 +66,9 @@ def comparison(real_size: Instrument, scaled_up: Instrument) -> Comparison:
 
 
 def factors(compared: Comparison, time_factor: float | None = None) -> Mapping[str, float]:
-    """Return the factors of two instruments, scaled-up over real-size, by :data:`KEYS`, and that of angular velocity.
+    """Return the factors of two instruments, scaled-up over real-size, by :data:`KEYS`, and those that follow.
+
+    That is, of angular velocity, and of tissue that the tips bend into by the same angles.
 
     Raises ValueError if the time factor is not a number above 0.
     """
@@ -73,4 +78,10 @@ def factors(compared: Comparison, time_factor: float | None = None) -> Mapping[s
             raise ArgumentError(key="time_factor", value=time_factor, allowed="a number above 0")
         found["time"] = float(time_factor)
         found["spool_velocity"] = found["spool_angle"] / found["time"]
-    return found | {"output_velocity": 1 / found["time"]}
+    # Force over the tip's way, whose factor is that of torque over force.
+    stiffness = found["force"] ** 2 / found["torque"]
+    return found | {
+        "output_velocity": 1 / found["time"],
+        "contact_stiffness": stiffness,
+        "contact_damping": stiffness * found["time"],
+    }

@@ -275,7 +275,8 @@ class StepLoad(Moving):
 class TissueContact(OpenLoop):
     """The tip gets tissue that it meets from an output angle on, or loses it; all else stays as it is.
 
-    Its force is a function of the tip's angle and velocity, as :class:`tenodesis.twin.Contact` says.
+    Its force is a function of the tip's angle and velocity, as :class:`tenodesis.twin.Contact` says. Without a duration
+    the phase takes one time step.
     """
 
     kind: Literal["contact"] = "contact"
@@ -294,7 +295,7 @@ class TissueContact(OpenLoop):
     def segments(self, start: Start) -> Iterator[Segment]:
         """Yield the time in contact, and what follows it."""
         touching = start.command.touching(start.axis, self._contact(start.inst))
-        yield start.segment(touching, touching, self.duration or 0.0)
+        yield start.segment(touching, touching, self.duration or start.time_step)
         if self.duration is not None:
             free = touching.touching(start.axis, None)
             yield start.segment(free, free, 0.0)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, Self, TypeAlias, get_args
 
 import numpy as np
 
@@ -46,6 +46,11 @@ class Contact:
             raise ArgumentError(key="contact.angle", value=self.angle, allowed="between -pi and pi rad")
         if self.side not in get_args(Side):
             raise ArgumentError(key="contact.side", value=self.side, allowed=f"one of {', '.join(get_args(Side))}")
+
+    @classmethod
+    def of_row(cls, angle: float, stiffness: float, damping: float) -> Self | None:
+        """Return what a command's columns describe, as :attr:`row` gives them; None where there is no tissue."""
+        return cls(angle, abs(stiffness), damping, "extension" if stiffness < 0 else "flexion") if stiffness else None
 
     @property
     def row(self) -> tuple[float, float, float]:
