@@ -101,6 +101,8 @@ struct FrictionSettings {
   S compliance_std{};  ///< of the compliance at the start
   S forgetting{};      ///< growth of the three deviations, share of their start per root second
   S slack_below{};     ///< tension below which a tendon counts as slack, N
+  S gain_std{};        ///< of either load cell's gain
+  S bias_std{};        ///< of the tip's position by constant errors of cells and handle encoder, m
   IntentSettings<S> intent{};
 };
 
@@ -241,8 +243,12 @@ struct FrictionObserver {
     by_friction = by_friction / memory.scale;
     by_compliance = by_compliance / memory.compliance;
     const S unseen = larger(memory.freedom[0], memory.freedom[1]);
+    // A tremor moves what no stroke has proven.
+    const S shaken = S(0.5) * model.axis.proximal.moment_arm(S(0)) * memory.intent.amplitude;
+    const S by_gain = settings.gain_std * (tendon[agonist].tension[0] + tendon[antagonist].tension[0]) * unit;
     const auto& p = memory.covariance;
-    return sqrt(unseen * unseen * S(1.0 / 3) + by_friction * by_friction * p[0][0] + p[1][1] * S(0.25) +
+    return sqrt(settings.bias_std * settings.bias_std + by_gain * by_gain * S(1.0 / 8) + shaken * shaken +
+                unseen * unseen * S(1.0 / 3) + by_friction * by_friction * p[0][0] + p[1][1] * S(0.25) +
                 by_compliance * by_compliance * p[2][2] + settings.play * settings.play * S(1.0 / 16));
   }
 

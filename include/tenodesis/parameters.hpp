@@ -68,6 +68,8 @@ constexpr AxisController<A> axis_controller(const P& p) {
        S(p.compliance_std),
        S(p.forgetting),
        S(p.slack_tension),
+       S(p.cell_gain_std),
+       S(p.bias_std),
        {S(p.tremor_half_period), S(p.tremor_limit), S(p.hand_play), S(p.tremor_memory), S(p.tremor_smoothing)}}};
   axis.compensator.model = model;
   axis.compensator.settings = {

@@ -134,6 +134,10 @@ def _axis(inst: Instrument, period: float) -> dict[str, float]:
         "compliance_std": control.stiffness_uncertainty,
         "forgetting": 0.05,
         "slack_tension": max(0.01 * pretension, 8 * sensors.load_cell_noise),
+        "cell_gain_std": sensors.load_cell_gain_error,
+        "bias_std": np.hypot(
+            sensors.load_cell_offset / stiffness / np.sqrt(2), numbers["proximal_radius"] * sensors.encoder_offset
+        ),
         "tremor_half_period": 0.1,
         "tremor_limit": np.radians(1.2),
         "tremor_memory": 1.0,

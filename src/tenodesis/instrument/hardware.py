@@ -134,6 +134,13 @@ class Sensors(FileTable):
     load_cell_range: LoadCellRange = Field(default=200.0, description="Largest tension a load cell can measure")
     load_cell_bits: Bits = Field(default=16, description="Bits of the converter of a load cell")
     load_cell_noise: Force = Field(default=0.03, description="Standard deviation of a load cell")
+    encoder_offset: AngleError = Field(
+        default=math.radians(0.05), description="Standard deviation of a joint encoder's constant error, as calibrated"
+    )
+    load_cell_offset: Force = Field(default=0.1, description="The same of a load cell, as tared")
+    load_cell_gain_error: Annotated[float, Field(ge=0, lt=0.5)] = Field(
+        default=0.005, description="Standard deviation of a load cell's gain, as calibrated"
+    )
 
 
 class Mismatch(FileTable):
