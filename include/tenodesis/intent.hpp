@@ -82,8 +82,7 @@ void follow(const IntentSettings<S>& settings, const S& handle_angle, const S& d
   }
   const S width = larger(state.amplitude, settings.play);
   state.angle = clamp(state.angle, handle_angle - width, handle_angle + width);
-  // A tremor that is forgotten fades out.
-  const S shaken = (handle_angle - state.angle) * clamp(state.amplitude / settings.play - S(0.5), S(0), S(1));
+  const S shaken = state.amplitude > settings.play ? handle_angle - state.angle : S(0);
   const S rate = S(1) / (settings.smoothing + dt);
   state.speed = (shaken - state.shaken) * rate;
   state.shaken = state.shaken + state.speed * dt;

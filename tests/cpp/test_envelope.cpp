@@ -37,7 +37,7 @@ struct Fixture {
   double swing(double lag, double handle, double frequency, double seconds) {
     for (int n = 0; n < int(seconds / dt); ++n) {
       const double at = std::sin(2 * pi * frequency * n * dt);
-      memory.smooth.handle_angle = S(handle * at);
+      memory.intent.angle = S(handle * at);
       envelope().update(S(lag * at) * least, least, own.friction, memory, S(dt), state);
     }
     return double(state.authority);
@@ -99,7 +99,9 @@ void without_authority_a_stroke_returns_to_what_the_tensions_prove(const A& axis
   using S = A::Scalar;
   Fixture<A> fixture(axis);
   const auto stroke = S(1e-4);
-  fixture.memory.smooth.handle_angle = S(0.5);
+  const auto& model = fixture.own.model();
+  fixture.memory.nominal[0] = model.sheath * model.sheath_bend;
+  fixture.memory.nominal[1] = model.vertex * model.axis.proximal.wrap_angle(S(0.5));
   fixture.load(0.02 * double(axis.pretension));  // friction explains as much
   CLAIM_NEAR(fixture.envelope().returning(stroke, fixture.own.friction, fixture.memory), -4 * stroke, 1e-9);
   fixture.load(double(axis.pretension));

@@ -39,7 +39,8 @@ FrictionObserver<A> observer_of(const A& axis, double friction) {
            .reference_std = S(5e-6),
            .compliance_std = S(0.25),
            .forgetting = S(0.05),
-           .slack_below = S(0.25)}};
+           .slack_below = S(0.25),
+           .intent = {S(0.1), S(0.02), S(0), S(1), S(4e-3)}}};
 }
 
 /// What a frictionless instrument shows at a handle angle, under a load, with tendon wound.
