@@ -19,7 +19,7 @@ import tenodesis as tn
 from tenodesis.control import FAULTS, Controller, OperatingState, parameters
 from tenodesis.instrument import Instrument
 from tenodesis.run import Run
-from tenodesis.twin import TIME_STEP, Twin
+from tenodesis.twin import TIME_STEP, Contact, Side, Twin
 
 Array = NDArray[np.float64]
 
@@ -28,6 +28,8 @@ CHUNK = 60.0  # s of work between two readings of the clock
 FASTEST = 2.0  # Hz
 MOST_BEND = np.pi / 2  # rad
 LOAD = 0.9  # of the slack force
+TREMOR = (0.05, 1.0)  # deg, at the handle
+TISSUE = (100.0, 10000.0)  # N/m
 
 
 class Work(NamedTuple):
@@ -77,7 +79,7 @@ def assumed(inst: Instrument, friction: float = 1.0, stiffness: float = 1.0) -> 
 
 
 def work(inst: Instrument, random: np.random.Generator, seconds: float) -> Work:
-    """Return normal work: motions, holds and sudden stops under varying loads."""
+    """Return normal work: motions, holds, sudden stops and tremor under varying loads."""
     count = round(seconds / TIME_STEP)
     reach = float(tn.statics.handle_angle(inst, inst.output_range))
     most = LOAD * float(tn.statics.slack_force(inst, inst.output_range))
@@ -91,7 +93,26 @@ def work(inst: Instrument, random: np.random.Generator, seconds: float) -> Work:
             before = column[at - 1] if at else 0.0
             column[at : at + span] = segment(random, t, before, largest)[: count - at]
             at += span
+    columns[0] = np.clip(columns[0] + _tremor(random, count), -inst.handle_range, inst.handle_range)
     return Work(*columns)
+
+
+def _tremor(random: np.random.Generator, count: int) -> Array:
+    """Return a hand's tremor, rad, which comes and goes."""
+    t = np.arange(1, count + 1, dtype=np.float64) * TIME_STEP
+    size = np.radians(random.uniform(*TREMOR)) * (random.random() < 0.5)
+    rates, phases, beat = random.uniform(6, 12, (3, 1)), random.uniform(0, 2 * np.pi, (3, 1)), random.uniform(0.1, 1)
+    tones = np.sin(2 * np.pi * rates * t + phases).sum(0) / np.sqrt(3)
+    return np.asarray(size * np.sin(np.pi * beat * t) ** 2 * tones)
+
+
+def _tissue(random: np.random.Generator, at: float) -> Contact | None:
+    """Return tissue that a tip at an output angle, rad, may move into, or none."""
+    if random.random() < 0.5:
+        return None
+    side: Side = "flexion" if random.random() < 0.5 else "extension"
+    away = np.radians(random.uniform(2, 30)) * (1 if side == "flexion" else -1)
+    return Contact(at + away, float(np.exp(random.uniform(*np.log(TISSUE)))), side=side)
 
 
 def _hand(random: np.random.Generator, t: Array, before: float, most: float) -> Array:
@@ -146,7 +167,7 @@ def watched(inst: Instrument, setting: Setting, seed: int, seconds: float) -> It
     choices: Mapping[str, Any] = {key: getattr(setting, key) for key in ("observer", "law", "actuation")}
     random = np.random.default_rng(seed)
     twin, controller = Twin(inst, seed=seed), Controller(known, **choices)
-    start = np.zeros(3)
+    start, tip = np.zeros(3), 0.0
     left = seconds
     while left > 0:
         done = work(inst, random, min(CHUNK, left))
@@ -154,10 +175,11 @@ def watched(inst: Instrument, setting: Setting, seed: int, seconds: float) -> It
         # A chunk starts from rest at the end of the one before.
         eased = 0.5 * (1 - np.cos(np.pi * np.arange(1, 2001) / 2001))
         columns = [np.concatenate([a + (b[0] - a) * eased, b]) for a, b in zip(start, done, strict=True)]
+        tissue = _tissue(random, tip)
         began = time.perf_counter()
-        run = twin.run(columns[0], columns[1], sheath_bend=columns[2], controller=controller)
+        run = twin.run(columns[0], columns[1], sheath_bend=columns[2], contact=tissue, controller=controller)
         spent = time.perf_counter() - began
-        start = np.array([column[-1] for column in columns])
+        start, tip = np.array([column[-1] for column in columns]), float(run["output_angle"][-1])
         failed = np.flatnonzero(run["operating_state"] == OperatingState.FAULT)
         faults: dict[bool, list[str]] = {True: [], False: []}
         if failed.size:
@@ -166,7 +188,7 @@ def watched(inst: Instrument, setting: Setting, seed: int, seconds: float) -> It
             found = [name for n, name in enumerate(FAULTS) if mask >> n & 1]
             faults[all(confirmed(known, run, name, row) for name in found)].append("+".join(found))
             twin, controller = Twin(inst, seed=seed), Controller(known, **choices)
-            start = np.zeros(3)
+            start, tip = np.zeros(3), 0.0
         yield Outcome(len(run), faults[True], faults[False], spent)
 
 
