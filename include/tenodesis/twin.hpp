@@ -277,8 +277,8 @@ struct Twin {
     const S difference =
         next.tendon[agonist].tension[tendon.contacts()] - next.tendon[antagonist].tension[tendon.contacts()];
     next.tip_moment = tip_moment(tip.angle, next.output_velocity, tip.x, difference, load);
-    const S drawn = next.tendon[agonist].tension[handle_segment()] - next.tendon[antagonist].tension[handle_segment()];
     set_contact(before, tip, load.contact, next);
+    const S drawn = next.tendon[agonist].tension[handle_segment()] - next.tendon[antagonist].tension[handle_segment()];
     next.handle_moment = drawn * axis.proximal.moment_arm(axis.proximal.coordinate(handle_angle));
     if constexpr (Law::depends_on_speed)
       for (int i = 0; i < 2; ++i)
@@ -409,8 +409,8 @@ struct Twin {
     return unbalanced(tip, difference, load, before) + resistance(load.contact, before, tip).moment;
   }
 
-  // Mean moment of the step's two ends less the moment that accelerates the tip this far.
-  S unbalanced(const Tip& tip, const S& difference, const TipLoad<S>& load, const State& before) const {
+  // Mean moment of the step's two ends, without tissue's, less the moment that accelerates the tip this far.
+  S unbalanced(const Tip& tip, const S& difference, const Load<S>& load, const State& before) const {
     const S moment = tip_moment(tip.angle, velocity(before, tip.angle), tip.x, difference, load);
     const S turned = tip.angle - before.output_angle;
     return (moment + before.tip_moment) * S(0.5) - inertial() * (turned - before.output_velocity * time_step);
@@ -469,7 +469,7 @@ struct Twin {
     return S(2) * per_second() * (angle - before.output_angle) - before.output_velocity;
   }
 
-  // The trapezoidal rule: the mean moment of the step's two ends accelerates the tip.
+  // The trapezoidal rule: the mean moment of the step's two ends accelerates the tip, and tissue's over the step.
   Status push_tip(const Reaction<S>* end, const TipLoad<S>& load, const State& before, Tip& tip) const {
     const S slope = axis.distal.excursion_slope();
     const S pull = end[agonist].at_rest - end[antagonist].at_rest;

@@ -89,7 +89,7 @@ S a_step(const A& axis, const FrictionLaw& law, const S* in) {
   twin.quasi_static = in[20] > S(0);
   auto state = twin.rest(1);
   const auto before = state;
-  const Command<S> command{in[21], in[22], in[23], in[24], {in[25], in[26]}};
+  const Command<S> command{in[21], in[22], in[23], in[24], {in[25], in[26]}, S(0), {}, {in[34], in[35], in[36]}};
   const Status status = twin.step(command, state);
   return status == Status::ok ? state.reading.output_angle + twin.residual(before, state) +
                                     twin.handle_torque(command, state) + transmit(Band<S>{in[27]}, in[28], in[29])

@@ -1,6 +1,7 @@
 // Claims about number types and joints: series match the C library, dual numbers finite differences.
 
 #include "claim.hpp"
+#include "instruments.hpp"
 #include "tenodesis/joint.hpp"
 
 using namespace tenodesis;
@@ -9,6 +10,18 @@ using namespace tenodesis;
 double bow(double u) {
   const long double wide = u;
   return double((wide - sinl(wide)) / (wide * wide));
+}
+
+// By Simpson's rule.
+double rise(double u) {
+  const int parts = 200;
+  const auto rate = [](double v) { return v == 0 ? 0.5 : 2 * std::pow(std::sin(v / 2) / v, 2); };
+  double sum = 0;
+  for (int n = 0; n < parts; ++n) {
+    const double from = u * n / parts, to = u * (n + 1) / parts;
+    sum += (rate(from) + 4 * rate((from + to) / 2) + rate(to)) / 6;
+  }
+  return sum / parts;
 }
 
 template <class S>
@@ -20,6 +33,7 @@ void series_match_the_c_library(double tolerance) {
     CLAIM_NEAR(double(sin_quarter(S(quarter))), std::sin(double(S(quarter))), tolerance);
     const auto half = double(S(x * pi));
     if (i != 0) CLAIM_NEAR(double(S(half) * bow_of_square(S(half) * S(half))), bow(half), tolerance * 2);
+    CLAIM_NEAR(double(rise_of_square(S(half) * S(half))), rise(half), tolerance * 2 + 1e-12);
   }
 }
 
@@ -95,7 +109,21 @@ void clamp_keeps_a_number_between_its_bounds() {
   CLAIM(clamp(2.0, 1.5, 1.5) == 1.5);
 }
 
+template <class J>
+void the_tips_path_grows_by_its_arm(const J& joint) {
+  const double h = 1e-5;
+  CLAIM(joint.tip_path(0.0, 0.0) == 0.0);
+  for (double angle = -2.5; angle <= 2.5; angle += 0.1) {
+    const auto path = [&](double a) { return joint.tip_path(a, joint.coordinate(a)); };
+    const double rate = (path(angle + h) - path(angle - h)) / (2 * h);
+    CLAIM_NEAR(rate, joint.tangential_arm(joint.coordinate(angle)), 1e-11);
+  }
+}
+
 int main() {
+  the_tips_path_grows_by_its_arm(instruments::scaled_up<double>().distal);
+  the_tips_path_grows_by_its_arm(instruments::pulley<double>().distal);
+  the_tips_path_grows_by_its_arm(instruments::continuum<double>().distal);
   series_match_the_c_library<double>(2.3e-16);
   series_match_the_c_library<float>(2.4e-7);
   exp_matches_the_c_library_to_two_units_in_the_last_place<double>(700);

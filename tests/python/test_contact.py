@@ -1,4 +1,4 @@
-"""Claims about tissue at the tip: its force against independent statics and dynamics, its energy, and what is refused."""
+"""Claims about tissue at the tip: force against independent statics and dynamics, energy, and what is refused."""
 
 import math
 from typing import Any
@@ -325,10 +325,8 @@ def test_expected_readings_have_derivatives_in_tissue(any_inst: Instrument) -> N
     exact = readings(values, variables)[1, 1:, -1]
     for place, variable in enumerate(variables):
         step = 1e-6 * values[variable]
-        up, down = (
-            readings([v + sign * step * (n == variable) for n, v in enumerate(values)], [])[1, 0, -1]
-            for sign in (1, -1)
-        )
+        either = ([v + sign * step * (n == variable) for n, v in enumerate(values)] for sign in (1, -1))
+        up, down = (readings(changed, [])[1, 0, -1] for changed in either)
         assert exact[place] == pytest.approx((up - down) / (2 * step), rel=1e-3, abs=1e-9), wanted[place]
 
 

@@ -33,7 +33,9 @@ class ShownSignals(NamedTuple):
     deviation: Array
     """Standard deviation of the estimated angle, rad, shape (n, axes)"""
     force: Array
-    """Tangential force at the tip, N, shape (n, axes)"""
+    """Tangential load on the tip, N, shape (n, axes)"""
+    contact_force: Array
+    """Tangential force of tissue on the tip, N, shape (n, axes)"""
     friction_scale: Array
     """Friction over that of the instrument file, shape (n, axes)"""
     tension: Array
@@ -67,6 +69,7 @@ def shown_signals(inst: Instrument, signals: Mapping[str, ArrayLike]) -> ShownSi
         estimated=first(("estimated_output_angle",), single),
         deviation=first(("estimated_output_angle_std",), single),
         force=first(("force", "estimated_force"), single),
+        contact_force=first(("contact_force",), single),
         friction_scale=first(("friction_scale",), single),
         tension=first(_TENSION, pair),
         distal_tension=first(_DISTAL, pair),

@@ -205,7 +205,7 @@ class Scene:
 
     def _draw_forces(self, shown: ShownSignals) -> None:
         for number, (axis, arrow) in enumerate(self._arrows.items()):
-            force = float(np.nan_to_num(shown.force[number]))
+            force = float(np.nan_to_num(shown.force[number]) + np.nan_to_num(shown.contact_force[number]))
             if not self._changed(f"{axis} force", np.array([force / self._largest_force])):
                 continue
             # It pushes on the tip against positive flexion, and turns with the tip.

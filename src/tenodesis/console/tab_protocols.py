@@ -23,7 +23,7 @@ class ProtocolsTab:
         self._bar = gui.add_progress_bar(0.0, visible=False)
         self._cancel = gui.add_button("Cancel it", color="gray", visible=False)
         if not self._simulated:
-            gui.add_markdown("*Experiments move the handle and load the tip, which is possible on the twin only.*")
+            gui.add_markdown("*Experiments move the handle, load the tip and place tissue: on the twin only.*")
         self._buttons: list[Any] = []
         for name in simulate.shipped():
             protocol = simulate.load(name)

@@ -90,7 +90,7 @@ class ProtocolRunner:
         self.refuse_while_playing()
         loop = self._loop
         if not loop.capabilities.simulated:
-            raise LiveError("protocols move the handle and load the tip, which only the twin lets them do.")
+            raise LiveError("protocols move the handle, load the tip and place tissue, which only the twin allows.")
         player = Player(
             protocol.plan(loop.inst, loop.period),
             _Rows(loop, lambda rows: self._push(rows, stops)),
