@@ -155,7 +155,7 @@ struct FrictionObserver {
   /// How far friction at the tip's joint may hide it, m.
   S exerted_unseen(const Memory& memory) const {
     const S both = memory.tendon[agonist].tension[2] + memory.tendon[antagonist].tension[2];
-    return S(0.5) * memory.scale * memory.nominal[2] * both * unit_of(memory) * S(0.5);
+    return memory.scale * memory.nominal[2] * both * unit_of(memory) * S(0.5);
   }
 
   /// Half the difference of both tendons' stretches if their tensions were those at the spools, m: without friction,
