@@ -207,6 +207,9 @@ Strength = Annotated[float, *annotation(Quantity("tensile strength", "Pa", "1570
 FlexuralRigidity = Annotated[
     float, *annotation(Quantity("flexural rigidity", "N*m^2", "2e-4 N*m^2", above=1e-12, below=1e3))
 ]
+BendingStiffness = Annotated[
+    float, *annotation(Quantity("flexural rigidity", "N*m^2", "1e-5 N*m^2", at_least=0, below=1e3))
+]
 HandStiffness = Annotated[float, *annotation(Quantity("stiffness", "N*m", "20 N*m", at_least=0, below=1e6))]
 Damping = Annotated[float, *annotation(Quantity("damping", "N*m*s", "1e-3 N*m*s", at_least=0, below=1e3))]
 Viscosity = Annotated[float, *annotation(Quantity("viscous friction", "N*s/m", "5 N*s/m", at_least=0, below=1e6))]

@@ -60,6 +60,10 @@ class Problem(ABC):
         """Return how many sensors of equal length the residuals of a run hold."""
         return 1
 
+    def noise(self, run: int) -> tuple[float, ...]:
+        """Return the standard deviation of the residuals of each sensor of a perfect model."""
+        return (1.0,) * self.channels(run)
+
     def jacobian(self, values: Array, run: int) -> Array | None:
         """Return the exact derivatives of the residuals, (n, parameters), or None to have them differenced."""
         return None

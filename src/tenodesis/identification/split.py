@@ -111,6 +111,10 @@ class Windowed(Problem):
         """Return how many sensors the residuals of a run hold."""
         return self._problem.channels(run)
 
+    def noise(self, run: int) -> tuple[float, ...]:
+        """Return the standard deviation of the residuals of each sensor of a perfect model."""
+        return self._problem.noise(run)
+
     def advice(self, names: Sequence[str]) -> str | None:
         """Return which recording would make these parameters identifiable, if known."""
         return self._problem.advice(names)

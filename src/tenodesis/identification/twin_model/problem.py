@@ -21,7 +21,7 @@ from tenodesis.run import Array
 
 DEFAULT_LAW = "capstan"
 
-LAWS = ("none", "capstan", "capstan-constant", "stribeck")
+LAWS = ("none", "capstan", "capstan-constant", "stribeck", "capstan-power")
 """Friction laws of the twin."""
 
 _ROW = _core.twin_parameters()
@@ -53,7 +53,10 @@ class TwinProblem(Problem):
         handle_as_read = any(run.handle_as_read for run in finest)
         spooled = any("spool_agonist" in run.columns for run in runs)
         self._names = [
-            name for name in UNKNOWNS if _applies(name, law, given, spooled=spooled, handle_as_read=handle_as_read)
+            name
+            for name in UNKNOWNS
+            if _applies(name, law, given, spooled=spooled, handle_as_read=handle_as_read)
+            and (name != "friction.base_wrap" or self._inst.friction.base_wrap > 0)
         ]
         self._variables = [_ROW.index(UNKNOWNS[name].number) for name in self._names]
         stride = min(self._stride(run, fine) for run, fine in zip(runs, finest, strict=True))
@@ -123,7 +126,8 @@ class TwinProblem(Problem):
             one = UNKNOWNS[name]
             upper = one.upper
             if name == "handle_length_share":
-                upper = min(upper, tuning.MOST_HANDLE_SHARE * (1 - sum(_core.joint_shares(self._inst.spec))))
+                shares = plant.compliance_shares(self._inst)
+                upper = min(upper, tuning.MOST_HANDLE_SHARE * (1 - (shares.handle_joint + shares.tip_joint) - shares.anchor))
             if name == "dynamics.tip_damping":
                 critical = 2 * plant.natural_frequency(self._inst) * self._nominal["tip_inertia"]
                 upper = tuning.MOST_DAMPING * max(critical, self._nominal["tip_damping"])
@@ -134,6 +138,11 @@ class TwinProblem(Problem):
     def channels(self, run: int) -> int:
         """Return how many sensors the residuals of a run hold."""
         return len(self._runs[run].measured)
+
+    def noise(self, run: int) -> tuple[float, ...]:
+        """Return the standard deviation of the residuals of each sensor of a perfect model."""
+        one = self._runs[run]
+        return tuple(one.sensors[name].deviation_of_mean(one.stride) / one.sensors[name].deviation for name in one.measured)
 
     def sample_time(self, run: int) -> float:
         """Return the time between residuals of a sensor, s."""
@@ -271,10 +280,7 @@ class TwinProblem(Problem):
 
     def _run(self, run: SteppedRun, numbers: list[float], variables: Sequence[int]) -> Array:
         numbers[_ROW.index("time_step")] = run.time_step
-        friction = self._inst.friction
-        spec = _core.TwinSpec(
-            self._spec, numbers, friction.law == "stribeck", friction.sheath_contacts, 1, quasi_static=False
-        )
+        spec = plant.core_spec(self._inst, self._spec, numbers, 1, quasi_static=False)
         out = np.full((len(READINGS), 1 + len(variables), len(run.commands)), np.nan)
         _, status = _core.twin_gradient(spec, run.commands, run.handle_as_read, list(variables), out)
         if status in (Status.NOT_FINITE, Status.OUT_OF_RANGE):
@@ -290,13 +296,21 @@ def problem(
     Raises IdentificationError if no instrument is known, or the law is none of the twin's.
     """
     runs = [*train, *test]
+    return TwinProblem(runs, law, instrument_of(runs, instrument).planar[0])
+
+
+def instrument_of(runs: Sequence[MeasuredRun], given: Instrument | None) -> Instrument:
+    """Return the given instrument, or that of the first recording that contains one.
+
+    Raises IdentificationError if none does.
+    """
     known = [run.instrument for run in runs if isinstance(run, InstrumentRun) and run.instrument is not None]
-    inst = instrument or (known[0] if known else None)
+    inst = given or (known[0] if known else None)
     if inst is None:
         raise IdentificationError(
             f"{runs[0].name} does not contain its instrument; give --instrument.", key="instrument"
         )
-    return TwinProblem(runs, law, inst.planar[0])
+    return inst
 
 
 def _applies(name: str, law: str, given: set[str], *, spooled: bool, handle_as_read: bool) -> bool:
@@ -311,6 +325,8 @@ def _applies(name: str, law: str, given: set[str], *, spooled: bool, handle_as_r
         return "measured_output_angle" in given
     if name == "mismatch.handle_encoder_offset":
         return handle_as_read or "measured_handle_angle" in given
+    if name == "friction.load_index":
+        return law == "capstan-power"
     return name != "drives.backlash" or spooled
 
 
@@ -324,4 +340,6 @@ def _under(law: str, inst: Instrument) -> Instrument:
         changes["friction.static_ratio"] = None
     if law == "capstan":
         changes["friction.constant"] = None
+    if law != "capstan-power":
+        changes["friction.load_index"] = None
     return inst.replace(**changes)
