@@ -1,19 +1,30 @@
 """Arrangements of contacts fitted to the same recordings: which one they ask for, and whether any explains them."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from tenodesis.errors import IdentificationError
+from tenodesis.errors import IdentificationError, InstrumentError
 from tenodesis.identification.problem import Problem
 from tenodesis.identification.results import Fit, Interval, by_unit
+from tenodesis.report.page import json_number
 
 DECISIVE = 10.0
 """Difference of the Bayesian information criterion that is very strong evidence (Kass and Raftery 1995)."""
+LEAST_EXCESS = 1.1
+"""Ratio of residuals to the sensors' noise up to which no other arrangement can do better to any effect."""
 MOST_EXCESS = 1.5
 """Ratio of residuals to the sensors' noise above which, if they are not white, an arrangement does not fit."""
+
+
+class Fitted(NamedTuple):
+    """An arrangement as it was fitted."""
+
+    problem: Problem
+    fit: Fit
 
 
 @dataclass(frozen=True)
@@ -26,9 +37,7 @@ class ArrangementRow:
     bic: float
     """Bayesian information criterion (Schwarz 1978) of the fitted runs, over that of the best arrangement."""
     excess: float
-    """Largest ratio, over sensors and fitted runs, of the residuals that are not white to the sensors' noise."""
-    test_rmse: Mapping[str, float]
-    """Of the runs held out, by unit; empty if there are none."""
+    """Largest ratio of residuals to the sensors' noise, over the fitted runs and the sensors that are not white."""
     fit: Fit
 
 
@@ -57,63 +66,94 @@ class ArrangementComparison:
         """What the comparison says, a sentence each."""
         own, chosen = self[self.own], self[self.chosen]
         if self.own == self.chosen:
-            told = [f"Of {len(self.rows)} arrangements the recordings ask for that of the instrument file, {own.name}."]
+            told = [f"Of {len(self.rows)} arrangements the recordings ask for that of the instrument file: {own.name}."]
         else:
             told = [
-                f"The recordings ask for {chosen.name}, where the instrument file has {own.name}: its criterion is "
-                f"lower by {own.bic - chosen.bic:.3g}."
+                f"The recordings ask for {chosen.name}, but the instrument file has {own.name}: the information "
+                f"criterion is lower by {own.bic - chosen.bic:.3g}."
             ]
         if not self.fits:
             told.append(
-                f"None of the arrangements fits: with the best, {chosen.name}, residuals are {chosen.excess:.3g} times "
-                f"the sensors' noise and not white (a fit has at most {MOST_EXCESS:g}); the intervals are widened to "
-                "those of all arrangements, and the parameters are not to be relied on."
+                f"No arrangement fits: with the best, {chosen.name}, residuals are {chosen.excess:.3g} times the "
+                f"sensors' noise, where {MOST_EXCESS:g} is the most, and not white; intervals are widened to those of "
+                "all arrangements, and the values are not to be relied on."
             )
         return tuple(told)
 
     @property
     def result(self) -> Fit:
-        """The fit of the chosen arrangement, its intervals widened where none fits."""
-        chosen = self[self.chosen]
-        widened = chosen.fit if self.fits else _widened(chosen, self.rows)
-        return replace(widened, warnings=(*self.statements, *widened.warnings))
+        """The fit of the chosen arrangement, with its intervals widened if none fits."""
+        found = self[self.chosen].fit
+        if not self.fits:
+            found = replace(found, interval_95=self._hull(found))
+        return replace(found, warnings=(*self.statements, *found.warnings))
+
+    def _hull(self, found: Fit) -> dict[str, Interval]:
+        """Return intervals over those of all arrangements, each as many times wider as its residuals are."""
+        hull: dict[str, Interval] = {}
+        for one in found.parameters:
+            if one.name not in found.interval_95:
+                continue
+            ends = []
+            for row in self.rows:
+                if one.name in row.fit.interval_95:
+                    value, factor = row.fit.values[one.name], max(1.0, row.excess)
+                    ends += [value + factor * (end - value) for end in row.fit.interval_95[one.name]]
+            hull[one.name] = (max(one.lower, min(ends)), min(one.upper, max(ends)))
+        return hull
+
+    def to_json(self) -> list[dict[str, Any]]:
+        """Return the arrangements as plain values for JSON, the best first."""
+        return [
+            {
+                "arrangement": row.name,
+                "own": row.name == self.own,
+                "chosen": row.name == self.chosen,
+                "parameters": row.parameters,
+                "bic": json_number(row.bic),
+                "excess": json_number(row.excess),
+                **{f"train_rmse_{unit}": json_number(value) for unit, value in by_unit(row.fit.train_rmse).items()},
+                **{f"test_rmse_{unit}": json_number(value) for unit, value in by_unit(row.fit.test_rmse).items()},
+            }
+            for row in self.rows
+        ]
 
 
 def compare_arrangements(
-    names: Sequence[str],
-    problem_of: Callable[[str], Problem],
-    fit_of: Callable[[str, Problem], Fit],
-    *,
-    train: Sequence[int],
+    own: str, others: Sequence[str], fitted: Callable[[str], Fitted], *, train: Sequence[int]
 ) -> ArrangementComparison:
-    """Return the results of arrangements of the same recordings, the instrument file's first among the names.
+    """Return the results of arrangements of the same recordings.
 
-    The criterion counts as many independent samples as the residuals of the arrangement with the least error have,
-    which are nearest to noise. The file's arrangement is kept unless another one is better by `DECISIVE`; of those
-    that differ by less, the one with the fewest parameters is chosen.
+    The criterion counts as many independent samples as the residuals of the least cost have, since these are nearest to
+    noise; those of a wrong arrangement are its error, not noise. The file's own arrangement stays unless another one is
+    better by `DECISIVE`; of several that differ by less, the one with the fewest parameters is chosen. `fitted` returns
+    an arrangement by its name, with the fit of the runs `train`; those that cannot be fitted are left out.
 
-    Raises IdentificationError if there is nothing to compare, or an arrangement cannot be fitted.
+    Raises IdentificationError if the file's own cannot be fitted.
     """
-    if not names:
-        raise IdentificationError("names is empty; it must name at least one arrangement.", key="names")
-    problems = {name: problem_of(name) for name in names}
-    fits = {name: fit_of(name, problems[name]) for name in names}
-    least = min(fits.values(), key=lambda one: one.cost)
-    samples = max(2.0, sum(noise.effective_samples for noise in least.whiteness))
-    bic = {
-        name: samples * math.log(2 * one.cost / one.samples) + len(one.free) * math.log(samples)
-        for name, one in fits.items()
-    }
+    found = {own: fitted(own)}
+    for name in others:
+        try:
+            found[name] = fitted(name)
+        except (IdentificationError, InstrumentError):
+            continue
+    least = min((one.fit for one in found.values()), key=lambda one: one.cost)
+    independent = max(2.0, sum(noise.effective_samples for noise in least.whiteness))
+    # residuals beyond the sensors' noise are taken for noise in all of them (Lebreton et al. 1992)
+    dispersion = max(1.0, 2 * least.cost / least.samples)
+    bic = {}
+    for name, (problem, one) in found.items():
+        shape = sum(problem.misfit(one.vector, run) for run in train) - 2 * one.cost
+        misfit = 2 * one.cost / dispersion + shape
+        bic[name] = misfit * independent / one.samples + len(one.free) * math.log(independent)
     best = min(bic.values())
-    near = [name for name in names if bic[name] <= best + DECISIVE]
-    chosen = names[0] if names[0] in near else min(near, key=lambda name: (len(fits[name].free), bic[name]))
+    near = [name for name in found if bic[name] <= best + DECISIVE]
+    chosen = own if own in near else min(near, key=lambda name: (len(found[name].fit.free), bic[name]))
     rows = [
-        ArrangementRow(
-            name, len(one.free), bic[name] - best, excess(problems[name], one, train), by_unit(one.test_rmse), one
-        )
-        for name, one in fits.items()
+        ArrangementRow(name, len(one.fit.free), bic[name] - best, excess(*one, train), one.fit)
+        for name, one in found.items()
     ]
-    return ArrangementComparison(tuple(sorted(rows, key=lambda row: row.bic)), names[0], chosen, samples)
+    return ArrangementComparison(tuple(sorted(rows, key=lambda row: row.bic)), own, chosen, independent)
 
 
 def excess(problem: Problem, found: Fit, train: Sequence[int]) -> float:
@@ -125,18 +165,3 @@ def excess(problem: Problem, found: Fit, train: Sequence[int]) -> float:
             if not next(noises).white:
                 largest = max(largest, float(np.sqrt(np.mean(residuals**2))) / expected)
     return largest
-
-
-def _widened(chosen: ArrangementRow, rows: Sequence[ArrangementRow]) -> Fit:
-    """Return the chosen fit with intervals over those of all arrangements, each as much wider as its residuals are."""
-    intervals: dict[str, Interval] = {}
-    for one in chosen.fit.parameters:
-        if one.name not in chosen.fit.interval_95:
-            continue
-        ends = [chosen.fit.values[one.name]]
-        for row in rows:
-            if one.name in row.fit.interval_95:
-                value = row.fit.values[one.name]
-                ends += [value + row.excess * (end - value) for end in row.fit.interval_95[one.name]]
-        intervals[one.name] = (max(one.lower, min(ends)), min(one.upper, max(ends)))
-    return replace(chosen.fit, interval_95=intervals)

@@ -60,6 +60,15 @@ class Problem(ABC):
         """Return how many sensors of equal length the residuals of a run hold."""
         return 1
 
+    def misfit(self, values: Array, run: int) -> float:
+        """Return minus twice the logarithm of the likelihood of a run, but for a constant of the recording."""
+        residuals = self.residuals(values, run)
+        return float(residuals @ residuals)
+
+    def refine(self, values: Array, runs: Sequence[int]) -> bool:
+        """Prepare the residuals of runs for a search near some values, and return whether they differ from before."""
+        return False
+
     def noise(self, run: int) -> tuple[float, ...]:
         """Return the standard deviation of the residuals of each sensor of a perfect model."""
         return (1.0,) * self.channels(run)

@@ -111,6 +111,14 @@ class Windowed(Problem):
         """Return how many sensors the residuals of a run hold."""
         return self._problem.channels(run)
 
+    def misfit(self, values: Array, run: int) -> float:
+        """Return minus twice the logarithm of the likelihood of a run, but for a constant of the recording."""
+        return super().misfit(values, run) if run in self._windows else self._problem.misfit(values, run)
+
+    def refine(self, values: Array, runs: Sequence[int]) -> bool:
+        """Prepare the residuals of runs for a search near some values, and return whether they differ from before."""
+        return self._problem.refine(values, runs)
+
     def noise(self, run: int) -> tuple[float, ...]:
         """Return the standard deviation of the residuals of each sensor of a perfect model."""
         return self._problem.noise(run)

@@ -62,6 +62,7 @@ class TwinProblem(Problem):
         stride = min(self._stride(run, fine) for run, fine in zip(runs, finest, strict=True))
         self._runs = finest if stride == 1 else [in_steps(run, self._inst, stride) for run in runs]
         self._known: dict[int, dict[bytes, Marginalisation]] = {}
+        self._held: dict[int, Marginalisation] = {}
         self.parameters = self._parameters()
         self.runs = tuple(run.name for run in self._runs)
         groups = dict.fromkeys(UNKNOWNS[name].group for name in self._names)
@@ -127,7 +128,9 @@ class TwinProblem(Problem):
             upper = one.upper
             if name == "handle_length_share":
                 shares = plant.compliance_shares(self._inst)
-                upper = min(upper, tuning.MOST_HANDLE_SHARE * (1 - (shares.handle_joint + shares.tip_joint) - shares.anchor))
+                upper = min(
+                    upper, tuning.MOST_HANDLE_SHARE * (1 - (shares.handle_joint + shares.tip_joint) - shares.anchor)
+                )
             if name == "dynamics.tip_damping":
                 critical = 2 * plant.natural_frequency(self._inst) * self._nominal["tip_inertia"]
                 upper = tuning.MOST_DAMPING * max(critical, self._nominal["tip_damping"])
@@ -139,10 +142,30 @@ class TwinProblem(Problem):
         """Return how many sensors the residuals of a run hold."""
         return len(self._runs[run].measured)
 
+    def misfit(self, values: Array, run: int) -> float:
+        """Return minus twice the logarithm of the likelihood of a run, but for a constant of the recording."""
+        plain = self._plain(self._model(values, run, [])[:, 0], run)
+        near = self._marginalisation(plain, values, run)
+        if near is None:
+            return float(plain @ plain)
+        whitened = near.whitened(plain)
+        return float(whitened @ whitened) + near.log_determinant
+
+    def refine(self, values: Array, runs: Sequence[int]) -> bool:
+        """Marginalise errors of commands near some values where residuals are too large to have done so before."""
+        for run in runs:
+            if self._runs[run].input_errors and self._far(self._plain(self._model(values, run, [])[:, 0], run), run):
+                self._held[run] = marginalise(
+                    self._runs[run], lambda commands, run=run: self._expected(commands, values, run)
+                )
+        return any(run in self._held for run in runs)
+
     def noise(self, run: int) -> tuple[float, ...]:
         """Return the standard deviation of the residuals of each sensor of a perfect model."""
         one = self._runs[run]
-        return tuple(one.sensors[name].deviation_of_mean(one.stride) / one.sensors[name].deviation for name in one.measured)
+        return tuple(
+            one.sensors[name].deviation_of_mean(one.stride) / one.sensors[name].deviation for name in one.measured
+        )
 
     def sample_time(self, run: int) -> float:
         """Return the time between residuals of a sensor, s."""
@@ -245,8 +268,10 @@ class TwinProblem(Problem):
 
         None where there are none, or where plain residuals show that parameters are far off.
         """
+        if run in self._held:
+            return self._held[run]
         one = self._runs[run]
-        if not one.input_errors or one.stride * np.mean(plain**2) > tuning.FAR:
+        if not one.input_errors or self._far(plain, run):
             return None
         width = np.array([parameter.upper - parameter.lower for parameter in self.parameters]) * tuning.CELL
         near = np.round(values / width) * width
@@ -256,6 +281,9 @@ class TwinProblem(Problem):
                 del known[next(iter(known))]
             known[near.tobytes()] = marginalise(one, lambda commands: self._expected(commands, near, run))
         return known[near.tobytes()]
+
+    def _far(self, plain: Array, run: int) -> bool:
+        return bool(self._runs[run].stride * np.mean(plain**2) > tuning.FAR)
 
     def _expected(self, commands: Array, values: Array, run: int) -> Array:
         """Return the model's sensor readings of a run, in standard deviations, one sensor after the other."""
