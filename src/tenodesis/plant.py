@@ -127,7 +127,7 @@ def core_spec(
         axis,
         parameters,
         speed_dependent=friction.law == "stribeck",
-        tension_dependent=friction.law == "capstan-power" or friction.tendon_bending_stiffness > 0,
+        tension_dependent=friction.law == "capstan-power" or friction.bends,
         sheath_contacts=friction.sheath_contacts,
         vertices_per_joint=friction.vertices_per_joint,
         steps_per_sample=per_sample,

@@ -109,7 +109,7 @@ def deviations(found: Fit, truth: dict[str, float]) -> dict[str, float]:
 # derivatives
 
 
-@pytest.mark.parametrize("law", ["capstan", "capstan-constant", "stribeck", "none"])
+@pytest.mark.parametrize("law", ["capstan", "capstan-constant", "stribeck", "none", "capstan-power"])
 def test_derivatives_are_those_of_differences_for_every_mechanism(any_inst: Instrument, law: str) -> None:
     inst = any_inst.axis(any_inst.axes[0])
     keys: dict[str, object] = {"friction": None}
@@ -120,6 +120,8 @@ def test_derivatives_are_those_of_differences_for_every_mechanism(any_inst: Inst
         keys["friction.constant"] = 0.3
     if law == "stribeck":
         keys |= {"friction.static_ratio": 1.3, "friction.stribeck_speed": 2e-3}
+    if law == "capstan-power":
+        keys |= {"friction.load_index": 0.8, "friction.base_wrap": 0.1, "friction.vertices_per_joint": 2}
     inst = inst.replace(**keys)
     one = problem(recorded(inst, seconds=2.0), inst, law)
     lower, upper = (np.array([getattr(p, side) for p in one.parameters]) for side in ("lower", "upper"))

@@ -11,6 +11,7 @@ from tenodesis.errors import IdentificationError, InstrumentError
 from tenodesis.identification.problem import Problem
 from tenodesis.identification.results import Fit, Interval, by_unit
 from tenodesis.report.page import json_number
+from tenodesis.run import Array
 
 DECISIVE = 10.0
 """Difference of the Bayesian information criterion that is very strong evidence (Kass and Raftery 1995)."""
@@ -124,10 +125,11 @@ def compare_arrangements(
 ) -> ArrangementComparison:
     """Return the results of arrangements of the same recordings.
 
-    The criterion counts as many independent samples as the residuals of the least cost have, since these are nearest to
-    noise; those of a wrong arrangement are its error, not noise. The file's own arrangement stays unless another one is
-    better by `DECISIVE`; of several that differ by less, the one with the fewest parameters is chosen. `fitted` returns
-    an arrangement by its name, with the fit of the runs `train`; those that cannot be fitted are left out.
+    The least plain residuals are nearest to noise: all arrangements are judged by residuals that are whitened as theirs
+    are, and the criterion counts as many independent samples as they have. The file's own arrangement stays unless
+    another one is better by `DECISIVE`; of several that differ by less, the one with the fewest parameters is chosen.
+    `fitted` returns an arrangement by its name, with the fit of the runs `train`; those that cannot be fitted are left
+    out.
 
     Raises IdentificationError if the file's own cannot be fitted.
     """
@@ -137,15 +139,25 @@ def compare_arrangements(
             found[name] = fitted(name)
         except (IdentificationError, InstrumentError):
             continue
-    least = min((one.fit for one in found.values()), key=lambda one: one.cost)
-    independent = max(2.0, sum(noise.effective_samples for noise in least.whiteness))
-    # residuals beyond the sensors' noise are taken for noise in all of them (Lebreton et al. 1992)
-    dispersion = max(1.0, 2 * least.cost / least.samples)
-    bic = {}
-    for name, (problem, one) in found.items():
-        shape = sum(problem.misfit(one.vector, run) for run in train) - 2 * one.cost
-        misfit = 2 * one.cost / dispersion + shape
-        bic[name] = misfit * independent / one.samples + len(one.free) * math.log(independent)
+
+    def squares(residuals: Sequence[Array]) -> float:
+        return sum(float(one @ one) for one in residuals)
+
+    nearest = min(
+        found.values(), key=lambda one: squares([one.problem.plain_residuals(one.fit.vector, n) for n in train])
+    )
+    independent = max(2.0, sum(noise.effective_samples for noise in nearest.fit.whiteness))
+    there = (nearest.problem, nearest.fit.vector)
+    misfits = {
+        name: squares([one.problem.residuals_near(one.fit.vector, run, *there) for run in train])
+        for name, one in found.items()
+    }
+    # what all leave beyond the sensors' noise is taken for noise (Lebreton et al. 1992)
+    dispersion = max(1.0, min(misfits.values()) / nearest.fit.samples)
+    bic = {
+        name: misfits[name] * independent / (dispersion * one.fit.samples) + len(one.fit.free) * math.log(independent)
+        for name, one in found.items()
+    }
     best = min(bic.values())
     near = [name for name in found if bic[name] <= best + DECISIVE]
     chosen = own if own in near else min(near, key=lambda name: (len(found[name].fit.free), bic[name]))

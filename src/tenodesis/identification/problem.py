@@ -60,10 +60,13 @@ class Problem(ABC):
         """Return how many sensors of equal length the residuals of a run hold."""
         return 1
 
-    def misfit(self, values: Array, run: int) -> float:
-        """Return minus twice the logarithm of the likelihood of a run, but for a constant of the recording."""
-        residuals = self.residuals(values, run)
-        return float(residuals @ residuals)
+    def plain_residuals(self, values: Array, run: int) -> Array:
+        """Return the residuals before any whitening, (n,)."""
+        return self.residuals(values, run)
+
+    def residuals_near(self, values: Array, run: int, other: "Problem", there: Array) -> Array:
+        """Return the residuals, (n,), whitened as those of another model of the same recordings are near its values."""
+        return self.residuals(values, run)
 
     def refine(self, values: Array, runs: Sequence[int]) -> bool:
         """Prepare the residuals of runs for a search near some values, and return whether they differ from before."""

@@ -111,9 +111,14 @@ class Windowed(Problem):
         """Return how many sensors the residuals of a run hold."""
         return self._problem.channels(run)
 
-    def misfit(self, values: Array, run: int) -> float:
-        """Return minus twice the logarithm of the likelihood of a run, but for a constant of the recording."""
-        return super().misfit(values, run) if run in self._windows else self._problem.misfit(values, run)
+    def plain_residuals(self, values: Array, run: int) -> Array:
+        """Return the residuals within the window before any whitening, (n,)."""
+        return self._counted(self._problem.plain_residuals(values, run), run)
+
+    def residuals_near(self, values: Array, run: int, other: Problem, there: Array) -> Array:
+        """Return the residuals within the window, (n,), whitened as those of another model near its values."""
+        like = other._problem if isinstance(other, Windowed) else other
+        return self._counted(self._problem.residuals_near(values, run, like, there), run)
 
     def refine(self, values: Array, runs: Sequence[int]) -> bool:
         """Prepare the residuals of runs for a search near some values, and return whether they differ from before."""

@@ -156,6 +156,11 @@ class Friction(FileTable):
             )
 
     @property
+    def bends(self) -> bool:
+        """Whether bending the tendons over the vertices costs anything."""
+        return self.tendon_bending_stiffness > 0
+
+    @property
     def vertex_factor(self) -> float:
         """Ratio of the coefficient at the vertices to that at the reference radius: pressure falls with the radius."""
         ratio = 1.0 if self.vertex_radius is None else self.vertex_radius / self.reference_radius

@@ -15,10 +15,10 @@ def carry_friction(scaled: Instrument, real_size: _T, *, source: str = "", time_
     """Return the real-size instrument with the friction of the scaled-up instrument.
 
     Coefficients, bends and the arrangement of contacts stay the same, since capstan friction is dimensionless; constant
-    friction scales as a tension; viscous friction, the speed and memory of the Stribeck law, the reference of a power of
-    the tension, vertex radius and bending stiffness scale by their dimensions. Only the table
-    friction and its source change; `source` is the file of the scaled-up instrument or recording, named in it. The
-    factor of time is by default that of the tips' periods.
+    friction scales as a tension; viscous friction, the speed and memory of the Stribeck law, the references of a power
+    of the tension, vertex radius and bending stiffness scale by their dimensions. Only the table friction and its
+    source change; `source` is the file of the scaled-up instrument or recording, named in it. The factor of time is by
+    default that of the tips' periods.
 
     Raises InstrumentError if the scaled-up instrument has no friction, no axis or another joint type in common, or the
     carried friction is not allowed.

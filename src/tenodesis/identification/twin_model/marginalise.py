@@ -29,8 +29,6 @@ class Marginalisation(NamedTuple):
     """Shares by which residuals are shrunk in the directions of these, (errors, errors)."""
     nonlinear: Array
     """Effects that are not linear in the errors, each group of one standard deviation, (n, groups)."""
-    log_determinant: float
-    """Of the covariance."""
 
     def whitened(self, residuals: Array) -> Array:
         """Return residuals, (n,) or (n, m), shrunk in the directions of the effects to the variance of all others."""
@@ -52,8 +50,7 @@ def marginalise(run: SteppedRun, expected: Callable[[Array], Array]) -> Marginal
     inner = run.mixing @ directions
     # (1 + M M')^(-1/2) = 1 - M (...) M'
     shrinkage = run.stride * inner * ((1 - 1 / np.sqrt(1 + sizes)) / sizes) @ inner.T
-    log_determinant = float(np.sum(np.log1p(sizes)) - 2 * np.sum(np.log(weights)))
-    return Marginalisation(weights, effects, shrinkage, nonlinear, log_determinant)
+    return Marginalisation(weights, effects, shrinkage, nonlinear)
 
 
 def _effects(run: SteppedRun, expected: Callable[[Array], Array]) -> tuple[csc_array, Array]:

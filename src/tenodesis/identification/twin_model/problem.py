@@ -24,6 +24,14 @@ DEFAULT_LAW = "capstan"
 LAWS = ("none", "capstan", "capstan-constant", "stribeck", "capstan-power")
 """Friction laws of the twin."""
 
+_LAWS_OF = {
+    "friction.constant": ("capstan-constant", "stribeck"),
+    "friction.static_ratio": ("stribeck",),
+    "friction.stribeck_speed": ("stribeck",),
+    "friction.load_index": ("capstan-power",),
+}
+"""Friction laws that have a parameter, where not all have it."""
+
 _ROW = _core.twin_parameters()
 _ANGLES = {"measured_handle_angle": "handle_angle_deg", "measured_output_angle": "output_angle_deg"}
 
@@ -142,19 +150,20 @@ class TwinProblem(Problem):
         """Return how many sensors the residuals of a run hold."""
         return len(self._runs[run].measured)
 
-    def misfit(self, values: Array, run: int) -> float:
-        """Return minus twice the logarithm of the likelihood of a run, but for a constant of the recording."""
-        plain = self._plain(self._model(values, run, [])[:, 0], run)
-        near = self._marginalisation(plain, values, run)
-        if near is None:
-            return float(plain @ plain)
-        whitened = near.whitened(plain)
-        return float(whitened @ whitened) + near.log_determinant
+    def plain_residuals(self, values: Array, run: int) -> Array:
+        """Return measured minus model in standard deviations, (n,), errors of commands included."""
+        return self._plain(self._model(values, run, [])[:, 0], run)
+
+    def residuals_near(self, values: Array, run: int, other: Problem, there: Array) -> Array:
+        """Return the residuals, (n,), whitened as those of another model of the same recordings are near its values."""
+        if not isinstance(other, TwinProblem):
+            return self.residuals(values, run)
+        return other._whitened(self.plain_residuals(values, run), other.plain_residuals(there, run), there, run)
 
     def refine(self, values: Array, runs: Sequence[int]) -> bool:
         """Marginalise errors of commands near some values where residuals are too large to have done so before."""
         for run in runs:
-            if self._runs[run].input_errors and self._far(self._plain(self._model(values, run, [])[:, 0], run), run):
+            if self._runs[run].input_errors and self._far(self.plain_residuals(values, run), run):
                 self._held[run] = marginalise(
                     self._runs[run], lambda commands, run=run: self._expected(commands, values, run)
                 )
@@ -173,7 +182,7 @@ class TwinProblem(Problem):
 
     def residuals(self, values: Array, run: int) -> Array:
         """Return measured minus model, in standard deviations, one sensor after the other."""
-        residuals = self._plain(self._model(values, run, [])[:, 0], run)
+        residuals = self.plain_residuals(values, run)
         return self._whitened(residuals, residuals, values, run)
 
     def jacobian(self, values: Array, run: int) -> Array:
@@ -343,18 +352,12 @@ def instrument_of(runs: Sequence[MeasuredRun], given: Instrument | None) -> Inst
 
 def _applies(name: str, law: str, given: set[str], *, spooled: bool, handle_as_read: bool) -> bool:
     """Return whether recordings of these sensors, under a friction law, can depend on a parameter."""
-    if name.startswith("friction.") and law == "none":
-        return False
-    if name == "friction.constant":
-        return law in ("capstan-constant", "stribeck")
-    if name in ("friction.static_ratio", "friction.stribeck_speed"):
-        return law == "stribeck"
+    if name.startswith("friction."):
+        return law != "none" and law in _LAWS_OF.get(name, LAWS)
     if name == "mismatch.output_encoder_offset":
         return "measured_output_angle" in given
     if name == "mismatch.handle_encoder_offset":
         return handle_as_read or "measured_handle_angle" in given
-    if name == "friction.load_index":
-        return law == "capstan-power"
     return name != "drives.backlash" or spooled
 
 
