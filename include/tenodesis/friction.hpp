@@ -101,10 +101,11 @@ struct PowerCapstan {
     return {slope, held * (exp(over) - slope) + constant, S(0)};
   }
 
-  /// Adds the loss of bending a tendon over a vertex by an angle, if it does not spring back (Jung, Pan, Kang 2008).
+  /// Adds the loss of bending a tendon over a vertex by an angle, if it gives none of its bending energy back: the
+  /// strands of a rope slide. A tendon that springs back loses none (Jung, Pan, Kang 2008).
   ///
-  /// The energy of a bent tendon is T (1 - cos(wrap / 2)) per length where it does not touch the vertex, as an
-  /// elastica, and B / (2 r^2) where it lies on it.
+  /// The bending energy per length is B / (2 r^2) where the tendon lies on the vertex, and T (1 - cos(wrap / 2)) at the
+  /// apex of an elastica, where it is bent too little for that.
   Band<S> bend(const S& wrap, const S& tension, Band<S> band) const {
     const S half = sin_quarter(wrap * S(0.25));
     const S elastica = S(2) * half * half;

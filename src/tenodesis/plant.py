@@ -145,7 +145,7 @@ def compliance_shares(inst: Instrument) -> ComplianceShares:
     tip_joint = by_tip if (given := friction.tip_joint_compliance_share) is None else given
     anchor = 0.0
     if friction.vertices_per_joint > 1:
-        anchor = tip_joint if (given := friction.anchor_compliance_share) is None else given
+        anchor = tip_joint / 2 if (given := friction.anchor_compliance_share) is None else given
     return ComplianceShares(handle, handle_joint, 1 - handle - handle_joint - tip_joint - anchor, tip_joint, anchor)
 
 

@@ -95,7 +95,7 @@ def test_shares_of_the_compliance_are_those_of_the_file_and_the_stem_has_the_res
     shares = plant.compliance_shares(inst)
     assert shares._asdict() == pytest.approx(SHARES | {"stem": 1 - sum(SHARES.values())})
     by_length = plant.compliance_shares(with_friction(scaled, vertices_per_joint=2))
-    assert by_length.anchor == by_length.tip_joint
+    assert by_length.anchor == by_length.tip_joint / 2
 
 
 # Friction

@@ -173,7 +173,7 @@ def excess(problem: Problem, found: Fit, train: Sequence[int]) -> float:
     largest, noises = 0.0, iter(found.whiteness)
     for run in train:
         series = problem.residuals(found.vector, run).reshape(problem.channels(run), -1)
-        for residuals, expected in zip(series, problem.noise(run), strict=True):
+        for residuals, expected in zip(series, problem.sensor_noise(run), strict=True):
             if not next(noises).white:
                 largest = max(largest, float(np.sqrt(np.mean(residuals**2))) / expected)
     return largest

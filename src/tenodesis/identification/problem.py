@@ -72,7 +72,7 @@ class Problem(ABC):
         """Prepare the residuals of runs for a search near some values, and return whether they differ from before."""
         return False
 
-    def noise(self, run: int) -> tuple[float, ...]:
+    def sensor_noise(self, run: int) -> tuple[float, ...]:
         """Return the standard deviation of the residuals of each sensor of a perfect model."""
         return (1.0,) * self.channels(run)
 

@@ -124,9 +124,9 @@ class Windowed(Problem):
         """Prepare the residuals of runs for a search near some values, and return whether they differ from before."""
         return self._problem.refine(values, runs)
 
-    def noise(self, run: int) -> tuple[float, ...]:
+    def sensor_noise(self, run: int) -> tuple[float, ...]:
         """Return the standard deviation of the residuals of each sensor of a perfect model."""
-        return self._problem.noise(run)
+        return self._problem.sensor_noise(run)
 
     def advice(self, names: Sequence[str]) -> str | None:
         """Return which recording would make these parameters identifiable, if known."""

@@ -73,7 +73,7 @@ class Friction(FileTable):
         default=None, description="Share in the span of the tip's joint; without it, by the joint's length"
     )
     anchor_compliance_share: ComplianceShare | None = Field(
-        default=None, description="Share beyond a second vertex of the tip's joint; without it, as much as in the joint"
+        default=None, description="Share beyond a second vertex of the tip's joint; without it, half the joint's"
     )
     load_index: Annotated[float, Field(ge=0.3, le=1)] = Field(
         default=1.0, description="Power of the tension that friction of capstan-power grows with; 1 is capstan"

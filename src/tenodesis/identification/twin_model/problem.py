@@ -164,12 +164,10 @@ class TwinProblem(Problem):
         """Marginalise errors of commands near some values where residuals are too large to have done so before."""
         for run in runs:
             if self._runs[run].input_errors and self._far(self.plain_residuals(values, run), run):
-                self._held[run] = marginalise(
-                    self._runs[run], lambda commands, run=run: self._expected(commands, values, run)
-                )
+                self._held[run] = self._marginalised(values, run)
         return any(run in self._held for run in runs)
 
-    def noise(self, run: int) -> tuple[float, ...]:
+    def sensor_noise(self, run: int) -> tuple[float, ...]:
         """Return the standard deviation of the residuals of each sensor of a perfect model."""
         one = self._runs[run]
         return tuple(
@@ -288,8 +286,11 @@ class TwinProblem(Problem):
         if near.tobytes() not in known:
             if len(known) >= tuning.CELLS_KEPT:
                 del known[next(iter(known))]
-            known[near.tobytes()] = marginalise(one, lambda commands: self._expected(commands, near, run))
+            known[near.tobytes()] = self._marginalised(near, run)
         return known[near.tobytes()]
+
+    def _marginalised(self, values: Array, run: int) -> Marginalisation:
+        return marginalise(self._runs[run], lambda commands: self._expected(commands, values, run))
 
     def _far(self, plain: Array, run: int) -> bool:
         return bool(self._runs[run].stride * np.mean(plain**2) > tuning.FAR)
