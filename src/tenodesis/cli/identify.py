@@ -113,7 +113,7 @@ def identify(  # noqa: PLR0917
             return build(measured[:count], measured[count:])
         return split(measured[:count], measured[count:], share, part, build)
 
-    def fitted(problem: Problem, unknowns: Sequence[str] = (), *, screening: bool = False) -> Fit:
+    def fitted(problem: Problem, unknowns: Sequence[str] = (), *, screening: bool = False, refine: bool = True) -> Fit:
         names = None if parameters is None else [*chosen_parameters(problem, parameters), *unknowns]
         what = "starts" if screening else "starts and replicates"
         with ProgressBar(what) as bar:
@@ -124,6 +124,7 @@ def identify(  # noqa: PLR0917
                 test=range(count, len(problem.runs)),
                 starts=1 if screening else starts,
                 bootstrap=0 if screening else bootstrap,
+                refine=refine,
                 seed=seed,
                 loss=loss or kind.loss,
                 progress=bar,
@@ -174,23 +175,24 @@ def _arranged(
     options = kind.arrangements(measured, law=law, instrument=inst, fitted=own.fit.free)
     if len(options) < 2:
         return None, *own
-    known = {options[0].name: own}
+    known = {(options[0].name, True): own}
 
-    def fitted_as(name: str) -> Fitted:
-        if name not in known:
+    def fitted_as(name: str, carefully: bool) -> Fitted:
+        if (name, carefully) not in known:
             one = next(option for option in options if option.name == name)
             problem = problem_of(one.instrument)
-            known[name] = Fitted(problem, fitted(problem, one.unknowns, screening=True))
-        return known[name]
+            found = fitted(problem, one.unknowns, screening=True, refine=carefully)
+            known[name, carefully] = Fitted(problem, found)
+        return known[name, carefully]
 
     names = [option.name for option in options]
     compared = compare_arrangements(names[0], names[1:], fitted_as, train=train)
     if compared.chosen != compared.own:
         one = next(option for option in options if option.name == compared.chosen)
-        problem = known[one.name].problem
-        known[one.name] = Fitted(problem, fitted(problem, one.unknowns))
+        problem = problem_of(one.instrument)
+        known[one.name, True] = Fitted(problem, fitted(problem, one.unknowns))
         compared = compare_arrangements(names[0], names[1:], fitted_as, train=train)
-    return compared, known[compared.chosen].problem, compared.result
+    return compared, fitted_as(compared.chosen, True).problem, compared.result
 
 
 def chosen_parameters(problem: Problem, text: str) -> list[str]:

@@ -21,6 +21,10 @@ MOST_EXCESS = 1.5
 """Ratio of residuals to the sensors' noise above which, if they are not white, an arrangement does not fit."""
 
 
+PROMISING = 4.0
+"""Ratio of an arrangement's squared errors to the least up to which it is fitted with care."""
+
+
 class Fitted(NamedTuple):
     """An arrangement as it was fitted."""
 
@@ -121,31 +125,36 @@ class ArrangementComparison:
 
 
 def compare_arrangements(
-    own: str, others: Sequence[str], fitted: Callable[[str], Fitted], *, train: Sequence[int]
+    own: str, others: Sequence[str], fitted: Callable[[str, bool], Fitted], *, train: Sequence[int]
 ) -> ArrangementComparison:
     """Return the results of arrangements of the same recordings.
 
     The least plain residuals are nearest to noise: all arrangements are judged by residuals that are whitened as theirs
     are, and the criterion counts as many independent samples as they have. The file's own arrangement stays unless
     another one is better by `DECISIVE`; of several that differ by less, the one with the fewest parameters is chosen.
-    `fitted` returns an arrangement by its name, with the fit of the runs `train`; those that cannot be fitted are left
-    out.
+    `fitted` returns an arrangement by its name, with the fit of the runs `train`: at first without care, and with care
+    if its errors are not far above the least; those that cannot be fitted are left out.
 
     Raises IdentificationError if the file's own cannot be fitted.
     """
-    found = {own: fitted(own)}
-    for name in others:
-        try:
-            found[name] = fitted(name)
-        except (IdentificationError, InstrumentError):
-            continue
 
     def squares(residuals: Sequence[Array]) -> float:
         return sum(float(one @ one) for one in residuals)
 
-    nearest = min(
-        found.values(), key=lambda one: squares([one.problem.plain_residuals(one.fit.vector, n) for n in train])
-    )
+    def plain(one: Fitted) -> float:
+        return squares([one.problem.plain_residuals(one.fit.vector, run) for run in train])
+
+    found = {own: fitted(own, True)}
+    for name in others:
+        try:
+            found[name] = fitted(name, False)
+        except (IdentificationError, InstrumentError):
+            continue
+    errors = {name: plain(one) for name, one in found.items()}
+    for name, error in errors.items():
+        if name != own and error <= PROMISING * min(errors.values()):
+            found[name] = fitted(name, True)
+    nearest = min(found.values(), key=plain)
     independent = max(2.0, sum(noise.effective_samples for noise in nearest.fit.whiteness))
     there = (nearest.problem, nearest.fit.vector)
     misfits = {

@@ -37,6 +37,7 @@ def fit(
     loss: LossName = "linear",
     derivatives: DerivativesName = "exact",
     bootstrap: int = 0,
+    refine: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> Fit:
     """Return the parameters of a model fitted to recordings, with their uncertainty.
@@ -57,6 +58,8 @@ def fit(
         exact uses the problem's own where it has them, differences never does.
     bootstrap
         Replicates of a block bootstrap, each fitted again; none if zero.
+    refine
+        Whether the problem is prepared for further searches near the optimum (`Problem.refine`).
     progress
         Called with how many of how many starts and replicates are done.
 
@@ -81,7 +84,7 @@ def fit(
     best = ends[int(np.argmin(costs))]
     if best is None:
         raise search.unanswered()
-    refined = _refined(problem, search, best)
+    refined = _refined(problem, search, best) if refine else best
     at, cost = search.on_bounds(refined)
     # costs of a refined problem do not compare with those of the starts
     reference = cost if refined is best else best.cost
