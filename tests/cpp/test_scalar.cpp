@@ -27,7 +27,8 @@ template <class S>
 void log_matches_the_c_library(double tolerance) {
   for (int i = -2000; i <= 2000; ++i) {
     const S v = S(std::exp(i / 25.0));
-    CLAIM_NEAR(double(tenodesis::log(v)), std::log(double(v)), tolerance * std::max(1.0, std::abs(std::log(double(v)))));
+    CLAIM_NEAR(double(tenodesis::log(v)), std::log(double(v)),
+               tolerance * std::max(1.0, std::abs(std::log(double(v)))));
   }
   CLAIM(tenodesis::log(S(1)) == S(0));
 }

@@ -273,10 +273,11 @@ def _extrapolated(one: MeasuredRun, trained: Sequence[MeasuredRun]) -> tuple[str
 
 def _print_arrangements(compared: ArrangementComparison) -> None:
     rows = compared.to_json()
-    shown = [key for key in rows[0] if key.startswith(("train_rmse", "test_rmse"))]
-    listed = table("arrangements")
-    listed.add_column("arrangement", overflow="fold")
-    for heading in ("parameters", "criterion", "residuals over noise", *(key.replace("_", " ") for key in shown)):
+    held_out = [key for key in rows[0] if key.startswith("test_rmse")]
+    shown = held_out or [key for key in rows[0] if key.startswith("train_rmse")]
+    listed = table(f"arrangements: residuals over noise, rmse {'held out' if held_out else 'fitted'}")
+    listed.add_column("arrangement", min_width=30)
+    for heading in ("fitted", "criterion", "over noise", *(key.rpartition("_")[2] for key in shown)):
         listed.add_column(heading, justify="right")
     for row in rows:
         mark = " (file)" if row["own"] else ""
