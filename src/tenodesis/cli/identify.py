@@ -276,7 +276,7 @@ def _print_arrangements(compared: ArrangementComparison) -> None:
     held_out = [key for key in rows[0] if key.startswith("test_rmse")]
     shown = held_out or [key for key in rows[0] if key.startswith("train_rmse")]
     listed = table(f"arrangements: residuals over noise, rmse {'held out' if held_out else 'fitted'}")
-    listed.add_column("arrangement", min_width=30)
+    listed.add_column("arrangement", min_width=24)
     for heading in ("fitted", "criterion", "over noise", *(key.rpartition("_")[2] for key in shown)):
         listed.add_column(heading, justify="right")
     for row in rows:
