@@ -102,6 +102,9 @@ template <Real S>
 inline constexpr std::size_t exp_terms = sizeof(S) == 4 ? 8 : 14;  // |u| <= ln(2)/2
 
 template <Real S>
+inline constexpr std::size_t log_terms = sizeof(S) == 4 ? 5 : 11;  // |s| <= 3 - sqrt(8)
+
+template <Real S>
 inline constexpr auto exp_series = [] {
   Series<S, exp_terms<S>> series{};
   double term = 1;
@@ -109,6 +112,14 @@ inline constexpr auto exp_series = [] {
     series.coefficient[n] = S(term);
     term /= double(n + 1);
   }
+  return series;
+}();
+
+// artanh(s)/s as a series in s^2: 1 / (2n+1)
+template <Real S>
+inline constexpr auto log_series = [] {
+  Series<S, log_terms<S>> series{};
+  for (std::size_t n = 0; n < log_terms<S>; ++n) series.coefficient[n] = S(1.0 / double(2 * n + 1));
   return series;
 }();
 
@@ -215,6 +226,19 @@ inline S exp(S u) {
   return detail::exp_series<S>(rest) * std::bit_cast<S>(power);
 }
 
+/// Natural logarithm of a normal number above 0.
+template <Real S>
+inline S log(S v) {
+  using Bits = std::conditional_t<sizeof(S) == 4, std::int32_t, std::int64_t>;
+  constexpr int mantissa = std::numeric_limits<S>::digits - 1;
+  // The power of two that leaves a number between sqrt(1/2) and sqrt(2).
+  constexpr Bits root = std::bit_cast<Bits>(S(0.70710678118654752440));
+  const Bits doublings = (std::bit_cast<Bits>(v) - root) >> mantissa;
+  const S rest = std::bit_cast<S>(Bits(std::bit_cast<Bits>(v) - (doublings << mantissa)));
+  const S share = (rest - S(1)) / (rest + S(1));
+  return S(doublings) * S(0.69314718055994530942) + S(2) * share * detail::log_series<S>(share * share);
+}
+
 /// Nearest integer; |u| below 2^22 in float, 2^51 in double.
 template <Real S>
 inline S round(S u) {
@@ -275,6 +299,10 @@ struct Dual {
     using tenodesis::exp;
     const S power = exp(a.value);
     return chain(a, power, power);
+  }
+  friend Dual log(const Dual& a) {
+    using tenodesis::log;
+    return chain(a, log(a.value), S(1) / a.value);
   }
   friend constexpr Dual abs(const Dual& a) { return a.value < S(0) ? -a : a; }
   friend Dual asin(const Dual& a) {

@@ -29,8 +29,11 @@ struct Row {
 };
 
 /// Rows of a tendon whose number of contacts is known at compile time.
-template <int contacts>
+///
+/// vertices: those of each joint of a twin.
+template <int contacts, int vertices = 1>
 struct Contacts {
+  static constexpr int vertices_per_joint = vertices;
   template <class T>
   using PerContact = Row<T, contacts>;
   template <class T>
@@ -101,7 +104,12 @@ struct Tendon {
   /// at the step's beginning.
   Reaction<S> eliminate(const Bands& band, const Reaction<S>& spool, const Lengths& pull, const Slips& from,
                         const State& state, Line& line) const {
-    const int n = contacts();
+    return eliminate(contacts(), band, spool, pull, from, state, line);
+  }
+
+  /// The same over the first n contacts only: how segment n reacts.
+  Reaction<S> eliminate(int n, const Bands& band, const Reaction<S>& spool, const Lengths& pull, const Slips& from,
+                        const State& state, Line& line) const {
     Reaction<S> end = state.slack[0] ? Reaction<S>{} : spool;
     for (int j = 0; j < n; ++j) {
       const S k = state.slack[j + 1] ? S(0) : stiffness[j + 1];
@@ -134,9 +142,53 @@ struct Tendon {
     return end;
   }
 
+  /// The last contact of a tendon whose anchor is displaced together with that contact: how the segment before it
+  /// reacts, given how it reacts without that contact; in line the last slip by the displacement.
+  Reaction<S> eliminate_last(const Bands& band, const Reaction<S>& end, const Lengths& pull, const Slips& from,
+                             const State& state, Line& line) const {
+    const int last = contacts() - 1;
+    const S k = state.slack[last + 1] ? S(0) : stiffness[last + 1];
+    const S tip = state.slack[last + 1] ? S(0) : rest_tension + k * pull[last + 1];
+    S slip = from[last];
+    S rate(0);
+    S remaining(1);
+    if (state.slide[last] != Slide::none) {
+      const bool to_spool = state.slide[last] == Slide::toward_spool;
+      const S on_spool = to_spool ? S(1) : band[last].ratio;
+      const S on_tip = to_spool ? band[last].ratio : S(1);
+      const S constant = to_spool ? -band[last].constant : band[last].constant;
+      const S held = on_tip * k + band[last].drag;
+      const S resistance = on_spool * end.stiffness + held;
+      if (resistance > S(0)) {
+        const S inverse = S(1) / resistance;
+        slip = (on_spool * end.at_rest - on_tip * tip + constant + band[last].drag * from[last]) * inverse;
+        rate = -on_spool * end.stiffness * inverse;
+        remaining = held * inverse;
+      }
+    }
+    line.at_rest[last] = slip;
+    line.rate[last] = rate;
+    return {end.at_rest - end.stiffness * slip, end.stiffness * remaining};
+  }
+
+  /// The pass back of such a tendon.
+  void substitute_last(const Reaction<S>& spool, const Lengths& pull, const Line& line, const S& y,
+                       State& state) const {
+    const int last = contacts() - 1;
+    const S slip = line.at_rest[last] + line.rate[last] * y;
+    state.tension[last + 1] = rest_tension + stiffness[last + 1] * (pull[last + 1] + slip);
+    state.slip[last] = slip;
+    substitute(last, spool, pull, line, slip + y, state);
+  }
+
   /// The pass back: slips and tensions when the end is displaced by y, m.
   void substitute(const Reaction<S>& spool, const Lengths& pull, const Line& line, const S& y, State& state) const {
-    const int n = contacts();
+    substitute(contacts(), spool, pull, line, y, state);
+  }
+
+  /// The same over the first n contacts only.
+  void substitute(int n, const Reaction<S>& spool, const Lengths& pull, const Line& line, const S& y,
+                  State& state) const {
     S beyond = y;
     for (int j = n - 1; j >= 0; --j) {
       const S slip = line.at_rest[j] + line.rate[j] * beyond;

@@ -2,9 +2,11 @@
 // The digital twin: the instrument on its bench, simulated in time steps: a handle, two spools on drives, two tendons
 // with friction, a tip with inertia under load, and sensors.
 //
-// A tendon runs spool - load cell - sheath - handle joint - stem - tip joint - anchor. A joint is one contact with its
-// total wrap angle; the length that its bending draws lies on the far side from the stem, so that the stem's tension is
-// on the held side whichever joint is moved.
+// A tendon runs spool - load cell - sheath - handle joint - stem - tip joint - anchor. A joint of one vertex is one
+// contact with its total wrap angle; the length that its bending draws lies on the far side from the stem, so that the
+// stem's tension is on the held side whichever joint is moved. A joint of two vertices is two contacts with half of the
+// angle each, and the length that its bending draws is that of the span between them. By virtual work the tension where
+// a joint draws has its moment arm about the joint.
 //
 // A step is the trapezoidal rule for the tip's inertia, with tendons without mass. Their tensions are linear in the
 // tip's coordinate while the guess of the sliding contacts holds (tendon.hpp), so that tip and tendons are solved
@@ -42,6 +44,7 @@ struct Twin {
   S time_step{};
   int steps_per_sample{1};
   bool quasi_static{};
+  int joint_vertices{1};  ///< per joint, where the rows do not say
 
   /// At rest, both tendons at pretension and all else at zero.
   State rest(std::uint64_t seed) const {
@@ -102,7 +105,8 @@ struct Twin {
     S worst(0);
     for (int i = 0; i < 2; ++i) {
       const S tip_angle = quasi_static ? after.output_angle : first_guess(before).angle;
-      const Bands band = bands(after.handle_angle, tip_angle, after.sheath_bend, before.slip_speed[i]);
+      const Bands band =
+          bands(after.handle_angle, tip_angle, after.sheath_bend, before.slip_speed[i], before.tendon[i].tension);
       worst = larger(worst, tendon.residual(band, before.tendon[i].slip, after.tendon[i]));
     }
     return worst / tension_scale();
@@ -138,6 +142,9 @@ struct Twin {
     return abs(contact.stiffness) * deep * deep * S(0.5);
   }
 
+  /// The segment in which the tip's joint draws a tendon.
+  int tip_segment() const { return tendon.contacts() + 1 - vertices(); }
+
   /// Excess of an output angle over the mechanical stop, rad.
   S beyond_stop(const S& angle) const { return angle - clamp(angle, -body.stop, body.stop); }
 
@@ -145,7 +152,15 @@ struct Twin {
   bool prescribed() const { return !(hand.stiffness > S(0)); }
   // A single division per step, since the compiler sees that all uses are the same.
   S per_second() const { return S(1) / time_step; }
-  int handle_segment() const { return tendon.contacts() - 2; }
+  int vertices() const {
+    if constexpr (requires { Rows::vertices_per_joint; })
+      return Rows::vertices_per_joint;
+    else
+      return joint_vertices;
+  }
+  int sheath_contacts() const { return tendon.contacts() - tendon_joints * vertices(); }
+  // Where the handle's joint draws.
+  int handle_segment() const { return sheath_contacts() + vertices() - 1; }
 
   S hand_torque(const S& wanted, const State& state) const {
     const S resistance = quasi_static ? S(0) : hand.damping * state.handle_velocity;
@@ -153,16 +168,25 @@ struct Twin {
   }
 
   Bands bands(const S& handle_angle, const S& tip_angle, const S& more_bend,
-              const Rows::template PerContact<S>& slip_speed) const {
+              const Rows::template PerContact<S>& slip_speed, const Rows::template PerSegment<S>& tension) const {
     const int n = tendon.contacts();
-    const int sheath = n - joint_contacts;
+    const int sheath = sheath_contacts();
     const S bend = larger(friction.sheath_bend + friction.sheath_bend_rate * abs(handle_angle) + more_bend, S(0));
-    const S exponents[3] = {friction.sheath * bend / S(sheath),
-                            friction.vertex * axis.proximal.wrap_angle(handle_angle),
-                            friction.vertex * axis.distal.wrap_angle(tip_angle)};
-    const auto place = [&](int j) { return j < sheath ? 0 : j < n - 1 ? 1 : 2; };
+    const S per_vertex = S(1) / S(vertices());
+    const S wraps[2] = {(axis.proximal.wrap_angle(handle_angle) + friction.base_wrap) * per_vertex,
+                        (axis.distal.wrap_angle(tip_angle) + friction.base_wrap) * per_vertex};
+    const S exponents[3] = {friction.sheath * bend / S(sheath), friction.vertex * wraps[0], friction.vertex * wraps[1]};
+    const auto place = [&](int j) { return j < sheath ? 0 : j < sheath + vertices() ? 1 : 2; };
     Bands band{};
-    if constexpr (Law::depends_on_speed) {
+    if constexpr (Law::depends_on_tension) {
+      for (int j = 0; j < n; ++j) {
+        // The held side is the slacker one.
+        const S held = smaller(tension[j], tension[j + 1]);
+        const int at = place(j);
+        band[j] = law.band(at == 0 ? exponents[0] : friction.vertex_factor * exponents[at], held);
+        if (at > 0) band[j] = law.bend(wraps[at - 1], held, band[j]);
+      }
+    } else if constexpr (Law::depends_on_speed) {
       for (int j = 0; j < n; ++j) band[j] = law.band(exponents[place(j)], slip_speed[j]);
     } else {
       const Band<S> places[3] = {law.band(exponents[0], S(0)), law.band(exponents[1], S(0)),
@@ -170,9 +194,12 @@ struct Twin {
       for (int j = 0; j < n; ++j) band[j] = places[place(j)];
     }
     for (int j = 0; j < n; ++j) {
-      // The sheath's contacts share its constant and viscous friction.
-      const S share = place(j) == 0 ? S(1) / S(sheath) : S(1);
-      band[j].constant = band[j].constant * share;
+      // The contacts of the sheath, and those of a joint, share its constant and viscous friction.
+      const S share = place(j) == 0 ? S(1) / S(sheath) : per_vertex;
+      if constexpr (Law::depends_on_tension)
+        band[j].constant = band[j].constant - law.constant * (S(1) - share);
+      else
+        band[j].constant = band[j].constant * share;
       band[j].drag = friction.viscous * per_second() * share + least_drag<ValueOf<S>> * axis.stiffness;
     }
     return band;
@@ -199,8 +226,11 @@ struct Twin {
 
   void set_bands(const S& handle_angle, const S& tip_angle, const State& before, const State& next, Chain& both) const {
     const S& bend = next.sheath_bend;
-    both.band[0] = bands(handle_angle, tip_angle, bend, before.slip_speed[0]);
-    both.band[1] = Law::depends_on_speed ? bands(handle_angle, tip_angle, bend, before.slip_speed[1]) : both.band[0];
+    const auto bands_of = [&](int i) {
+      return bands(handle_angle, tip_angle, bend, before.slip_speed[i], before.tendon[i].tension);
+    };
+    both.band[0] = bands_of(0);
+    both.band[1] = Law::depends_on_speed || Law::depends_on_tension ? bands_of(1) : both.band[0];
   }
 
   Status move(const S& handle_angle, const TipLoad<S>& load, const State& before, State& next) const {
@@ -274,8 +304,7 @@ struct Twin {
     next.output_angle = tip.angle;
     next.output_velocity =
         quasi_static ? (tip.angle - before.output_angle) * per_second() : velocity(before, tip.angle);
-    const S difference =
-        next.tendon[agonist].tension[tendon.contacts()] - next.tendon[antagonist].tension[tendon.contacts()];
+    const S difference = next.tendon[agonist].tension[tip_segment()] - next.tendon[antagonist].tension[tip_segment()];
     next.tip_moment = tip_moment(tip.angle, next.output_velocity, tip.x, difference, load);
     set_contact(before, tip, load.contact, next);
     const S drawn = next.tendon[agonist].tension[handle_segment()] - next.tendon[antagonist].tension[handle_segment()];
@@ -306,20 +335,32 @@ struct Twin {
 
   S tolerance() const { return friction_tolerance<ValueOf<S>> * tension_scale(); }
 
+  // How a tendon's tension at the tip's joint reacts to the length that the joint lets out, under the present guess.
+  Reaction<S> reaction(Chain& both, int i, const State& before, const State& next) const {
+    const auto& from = before.tendon[i].slip;
+    if (vertices() == 1)
+      return tendon.eliminate(both.band[i], both.spool[i], both.pull[i], from, next.tendon[i], both.line[i]);
+    const Reaction<S> end = tendon.eliminate(tendon.contacts() - 1, both.band[i], both.spool[i], both.pull[i], from,
+                                             next.tendon[i], both.line[i]);
+    return tendon.eliminate_last(both.band[i], end, both.pull[i], from, next.tendon[i], both.line[i]);
+  }
+
   // Guess, pass, revise (tendon.hpp), with the tip's own equation at the tendons' end.
   Status settle(Chain& both, const TipLoad<S>& load, const State& before, Tip& tip, State& next) const {
     const Tip start = tip;
     for (int sweep = 1; sweep <= hasty_sweeps; ++sweep) {
       ++next.sweeps;
       Reaction<S> end[2];
-      for (int i = 0; i < 2; ++i)
-        end[i] = tendon.eliminate(both.band[i], both.spool[i], both.pull[i], before.tendon[i].slip, next.tendon[i],
-                                  both.line[i]);
+      for (int i = 0; i < 2; ++i) end[i] = reaction(both, i, before, next);
       if (correct_tip(end, load, before, tip) != Status::ok) break;
       const S y = axis.distal.excursion_slope() * tip.x;
       int revised = 0;
       for (int i = 0; i < 2; ++i) {
-        tendon.substitute(both.spool[i], both.pull[i], both.line[i], i == agonist ? y : -y, next.tendon[i]);
+        const S drawn = i == agonist ? y : -y;
+        if (vertices() == 1)
+          tendon.substitute(both.spool[i], both.pull[i], both.line[i], drawn, next.tendon[i]);
+        else
+          tendon.substitute_last(both.spool[i], both.pull[i], both.line[i], drawn, next.tendon[i]);
         revised += tendon.revise(both.band[i], before.tendon[i].slip, tolerance(), next.tendon[i]);
       }
       if (revised == 0) return Status::ok;
@@ -346,7 +387,7 @@ struct Twin {
     S tightest(0);
     for (int i = 0; i < 2; ++i) {
       next.sweeps += settle_alone(both, i, before, resting, next);
-      tightest = larger(tightest, next.tendon[i].tension[tendon.contacts()]);
+      tightest = larger(tightest, next.tendon[i].tension[tip_segment()]);
     }
     if (tightest <= tolerance()) {
       tip = resting;
@@ -361,7 +402,7 @@ struct Twin {
   int settle_alone(Chain& both, int i, const State& before, const Tip& tip, State& next) const {
     const S y = axis.distal.excursion_slope() * tip.x;
     Lengths pull = both.pull[i];
-    pull[tendon.contacts()] = pull[tendon.contacts()] + (i == agonist ? -y : y);
+    pull[tip_segment()] = pull[tip_segment()] + (i == agonist ? -y : y);
     next.tendon[i].slip = before.tendon[i].slip;
     return tenodesis::settle(tendon, both.band[i], pull, both.spool[i], tolerance(), next.tendon[i], both.line[i]);
   }
@@ -377,8 +418,7 @@ struct Twin {
       Reaction<S> end[2];
       for (int i = 0; i < 2; ++i) {
         next.sweeps += settle_alone(both, i, before, tip, next);
-        end[i] = tendon.eliminate(both.band[i], both.spool[i], both.pull[i], before.tendon[i].slip, next.tendon[i],
-                                  both.line[i]);
+        end[i] = reaction(both, i, before, next);
       }
       const S push = unbalanced_at(load, before, next, tip);
       if (push == S(0)) return held_at(tip);
@@ -400,8 +440,7 @@ struct Twin {
 
   // Unbalanced moment on the tip with the present tensions.
   S unbalanced_at(const TipLoad<S>& load, const State& before, const State& next, const Tip& tip) const {
-    const int last = tendon.contacts();
-    const S difference = next.tendon[agonist].tension[last] - next.tendon[antagonist].tension[last];
+    const S difference = next.tendon[agonist].tension[tip_segment()] - next.tendon[antagonist].tension[tip_segment()];
     if (quasi_static) {
       const Demand<S> demand = demand_at(tip.x, load);
       return difference * demand.weight - demand.value;

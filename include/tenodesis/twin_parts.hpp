@@ -16,6 +16,8 @@ struct Friction {
   S sheath_bend{};       ///< total bend of the sheath, rad
   S sheath_bend_rate{};  ///< bend added per radian of |handle angle|: the sheath bends as the hand moves
   S viscous{};           ///< of each joint and of the sheath, N s/m
+  S base_wrap{};         ///< wrap angle of a joint when it is straight, rad
+  S vertex_factor{1};    ///< of the coefficient at the vertices, for their radius
 };
 
 /// The tip as a rigid body that rotates by the output angle.
@@ -91,8 +93,8 @@ struct Reading {
   S spool_angle[2]{};
 };
 
-/// Contacts of a tendon other than those of the sheath: the handle's joint and the tip's.
-inline constexpr int joint_contacts = 2;
+/// Joints that a tendon passes after the sheath: the handle's and the tip's.
+inline constexpr int tendon_joints = 2;
 
 template <class S, class Rows>
 struct TwinState {

@@ -63,13 +63,24 @@ void bind_twin(nb::module_& m) {
   nb::class_<TwinSpec>(m, "TwinSpec", "A twin of one axis, in SI units.")
       .def(
           "__init__",
-          [](TwinSpec* self, const Spec& axis, const TwinRow& row, bool speed_dependent, int sheath_contacts,
-             int steps_per_sample, bool quasi_static) {
+          [](TwinSpec* self, const Spec& axis, const TwinRow& row, bool speed_dependent, bool tension_dependent,
+             int sheath_contacts, int vertices_per_joint, int steps_per_sample, bool quasi_static) {
             if (sheath_contacts < 1 || sheath_contacts > most_sheath_contacts)
               throw nb::value_error("no such number of sheath contacts");
-            new (self) TwinSpec{axis, speed_dependent, sheath_contacts, steps_per_sample, quasi_static, row};
+            if (vertices_per_joint < 1 || vertices_per_joint > most_vertices_per_joint)
+              throw nb::value_error("no such number of vertices of a joint");
+            if (speed_dependent && tension_dependent) throw nb::value_error("no such friction law");
+            new (self) TwinSpec{axis,
+                                speed_dependent,
+                                tension_dependent,
+                                sheath_contacts,
+                                vertices_per_joint,
+                                steps_per_sample,
+                                quasi_static,
+                                row};
           },
-          "axis"_a, "row"_a, "speed_dependent"_a, "sheath_contacts"_a, "steps_per_sample"_a, "quasi_static"_a);
+          "axis"_a, "row"_a, "speed_dependent"_a, "tension_dependent"_a, "sheath_contacts"_a, "vertices_per_joint"_a,
+          "steps_per_sample"_a, "quasi_static"_a);
 
   nb::class_<AnyTwin>(m, "Twin", "The digital twin of one axis, with its state.")
       .def(nb::new_([](const TwinSpec& spec, std::uint64_t seed) { return make_twin(spec, seed); }), "spec"_a, "seed"_a)

@@ -199,7 +199,7 @@ class TwinOf final : public AnyTwin {
     const auto& tendon = state_.tendon;
     const auto& drive = state_.drive;
     const auto& reading = state_.reading;
-    const int last = twin_.tendon.contacts();
+    const int last = twin_.tip_segment();
     return {reading.handle_angle,          reading.output_angle,
             reading.tension[agonist],      reading.tension[antagonist],
             reading.spool_angle[agonist],  reading.spool_angle[antagonist],

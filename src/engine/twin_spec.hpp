@@ -11,8 +11,10 @@
 
 namespace tenodesis::engine {
 
-/// Parameters of a twin beside its axis, in SI units and the order of a row; handle_length_share is that of the tendon
-/// between spool and handle joint.
+/// Parameters of a twin beside its axis, in SI units and the order of a row.
+///
+/// handle_length_share is that of the tendon between spool and handle joint, anchor_share that beyond a second vertex
+/// of the tip's joint; the span ratios are the compliance of a joint's span over that of its length.
 #define TENODESIS_TWIN_PARAMETERS(ROW)                                                                              \
   ROW(vertex_coefficient), ROW(sheath_coefficient), ROW(sheath_bend), ROW(sheath_bend_rate), ROW(viscous),          \
       ROW(constant), ROW(static_ratio), ROW(stribeck_speed), ROW(memory), ROW(handle_length_share),                 \
@@ -22,7 +24,9 @@ namespace tenodesis::engine {
       ROW(rig_pulley_radius), ROW(encoder_noise), ROW(encoder_range), ROW(encoder_resolution),                      \
       ROW(handle_encoder_offset), ROW(output_encoder_offset), ROW(motor_encoder_resolution), ROW(load_cell_noise),  \
       ROW(load_cell_range), ROW(load_cell_resolution), ROW(agonist_load_cell_gain), ROW(antagonist_load_cell_gain), \
-      ROW(agonist_load_cell_bias), ROW(antagonist_load_cell_bias), ROW(time_step)
+      ROW(agonist_load_cell_bias), ROW(antagonist_load_cell_bias), ROW(time_step), ROW(base_wrap),                  \
+      ROW(handle_span_ratio), ROW(tip_span_ratio), ROW(anchor_share), ROW(load_index), ROW(reference_tension),      \
+      ROW(vertex_radius_ratio), ROW(bending_loss)
 
 #define TENODESIS_ROW(name) name
 enum TwinParameter : std::size_t { TENODESIS_TWIN_PARAMETERS(TENODESIS_ROW) };
@@ -36,11 +40,15 @@ using TwinRow = std::array<double, twin_parameter_count>;
 
 struct TwinSpec {
   Spec axis;
-  bool speed_dependent{};  ///< the Stribeck law
+  bool speed_dependent{};    ///< the Stribeck law
+  bool tension_dependent{};  ///< a power of the tension, or a tendon that is stiff in bending
   int sheath_contacts{1};
+  int vertices_per_joint{1};
   int steps_per_sample{1};
   bool quasi_static{};
   TwinRow row{};
+
+  int contacts() const { return sheath_contacts + tendon_joints * vertices_per_joint; }
 };
 
 /// A row whose length is set when a twin is made.
@@ -55,12 +63,14 @@ struct LongRow {
 };
 
 inline constexpr int most_sheath_contacts = 32;
+inline constexpr int most_vertices_per_joint = 2;
+inline constexpr int most_contacts = most_sheath_contacts + tendon_joints * most_vertices_per_joint;
 
 struct LongContacts {
   template <class T>
-  using PerContact = LongRow<T, most_sheath_contacts + joint_contacts>;
+  using PerContact = LongRow<T, most_contacts>;
   template <class T>
-  using PerSegment = LongRow<T, most_sheath_contacts + joint_contacts + 1>;
+  using PerSegment = LongRow<T, most_contacts + 1>;
 };
 
 /// Fills in the constants of a twin from its row; length: of a tendon, m.
@@ -68,8 +78,15 @@ template <class T, class S = T::S>
 void fill(T& twin, const TwinSpec& spec, const std::array<S, twin_parameter_count>& row, const S& length) {
   twin.axis.stiffness = twin.axis.stiffness * row[stiffness_ratio];
   twin.axis.pretension = twin.axis.pretension * row[pretension_ratio];
-  twin.friction = {row[vertex_coefficient], row[sheath_coefficient], row[sheath_bend], row[sheath_bend_rate],
-                   row[viscous]};
+  twin.friction = {row[vertex_coefficient],
+                   row[sheath_coefficient],
+                   row[sheath_bend],
+                   row[sheath_bend_rate],
+                   row[viscous],
+                   row[base_wrap],
+                   S(1)};
+  if constexpr (T::Law::depends_on_tension)
+    twin.friction.vertex_factor = exp((S(1) - row[load_index]) * log(row[vertex_radius_ratio]));
   twin.body = {row[tip_inertia], row[tip_damping], row[output_stop], row[stop_stiffness]};
   twin.hand = {row[hand_stiffness], row[hand_damping], row[hand_inertia]};
   twin.drive = {row[spool_radius], row[spool_speed_limit], row[spool_acceleration_limit], row[drive_time_constant],
@@ -97,19 +114,32 @@ void fill(T& twin, const TwinSpec& spec, const std::array<S, twin_parameter_coun
   twin.steps_per_sample = spec.steps_per_sample;
   twin.quasi_static = spec.quasi_static;
 
-  if constexpr (requires { twin.tendon.stiffness.length; })
-    twin.tendon.stiffness.length = spec.sheath_contacts + joint_contacts + 1;
-  // Compliance by length, from the spool: the sheath in the handle, its joint, the stem, the tip's joint.
+  if constexpr (requires { twin.tendon.stiffness.length; }) {
+    twin.tendon.stiffness.length = spec.contacts() + 1;
+    twin.joint_vertices = spec.vertices_per_joint;
+  }
+  // Compliance by length, from the spool: the sheath in the handle, its joint, the stem, the tip's joint, the anchor.
   const int sheath = spec.sheath_contacts;
   const S in_handle = row[handle_length_share] / S(sheath + 1);
-  const S at_handle = twin.axis.proximal.tendon_span() / length;
-  const S at_tip = twin.axis.distal.tendon_span() / length;
-  const S in_stem = S(1) - row[handle_length_share] - at_handle - at_tip;
-  for (int i = 0; i < sheath; ++i) twin.tendon.stiffness[i] = twin.axis.stiffness / in_handle;
-  twin.tendon.stiffness[sheath] = twin.axis.stiffness / (in_handle + at_handle);
-  twin.tendon.stiffness[sheath + 1] = twin.axis.stiffness / in_stem;
-  twin.tendon.stiffness[sheath + 2] = twin.axis.stiffness / at_tip;
+  const S at_handle = twin.axis.proximal.tendon_span() / length * row[handle_span_ratio];
+  const S at_tip = twin.axis.distal.tendon_span() / length * row[tip_span_ratio];
+  const S in_stem = S(1) - row[handle_length_share] - at_handle - at_tip - row[anchor_share];
+  const auto stiffness = [&](const S& share) { return twin.axis.stiffness / share; };
+  auto& segment = twin.tendon.stiffness;
+  for (int i = 0; i < sheath; ++i) segment[i] = stiffness(in_handle);
+  if (spec.vertices_per_joint == 1) {
+    segment[sheath] = stiffness(in_handle + at_handle);
+    segment[sheath + 1] = stiffness(in_stem);
+    segment[sheath + 2] = stiffness(at_tip);
+  } else {
+    segment[sheath] = stiffness(in_handle);
+    segment[sheath + 1] = stiffness(at_handle);
+    segment[sheath + 2] = stiffness(in_stem);
+    segment[sheath + 3] = stiffness(at_tip);
+    segment[sheath + 4] = stiffness(row[anchor_share]);
+  }
   twin.tendon.rest_tension = twin.axis.pretension;
+  if constexpr (T::Law::depends_on_tension) twin.law.least = twin.axis.pretension * S(1e-3);
 }
 
 /// Calls work(twin) with the twin that a spec describes, in the number type of its parameters.
@@ -127,9 +157,18 @@ auto with_twin(const TwinSpec& spec, const std::array<S, parameter_count>& param
             fill(twin, spec, row, parameters[tendon_length]);
             return work(twin);
           };
-          return spec.sheath_contacts == 1 ? with_rows.template operator()<Contacts<1 + joint_contacts>>()
-                                           : with_rows.template operator()<LongContacts>();
+          // Rows of known length are faster; the rarer laws make do with long ones.
+          if constexpr (!Law::depends_on_tension)
+            if (spec.sheath_contacts == 1 && spec.vertices_per_joint == 1)
+              return with_rows.template operator()<Contacts<1 + tendon_joints>>();
+          if constexpr (!Law::depends_on_tension && !Law::depends_on_speed)
+            if (spec.sheath_contacts == 1 && spec.vertices_per_joint == 2)
+              return with_rows.template operator()<Contacts<1 + 2 * tendon_joints, 2>>();
+          return with_rows.template operator()<LongContacts>();
         };
+        if (spec.tension_dependent)
+          return with_law(
+              PowerCapstan<S>{row[constant], row[load_index], row[reference_tension], row[bending_loss], S(0)});
         // The other laws are these with some parameters zero, to the last bit.
         return spec.speed_dependent
                    ? with_law(Stribeck<S>{row[constant], row[static_ratio], row[stribeck_speed], row[memory]})

@@ -103,7 +103,7 @@ def play(lower: NDArray[numpy.float64], upper: NDArray[numpy.float64], start: fl
 class TwinSpec:
     """A twin of one axis, in SI units."""
 
-    def __init__(self, axis: Spec, row: Sequence[float], speed_dependent: bool, sheath_contacts: int, steps_per_sample: int, quasi_static: bool) -> None: ...
+    def __init__(self, axis: Spec, row: Sequence[float], speed_dependent: bool, tension_dependent: bool, sheath_contacts: int, vertices_per_joint: int, steps_per_sample: int, quasi_static: bool) -> None: ...
 
 class Twin:
     """The digital twin of one axis, with its state."""

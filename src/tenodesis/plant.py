@@ -1,6 +1,8 @@
 """Parameters that controller and twin share: those of an instrument in the core's order, its longest time step."""
 
+from collections.abc import Sequence
 from math import ceil, floor, log10, pi, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +22,17 @@ _DIVISION_ERROR = 1e-6
 _DEFAULT_NATURAL_FREQUENCY = 2 * pi * 20.0  # rad/s
 _DEFAULT_DAMPING_RATIO = 0.2
 _STOP_STIFFNESS_RATIO = 20.0  # mechanical stop over tip
+
+
+class ComplianceShares(NamedTuple):
+    """Shares of a tendon's compliance by segment, from the spool."""
+
+    handle: float
+    handle_joint: float
+    stem: float
+    tip_joint: float
+    anchor: float
+    """Beyond a second vertex of the tip's joint; 0 for joints of one vertex."""
 
 
 def natural_frequency(inst: Instrument) -> float:
@@ -42,6 +55,8 @@ def parameter_row(inst: Instrument, time_step: float) -> list[float]:
     friction, dynamics, drives = inst.friction, inst.dynamics, inst.drives
     sensors, mismatch = inst.sensors, inst.mismatch
     stiffness = float(statics.flexural_stiffness(inst, 0.0))
+    shares, joints = compliance_shares(inst), _core.joint_shares(inst.spec)
+    radius = friction.reference_radius if friction.vertex_radius is None else friction.vertex_radius
     inertia = _tip_inertia(inst)
     damping = dynamics.tip_damping
     values = {
@@ -54,7 +69,15 @@ def parameter_row(inst: Instrument, time_step: float) -> list[float]:
         "static_ratio": friction.static_ratio,
         "stribeck_speed": friction.stribeck_speed,
         "memory": friction.memory,
-        "handle_length_share": _handle_compliance_share(inst),
+        "base_wrap": friction.base_wrap,
+        "load_index": friction.load_index,
+        "reference_tension": friction.reference_tension,
+        "vertex_radius_ratio": radius / friction.reference_radius,
+        "bending_loss": friction.tendon_bending_stiffness / (2 * radius**2),
+        "handle_length_share": shares.handle,
+        "handle_span_ratio": shares.handle_joint / joints[0],
+        "tip_span_ratio": shares.tip_joint / joints[1],
+        "anchor_share": shares.anchor,
         "stiffness_ratio": mismatch.stiffness_ratio,
         "pretension_ratio": mismatch.pretension_ratio,
         "tip_inertia": inertia,
@@ -92,10 +115,38 @@ def spec(inst: Instrument, time_step: float, quasi_static: bool) -> _core.TwinSp
     """Return the specification of a twin of the core; errors as :func:`steps_per_sample`."""
     per_sample = steps_per_sample(inst, time_step, quasi_static)
     parameters = parameter_row(inst, time_step)[: len(_TWIN_PARAMETERS)]
+    return core_spec(inst, inst.spec, parameters, per_sample, quasi_static)
+
+
+def core_spec(
+    inst: Instrument, axis: _core.Spec, parameters: Sequence[float], per_sample: int, quasi_static: bool
+) -> _core.TwinSpec:
+    """Return a twin with an instrument's law and contacts; axis, parameters and steps per sample are given."""
     friction = inst.friction
     return _core.TwinSpec(
-        inst.spec, parameters, friction.law == "stribeck", friction.sheath_contacts, per_sample, quasi_static
+        axis,
+        parameters,
+        speed_dependent=friction.law == "stribeck",
+        tension_dependent=friction.law == "capstan-power" or friction.bends,
+        sheath_contacts=friction.sheath_contacts,
+        vertices_per_joint=friction.vertices_per_joint,
+        steps_per_sample=per_sample,
+        quasi_static=quasi_static,
     )
+
+
+def compliance_shares(inst: Instrument) -> ComplianceShares:
+    """Return how a tendon's compliance is shared among its segments: as given, or by length."""
+    friction = inst.friction
+    by_handle, by_tip = _core.joint_shares(inst.spec)
+    by_length = inst.handle_length / (inst.tendon_length or inst.overall_length)
+    handle = by_length if friction.handle_compliance_share is None else friction.handle_compliance_share
+    handle_joint = by_handle if (given := friction.handle_joint_compliance_share) is None else given
+    tip_joint = by_tip if (given := friction.tip_joint_compliance_share) is None else given
+    anchor = 0.0
+    if friction.vertices_per_joint > 1:
+        anchor = tip_joint / 2 if (given := friction.anchor_compliance_share) is None else given
+    return ComplianceShares(handle, handle_joint, 1 - handle - handle_joint - tip_joint - anchor, tip_joint, anchor)
 
 
 def check_runnable(inst: Instrument) -> None:
@@ -193,8 +244,9 @@ def steps_per_sample(inst: Instrument, time_step: float, quasi_static: bool) -> 
 
 def _check_compliance(inst: Instrument) -> None:
     """Raise ArgumentError if handle and joints leave no share of a tendon's compliance to the stem."""
-    share, joints = _handle_compliance_share(inst), sum(_core.joint_shares(inst.spec))
-    if share + joints < 1:
+    shares = compliance_shares(inst)
+    share, joints = shares.handle, shares.handle_joint + shares.tip_joint + shares.anchor
+    if shares.stem > 0:
         return
     if inst.friction.handle_compliance_share is None:
         raise ArgumentError(
@@ -218,9 +270,3 @@ def _tip_inertia(inst: Instrument) -> float:
     given = inst.dynamics.tip_inertia
     stiffness = float(statics.flexural_stiffness(inst, 0.0))
     return stiffness / _DEFAULT_NATURAL_FREQUENCY**2 if given is None else given
-
-
-def _handle_compliance_share(inst: Instrument) -> float:
-    """Return the share of a tendon's compliance between spool and handle joint, by length unless given."""
-    given = inst.friction.handle_compliance_share
-    return inst.handle_length / (inst.tendon_length or inst.overall_length) if given is None else given

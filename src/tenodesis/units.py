@@ -209,6 +209,9 @@ FlexuralRigidity = Annotated[
 ]
 TissueStiffness = Annotated[float, *annotation(Quantity("stiffness", "N/m", "1 N/mm", at_least=0, below=1e7))]
 TissueDamping = Annotated[float, *annotation(Quantity("damping", "N*s/m", "5 N*s/m", at_least=0, below=1e5))]
+BendingStiffness = Annotated[
+    float, *annotation(Quantity("flexural rigidity", "N*m^2", "1e-5 N*m^2", at_least=0, below=1e3))
+]
 HandStiffness = Annotated[float, *annotation(Quantity("stiffness", "N*m", "20 N*m", at_least=0, below=1e6))]
 Damping = Annotated[float, *annotation(Quantity("damping", "N*m*s", "1e-3 N*m*s", at_least=0, below=1e3))]
 Viscosity = Annotated[float, *annotation(Quantity("viscous friction", "N*s/m", "5 N*s/m", at_least=0, below=1e6))]

@@ -100,7 +100,8 @@ template <class S, class A>
 S a_step_by_any_law(const A& axis, const S* in) {
   return a_step<S>(axis, NoFriction<S>{}, in) + a_step<S>(axis, Capstan<S>{}, in) +
          a_step<S>(axis, CapstanWithConstant<S>{in[30]}, in) +
-         a_step<S>(axis, Stribeck<S>{in[30], in[31], in[32], in[33]}, in);
+         a_step<S>(axis, Stribeck<S>{in[30], in[31], in[32], in[33]}, in) +
+         a_step<S>(axis, PowerCapstan<S>{in[30], in[31], in[32], in[33], in[34]}, in);
 }
 
 extern "C" float twins_in_float(const float* in) {

@@ -37,6 +37,16 @@ void series_match_the_c_library(double tolerance) {
   }
 }
 
+template <class S>
+void log_matches_the_c_library(double tolerance) {
+  for (int i = -2000; i <= 2000; ++i) {
+    const S v = S(std::exp(i / 25.0));
+    CLAIM_NEAR(double(tenodesis::log(v)), std::log(double(v)),
+               tolerance * std::max(1.0, std::abs(std::log(double(v)))));
+  }
+  CLAIM(tenodesis::log(S(1)) == S(0));
+}
+
 void asin_is_odd_and_exact_at_its_ends() {
   CLAIM(tenodesis::asin(0.0) == 0.0);
   CLAIM_NEAR(tenodesis::asin(1.0), pi / 2, 1e-16);
@@ -47,8 +57,9 @@ void asin_is_odd_and_exact_at_its_ends() {
 void dual_numbers_match_finite_differences() {
   using D = Dual<double, 2>;
   const auto f = [](auto a, auto b) {
-    using tenodesis::abs, tenodesis::asin, tenodesis::sqrt;  // not the C library's, which are visible as well
-    return asin(sqrt(a * b) / (a + b)) - abs(b) * a / (b + decltype(a)(2.0));
+    // Not the C library's, which are visible as well.
+    using tenodesis::abs, tenodesis::asin, tenodesis::log, tenodesis::sqrt;
+    return asin(sqrt(a * b) / (a + b)) - abs(b) * a / (b + decltype(a)(2.0)) * log(a);
   };
   const double a = 0.7, b = 0.3, h = 1e-6;
   const D value = f(D::variable(a, 0), D::variable(b, 1));
@@ -126,6 +137,8 @@ int main() {
   the_tips_path_grows_by_its_arm(instruments::continuum<double>().distal);
   series_match_the_c_library<double>(2.3e-16);
   series_match_the_c_library<float>(2.4e-7);
+  log_matches_the_c_library<double>(4e-16);
+  log_matches_the_c_library<float>(2.4e-7);
   exp_matches_the_c_library_to_two_units_in_the_last_place<double>(700);
   exp_matches_the_c_library_to_two_units_in_the_last_place<float>(80);
   round_finds_the_nearest_whole_number<double>(0x1p51);

@@ -43,4 +43,11 @@ def geometrically_scaled(inst: Instrument, s: float) -> Instrument:
         "drives.motor_acceleration": (inst.drives.motor_acceleration, -2),
         "drives.time_constant": (inst.drives.time_constant, 1),
     }
+    if inst.friction.law == "capstan-power" or inst.friction.bends:
+        powers |= {
+            "friction.reference_tension": (inst.friction.reference_tension, 2),
+            "friction.reference_radius": (inst.friction.reference_radius, 1),
+            "friction.vertex_radius": (inst.friction.vertex_radius or 0.0, 1),
+            "friction.tendon_bending_stiffness": (inst.friction.tendon_bending_stiffness, 4),
+        }
     return inst.replace(**changes, **{key: value * s**power for key, (value, power) in powers.items() if value})

@@ -1,10 +1,10 @@
 """The command that finds a model's parameters in recordings."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 import typer
@@ -14,17 +14,26 @@ from tenodesis import instrument
 from tenodesis.cli.common import ProgressBar, check_choice, check_outputs, console, say, table, write_errors, write_text
 from tenodesis.errors import CommandError
 from tenodesis.identification import report
+from tenodesis.identification.arrangements import (
+    LEAST_EXCESS,
+    ArrangementComparison,
+    Fitted,
+    compare_arrangements,
+    excess,
+)
 from tenodesis.identification.figures import axis_label
 from tenodesis.identification.fit import LEAST_REPLICATES, STARTS, fit
 from tenodesis.identification.formats import MeasuredRun, load_all
 from tenodesis.identification.goodness import unexplained, worse_held_out
 from tenodesis.identification.problem import Problem
-from tenodesis.identification.registry import FORMATS
+from tenodesis.identification.registry import FORMATS, Format
 from tenodesis.identification.results import Fit, to_json
 from tenodesis.identification.split import LEAST_SHARE, FittedPart, split
 from tenodesis.identification.uncertainty import LossName
+from tenodesis.instrument import Instrument
 
 _BEND = "sheath_bend"
+ArrangementChoice: TypeAlias = Literal["auto", "compare", "file"]
 
 
 def identify(  # noqa: PLR0917
@@ -51,6 +60,12 @@ def identify(  # noqa: PLR0917
         str | None,
         typer.Option(help="Friction law; the choice depends on the format. Default: the format's.", show_default=False),
     ] = None,
+    arrangement: Annotated[
+        ArrangementChoice,
+        typer.Option(
+            help="Compare arrangements of contacts: if the file's own leaves more than noise, always, or never (file)."
+        ),
+    ] = "auto",
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Write parameters, intervals and errors here as well.")
     ] = None,
@@ -88,25 +103,39 @@ def identify(  # noqa: PLR0917
     measured = load_all(kind.load, [*logs, *tests])
     _check_different(measured)
 
-    def build(train: Sequence[MeasuredRun], held_out: Sequence[MeasuredRun]) -> Problem:
-        return kind.problem(train, held_out, law=chosen, instrument=inst)
-
     count = len(logs)
-    if share is None:
-        problem = build(measured[:count], measured[count:])
-    else:
-        problem = split(measured[:count], measured[count:], share, part, build)
-    with ProgressBar("starts and replicates") as bar:
-        found = fit(
-            problem,
-            None if parameters is None else chosen_parameters(problem, parameters),
-            train=range(count),
-            test=range(count, len(problem.runs)),
-            starts=starts,
-            bootstrap=bootstrap,
-            seed=seed,
-            loss=loss or kind.loss,
-            progress=bar,
+
+    def problem_of(inst: Instrument | None) -> Problem:
+        def build(train: Sequence[MeasuredRun], held_out: Sequence[MeasuredRun]) -> Problem:
+            return kind.problem(train, held_out, law=chosen, instrument=inst)
+
+        if share is None:
+            return build(measured[:count], measured[count:])
+        return split(measured[:count], measured[count:], share, part, build)
+
+    def fitted(problem: Problem, unknowns: Sequence[str] = (), *, screening: bool = False, refine: bool = True) -> Fit:
+        names = None if parameters is None else [*chosen_parameters(problem, parameters), *unknowns]
+        what = "starts" if screening else "starts and replicates"
+        with ProgressBar(what) as bar:
+            return fit(
+                problem,
+                names,
+                train=range(count),
+                test=range(count, len(problem.runs)),
+                starts=1 if screening else starts,
+                bootstrap=0 if screening else bootstrap,
+                refine=refine,
+                seed=seed,
+                loss=loss or kind.loss,
+                progress=bar,
+            )
+
+    problem = problem_of(inst)
+    found = fitted(problem)
+    compared = None
+    if arrangement == "compare" or (arrangement == "auto" and excess(problem, found, range(count)) > LEAST_EXCESS):
+        compared, problem, found = _arranged(
+            kind, measured, Fitted(problem, found), problem_of, fitted, law=chosen, inst=inst, train=range(count)
         )
     held_out = [one for one in found.files if one.split == "test"]
     doubts = (*unexplained(problem, found.vector, held_out), *worse_held_out(found.files))
@@ -115,12 +144,55 @@ def identify(  # noqa: PLR0917
     for one in measured[count:]:
         notes[one.name] += _extrapolated(one, measured[:count])
     runs = range(len(problem.runs))
-    written = report.write(problem, found, out, runs=runs, format=format_name, law=chosen, notes=notes)
+    rows = [] if compared is None else compared.to_json()
+    written = report.write(
+        problem, found, out, runs=runs, format=format_name, law=chosen, notes=notes, arrangements=rows
+    )
     if json_file is not None:
         with write_errors(json_file):
             json_file.parent.mkdir(parents=True, exist_ok=True)
-        write_text(json_file, report.as_text(to_json(found, format=format_name, law=chosen, notes=notes)))
+        numbers = to_json(found, format=format_name, law=chosen, notes=notes, arrangements=rows)
+        write_text(json_file, report.as_text(numbers))
+    if compared is not None:
+        _print_arrangements(compared)
     _print_fit(found, written if json_file is None else [*written, json_file], notes)
+
+
+def _arranged(
+    kind: Format,
+    measured: Sequence[MeasuredRun],
+    own: Fitted,
+    problem_of: Callable[[Instrument | None], Problem],
+    fitted: Callable[..., Fit],
+    *,
+    law: str,
+    inst: Instrument | None,
+    train: Sequence[int],
+) -> tuple[ArrangementComparison | None, Problem, Fit]:
+    """Return the comparison of a format's arrangements, and problem and fit of the one that recordings ask for."""
+    if kind.arrangements is None:
+        return None, *own
+    options = kind.arrangements(measured, law=law, instrument=inst, fitted=own.fit.free)
+    if len(options) < 2:
+        return None, *own
+    known = {(options[0].name, True): own}
+
+    def fitted_as(name: str, carefully: bool) -> Fitted:
+        if (name, carefully) not in known:
+            one = next(option for option in options if option.name == name)
+            problem = problem_of(one.instrument)
+            found = fitted(problem, one.unknowns, screening=True, refine=carefully)
+            known[name, carefully] = Fitted(problem, found)
+        return known[name, carefully]
+
+    names = [option.name for option in options]
+    compared = compare_arrangements(names[0], names[1:], fitted_as, train=train)
+    if compared.chosen != compared.own:
+        one = next(option for option in options if option.name == compared.chosen)
+        problem = problem_of(one.instrument)
+        known[one.name, True] = Fitted(problem, fitted(problem, one.unknowns))
+        compared = compare_arrangements(names[0], names[1:], fitted_as, train=train)
+    return compared, fitted_as(compared.chosen, True).problem, compared.result
 
 
 def chosen_parameters(problem: Problem, text: str) -> list[str]:
@@ -197,6 +269,21 @@ def _extrapolated(one: MeasuredRun, trained: Sequence[MeasuredRun]) -> tuple[str
         return ()
     fitted = f"{min(bends):.4g}" if min(bends) == max(bends) else f"{min(bends):.4g} to {max(bends):.4g}"
     return (f"held out at a sheath bend of {bend:.4g} deg, fitted at {fitted} deg: extrapolation",)
+
+
+def _print_arrangements(compared: ArrangementComparison) -> None:
+    rows = compared.to_json()
+    held_out = [key for key in rows[0] if key.startswith("test_rmse")]
+    shown = held_out or [key for key in rows[0] if key.startswith("train_rmse")]
+    listed = table(f"arrangements: residuals over noise, rmse {'held out' if held_out else 'fitted'}")
+    listed.add_column("arrangement", min_width=24)
+    for heading in ("fitted", "criterion", "over noise", *(key.rpartition("_")[2] for key in shown)):
+        listed.add_column(heading, justify="right")
+    for row in rows:
+        mark = " (file)" if row["own"] else ""
+        values = (f"{row['bic']:.4g}", f"{row['excess']:.3g}", *(f"{row[key]:.3g}" for key in shown))
+        listed.add_row(row["arrangement"] + mark, str(row["parameters"]), *values)
+    console.print(listed)
 
 
 def _print_fit(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, ...]]) -> None:

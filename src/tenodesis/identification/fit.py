@@ -19,6 +19,10 @@ from tenodesis.identification.whiteness import Whiteness
 from tenodesis.run import Array
 
 STARTS = 4
+REFINEMENTS = 3
+"""Searches from the optimum on, where a problem is prepared for it."""
+SETTLED = 1e-3
+"""Share of its range by which a parameter may move in the last of these."""
 LEAST_REPLICATES = 40
 
 
@@ -33,6 +37,7 @@ def fit(
     loss: LossName = "linear",
     derivatives: DerivativesName = "exact",
     bootstrap: int = 0,
+    refine: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> Fit:
     """Return the parameters of a model fitted to recordings, with their uncertainty.
@@ -53,6 +58,8 @@ def fit(
         exact uses the problem's own where it has them, differences never does.
     bootstrap
         Replicates of a block bootstrap, each fitted again; none if zero.
+    refine
+        Whether the problem is prepared for further searches near the optimum (`Problem.refine`).
     progress
         Called with how many of how many starts and replicates are done.
 
@@ -77,7 +84,10 @@ def fit(
     best = ends[int(np.argmin(costs))]
     if best is None:
         raise search.unanswered()
-    at, cost = search.on_bounds(best)
+    refined = _refined(problem, search, best) if refine else best
+    at, cost = search.on_bounds(refined)
+    # costs of a refined problem do not compare with those of the starts
+    reference = cost if refined is best else best.cost
 
     values = search.full(at)
     scale = scales(problem.parameters, values)[indices]
@@ -95,7 +105,7 @@ def fit(
     effective = sum(noise.effective_samples for noise in noises)
     freedom = max(1.0, effective - len(indices))
     # costs that differ by no more than chance are the same optimum
-    same = sum(one <= cost * (1 + 1 / effective) + 1e-12 for one in costs)
+    same = sum(one <= reference * (1 + 1 / effective) + 1e-12 for one in costs)
     names = tuple(problem.parameters[index].name for index in indices)
     bootstrapped = None
     if bootstrap:
@@ -138,11 +148,27 @@ def fit(
         evaluations=search.evaluations,
         jacobians=search.jacobians,
         warnings=(
-            *goodness.warnings(found, noises, best, same=same, starts=starts, parameters=len(indices)),
+            *goodness.warnings(found, noises, refined, same=same, starts=starts, parameters=len(indices)),
             *goodness.unexplained(problem, values, [one for one in files if one.split == "train"]),
         ),
         seconds=time.monotonic() - begun,
     )
+
+
+def _refined(problem: Problem, search: Search, best: SearchEnd) -> SearchEnd:
+    """Return the optimum of the problem as it is prepared for a search near it."""
+    found = best
+    for _ in range(REFINEMENTS):
+        if not problem.refine(search.full(found.at), search.train):
+            break
+        again = search.solve(found.at)
+        if again is None:
+            break
+        moved = np.abs(again.at - found.at) / (search.upper - search.lower)
+        found = again
+        if moved.max() < SETTLED:
+            break
+    return found
 
 
 def _check(

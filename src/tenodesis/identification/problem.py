@@ -60,6 +60,22 @@ class Problem(ABC):
         """Return how many sensors of equal length the residuals of a run hold."""
         return 1
 
+    def plain_residuals(self, values: Array, run: int) -> Array:
+        """Return the residuals before any whitening, (n,)."""
+        return self.residuals(values, run)
+
+    def residuals_near(self, values: Array, run: int, other: "Problem", there: Array) -> Array:
+        """Return the residuals, (n,), whitened as those of another model of the same recordings are near its values."""
+        return self.residuals(values, run)
+
+    def refine(self, values: Array, runs: Sequence[int]) -> bool:
+        """Prepare the residuals of runs for a search near some values, and return whether they differ from before."""
+        return False
+
+    def sensor_noise(self, run: int) -> tuple[float, ...]:
+        """Return the standard deviation of the residuals of each sensor of a perfect model."""
+        return (1.0,) * self.channels(run)
+
     def jacobian(self, values: Array, run: int) -> Array | None:
         """Return the exact derivatives of the residuals, (n, parameters), or None to have them differenced."""
         return None

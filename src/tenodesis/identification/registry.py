@@ -37,6 +37,23 @@ class BuildProblem(Protocol):
         """Return the model with its recordings."""
 
 
+class Arranged(NamedTuple):
+    """An arrangement to compare: its name, the instrument in it, and parameters that are fitted in addition."""
+
+    name: str
+    instrument: Instrument
+    unknowns: tuple[str, ...] = ()
+
+
+class ListArrangements(Protocol):
+    """Which arrangements of contacts are compared, the instrument's own first."""
+
+    def __call__(
+        self, runs: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None, fitted: Sequence[str]
+    ) -> list[Arranged]:
+        """Return the arrangements, given which parameters are fitted."""
+
+
 class Format(NamedTuple):
     """How recordings of a format are read, and the model that is fitted to them."""
 
@@ -48,6 +65,8 @@ class Format(NamedTuple):
     """Default friction law."""
     loss: LossName = "linear"
     """Default loss."""
+    arrangements: ListArrangements | None = None
+    """Arrangements of the model's contacts, if it has several."""
 
 
 class Formats(UserDict[str, Format]):

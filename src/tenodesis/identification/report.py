@@ -36,14 +36,15 @@ def write(
     format: str,
     law: str,
     notes: Mapping[str, Sequence[str]] | None = None,
+    arrangements: Sequence[Mapping[str, Any]] = (),
 ) -> list[Path]:
     """Write report.html, result.json and, if there is an instrument, instrument.toml into a folder, atomically.
 
     `runs` are the indices of the runs, train then test, as they were fitted; `notes` are the loader's on each
-    recording, by its name. Returns the paths of what was written. Raises IdentificationError if the folder cannot be
-    written.
+    recording, by its name; `arrangements` are those that were compared. Returns the paths of what was written. Raises
+    IdentificationError if the folder cannot be written.
     """
-    numbers = to_json(found, format=format, law=law, notes=notes)
+    numbers = to_json(found, format=format, law=law, notes=notes, arrangements=arrangements)
     texts = {NUMBERS: page.json_text(numbers), PAGE: render(problem, found, runs=runs, numbers=numbers)}
     inst = problem.instrument(found.vector)
     if inst is not None:

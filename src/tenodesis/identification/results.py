@@ -103,10 +103,18 @@ def distinct(names: Sequence[str]) -> list[str]:
     return out
 
 
-def to_json(found: Fit, *, format: str, law: str, notes: Mapping[str, Sequence[str]] | None = None) -> dict[str, Any]:
+def to_json(
+    found: Fit,
+    *,
+    format: str,
+    law: str,
+    notes: Mapping[str, Sequence[str]] | None = None,
+    arrangements: Sequence[Mapping[str, Any]] = (),
+) -> dict[str, Any]:
     """Return a fit as plain values for JSON, SI; None for values that are not finite.
 
-    `format` is that of the recordings, `law` the friction law; `notes` are the loader's on each recording, by its name.
+    `format` is that of the recordings, `law` the friction law; `notes` are the loader's on each recording, by its name;
+    `arrangements` are those that were compared, the best first.
     """
     runs = distinct([one.name for one in found.files])
     return {
@@ -140,6 +148,7 @@ def to_json(found: Fit, *, format: str, law: str, notes: Mapping[str, Sequence[s
         "bic": json_number(found.bic),
         "costs": [json_number(value) for value in found.costs],
         **{name: getattr(found, name) for name in _AS_THEY_ARE},
+        "arrangements": list(arrangements),
         "warnings": list(found.warnings),
         "notes": {name: list(sentences) for name, sentences in (notes or {}).items()},
     }

@@ -111,6 +111,23 @@ class Windowed(Problem):
         """Return how many sensors the residuals of a run hold."""
         return self._problem.channels(run)
 
+    def plain_residuals(self, values: Array, run: int) -> Array:
+        """Return the residuals within the window before any whitening, (n,)."""
+        return self._counted(self._problem.plain_residuals(values, run), run)
+
+    def residuals_near(self, values: Array, run: int, other: Problem, there: Array) -> Array:
+        """Return the residuals within the window, (n,), whitened as those of another model near its values."""
+        like = other._problem if isinstance(other, Windowed) else other
+        return self._counted(self._problem.residuals_near(values, run, like, there), run)
+
+    def refine(self, values: Array, runs: Sequence[int]) -> bool:
+        """Prepare the residuals of runs for a search near some values, and return whether they differ from before."""
+        return self._problem.refine(values, runs)
+
+    def sensor_noise(self, run: int) -> tuple[float, ...]:
+        """Return the standard deviation of the residuals of each sensor of a perfect model."""
+        return self._problem.sensor_noise(run)
+
     def advice(self, names: Sequence[str]) -> str | None:
         """Return which recording would make these parameters identifiable, if known."""
         return self._problem.advice(names)

@@ -10,6 +10,7 @@ from tenodesis.toml import FileTable
 from tenodesis.units import (
     Angle,
     AngleError,
+    BendingStiffness,
     Bits,
     Coefficient,
     Damping,
@@ -25,6 +26,7 @@ from tenodesis.units import (
     MotorAcceleration,
     MotorSpeed,
     PivotRange,
+    PositiveForce,
     Rate,
     Ratio,
     Share,
@@ -43,21 +45,50 @@ MOST_EXPONENT = 10.0
 """Largest friction exponent of a contact; above it, rounding of the tension ratio would violate the law."""
 
 SafeState: TypeAlias = Literal["hold", "neutral"]
-FrictionLaw: TypeAlias = Literal["none", "capstan", "capstan-constant", "stribeck"]
+FrictionLaw: TypeAlias = Literal["none", "capstan", "capstan-constant", "stribeck", "capstan-power"]
+ComplianceShare = Annotated[float, Field(gt=0, lt=1)]
 
 
 class Friction(FileTable):
     """Friction between a tendon and the surfaces it bends around; without this table there is no friction."""
 
-    law: FrictionLaw = Field(default="none", description="none, capstan, capstan-constant or stribeck")
+    law: FrictionLaw = Field(default="none", description="none, capstan, capstan-constant, stribeck or capstan-power")
     vertex_coefficient: Coefficient = Field(default=0.0, description="Friction coefficient at the joints' vertices")
     sheath_coefficient: Coefficient = Field(default=0.0, description="Friction coefficient in the sheath")
     sheath_bend: SheathBend = Field(default=0.0, description="Total bend of the sheath with the handle straight")
     sheath_bend_per_handle_angle: Coefficient = Field(default=0.0, description="Bend added per angle of the handle")
     sheath_contacts: int = Field(default=1, ge=1, le=32, strict=True, description="Contacts that make up the sheath")
-    handle_compliance_share: Annotated[float, Field(gt=0, lt=1)] | None = Field(
+    vertices_per_joint: int = Field(
+        default=1, ge=1, le=2, strict=True, description="Contacts of a joint: 1, or 2 with the drawn span between them"
+    )
+    base_wrap: AngleError = Field(default=0.0, description="Wrap angle of a joint when it is straight")
+    handle_compliance_share: ComplianceShare | None = Field(
         default=None,
         description="Share of a tendon's compliance between spool and handle joint; without it, by the handle's length",
+    )
+    handle_joint_compliance_share: ComplianceShare | None = Field(
+        default=None, description="Share in the span of the handle's joint; without it, by the joint's length"
+    )
+    tip_joint_compliance_share: ComplianceShare | None = Field(
+        default=None, description="Share in the span of the tip's joint; without it, by the joint's length"
+    )
+    anchor_compliance_share: ComplianceShare | None = Field(
+        default=None, description="Share beyond a second vertex of the tip's joint; without it, half the joint's"
+    )
+    load_index: Annotated[float, Field(ge=0.3, le=1)] = Field(
+        default=1.0, description="Power of the tension that friction of capstan-power grows with; 1 is capstan"
+    )
+    reference_tension: PositiveForce = Field(
+        default=1.0, description="Tension at which the coefficients of capstan-power are given"
+    )
+    reference_radius: Length = Field(
+        default=1e-3, description="Vertex radius at which the vertex coefficient of capstan-power is given"
+    )
+    vertex_radius: Length | None = Field(
+        default=None, description="Radius of the vertices, for capstan-power and for bending; without it no effect"
+    )
+    tendon_bending_stiffness: BendingStiffness = Field(
+        default=0.0, description="Bending stiffness of a tendon that does not spring back where it leaves a vertex"
     )
     constant: Force = Field(default=0.0, description="Load-independent friction of each joint and of the sheath")
     viscous: Viscosity = Field(default=0.0, description="Viscous friction of each joint and of the sheath")
@@ -77,9 +108,15 @@ class Friction(FileTable):
             raise ValueError(f'constant is {self.constant:g} N, which law "{self.law}" does not have')
         if self.law != "stribeck" and self.static_ratio != 1:
             raise ValueError(f'static_ratio is {self.static_ratio:g}, which only law "stribeck" has')
+        self._check_shares()
+        self._check_radius()
         bend = self.sheath_bend + self.sheath_bend_per_handle_angle * math.pi
         exponents = {
-            "vertex_coefficient": self.vertex_coefficient * self.static_ratio * math.pi,
+            "vertex_coefficient": self.vertex_coefficient
+            * self.static_ratio
+            * self.vertex_factor
+            * (math.pi + self.base_wrap)
+            / self.vertices_per_joint,
             "sheath_coefficient": self.sheath_coefficient * self.static_ratio * bend / self.sheath_contacts,
         }
         for key, exponent in exponents.items():
@@ -90,6 +127,44 @@ class Friction(FileTable):
                     "or bend, or more sheath_contacts"
                 )
         return self
+
+    def _check_shares(self) -> None:
+        if self.anchor_compliance_share is not None and self.vertices_per_joint == 1:
+            raise ValueError(
+                f"anchor_compliance_share is {self.anchor_compliance_share:g}, which only joints of two vertices have; "
+                "give vertices_per_joint = 2, or no share"
+            )
+        keys = [f"{place}_compliance_share" for place in ("handle", "handle_joint", "tip_joint", "anchor")]
+        given = {key: value for key in keys if (value := getattr(self, key)) is not None}
+        total = sum(given.values())
+        if total >= 1:
+            raise ValueError(
+                f"{' and '.join(given)} make {total:.4g} of the tendon's compliance; they must be below 1 together, "
+                "the rest being the stem's"
+            )
+
+    def _check_radius(self) -> None:
+        if self.law != "capstan-power" and self.load_index != 1:
+            raise ValueError(f'load_index is {self.load_index:g}, which only law "capstan-power" has')
+        stiffness = self.tendon_bending_stiffness
+        if stiffness and self.vertex_radius is None:
+            raise ValueError(f"tendon_bending_stiffness is {stiffness:g} N*m^2, which needs a vertex_radius")
+        if stiffness and self.law in ("none", "stribeck"):
+            raise ValueError(
+                f'tendon_bending_stiffness is {stiffness:g} N*m^2, which law "{self.law}" does not have; give another '
+                "law, or none"
+            )
+
+    @property
+    def bends(self) -> bool:
+        """Whether bending the tendons over the vertices costs anything."""
+        return self.tendon_bending_stiffness > 0
+
+    @property
+    def vertex_factor(self) -> float:
+        """Ratio of the coefficient at the vertices to that at the reference radius: pressure falls with the radius."""
+        ratio = 1.0 if self.vertex_radius is None else self.vertex_radius / self.reference_radius
+        return float(ratio ** (1 - self.load_index))
 
 
 class Dynamics(FileTable):

@@ -14,10 +14,11 @@ _T = TypeVar("_T", bound=Instrument)
 def carry_friction(scaled: Instrument, real_size: _T, *, source: str = "", time_factor: float | None = None) -> _T:
     """Return the real-size instrument with the friction of the scaled-up instrument.
 
-    Coefficients and bends stay the same, since capstan friction is dimensionless; constant friction scales as a
-    tension; viscous friction and the speed and memory of the Stribeck law scale by their dimensions. Only the table
-    friction and its source change; `source` is the file of the scaled-up instrument or recording, named in it. The
-    factor of time is by default that of the tips' periods.
+    Coefficients, bends and the arrangement of contacts stay the same, since capstan friction is dimensionless; constant
+    friction scales as a tension; viscous friction, the speed and memory of the Stribeck law, the references of a power
+    of the tension, vertex radius and bending stiffness scale by their dimensions. Only the table friction and its
+    source change; `source` is the file of the scaled-up instrument or recording, named in it. The factor of time is by
+    default that of the tips' periods.
 
     Raises InstrumentError if the scaled-up instrument has no friction, no axis or another joint type in common, or the
     carried friction is not allowed.
@@ -82,13 +83,16 @@ def _scaled(scaled: Instrument, scale: Mapping[str, float]) -> dict[str, object]
     speed = scale["motor_stroke"] / scale["time"]
     by_dimension = {
         "constant": scale["tension"],
+        "reference_tension": scale["tension"],
+        "reference_radius": scale["length"],
+        "vertex_radius": scale["length"],
+        "tendon_bending_stiffness": scale["tension"] * scale["length"] ** 2,
         "viscous": scale["tension"] / speed,
         "stribeck_speed": speed,
         "memory": scale["time"],
     }
-    of_stribeck = {"stribeck_speed", "memory"}
-    given = friction.model_dump(exclude_defaults=True).keys() - of_stribeck
-    if friction.law == "stribeck":
-        given |= of_stribeck
+    of_law = {"stribeck": {"stribeck_speed", "memory"}, "capstan-power": {"reference_tension", "reference_radius"}}
+    given = friction.model_dump(exclude_defaults=True).keys() - of_law["stribeck"]
+    given |= of_law.get(friction.law, set())
     values = {key: getattr(friction, key) for key in type(friction).model_fields if key in given}
     return {key: value / by_dimension[key] if key in by_dimension else value for key, value in values.items()}

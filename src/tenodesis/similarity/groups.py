@@ -3,7 +3,7 @@
 from math import isnan, nan
 from typing import Literal, NamedTuple, TypeAlias
 
-from tenodesis import _core, plant, statics
+from tenodesis import plant, statics
 from tenodesis.instrument import Instrument
 from tenodesis.similarity.parameters import tension_scale
 
@@ -33,6 +33,7 @@ DEFINITIONS: dict[str, Definition] = {
     "proximal joint share": Definition("elastic", "share of the tendon's compliance in the handle's joint"),
     "stem share": Definition("elastic", "share of the tendon's compliance in the stem"),
     "distal joint share": Definition("elastic", "share of the tendon's compliance in the tip's joint"),
+    "anchor share": Definition("elastic", "share of the tendon's compliance beyond a second vertex of the tip's joint"),
     "theta_stop": Definition("elastic", "output angle of the mechanical stop, rad"),
     "F/(kr)": Definition("load", "tip force over the tension that stretches a tendon by the distal radius"),
     "Theta": Definition("load", "loss of dexterity at mid-range under the largest force, rad (eq. 17)"),
@@ -45,6 +46,12 @@ DEFINITIONS: dict[str, Definition] = {
     "phi_s": Definition("friction", "bend of the sheath with the handle straight, rad"),
     "dphi_s/dtheta_h": Definition("friction", "bend of the sheath added per angle of the handle"),
     "n_s": Definition("friction", "contacts that make up the sheath"),
+    "n_v": Definition("friction", "vertices of a joint"),
+    "phi_0": Definition("friction", "wrap angle of a joint when it is straight, rad"),
+    "n": Definition("friction", "power of the tension that friction grows with"),
+    "T_r/(kr)": Definition("friction", "tension at which the coefficients are given, over k r"),
+    "r_v/r_r": Definition("friction", "radius of the vertices over that at which their coefficient is given"),
+    "B/(2 r_v^2 k r)": Definition("friction", "loss of bending a tendon over a vertex over k r"),
     "f_c/(kr)": Definition("friction", "constant friction of a joint over k r"),
     "c_v/(kt)": Definition("friction", "viscous friction of a joint over stiffness times the tip's time"),
     "mu_0/mu": Definition("friction", "static over kinetic friction coefficient"),
@@ -102,13 +109,14 @@ def unit_of_time(inst: Instrument) -> float:
 def groups_of(inst: Instrument) -> dict[str, float]:
     """Return the groups of an instrument by name, without those of the load (Tables I and II, physics of the twin).
 
-    The spools' radius has a factor but no group: only the tendon length it winds counts. Groups of the Stribeck law
-    and of a compliant hand are included for instruments that have them.
+    The spools' radius has a factor but no group: only the tendon length it winds counts. Groups of the Stribeck law,
+    of a power of the tension, of two vertices, base wrap and bending, and of a compliant hand are included for
+    instruments that have them.
     """
     values = plant.parameters(inst)
     distal, proximal = values["distal_radius"], values["proximal_radius"]
     stiffness, tension, time = inst.tendon_stiffness, tension_scale(inst), unit_of_time(inst)
-    in_handle, (at_handle, at_tip) = values["handle_length_share"], _core.joint_shares(inst.spec)
+    shares, friction = plant.compliance_shares(inst), inst.friction
     spool = values["spool_radius"]
     kappa = float(statics.flexural_stiffness(inst, 0.0))
     groups = {
@@ -116,16 +124,16 @@ def groups_of(inst: Instrument) -> dict[str, float]:
         "l_d/r": values["end_effector_length"] / distal,
         "l_p/R": values["handle_length"] / proximal,
         "T_o/(kr)": inst.pretension / tension,
-        "handle share": in_handle,
-        "proximal joint share": at_handle,
-        "stem share": 1 - in_handle - at_handle - at_tip,
-        "distal joint share": at_tip,
+        "handle share": shares.handle,
+        "proximal joint share": shares.handle_joint,
+        "stem share": shares.stem,
+        "distal joint share": shares.tip_joint,
         "theta_stop": values["output_stop"],
         "mu": values["vertex_coefficient"],
         "mu_s": values["sheath_coefficient"],
         "phi_s": values["sheath_bend"],
         "dphi_s/dtheta_h": values["sheath_bend_rate"],
-        "n_s": float(inst.friction.sheath_contacts),
+        "n_s": float(friction.sheath_contacts),
         "f_c/(kr)": values["constant"] / tension,
         "c_v/(kt)": values["viscous"] / (stiffness * time),
         "v_m t/r": spool * values["spool_speed_limit"] * time / distal,
@@ -141,7 +149,19 @@ def groups_of(inst: Instrument) -> dict[str, float]:
             "L_b/r": length / distal,
             "EI/(k r^2 L_b)": values["backbone_rigidity"] / (stiffness * distal**2 * length),
         }
-    if inst.friction.law == "stribeck":
+    if friction.vertices_per_joint > 1:
+        groups |= {"n_v": float(friction.vertices_per_joint), "anchor share": shares.anchor}
+    if friction.base_wrap:
+        groups["phi_0"] = friction.base_wrap
+    if friction.law == "capstan-power":
+        groups |= {
+            "n": friction.load_index,
+            "T_r/(kr)": friction.reference_tension / tension,
+            "r_v/r_r": values["vertex_radius_ratio"],
+        }
+    if friction.tendon_bending_stiffness:
+        groups["B/(2 r_v^2 k r)"] = values["bending_loss"] / tension
+    if friction.law == "stribeck":
         groups |= {
             "mu_0/mu": values["static_ratio"],
             "v_S t/r": values["stribeck_speed"] * time / distal,

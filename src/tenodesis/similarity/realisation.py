@@ -9,7 +9,7 @@ from tenodesis.instrument.hardware import FrictionLaw
 from tenodesis.similarity.groups import unit_of_time
 from tenodesis.similarity.parameters import field_of, tension_scale, value_of
 
-_LAWS: tuple[FrictionLaw, ...] = ("none", "capstan", "capstan-constant", "stribeck")
+_LAWS: tuple[FrictionLaw, ...] = ("none", "capstan", "capstan-constant", "stribeck", "capstan-power")
 
 COUPLED = ("R/r", "l_d/r", "L_b/r", "EI/(k r^2 L_b)", "T_o/(kr)")
 """Groups of the frictionless model that an instrument can be given."""
@@ -17,10 +17,13 @@ COUPLED = ("R/r", "l_d/r", "L_b/r", "EI/(k r^2 L_b)", "T_o/(kr)")
 SEGMENTS = ("handle share", "distal joint share")
 """Groups of the compliance: the proximal joint's share follows from R/r, the stem's is the rest."""
 
-FRICTION = ("mu", "mu_s", "phi_s", "dphi_s/dtheta_h", "f_c/(kr)", "c_v/(kt)", "mu_0/mu", "v_S t/r", "t_f/t")
+FRICTION = (
+    "mu", "mu_s", "phi_s", "dphi_s/dtheta_h", "phi_0", "n", "T_r/(kr)", "r_v/r_r", "f_c/(kr)", "c_v/(kt)",
+    "mu_0/mu", "v_S t/r", "t_f/t",
+)  # fmt: skip
 """Groups of friction that an instrument can be given."""
 
-_NEUTRAL = {"mu_0/mu": 1.0}
+_NEUTRAL = {"mu_0/mu": 1.0, "n": 1.0}
 
 
 class Realisation(NamedTuple):
@@ -43,6 +46,10 @@ class Realisation(NamedTuple):
             "mu_s": ("friction.sheath_coefficient", 1.0),
             "phi_s": ("friction.sheath_bend", 1.0),
             "dphi_s/dtheta_h": ("friction.sheath_bend_per_handle_angle", 1.0),
+            "phi_0": ("friction.base_wrap", 1.0),
+            "n": ("friction.load_index", 1.0),
+            "T_r/(kr)": ("friction.reference_tension", tension),
+            "r_v/r_r": ("friction.vertex_radius", inst.friction.reference_radius),
             "f_c/(kr)": ("friction.constant", tension),
             "c_v/(kt)": ("friction.viscous", stiffness * time),
             "mu_0/mu": ("friction.static_ratio", 1.0),
@@ -53,10 +60,14 @@ class Realisation(NamedTuple):
             "T_o/(kr)": ("pretension", tension),
         }
         changes: dict[str, Any] = {units[name][0]: groups[name] * units[name][1] for name in units if name in groups}
-        length = inst.tendon_length or inst.overall_length
-        if "distal joint share" in groups:
+        length, friction = inst.tendon_length or inst.overall_length, inst.friction
+        if "distal joint share" in groups and friction.tip_joint_compliance_share is not None:
+            changes["friction.tip_joint_compliance_share"] = groups["distal joint share"]
+        elif "distal joint share" in groups:
             length *= _core.joint_shares(inst.spec)[1] / groups["distal joint share"]
-        if "handle share" in groups:
+        if "handle share" in groups and friction.handle_compliance_share is not None:
+            changes["friction.handle_compliance_share"] = groups["handle share"]
+        elif "handle share" in groups:
             changes["handle_length"] = groups["handle share"] * length
         if "L_b/r" in groups:
             backbone = groups["L_b/r"] * radius

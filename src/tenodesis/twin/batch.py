@@ -141,14 +141,14 @@ def _instruments(inst: Instrument | Sequence[Instrument], vary: Mapping[str, Arr
             one.replace(**{key: column[n].item() for key, column in columns.items()}) for n, one in enumerate(insts)
         ]
     first = insts[0]
-    fixed = ("law", "sheath_contacts")
+    fixed = ("law", "sheath_contacts", "vertices_per_joint", "bends")
     for one in insts:
         if len(one.axes) != 1:
             raise ArgumentError(f"{one.name} has two axes; it must have one: inst.axis(name).", key="inst")
         same = all(getattr(one.friction, key) == getattr(first.friction, key) for key in fixed)
         if one.joint_type != first.joint_type or not same or one.sensors.sampling_rate != first.sensors.sampling_rate:
             raise ArgumentError(
-                "the runs differ in joint type, friction law, sheath contacts or sampling rate; all must be the same.",
+                "the runs differ in joint type, friction law, contacts or sampling rate; all must be the same.",
                 key="inst",
             )
     return insts

@@ -110,7 +110,9 @@ class Twin:
         friction = inst.friction
         self._kind = (
             f"{inst.joint_type} joints of {inst.name}, {len(inst.axes)} axes, {friction.law} friction, "
-            f"{friction.sheath_contacts} sheath contacts, {'quasi-static' if quasi_static else 'dynamic'} steps of "
+            f"{friction.sheath_contacts} sheath contacts, "
+            f"{'' if friction.vertices_per_joint == 1 else 'two vertices a joint, '}"
+            f"{'bent tendons, ' if friction.bends else ''}{'quasi-static' if quasi_static else 'dynamic'} steps of "
             f"{time_step:g} s"
         )
 

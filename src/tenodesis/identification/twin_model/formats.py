@@ -5,6 +5,7 @@ from pathlib import Path
 from tenodesis.identification.formats import csv
 from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.identification.registry import Format
+from tenodesis.identification.twin_model.arrangements import arrangements
 from tenodesis.identification.twin_model.problem import DEFAULT_LAW, LAWS, problem
 
 
@@ -14,5 +15,5 @@ def _load_mcap(path: Path) -> InstrumentRun:
     return mcap.load(path)
 
 
-CSV = Format(csv.load, problem, LAWS, DEFAULT_LAW)
-MCAP = Format(_load_mcap, problem, LAWS, DEFAULT_LAW)
+CSV = Format(csv.load, problem, LAWS, DEFAULT_LAW, arrangements=arrangements)
+MCAP = Format(_load_mcap, problem, LAWS, DEFAULT_LAW, arrangements=arrangements)

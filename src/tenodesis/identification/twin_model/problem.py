@@ -21,8 +21,16 @@ from tenodesis.run import Array
 
 DEFAULT_LAW = "capstan"
 
-LAWS = ("none", "capstan", "capstan-constant", "stribeck")
+LAWS = ("none", "capstan", "capstan-constant", "stribeck", "capstan-power")
 """Friction laws of the twin."""
+
+_LAWS_OF = {
+    "friction.constant": ("capstan-constant", "stribeck"),
+    "friction.static_ratio": ("stribeck",),
+    "friction.stribeck_speed": ("stribeck",),
+    "friction.load_index": ("capstan-power",),
+}
+"""Friction laws that have a parameter, where not all have it."""
 
 _ROW = _core.twin_parameters()
 _ANGLES = {"measured_handle_angle": "handle_angle_deg", "measured_output_angle": "output_angle_deg"}
@@ -53,12 +61,16 @@ class TwinProblem(Problem):
         handle_as_read = any(run.handle_as_read for run in finest)
         spooled = any("spool_agonist" in run.columns for run in runs)
         self._names = [
-            name for name in UNKNOWNS if _applies(name, law, given, spooled=spooled, handle_as_read=handle_as_read)
+            name
+            for name in UNKNOWNS
+            if _applies(name, law, given, spooled=spooled, handle_as_read=handle_as_read)
+            and (name != "friction.base_wrap" or self._inst.friction.base_wrap > 0)
         ]
         self._variables = [_ROW.index(UNKNOWNS[name].number) for name in self._names]
         stride = min(self._stride(run, fine) for run, fine in zip(runs, finest, strict=True))
         self._runs = finest if stride == 1 else [in_steps(run, self._inst, stride) for run in runs]
         self._known: dict[int, dict[bytes, Marginalisation]] = {}
+        self._held: dict[int, Marginalisation] = {}
         self.parameters = self._parameters()
         self.runs = tuple(run.name for run in self._runs)
         groups = dict.fromkeys(UNKNOWNS[name].group for name in self._names)
@@ -123,7 +135,10 @@ class TwinProblem(Problem):
             one = UNKNOWNS[name]
             upper = one.upper
             if name == "handle_length_share":
-                upper = min(upper, tuning.MOST_HANDLE_SHARE * (1 - sum(_core.joint_shares(self._inst.spec))))
+                shares = plant.compliance_shares(self._inst)
+                upper = min(
+                    upper, tuning.MOST_HANDLE_SHARE * (1 - (shares.handle_joint + shares.tip_joint) - shares.anchor)
+                )
             if name == "dynamics.tip_damping":
                 critical = 2 * plant.natural_frequency(self._inst) * self._nominal["tip_inertia"]
                 upper = tuning.MOST_DAMPING * max(critical, self._nominal["tip_damping"])
@@ -135,13 +150,37 @@ class TwinProblem(Problem):
         """Return how many sensors the residuals of a run hold."""
         return len(self._runs[run].measured)
 
+    def plain_residuals(self, values: Array, run: int) -> Array:
+        """Return measured minus model in standard deviations, (n,), errors of commands included."""
+        return self._plain(self._model(values, run, [])[:, 0], run)
+
+    def residuals_near(self, values: Array, run: int, other: Problem, there: Array) -> Array:
+        """Return the residuals, (n,), whitened as those of another model of the same recordings are near its values."""
+        if not isinstance(other, TwinProblem):
+            return self.residuals(values, run)
+        return other._whitened(self.plain_residuals(values, run), other.plain_residuals(there, run), there, run)
+
+    def refine(self, values: Array, runs: Sequence[int]) -> bool:
+        """Marginalise errors of commands near some values where residuals are too large to have done so before."""
+        for run in runs:
+            if self._runs[run].input_errors and self._far(self.plain_residuals(values, run), run):
+                self._held[run] = self._marginalised(values, run)
+        return any(run in self._held for run in runs)
+
+    def sensor_noise(self, run: int) -> tuple[float, ...]:
+        """Return the standard deviation of the residuals of each sensor of a perfect model."""
+        one = self._runs[run]
+        return tuple(
+            one.sensors[name].deviation_of_mean(one.stride) / one.sensors[name].deviation for name in one.measured
+        )
+
     def sample_time(self, run: int) -> float:
         """Return the time between residuals of a sensor, s."""
         return float(np.median(np.diff(self._runs[run].time)))
 
     def residuals(self, values: Array, run: int) -> Array:
         """Return measured minus model, in standard deviations, one sensor after the other."""
-        residuals = self._plain(self._model(values, run, [])[:, 0], run)
+        residuals = self.plain_residuals(values, run)
         return self._whitened(residuals, residuals, values, run)
 
     def jacobian(self, values: Array, run: int) -> Array:
@@ -236,8 +275,10 @@ class TwinProblem(Problem):
 
         None where there are none, or where plain residuals show that parameters are far off.
         """
+        if run in self._held:
+            return self._held[run]
         one = self._runs[run]
-        if not one.input_errors or one.stride * np.mean(plain**2) > tuning.FAR:
+        if not one.input_errors or self._far(plain, run):
             return None
         width = np.array([parameter.upper - parameter.lower for parameter in self.parameters]) * tuning.CELL
         near = np.round(values / width) * width
@@ -245,8 +286,14 @@ class TwinProblem(Problem):
         if near.tobytes() not in known:
             if len(known) >= tuning.CELLS_KEPT:
                 del known[next(iter(known))]
-            known[near.tobytes()] = marginalise(one, lambda commands: self._expected(commands, near, run))
+            known[near.tobytes()] = self._marginalised(near, run)
         return known[near.tobytes()]
+
+    def _marginalised(self, values: Array, run: int) -> Marginalisation:
+        return marginalise(self._runs[run], lambda commands: self._expected(commands, values, run))
+
+    def _far(self, plain: Array, run: int) -> bool:
+        return bool(self._runs[run].stride * np.mean(plain**2) > tuning.FAR)
 
     def _expected(self, commands: Array, values: Array, run: int) -> Array:
         """Return the model's sensor readings of a run, in standard deviations, one sensor after the other."""
@@ -271,10 +318,7 @@ class TwinProblem(Problem):
 
     def _run(self, run: SteppedRun, numbers: list[float], variables: Sequence[int]) -> Array:
         numbers[_ROW.index("time_step")] = run.time_step
-        friction = self._inst.friction
-        spec = _core.TwinSpec(
-            self._spec, numbers, friction.law == "stribeck", friction.sheath_contacts, 1, quasi_static=False
-        )
+        spec = plant.core_spec(self._inst, self._spec, numbers, 1, quasi_static=False)
         out = np.full((len(READINGS), 1 + len(variables), len(run.commands)), np.nan)
         _, status = _core.twin_gradient(spec, run.commands, run.handle_as_read, list(variables), out)
         if status in (Status.NOT_FINITE, Status.OUT_OF_RANGE):
@@ -290,23 +334,27 @@ def problem(
     Raises IdentificationError if no instrument is known, or the law is none of the twin's.
     """
     runs = [*train, *test]
+    return TwinProblem(runs, law, instrument_of(runs, instrument).planar[0])
+
+
+def instrument_of(runs: Sequence[MeasuredRun], given: Instrument | None) -> Instrument:
+    """Return the given instrument, or that of the first recording that contains one.
+
+    Raises IdentificationError if none does.
+    """
     known = [run.instrument for run in runs if isinstance(run, InstrumentRun) and run.instrument is not None]
-    inst = instrument or (known[0] if known else None)
+    inst = given or (known[0] if known else None)
     if inst is None:
         raise IdentificationError(
             f"{runs[0].name} does not contain its instrument; give --instrument.", key="instrument"
         )
-    return TwinProblem(runs, law, inst.planar[0])
+    return inst
 
 
 def _applies(name: str, law: str, given: set[str], *, spooled: bool, handle_as_read: bool) -> bool:
     """Return whether recordings of these sensors, under a friction law, can depend on a parameter."""
-    if name.startswith("friction.") and law == "none":
-        return False
-    if name == "friction.constant":
-        return law in ("capstan-constant", "stribeck")
-    if name in ("friction.static_ratio", "friction.stribeck_speed"):
-        return law == "stribeck"
+    if name.startswith("friction."):
+        return law != "none" and law in _LAWS_OF.get(name, LAWS)
     if name == "mismatch.output_encoder_offset":
         return "measured_output_angle" in given
     if name == "mismatch.handle_encoder_offset":
@@ -324,4 +372,6 @@ def _under(law: str, inst: Instrument) -> Instrument:
         changes["friction.static_ratio"] = None
     if law == "capstan":
         changes["friction.constant"] = None
+    if law != "capstan-power":
+        changes["friction.load_index"] = None
     return inst.replace(**changes)

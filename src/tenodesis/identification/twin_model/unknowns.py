@@ -48,6 +48,8 @@ _KEYS = (
     ("friction.vertex_coefficient", "1", 0.0, 1.0, "friction coefficient at the joints", "friction"),
     ("friction.sheath_coefficient", "1", 0.0, 1.0, "friction coefficient in the sheath", "friction"),
     ("friction.sheath_bend", "rad", 0.0, 3 * pi, "total bend of the sheath", "sheath"),
+    ("friction.base_wrap", "rad", 0.0, 1.0, "wrap angle of a joint when it is straight", "friction"),
+    ("friction.load_index", "1", 0.3, 1.0, "power of the tension that friction grows with", "friction"),
     ("friction.constant", "N", 0.0, 20.0, "load-independent friction of each joint and of the sheath", "friction"),
     ("friction.static_ratio", "1", 1.0, 3.0, "static over kinetic friction coefficient", "friction"),
     ("friction.stribeck_speed", "m/s", 1e-5, 0.1, "slip speed at which static friction has vanished", "friction"),
