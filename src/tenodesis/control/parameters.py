@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis import _core, plant
+from tenodesis import _core, plant, statics
 from tenodesis.instrument import Instrument
 
 FAULTS = tuple(name for name, _, _ in _core.faults())
@@ -29,6 +29,8 @@ _SMOOTHING = 6
 _SHAKE_SMOOTHING = 0.004
 _USUAL_LIMIT = 80.0  # N
 _FAULT_OVER_LIMIT = 1.25
+# Of the force that slackens a tendon of the straight instrument: with more the tip is no longer held on both sides.
+_SHARE_OF_SLACK = 0.6
 # Of the tip while homing, rad: moved by one motor's jog, by one tendon alone, and what a cell's error may cost.
 _JOG, _PULL, _TIP_ERROR = np.radians([0.8, 1.6, 0.5])
 # Of a tip that one tendon alone pulls: it coasts when the motor stops, rad/s.
@@ -85,6 +87,12 @@ def tension_limit(inst: Instrument) -> float:
     return float(
         min(max(_USUAL_LIMIT, 3 * inst.pretension), strength, inst.sensors.load_cell_range / (1.1 * _FAULT_OVER_LIMIT))
     )
+
+
+def force_limit(inst: Instrument) -> float:
+    """Return the force (N) at the tip beyond which the motors yield."""
+    given = inst.control.force_limit
+    return _SHARE_OF_SLACK * float(statics.slack_force(inst, 0.0)) if given is None else given
 
 
 def _axis(inst: Instrument, period: float) -> dict[str, float]:
@@ -158,7 +166,7 @@ def _axis(inst: Instrument, period: float) -> dict[str, float]:
         "settle_time": 0.03,
         "least_tension": control.least_tension * pretension,
         "tension_limit": tension_limit(inst),
-        "force_limit": control.force_limit,
+        "force_limit": force_limit(inst),
         "assistance": control.assistance,
         "hand_travel": 5 * 0.7 * handle_step,
         "still_time": 0.1,

@@ -243,8 +243,9 @@ class Control(FileTable):
     tension_limit: Force | None = Field(
         default=None, description="Tension above which no tendon is wound; without it 80 N, or 3 pretensions if more"
     )
-    force_limit: Force = Field(
-        default=1.25, description="Force at the tip beyond which the motors yield to the tissue; 0: none"
+    force_limit: Force | None = Field(
+        default=None,
+        description="Force at the tip beyond which the motors yield; 0: none; without it 0.6 of what slackens a tendon",
     )
     assistance: Annotated[float, Field(ge=0, le=1)] = Field(
         default=1.0, description="Share of the lost angle that the motors give back"
