@@ -100,7 +100,7 @@ def test_a_controller_is_recorded_shown_and_replayed(tenodesis: Command, tmp_pat
     choices = ("--law", "robust", "--observer", "friction", "--actuation", "differential")
     code, out, _ = tenodesis("record", "slack.toml", *choices, "--out", "run.mcap")
     assert code == 0
-    said = out.splitlines()
+    said = out.splitlines()[1:]
     assert said[0].startswith("run.mcap: short on scaled-up, ")
     assert said[1].startswith("state: ENABLED at the end (ENABLED ")
     assert said[2] == "faults: none."

@@ -61,7 +61,7 @@ def resolution(inst: Instrument) -> Resolution:
     """Return what the sensors of an instrument's first axis resolve at the unloaded tip; friction is left out.
 
     A step of a converter is an error of uniform probability, of step over root 12: while nothing moves, no filter
-    lessens it. Noise counts behind the controller's measurement filter. Deviations are propagated by the derivatives
+    lessens it (noise may, which is not counted). Noise counts behind the controller's measurement filter. Deviations are propagated by the derivatives
     of :func:`tenodesis.statics.estimate_output_angle`; without pretension they are not finite.
     """
     inst = inst.planar[0]
