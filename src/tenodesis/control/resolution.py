@@ -61,8 +61,9 @@ def resolution(inst: Instrument) -> Resolution:
     """Return what the sensors of an instrument's first axis resolve at the unloaded tip; friction is left out.
 
     A step of a converter is an error of uniform probability, of step over root 12: while nothing moves, no filter
-    lessens it (noise may, which is not counted). Noise counts behind the controller's measurement filter. Deviations are propagated by the derivatives
-    of :func:`tenodesis.statics.estimate_output_angle`; without pretension they are not finite.
+    lessens it (noise may, which is not counted). Noise counts behind the controller's measurement filter. Deviations
+    are propagated by the derivatives of :func:`tenodesis.statics.estimate_output_angle`; without pretension they are
+    not finite.
     """
     inst = inst.planar[0]
     sensors, control = inst.sensors, parameters(inst)
@@ -93,12 +94,10 @@ def resolution(inst: Instrument) -> Resolution:
     worst = places[int(np.argmax([place.total for place in places]))]
 
     by_force = statics.gradient("tensions", inst, handle, wrt=["force"])["force"]
-    apart = np.sqrt(
-        2 * (cell_error**2 + sensors.load_cell_offset**2)
-        + sensors.load_cell_gain_error**2 * (tension.agonist**2 + tension.antagonist**2)
-    )
+    steady = np.hypot(cell_error, sensors.load_cell_offset)
+    off = [np.hypot(steady, sensors.load_cell_gain_error * held) for held in tension]
     with np.errstate(divide="ignore", invalid="ignore"):
-        tip_force = float(np.max(apart / np.abs(by_force.agonist - by_force.antagonist)))
+        tip_force = float(np.max(np.hypot(*off) / np.abs(by_force.agonist - by_force.antagonist)))
     load = max(inst.conditions.forces, default=_USUAL_LOAD)
     taken = statics.output_angle(inst, handle) - statics.output_angle(inst, handle, load)
     loss = float(np.max(np.where(np.isfinite(taken), taken, inf)))
