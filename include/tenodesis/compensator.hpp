@@ -60,6 +60,7 @@ struct CompensatorState {
   Phase phase{Phase::track};
   S handle_angle{};           ///< with the observer's play, rad
   S held_angle{};             ///< handle angle when the hand was last still, rad
+  S stepped_angle{};          ///< handle angle at its last step that stands out, rad
   bool moving{};              ///< whether the hand moves
   S hand{};                   ///< direction of the handle's last motion
   S still{};                  ///< time since that motion, s
@@ -257,9 +258,11 @@ struct Compensator {
   // A hand counts as moving once it has travelled further than noise does, until it has been still for a while.
   bool detect_hand_motion(const S& handle_angle, const S& dt, State& state) const {
     const S moved = handle_angle - state.handle_angle;
-    if (abs(moved) > settings.hand_travel * S(0.2)) {
-      state.hand = moved > S(0) ? S(1) : S(-1);
-      state.handle_angle = handle_angle;
+    state.handle_angle = handle_angle;
+    if (moved != S(0)) state.hand = moved > S(0) ? S(1) : S(-1);
+    // In a tremor the intent creeps.
+    if (abs(handle_angle - state.stepped_angle) > settings.hand_travel * S(0.2)) {
+      state.stepped_angle = handle_angle;
       state.still = S(0);
     } else {
       state.still = smaller(state.still + dt, settings.still_time);

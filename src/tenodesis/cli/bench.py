@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tenodesis import instrument
-from tenodesis.cli.common import InstrumentFile, ProgressBar, console, table
+from tenodesis.cli.common import InstrumentFile, ProgressBar, console, say_resolution, table
 from tenodesis.errors import InstrumentError
 from tenodesis.paper.context import Context
 from tenodesis.paper.run import run, steps
@@ -58,6 +58,7 @@ def bench(
 
         context = run(inst, scaled, out, report)
     console.print(_summary(context))
+    say_resolution(context.tested)
     console.print(f"Report: [bold]{out / 'report.html'}[/bold]  (with figures/, curves/, recordings/ and results.json)")
 
 

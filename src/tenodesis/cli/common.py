@@ -14,8 +14,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from tenodesis.control.resolution import sentences, warnings
 from tenodesis.errors import CommandError, Error
 from tenodesis.files import atomic_file
+from tenodesis.instrument import Instrument
 
 console = Console()
 
@@ -36,6 +38,14 @@ def say(sentence: str, style: str | None = None) -> None:
 def warn(sentence: str) -> None:
     """Print a warning."""
     say(f"warning: {sentence}", "yellow")
+
+
+def say_resolution(inst: Instrument) -> None:
+    """Print what an instrument's sensors resolve at its tip, and warn where they do not suffice."""
+    for sentence in sentences(inst):
+        say(sentence)
+    for sentence in warnings(inst):
+        warn(sentence)
 
 
 def table(title: str | None = None, padding: tuple[int, int, int, int] = (0, 1, 0, 1)) -> Table:

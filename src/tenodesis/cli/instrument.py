@@ -8,7 +8,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tenodesis import instrument, plant
-from tenodesis.cli.common import InstrumentFile, console, warn
+from tenodesis.cli.common import InstrumentFile, console, say_resolution, warn
 from tenodesis.errors import Error
 
 Kind: TypeAlias = Literal["instrument", "catalogue", "tolerances"]
@@ -31,7 +31,7 @@ def schema(
 
 
 def check(instrument_file: InstrumentFile) -> None:
-    """Check an instrument file and print its values in SI units."""
+    """Check an instrument file; print its values in SI units, and what its sensors resolve at the tip."""
     inst: instrument.Instrument = instrument.load(instrument_file)
     title = f"{escape(inst.name)}: {inst.joint_type}, {' and '.join(inst.axes)}"
     values = Table("key", "value", "source", title=title)
@@ -42,6 +42,7 @@ def check(instrument_file: InstrumentFile) -> None:
             if key in own:
                 values.add_row(f"{axis}: {key}", f"{value:.6g} {quantity.unit}", "")
     console.print(values)
+    say_resolution(inst)
     try:
         plant.check_runnable(inst)
     except Error as problem:

@@ -20,6 +20,7 @@ from tenodesis.cli.common import (
     quantity,
     refuse_existing,
     say,
+    say_resolution,
     table,
     value_errors,
     write_errors,
@@ -89,6 +90,7 @@ def record(  # noqa: PLR0917
         )
     path = _default_path(protocol_file, instrument_file, law) if out is None else out
     refuse_existing([path], overwrite)
+    say_resolution(assumed)
     with value_errors(), _progress(path) as progress:
         run = record_run(
             inst,

@@ -53,7 +53,10 @@ COMMANDS: dict[str, Command | Group] = {
     "schema": Command(
         "Print the JSON schema of a kind of file, for editors that complete and check TOML.", "instrument.schema"
     ),
-    "check": Command("Check an instrument file and print its values in SI units.", "instrument.check"),
+    "check": Command(
+        "Check an instrument file; print its values in SI units, and what its sensors resolve at the tip.",
+        "instrument.check",
+    ),
     "record": Command(
         "Run a protocol on the twin of an instrument and record it, with --law under a controller.",
         "recording.record",

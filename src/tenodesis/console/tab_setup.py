@@ -8,6 +8,7 @@ from typing import Any
 
 from tenodesis import instrument
 from tenodesis.console.session import PageState, Session, as_plain, enable, set_properties
+from tenodesis.control.resolution import sentences, warnings
 from tenodesis.errors import InstrumentError, LiveError
 from tenodesis.files import read_regular
 
@@ -27,6 +28,7 @@ class SetupTab:
             f"**{as_plain(inst.name)}**, {' and '.join(inst.axes)}, on *{as_plain(session.link.device)}*. "
             f"{as_plain(inst.description)}"
         )
+        gui.add_markdown(as_plain(" ".join((*sentences(inst), *(f"Warning: {each}" for each in warnings(inst))))))
         self._shipped = gui.add_dropdown("Shipped", instrument.shipped())
         self._load = gui.add_button("Run this instrument")
         self._path = gui.add_text("Path", "", hint="On the machine that runs the instrument.")

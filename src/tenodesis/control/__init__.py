@@ -12,6 +12,7 @@ from tenodesis.control.controller import (
 )
 from tenodesis.control.export import export_header, header, identifier
 from tenodesis.control.parameters import FAULTS, HOMING_REASONS, Parameters, parameters
+from tenodesis.control.resolution import Resolution, resolution
 
 __all__ = [
     "FAULTS",
@@ -24,9 +25,11 @@ __all__ = [
     "Output",
     "Parameters",
     "Request",
+    "Resolution",
     "export_header",
     "header",
     "homing_failure",
     "identifier",
     "parameters",
+    "resolution",
 ]

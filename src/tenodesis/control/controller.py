@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core
 from tenodesis.control.parameters import FAULTS, HOMING_REASONS, parameters
+from tenodesis.control.resolution import check_force_limit
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument
 
@@ -114,7 +115,8 @@ class Controller:
     Raises
     ------
     ValueError
-        A choice is unknown, the robust law has another observer, or the core refuses the parameters.
+        A choice is unknown, the robust law has another observer, the load cells do not resolve the instrument's
+        force_limit, or the core refuses the parameters.
     """
 
     def __init__(
@@ -139,6 +141,7 @@ class Controller:
             raise ArgumentError(problem, key="observer", value=observer, allowed="friction")
         if period is not None and not (isfinite(period) and 0 < period < 1):
             raise ArgumentError(key="period", value=period, allowed="a time above 0 and below 1 s")
+        check_force_limit(inst)
         self.inst = inst
         self.observer, self.law, self.actuation = observer, law, actuation
         self.precision, self.own_clock = precision, bool(own_clock)

@@ -24,13 +24,13 @@ _GAIN_PER_SWING = 0.23
 # Of a tip that breaks away: its speed over its angular frequency, rad.
 _OVERSHOOT = np.radians(0.6)
 _STROKE_TIME = 0.25  # s
-# Of all measurements, in ticks, and of the tremor, s.
+# Of all measurements, in ticks, and of the tremor's speed and acceleration, s.
 _SMOOTHING = 6
-_SHAKE_SMOOTHING = 0.004
+_TREMOR_SMOOTHING = 0.004
 _USUAL_LIMIT = 80.0  # N
 _FAULT_OVER_LIMIT = 1.25
 # Of the force that slackens a tendon of the straight instrument: with more the tip is no longer held on both sides.
-_SHARE_OF_SLACK = 0.6
+_SHARE_OF_SLACK = 0.5
 # Of the tip while homing, rad: moved by one motor's jog, by one tendon alone, and what a cell's error may cost.
 _JOG, _PULL, _TIP_ERROR = np.radians([0.8, 1.6, 0.5])
 # Of a tip that one tendon alone pulls: it coasts when the motor stops, rad/s.
@@ -149,9 +149,9 @@ def _axis(inst: Instrument, period: float) -> dict[str, float]:
         "tremor_half_period": 0.1,
         "tremor_limit": np.radians(1.2),
         "tremor_memory": 1.0,
-        "tremor_smoothing": _SHAKE_SMOOTHING,
-        "steady_delay": float(__import__("os").environ.get("SD","1.05"))*(drives.time_constant + _SMOOTHING * period + period + 1.5*_SHAKE_SMOOTHING),
-        "steady_gain": float(__import__("os").environ.get("SG","1.05")),
+        "tremor_smoothing": _TREMOR_SMOOTHING,
+        "steady_delay": 1.05 * (drives.time_constant + (_SMOOTHING + 1) * period + 1.5 * _TREMOR_SMOOTHING),
+        "steady_gain": 1.05,
         "gain": control.gain or min(_USUAL_GAIN, _GAIN_PER_SWING * plant.natural_frequency(inst)),
         "breakaway_time": 0.025,
         "breakaway_speed": _OVERSHOOT * plant.natural_frequency(inst),

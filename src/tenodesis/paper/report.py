@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from markupsafe import Markup
 
+from tenodesis.control.resolution import sentences, warnings
 from tenodesis.instrument import Instrument
 from tenodesis.paper.context import Context, shown_force
 from tenodesis.report import page
@@ -34,13 +35,15 @@ def headlines(context: Context) -> list[tuple[str, str]]:
 
 def render(context: Context, sections: Sequence[Section], drawings: Mapping[str, Markup]) -> str:
     """Return the report as HTML; drawings are the figures as SVG, by name."""
+    instruments = [inst for inst in (context.inst, context.scaled) if inst is not None]
     return page.render(
         __package__,
         "report.html.j2",
         inst=context.inst,
         scaled=context.scaled,
         headlines=headlines(context),
-        dimensions=[_dimensions(inst) for inst in (context.inst, context.scaled) if inst is not None],
+        dimensions=[_dimensions(inst) for inst in instruments],
+        resolutions=[(inst.name, " ".join((*sentences(inst), *warnings(inst)))) for inst in instruments],
         sections=sections,
         drawings=drawings,
         care=sorted((point for section in sections for point in section.care), key=lambda point: point.number),
