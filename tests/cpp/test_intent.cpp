@@ -81,7 +81,7 @@ void a_single_step_is_no_tremor() {
 
 template <class S>
 void a_still_noisy_handle_does_not_tremble() {
-  std::minstd_rand random(1);
+  std::minstd_rand random(1);  // NOLINT(cert-msc32-c,cert-msc51-cpp,bugprone-random-generator-seed)
   std::uniform_real_distribution<double> noise(-play / 2, play / 2);
   Fixture<S> fixture;
   fixture.follow_for(20, [&](double) { return 0.5 + noise(random); });
@@ -120,7 +120,7 @@ void the_speed_of_a_sine_is_predicted() {
 
 template <class S>
 void any_finite_handle_gives_finite_numbers() {
-  std::minstd_rand random(2);
+  std::minstd_rand random(2);  // NOLINT(cert-msc32-c,cert-msc51-cpp,bugprone-random-generator-seed)
   std::uniform_real_distribution<double> power(-40, 38);
   std::bernoulli_distribution positive;
   Fixture<S> fixture;
