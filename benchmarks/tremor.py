@@ -18,6 +18,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from harm import EASED, LOADED, RATED, differing, eased, instruments
 from numpy.typing import NDArray
 from scipy import signal
 
@@ -27,8 +28,6 @@ from tenodesis.control.controller import fault_names
 from tenodesis.instrument import Instrument
 from tenodesis.run import Run
 from tenodesis.twin import TIME_STEP, Twin
-
-from harm import EASED, LOADED, RATED, differing, eased, instruments
 
 Array = NDArray[np.float64]
 
@@ -101,7 +100,8 @@ def tremor(frequency: float | None, time: Array) -> Array:
     if frequency is not None:
         return np.asarray(np.sin(2 * np.pi * frequency * time))
     pulsation = 2 * np.pi * RESONANCE
-    resonance = signal.cont2discrete(([pulsation**2], [1, 2 * DAMPING * pulsation, pulsation**2]), TIME_STEP)
+    denominator = np.array([1, 2 * DAMPING * pulsation, pulsation**2])
+    resonance = signal.cont2discrete((np.array([pulsation**2]), denominator), TIME_STEP)
     white = np.random.default_rng(SEED).normal(size=time.size)
     noise = signal.lfilter(resonance[0].ravel(), resonance[1], white)
     return np.asarray(noise / noise.std() / np.sqrt(2))
@@ -120,7 +120,7 @@ def motion(inst: Instrument, hand: Hand) -> tuple[Array, Array, Array]:
 def deviation(inst: Instrument, run: Run, intent: Array) -> Array:
     """Return how far the tip is from what the hand means, deg."""
     target = np.clip(tn.statics.output_angle(inst, intent, 0.0), -inst.output_stop, inst.output_stop)
-    return np.degrees(run["output_angle"] - target)
+    return np.asarray(np.degrees(run["output_angle"] - target))
 
 
 def judged(values: Array) -> Array:
@@ -154,7 +154,9 @@ def shake(inst: Instrument, hand: Hand) -> Tremor:
     change = judged(on["handle_torque"] - off["handle_torque"])
     return Tremor(
         hand,
-        *(swing(run) for run in (on, off, free)),
+        swing(on),
+        swing(off),
+        swing(free),
         error,
         error_off,
         float(np.abs(change).max()),
