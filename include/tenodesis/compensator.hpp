@@ -210,7 +210,7 @@ struct Compensator {
   // One motor cannot make both tendons slip the same way: it corrects by the observer's estimate as it is.
   Winding<S> one_motor(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, State& state) const {
     const S lag = yielding(observer.lag(memory), observer, memory, state);
-    const S dead = dead_length(memory.arm);
+    const S dead = dead_length(memory.arm) + S(0.5) * tremor_arm() * memory.intent.amplitude;
     const bool resting = state.phase == Phase::rest;
     state.phase = abs(lag) > (resting ? S(2) * dead : dead * S(0.5)) ? Phase::track : Phase::rest;
     if (state.phase == Phase::rest) return {};

@@ -69,7 +69,9 @@ void follow(const IntentSettings<S>& settings, const S& handle_angle, const S& d
     state.swing = fast ? swing : S(0);
     if (fast && amplitude > settings.play * S(0.75)) {
       state.amplitude = smaller(larger(state.amplitude, spare * amplitude), settings.limit);
-      state.pulsation = state.pulsation + (S(pi) / (state.since + dt) - state.pulsation) * S(0.2);
+      // Quicker reversals are noise of a tremor, and beyond what the motors can follow.
+      const S half = larger(state.since + dt, settings.half_period * S(0.36));
+      state.pulsation = state.pulsation + (S(pi) / half - state.pulsation) * S(0.2);
     }
     state.reversed = state.extreme;
     state.extreme = handle_angle;

@@ -29,7 +29,9 @@ _SMOOTHING = 6
 _TREMOR_SMOOTHING = 0.004
 _USUAL_LIMIT = 80.0  # N
 _FAULT_OVER_LIMIT = 1.25
-# Of the force that slackens a tendon of the straight instrument: with more the tip is no longer held on both sides.
+# What the weakest of eight tissues of the abdomen bears, N (Rodrigues et al., Surg. Endosc. 26, 2012), and of
+# the force that slackens a tendon of the straight instrument: a tip that bears more is meant for more.
+_TISSUE = 1.25
 _SHARE_OF_SLACK = 0.5
 # Of the tip while homing, rad: moved by one motor's jog, by one tendon alone, and what a cell's error may cost.
 _JOG, _PULL, _TIP_ERROR = np.radians([0.8, 1.6, 0.5])
@@ -92,7 +94,7 @@ def tension_limit(inst: Instrument) -> float:
 def force_limit(inst: Instrument) -> float:
     """Return the force (N) at the tip beyond which the motors yield."""
     given = inst.control.force_limit
-    return _SHARE_OF_SLACK * float(statics.slack_force(inst, 0.0)) if given is None else given
+    return max(_TISSUE, _SHARE_OF_SLACK * float(statics.slack_force(inst, 0.0))) if given is None else given
 
 
 def _axis(inst: Instrument, period: float) -> dict[str, float]:
