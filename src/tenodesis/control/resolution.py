@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tenodesis import plant, statics
-from tenodesis.control.parameters import parameters
+from tenodesis.control.parameters import force_limit, parameters
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import Instrument
 
@@ -133,7 +133,7 @@ def check_force_limit(inst: Instrument) -> None:
     InstrumentError
         It does. The default limit is not refused; :func:`warnings` names it.
     """
-    if "force_limit" not in inst.control.model_fields_set:
+    if inst.control.force_limit is None:
         return
     for _, axis in _different_axes(inst):
         known = resolution(axis)
@@ -149,11 +149,11 @@ def _different_axes(inst: Instrument) -> list[tuple[str, Instrument]]:
 
 
 def _is_unresolved(inst: Instrument, known: Resolution) -> bool:
-    return 0 < inst.control.force_limit < known.tip_force < inf
+    return 0 < force_limit(inst) < known.tip_force < inf
 
 
 def _unresolved_limit(inst: Instrument, known: Resolution) -> InstrumentError:
-    limit = inst.control.force_limit
+    limit = force_limit(inst)
     allowed = f"at least {known.tip_force:.3g} N, which is what the load cells resolve at the tip, or 0 for none"
     return InstrumentError(
         f"control.force_limit is {limit:g} N; it must be {allowed}.",
