@@ -51,6 +51,7 @@ static const tenodesis_parameters scaled_up = {
                 .share_stem = TENODESIS_C(0.7912499999999999), /* 1: share from there to the tip's joint */
                 .share_tip = TENODESIS_C(0.015), /* 1: share beyond the tip's joint */
                 .vertex_coefficient = TENODESIS_C(0.1), /* 1: friction coefficient at the joints */
+                .base_wrap = TENODESIS_C(0.0), /* rad: wrap angle of a straight joint */
                 .sheath_coefficient = TENODESIS_C(0.1), /* 1: friction coefficient in the sheath */
                 .sheath_bend = TENODESIS_C(0.17453292519943295), /* rad: total bend of the sheath */
                 .sheath_bend_rate = TENODESIS_C(0.0), /* rad/rad: bend added per unit of absolute handle angle */

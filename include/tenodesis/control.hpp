@@ -59,6 +59,7 @@ struct ControlModel {
   S spool_radius{};      ///< m
   S share[4]{};          ///< of a tendon's compliance: to the sheath, to the handle's joint, in the stem, at the tip
   S vertex{};            ///< friction coefficient at the joints' vertices
+  S base_wrap{};         ///< wrap angle of a straight joint, rad
   S sheath{};            ///< friction coefficient in the sheath
   S sheath_bend{};       ///< total bend of the sheath, rad
   S sheath_bend_rate{};  ///< added to it per radian of |handle angle|

@@ -93,7 +93,7 @@ struct Homing {
   S zero(int i, const Measurement<S>& measured) const {
     const S handle = abs(measured.handle_angle);
     const S at_sheath = exp(-model.sheath * (model.sheath_bend + model.sheath_bend_rate * handle));
-    const S at_handle = exp(-model.vertex * model.axis.proximal.wrap_angle(handle));
+    const S at_handle = exp(-model.vertex * (model.base_wrap + model.axis.proximal.wrap_angle(handle)));
     const S near = measured.tension[i] * at_sheath;
     const S held = near * at_handle;
     const S mean =

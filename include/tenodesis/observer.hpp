@@ -211,7 +211,7 @@ struct FrictionObserver {
     const S stretched = off * axis.stiffness;
     S hidden = S(2) * stretched * stretched;
     for (const auto& one : tendon) {
-      const S band = memory.scale * model.vertex * axis.distal.wrap_angle(angle) * one.tension[2];
+      const S band = memory.scale * memory.nominal[2] * one.tension[2];
       hidden = hidden + band * band * S(1.0 / 3);
     }
     estimate.tip_force_std = sqrt(hidden) * arm / reach;
@@ -256,8 +256,8 @@ struct FrictionObserver {
   void set_exponents(Memory& memory) const {
     const S handle = memory.smooth.handle_angle;
     memory.nominal[0] = model.sheath * (model.sheath_bend + model.sheath_bend_rate * abs(handle));
-    memory.nominal[1] = model.vertex * model.axis.proximal.wrap_angle(handle);
-    memory.nominal[2] = model.vertex * model.axis.distal.wrap_angle(memory.output_angle);
+    memory.nominal[1] = model.vertex * (model.base_wrap + model.axis.proximal.wrap_angle(handle));
+    memory.nominal[2] = model.vertex * (model.base_wrap + model.axis.distal.wrap_angle(memory.output_angle));
   }
 
   // Stretch of a tendon per newton, m/N.

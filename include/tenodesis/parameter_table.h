@@ -50,6 +50,7 @@
   ROW(share_stem, "1", positive, "share from there to the tip's joint")                                         \
   ROW(share_tip, "1", not_negative, "share beyond the tip's joint")                                             \
   ROW(vertex_coefficient, "1", not_negative, "friction coefficient at the joints")                              \
+  ROW(base_wrap, "rad", not_negative, "wrap angle of a straight joint")                                         \
   ROW(sheath_coefficient, "1", not_negative, "friction coefficient in the sheath")                              \
   ROW(sheath_bend, "rad", not_negative, "total bend of the sheath")                                             \
   ROW(sheath_bend_rate, "rad/rad", not_negative, "bend added per unit of absolute handle angle")                \

@@ -101,9 +101,8 @@ def _axis(inst: Instrument, period: float) -> dict[str, float]:
     numbers = plant.parameters(inst, period)
     drives, sensors, control = inst.drives, inst.sensors, inst.control
     pretension, stiffness = inst.pretension, inst.tendon_stiffness
-    in_handle = numbers["handle_length_share"] / 2
-    at_handle, at_tip = _core.joint_shares(inst.spec)
-    stem = 1 - numbers["handle_length_share"] - at_handle - at_tip
+    shares = plant.compliance_shares(inst)
+    in_handle = shares.handle / 2
     handle_step = max(numbers["encoder_resolution"], 2 * numbers["encoder_noise"])
     spool_step = numbers["motor_encoder_resolution"] * drives.spool_radius
     stretch = pretension / stiffness
@@ -123,10 +122,11 @@ def _axis(inst: Instrument, period: float) -> dict[str, float]:
         "stiffness": stiffness,
         "pretension": pretension,
         "share_sheath": in_handle,
-        "share_handle": in_handle + at_handle,
-        "share_stem": stem,
-        "share_tip": at_tip,
+        "share_handle": in_handle + shares.handle_joint,
+        "share_stem": shares.stem,
+        "share_tip": shares.tip_joint + shares.anchor,
         "vertex_coefficient": inst.friction.vertex_coefficient,
+        "base_wrap": inst.friction.base_wrap,
         "sheath_coefficient": inst.friction.sheath_coefficient,
         "sheath_bend": inst.friction.sheath_bend,
         "sheath_bend_rate": inst.friction.sheath_bend_per_handle_angle,
