@@ -79,7 +79,9 @@ class Run:
     friction_scale_std: Array | None = _signal("control", "1", "Its standard deviation")
     operating_state: Array | None = _signal("control", "1", "0 disabled, 1 enabled, 2 paused, 3 fault")
     faults: Array | None = _signal("control", "1", "Faults as a mask of bits, tenodesis.control.FAULTS in order")
-    phase: Array | None = _signal("control", "1", "Of the robust law: 0 rest, 1 track, 2 pull, 3 release, 4 restrained, 5 yielding")
+    phase: Array | None = _signal(
+        "control", "1", "Of the robust law: 0 rest, 1 track, 2 pull, 3 release, 4 restrained, 5 yielding"
+    )
     homing_failure: Array | None = _signal(
         "control", "1", "Why homing failed: number in tenodesis.control.HOMING_REASONS, and 256 per tendon"
     )
