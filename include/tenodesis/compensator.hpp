@@ -42,8 +42,8 @@ struct CompensatorSettings {
   S assistance{1};      ///< share of the lost angle that is given back
   S hand_travel{};      ///< handle travel above which the hand counts as moving, rad
   S still_time{};       ///< time without motion after which it counts as still, s
-  S steady_delay{};
-  S steady_gain{};
+  S tremor_delay{};     ///< by which the motors follow late, s
+  S tremor_gain{};      ///< of the speed at which they take the tremor away
 };
 
 enum class Phase : unsigned char {
@@ -131,45 +131,50 @@ struct Compensator {
     const bool strokes = state.phase == Phase::pull || state.phase == Phase::release;
     const S swing = strokes ? envelope.settings.stroke_swing : envelope.settings.least_swing;
     envelope.update(observer.certain(observer.lag(memory), memory),
-                    swing * dead_length(memory.arm) + S(0.5) * tremor_arm() * memory.intent.amplitude, observer, memory,
-                    dt, state.envelope);
-    const S stroke = across(memory);
+                    swing * dead_length(memory.arm) + S(0.5) * observer.tremor_length(memory), observer, memory, dt,
+                    state.envelope);
+    const S stroke = across(observer, memory);
     if (actuation == Actuation::agonist) {
-      const Winding<S> wanted = one_motor(observer, memory, state);
+      const Winding<S> wanted = one_motor(stroke, observer, memory, state);
       return {S(2) * limited(envelope.within(wanted.agonist * S(0.5), stroke, state.envelope)), S(0)};
     }
-    const Winding<S> wanted = two_motors(observer, memory, dt, state);
+    const Winding<S> wanted = two_motors(stroke, observer, memory, dt, state);
     const S along = (wanted.agonist + wanted.antagonist) * S(0.5);
     const S allowed = envelope.within((wanted.agonist - wanted.antagonist) * S(0.5), stroke, state.envelope);
     // The motors take the hand's tremor away, as far as it is known when they follow.
-    const S across =
-        limited(allowed - tremor_arm() * settings.steady_gain * memory.intent.speed_after(settings.steady_delay));
-    return {along + across, along - across};
+    const S against = settings.tremor_gain * memory.intent.speed_after(settings.tremor_delay);
+    const S across_now = limited(allowed - observer.tremor_arm() * against);
+    return {along + across_now, along - across_now};
   }
-
-  // Tendon length that a small tremor of the handle draws, per its angle, m.
-  S tremor_arm() const { return model.axis.proximal.moment_arm(S(0)); }
 
   // The differential stroke without what takes the tremor away, m.
-  S across(const FrictionMemory<S>& memory) const {
-    return (wound(memory.smooth, agonist) - wound(memory.smooth, antagonist)) * S(0.5) +
-           tremor_arm() * memory.intent.shaken;
+  S across(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory) const {
+    const S stroke = (wound(memory.smooth, agonist) - wound(memory.smooth, antagonist)) * S(0.5);
+    if (actuation == Actuation::agonist) return stroke;
+    return stroke + smaller(settings.tremor_gain, S(1)) * observer.tremor_arm() * memory.intent.shaken;
   }
 
-  // The lag that is corrected: a share of the lost angle, and none by which the tip would press harder than it may.
-  // Where it does, the motors give back what they have wound, and no more: the rest is the hand's.
-  S yielding(const S& lag, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, State& state) const {
-    const S stroke = across(memory);
-    const S shared = settings.assistance * lag - (S(1) - settings.assistance) * stroke;
-    state.yielding = false;
-    if (!(settings.force_limit > S(0))) return shared;
+  // The lag that is left to the motors, of which they give a share back.
+  S shared(const S& lag, const S& stroke) const {
+    return settings.assistance * lag - (S(1) - settings.assistance) * stroke;
+  }
+
+  /// How far the tip's lag may be corrected either way, m.
+  struct Room {
+    S least{};
+    S most{};
+
+    constexpr S of(const S& lag) const { return clamp(lag, least, most); }
+  };
+
+  // The tip must not press harder than it may. Where it does, the motors give back what they have wound, and no more:
+  // the rest is the hand's.
+  Room room(const S& stroke, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory) const {
+    constexpr S endless = std::numeric_limits<S>::infinity();
+    if (!(settings.force_limit > S(0))) return {-endless, endless};
     const S limit = settings.force_limit * observer.stretch_per_force(memory) + observer.exerted_unseen(memory);
     const S exerted = observer.exerted(memory);
-    const S most = larger(limit - exerted, smaller(-stroke, S(0)));
-    const S least = smaller(-limit - exerted, larger(-stroke, S(0)));
-    const S bounded = shared > S(0) ? smaller(shared, most) : larger(shared, least);
-    state.yielding = bounded != shared;
-    return bounded;
+    return {smaller(-limit - exerted, larger(-stroke, S(0))), larger(limit - exerted, smaller(-stroke, S(0)))};
   }
 
   // A slack tendon neither moves the tip nor shows where it is: near the least tension it is let out more slowly, then
@@ -208,34 +213,45 @@ struct Compensator {
   }
 
   // One motor cannot make both tendons slip the same way: it corrects by the observer's estimate as it is.
-  Winding<S> one_motor(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, State& state) const {
-    const S lag = yielding(observer.lag(memory), observer, memory, state);
-    const S dead = dead_length(memory.arm) + S(0.5) * tremor_arm() * memory.intent.amplitude;
+  Winding<S> one_motor(const S& stroke, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
+                       State& state) const {
+    const S missing = shared(observer.lag(memory), stroke);
+    const S lag = room(stroke, observer, memory).of(missing);
+    state.yielding = lag != missing;
+    // It takes no tremor away, and must not follow it.
+    const S dead = dead_length(memory.arm) + S(0.5) * observer.tremor_length(memory);
     const bool resting = state.phase == Phase::rest;
     state.phase = abs(lag) > (resting ? S(2) * dead : dead * S(0.5)) ? Phase::track : Phase::rest;
     if (state.phase == Phase::rest) return {};
     return {limited(S(2) * settings.gain * lag), S(0)};
   }
 
-  Winding<S> two_motors(const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
-                        State& state) const {
-    const S lag = yielding(observer.lag(memory), observer, memory, state);
-    const S dead = dead_length(memory.arm) * state.tolerance + S(0.15) * tremor_arm() * memory.intent.amplitude;
+  Winding<S> two_motors(const S& stroke, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory,
+                        const S& dt, State& state) const {
+    const S missing = shared(observer.lag(memory), stroke);
+    const Room room = this->room(stroke, observer, memory);
+    const S lag = room.of(missing);
+    state.yielding = lag != missing;
+    // Some of the tremor is left.
+    const S dead = dead_length(memory.arm) * state.tolerance + S(0.15) * observer.tremor_length(memory);
     const bool moving = detect_hand_motion(memory.intent.angle, dt, state);
     const S common = (wound(memory.smooth, agonist) + wound(memory.smooth, antagonist)) * S(0.5);
     const S wanted = wanted_common(memory);
     choose(lag, dead, moving, common - wanted, observer, memory, dt, state);
     if (state.phase == Phase::rest) return {};
     const S authority = state.envelope.authority;
-    S differential = settings.gain * authority * (state.phase == Phase::track ? observer.certain(lag, memory) : lag);
+    S differential =
+        settings.gain * authority * (state.phase == Phase::track ? observer.certain(missing, memory) : missing);
     if (state.phase == Phase::track && authority < S(1))
-      differential = differential + (S(1) - authority) * envelope.returning(across(memory), observer, memory);
+      differential =
+          differential + (S(1) - authority) * envelope.returning(stroke, settings.assistance, observer, memory);
     if (moving && lag * state.hand > dead) {
       // The hand has reversed and friction holds the tip: the friction is overcome before the tip lags behind, but not
       // so fast that the tip leaps.
       const S speed = observer.breakaway(memory, state.hand) / settings.breakaway_time;
       differential = differential + state.hand * authority * smaller(speed, settings.breakaway_speed * memory.arm);
     }
+    differential = clamp(differential, settings.gain * room.least, settings.gain * room.most);
     if (state.phase == Phase::track) {
       // A moving hand may need more tension to keep the looser tendon tight, and must not wait for it until it rests.
       const S tightening = wanted > S(0) ? clamp(settings.gain * (wanted - common), S(0), settings.common_speed) : S(0);
@@ -297,7 +313,7 @@ struct Compensator {
     const bool far = abs(lag) > settings.far * dead;
     const bool steady = Envelope<A>::steady(state.envelope);
     // A tremor turns the contacts at the handle to and fro, whatever the strokes do.
-    const bool shaken = memory.intent.amplitude > settings.hand_travel * S(0.2);
+    const bool shaken = observer.trembles(memory);
     state.since = smaller(state.since + dt, S(10));
     if (moving || (far && state.phase == Phase::rest)) return turn(Phase::track, state);
     switch (state.phase) {

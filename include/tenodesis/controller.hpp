@@ -91,10 +91,11 @@ struct AxisController {
 
   /// Estimate of the chosen observer; standard deviations that it does not know are NaN.
   Estimate<S> estimate(const Measurement<S>& measured, const Memory& memory) const {
-    if (observer == ObserverKind::friction) return friction.estimate(memory.friction);
+    if (observer == ObserverKind::friction && memory.friction.started) return friction.estimate(memory.friction);
     const A& axis = model().axis;
     constexpr S unknown = std::numeric_limits<S>::quiet_NaN();
     Estimate<S> estimate{unknown, unknown, unknown, unknown, S(1), unknown};
+    if (observer == ObserverKind::friction) return estimate;
     if (observer == ObserverKind::paper) {
       estimate.output_angle = paper_output_angle(model(), measured);
     } else {

@@ -67,12 +67,14 @@ struct Envelope {
   /// Whether the lag is steady enough for common strokes, which free what friction holds.
   static bool steady(const State& state) { return state.swings <= few_swings; }
 
-  /// Differential speed that leads a law without authority back, m/s; across: the present differential stroke, m.
-  S returning(const S& across, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory) const {
+  /// Differential speed that leads a law without authority back, m/s; across: the present differential stroke, m;
+  /// assistance: share of a loss that is given back.
+  S returning(const S& across, const S& assistance, const FrictionObserver<A>& observer,
+              const FrictionMemory<S>& memory) const {
     const S lost = observer.measured_loss(memory);
     const S hidden = observer.hidden_loss(memory, proven_friction);
     const S proven = lost > S(0) ? larger(lost - hidden, S(0)) : smaller(lost + hidden, S(0));
-    return settings.return_rate * (proven - across);
+    return settings.return_rate * (assistance * proven - across);
   }
 
   /// A differential speed within the bounds, m/s.

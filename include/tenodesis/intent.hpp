@@ -54,6 +54,8 @@ struct IntentState {
 /// Follows the handle, whose angle's noise is within the play.
 template <class S>
 void follow(const IntentSettings<S>& settings, const S& handle_angle, const S& dt, IntentState<S>& state) {
+  // Nothing that a hand does reverses more quickly, and motors could not follow it.
+  const S quickest = S(0.36) * settings.half_period;
   // Successive swings of a hand differ.
   const auto spare = S(1.2);
   const bool fast = state.since < settings.half_period;
@@ -67,11 +69,9 @@ void follow(const IntentSettings<S>& settings, const S& handle_angle, const S& d
     const S swing = abs(state.extreme - state.reversed);
     const S amplitude = smaller(S(0.25) * (swing + state.swing), S(0.75) * smaller(swing, state.swing));
     state.swing = fast ? swing : S(0);
-    if (fast && amplitude > settings.play * S(0.75)) {
+    if (fast && state.since > quickest && amplitude > settings.play * S(0.75)) {
       state.amplitude = smaller(larger(state.amplitude, spare * amplitude), settings.limit);
-      // Quicker reversals are noise of a tremor, and beyond what the motors can follow.
-      const S half = larger(state.since + dt, settings.half_period * S(0.36));
-      state.pulsation = state.pulsation + (S(pi) / half - state.pulsation) * S(0.2);
+      state.pulsation = state.pulsation + (S(pi) / state.since - state.pulsation) * S(0.2);
     }
     state.reversed = state.extreme;
     state.extreme = handle_angle;

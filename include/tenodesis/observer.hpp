@@ -164,6 +164,13 @@ struct FrictionObserver {
     return (memory.smooth.tension[agonist] - memory.smooth.tension[antagonist]) * unit_of(memory) * S(0.5);
   }
 
+  /// Tendon length that the handle draws by a small angle, per its size, m.
+  S tremor_arm() const { return model.axis.proximal.moment_arm(S(0)); }
+  /// Tendon length that the hand's tremor draws at most, m.
+  S tremor_length(const Memory& memory) const { return tremor_arm() * memory.intent.amplitude; }
+  /// Whether the hand trembles by more than noise does.
+  bool trembles(const Memory& memory) const { return memory.intent.amplitude > settings.intent.play; }
+
   /// Whether a tendon is slack, or as good as slack.
   bool loose(const Memory& memory) const {
     return smaller(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]) <=
@@ -244,12 +251,14 @@ struct FrictionObserver {
     by_compliance = by_compliance / memory.compliance;
     const S unseen = larger(memory.freedom[0], memory.freedom[1]);
     // A tremor moves what no stroke has proven.
-    const S shaken = S(0.5) * model.axis.proximal.moment_arm(S(0)) * memory.intent.amplitude;
-    const S by_gain = settings.gain_std * (tendon[agonist].tension[0] + tendon[antagonist].tension[0]) * unit;
+    const S shaken = S(0.5) * tremor_length(memory);
+    S by_gain(0);
+    for (const auto& one : tendon) by_gain = by_gain + one.tension[0] * one.tension[0];
+    by_gain = by_gain * S(0.25) * settings.gain_std * settings.gain_std * unit * unit;
     const auto& p = memory.covariance;
-    return sqrt(settings.bias_std * settings.bias_std + by_gain * by_gain * S(1.0 / 8) + shaken * shaken +
-                unseen * unseen * S(1.0 / 3) + by_friction * by_friction * p[0][0] + p[1][1] * S(0.25) +
-                by_compliance * by_compliance * p[2][2] + settings.play * settings.play * S(1.0 / 16));
+    return sqrt(settings.bias_std * settings.bias_std + by_gain + shaken * shaken + unseen * unseen * S(1.0 / 3) +
+                by_friction * by_friction * p[0][0] + p[1][1] * S(0.25) + by_compliance * by_compliance * p[2][2] +
+                settings.play * settings.play * S(1.0 / 16));
   }
 
  private:

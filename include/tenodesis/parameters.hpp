@@ -77,7 +77,7 @@ constexpr AxisController<A> axis_controller(const P& p) {
       S(p.gain),         S(p.breakaway_time), S(p.breakaway_speed), S(p.position_gain),       S(p.dead_band),
       S(p.tendon_speed), S(p.common_speed),   S(p.common_stroke),   S(p.common_stroke_share), S(p.far_lag),
       S(p.patience),     S(p.settle_time),    S(p.least_tension),   S(p.tension_limit),       S(p.force_limit),
-      S(p.assistance),   S(p.hand_travel),    S(p.still_time),      S(p.steady_delay),        S(p.steady_gain)};
+      S(p.assistance),   S(p.hand_travel),    S(p.still_time),      S(p.tremor_delay),        S(p.tremor_gain)};
   axis.compensator.envelope = {model,
                                {S(p.envelope_margin) * model.axis.distal.moment_arm(S(0)), S(p.envelope_friction),
                                 S(p.envelope_compliance), S(p.envelope_smoothing), S(p.least_swing), S(p.stroke_swing),
@@ -116,7 +116,8 @@ constexpr bool plausible(const P& p, bool continuum) {
   return TENODESIS_AXIS_PARAMETERS(TENODESIS_KEEPS_BOUND) abs(shares - S(1)) < S(0.01) &&
          (!continuum || S(p.backbone_length) > S(0)) && S(p.handle_range) < S(pi) && friction <= most_friction<S> &&
          S(p.pretension) < S(p.tension_limit) && S(p.homing_overshoot) < S(1) && S(p.assistance) <= S(1) &&
-         S(p.steady_gain) <= S(2) && S(p.tremor_limit) <= S(0.1) &&
+         S(p.tremor_gain) <= S(2) && S(p.tremor_limit) <= S(0.1) && S(p.tremor_half_period) >= S(0.01) &&
+         S(p.tremor_smoothing) >= S(1e-4) && S(p.tremor_delay) <= S(0.36) * S(p.tremor_half_period) &&
          S(p.limit[static_cast<int>(Fault::tick_late)].threshold) <= longest_tick<S>;
 #undef TENODESIS_KEEPS_BOUND
 }

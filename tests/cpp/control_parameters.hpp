@@ -58,7 +58,7 @@ tenodesis_axis_parameters axis_parameters(const A& axis) {
   p.return_rate = 4;
   p.homing_speed = 5e-3, p.homing_gain = 8, p.homing_stroke = 0.03, p.homing_overshoot = 0.15;
   p.tremor_half_period = 0.1, p.tremor_limit = 1.2 * degree, p.tremor_memory = 1, p.tremor_smoothing = 4e-3;
-  p.steady_delay = 0.02, p.steady_gain = 1.05, p.assistance = 1;
+  p.tremor_delay = 0.02, p.tremor_gain = 1.05, p.assistance = 1;
   p.homing_tolerance = 4e-3, p.homing_settle_time = 0.1, p.homing_time = 16, p.homing_least_stretch = 0.4;
   p.homing_jog = std::max(4 * spool_radius * counts, 0.8 * degree * axis.distal.radius);
   p.homing_travel = 1.6 * degree * axis.distal.radius;

@@ -27,6 +27,9 @@ _STROKE_TIME = 0.25  # s
 # Of all measurements, in ticks, and of the tremor's speed and acceleration, s.
 _SMOOTHING = 6
 _TREMOR_SMOOTHING = 0.004
+# Longest time between two reversals of tremor (5 Hz), and delay of motors that take tremor away, s.
+_HALF_PERIOD = 0.1
+_LATEST = 0.36 * _HALF_PERIOD
 _USUAL_LIMIT = 80.0  # N
 _FAULT_OVER_LIMIT = 1.25
 # What the weakest of eight tissues of the abdomen bears, N (Rodrigues et al., Surg. Endosc. 26, 2012), and of
@@ -102,6 +105,9 @@ def _axis(inst: Instrument, period: float) -> dict[str, float]:
     drives, sensors, control = inst.drives, inst.sensors, inst.control
     pretension, stiffness = inst.pretension, inst.tendon_stiffness
     shares = plant.compliance_shares(inst)
+    # The controller knows a capstan alone: a coefficient that depends on tension is that at pretension.
+    at_pretension = float((pretension / inst.friction.reference_tension) ** (inst.friction.load_index - 1))
+    delay = 1.05 * (drives.time_constant + (_SMOOTHING + 1) * period + 1.5 * _TREMOR_SMOOTHING)
     in_handle = shares.handle / 2
     handle_step = max(numbers["encoder_resolution"], 2 * numbers["encoder_noise"])
     spool_step = numbers["motor_encoder_resolution"] * drives.spool_radius
@@ -125,9 +131,9 @@ def _axis(inst: Instrument, period: float) -> dict[str, float]:
         "share_handle": in_handle + shares.handle_joint,
         "share_stem": shares.stem,
         "share_tip": shares.tip_joint + shares.anchor,
-        "vertex_coefficient": inst.friction.vertex_coefficient,
+        "vertex_coefficient": inst.friction.vertex_coefficient * inst.friction.vertex_factor * at_pretension,
         "base_wrap": inst.friction.base_wrap,
-        "sheath_coefficient": inst.friction.sheath_coefficient,
+        "sheath_coefficient": inst.friction.sheath_coefficient * at_pretension,
         "sheath_bend": inst.friction.sheath_bend,
         "sheath_bend_rate": inst.friction.sheath_bend_per_handle_angle,
         "spool_radius": drives.spool_radius,
@@ -148,12 +154,13 @@ def _axis(inst: Instrument, period: float) -> dict[str, float]:
         "bias_std": np.hypot(
             sensors.load_cell_offset / stiffness / np.sqrt(2), numbers["proximal_radius"] * sensors.encoder_offset
         ),
-        "tremor_half_period": 0.1,
+        "tremor_half_period": _HALF_PERIOD,
         "tremor_limit": np.radians(1.2),
         "tremor_memory": 1.0,
         "tremor_smoothing": _TREMOR_SMOOTHING,
-        "steady_delay": 1.05 * (drives.time_constant + (_SMOOTHING + 1) * period + 1.5 * _TREMOR_SMOOTHING),
-        "steady_gain": 1.05,
+        "tremor_delay": min(delay, _LATEST),
+        # Motors that follow later would shake the tip.
+        "tremor_gain": 1.05 if delay <= _LATEST else 0.0,
         "gain": control.gain or min(_USUAL_GAIN, _GAIN_PER_SWING * plant.natural_frequency(inst)),
         "breakaway_time": 0.025,
         "breakaway_speed": _OVERSHOOT * plant.natural_frequency(inst),
