@@ -234,10 +234,12 @@ struct Compensator {
     state.yielding = lag != missing;
     // Some of the tremor is left.
     const S dead = dead_length(memory.arm) * state.tolerance + S(0.15) * observer.tremor_length(memory);
-    const bool moving = detect_hand_motion(memory.intent.angle, dt, state);
+    // A tremor turns the contacts at the handle to and fro, whatever the strokes do.
+    const bool shaken = observer.trembles(memory);
+    const bool moving = detect_hand_motion(memory.intent.angle, shaken, dt, state);
     const S common = (wound(memory.smooth, agonist) + wound(memory.smooth, antagonist)) * S(0.5);
     const S wanted = wanted_common(memory);
-    choose(lag, dead, moving, common - wanted, observer, memory, dt, state);
+    choose(lag, dead, moving, shaken, common - wanted, observer, memory, dt, state);
     if (state.phase == Phase::rest) return {};
     const S authority = state.envelope.authority;
     S differential =
@@ -251,7 +253,10 @@ struct Compensator {
       const S speed = observer.breakaway(memory, state.hand) / settings.breakaway_time;
       differential = differential + state.hand * authority * smaller(speed, settings.breakaway_speed * memory.arm);
     }
-    differential = clamp(differential, settings.gain * room.least, settings.gain * room.most);
+    // Into what is left of the force as fast as the tip may break away, out of it as the lag is corrected.
+    const S inward = S(1) / settings.breakaway_time;
+    differential = clamp(differential, (room.least < S(0) ? inward : settings.gain) * room.least,
+                         (room.most > S(0) ? inward : settings.gain) * room.most);
     if (state.phase == Phase::track) {
       // A moving hand may need more tension to keep the looser tendon tight, and must not wait for it until it rests.
       const S tightening = wanted > S(0) ? clamp(settings.gain * (wanted - common), S(0), settings.common_speed) : S(0);
@@ -272,12 +277,13 @@ struct Compensator {
   static constexpr S most_share = S(0.8);
 
   // A hand counts as moving once it has travelled further than noise does, until it has been still for a while.
-  bool detect_hand_motion(const S& handle_angle, const S& dt, State& state) const {
+  bool detect_hand_motion(const S& handle_angle, bool trembles, const S& dt, State& state) const {
     const S moved = handle_angle - state.handle_angle;
     state.handle_angle = handle_angle;
     if (moved != S(0)) state.hand = moved > S(0) ? S(1) : S(-1);
     // In a tremor the intent creeps.
-    if (abs(handle_angle - state.stepped_angle) > settings.hand_travel * S(0.2)) {
+    const S least = trembles ? settings.hand_travel * S(0.2) : S(0);
+    if (abs(handle_angle - state.stepped_angle) > least) {
       state.stepped_angle = handle_angle;
       state.still = S(0);
     } else {
@@ -300,8 +306,8 @@ struct Compensator {
     return larger(more, S(0)) * memory.compliance / model.axis.stiffness;
   }
 
-  void choose(const S& lag, const S& dead, bool moving, const S& above, const FrictionObserver<A>& observer,
-              const FrictionMemory<S>& memory, const S& dt, State& state) const {
+  void choose(const S& lag, const S& dead, bool moving, bool shaken, const S& above,
+              const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt, State& state) const {
     const S unseen = larger(memory.freedom[0], memory.freedom[1]);
     const S stroke = settings.common_stroke + settings.stroke_share * wanted_common(memory);
     const bool loose =
@@ -312,8 +318,6 @@ struct Compensator {
     const bool near = state.near > settings.settle_time;
     const bool far = abs(lag) > settings.far * dead;
     const bool steady = Envelope<A>::steady(state.envelope);
-    // A tremor turns the contacts at the handle to and fro, whatever the strokes do.
-    const bool shaken = observer.trembles(memory);
     state.since = smaller(state.since + dt, S(10));
     if (moving || (far && state.phase == Phase::rest)) return turn(Phase::track, state);
     switch (state.phase) {

@@ -316,7 +316,7 @@ def test_expected_readings_have_derivatives_in_tissue(any_inst: Instrument) -> N
         axis = inst.spec.__class__.__new__(inst.spec.__class__)
         joint, _, *rest = inst.spec.__getstate__()
         axis.__setstate__((joint, parameters[count:], *rest))
-        spec = _core.TwinSpec(axis, parameters[:count], False, inst.friction.sheath_contacts, 1, False)
+        spec = plant.core_spec(inst, axis, parameters[:count], 1, False)
         out = np.empty((4, 1 + len(variables), motion.size))
         steps, status = _core.twin_gradient(spec, rows, False, variables, out)
         assert (steps, status) == (motion.size, tn.statics.Status.OK)
