@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import bisect
 
 from tenodesis import statics
 from tenodesis.control import LawName
@@ -18,16 +17,17 @@ from tenodesis.report.content import Array
 from tenodesis.scaling import catalogue
 from tenodesis.twin import Twin
 
-LAWS: tuple[LawName, ...] = ("off", "paper", "paper-feedback", "robust")
-"""Laws that hold the states: motors off, eq. 22 as a set point and fed back, ours."""
+LAWS: tuple[LawName, ...] = ("off", "paper", "robust")
+"""Laws that hold the states: motors off, eq. 22 as a set point, ours."""
 GOOD = 1.0
 """Final error with which a law is good enough, deg."""
-SHARES = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5)
+SHARES = (0.2, 0.4, 0.6, 0.8, 1.0, 1.5)
 """Coefficients of the sweep, over that of the instrument file."""
 
 _BEFORE, _AFTER = 4.0, 8.0  # s
 _BEYOND = (2.0, 4.0)  # times the largest radius that the joint holds
 _RADII = 5  # up to that
+_SCAN = 20  # steps up to the coefficient of the file
 _STEP = math.radians(0.1)
 _MOVES = math.radians(0.1)
 _WIRES_ACROSS_STRAND = {7: 3, 19: 5}
@@ -107,6 +107,10 @@ class Outcome(NamedTuple):
         """Return the final errors of a law by state, deg; NaN where it faulted."""
         return np.array([np.nan if one.faulted else one.final for one in self.held[law]])
 
+    def worst(self, law: LawName) -> float:
+        """Return the largest final error of a law over the states, deg; infinite where it faulted in one."""
+        return float(np.nan_to_num(np.abs(self.final(law)), nan=np.inf).max())
+
     @property
     def lost(self) -> Array:
         """Output angle lost with the motors off, by state, deg."""
@@ -130,9 +134,9 @@ class Study:
     ropes: tuple[Rope, ...]
     surfaces: tuple[Surface, ...]
     outcomes: dict[Design, Outcome]
-    largest_coefficient: float
-    """Largest coefficient at which the paper's law is good enough in the last state, on the present vertices of metal,
-    with a rope that springs back; NaN if there is none up to the sweep's largest."""
+    largest_coefficient: dict[tuple[Rope, float], float]
+    """By rope and radius on metal, the largest coefficient up to the file's at and below which the paper's law is good
+    enough in every state; NaN if it is not even without friction."""
 
     @property
     def coefficient(self) -> float:
@@ -149,10 +153,14 @@ class Study:
         return [self.outcomes[Design(self.reference_radius, one, rope, surface)] for one in self.coefficients]
 
     def good_radii(self, rope: Rope, surface: Surface) -> list[float]:
-        """Return the radii that the joint holds with which the paper's law is good enough in the last state, m."""
+        """Return the radii that the joint holds with which the paper's law is good enough in every state, m."""
         pairs = zip(self.radii, self.along_radius(rope, surface), strict=True)
-        held = self.limits.largest * (1 + 1e-9)
-        return [radius for radius, one in pairs if radius <= held and abs(one.final("paper")[-1]) <= GOOD]
+        return [radius for radius, one in pairs if radius <= self.held_radius and one.worst("paper") <= GOOD]
+
+    @property
+    def held_radius(self) -> float:
+        """The largest radius of the sweep that the joint holds, m, or the smallest if it holds none."""
+        return _held(self.radii, self.limits)
 
 
 def radius_limits(inst: Instrument) -> RadiusLimits:
@@ -346,7 +354,8 @@ def study(
         most = limits.largest
         radii = [*np.geomspace(min(reference, most), most, _RADII), *(factor * most for factor in _BEYOND)]
     found = tuple(sorted({float(radius) for radius in radii} | {reference}))
-    coefficients = tuple(sorted({float(share) * inst.friction.vertex_coefficient for share in shares} | {inst.friction.vertex_coefficient}))
+    present = inst.friction.vertex_coefficient
+    coefficients = tuple(sorted({float(share) * present for share in shares} | {present}))
     used = ropes(inst)
     designs = [
         Design(radius, coefficient, rope, surface)
@@ -363,8 +372,17 @@ def study(
         return design.surface.load_index, design.coefficient * friction.vertex_factor, bending
 
     distinct = {seen(design): design for design in reversed(designs)}
+    scanned = [(rope, radius) for rope in used for radius in dict.fromkeys((reference, _held(found, limits)))]
+    total = len(distinct) + len(scanned)
     done = step_response.in_parallel(
-        lambda key: outcome(inst, distinct[key], states, load, reference), distinct, progress
+        lambda key: outcome(inst, distinct[key], states, load, reference),
+        distinct,
+        lambda count, _: progress(count, total),
+    )
+    largest = step_response.in_parallel(
+        lambda case: _largest_coefficient(inst, states, load, reference, *case),
+        scanned,
+        lambda count, _: progress(len(distinct) + count, total),
     )
     return Study(
         inst,
@@ -377,20 +395,69 @@ def study(
         used,
         surfaces,
         {design: done[seen(design)] for design in designs},
-        _largest_coefficient(inst, states[-1], load, reference, coefficients),
+        largest,
     )
 
 
+def _held(radii: Sequence[float], limits: RadiusLimits) -> float:
+    """Return the largest of the radii that a joint holds, m, or the smallest if it holds none."""
+    return max((radius for radius in radii if radius <= limits.largest * (1 + 1e-9)), default=radii[0])
+
+
 def _largest_coefficient(
-    inst: Instrument, state: float, force: float, reference: float, coefficients: Sequence[float]
+    inst: Instrument, states: Sequence[float], force: float, reference: float, rope: Rope, radius: float
 ) -> float:
-    """Return the coefficient at which the paper's law ceases to be good enough in a state, by bisection."""
+    """Return the largest coefficient below which, in steps, the paper's law is good enough in every state."""
+    good = math.nan
+    for coefficient in np.linspace(0.0, inst.friction.vertex_coefficient, _SCAN + 1):
+        changed = redesigned(inst, Design(radius, float(coefficient), rope, METAL), reference)
+        ends = (held(inst, changed, state, force, "paper") for state in states)
+        if any(end.faulted or not abs(end.final) <= GOOD for end in ends):
+            break
+        good = float(coefficient)
+    return good
 
-    def excess(coefficient: float) -> float:
-        changed = redesigned(inst, Design(reference, coefficient, SPRINGY, METAL), reference)
-        return abs(held(inst, changed, state, force, "paper").final) - GOOD
 
-    low, high = 0.0, coefficients[-1]
-    if not excess(low) <= 0 < excess(high):
-        return math.nan
-    return float(bisect(excess, low, high, xtol=1e-4))
+def pretension_shift(inst: Instrument, radius: float) -> float:
+    """Return by how much arcs of a radius (m) change the pretension over the working range, N, at most.
+
+    A tendon on an arc has the moment arm of the span's line, r cos phi -/+ rho (1 - cos phi) +/- b sin phi inside and
+    outside the bend, where the arc begins b before the vertex. Integrated over both gears its excursion is 2 r sin phi
+    -/+ 2 (rho (phi - sin phi) - b (1 - cos phi)); b = rho tan(phi / 2) at the end of the range leaves the vertex in
+    its place there. The second term is what the way of both tendons grows by.
+    """
+    phi = np.linspace(0.0, inst.output_range / 2, 201)
+    begin = radius * math.tan(phi[-1] / 2)
+    difference = 2 * (radius * (phi - np.sin(phi)) - begin * (1 - np.cos(phi)))
+    return float(inst.tendon_stiffness * np.abs(difference).max())
+
+
+def answer(found: Study) -> str:
+    """Return in a sentence which redesign makes the paper's law good enough, within what the joint holds."""
+    sharp, held_mm = found.reference_radius, f"{1e3 * found.held_radius:.2g} mm"
+    radii = {(rope, surface): found.good_radii(rope, surface) for rope in found.ropes for surface in found.surfaces}
+    good = [(rope, surface, min(some)) for (rope, surface), some in radii.items() if some]
+    if good:
+        named = "; ".join(f"{1e3 * radius:.2g} mm ({rope.name}, {surface.name})" for rope, surface, radius in good)
+        by_radius = f"At the present coefficient a radius does: {named}"
+    else:
+        by_radius = f"No radius up to the {held_mm} that the joint holds does"
+    present = found.largest_coefficient[SPRINGY, sharp]
+    if math.isnan(present):
+        return f"{by_radius}, and no coefficient: friction at the vertices is not what the paper's law lacks."
+    by_coefficient = f"a coefficient of at most {present:.2g} instead of {found.coefficient:.2g} does"
+    ropes_alone = {
+        rope.name: (found.largest_coefficient[rope, sharp], found.largest_coefficient[rope, found.held_radius])
+        for rope in found.ropes
+        if rope.bending_stiffness
+    }
+    stiff = "; ".join(
+        f"{name}: {_coefficient(before)} on the present vertices, {_coefficient(after)} on vertices of {held_mm}"
+        for name, (before, after) in ropes_alone.items()
+    )
+    joined = f"{by_radius}; {by_coefficient}, with tendons that spring back"
+    return f"{joined} ({stiff})." if stiff else f"{joined}."
+
+
+def _coefficient(value: float) -> str:
+    return "none" if math.isnan(value) else f"{value:.2g}"
