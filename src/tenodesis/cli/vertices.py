@@ -30,9 +30,9 @@ def study_vertices(
         found = rounder_vertices.study(inst, newton, progress=bar)
     write(found, out)
     for one in tables(found):
-        shown = table(escape(one.caption))
+        shown = table(escape(one.caption), padding=(0, 1, 0, 0))
         for n, heading in enumerate(one.columns):
-            shown.add_column(heading, justify="right" if n else "left", overflow="fold")
+            shown.add_column(heading, justify="right" if n else "left", overflow="fold", min_width=len(one.rows[0][n]))
         for row in one.rows:
             shown.add_row(*row)
         console.print(shown)

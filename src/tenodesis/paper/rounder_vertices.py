@@ -11,7 +11,7 @@ import numpy as np
 from tenodesis import statics
 from tenodesis.control import LawName
 from tenodesis.errors import InstrumentError, NoSolutionError, StudyError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, TendonGear
 from tenodesis.paper import published, step_response
 from tenodesis.report.content import Array
 from tenodesis.scaling import catalogue
@@ -177,7 +177,7 @@ def radius_limits(inst: Instrument) -> RadiusLimits:
     InstrumentError
         The joint has no gears, whose vertices could be rounded.
     """
-    if inst.joint_type != "tendon-gear":
+    if not isinstance(inst, TendonGear):
         raise InstrumentError(key="joint_type", value=inst.joint_type, allowed="tendon-gear, whose vertices are sharp")
     distal, proximal = inst.distal_gear_radius, inst.proximal_gear_radius
     phi = inst.output_range / 2
@@ -226,7 +226,7 @@ def ropes(inst: Instrument) -> tuple[Rope, ...]:
         off = abs(rope.diameter - diameter)
         if construction not in by_construction or off < by_construction[construction][0]:
             stiffness = bending_stiffness(rope.name, rope.diameter, rope.modulus)
-            by_construction[construction] = off, Rope(rope.name, stiffness)
+            by_construction[construction] = off, Rope(f"{construction} {1e3 * rope.diameter:g} mm", stiffness)
     return SPRINGY, *(rope for _, rope in by_construction.values())
 
 
@@ -320,6 +320,7 @@ def study(
     *,
     radii: Iterable[float] | None = None,
     shares: Iterable[float] = SHARES,
+    tendons: tuple[Rope, ...] | None = None,
     surfaces: tuple[Surface, ...] = (METAL, PLASTIC),
     progress: Callable[[float, float], None] = lambda _done, _total: None,
 ) -> Study:
@@ -334,6 +335,8 @@ def study(
         present radius, half of the tendon's diameter, is always among them.
     shares
         Coefficients over that of the file, which is always among them.
+    tendons
+        Ropes, a tendon that springs back first; by default those of :func:`ropes`.
     progress
         Called with how much is done, and of how much.
 
@@ -356,7 +359,7 @@ def study(
     found = tuple(sorted({float(radius) for radius in radii} | {reference}))
     present = inst.friction.vertex_coefficient
     coefficients = tuple(sorted({float(share) * present for share in shares} | {present}))
-    used = ropes(inst)
+    used = ropes(inst) if tendons is None else tendons
     designs = [
         Design(radius, coefficient, rope, surface)
         for surface in surfaces
@@ -372,7 +375,12 @@ def study(
         return design.surface.load_index, design.coefficient * friction.vertex_factor, bending
 
     distinct = {seen(design): design for design in reversed(designs)}
-    scanned = [(rope, radius) for rope in used for radius in dict.fromkeys((reference, _held(found, limits)))]
+    # Without bending the radius has no effect on metal.
+    scanned = [
+        (rope, radius)
+        for rope in used
+        for radius in dict.fromkeys((reference, _held(found, limits)) if rope.bending_stiffness else (reference,))
+    ]
     total = len(distinct) + len(scanned)
     done = step_response.in_parallel(
         lambda key: outcome(inst, distinct[key], states, load, reference),
@@ -380,7 +388,7 @@ def study(
         lambda count, _: progress(count, total),
     )
     largest = step_response.in_parallel(
-        lambda case: _largest_coefficient(inst, states, load, reference, *case),
+        lambda case: _largest_coefficient(inst, states, load, reference, case),
         scanned,
         lambda count, _: progress(len(distinct) + count, total),
     )
@@ -405,9 +413,10 @@ def _held(radii: Sequence[float], limits: RadiusLimits) -> float:
 
 
 def _largest_coefficient(
-    inst: Instrument, states: Sequence[float], force: float, reference: float, rope: Rope, radius: float
+    inst: Instrument, states: Sequence[float], force: float, reference: float, case: tuple[Rope, float]
 ) -> float:
     """Return the largest coefficient below which, in steps, the paper's law is good enough in every state."""
+    rope, radius = case
     good = math.nan
     for coefficient in np.linspace(0.0, inst.friction.vertex_coefficient, _SCAN + 1):
         changed = redesigned(inst, Design(radius, float(coefficient), rope, METAL), reference)
@@ -446,18 +455,15 @@ def answer(found: Study) -> str:
     if math.isnan(present):
         return f"{by_radius}, and no coefficient: friction at the vertices is not what the paper's law lacks."
     by_coefficient = f"a coefficient of at most {present:.2g} instead of {found.coefficient:.2g} does"
-    ropes_alone = {
-        rope.name: (found.largest_coefficient[rope, sharp], found.largest_coefficient[rope, found.held_radius])
-        for rope in found.ropes
-        if rope.bending_stiffness
-    }
-    stiff = "; ".join(
-        f"{name}: {_coefficient(before)} on the present vertices, {_coefficient(after)} on vertices of {held_mm}"
-        for name, (before, after) in ropes_alone.items()
-    )
-    joined = f"{by_radius}; {by_coefficient}, with tendons that spring back"
-    return f"{joined} ({stiff})." if stiff else f"{joined}."
+    stiff = []
+    for rope in found.ropes:
+        if rope.bending_stiffness:
+            before, after = (_coefficient(found.largest_coefficient[rope, one]) for one in (sharp, found.held_radius))
+            same = before == after
+            stiff.append(f"{rope.name} {before}" + (" on either vertices" if same else f", on {held_mm} {after}"))
+    others = f" (with a rope that does not: {'; '.join(stiff)})" if stiff else ""
+    return f"{by_radius}; {by_coefficient} with tendons that spring back{others}."
 
 
 def _coefficient(value: float) -> str:
-    return "none" if math.isnan(value) else f"{value:.2g}"
+    return f"at most {value:.2g}" if value > 0 else "none above 0"

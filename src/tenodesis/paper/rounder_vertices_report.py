@@ -8,9 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from tenodesis.control import LawName
 from tenodesis.errors import StudyError
 from tenodesis.paper import rounder_vertices as vertices
-from tenodesis.paper.rounder_vertices import GOOD, LAWS, METAL, SPRINGY, Outcome, Rope, Study, Surface
+from tenodesis.paper.rounder_vertices import GOOD, LAWS, Outcome, Study
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Plot, Table, fixed
 from tenodesis.report.page import about, json_number, json_text, render, write_columns, write_figure, written
@@ -109,33 +110,28 @@ def _results(found: Study) -> dict[str, Any]:
 
 def tables(found: Study) -> list[Table]:
     """Return the tables of the page: by radius and rope, and by coefficient."""
-    headings = [
-        "lost, last state [°]",
-        "hysteresis [°]",
-        "delay [°]",
-        *(f"paper {state} [°]" for state in _states(found)),
-        "ours, worst [°]",
-    ]
+    headings = ["lost", "loop", "delay", *(f"paper {state}" for state in _states(found)), "ours"]
     by_radius, reference = [], found.reference_radius
     for surface in found.surfaces:
         for rope in found.ropes:
             for radius, one in zip(found.radii, found.along_radius(rope, surface), strict=True):
                 if radius in {reference, found.held_radius}:
-                    by_radius.append([f"{surface.name}, {rope.name}, {1e3 * radius:.2g} mm", *_cells(one)])
+                    by_radius.append([surface.name, rope.name, f"{1e3 * radius:.2g}", *_cells(one)])
     by_coefficient = [
         [f"{coefficient:.3g}", *_cells(one)]
         for coefficient, one in zip(found.coefficients, found.along_coefficient(), strict=True)
     ]
     return [
         Table(
-            f"By surface, rope and radius, coefficient {found.coefficient:.3g}: the present vertices, and the largest "
-            "that the joint holds",
-            ["design", *headings],
+            f"Coefficient {found.coefficient:.3g}, present vertices and the largest that the joint holds: angle "
+            "lost in the last state with the motors off, loop, delay, final error of the paper’s law by state and the "
+            "worst of ours, deg",
+            ["surface", "rope", "ρ [mm]", *headings],
             by_radius,
         ),
         Table(
-            f"By coefficient, on metal, radius {1e3 * reference:.2g} mm, tendons that spring back",
-            ["coefficient", *headings],
+            f"On metal, radius {1e3 * reference:.2g} mm, tendons that spring back: the same by coefficient, deg",
+            ["μ", *headings],
             by_coefficient,
         ),
     ]
@@ -180,33 +176,28 @@ def plot(found: Study) -> Plot:
     draw(third, "robust", lambda one: one.worst("robust"))
     third.set(ylabel="final error [deg]", title="Robust law, worst of the states")
     share = chart.keep("coefficient [1]", np.array(found.coefficients))
-    for law, name, color in (("paper", "paper's law", style.ANTAGONIST), ("robust", "robust law", style.AGONIST)):
-        values = [one.worst(law) for one in found.along_coefficient()]
-        chart.curve(fourth, share, f"{name} over coefficient [deg]", values, color=color, marker="o", ms=3.5, label=name)
-    fourth.axvline(found.coefficient, color=style.INK, ls=":", lw=1.0)
-    fourth.set(
-        xlabel="vertex coefficient [1]", ylabel="final error [deg]", title="Worst of the states, by coefficient"
+    drawn: tuple[tuple[LawName, str, str], ...] = (
+        ("paper", "paper's law", style.ANTAGONIST),
+        ("robust", "robust law", style.AGONIST),
     )
+    for law, name, color in drawn:
+        values = [one.worst(law) for one in found.along_coefficient()]
+        heading = f"{name} over coefficient [deg]"
+        chart.curve(fourth, share, heading, values, color=color, marker="o", ms=3.5, label=name)
+    fourth.axvline(found.coefficient, color=style.INK, ls=":", lw=1.0)
+    fourth.set(xlabel="vertex coefficient [1]", ylabel="final error [deg]", title="Worst of the states, by coefficient")
     fourth.legend(loc="upper left")
     for axis in (second, third, fourth):
         axis.axhline(GOOD, color=style.REFERENCE, ls="--", lw=1.0)
         axis.set_ylim(0, max(axis.get_ylim()[1], 1.2 * GOOD))
-    entries = [
-        (f"{surface.name}, {rope.name}", colors[surface], line)
-        for surface in found.surfaces
-        for rope, line in zip(found.ropes, _LINES, strict=False)
-    ]
-    _legend(chart.figure, entries)
+    for surface in found.surfaces:
+        for rope, line in zip(found.ropes, _LINES, strict=False):
+            first.plot([], [], line, color=colors[surface], label=f"{surface.name}, {rope.name}")
+    handles, names = first.get_legend_handles_labels()
+    chart.figure.legend(handles, names, loc="outside upper left", ncols=len(found.surfaces))
     return chart.plot(
         "vertices",
         f"{found.inst.name} under {found.force:.3g} N, coefficient {found.coefficient:.3g}. Upright line: the largest "
         f"radius that the joint holds, {1e3 * found.limits.largest:.2g} mm; dotted: the coefficient of the file; "
         f"dashed: {GOOD:g}°.",
     )
-
-
-def _legend(figure: Figure, entries: list[tuple[str, str, str]]) -> None:
-    from matplotlib.lines import Line2D
-
-    handles = [Line2D([], [], color=color, ls=line, label=name) for name, color, line in entries]
-    figure.legend(handles=handles, loc="outside upper left", ncols=2)
