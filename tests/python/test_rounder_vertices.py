@@ -119,7 +119,7 @@ def test_the_study_is_finite_and_more_friction_widens_the_loop(small: Study) -> 
 def test_no_radius_saves_the_papers_law_and_half_the_coefficient_does(small: Study) -> None:
     assert small.good_radii(SPRINGY, METAL) == []
     assert small.along_coefficient()[0].worst("paper") <= rounder.GOOD < small.along_coefficient()[1].worst("paper")
-    assert "No radius up to the 6.9 mm that the joint holds does" in rounder.answer(small)
+    assert "No radius up to the 6.9 mm that the joint holds brings" in rounder.answer(small)
     assert "a coefficient of at most 0.05 instead of 0.1 does" in rounder.answer(small)
 
 

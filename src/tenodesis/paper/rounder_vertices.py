@@ -24,7 +24,8 @@ GOOD = 1.0
 SHARES = (0.2, 0.4, 0.6, 0.8, 1.0, 1.5)
 """Coefficients of the sweep, over that of the instrument file."""
 
-_BEFORE, _AFTER = 4.0, 8.0  # s
+BEFORE, AFTER = 4.0, 8.0
+"""Time before the load and under it, s."""
 _BEYOND = (2.0, 4.0)  # times the largest radius that the joint holds
 _RADII = 5  # up to that
 _SCAN = 20  # steps up to the coefficient of the file
@@ -265,7 +266,7 @@ def _told(inst: Instrument, changed: Instrument) -> Instrument:
 
 def held(inst: Instrument, changed: Instrument, state: float, force: float, law: LawName) -> Held:
     """Hold an output angle (rad) under a load (N) by a law; `inst` is the instrument as in its file."""
-    motion = step_response.held_motion(inst, state, force, _BEFORE, _AFTER)
+    motion = step_response.held_motion(inst, state, force, BEFORE, AFTER)
     try:
         run = step_response.simulate_motion(changed, _told(inst, changed), motion, law)
     except NoSolutionError:
@@ -446,14 +447,17 @@ def answer(found: Study) -> str:
     sharp, held_mm = found.reference_radius, f"{1e3 * found.held_radius:.2g} mm"
     radii = {(rope, surface): found.good_radii(rope, surface) for rope in found.ropes for surface in found.surfaces}
     good = [(rope, surface, min(some)) for (rope, surface), some in radii.items() if some]
+    goal = f"brings the paper's law within {GOOD:g}° in every state"
     if good:
         named = "; ".join(f"{1e3 * radius:.2g} mm ({rope.name}, {surface.name})" for rope, surface, radius in good)
-        by_radius = f"At the present coefficient a radius does: {named}"
+        by_radius = f"At the present coefficient a radius {goal}: {named}"
     else:
-        by_radius = f"No radius up to the {held_mm} that the joint holds does"
+        by_radius = f"No radius up to the {held_mm} that the joint holds {goal}"
     present = found.largest_coefficient[SPRINGY, sharp]
     if math.isnan(present):
         return f"{by_radius}, and no coefficient: friction at the vertices is not what the paper's law lacks."
+    if present >= found.coefficient:
+        return f"{by_radius}, and with tendons that spring back the paper's law is as good already."
     by_coefficient = f"a coefficient of at most {present:.2g} instead of {found.coefficient:.2g} does"
     stiff = []
     for rope in found.ropes:

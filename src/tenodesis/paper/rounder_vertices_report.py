@@ -44,6 +44,8 @@ def write(found: Study, out: Path) -> None:
             answer=vertices.answer(found),
             shift=vertices.pretension_shift(found.inst, found.held_radius),
             good=GOOD,
+            before=vertices.BEFORE,
+            after=vertices.AFTER,
             states=_states(found),
         )
         (new / _PAGE).write_text(page, "utf-8")
@@ -193,11 +195,12 @@ def plot(found: Study) -> Plot:
     for surface in found.surfaces:
         for rope, line in zip(found.ropes, _LINES, strict=False):
             first.plot([], [], line, color=colors[surface], label=f"{surface.name}, {rope.name}")
+    first.plot([], [], color=style.INK, lw=1.0, label="largest radius that the joint holds")
     handles, names = first.get_legend_handles_labels()
-    chart.figure.legend(handles, names, loc="outside upper left", ncols=len(found.surfaces))
+    chart.figure.legend(handles, names, loc="outside upper left", ncols=len(found.surfaces) + 1)
     return chart.plot(
         "vertices",
-        f"{found.inst.name} under {found.force:.3g} N, coefficient {found.coefficient:.3g}. Upright line: the largest "
-        f"radius that the joint holds, {1e3 * found.limits.largest:.2g} mm; dotted: the coefficient of the file; "
+        f"{found.inst.name} under {found.force:.3g} N, coefficient {found.coefficient:.3g}. The joint holds "
+        f"{1e3 * found.limits.largest:.2g} mm; dotted: the coefficient of the file; "
         f"dashed: {GOOD:g}°.",
     )
