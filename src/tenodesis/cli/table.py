@@ -80,6 +80,10 @@ COMMANDS: dict[str, Command | Group] = {
         "Study what tolerances do to a scale model's loss of angle and similarity, and which of them dominate.",
         "tolerance.study_tolerances",
     ),
+    "vertices": Command(
+        "Study rounder vertices: radius, coefficient and rope against loss, hysteresis and final errors.",
+        "vertices.study_vertices",
+    ),
     "identify": Command(
         "Identify a model from recordings: parameters with intervals, errors on held-out runs, and the instrument "
         "file.",

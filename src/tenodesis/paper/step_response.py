@@ -189,8 +189,15 @@ def tip_delay(run: Run, paused: Run, motion: Motion, spool_radius: float) -> tup
     return float(follows[0]) * TIME_STEP, spool_radius * float(wound[follows[0]] - wound[0])
 
 
-def in_parallel(work: Callable[[T], R], cases: Iterable[T]) -> dict[T, R]:
-    """Return the results by case, in order, computed over threads; without those that the joint cannot hold."""
+def in_parallel(
+    work: Callable[[T], R],
+    cases: Iterable[T],
+    progress: Callable[[float, float], None] = lambda _done, _total: None,
+) -> dict[T, R]:
+    """Return the results by case, in order, computed over threads; without those that the joint cannot hold.
+
+    Progress is called with how many are done, and of how many.
+    """
 
     def attempt(case: T) -> R | None:
         try:
@@ -199,6 +206,10 @@ def in_parallel(work: Callable[[T], R], cases: Iterable[T]) -> dict[T, R]:
             return None
 
     cases = list(cases)
+    found: dict[T, R] = {}
     with ThreadPoolExecutor(threads()) as pool:
-        found = zip(cases, pool.map(attempt, cases), strict=True)
-        return {case: result for case, result in found if result is not None}
+        for done, (case, result) in enumerate(zip(cases, pool.map(attempt, cases), strict=True), 1):
+            if result is not None:
+                found[case] = result
+            progress(done, len(cases))
+    return found

@@ -1,0 +1,42 @@
+"""The command about rounder vertices: ``tenodesis vertices``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from tenodesis import instrument
+from tenodesis.cli.common import InstrumentFile, ProgressBar, console, quantity, say, table
+from tenodesis.paper import rounder_vertices
+from tenodesis.paper.rounder_vertices_report import tables, write
+from tenodesis.units import PositiveForce
+
+
+def study_vertices(
+    instrument_file: InstrumentFile = "scaled-up",
+    force: Annotated[
+        str | None,
+        typer.Option(
+            help="Load at the tip. Default: that of the load rig, or the second of the conditions.", show_default=False
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for page, figure, sweep and results.")] = Path("out/vertices"),
+) -> None:
+    """Study rounder vertices: radius, coefficient and rope against loss, hysteresis and final errors."""
+    inst = instrument.load(instrument_file).planar[0]
+    newton = None if force is None else quantity("--force", force, PositiveForce)
+    with ProgressBar("designs") as bar:
+        found = rounder_vertices.study(inst, newton, progress=bar)
+    write(found, out)
+    for one in tables(found):
+        shown = table(escape(one.caption), padding=(0, 1, 0, 0))
+        for n, heading in enumerate(one.columns):
+            shown.add_column(heading, justify="right" if n else "left", overflow="fold", min_width=len(one.rows[0][n]))
+        for row in one.rows:
+            shown.add_row(*row)
+        console.print(shown)
+    limits = found.limits
+    say(f"The joint holds vertices of up to {1e3 * limits.largest:.2g} mm, for {limits.reason}.")
+    say(rounder_vertices.answer(found))
+    console.print(f"Page: [bold]{escape(str(out / 'vertices.html'))}[/bold]  (figures/, sweep.csv and results.json)")

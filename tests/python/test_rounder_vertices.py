@@ -1,0 +1,149 @@
+"""Claims about rounder vertices: the radius that a joint holds, what it does to friction, and the study's command."""
+
+import json
+from math import cos, inf, radians, sin, tan
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from tenodesis import instrument
+from tenodesis.cli import vertices as command
+from tenodesis.errors import CommandError, InstrumentError, StudyError
+from tenodesis.instrument import Instrument
+from tenodesis.paper import rounder_vertices as rounder
+from tenodesis.paper.rounder_vertices import METAL, PLASTIC, SPRINGY, Design, Rope, Study
+from tenodesis.paper.rounder_vertices_report import write
+
+from .conftest import EXAMPLES
+
+REFERENCE = 0.27e-3
+STIFF = Rope("stiff", 4e-6)
+
+
+@pytest.fixture(scope="module")
+def scaled_up() -> Instrument:
+    return instrument.load("scaled-up").planar[0]
+
+
+@pytest.fixture(scope="module")
+def small(scaled_up: Instrument) -> Study:
+    held = rounder.radius_limits(scaled_up).largest
+    return rounder.study(scaled_up, radii=[held], shares=(0.5,), tendons=(SPRINGY, STIFF), surfaces=(METAL,))
+
+
+def _hysteresis(inst: Instrument, radius: float, rope: Rope = SPRINGY, surface: rounder.Surface = METAL) -> float:
+    changed = rounder.redesigned(inst, Design(radius, 0.1, rope, surface), REFERENCE)
+    return rounder.loop(changed, 1.5)[0]
+
+
+def test_rounder_vertices_never_reduce_friction_without_bending(scaled_up: Instrument) -> None:
+    # The pressure falls with the radius, and by the power law the coefficient rises: mu_r (rho / rho_r)^(1 - n).
+    loops = [_hysteresis(scaled_up, radius, surface=PLASTIC) for radius in (REFERENCE, 1e-3, 3e-3, 7e-3)]
+    assert np.all(np.diff(loops) > 0)
+
+
+def test_on_metal_the_radius_changes_nothing_without_bending(scaled_up: Instrument) -> None:
+    assert _hysteresis(scaled_up, REFERENCE) == _hysteresis(scaled_up, 7e-3)
+
+
+def test_with_a_stiff_rope_on_metal_rounder_vertices_reduce_the_loop_to_that_without_bending(
+    scaled_up: Instrument,
+) -> None:
+    loops = [_hysteresis(scaled_up, radius, STIFF) for radius in (1e-3, 2e-3, 4e-3, 8e-3, 0.1)]
+    without = _hysteresis(scaled_up, REFERENCE)
+    assert np.all(np.diff(loops) < 0)
+    assert loops[-1] == pytest.approx(without, abs=0.01)
+
+
+def test_arcs_of_the_largest_radius_meet_in_the_span(scaled_up: Instrument) -> None:
+    # The contact is at the height r above the gear's centre; the arc's centre is where the arc ends.
+    radius, phi = 7.5e-3, radians(40)
+
+    def beyond(rho: float) -> float:
+        return (radius + rho) * sin(phi) - rho * tan(phi / 2) * cos(phi) - radius
+
+    assert rounder.radius_limits(scaled_up).span == pytest.approx(brentq(beyond, 0, 1), rel=1e-9)
+
+
+def test_an_arc_of_the_largest_radius_uses_up_the_wall(scaled_up: Instrument) -> None:
+    limits = rounder.radius_limits(scaled_up)
+    assert limits.wall * (1 - cos(radians(40))) == pytest.approx((18.75e-3 - 2 * 7.5e-3 - 0.54e-3) / 2, rel=1e-12)
+    assert limits.largest == limits.wall
+    assert limits.reason == "the wall of the joint"
+
+
+def test_a_joint_without_an_outer_diameter_is_limited_by_its_span(scaled_up: Instrument) -> None:
+    limits = rounder.radius_limits(scaled_up.replace(stem_diameter=None))
+    assert limits.wall == inf
+    assert limits.largest == limits.span
+
+
+def test_arcs_change_the_pretension_as_the_length_of_the_rounded_way_says(scaled_up: Instrument) -> None:
+    # Tangent, arc, tangent in one link, from far below the vertex to the contact; both tendons, both links.
+    rho, radius = 5e-3, 7.5e-3
+    begin = rho * tan(radians(20))
+
+    def way(phi: float, side: int) -> float:
+        # The arc's centre is beside the tendon and `begin` below the vertex; the arc ends at its height.
+        height = (side * radius + rho) * sin(phi) - begin * cos(phi)
+        return rho * phi + radius - height
+
+    growth = [way(phi, 1) + way(phi, -1) - way(0, 1) - way(0, -1) for phi in np.linspace(0, radians(40), 201)]
+    expected = scaled_up.tendon_stiffness * np.abs(growth).max()
+    assert rounder.pretension_shift(scaled_up, rho) == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_bending_stiffness_of_a_rope_is_that_of_its_wires() -> None:
+    # 49 wires of 0.06 mm, whose modulus gives the rope's stiffness over the full circle of 0.54 mm.
+    wire, count = 0.06e-3, 49
+    modulus = 73.2e9 * 0.54e-3**2 / (count * wire**2)
+    assert rounder.bending_stiffness("7x7 stainless", 0.54e-3, 73.2e9) == pytest.approx(
+        count * modulus * np.pi * wire**4 / 64, rel=1e-12
+    )
+    with pytest.raises(StudyError, match=r"^rope is '1x19'; it must be a rope of construction 7x7 or 7x19\.$"):
+        rounder.bending_stiffness("1x19", 1e-3, 1e11)
+
+
+def test_the_study_is_finite_and_more_friction_widens_the_loop(small: Study) -> None:
+    for one in small.outcomes.values():
+        assert np.isfinite([one.hysteresis, one.delay, *one.lost, *one.final("paper"), *one.final("robust")]).all()
+    for rope in small.ropes:
+        for radius in small.radii:
+            less, more = (small.outcomes[Design(radius, mu, rope, METAL)] for mu in small.coefficients)
+            assert less.hysteresis < more.hysteresis
+            assert less.delay < more.delay
+
+
+def test_no_radius_saves_the_papers_law_and_half_the_coefficient_does(small: Study) -> None:
+    assert small.good_radii(SPRINGY, METAL) == []
+    assert small.along_coefficient()[0].worst("paper") <= rounder.GOOD < small.along_coefficient()[1].worst("paper")
+    assert "No radius up to the 6.9 mm that the joint holds brings" in rounder.answer(small)
+    assert "a coefficient of at most 0.05 instead of 0.1 does" in rounder.answer(small)
+
+
+def test_the_study_writes_a_page_with_its_figure_and_results(small: Study, tmp_path: Path) -> None:
+    write(small, tmp_path)
+    page = (tmp_path / "vertices.html").read_text("utf-8")
+    assert "<svg" in page
+    assert "<script src" not in page
+    assert "<img" not in page
+    results = json.loads((tmp_path / "results.json").read_text("utf-8"))
+    assert results["answer"] == rounder.answer(small)
+    assert len(results["designs"]) == len(small.outcomes)
+    assert (tmp_path / "sweep.csv").read_text("utf-8").count("\n") == len(small.outcomes) + 1
+    assert (tmp_path / "figures/vertices.png").is_file()
+
+
+def test_wrong_inputs_are_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(InstrumentError, match=r"^absent: there is no such file"):
+        command.study_vertices("absent")
+    with pytest.raises(
+        InstrumentError, match=r"^joint_type is 'tendon-pulley'; it must be tendon-gear, whose vertices"
+    ):
+        command.study_vertices(str(EXAMPLES / "pulley.toml"), out=tmp_path)
+    with pytest.raises(CommandError, match=r"^--force = '-1 N'"):
+        command.study_vertices("scaled-up", force="-1 N", out=tmp_path)
+    with pytest.raises(InstrumentError, match=r"^friction.vertex_coefficient is 0; it must be above 0"):
+        rounder.study(instrument.load("scaled-up").planar[0].replace(friction=None))
