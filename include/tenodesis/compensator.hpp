@@ -271,7 +271,7 @@ struct Compensator {
 
   static constexpr S long_rest = S(1);  // s
   static constexpr int most_turns = 4;
-  static constexpr S growth = S(1.5), most_tolerance = S(4);
+  static constexpr S growth = S(1.5), most_tolerance = S(3);
 
   // Largest share of the differential speed in the common one: neither tendon may reverse.
   static constexpr S most_share = S(0.8);

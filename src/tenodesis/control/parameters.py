@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis import _core, plant, statics
+from tenodesis import _core, plant
 from tenodesis.instrument import Instrument
 
 FAULTS = tuple(name for name, _, _ in _core.faults())
@@ -32,10 +32,10 @@ _HALF_PERIOD = 0.1
 _LATEST = 0.36 * _HALF_PERIOD
 _USUAL_LIMIT = 80.0  # N
 _FAULT_OVER_LIMIT = 1.25
-# What the weakest of eight tissues of the abdomen bears, N (Rodrigues et al., Surg. Endosc. 26, 2012), and of
-# the force that slackens a tendon of the straight instrument: a tip that bears more is meant for more.
+# What the weakest of eight tissues of the abdomen bears, N (Rodrigues et al., Surg. Endosc. 26, 2012); a margin over
+# the largest load that an instrument is meant for.
 _TISSUE = 1.25
-_SHARE_OF_SLACK = 0.5
+_OVER_LOAD = 4 / 3
 # Of the tip while homing, rad: moved by one motor's jog, by one tendon alone, and what a cell's error may cost.
 _JOG, _PULL, _TIP_ERROR = np.radians([0.8, 1.6, 0.5])
 # Of a tip that one tendon alone pulls: it coasts when the motor stops, rad/s.
@@ -97,7 +97,7 @@ def tension_limit(inst: Instrument) -> float:
 def force_limit(inst: Instrument) -> float:
     """Return the force (N) at the tip beyond which the motors yield."""
     given = inst.control.force_limit
-    return max(_TISSUE, _SHARE_OF_SLACK * float(statics.slack_force(inst, 0.0))) if given is None else given
+    return max(_TISSUE, _OVER_LOAD * max(inst.conditions.forces, default=0.0)) if given is None else given
 
 
 def _axis(inst: Instrument, period: float) -> dict[str, float]:

@@ -158,8 +158,8 @@ def conditions(context: Context) -> list[Condition]:
         Condition("step_load", f"step load of {force:.3g} N", inst, same),
         Condition(
             "slack_limit",
-            f"{_SHARE_OF_SLACK:g} of the load that slackens a tendon",
-            inst,
+            f"{_SHARE_OF_SLACK:g} of the load that slackens a tendon, no force limit",
+            inst.replace(**{"control.force_limit": 0.0}),
             lambda state: _SHARE_OF_SLACK * float(statics.slack_force(inst, state)),
             limit="the tension limit leaves the drives little room to stop",
         ),
