@@ -167,7 +167,7 @@ def test_a_force_limit_that_the_cells_do_not_resolve_is_refused_where_a_controll
 def test_a_default_force_limit_is_warned_of_and_not_refused(scaled: Instrument) -> None:
     coarse = scaled.replace(**{"sensors.load_cell_offset": 30.0})
     Controller(coarse)
-    assert any(warning.startswith("control.force_limit is 2 N; it must be at least") for warning in warnings(coarse))
+    assert any(warning.startswith("control.force_limit is 2.5 N; it must be at least") for warning in warnings(coarse))
 
 
 def test_check_says_it_and_warns(tenodesis: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:

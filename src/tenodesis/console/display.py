@@ -38,6 +38,8 @@ class ShownSignals(NamedTuple):
     """Tangential force of tissue on the tip, N, shape (n, axes)"""
     friction_scale: Array
     """Friction over that of the instrument file, shape (n, axes)"""
+    phase: Array
+    """Of the robust law, as :attr:`tenodesis.run.Run.phase` has it, shape (n, axes)"""
     tension: Array
     """At the spools, agonist first, N, shape (n, axes, 2)"""
     distal_tension: Array
@@ -71,6 +73,7 @@ def shown_signals(inst: Instrument, signals: Mapping[str, ArrayLike]) -> ShownSi
         force=first(("force", "estimated_force"), single),
         contact_force=first(("contact_force",), single),
         friction_scale=first(("friction_scale",), single),
+        phase=first(("phase",), single),
         tension=first(_TENSION, pair),
         distal_tension=first(_DISTAL, pair),
         stroke=first(("measured_spool_angle", "spool_angle"), pair) * inst.drives.spool_radius,

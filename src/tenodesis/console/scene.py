@@ -30,6 +30,8 @@ _FORCE = (124, 58, 237)
 _BACKBONE = (150, 158, 170)
 _TENDON_PIXELS = 3.0
 _VISIBLE = 1e-3
+# Phases in which the tip is left behind on purpose.
+_HELD_BACK = {4.0: ", restrained", 5.0: ", at the force limit"}
 """Smallest change that is sent, in the units of the view: a third of a pixel on a large screen."""
 
 
@@ -146,8 +148,11 @@ class Scene:
 
     def show_angles(self, shown: ShownSignals, *, recorded: bool) -> None:
         """Show tip angles and targets as text, which takes longer to draw than what moves."""
-        pairs = zip(self._inst.axes, np.degrees(shown.output), np.degrees(shown.target), strict=True)
-        angles = [(axis, _degrees(output), _degrees(target)) for axis, output, target in pairs]
+        rows = zip(self._inst.axes, np.degrees(shown.output), np.degrees(shown.target), shown.phase, strict=True)
+        angles = [
+            (axis, _degrees(output), _degrees(target) + _HELD_BACK.get(phase, ""))
+            for axis, output, target, phase in rows
+        ]
         if len(angles) == 1:
             lines = [f"{axis} {output}\ntarget {target}" for axis, output, target in angles]
         else:

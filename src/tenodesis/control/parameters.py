@@ -35,7 +35,7 @@ _FAULT_OVER_LIMIT = 1.25
 # What the weakest of eight tissues of the abdomen bears, N (Rodrigues et al., Surg. Endosc. 26, 2012); a margin over
 # the largest load that an instrument is meant for.
 _TISSUE = 1.25
-_OVER_LOAD = 4 / 3
+_OVER_LOAD = 5 / 3
 # Of the tip while homing, rad: moved by one motor's jog, by one tendon alone, and what a cell's error may cost.
 _JOG, _PULL, _TIP_ERROR = np.radians([0.8, 1.6, 0.5])
 # Of a tip that one tendon alone pulls: it coasts when the motor stops, rad/s.

@@ -245,7 +245,7 @@ class Control(FileTable):
     )
     force_limit: Force | None = Field(
         default=None,
-        description="Force at the tip beyond which the motors yield; without it 4/3 of the largest load",
+        description="Force at the tip beyond which the motors yield; without it 5/3 of the largest load",
     )
     assistance: Annotated[float, Field(ge=0, le=1)] = Field(
         default=1.0, description="Share of the lost angle that the motors give back"
