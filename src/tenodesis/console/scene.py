@@ -30,9 +30,9 @@ _FORCE = (124, 58, 237)
 _BACKBONE = (150, 158, 170)
 _TENDON_PIXELS = 3.0
 _VISIBLE = 1e-3
+"""Smallest change that is sent, in the units of the view: a third of a pixel on a large screen."""
 # Phases in which the tip is left behind on purpose.
 _HELD_BACK = {4.0: ", restrained", 5.0: ", at the force limit"}
-"""Smallest change that is sent, in the units of the view: a third of a pixel on a large screen."""
 
 
 class Scene:
