@@ -78,7 +78,7 @@
   ROW(tremor_memory, "s", positive, "time constant with which that amplitude is forgotten")                     \
   ROW(tremor_smoothing, "s", positive, "time constant of tremor's speed")                                       \
   ROW(tremor_delay, "s", not_negative, "by which the motors follow late")                                       \
-  ROW(tremor_gain, "1", not_negative, "gain of the speed at which they take it away")                                    \
+  ROW(tremor_gain, "1", not_negative, "gain of the speed at which they take it away")                           \
   /* compensator */                                                                                             \
   ROW(gain, "1/s", positive, "gain of the tip's lag")                                                           \
   ROW(breakaway_time, "s", positive, "time in which friction is overcome after the hand reverses")              \
