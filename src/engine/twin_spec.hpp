@@ -58,8 +58,9 @@ struct LongRow {
   int length{capacity};
 
   int size() const { return length; }
-  T& operator[](int i) { return at[i]; }
-  const T& operator[](int i) const { return at[i]; }
+  // The analyser does not know that a twin has contacts.
+  T& operator[](int i) { return at[i]; }              // NOLINT(clang-analyzer-security.ArrayBound)
+  const T& operator[](int i) const { return at[i]; }  // NOLINT(clang-analyzer-security.ArrayBound)
 };
 
 inline constexpr int most_sheath_contacts = 32;
