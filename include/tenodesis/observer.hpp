@@ -174,7 +174,7 @@ struct FrictionObserver {
   /// Whether a tendon is slack, or as good as slack.
   bool loose(const Memory& memory) const {
     return smaller(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]) <=
-           S(6) * settings.slack_below;
+           S(10) * settings.slack_below;
   }
 
   /// How far friction, so many times as strong as it is taken for, may have changed that difference, m.
