@@ -323,8 +323,8 @@ def test_friction_is_worth_more_than_the_tension_difference_which_is_worth_more_
     for series in measured.full:
         command, difference, one = series.command, series.agonist - series.antagonist, np.ones(series.command.size)
         columns = [np.column_stack([command, one]), np.column_stack([command, difference, one])]
-        fits = [np.linalg.lstsq(one, series.output)[0] for one in columns]
-        left = [series.output - one @ by for one, by in zip(columns, fits, strict=True)]
+        fits = [np.linalg.lstsq(one, series.reference)[0] for one in columns]
+        left = [series.reference - one @ by for one, by in zip(columns, fits, strict=True)]
         errors.append([math.degrees(float(np.sqrt(np.mean(one**2)))) for one in left])
     kinematics, tension = np.array(errors).T
     print(f"gains and offset fitted at each bend: command {kinematics.round(2)}, with tension {tension.round(2)} deg")
