@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from tenodesis.console import Page
 
     from .console_stand_in import StandIn
+    from .live_loop import LiveLoop
 
 ROOT = Path(__file__).parents[2]
 BENCHMARKS = ROOT / "benchmarks"
@@ -101,6 +102,17 @@ def tenodesis(
         return code, said.out, said.err
 
     return run
+
+
+@pytest.fixture
+def loop(tmp_path: Path, scaled: Instrument) -> "LiveLoop":
+    """A live loop without its thread, enabled and at rest."""
+    from .live_loop import TURN, LiveLoop
+
+    loop = LiveLoop(tmp_path, scaled)
+    loop.ask("enable")
+    loop.ticks(TURN)
+    return loop
 
 
 @pytest.fixture

@@ -16,6 +16,9 @@ from tenodesis.live.ticks import run_of, signals_of
 from tenodesis.run import Run, concatenate
 from tenodesis.twin import Twin
 
+TURN = 40
+"""Ticks between two turns of a protocol: 20 ms."""
+
 
 class Played:
     """The rows of a run, block by block; before a block so many rows may be lost."""

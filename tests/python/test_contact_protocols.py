@@ -19,8 +19,8 @@ from tenodesis.run import TISSUE, concatenate
 from tenodesis.simulate import Cycles, Hold, Pretension, Protocol, TissueContact
 from tenodesis.twin import Contact, Twin
 
-from .live_loop import LiveLoop
-from .test_live_protocols import TURN, player, turns
+from .live_loop import TURN, LiveLoop
+from .test_live_protocols import player, turns
 from .twin_motions import same
 
 PHASE = 'name = "p"\n[[phases]]\nkind = "contact"\n'
@@ -164,14 +164,6 @@ def test_a_recording_without_it_stays_readable(scaled: Instrument, tmp_path: Pat
 
 
 # Live
-
-
-@pytest.fixture
-def loop(tmp_path: Path, scaled: Instrument) -> LiveLoop:
-    loop = LiveLoop(tmp_path, scaled)
-    loop.ask("enable")
-    loop.ticks(TURN)
-    return loop
 
 
 def test_a_live_tip_meets_tissue_as_it_does_offline(loop: LiveLoop, scaled: Instrument) -> None:

@@ -15,10 +15,8 @@ from tenodesis.live.status import ProtocolState, ProtocolStatus
 from tenodesis.run import Array, concatenate
 from tenodesis.simulate import Cycles, Pretension, Protocol, Ramp, StepLoad
 
-from .live_loop import LiveLoop
+from .live_loop import TURN, LiveLoop
 
-TURN = 40
-"""Ticks between two turns: 20 ms."""
 STEPS = Protocol(
     name="steps",
     phases=(
@@ -27,15 +25,6 @@ STEPS = Protocol(
     ),
 )
 HOMING = Protocol(name="homing", phases=(Pretension(timeout=30.0), *STEPS.phases[:1]))
-
-
-@pytest.fixture
-def loop(tmp_path: Path, scaled: Instrument) -> LiveLoop:
-    """The loop, enabled and at rest."""
-    loop = LiveLoop(tmp_path, scaled)
-    loop.ask("enable")
-    loop.ticks(TURN)
-    return loop
 
 
 def player(loop: LiveLoop, protocol: Protocol) -> Player:

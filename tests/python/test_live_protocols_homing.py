@@ -12,19 +12,10 @@ from tenodesis.live.protocol_feed import Player
 from tenodesis.run import concatenate
 from tenodesis.simulate import Pretension, Protocol, Ramp
 
-from .live_loop import LiveLoop
-from .test_live_protocols import HOMING, STEPS, TURN, commanded, planned, player, turns
+from .live_loop import TURN, LiveLoop
+from .test_live_protocols import HOMING, STEPS, commanded, planned, player, turns
 
 PAUSED = Protocol(name="paused", phases=(Ramp(handle_angle=0.0, duration=0.3), Pretension(timeout=30.0)))
-
-
-@pytest.fixture
-def loop(tmp_path: Path, scaled: Instrument) -> LiveLoop:
-    """The loop, enabled and at rest."""
-    loop = LiveLoop(tmp_path, scaled)
-    loop.ask("enable")
-    loop.ticks(TURN)
-    return loop
 
 
 def test_a_pretension_phase_is_homing_and_what_follows_is_as_planned(tmp_path: Path, scaled: Instrument) -> None:

@@ -84,7 +84,7 @@ def test_tensions_differ_by_the_capstan_factor_once_tendons_are_drawn_past_all_c
 
 @pytest.mark.parametrize("vertices", [1, 2])
 def test_friction_never_returns_energy_and_its_law_holds_in_every_step(vertices: int) -> None:
-    inst = plants.instrument("scaled-up").replace(**plants.rubbing(0.25))
+    inst = plants.instrument("scaled-up").replace(**plants.coefficient(0.25))
     lanes = [plants.plant_of(inst, vertices=vertices, before_handle=share) for share in (0.2, 0.55)]
     both, phase, worst = plants.Plants(lanes), 0.0, 0.0
     for n in range(600):

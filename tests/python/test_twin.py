@@ -13,7 +13,18 @@ from tenodesis.run import Run
 from tenodesis.twin import TIME_STEP, Twin
 from tenodesis.verification import mujoco_dynamics
 
-from .twin_motions import LAWS, Array, clock, eased, handle, settled, slack_force, smooth, with_friction
+from .twin_motions import (
+    LAWS,
+    Array,
+    changes_with_finer_steps,
+    clock,
+    eased,
+    handle,
+    settled,
+    slack_force,
+    smooth,
+    with_friction,
+)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -273,11 +284,7 @@ def test_more_sheath_contacts_converge(scaled: Instrument) -> None:
 @pytest.mark.parametrize("law", LAWS)
 def test_finer_steps_converge(scaled: Instrument, law: str) -> None:
     inst = with_friction(scaled, law)
-    tips = []
-    for times in (4, 16, 64):
-        t = clock(2.0, TIME_STEP / times)
-        tips.append(Twin(inst, time_step=TIME_STEP / times).run(0.3 * np.sin(np.pi * t) ** 3).output_angle)
-    coarse, fine = np.abs(tips[0] - tips[1][3::4]).max(), np.abs(tips[1] - tips[2][3::4]).max()
+    coarse, fine = changes_with_finer_steps(inst, 2.0)
     assert fine < 0.5 * coarse < np.radians(0.05)
 
 
