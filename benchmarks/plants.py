@@ -44,7 +44,7 @@ LEAST_SUBSTEPS = 2
 EASED, ONSET, LOADED, SECONDS, JUDGED = 1.2, 0.2, 1.5, 8.0, 2.0  # s; the estimate is judged from JUDGED on
 LATER, LAST, AVERAGED = 3.0, 1.0, 0.1  # s
 STATES = (0.0, 33.0, 67.0, 80.0)  # deg, Fig. 15
-TOLD = (0.7, 1.0, 1.3)
+ASSUMED = (0.7, 1.0, 1.3)
 RATED = {"scaled-up": 1.485, "real-size": 0.52, "pulley wrist": 1.0}  # N
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -147,7 +147,7 @@ def plant_of(
     """Return a plant with the numbers of an instrument of one axis, and changes of :class:`Plant`'s fields.
 
     vertices: per joint, 1 with its whole wrap or 2 with the span that the joint draws between them, half the wrap each;
-    softer: true over told stiffness of the tendons.
+    softer: true over assumed stiffness of the tendons.
     """
     numbers: Any = inst
     gears = inst.joint_type == "tendon-gear"
@@ -445,7 +445,7 @@ class Plants:
 
 
 class Case(NamedTuple):
-    """A plant at work, and what its controller is told about it."""
+    """A plant at work, and what its controller knows of it."""
 
     plant: Plant
     known: Instrument | None
@@ -538,9 +538,9 @@ class Row(NamedTuple):
 
     words: str
     changes: Mapping[str, Any]
-    """Of the plant, by the keys of :func:`plant_of`; the controller is told of none of them"""
-    told: Mapping[str, float]
-    """Values of the instrument's file, which the controller is told"""
+    """Of the plant, by the keys of :func:`plant_of`; the controller knows none of them"""
+    stated: Mapping[str, float]
+    """Values of the instrument's file, which the controller knows"""
     instrument: str = "scaled-up"
     states: tuple[float, ...] = STATES
     """deg"""
@@ -552,14 +552,14 @@ class Row(NamedTuple):
     """Of the target in the tissue, deg; 0: there is none"""
 
 
-def row(words: str, told: Mapping[str, float] | None = None, **rest: Any) -> Row:
+def row(words: str, stated: Mapping[str, float] | None = None, **rest: Any) -> Row:
     """Return a row; keys that are not a row's own are changes of the plant."""
     own = {key: value for key, value in rest.items() if key in Row._fields}
-    return Row(words, {key: value for key, value in rest.items() if key not in own}, told or {}, **own)
+    return Row(words, {key: value for key, value in rest.items() if key not in own}, stated or {}, **own)
 
 
-def rubbing(coefficient: float) -> dict[str, float]:
-    return {"friction.vertex_coefficient": coefficient, "friction.sheath_coefficient": coefficient}
+def coefficient(value: float) -> dict[str, float]:
+    return {"friction.vertex_coefficient": value, "friction.sheath_coefficient": value}
 
 
 BENT: dict[str, float] = {"friction.sheath_bend": np.radians(60)}
@@ -575,8 +575,8 @@ ROWS = {
     "nothing": row("nothing"),
     "two": row("two vertices a joint", **TWO),
     "front": row("compliance 55 % before handle joint", **FRONT),
-    "rough": row("coefficient 0.25, told", rubbing(0.25)),
-    "four": row("two vertices, 0.25 told, base 0.03, 15 % softer", rubbing(0.25), **TWO, **BASE, **SOFT),
+    "rough": row("coefficient 0.25, known", coefficient(0.25)),
+    "four": row("two vertices, 0.25 known, base 0.03, 15 % softer", coefficient(0.25), **TWO, **BASE, **SOFT),
     "gains": row("load cell gains 1.02/0.98", cell_gain=GAINS),
     "wrist": row("wrist, pulleys of 3.2/6 mm, tip of 12 mm", instrument="pulley wrist"),
     "tremor": row("hand trembles 0.1/0.3° at 7 Hz, no load", states=(33.0, 67.0), load=0.0, tremors=(0.1, 0.3)),
@@ -584,26 +584,26 @@ ROWS = {
     "tissue": row("tissue of 10 N/mm, 5° into it", states=(33.0,), load=0.0, depths=(5.0,)),
     "tissue-deep": row("tissue of 10 N/mm, 12° into it", states=(33.0,), load=0.0, depths=(12.0,)),
     # Of our own.
-    "rougher": row("coefficient 0.4, told", rubbing(0.4)),
+    "rougher": row("coefficient 0.4, known", coefficient(0.4)),
     "base": row("base exponent 0.03 a joint", **BASE),
     "soft": row("15 % softer", **SOFT),
     "offsets": row("load cells off by +0.5/-0.5 N", cell_offset=(0.5, -0.5)),
     "encoder": row("handle encoder off by 0.2°", handle_offset=np.radians(0.2)),
     "hand": row("a hand of 5 N m/rad", hand_stiffness=5.0),
-    "bent": row("sheath of 60°, told", BENT),
-    "bent-two": row("sheath of 60°, told, two vertices", BENT, **TWO),
-    "bent-front": row("sheath of 60°, told, compliance 55 %", BENT, **FRONT),
-    "bent-rough": row("sheath of 60° and coefficient 0.25, told", BENT | rubbing(0.25)),
+    "bent": row("sheath of 60°, known", BENT),
+    "bent-two": row("sheath of 60°, known, two vertices", BENT, **TWO),
+    "bent-front": row("sheath of 60°, known, compliance 55 %", BENT, **FRONT),
+    "bent-rough": row("sheath of 60° and coefficient 0.25, known", BENT | coefficient(0.25)),
     "two-front": row("two vertices, compliance 55 %", **TWO, **FRONT),
     "two-gains": row("two vertices, gains", cell_gain=GAINS, **TWO),
-    "rough-soft": row("0.25 told, 15 % softer", rubbing(0.25), **SOFT),
-    "rough-gains": row("0.25 told, gains", rubbing(0.25), cell_gain=GAINS),
+    "rough-soft": row("0.25 known, 15 % softer", coefficient(0.25), **SOFT),
+    "rough-gains": row("0.25 known, gains", coefficient(0.25), cell_gain=GAINS),
     "still-two": row("a still hand at 67°, no load, two vertices", states=(67.0,), load=0.0, **TWO),
     "real": row("nothing, real-size", instrument="real-size"),
     "real-two": row("two vertices, real-size", instrument="real-size", **TWO),
     "all": row(
-        "all at once: two vertices, 55 %, 0.25 told, base, softer, gains",
-        rubbing(0.25),
+        "all at once: two vertices, 55 %, 0.25 known, base, softer, gains",
+        coefficient(0.25),
         cell_gain=GAINS,
         **TWO,
         **FRONT,
@@ -630,10 +630,10 @@ def instrument(name: str) -> Instrument:
 
 def cases_of(row: Row, seeds: int = 1) -> list[Case]:
     """Return a row's cases, those with motors first, and then the same with motors that stand."""
-    inst = instrument(row.instrument).replace(**row.told)
+    inst = instrument(row.instrument).replace(**row.stated)
     plant, load = plant_of(inst, **row.changes), RATED[row.instrument] * row.load
     coefficients = {f"friction.{key}": getattr(inst.friction, key) for key in COEFFICIENTS}
-    known = [inst.replace(**{key: told * value for key, value in coefficients.items()}) for told in TOLD]
+    known = [inst.replace(**{key: assumed * value for key, value in coefficients.items()}) for assumed in ASSUMED]
     found: list[Case] = []
     for _, state, tremor, depth in product(range(seeds), row.states, row.tremors, row.depths):
         lane = with_tissue(plant, np.radians(state - depth)) if depth else plant
@@ -696,8 +696,8 @@ def summary(cases: Sequence[Case], traces: Sequence[Trace]) -> Summary:
     nees = over(on, lambda one: (((one.estimate - one.tip) / one.std)[judged].astype(float) ** 2).mean())
     missed = np.degrees(over(on, lambda one: np.sqrt(((one.estimate - one.tip)[last].astype(float) ** 2).mean())))
     swing, swing_off = [np.degrees(over(of, lambda one: np.ptp(one.tip[last]))).max() for of in (on, off)]
-    told = np.array([TOLD[n % len(TOLD)] for n in range(half)])
-    scale = over(on, lambda one: one.friction_scale[-1]) * told
+    assumed = np.array([ASSUMED[n % len(ASSUMED)] for n in range(half)])
+    scale = over(on, lambda one: one.friction_scale[-1]) * assumed
     return Summary(
         rms(final),
         np.abs(final).max(),

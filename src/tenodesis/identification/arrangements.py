@@ -71,19 +71,19 @@ class ArrangementComparison:
         """What the comparison says, a sentence each."""
         own, chosen = self[self.own], self[self.chosen]
         if self.own == self.chosen:
-            told = [f"Of {len(self.rows)} arrangements the recordings ask for that of the instrument file: {own.name}."]
+            said = [f"Of {len(self.rows)} arrangements the recordings ask for that of the instrument file: {own.name}."]
         else:
-            told = [
+            said = [
                 f"The recordings ask for {chosen.name}, but the instrument file has {own.name}: the information "
                 f"criterion is lower by {own.bic - chosen.bic:.3g}."
             ]
         if not self.fits:
-            told.append(
+            said.append(
                 f"No arrangement fits: with the best, {chosen.name}, residuals are {chosen.excess:.3g} times the "
                 f"sensors' noise, where {MOST_EXCESS:g} is the most, and not white; intervals are widened to those of "
                 "all arrangements, and the values are not to be relied on."
             )
-        return tuple(told)
+        return tuple(said)
 
     @property
     def result(self) -> Fit:
