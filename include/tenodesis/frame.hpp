@@ -141,6 +141,7 @@ inline constexpr std::uint32_t homed = 1, homing = 2;
 inline constexpr std::uint32_t silent = 4;    ///< has stopped since the last answer: too long without a tick or a keep
 inline constexpr std::uint32_t halted = 8;    ///< has stopped since the last answer: by a stop
 inline constexpr std::uint32_t stopped = 16;  ///< motors at rest until the controller is enabled again
+inline constexpr std::uint32_t cut_power = 32;  ///< a motor does not obey: a relay in the motors' supply must open
 
 struct TickAnswer {
   std::uint64_t time{};   ///< of the measurement that is answered, ns

@@ -103,6 +103,7 @@ class MailboxDevice final : public Device {
     }
   }
   bool stopped() const { return stopped_.load(std::memory_order_acquire); }
+  bool power_cut() const { return power_cut_.load(std::memory_order_acquire); }
 
   int axes() const override { return axes_; }
   bool simulated() const override { return false; }
@@ -147,6 +148,8 @@ class MailboxDevice final : public Device {
     return known;
   }
 
+  void cut_power() noexcept override { power_cut_.store(true, std::memory_order_release); }
+
   void stop() noexcept override {
     const Answer rest{std::numeric_limits<std::uint64_t>::max(), {}};
     answer_.set(rest);
@@ -162,7 +165,7 @@ class MailboxDevice final : public Device {
   std::uint64_t posted_{};              // by the serving thread
   std::uint64_t read_{}, overtaken_{};  // by the loop
   Sensed last_{};
-  std::atomic<bool> stopped_;
+  std::atomic<bool> stopped_, power_cut_;
 };
 
 }  // namespace tenodesis::runtime

@@ -68,6 +68,8 @@ class Output(NamedTuple):
     homing: bool
     homing_failure: Any
     """Why the last homing failed, as of :func:`homing_failure`; with two axes a tuple of two"""
+    cut_power: bool
+    """Whether a motor does not obey, so that a relay in the supply of the motors must open"""
 
 
 class FlightRecord(NamedTuple):
@@ -212,7 +214,9 @@ class Controller:
         measured[:, 3:] = _shaped("spool_angles", spool_angles, axes, 2)
         if asked == Request.NONE:
             asked = self.take_request()
-        rows, _, state, homed, homing, faults, first = self.core.step(round(time * 1e9), int(asked), measured)
+        rows, _, state, homed, homing, faults, first, cut_power = self.core.step(
+            round(time * 1e9), int(asked), measured
+        )
         table = np.array(rows)
         signals = {name: table[:, n] if axes > 1 else float(table[0, n]) for n, name in enumerate(_SIGNALS)}
         failures = tuple(homing_failure(int(word)) for word in table[:, _SIGNALS.index("homing_failure")])
@@ -231,6 +235,7 @@ class Controller:
             homed,
             homing,
             failures if axes > 1 else failures[0],
+            cut_power,
         )
 
     def ask(self, request: Request | str) -> None:
