@@ -21,6 +21,7 @@ from tenodesis.paper import (
     report,
     scale_model_design,
     tables_1_2_scale_model,
+    unlike_model,
     workspace,
 )
 from tenodesis.paper.context import SEEDS, Context
@@ -46,6 +47,7 @@ SECTIONS: tuple[tuple[str, Callable[[Context], Section]], ...] = (
     ("compensated step load", fig15_compensated.section),
     ("compensated cycles", fig14_compensated.section),
     ("campaign", campaign.section),
+    ("instruments unlike the model", unlike_model.section),
     ("checks", checks.section),
 )
 """The sections of the report in order, each with its name in the progress bar."""

@@ -1,6 +1,6 @@
 """The twin under a load that is applied suddenly, with the controller in the loop, and the response of the tip."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple, TypeVar
 
@@ -15,6 +15,7 @@ from tenodesis.paper.context import held_angles, shown_force
 from tenodesis.paper.fig15_step_load import approach_time, rigged
 from tenodesis.report.content import Array
 from tenodesis.run import Run
+from tenodesis.simulate import FaultInjection
 from tenodesis.simulate.command import SMOOTH
 from tenodesis.statics import Actuation
 from tenodesis.threads import threads
@@ -135,20 +136,27 @@ def simulate_motion(
     seed: int = 15,
     paused: bool = False,
     sheath_bend: ArrayLike = 0.0,
+    fault_injection: Sequence[FaultInjection] = (),
+    homed: int | None = None,
 ) -> Run:
     """Run the twin with a controller that has a model of the instrument; paused: the motors stop when the load comes.
+
+    If `homed` is a step, the controller homes until then; if not, it has been homed before.
 
     Raises NoSolutionError if the joint does not hold the load.
     """
     request = np.zeros(len(motion.force), int)
     if paused:
         request[motion.loaded] = Request.PAUSE
+    if homed is not None:
+        request[0], request[homed] = Request.HOME, Request.RESUME
     return Twin(inst, seed=seed).run(
         motion.handle_angle,
         motion.force,
-        controller=Controller(model, law=law, actuation=actuation),
+        controller=Controller(model, law=law, actuation=actuation, homed=homed is None),
         request=request,
         sheath_bend=sheath_bend,
+        fault_injection=fault_injection,
     )
 
 
