@@ -91,11 +91,9 @@ struct AxisController {
     return counted;
   }
 
-  /// The measurement with tensions corrected by what homing has found of the cells.
-  static Measurement<S> corrected(const Measurement<S>& measured, const Memory& memory) {
-    Measurement<S> better = measured;
-    for (int i = 0; i < 2; ++i) better.tension[i] = (measured.tension[i] - memory.offset[i]) * memory.correction[i];
-    return better;
+  /// Corrects the tensions by what homing has found of the cells.
+  static void correct(const Memory& memory, Measurement<S>& measured) {
+    for (int i = 0; i < 2; ++i) measured.tension[i] = (measured.tension[i] - memory.offset[i]) * memory.correction[i];
   }
 
   /// Estimate of the chosen observer; standard deviations that it does not know are NaN.
@@ -201,8 +199,10 @@ struct Controller {
     for (int n = 0; n < count(); ++n) {
       const bool readable = is_readable(measured[n]);
       // An implausible reading is not used while the watch waits whether it lasts.
-      if (readable) measured[n] = state.axis[n].watch.trusted;
-      measured[n] = axis[n].corrected(measured[n], state.axis[n]);
+      if (readable) {
+        measured[n] = state.axis[n].watch.trusted;
+        axis[n].correct(state.axis[n], measured[n]);
+      }
       run(n, measured[n], readable, dt, state, output.axis[n]);
     }
     if (state.supervisor.homing) finish_homing(state);
@@ -282,7 +282,13 @@ struct Controller {
         own.want(measured, state.supervisor.homing, step, memory, wanted);
     }
     // An unreadable tick is estimated from the last plausible readings.
-    output.estimate = own.estimate(readable ? measured : own.corrected(memory.watch.trusted, memory), memory);
+    if (readable) {
+      output.estimate = own.estimate(measured, memory);
+    } else {
+      Measurement<S> last = memory.watch.trusted;
+      own.correct(memory, last);
+      output.estimate = own.estimate(last, memory);
+    }
     output.faults |= supervisor.command(wanted, measured, dt, state.supervisor, memory.command);
     for (int i = 0; i < 2; ++i) output.spool_velocity[i] = memory.command.sent[i];
     if (memory.homing.failed()) {
@@ -308,7 +314,8 @@ struct Controller {
         memory.offset[i] = memory.homing.offset[i];
         memory.correction[i] = S(1) / (S(1) + memory.homing.gain_difference * (i == agonist ? S(0.5) : S(-0.5)));
       }
-      const Measurement<S> measured = AxisController<A>::corrected(memory.watch.trusted, memory);
+      Measurement<S> measured = memory.watch.trusted;
+      AxisController<A>::correct(memory, measured);
       for (int i = 0; i < 2; ++i) memory.zero[i] = memory.zero[i] + axis[n].homing.zero(i, measured);
       Watch<S>::restart(memory.watch);
       memory.watch.homed = true;
