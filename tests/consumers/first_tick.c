@@ -1,7 +1,8 @@
 /* Prints the output angle, rad, that the controller of an exported header estimates from one measurement. */
-#include <scaled_up.h>
 #include <stdio.h>
-#include <tenodesis/tenodesis.h>
+
+#include "scaled_up.h"
+#include "tenodesis/tenodesis.h"
 
 int main(void) {
   static tenodesis_controller controller;

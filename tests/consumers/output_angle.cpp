@@ -1,7 +1,8 @@
 // Prints the output angle of the scaled-up instrument, rad, at a handle angle of 0.3 rad and a load of 1 N.
 #include <cstdio>
-#include <tenodesis/statics.hpp>
-#include <tenodesis/version.h>
+
+#include "tenodesis/statics.hpp"
+#include "tenodesis/version.h"
 
 int main() {
   const double stiffness = tenodesis::tendon_stiffness(50e9, 0.54e-3, 1.0);
