@@ -89,7 +89,17 @@ def test_fetch_content_gives_the_headers_and_builds_nothing_else(tmp_path: Path,
     build = built(CONSUMERS / "fetch_content", tmp_path, TENODESIS=ROOT)
     assert_output_angle(run(build / "consumer"), scaled)
     assert [path.name for path in build.rglob("*.o")] == ["output_angle.cpp.o"]
-    assert len((CONSUMERS / "fetch_content/CMakeLists.txt").read_text().splitlines()) <= 10
+
+
+def test_the_program_of_the_page_builds(tmp_path: Path) -> None:
+    page = (ROOT / "docs/cpp.md").read_text("utf-8")
+    project, program = (re.search(rf"```{language}\n(.*?)```", page, re.DOTALL) for language in ("cmake", "cpp"))
+    assert project is not None and program is not None
+    assert len(project[1].splitlines()) <= 10
+    (tmp_path / "CMakeLists.txt").write_text(project[1].replace("/path/to/tenodesis", str(ROOT)))
+    (tmp_path / "main.cpp").write_text(program[1])
+    expected = tn.statics.output_angle(tn.load("real-size").planar[0], 0.3, 1.0)
+    assert float(run(built(tmp_path, tmp_path / "build") / "mine").split()[0]) == pytest.approx(expected, abs=1e-4)
 
 
 def test_find_package_gives_the_headers(tmp_path: Path, prefixes: Prefixes, scaled: Instrument) -> None:
