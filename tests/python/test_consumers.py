@@ -52,11 +52,16 @@ def built(source: Path, build: Path, **variables: object) -> Path:
 
 @pytest.fixture(scope="module")
 def prefixes(tmp_path_factory: pytest.TempPathFactory) -> Prefixes:
-    """Folders of an installation with static and one with shared C libraries."""
-    prefixes = {}
+    """Folders for CMAKE_PREFIX_PATH: two installations, and what the wheel contains for CMake."""
+    prefixes = {"package": tmp_path_factory.mktemp("package")}
+    for part in ("CMakeLists.txt", "cmake", "include/tenodesis", "src/c"):
+        copy = shutil.copytree if (ROOT / part).is_dir() else shutil.copy
+        (prefixes["package"] / part).parent.mkdir(parents=True, exist_ok=True)
+        copy(ROOT / part, prefixes["package"] / part)
     for kind in ("static", "shared"):
         build, prefix = tmp_path_factory.mktemp(f"build-{kind}"), tmp_path_factory.mktemp(f"prefix-{kind}")
-        built(ROOT, build, BUILD_SHARED_LIBS=kind == "shared", TENODESIS_BUILD_TESTS=False)
+        options = {"BUILD_SHARED_LIBS": kind == "shared", "TENODESIS_BUILD_TESTS": False, "CMAKE_INSTALL_LIBDIR": "lib"}
+        built(ROOT, build, **options)
         run("cmake", "--install", build, "--prefix", prefix)
         prefixes[kind] = prefix
     return prefixes
@@ -102,12 +107,13 @@ def test_the_program_of_the_page_builds(tmp_path: Path) -> None:
     assert float(run(built(tmp_path, tmp_path / "build") / "mine").split()[0]) == pytest.approx(expected, abs=1e-4)
 
 
-def test_find_package_gives_the_headers(tmp_path: Path, prefixes: Prefixes, scaled: Instrument) -> None:
-    build = built(CONSUMERS / "find_package", tmp_path, CMAKE_PREFIX_PATH=prefixes["static"])
+@pytest.mark.parametrize("kind", ["static", "package"])
+def test_find_package_gives_the_headers(tmp_path: Path, prefixes: Prefixes, scaled: Instrument, kind: str) -> None:
+    build = built(CONSUMERS / "find_package", tmp_path, CMAKE_PREFIX_PATH=prefixes[kind])
     assert_output_angle(run(build / "consumer"), scaled)
 
 
-def test_find_package_finds_the_python_package(tmp_path: Path, scaled: Instrument) -> None:
+def test_python_names_the_folders_of_headers_and_package(tmp_path: Path, scaled: Instrument) -> None:
     build = built(CONSUMERS / "find_package", tmp_path, tenodesis_DIR=tn.get_cmake_dir())
     assert_output_angle(run(build / "consumer"), scaled)
     assert (Path(tn.get_include()) / "tenodesis/tenodesis.h").is_file()
@@ -120,8 +126,9 @@ def test_find_package_refuses_another_minor_version(tmp_path: Path, prefixes: Pr
         "find_package(tenodesis 0.0 CONFIG)\n"
         "message(STATUS ${tenodesis_FOUND},${tenodesis_CONSIDERED_VERSIONS})\n"
     )
-    for folder in (prefixes["static"] / "lib/cmake/tenodesis", tn.get_cmake_dir()):
-        said = run("cmake", "-S", tmp_path, "-B", tmp_path, "-G", "Ninja", "--fresh", f"-Dtenodesis_DIR={folder}")
+    for kind in ("static", "package"):
+        prefix = f"-DCMAKE_PREFIX_PATH={prefixes[kind]}"
+        said = run("cmake", "-S", tmp_path, "-B", tmp_path, "-G", "Ninja", "--fresh", prefix)
         assert f"-- 0,{tn.__version__}\n" in said
 
 
@@ -142,7 +149,7 @@ def test_pkg_config_gives_headers_and_c_library(
     assert_first_tick(run(tmp_path / "first_tick"), scaled, real)
 
 
-@pytest.mark.parametrize("kind", ["static", "shared"])
+@pytest.mark.parametrize("kind", ["static", "shared", "package"])
 @pytest.mark.parametrize("real", REALS)
 def test_a_project_in_c_alone_links_the_c_library(
     tmp_path: Path, prefixes: Prefixes, exported: Path, scaled: Instrument, real: str, kind: str
