@@ -8,6 +8,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 
 #include "tenodesis/fault.hpp"
 
@@ -250,11 +251,11 @@ inline std::size_t encode(const Header& header, const void* payload, std::size_t
     }
   };
   std::uint8_t head[sizeof header];
-  __builtin_memcpy(head, &header, sizeof header);
+  std::memcpy(head, &header, sizeof header);
   const auto* body = static_cast<const std::uint8_t*>(payload);
   const std::uint32_t check = crc(body, size, crc(head, sizeof header));
   std::uint8_t tail[crc_size];
-  __builtin_memcpy(tail, &check, crc_size);
+  std::memcpy(tail, &check, crc_size);
   put(head, sizeof header);
   put(body, size);
   put(tail, crc_size);
@@ -291,7 +292,7 @@ class Decoder {
   template <class Message>
   Message message() const {
     Message message{};
-    __builtin_memcpy(&message, payload(), size() < sizeof message ? size() : sizeof message);
+    std::memcpy(&message, payload(), size() < sizeof message ? size() : sizeof message);
     return message;
   }
 
@@ -302,7 +303,7 @@ class Decoder {
   template <class T>
   T read(std::size_t at) const {
     T value{};
-    __builtin_memcpy(&value, buffer_ + at, sizeof value);
+    std::memcpy(&value, buffer_ + at, sizeof value);
     return value;
   }
 

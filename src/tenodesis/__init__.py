@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         RecordingError,
         StudyError,
     )
+    from tenodesis.headers import get_cmake_dir, get_include
     from tenodesis.instrument import Continuum, Instrument, TendonGear, TendonPulley, load, parse, shipped
     from tenodesis.recording import Recorder, Recording
     from tenodesis.run import Run
@@ -51,6 +52,8 @@ __all__ = [
     "TendonPulley",
     "__version__",
     "control",
+    "get_cmake_dir",
+    "get_include",
     "identification",
     "kinematics",
     "load",
@@ -77,6 +80,7 @@ _HOME = {
         "RecordingError",
         "StudyError",
     ),
+    "headers": ("get_cmake_dir", "get_include"),
     "instrument": ("Continuum", "Instrument", "TendonGear", "TendonPulley", "load", "parse", "shipped"),
     "recording": ("Recorder", "Recording"),
     "run": ("Run",),
