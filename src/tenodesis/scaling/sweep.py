@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import moocore
 import numpy as np
 from numpy.typing import NDArray
 
@@ -225,11 +224,26 @@ def search(lower: Array, refine: Callable[[NDArray[np.int64]], tuple[Array, NDAr
     while pool.size:
         # Refined designs first: of equal rows the first is kept, and an equal lower bound is no better.
         pool = pool[np.argsort(~refined[pool], kind="stable")]
-        front: NDArray[np.int64] = pool[moocore.is_nondominated(costs[pool])]
+        front = pool[nondominated(costs[pool])]
         new = front[~refined[front]]
         if not new.size:
             return front
         costs[new], allowed = refine(new)
         refined[new] = True
         pool = pool[~np.isin(pool, new[~allowed])]
+        # What an exact design dominates can be left out for good, which makes the next front a matter of few designs.
+        for exact in costs[new[allowed]]:
+            pool = pool[(costs[pool] < exact).any(axis=1) | (costs[pool] == exact).all(axis=1)]
     return pool
+
+
+def nondominated(costs: Array) -> NDArray[np.int64]:
+    """Return the numbers of the rows that no other row dominates, ascending; of equal rows, the first."""
+    # A row that dominates another has the smaller sum.
+    left = np.argsort(costs.sum(axis=1), kind="stable")
+    rows, front = costs[left], []
+    while left.size:
+        front.append(left[0])
+        better = (rows < rows[0]).any(axis=1)
+        left, rows = left[better], rows[better]
+    return np.sort(np.array(front, np.int64))
