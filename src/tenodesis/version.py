@@ -1,5 +1,5 @@
 """The version of the package."""
 
-from tenodesis._core import VERSION as __version__
+from tenodesis import _core
 
-__all__ = ["__version__"]
+__version__ = _core.VERSION

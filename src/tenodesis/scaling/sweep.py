@@ -18,6 +18,7 @@ from tenodesis.similarity.parameters import RADII
 
 _CHUNK = 65_536
 _REFINED_AT_ONCE = 4096
+_BLOCK = 64
 RANGES = ("factor", "overall_length", "end_effector_length", "handle_length")
 """Constraints that are a range."""
 
@@ -231,19 +232,18 @@ def search(lower: Array, refine: Callable[[NDArray[np.int64]], tuple[Array, NDAr
         costs[new], allowed = refine(new)
         refined[new] = True
         pool = pool[~np.isin(pool, new[~allowed])]
-        # What an exact design dominates can be left out for good, which makes the next front a matter of few designs.
-        for exact in costs[new[allowed]]:
-            pool = pool[(costs[pool] < exact).any(axis=1) | (costs[pool] == exact).all(axis=1)]
     return pool
 
 
 def nondominated(costs: Array) -> NDArray[np.int64]:
     """Return the numbers of the rows that no other row dominates, ascending; of equal rows, the first."""
-    # A row that dominates another has the smaller sum.
-    left = np.argsort(costs.sum(axis=1), kind="stable")
-    rows, front = costs[left], []
+    front = []
+    # A row stands behind every row that dominates it.
+    left = np.lexsort(costs.T[::-1])
     while left.size:
-        front.append(left[0])
-        better = (rows < rows[0]).any(axis=1)
-        left, rows = left[better], rows[better]
-    return np.sort(np.array(front, np.int64))
+        columns = np.ascontiguousarray(costs[left].T)
+        head, rest = columns[:, :_BLOCK], columns[:, _BLOCK:]
+        new = ~np.triu((head[:, :, None] <= head[:, None]).all(axis=0), 1).any(axis=0)
+        front.append(left[:_BLOCK][new])
+        left = left[_BLOCK:][(rest[:, None] < head[:, new, None]).any(axis=0).all(axis=0)]
+    return np.sort(np.concatenate([*front, left]))
