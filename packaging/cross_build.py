@@ -10,7 +10,7 @@ import os
 import subprocess
 import sys
 import sysconfig
-import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -72,6 +72,7 @@ def main() -> None:
     options.add_argument("targets", nargs="*", metavar="TARGET", help=f"of {', '.join(TARGETS)}; all by default")
     options.add_argument("--out", type=Path, default=ROOT / "dist")
     options.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    options.add_argument("--quick", action="store_true", help="do not optimise: only show that it compiles and links")
     chosen = options.parse_args()
     unknown = set(chosen.targets) - set(TARGETS)
     if unknown:
@@ -80,22 +81,26 @@ def main() -> None:
         target = TARGETS[name]
         if sys.version_info < (3, 12) and target.system != "Linux":
             sys.exit(f"{name} needs Python 3.12 or newer: of an older one the stable interface has no headers.")
-        with tempfile.TemporaryDirectory() as tools:
-            build(target, Path(tools), chosen.out.resolve(), chosen.jobs)
+        tools = ROOT / "build/cross" / name
+        tools.mkdir(parents=True, exist_ok=True)
+        build(target, tools, chosen.out.resolve(), chosen.jobs, chosen.quick)
 
 
-def build(target: Target, tools: Path, out: Path, jobs: int) -> None:
+def build(target: Target, tools: Path, out: Path, jobs: int, quick: bool) -> None:
     """Build the wheel of a target with tools that are written to a folder."""
+    last = ["-O0"] if quick else []
     include = sysconfig.get_path("include")
     flags = ["-target", target.zig]
     defined = {"CMAKE_SYSTEM_NAME": target.system, "CMAKE_SYSTEM_PROCESSOR": target.processor}
     if target.system == "Windows":
         (tools / "pyconfig.h").write_text(WINDOWS_PYCONFIG)
         flags.append(f"-I{tools}")
-        library = import_library(tools)
-        defined |= {"Python_LIBRARY": library, "Python_SABI_LIBRARY": library}
-    for name, words in {"cxx": ["c++", *flags], "ar": ["ar"], "ranlib": ["ranlib"]}.items():
-        script(tools / name, words)
+        version = f"{sys.version_info.major}{sys.version_info.minor}"
+        defined["Python_LIBRARY"] = import_library(tools / f"libpython{version}.a")
+        defined["Python_SABI_LIBRARY"] = import_library(tools / "libpython3.a")
+    script(tools / "cxx", ["c++", *flags], last)
+    script(tools / "ar", ["ar"])
+    script(tools / "ranlib", ["ranlib"])
     defined |= {
         "CMAKE_CXX_COMPILER": tools / "cxx",
         "CMAKE_AR": tools / "ar",
@@ -115,7 +120,6 @@ def build(target: Target, tools: Path, out: Path, jobs: int) -> None:
         "wheel.tags": tag,
         "build-dir": f"build/{tag}",
         "build.tool-args": f"-j{jobs}",
-        "cmake.fresh": "true",
     }
     command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", out, "-v"]
     command += [word for name, value in settings.items() for word in ("--config-settings", f"{name}={value}")]
@@ -128,19 +132,19 @@ def soabi(target: Target) -> str:
     return f".cpython-{sys.version_info.major}{sys.version_info.minor}-{target.processor}-linux-{library}.so"
 
 
-def import_library(tools: Path) -> Path:
-    """Return an import library for python3.dll: the names of the stable interface."""
+def import_library(library: Path) -> Path:
+    """Write and return an import library for python3.dll: the names of the stable interface."""
     names = [symbol.name for symbol in abi3info.FUNCTIONS]
     data = [f"{symbol.name} DATA" for symbol in abi3info.DATAS]
-    definition, library = tools / "python3.def", tools / "libpython3.a"
+    definition = library.with_suffix(".def")
     definition.write_text("\n".join(["LIBRARY python3.dll", "EXPORTS", *names, *data, ""]))
     subprocess.run([ZIG, "dlltool", "-m", "i386:x86-64", "-d", definition, "-l", library], check=True)
     return library
 
 
-def script(path: Path, words: list[str]) -> None:
-    """Write a program that calls zig with words before its own."""
-    path.write_text(f'#!/bin/sh\nexec "{ZIG}" {" ".join(words)} "$@"\n')
+def script(path: Path, first: list[str], last: Sequence[str] = ()) -> None:
+    """Write a program that calls zig with words before and behind its own."""
+    path.write_text(f'#!/bin/sh\nexec "{ZIG}" {" ".join(first)} "$@" {" ".join(last)}\n')
     path.chmod(0o755)
 
 
