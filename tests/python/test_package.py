@@ -142,6 +142,10 @@ def use(installed: Installation) -> None:
     assert (installed.folder / "out/report.html").stat().st_size > 100_000
 
 
+def test_the_citation_names_the_version_of_the_header() -> None:
+    assert f"version: {tn.__version__}" in (ROOT / "CITATION.cff").read_text("utf-8").splitlines()
+
+
 @pytest.mark.slow
 @pytest.mark.process
 def test_the_installed_package_works_from_an_empty_folder(wheel: Path, install: Callable[..., Installation]) -> None:
