@@ -14,7 +14,7 @@ CPP_TESTS := $(wildcard tests/cpp/*)
 TIDY := -std=c++20 -Iinclude -Isrc -Iexamples -fno-math-errno
 CPP_FILES := $(filter %.h %.hpp %.cpp,$(CORE) $(EXTENSION) $(CPP_TESTS) $(wildcard src/c/* firmware/*)) examples/controller.c
 CROSS_PYTHON ?= 3.13
-TOOL := $(BIN)/uv run --quiet --no-project --with-requirements packaging/requirements.lock
+TOOL := $(BIN)/uv run --quiet --no-project --python $(BIN)/python --with-requirements packaging/requirements.lock
 LOCK := $(BIN)/uv pip compile --quiet --generate-hashes --no-emit-index-url --universal \
   --python-version 3.11 --custom-compile-command "make lock"
 SCHEMAS := src/tenodesis/instruments/instrument.schema.json src/tenodesis/catalogue/catalogue.schema.json

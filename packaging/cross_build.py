@@ -94,7 +94,9 @@ def build(target: Target, tools: Path, out: Path, jobs: int, quick: bool) -> Non
     defined = {"CMAKE_SYSTEM_NAME": target.system, "CMAKE_SYSTEM_PROCESSOR": target.processor}
     if target.system == "Windows":
         (tools / "pyconfig.h").write_text(WINDOWS_PYCONFIG)
-        flags.append(f"-I{tools}")
+        (tools / "libdl.a").write_text("!<arch>\n")  # CMake takes the libraries of this Python for the target's
+        flags += [f"-I{tools}", f"-L{tools}"]
+        defined["SKBUILD_SOSABI"] = ""  # the name is _core.pyd
         version = f"{sys.version_info.major}{sys.version_info.minor}"
         defined["Python_LIBRARY"] = import_library(tools / f"libpython{version}.a")
         defined["Python_SABI_LIBRARY"] = import_library(tools / "libpython3.a")
