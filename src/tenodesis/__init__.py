@@ -3,8 +3,6 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from tenodesis.version import __version__
-
 if TYPE_CHECKING:
     from tenodesis import (
         control,
@@ -33,6 +31,7 @@ if TYPE_CHECKING:
     from tenodesis.recording import Recorder, Recording
     from tenodesis.run import Run
     from tenodesis.threads import set_threads
+    from tenodesis.version import __version__
 
 __all__ = [
     "Continuum",
@@ -85,6 +84,7 @@ _HOME = {
     "recording": ("Recorder", "Recording"),
     "run": ("Run",),
     "threads": ("set_threads",),
+    "version": ("__version__",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from numpy.typing import NDArray
 
 
+VERSION: str = '0.1.0'
+
 class Status(enum.IntEnum):
     """How a solve ended."""
 

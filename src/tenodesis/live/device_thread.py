@@ -28,7 +28,7 @@ class DeviceThread:
         Of ticks, s.
     """
 
-    def __init__(self, device: Device, box: _core.MailboxDevice, period: float) -> None:
+    def __init__(self, device: Device, box: "_core.MailboxDevice", period: float) -> None:
         self._device, self._box = device, box
         self._period = period
         self._ending = threading.Event()
