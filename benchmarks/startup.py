@@ -41,7 +41,9 @@ def main() -> None:
                 if number:
                     times[name].append(own)
     base, numpy = median(times.pop("python -c pass")), median(times.pop("import numpy"))
-    print(f"python -c pass: {1e3 * base:.1f} ms of CPU time, median of {RUNS}; import numpy: {numpy / base:.1f} times it")
+    print(
+        f"python -c pass: {1e3 * base:.1f} ms of CPU time, median of {RUNS}; import numpy: {numpy / base:.1f} times it"
+    )
     for name, found in times.items():
         ratio, worst = median(found) / base, max(found) / base
         print(f"{name}: {ratio:.1f} times python -c pass, worst {worst:.1f}; {median(found) / numpy:.2f} import numpy")

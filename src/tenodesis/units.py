@@ -88,7 +88,7 @@ class Quantity:
         written = _WRITTEN.fullmatch(text.strip())
         if written is None:
             raise ValueError(f'it is not understood; write {self.allowed} like "{self.example}"')
-        number, unit_text = float(written["number"]), written["unit"].strip()
+        number, unit_text = float(written["number"]), str(written["unit"]).strip()
         if not unit_text:
             raise ValueError(f'it has no unit; write {self.allowed} like "{self.example}"')
         si_unit, factor = _FACTORS.get(unit_text, (unit_text, 1.0))

@@ -97,10 +97,10 @@ def test_a_command_that_is_not_there_is_answered_with_the_nearest(tenodesis: Run
     ("module", "extra", "words"),
     [
         ("viser", "live", ("console",)),
-        ("serial", "devices", ("devices", "test", "serial", "--instrument", "scaled-up", "--address", "/dev/null")),
+        ("serial", "devices", ("devices", "test", "scaled-up", "serial", "--address", "/dev/null")),
         ("typst", "design", ("scale", "real-size", "--combinations", "1000")),
         ("SALib", "design", ("tolerance", "real-size", "scaled-up", "--samples", "16")),
-        ("pandas", "tables", ("export", "recording", "run.mcap", "--to", "run.parquet")),
+        ("pandas", "tables", ("export", "recording", "run.mcap", "--out", "run.parquet")),
     ],
 )
 def test_a_command_without_its_extra_says_what_to_install(

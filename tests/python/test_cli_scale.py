@@ -44,7 +44,7 @@ def test_a_workshop_gets_an_instrument_file_a_plan_and_the_front(tenodesis: Comm
     assert float(taken["overall length [mm]"]) == pytest.approx(1e3 * inst.overall_length)
     assert (folder / "plan.pdf").read_bytes().startswith(b"%PDF")
     assert tenodesis("check", "prototype/scaled-up.toml")[0] == 0
-    assert tenodesis("record", "cycles", "prototype/scaled-up.toml", "--quasi-static")[0] == 0
+    assert tenodesis("record", "prototype/scaled-up.toml", "cycles", "--quasi-static")[0] == 0
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tenodesis import instrument, plant
-from tenodesis.cli.common import InstrumentFile, console, say_resolution, warn
+from tenodesis.cli.common import InstrumentFile, console, load_instrument, say_resolution, warn
 from tenodesis.errors import Error
 
 Kind: TypeAlias = Literal["instrument", "catalogue", "tolerances"]
@@ -32,7 +32,7 @@ def schema(
 
 def check(instrument_file: InstrumentFile) -> None:
     """Check an instrument file; print its values in SI units, and what its sensors resolve at the tip."""
-    inst: instrument.Instrument = instrument.load(instrument_file)
+    inst: instrument.Instrument = load_instrument(instrument_file)
     title = f"{escape(inst.name)}: {inst.joint_type}, {' and '.join(inst.axes)}"
     values = Table("key", "value", "source", title=title)
     for key, value, quantity in inst.quantities():
