@@ -99,7 +99,9 @@ def identify(  # noqa: PLR0917
         if law is not None:
             check_choice("--law", law, FORMATS[format_name].laws)
         if 0 < bootstrap < LEAST_REPLICATES:
-            raise CommandError(key="--bootstrap", value=bootstrap, allowed=f"0 for none, or at least {LEAST_REPLICATES}")
+            raise CommandError(
+                key="--bootstrap", value=bootstrap, allowed=f"0 for none, or at least {LEAST_REPLICATES}"
+            )
         share, part = _split(train_until, train_from)
         inst = None if instrument_file is None else load_instrument(instrument_file)
         kind = FORMATS[format_name]
@@ -117,7 +119,9 @@ def identify(  # noqa: PLR0917
                 return build(measured[:count], measured[count:])
             return split(measured[:count], measured[count:], share, part, build)
 
-        def fitted(problem: Problem, unknowns: Sequence[str] = (), *, screening: bool = False, refine: bool = True) -> Fit:
+        def fitted(
+            problem: Problem, unknowns: Sequence[str] = (), *, screening: bool = False, refine: bool = True
+        ) -> Fit:
             names = None if parameters is None else [*chosen_parameters(problem, parameters), *unknowns]
             what = "starts" if screening else "starts and replicates"
             with ProgressBar(what) as bar:
