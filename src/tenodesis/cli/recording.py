@@ -181,7 +181,7 @@ def _inputs(instrument_file: str, protocol_file: str | None) -> tuple[Instrument
     """Return instrument and protocol; an error about their order, or that one is missing, has the right command."""
     if protocol_file is None:
         shipped = simulate.shipped()
-        if instrument_file in shipped:
+        if _is_protocol(instrument_file):
             problem, right = (
                 f"{instrument_file} is a protocol, which needs an instrument",
                 f"scaled-up {instrument_file}",

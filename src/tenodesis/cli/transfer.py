@@ -9,6 +9,7 @@ from rich.markup import escape
 
 from tenodesis.cli.common import console, load_instrument, say, table, value_errors, warn
 from tenodesis.cli.outputs import INSTRUMENT, RECORDING, Overwrite, check_suffix, write_text, writing
+from tenodesis.errors import CommandError
 from tenodesis.instrument.text import to_file
 from tenodesis.recording import Recording
 from tenodesis.scaling.transfer import Carried, carry
@@ -45,6 +46,7 @@ def transfer(  # noqa: PLR0917
     with writing(outputs, (log, real_size, scaled_up), overwrite=overwrite):
         with value_errors():
             carried = carry(Recording.open(log), model, scaled_up=given, time_factor=time_factor)
+        _check_order(carried)
         with_friction = None
         if instrument_out is not None:
             source = log.name if scaled_up is None else scaled_up
@@ -56,6 +58,18 @@ def transfer(  # noqa: PLR0917
     say(f"{path}: {log} in units of {model.name}, {carried.run.time[-1]:.6g} s, {len(carried.run)} rows.")
     if instrument_out is not None:
         say(f"{instrument_out}: {model.name} with the friction of {carried.scaled_up.name}.")
+
+
+def _check_order(carried: Carried) -> None:
+    length = max(own["length"] for own in carried.factors.values())
+    if length < 1:
+        raise CommandError(
+            f"{carried.real_size.name} is larger than {carried.scaled_up.name}, on which LOG was recorded and whose "
+            f"joints have {length:.3g} of its size; REAL must be the real-size instrument, and LOG a recording of its "
+            "scaled-up one.",
+            key="REAL",
+            value=carried.real_size.name,
+        )
 
 
 def _print_factors(carried: Carried) -> None:
