@@ -1,6 +1,7 @@
 """The commands as typer runs them: each is a stub until it is called."""
 
 import inspect
+import sys
 from collections.abc import Callable
 from functools import wraps
 from importlib import import_module
@@ -52,12 +53,26 @@ class _Commands(TyperGroup):
         usage = " ".join([ctx.command_path, *self.collect_usage_pieces(ctx)])
         print_overview(usage, self._group)
 
+    def make_context(self, *arguments: Any, **extra: Any) -> Any:
+        """Return the context; Ctrl-C, which typer would end without a word, ends in a sentence."""
+        try:
+            return super().make_context(*arguments, **extra)
+        except KeyboardInterrupt:
+            raise _interrupted() from None
+
     def invoke(self, ctx: Any) -> Any:
-        """Run the command; Ctrl-C, which typer would end without a word, ends in a sentence."""
+        """Run the command; Ctrl-C as in :meth:`make_context`."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            raise CommandInterruptedError("interrupted.") from None
+            raise _interrupted() from None
+
+
+def _interrupted() -> CommandInterruptedError:
+    outputs = sys.modules.get("tenodesis.cli.outputs")
+    written = [] if outputs is None else outputs.WRITTEN
+    done = f"written: {', '.join(map(str, written))}" if written else "nothing is written"
+    return CommandInterruptedError(f"interrupted; {done}.")
 
 
 def load(function: str) -> Callable[..., None]:

@@ -24,6 +24,9 @@ MODELS = {".urdf": {".urdf": "a URDF file", ".xml": "a URDF file"}, ".xml": {".x
 JSON = {".json": "a JSON file"}
 INSTRUMENT = {".toml": "an instrument file"}
 
+WRITTEN: list[Path] = []
+"""What this process has written, for the sentence that an interrupt ends in."""
+
 
 @contextmanager
 def writing(
@@ -81,12 +84,16 @@ def writing(
         try:
             yield
         except KeyboardInterrupt:
-            written = [str(path) for path in before if _version(path) != before[path]]
-            left = [str(path) for path in before if str(path) not in written]
-            if not written:
-                raise CommandInterruptedError(f"interrupted; nothing is written to {', '.join(left)}.") from None
-            missing = f"; not written: {', '.join(left)}" if left else ""
-            raise CommandInterruptedError(f"interrupted; written: {', '.join(written)}{missing}.") from None
+            changed = [path for path in before if _version(path) != before[path]]
+            left = [path for path in before if path not in changed]
+            if not changed:
+                raise CommandInterruptedError(
+                    f"interrupted; nothing is written to {folder or ', '.join(map(str, left))}."
+                ) from None
+            missing = f"; not written: {', '.join(map(str, left))}" if left else ""
+            raise CommandInterruptedError(f"interrupted; written: {', '.join(map(str, changed))}{missing}.") from None
+        finally:
+            WRITTEN.extend(path for path in before if _version(path) != before[path])
 
 
 def written_by_us(numbers: Path, key: str) -> bool:
