@@ -14,7 +14,7 @@ import typer
 from typer.testing import CliRunner
 
 import tenodesis as tn
-from tenodesis.cli import identify
+from tenodesis.cli import common, identify
 from tenodesis.errors import CommandError
 from tenodesis.files import atomic_file, atomic_files
 from tenodesis.identification import FORMATS, Format, Parameter, Problem, Trace, report
@@ -350,3 +350,14 @@ def test_held_out_files_leave_parameters_alone(logs: list[Path], tmp_path: Path)
     one, other = (json.loads((tmp_path / name / "result.json").read_text()) for name in ("a", "b"))
     assert one["parameters"] == other["parameters"]
     assert one["test_rmse_N"] != other["test_rmse_N"]
+
+
+def test_on_eighty_columns_no_interval_breaks(
+    logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(common.console, "width", 80)
+    shown = run(logs[0], "--bootstrap", 40, "--out", tmp_path / "out").output
+    found = json.loads((tmp_path / "out" / "result.json").read_text())
+    rows = [line for line in shown.splitlines() if " … " in line]
+    assert len(rows) == sum(bool(one["fitted"]) for one in found["parameters"].values())
+    assert all(line.count(" … ") == 2 and len(line) <= 80 for line in rows)

@@ -16,6 +16,7 @@ import pytest
 from mcap_ros2.writer import Writer as StockWriter
 
 import tenodesis as tn
+from tenodesis.cli import common
 from tenodesis.live import recorder as live
 from tenodesis.recording import Recorder, Recording
 from tenodesis.run import Run
@@ -357,3 +358,14 @@ def test_ctrl_c_leaves_a_readable_recording_and_says_so(tmp_path: Path) -> None:
         f"tenodesis: interrupted; run.mcap holds the run up to there, {recording.run.time[-1]:.6g} s, "
         f"{len(recording.run)} rows."
     )
+
+
+def test_on_eighty_columns_nothing_is_cut_off(
+    tenodesis: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tenodesis("record", "scaled-up", "short.toml", "--law", "robust", "--out", "run.mcap")
+    monkeypatch.setattr(common.console, "width", 80)
+    shown = tenodesis("info", "run.mcap")[1]
+    assert "…" not in shown
+    assert "sensor_msgs/msg/JointState" in shown
+    assert max(map(len, shown.splitlines())) <= 80

@@ -320,12 +320,13 @@ def _print_fit(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, 
 
 def _print_parameters(found: Fit) -> None:
     parameters = table("parameters", padding=(0, 1, 0, 0))
-    parameters.add_column("parameter", no_wrap=True)
+    # On 80 columns a name may take two lines, an interval may not.
+    parameters.add_column("parameter", overflow="fold")
     parameters.add_column("value", justify="right", no_wrap=True)
     parameters.add_column("unit", no_wrap=True)
     for heading in ("95 % interval", "bootstrap") if found.bootstrap else ("std", "95 % interval"):
-        parameters.add_column(heading, justify="right", min_width=9 if heading != "std" else None)
-    parameters.add_column("identi-\nfiable", min_width=4)
+        parameters.add_column(heading, justify="right", no_wrap=True)
+    parameters.add_column("identi-\nfiable", overflow="fold", min_width=8)
     for one in (one for one in found.parameters if one.name in found.free):
         row = report.shown(found, one)
         spread = (row.interval, row.bootstrap) if found.bootstrap else (row.std, row.interval)

@@ -38,7 +38,9 @@ def study_vertices(
     for one in tables(found):
         shown = table(escape(one.caption), padding=(0, 1, 0, 0))
         for n, heading in enumerate(one.columns):
-            shown.add_column(heading, justify="right" if n else "left", overflow="fold", min_width=len(one.rows[0][n]))
+            # On 80 columns text may take two lines, a number may not.
+            widest = max(len(word) for row in one.rows for word in row[n].split())
+            shown.add_column(heading, justify="right" if n else "left", overflow="fold", min_width=widest)
         for row in one.rows:
             shown.add_row(*row)
         console.print(shown)
