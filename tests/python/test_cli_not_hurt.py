@@ -1,6 +1,10 @@
 """Claims about mistakes at the command line: each ends in one sentence, before any work, and nothing is lost."""
 
 import shutil
+import signal
+import subprocess
+import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
@@ -317,3 +321,48 @@ def test_a_lock_that_a_dead_process_left_does_not_matter(desk: Path) -> None:
     with locked_file(desk / "x.mcap"):
         pass
     assert not (desk / ".x.mcap.lock").exists()
+
+
+def started(desk: Path, *words: str, python: tuple[str, ...] = ()) -> "subprocess.Popen[str]":
+    command = [sys.executable, *python, "-m", "tenodesis.cli", *words]
+    return subprocess.Popen(command, cwd=desk, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def until(condition: Callable[[], bool], process: "subprocess.Popen[str]") -> None:
+    while not condition():
+        assert process.poll() is None, process.communicate()[1]
+        time.sleep(0.01)
+
+
+INTERRUPTED = (130, -signal.SIGINT)
+"""What a shell shows as 130; Python ends by the signal itself where it came while code was being made from text."""
+
+
+@pytest.mark.process
+def test_ctrl_c_during_the_work_says_what_is_written_and_leaves_nothing_else(tmp_path: Path) -> None:
+    first = started(tmp_path, "vertices", "--out", "there")
+    until((tmp_path / "there").exists, first)
+    second = started(tmp_path, "vertices", "--out", "there")
+    told = second.communicate(timeout=120)[1]
+    assert second.returncode == 1
+    assert told.startswith("tenodesis: there is being written by another command")
+    first.send_signal(signal.SIGINT)
+    told = first.communicate(timeout=120)[1]
+    assert first.returncode in INTERRUPTED
+    assert told.strip() == "tenodesis: interrupted; nothing is written to there."
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("module", ["typer", "numpy", "pydantic", "tenodesis.instrument", "tenodesis.cli.instrument"])
+def test_ctrl_c_during_the_start_is_a_sentence(tmp_path: Path, module: str) -> None:
+    process = started(tmp_path, "check", "real-size", python=("-X", "importtime"))
+    assert process.stderr is not None
+    for line in process.stderr:
+        if line.rpartition("|")[2].strip().partition(".")[0] == module.partition(".")[0] and module in line:
+            break
+    process.send_signal(signal.SIGINT)
+    told = [line for line in process.communicate(timeout=120)[1].splitlines() if not line.startswith("import time:")]
+    if process.returncode:  # else it was done before the signal came
+        assert process.returncode in INTERRUPTED
+        assert [line for line in told if not line.startswith("tenodesis: interrupted")] == []

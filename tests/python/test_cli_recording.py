@@ -351,7 +351,7 @@ def test_ctrl_c_leaves_a_readable_recording_and_says_so(tmp_path: Path) -> None:
         assert process.poll() is None
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
-    assert process.returncode == 1
+    assert process.returncode == 130
     recording = Recording.open(tmp_path / "run.mcap")
     assert recording.damage is None
     assert err.strip() == (
