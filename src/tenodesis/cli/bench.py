@@ -8,8 +8,8 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from tenodesis import instrument
-from tenodesis.cli.common import InstrumentFile, ProgressBar, console, say_resolution, table
+from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_instrument, say_resolution, table
+from tenodesis.cli.outputs import Overwrite, writing, written_by_us
 from tenodesis.errors import InstrumentError
 from tenodesis.paper.context import Context
 from tenodesis.paper.run import run, steps
@@ -32,12 +32,13 @@ def bench(
         typer.Option(help="Axis to compute, where yaw and pitch have values of their own. Default: the first."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for report, figures, curves and results.")] = Path("out"),
+    overwrite: Overwrite = False,
 ) -> None:
     """Compute every figure and table of the paper for an instrument and write out/report.html."""
-    inst = instrument.load(instrument_file)
+    inst = load_instrument(instrument_file)
     if scaled_up is None and instrument_file == "real-size":
         scaled_up = "scaled-up"
-    scaled = None if scaled_up is None else instrument.load(scaled_up)
+    scaled = None if scaled_up is None else load_instrument(scaled_up)
     if scaled is not None and scaled.joint_type != inst.joint_type:
         raise InstrumentError(
             f"{scaled.name} has joint_type {scaled.joint_type}, {inst.name} {inst.joint_type}; a scale model must "
@@ -49,7 +50,18 @@ def bench(
     if axis is not None or inst.overrides:
         inst = inst.axis(axis or inst.axes[0])
     done, total = 0, steps(inst, scaled)
-    with ProgressBar("") as bar:
+    outputs = [("--out", out / name) for name in ("report.html", "results.json")]
+    replace = overwrite or written_by_us(out / "results.json", "results")
+    with (
+        writing(
+            outputs,
+            [instrument_file, scaled_up],
+            overwrite=replace,
+            folder=out,
+            subfolders=("figures", "curves", "recordings"),
+        ),
+        ProgressBar("") as bar,
+    ):
 
         def report(name: str) -> None:
             nonlocal done

@@ -8,22 +8,23 @@ from rich.markup import escape
 from rich.table import Table
 
 from tenodesis import instrument, plant
-from tenodesis.cli.common import InstrumentFile, console, say_resolution, warn
+from tenodesis.cli.common import InstrumentFile, console, load_instrument, say_resolution, warn
 from tenodesis.errors import Error
 
-Kind: TypeAlias = Literal["instrument", "catalogue", "tolerances"]
+Kind: TypeAlias = Literal["instrument", "protocol", "catalogue", "tolerances"]
 
 
 def schema(
-    kind: Annotated[Kind, typer.Argument(metavar="KIND", help="Kind of file: instrument, catalogue or tolerances.")] = (
+    kind: Annotated[Kind, typer.Argument(metavar="KIND", help="instrument, protocol, catalogue or tolerances.")] = (
         "instrument"
     ),
 ) -> None:
     """Print the JSON schema of a kind of file, for editors that complete and check TOML."""
-    from tenodesis import scaling, tolerance  # noqa: PLC0415 - instrument files do without them
+    from tenodesis import scaling, simulate, tolerance  # noqa: PLC0415 - instrument files do without them
 
     schemas = {
         "instrument": instrument.json_schema,
+        "protocol": simulate.json_schema,
         "catalogue": scaling.json_schema,
         "tolerances": tolerance.json_schema,
     }
@@ -32,7 +33,7 @@ def schema(
 
 def check(instrument_file: InstrumentFile) -> None:
     """Check an instrument file; print its values in SI units, and what its sensors resolve at the tip."""
-    inst: instrument.Instrument = instrument.load(instrument_file)
+    inst: instrument.Instrument = load_instrument(instrument_file)
     title = f"{escape(inst.name)}: {inst.joint_type}, {' and '.join(inst.axes)}"
     values = Table("key", "value", "source", title=title)
     for key, value, quantity in inst.quantities():

@@ -1,5 +1,6 @@
 """What the sensors resolve at the tip: the errors of their readings, propagated through the estimate (eq. 19)."""
 
+from functools import lru_cache
 from math import degrees, inf, isfinite, sqrt
 from typing import NamedTuple
 
@@ -57,6 +58,7 @@ class Resolution(NamedTuple):
     """The output angle that it takes, rad, largest over the working range; infinite where nothing can hold it"""
 
 
+@lru_cache(maxsize=16)
 def resolution(inst: Instrument) -> Resolution:
     """Return what the sensors of an instrument's first axis resolve at the unloaded tip; friction is left out.
 
