@@ -8,6 +8,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.paper.context import Context, shown_force
 from tenodesis.report import style
 from tenodesis.report.content import Array, CarePoint, Chart, Column, Section, fixed, named
+from tenodesis.statics.stroke import settled_stroke, wound
 
 _LAWS: tuple[tuple[str, statics.Actuation, statics.Law, str], ...] = (
     ("eq. 22 as printed, agonist's motor alone", "agonist", "paper", style.ACCENT),
@@ -15,35 +16,6 @@ _LAWS: tuple[tuple[str, statics.Actuation, statics.Law, str], ...] = (
     ("eq. 22, both motors", "differential", "paper", style.LOADS[2]),
     ("exact law, both motors", "differential", "exact", style.LOADS[1]),
 )
-_ITERATIONS = 200
-_SETTLED = 1e-15  # m
-
-
-def settled_stroke(
-    inst: Instrument, handle_angle: Array, force: float, actuation: statics.Actuation, law: statics.Law
-) -> Array:
-    """Return the agonist's stroke, m, at which the law requires just the stroke already made, NaN if there is none.
-
-    A fixed-point iteration; half steps keep it from overshooting.
-    """
-    stroke = np.zeros_like(handle_angle)
-    for _ in range(_ITERATIONS):
-        tension = statics.tensions(inst, handle_angle, force, wound=wound(stroke, actuation))
-        solved = np.isfinite(tension.agonist)
-        agonist, antagonist = (np.where(solved, measured, 0.0) for measured in tension)
-        wanted = statics.compensation_stroke(inst, agonist, antagonist, actuation, law)
-        step = np.where(solved, (wanted - stroke) / 2, np.nan)
-        # Points that find no equilibrium on the way get no stroke and are left out of the solves that follow.
-        lost = ~np.isfinite(step)
-        stroke = np.where(lost, 0.0, stroke + step)
-        if np.all(lost | (np.abs(step) < _SETTLED)):
-            return np.where(lost, np.nan, stroke)
-    return np.full_like(stroke, np.nan)
-
-
-def wound(stroke: Array, actuation: statics.Actuation) -> tuple[Array, Array]:
-    """Return the length that each motor has wound for an agonist's stroke, m."""
-    return stroke, -stroke if actuation == "differential" else np.zeros_like(stroke)
 
 
 def section(context: Context) -> Section:
