@@ -65,10 +65,11 @@ def section(context: Context) -> Section:
         f"Loss of output angle under {force:g} N, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N, once the "
         "motors have settled; no friction.",
     )
+    experiments = "" if context.is_own else ", which limited the paper's experiments"
     text = (
         "<p>Eq. 22 turns measured tensions into a motor angle. How much of the loss it restores depends on how many "
-        "motors act on it; the exact law takes this into account, and slack. These results are without friction, "
-        "which limited the paper's experiments.</p>"
+        "motors act on it; the exact law takes this into account, and slack. These results are without friction"
+        f"{experiments}.</p>"
     )
     if inst.joint_type == "continuum":
         text += (
@@ -88,7 +89,7 @@ def _bars(axis: Axes, values: Array, place: int, groups: int, *, color: str, lab
 
 
 def _care(context: Context, inst: Instrument, handle: Array, force: float) -> list[CarePoint]:
-    if inst.joint_type != "tendon-gear" or not handle.size:
+    if context.is_own or inst.joint_type != "tendon-gear" or not handle.size:
         return []
     middle = handle[handle.size // 3 : handle.size // 3 + 1]
     stroke = settled_stroke(inst, middle, force, "agonist", "paper")

@@ -126,7 +126,7 @@ def _table(context: Context, cycles: list[Cycles]) -> Table:
         "is ahead of it at extension, and the loops' widths, means over the last cycle; difference of the tensions",
         "force",
         column("rms error [°]", "estimation_error", "deg", "RMS error of eq. 19's estimate on the twin"),
-        "published [°]",
+        *(["published [°]"] if context.is_paper else []),
         column("behind at flexion [°]", "shift_at_flexion", "deg", "How far the tip stays behind theory at flexion"),
         column("ahead at extension [°]", "shift_at_extension", "deg", "How far the tip runs ahead at extension"),
         "loop [°]",
@@ -145,7 +145,7 @@ def _table(context: Context, cycles: list[Cycles]) -> Table:
         table.row(
             f"{done.force:g} N",
             (np.degrees(done.error), printed),
-            "–" if printed is None else fixed(printed.value),
+            *(["–" if printed is None else fixed(printed.value)] if context.is_paper else []),
             behind,
             ahead,
             behind + ahead,
@@ -238,7 +238,7 @@ def _angles(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
     return chart.plot(
         "fig14a_cycles",
         f"Input and output over flexion and extension, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N, "
-        f"{inst.conditions.cycles or 2} cycles at {np.degrees(SPEED):.0f}°/s ({context.figure_of('Fig. 14(a)')}). "
+        f"{inst.conditions.cycles or 2} cycles at {np.degrees(SPEED):.0f}°/s{context.figure_of('Fig. 14(a)')}. "
         "Dotted: no load; dashed: theory.",
     )
 
@@ -259,6 +259,6 @@ def _tensions(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
     style.legend_outside(chart.figure, *lines, ("pretension", style.MUTED, ":"), ("theory", style.INK, "--"))
     return chart.plot(
         "fig14b_tensions",
-        f"Tendon tensions beside the spools over the same cycles ({context.figure_of('Fig. 14(b)')}). "
+        f"Tendon tensions beside the spools over the same cycles{context.figure_of('Fig. 14(b)')}. "
         "Dotted: pretension; dashed: theory.",
     )

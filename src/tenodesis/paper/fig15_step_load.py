@@ -143,7 +143,7 @@ def section(context: Context) -> Section:
             "Handle angle that brings the twin's tip to {angle} deg",
             digits=1,
         ),
-        "published handle [°]",
+        *(["published handle [°]"] if context.is_paper else []),
         "output before [°]",
         "after [°]",
         Column(
@@ -164,7 +164,7 @@ def section(context: Context) -> Section:
         table.row(
             f"{angle}°",
             (np.degrees(state.handle_angle), handle),
-            "–" if handle is None else fixed(handle.value, 0),
+            *(["–" if handle is None else fixed(handle.value, 0)] if context.is_paper else []),
             *np.degrees([state.before, state.after, state.before - state.after, state.before - state.theory]),
             state.agonist_before,
             state.agonist_after,
@@ -173,9 +173,13 @@ def section(context: Context) -> Section:
     text = (
         "<p>As on the bench, the handle is moved until the tip reaches the desired angle, which with friction takes "
         "more handle angle than without. “Without friction” is the difference from there to the theory's angle under "
-        'the load. For the same loads with the controller enabled see <a href="#compensated">Compensation on the '
-        "bench</a>.</p>"
+        "the load."
     )
+    if context.has_chapter("compensated-step-load"):
+        text += (
+            ' For the same loads with the controller enabled see <a href="#compensated">Compensation on the bench</a>.'
+        )
+    text += "</p>"
     return Section("step_load", _TITLE, text, [_plot(context, states, rig)], [table])
 
 
@@ -214,6 +218,6 @@ def _plot(context: Context, states: list[State], rig: str) -> Plot:
     return chart.plot(
         "fig15_step_load",
         f"Output angle and agonist tension when a load, {rig}, is applied suddenly while the handle is held, "
-        f"{named(inst)}, T<sub>o</sub> = {inst.pretension:g} N, no compensation ({context.figure_of('Fig. 15')}, "
-        "dotted lines).",
+        f"{named(inst)}, T<sub>o</sub> = {inst.pretension:g} N, no "
+        f"compensation{context.figure_of('Fig. 15', ', dotted lines')}.",
     )

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from markupsafe import Markup
 
+from tenodesis.control.plausibility import implausible
 from tenodesis.control.resolution import sentences, warnings
 from tenodesis.instrument import Instrument
 from tenodesis.paper.context import Context, shown_force
@@ -41,6 +42,10 @@ def render(context: Context, sections: Sequence[Section], drawings: Mapping[str,
         "report.html.j2",
         inst=context.inst,
         scaled=context.scaled,
+        own=context.is_own,
+        implausible=[one.sentence for one in implausible(context.inst) if one.key != "sensors"]
+        if context.is_own
+        else [],
         headlines=headlines(context),
         dimensions=[_dimensions(inst) for inst in instruments],
         resolutions=[(inst.name, " ".join((*sentences(inst), *warnings(inst)))) for inst in instruments],

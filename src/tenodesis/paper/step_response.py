@@ -90,6 +90,11 @@ def can_compensate(inst: Instrument) -> bool:
     return True
 
 
+def has_friction(inst: Instrument) -> bool:
+    """Return whether an instrument's tendons have friction."""
+    return inst.friction.law != "none" and any(getattr(inst.friction, key) for key in _COEFFICIENTS)
+
+
 def caveat(inst: Instrument) -> str:
     """Return what errors against eq. 18 leave out, as HTML; nothing if a law can bring them to zero."""
     if inst.joint_type != "continuum":
