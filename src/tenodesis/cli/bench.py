@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tenodesis import instrument
-from tenodesis.cli.common import InstrumentFile, ProgressBar, check_choice, console, say_resolution, table
+from tenodesis.cli.common import InstrumentFile, ProgressBar, check_choice, console, say, say_resolution, table
 from tenodesis.errors import InstrumentError
 from tenodesis.paper.context import Context
 from tenodesis.paper.run import CHAPTERS, run, steps
@@ -66,7 +66,8 @@ def bench(
         context = run(inst, scaled, out, report, only=chapters)
     console.print(_summary(context))
     say_resolution(context.tested)
-    console.print(f"Report: [bold]{out / 'report.html'}[/bold]  (with figures/, curves/, recordings/ and results.json)")
+    say(f"Report: {out / 'report.html'}")
+    say("with figures/, curves/, recordings/ and results.json beside it")
 
 
 def _summary(context: Context) -> Table:

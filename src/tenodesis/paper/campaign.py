@@ -10,7 +10,7 @@ from tenodesis import similarity, statics
 from tenodesis.control.parameters import tension_limit
 from tenodesis.instrument import Instrument
 from tenodesis.paper import step_response
-from tenodesis.paper.context import Context
+from tenodesis.paper.context import Context, has_friction
 from tenodesis.paper.fig15_compensated import friction_errors, friction_label
 from tenodesis.report.content import Section, Table, fixed, named
 from tenodesis.twin import TIME_STEP
@@ -266,7 +266,7 @@ def section(context: Context) -> Section:
         text = f"<p>Not run: in none of the states does {named(inst)} hold the load.</p>"
         return Section("campaign", title(inst), text)
     varied = f"{len(step_response.held_states(inst))} states"
-    if step_response.has_friction(inst):
+    if has_friction(inst):
         varied += ", errors of −30 %, 0 and +30 % in the friction that the controller assumes,"
     table = Table(
         f"The robust law over {varied} and {seeds} noise seeds ({few} in all rows but the first)",
@@ -279,12 +279,12 @@ def section(context: Context) -> Section:
 
 def title(inst: Instrument) -> str:
     """Return the title of the section."""
-    return TITLE if step_response.has_friction(inst) else "The robust law over states and seeds"
+    return TITLE if has_friction(inst) else "The robust law over states and seeds"
 
 
 def _metrics(inst: Instrument) -> tuple[Metric, ...]:
     """Return the statistics that an instrument has."""
-    return tuple(metric for metric in METRICS if metric.key != "friction_error" or step_response.has_friction(inst))
+    return tuple(metric for metric in METRICS if metric.key != "friction_error" or has_friction(inst))
 
 
 def _heading(context: Context, metric: Metric) -> str:
@@ -318,7 +318,7 @@ def _shown(metric: Metric, value: float) -> str:
 
 
 def _by_state(inst: Instrument, main: Sequence[Trial]) -> Table:
-    rows, metrics, rough = [], _metrics(inst), step_response.has_friction(inst)
+    rows, metrics, rough = [], _metrics(inst), has_friction(inst)
     for state, error in dict.fromkeys((trial.state, trial.error) for trial in main):
         part = [trial for trial in main if (trial.state, trial.error) == (state, error)]
         rows.append(
@@ -341,16 +341,16 @@ def _by_state(inst: Instrument, main: Sequence[Trial]) -> Table:
 
 def _text(context: Context, main: Sequence[Trial], missed: Sequence[str], lost: Sequence[str]) -> str:
     limit = (
-        f"the controller’s limit is {tension_limit(context.tested):.3g} N"
+        f"; the controller’s limit is {tension_limit(context.tested):.3g} N"
         if context.is_own
-        else ("its target the controller’s limit")
+        else (", its target the controller’s limit")
     )
     text = (
         f"<p>Each run: handle to its angle, the load at {_BEFORE:g} s, {_AFTER:g} s under it, the controller enabled "
         "from the start. Every run is made twice: with the motors enabled, and with the motors stopped when the load "
         "comes, which shows the load’s own effect. The excursion is the largest error of the first run minus that of "
         "the second, negative if the first stays nearer to eq. 18. The time is the last moment at which the tip is 1° "
-        f"off. The tension is the true tension at the spools, {limit}.</p>"
+        f"off. The tension is the true tension at the spools{limit}.</p>"
     )
     moving = sum(np.isinf(trial.response.rest_time) for trial in main)
     if moving:

@@ -42,7 +42,8 @@ def section(context: Context) -> Section:
     lost = np.degrees(states - statics.output_angle(inst, handle, force))
     table.row("no compensation", *lost, key="none", left="", by=" without compensation", without="")
     remaining = [("no compensation", style.REFERENCE, lost)]
-    for name, actuation, law, color in _LAWS:
+    for printed, actuation, law, color in _LAWS:
+        name = printed.replace(" as printed", "") if context.is_own else printed
         stroke = settled_stroke(inst, handle, force, actuation, law)
         output = statics.output_angle(inst, handle, force, wound=wound(np.nan_to_num(stroke), actuation))
         lost = np.degrees(states - np.where(np.isfinite(stroke), output, np.nan))

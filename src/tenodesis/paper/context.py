@@ -16,6 +16,10 @@ SEEDS = 20
 """Noise seeds of the robust law's campaign."""
 
 
+COEFFICIENTS = ("vertex_coefficient", "sheath_coefficient", "constant")
+"""What an instrument's friction is made of, and a controller may assume wrong."""
+
+
 @dataclass(frozen=True)
 class RecordedRun:
     """A protocol that was run on the twin of an instrument, with the seed of its noise."""
@@ -118,6 +122,11 @@ def shown_force(inst: Instrument) -> float:
 def load_name(force: float) -> str:
     """Return a load (N) as tables and legends name it."""
     return "no load" if force == 0 else f"{force:g} N"
+
+
+def has_friction(inst: Instrument) -> bool:
+    """Return whether an instrument's tendons have friction."""
+    return inst.friction.law != "none" and any(getattr(inst.friction, key) for key in COEFFICIENTS)
 
 
 def held_angles(inst: Instrument) -> Sequence[float]:

@@ -11,7 +11,7 @@ from tenodesis import statics
 from tenodesis.control import Controller, LawName
 from tenodesis.instrument import Instrument
 from tenodesis.paper import step_response
-from tenodesis.paper.context import Context, forces
+from tenodesis.paper.context import Context, forces, has_friction
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, Section, Table, fixed, named
 from tenodesis.run import Run
@@ -195,7 +195,7 @@ def _cycles(context: Context, loads: Sequence[float], found: Found) -> tuple[Tab
         f"smaller than with eq. 22{as_printed} by the agonist’s motor, and {_span(ratios[BOTH_MOTORS])} times "
         "smaller than with eq. 22 by both motors.</p>"
     )
-    if step_response.has_friction(context.tested) and (
+    if has_friction(context.tested) and (
         context.is_own or any(min(ratios[rival]) < least for rival, (_, _, least) in rivals.items())
     ):
         share = np.mean([_share_after_reversal(found[force, ROBUST].error) for force in loads])
@@ -265,7 +265,7 @@ def _fast_wrist(context: Context, loads: Sequence[float]) -> tuple[Table, str]:
     tightened = max(abs(done.mean_at_end - done.mean_at_start) for done in robust)
     return table, (
         f"<p>In fast wrist motion the robust law’s error changes by {100 * grown:.0f} % at most from the start to "
-        f"the end of {_WRIST_PERIODS} periods, and the mean tension by {tightened:.2g} N.</p>"
+        f"the end of {_WRIST_PERIODS} periods, and the mean tension by {round(tightened, 9):.2g} N.</p>"
     )
 
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from tenodesis.control import LawName
 from tenodesis.instrument import Instrument
 from tenodesis.paper import step_response
-from tenodesis.paper.context import Context
+from tenodesis.paper.context import Context, has_friction
 from tenodesis.paper.fig15_step_load import AFTER, BEFORE
 from tenodesis.paper.step_response import NEAR, Response
 from tenodesis.report import style
@@ -53,7 +53,7 @@ class _Case(NamedTuple):
 
 def friction_errors(inst: Instrument) -> tuple[float, ...]:
     """Return the errors of the friction that an instrument's controller assumes; 0 alone where there is none."""
-    return FRICTION_ERRORS if step_response.has_friction(inst) else (0.0,)
+    return FRICTION_ERRORS if has_friction(inst) else (0.0,)
 
 
 def friction_label(error: float) -> str:
@@ -94,7 +94,7 @@ def section(context: Context) -> Section:
         "<p>The handle is moved to the angle that by eq. 18 gives the desired output angle, with the controller "
         "enabled from the start, and held; the load comes at 10 s. Errors are against eq. 18"
     )
-    if step_response.has_friction(inst):
+    if has_friction(inst):
         text += (
             ", so that they include what friction takes before the load. The controller knows the tendons’ identified "
             "stiffness; the table says where it assumes a wrong friction, which the laws from theory without friction "
@@ -112,7 +112,7 @@ def section(context: Context) -> Section:
 
 def _table(context: Context, held: Sequence[float], responses: dict[_Case, Response]) -> Table:
     rows: dict[str, list[str]] = {}
-    rough = step_response.has_friction(context.tested)
+    rough = has_friction(context.tested)
     for case, response in responses.items():
         label = case.label if rough or case.law != "robust" else "robust, both motors"
         angle = f"{np.degrees(case.state):.4g}"

@@ -43,9 +43,7 @@ def render(context: Context, sections: Sequence[Section], drawings: Mapping[str,
         inst=context.inst,
         scaled=context.scaled,
         own=context.is_own,
-        implausible=[one.sentence for one in implausible(context.inst) if one.key != "sensors"]
-        if context.is_own
-        else [],
+        implausible=_implausible(context),
         headlines=headlines(context),
         dimensions=[_dimensions(inst) for inst in instruments],
         resolutions=[(inst.name, " ".join((*sentences(inst), *warnings(inst)))) for inst in instruments],
@@ -55,6 +53,12 @@ def render(context: Context, sections: Sequence[Section], drawings: Mapping[str,
         published=[result for result in context.results.values() if result.published is not None],
         marked=_marked,
     )
+
+
+def _implausible(context: Context) -> list[str]:
+    """Return what is implausible about an instrument of one's own; its sensors have a sentence already."""
+    found = implausible(context.inst) if context.is_own else ()
+    return [unit_text(one.sentence) for one in found if one.key != "sensors"]
 
 
 def _marked(text: str) -> Markup:
