@@ -169,6 +169,19 @@ def test_a_file_that_exists_is_replaced_only_when_asked(tenodesis: Run, tmp_path
     assert tn.load("mine.toml").name == "mine"
 
 
+@pytest.mark.parametrize("name", ["", ".toml", "absent/mine"])
+def test_a_name_that_makes_no_file_is_refused_before_anything_is_asked(tenodesis: Run, name: str) -> None:
+    code, said, wrong = tenodesis("new", name)
+    assert (code, said) == (1, "")
+    assert f"NAME is '{name}'; it must be the name of an instrument, in a folder that exists." in wrong
+
+
+def test_an_implausible_answer_is_taken_with_a_warning(tenodesis: Run) -> None:
+    code, said, _ = tenodesis("new", "mine", "--defaults", "--distal-radius", "3 mm", "--stem-diameter", "5 mm")
+    assert code == 0
+    assert "warning: distal_pulley_radius is 3 mm, so that the joint is 6 mm wide" in said
+
+
 def test_without_an_answer_it_says_which_option_gives_it(
     tenodesis: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
