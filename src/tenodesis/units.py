@@ -144,6 +144,13 @@ def _not_zero(value: float) -> float:
     return value
 
 
+def _oscillating(value: Any) -> Any:
+    """Refuse text in a unit of angular velocity, whose number is 2 pi times that of the frequency."""
+    if isinstance(value, str) and _TURNING_UNIT.search(value):
+        raise ValueError('it is measured by angle; write a frequency like "0.5 Hz"')
+    return value
+
+
 _TURNING_UNIT = re.compile(r"deg|°|rad|turn|rev|arcmin|rpm")
 
 
@@ -182,6 +189,9 @@ Time = Annotated[float, *annotation(Quantity("time", "s", "20 ms", at_least=0, b
 Duration = Annotated[float, *annotation(Quantity("duration", "s", "2 s", above=0, below=1e6))]
 Delay = Annotated[float, *annotation(Quantity("duration", "s", "0.5 s", at_least=0, below=1e6))]
 Rate = Annotated[float, *annotation(Quantity("rate", "Hz", "2000 Hz", above=0, below=1e9))]
+Frequency = Annotated[
+    float, *annotation(Quantity("frequency", "Hz", "0.5 Hz", above=1e-6, below=1e6)), BeforeValidator(_oscillating)
+]
 Gain = Annotated[float, *annotation(Quantity("gain", "1/s", "12 1/s", above=0, below=1e4))]
 
 SlipSpeed = Annotated[float, *annotation(Quantity("speed", "m/s", "1 mm/s", above=0, below=1e3))]

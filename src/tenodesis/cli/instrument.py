@@ -11,19 +11,20 @@ from tenodesis import instrument, plant
 from tenodesis.cli.common import InstrumentFile, console, say_resolution, warn
 from tenodesis.errors import Error
 
-Kind: TypeAlias = Literal["instrument", "catalogue", "tolerances"]
+Kind: TypeAlias = Literal["instrument", "protocol", "catalogue", "tolerances"]
 
 
 def schema(
-    kind: Annotated[Kind, typer.Argument(metavar="KIND", help="Kind of file: instrument, catalogue or tolerances.")] = (
-        "instrument"
-    ),
+    kind: Annotated[
+        Kind, typer.Argument(metavar="KIND", help="Kind of file: instrument, protocol, catalogue or tolerances.")
+    ] = "instrument",
 ) -> None:
     """Print the JSON schema of a kind of file, for editors that complete and check TOML."""
-    from tenodesis import scaling, tolerance  # noqa: PLC0415 - instrument files do without them
+    from tenodesis import scaling, simulate, tolerance  # noqa: PLC0415 - instrument files do without them
 
     schemas = {
         "instrument": instrument.json_schema,
+        "protocol": simulate.json_schema,
         "catalogue": scaling.json_schema,
         "tolerances": tolerance.json_schema,
     }
