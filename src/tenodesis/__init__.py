@@ -8,8 +8,11 @@ from tenodesis.version import __version__
 if TYPE_CHECKING:
     from tenodesis import (
         control,
+        errors,
         identification,
+        instrument,
         kinematics,
+        recording,
         scaling,
         similarity,
         simulate,
@@ -19,6 +22,7 @@ if TYPE_CHECKING:
         twin,
     )
     from tenodesis.errors import (
+        ArgumentError,
         DesignError,
         Error,
         IdentificationError,
@@ -28,18 +32,29 @@ if TYPE_CHECKING:
         RecordingError,
         StudyError,
     )
-    from tenodesis.instrument import Continuum, Instrument, TendonGear, TendonPulley, load, parse, shipped
+    from tenodesis.instrument import (
+        Continuum,
+        Instrument,
+        InstrumentLike,
+        TendonGear,
+        TendonPulley,
+        load,
+        parse,
+        shipped,
+    )
     from tenodesis.recording import Recorder, Recording
     from tenodesis.run import Run
     from tenodesis.threads import set_threads
 
 __all__ = [
+    "ArgumentError",
     "Continuum",
     "DesignError",
     "Error",
     "IdentificationError",
     "Instrument",
     "InstrumentError",
+    "InstrumentLike",
     "NoSolutionError",
     "ProtocolError",
     "Recorder",
@@ -51,10 +66,13 @@ __all__ = [
     "TendonPulley",
     "__version__",
     "control",
+    "errors",
     "identification",
+    "instrument",
     "kinematics",
     "load",
     "parse",
+    "recording",
     "scaling",
     "set_threads",
     "shipped",
@@ -68,6 +86,7 @@ __all__ = [
 
 _HOME = {
     "errors": (
+        "ArgumentError",
         "DesignError",
         "Error",
         "IdentificationError",
@@ -77,7 +96,16 @@ _HOME = {
         "RecordingError",
         "StudyError",
     ),
-    "instrument": ("Continuum", "Instrument", "TendonGear", "TendonPulley", "load", "parse", "shipped"),
+    "instrument": (
+        "Continuum",
+        "Instrument",
+        "InstrumentLike",
+        "TendonGear",
+        "TendonPulley",
+        "load",
+        "parse",
+        "shipped",
+    ),
     "recording": ("Recorder", "Recording"),
     "run": ("Run",),
     "threads": ("set_threads",),

@@ -11,7 +11,7 @@ from tenodesis import _core
 from tenodesis.control.parameters import FAULTS, HOMING_REASONS, parameters
 from tenodesis.control.resolution import check_force_limit
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 
 ObserverName: TypeAlias = Literal["paper", "exact", "friction"]
 LawName: TypeAlias = Literal["off", "paper", "paper-feedback", "exact", "robust"]
@@ -121,7 +121,7 @@ class Controller:
 
     def __init__(
         self,
-        inst: Instrument,
+        inst: InstrumentLike,
         observer: ObserverName = "friction",
         law: LawName = "robust",
         actuation: ActuationName = "differential",
@@ -132,6 +132,7 @@ class Controller:
         period: float | None = None,
         own_clock: bool = False,
     ) -> None:
+        inst = as_instrument(inst)
         chosen_observer = _choice("observer", observer, ObserverName)
         chosen_law = _choice("law", law, LawName)
         chosen_actuation = _choice("actuation", actuation, ActuationName)

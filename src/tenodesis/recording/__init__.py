@@ -4,3 +4,7 @@ from tenodesis.recording.reader import Recording
 from tenodesis.recording.writer import Recorder
 
 __all__ = ["Recorder", "Recording"]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 
 from tenodesis.errors import ArgumentError, DesignError, InstrumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.run import Array
 from tenodesis.scaling import catalogue as catalogues
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates, Wheel
@@ -214,7 +214,7 @@ class Front:
 
 
 def design(
-    real_size: Instrument,
+    real_size: InstrumentLike,
     catalogue: Catalogue | None = None,
     *,
     pins: Mapping[str, Any] | None = None,
@@ -241,8 +241,7 @@ def design(
     DesignError
         A pin names no part, or no scale model meets the constraints; the message names the contradiction.
     """
-    if not isinstance(real_size, Instrument):
-        raise TypeError(f"real_size is {real_size!r}; it must be an instrument, as tenodesis.load returns it.")
+    real_size = as_instrument(real_size, "real_size")
     if isinstance(combinations, bool) or not isinstance(combinations, int) or not 1 <= combinations <= 10**9:
         raise ArgumentError(key="combinations", value=combinations, allowed="an integer from 1 to 10**9")
     given = parse(pins or {})
@@ -250,8 +249,9 @@ def design(
     return Front(sweep(real_size.planar[0], parts, given, combinations=combinations, progress=progress))
 
 
-def name_of(real_size: Instrument) -> str:
+def name_of(real_size: InstrumentLike) -> str:
     """Return the name of an instrument's scale model."""
+    real_size = as_instrument(real_size, "real_size")
     return f"{real_size.name[:50]}-scaled-up"
 
 

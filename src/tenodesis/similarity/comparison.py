@@ -10,7 +10,7 @@ import numpy as np
 
 from tenodesis import statics
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import InstrumentLike, as_instrument
 from tenodesis.similarity import causes, loops
 from tenodesis.similarity.causes import Causes, OnProgress
 from tenodesis.similarity.frictionless import GRID, SimilarityError, similarity_error
@@ -201,7 +201,7 @@ class Comparison(Pair):
         return middle * float(np.exp(found.x))
 
 
-def compare(real_size: Instrument, scaled_up: Instrument, *, largest_force: float | None = None) -> Comparison:
+def compare(real_size: InstrumentLike, scaled_up: InstrumentLike, *, largest_force: float | None = None) -> Comparison:
     """Compare a scaled-up instrument with the real-size instrument that it models.
 
     They may have different joint types; of two axes the first is taken. The largest tangential force is on the
@@ -214,9 +214,7 @@ def compare(real_size: Instrument, scaled_up: Instrument, *, largest_force: floa
     TypeError
         One is not an instrument.
     """
-    for argument, inst in (("real_size", real_size), ("scaled_up", scaled_up)):
-        if not isinstance(inst, Instrument):
-            raise TypeError(f"{argument} is {inst!r}; it must be an instrument, as tenodesis.load returns it.")
+    real_size, scaled_up = as_instrument(real_size, "real_size"), as_instrument(scaled_up, "scaled_up")
     force = max(real_size.conditions.forces, default=1.0) if largest_force is None else largest_force
     if not isinstance(force, int | float) or not (np.isfinite(force) and force > 0):
         raise ArgumentError(key="largest_force", value=force, allowed="a force above 0 N")

@@ -10,7 +10,7 @@ import tomli_w
 from pydantic import Field, field_validator
 
 from tenodesis.errors import ProtocolError
-from tenodesis.instrument import Instrument, Name
+from tenodesis.instrument import Instrument, InstrumentLike, Name, as_instrument
 from tenodesis.instrument.text import with_units
 from tenodesis.run import Array
 from tenodesis.simulate.chirp import Chirp
@@ -61,7 +61,7 @@ class Protocol(ProtocolModel):
         tables = [{"kind": phase.kind} | with_units(phase, unset=False) for phase in phases]
         return tomli_w.dumps(with_units(self, unset=False) | {"phases": tables}, multiline_strings=True)
 
-    def duration(self, inst: Instrument, time_step: float = 1e-3) -> float:
+    def duration(self, inst: InstrumentLike, time_step: float = 1e-3) -> float:
         """Return the duration of a run, s; closed-loop phases count with their timeout.
 
         Every move is rounded up to full time steps (s). Raises ProtocolError if the instrument cannot run it, or not
@@ -69,7 +69,7 @@ class Protocol(ProtocolModel):
         """
         return math.fsum(planned.seconds for planned in self.plan(inst, time_step))
 
-    def commands(self, inst: Instrument, time_step: float) -> dict[str, Array]:
+    def commands(self, inst: InstrumentLike, time_step: float) -> dict[str, Array]:
         """Return the commands of all time steps (s), by name.
 
         For n steps: handle_angle (rad), force and radial_force (N), of shape (n,), and spool_velocity (rad/s), of shape
@@ -78,6 +78,7 @@ class Protocol(ProtocolModel):
         Raises ProtocolError if a phase is closed-loop or has tissue, whose force is not known before, the instrument
         cannot run it, or not within an hour.
         """
+        inst = as_instrument(inst)
         closed = [phase.kind for phase in self.phases if isinstance(phase, Pretension)]
         if closed:
             raise ProtocolError(
@@ -98,11 +99,12 @@ class Protocol(ProtocolModel):
         """Whether the tip meets tissue in it."""
         return any(isinstance(phase, TissueContact) for phase in self.phases)
 
-    def plan(self, inst: Instrument, time_step: float) -> list[Planned]:
+    def plan(self, inst: InstrumentLike, time_step: float) -> list[Planned]:
         """Return the phases planned on an instrument, at a time step (s).
 
         Raises ProtocolError if the instrument cannot run it, or not within an hour.
         """
+        inst = as_instrument(inst)
         block_size(time_step, time_step)
         plan: list[Planned] = []
         command, total = Command.rest(len(inst.axes), tissue=self.has_tissue), 0.0

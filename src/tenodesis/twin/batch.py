@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core, plant
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.run import Array
 from tenodesis.statics.query import common_shape
 from tenodesis.threads import threads
@@ -32,7 +32,7 @@ class Batch:
 
 
 def run_many(
-    inst: Instrument | Sequence[Instrument],
+    inst: InstrumentLike | Sequence[InstrumentLike],
     handle_angle: ArrayLike,
     force: ArrayLike = 0.0,
     *,
@@ -122,8 +122,8 @@ def run_many(
     return Batch(time, {name: out[:, n] for n, name in enumerate(signals)}, ends[:, 0], ends[:, 1])
 
 
-def _instruments(inst: Instrument | Sequence[Instrument], vary: Mapping[str, ArrayLike]) -> list[Instrument]:
-    insts = [inst] if isinstance(inst, Instrument) else list(inst)
+def _instruments(inst: InstrumentLike | Sequence[InstrumentLike], vary: Mapping[str, ArrayLike]) -> list[Instrument]:
+    insts = [as_instrument(one) for one in ([inst] if isinstance(inst, InstrumentLike) else inst)]
     if not insts:
         raise ArgumentError("inst is empty; it must be one instrument or more.", key="inst")
     columns = {key: np.atleast_1d(np.asarray(values)) for key, values in vary.items()}
