@@ -4,12 +4,15 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, NamedTuple, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -131,6 +134,19 @@ class Run:
         index = self.axes.index(name)
         own: dict[str, Any] = {key: values[:, index] for key, values in self.signals().items()}
         return replace(self, axes=(name,), **own)
+
+    def plot(self, *signals: str) -> "Figure":
+        """Return a figure of signals over time: those named, or angles, tensions and forces; see :mod:`tenodesis.plot`.
+
+        Raises
+        ------
+        KeyError
+            A signal is unknown or was not recorded.
+        """
+        # By the public name, since figures stand above runs.
+        import tenodesis as tn  # noqa: PLC0415
+
+        return tn.plot.run(self, signals)
 
     def _map(self, change: Callable[[Array], Array]) -> "Run":
         """Return this run with its time and all signals changed alike."""
