@@ -130,6 +130,17 @@ def in_unit(unit: str, si_unit: str) -> float:
     return float(_units().Quantity(1.0, si_unit).to(unit).magnitude)
 
 
+READABLE = {"m": "mm", "Pa": "GPa", "rad": "deg", "s": "ms", "rad/s": "deg/s", "m/s": "mm/s"}
+"""Units of drawings, by SI unit."""
+
+
+def in_words(value: float, si_unit: str) -> str:
+    """Return a value as text for people, to six digits, in the unit of drawings."""
+    unit = READABLE.get(si_unit, si_unit)
+    factor = in_unit(unit, si_unit) if unit != si_unit else 1.0
+    return f"{value * factor:.6g} {unit.replace('*', '·').replace('^2', '²')}".removesuffix(" 1")
+
+
 @cache
 def _units() -> "UnitRegistry[float]":
     """Return pint's units; pint takes long to import, and only text with a unit needs it."""

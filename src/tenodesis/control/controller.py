@@ -174,6 +174,12 @@ class Controller:
             ) from None
         self._request = Request.ENABLE if enabled else Request.NONE
 
+    def __repr__(self) -> str:
+        return (
+            f"<Controller for {self.inst.name!r}: {self.observer} observer, {self.law} law, {self.actuation}, "
+            f"{self.precision} precision>"
+        )
+
     def step(
         self,
         time: float,

@@ -30,6 +30,11 @@ _SEARCHED = np.geomspace(0.5, 2.0, 41)
 class Comparison(Pair):
     """A pair of instruments with the similarity errors between them and their causes; :func:`compare` makes it."""
 
+    def __repr__(self) -> str:
+        factors = f"force factor {self.force_factor():.4g}, tension factor {self.tension_factor:.4g}"
+        names = f"{self.real_size.name!r} and {self.scaled_up.name!r}"
+        return f"<Comparison of {names} up to {self.largest_force:g} N: {factors}>"
+
     @cached_property
     def errors(self) -> Mapping[str, SimilarityError]:
         """Similarity error with the scaled real-size pretension, and with that of the scaled-up file."""

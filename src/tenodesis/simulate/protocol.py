@@ -25,6 +25,8 @@ from tenodesis.toml import parse_toml, read_text, validated
 OpenLoopPhase: TypeAlias = Hold | Cycles | StepLoad | Ramp | Motion | Chirp | TissueContact
 AnyPhase: TypeAlias = Pretension | OpenLoopPhase
 
+_MOST_NAMED = 8
+"""Phases that a protocol's short description names."""
 LONGEST = 3600.0
 """Longest run, s."""
 
@@ -54,6 +56,13 @@ class Protocol(ProtocolModel):
         if not phases:
             raise ValueError("it must have one or more phases")
         return phases
+
+    def __repr__(self) -> str:
+        kinds = ", ".join(phase.kind for phase in self.phases[:_MOST_NAMED])
+        more = f" and {len(self.phases) - _MOST_NAMED} more" if len(self.phases) > _MOST_NAMED else ""
+        return f"<Protocol {self.name!r}: {kinds}{more}>"
+
+    __str__ = __repr__
 
     def to_toml(self) -> str:
         """Return the text of a protocol file of this protocol, recorded motions included."""

@@ -30,6 +30,11 @@ class Batch:
     def __getitem__(self, name: str) -> Array:
         return self.signals[name]
 
+    def __repr__(self) -> str:
+        early = int(np.count_nonzero(self.status))
+        kept = f"{', '.join(self.signals)} at {self.time.size} times"
+        return f"<Batch of {len(self.steps)} runs: {kept}{f', {early} ended early' if early else ''}>"
+
 
 def run_many(
     inst: InstrumentLike | Sequence[InstrumentLike],

@@ -117,6 +117,11 @@ class Twin:
             f"{time_step:g} s"
         )
 
+    def __repr__(self) -> str:
+        kind = "quasi-static" if self.quasi_static else "dynamic"
+        steps = f"{kind} steps of {self.time_step:g} s"
+        return f"<Twin of {self.inst.name!r} at {self.time:.6g} s, {steps}, seed {self.seed}>"
+
     @property
     def time(self) -> float:
         """Time simulated since the start, s."""
