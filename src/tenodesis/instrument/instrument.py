@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping
 from functools import cache, cached_property
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -117,6 +117,16 @@ class Instrument(FileTable):
 
     parameter_fields: ClassVar[Mapping[str, str]] = {}
     """Parameter of the core, by the field that sets it."""
+
+    if TYPE_CHECKING:
+        # Type checkers do not know of which mechanism the instrument in a file is; it has the dimensions of its own.
+        distal_gear_radius: float
+        proximal_gear_radius: float
+        distal_pulley_radius: float
+        proximal_pulley_radius: float
+        distal_tendon_offset: float
+        backbone_length: float
+        backbone_rigidity: float
 
     @property
     def tendon_stiffness(self) -> float:
