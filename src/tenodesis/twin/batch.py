@@ -12,7 +12,7 @@ from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.run import Array
 from tenodesis.statics.query import common_shape
 from tenodesis.threads import threads
-from tenodesis.twin.contact import Contact, rows_of
+from tenodesis.twin.contact import Contact, Contacts, rows_of
 from tenodesis.twin.rows import ARGUMENTS, COMMANDS, SIGNALS, check_finite, check_handle_range, check_rig, check_seed
 
 
@@ -44,7 +44,7 @@ def run_many(
     radial_force: ArrayLike = 0.0,
     weight: ArrayLike = 0.0,
     spool_velocity: ArrayLike = 0.0,
-    contact: Contact | Sequence[Contact | None] | None = None,
+    contact: Contacts | None = None,
     vary: Mapping[str, ArrayLike] | None = None,
     seeds: ArrayLike | None = None,
     signals: Sequence[str] = ("output_angle",),
@@ -176,7 +176,7 @@ def _shared_commands(runs: int, *arguments: ArrayLike) -> Array:
     return rows
 
 
-def _tissue(contact: Contact | Sequence[Contact | None] | None) -> Array:
+def _tissue(contact: Contacts | None) -> Array:
     """Return the commands' columns for tissue, of all runs or of each, shape (1 or runs, 3)."""
     given = (contact,) if contact is None or isinstance(contact, Contact) else tuple(contact)
     for one in given:
