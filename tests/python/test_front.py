@@ -47,9 +47,7 @@ def test_sorting_puts_the_best_first(front: Front, objective: str) -> None:
 
 
 def test_an_unknown_objective_is_refused(front: Front) -> None:
-    with pytest.raises(
-        ArgumentError, match="objective is 'cost'; it must be one of similarity_error"
-    ):
+    with pytest.raises(ArgumentError, match="objective is 'cost'; it must be one of similarity_error"):
         front.sorted_by("cost")  # type: ignore[arg-type]
 
 

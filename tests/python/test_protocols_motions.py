@@ -267,6 +267,28 @@ def test_a_motion_beside_a_phase_that_rests_or_begins_elsewhere_is_at_rest_there
         assert np.diff(angle)[998] / DT / DEG == pytest.approx(0, abs=1)
 
 
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_the_move_to_a_motion_passes_into_it_without_a_stop(scaled: Instrument, direction: float) -> None:
+    times = np.linspace(0, 1, 11)
+    angle = direction * commands(scaled, motion(times, direction * (10 + 15 * times)))["handle_angle"]
+    speed = np.diff(angle, prepend=0.0) / DT / DEG
+    joint = int(np.searchsorted(angle, 10 * DEG - 1e-9))
+    assert speed[joint - 3 : joint + 3] == pytest.approx(15, abs=0.3)
+    assert speed.max() < 20.01
+    assert (speed >= 0).all()
+    assert abs(np.diff(speed)).max() < 1
+    assert abs(speed[0]) < 0.01
+
+
+def test_the_move_to_a_motion_that_turns_back_or_is_faster_stops_there(scaled: Instrument) -> None:
+    times = np.linspace(0, 1, 11)
+    for rate in (-5.0, 25.0):
+        angle = commands(scaled, motion(times, 10 + rate * times))["handle_angle"]
+        joint = len(angle) - 1000
+        assert angle[joint - 1] == pytest.approx(10 * DEG)
+        assert np.diff(angle)[joint - 2 : joint + 1] / DT / DEG == pytest.approx(0, abs=2)
+
+
 def test_motions_of_two_axes_do_not_join(real: Instrument) -> None:
     both = real.replace(axes=("yaw", "pitch"))
     times = np.linspace(0, 1, 11)

@@ -37,6 +37,11 @@ SMOOTH = SHAPES["smooth"]
 """The stroke of minimum jerk."""
 
 
+def arriving(speed: float) -> Callable[[Array], Array]:
+    """Return the stroke of minimum jerk that ends with a speed, as a share of its mean speed, up to 2.5."""
+    return lambda time: time**3 * (10 - 4 * speed + time * (7 * speed - 15 + time * (6 - 3 * speed)))
+
+
 class Command(NamedTuple):
     """Command at an instant, by axis: handle angle (rad), forces (N), spool velocities (rad/s), and tissue.
 

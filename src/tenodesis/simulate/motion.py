@@ -42,7 +42,8 @@ class Motion(Loaded):
 
     Between samples it follows a monotone piecewise cubic (Fritsch and Butland 1984): it passes through the samples,
     turns where they do, and its speed has no jumps. At either end it has the speed of the neighbouring phase of its
-    axis if that moves in the same direction and meets it at the same angle; otherwise it begins or ends at rest.
+    axis, or of the move to its start, if that meets it at the same angle and in the same direction, and is no faster
+    than `approach` if it is that move; otherwise it begins or ends at rest.
     """
 
     kind: Literal["motion"] = "motion"
@@ -90,12 +91,13 @@ class Motion(Loaded):
         self._check_angles(start, angles)
         times = self.samples.times - self.samples.times[0]
         first, last, end = float(angles[0]), float(angles[-1]), float(times[-1])
-        yield from self.approached(start, first)
+        arrival = self._arrival(start)
+        yield from self.approached(start, first, arrival)
         slopes = np.zeros_like(angles)
         if len(times) > 2:
             slopes[1:-1] = PchipInterpolator(times, angles).derivative()(times[1:-1])
         opening, closing = self.edges(start)
-        slopes[0] = joint_speed(start.before, opening)
+        slopes[0] = arrival or joint_speed(start.before, opening)
         slopes[-1] = joint_speed(closing, _opening_after(start, last))
         curve = CubicHermiteSpline(times, angles, slopes)
         steps = start.steps(end)
@@ -114,6 +116,13 @@ class Motion(Loaded):
         speeds, intervals = np.diff(angles) / np.diff(times), np.diff(times)
         opening = Edge(float(speeds[0]), float(intervals[0])) if start.at(float(angles[0])) else REST
         return opening, Edge(float(speeds[-1]), float(intervals[-1]))
+
+    def _arrival(self, start: Start) -> float:
+        """Return the handle speed (rad/s) at which an approach passes into the motion: 0 if it must turn there."""
+        angles, times = self._handle_angles(start), self.samples.times
+        speed = float((angles[1] - angles[0]) / (times[1] - times[0]))
+        way = float(angles[0]) - start.handle_angle
+        return speed if way * speed > 0 and abs(speed) <= self.approach and not start.at(float(angles[0])) else 0.0
 
     def _handle_angles(self, start: Start) -> Array:
         """Return the handle angle at every sample, rad, shape (n,)."""

@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from tenodesis.errors import ProtocolError
 from tenodesis.instrument import AxisName, Instrument
 from tenodesis.run import Array
-from tenodesis.simulate.command import SHAPES, SMOOTH, Command, Moved, PathByStep, Segment, ShapeName, between
+from tenodesis.simulate.command import SHAPES, SMOOTH, Command, Moved, PathByStep, Segment, ShapeName, arriving, between
 from tenodesis.simulate.joint import REST, Edge
 from tenodesis.simulate.loads import AppliedLoad, LoadStep, check_load_steps, stepped_force
 from tenodesis.simulate.model import ProtocolModel, check_choice
@@ -87,17 +87,21 @@ class Moving(OpenLoop):
 
     approach: HandleSpeed = Field(default=math.radians(20), description="Largest handle speed on the way to its start")
 
-    def approached(self, start: Start, angle: float) -> Iterator[Segment]:
-        """Yield the smooth move (minimum jerk) to a handle angle (rad), if the handle is not there."""
+    def approached(self, start: Start, angle: float, speed: float = 0.0) -> Iterator[Segment]:
+        """Yield the smooth move (minimum jerk) to a handle angle (rad), if the handle is not there.
+
+        It arrives with a speed (rad/s) in its direction, at most the largest on the way.
+        """
         begin = start.handle_angle
         steps = 0 if start.at(angle) else start.steps(SMOOTH.peak * abs(angle - begin) / self.approach)
+        way = SMOOTH.way if not speed else arriving(speed * steps * start.time_step / (angle - begin))
         if steps:
             yield Segment(
                 start.command,
                 start.command.on(start.axis, handle_angle=angle),
                 steps,
                 start.axis,
-                {"handle_angle": lambda done: between(begin, angle, SMOOTH.way(done / steps))},
+                {"handle_angle": lambda done: between(begin, angle, way(done / steps))},
             )
 
 
