@@ -15,9 +15,9 @@ Kind: TypeAlias = Literal["instrument", "protocol", "catalogue", "tolerances"]
 
 
 def schema(
-    kind: Annotated[
-        Kind, typer.Argument(metavar="KIND", help="Kind of file: instrument, protocol, catalogue or tolerances.")
-    ] = "instrument",
+    kind: Annotated[Kind, typer.Argument(metavar="KIND", help="instrument, protocol, catalogue or tolerances.")] = (
+        "instrument"
+    ),
 ) -> None:
     """Print the JSON schema of a kind of file, for editors that complete and check TOML."""
     from tenodesis import scaling, simulate, tolerance  # noqa: PLC0415 - instrument files do without them

@@ -39,9 +39,18 @@ def as_instrument(given: InstrumentLike, argument: str = "inst") -> Instrument:
     if not isinstance(given, str | Path):
         raise TypeError(f"{argument} is {given!r}; it must be an instrument, its name or the path of its file.")
     source = str(given)
+    return _shipped_instrument(source) if source in shipped() else parse(source_text(given), source)
+
+
+def source_text(name_or_path: str | Path) -> str:
+    """Return the text of the file of an instrument that comes with the package, by name, or of another, by path.
+
+    Raises InstrumentError if there is no such instrument or file, or it cannot be read.
+    """
+    source = str(name_or_path)
     if source in shipped():
-        return _shipped_instrument(source)
-    return parse(read_text(Path(given), InstrumentError, source=source, kind="instrument", names=shipped()), source)
+        return str((_shipped_folder() / f"{source}.toml").read_text("utf-8"))
+    return read_text(Path(name_or_path), InstrumentError, source=source, kind="instrument", names=shipped())
 
 
 def parse(text: str, source: str = "instrument") -> Instrument:
@@ -72,7 +81,7 @@ def json_schema() -> dict[str, Any]:
 
 @cache
 def _shipped_instrument(name: str) -> Instrument:
-    return parse((_shipped_folder() / f"{name}.toml").read_text("utf-8"), name)
+    return parse(source_text(name), name)
 
 
 def _shipped_folder() -> Any:

@@ -175,7 +175,7 @@ def parse(text: str, source: str = "protocol", *, folder: Path | None = None) ->
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON schema of protocol files, for editors that complete and check TOML."""
-    schema = Protocol.model_json_schema(by_alias=True)
+    schema = Protocol.model_json_schema()
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "Tenodesis protocol"}
 
 
