@@ -6,8 +6,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tenodesis import (
         control,
+        errors,
         identification,
+        instrument,
         kinematics,
+        plot,
+        recording,
         scaling,
         similarity,
         simulate,
@@ -17,6 +21,7 @@ if TYPE_CHECKING:
         twin,
     )
     from tenodesis.errors import (
+        ArgumentError,
         DesignError,
         Error,
         IdentificationError,
@@ -27,19 +32,30 @@ if TYPE_CHECKING:
         StudyError,
     )
     from tenodesis.headers import get_cmake_dir, get_include
-    from tenodesis.instrument import Continuum, Instrument, TendonGear, TendonPulley, load, parse, shipped
+    from tenodesis.instrument import (
+        Continuum,
+        Instrument,
+        InstrumentLike,
+        TendonGear,
+        TendonPulley,
+        load,
+        parse,
+        shipped,
+    )
     from tenodesis.recording import Recorder, Recording
     from tenodesis.run import Run
     from tenodesis.threads import set_threads
     from tenodesis.version import __version__
 
 __all__ = [
+    "ArgumentError",
     "Continuum",
     "DesignError",
     "Error",
     "IdentificationError",
     "Instrument",
     "InstrumentError",
+    "InstrumentLike",
     "NoSolutionError",
     "ProtocolError",
     "Recorder",
@@ -51,12 +67,16 @@ __all__ = [
     "TendonPulley",
     "__version__",
     "control",
+    "errors",
     "get_cmake_dir",
     "get_include",
     "identification",
+    "instrument",
     "kinematics",
     "load",
     "parse",
+    "plot",
+    "recording",
     "scaling",
     "set_threads",
     "shipped",
@@ -70,6 +90,7 @@ __all__ = [
 
 _HOME = {
     "errors": (
+        "ArgumentError",
         "DesignError",
         "Error",
         "IdentificationError",
@@ -80,7 +101,16 @@ _HOME = {
         "StudyError",
     ),
     "headers": ("get_cmake_dir", "get_include"),
-    "instrument": ("Continuum", "Instrument", "TendonGear", "TendonPulley", "load", "parse", "shipped"),
+    "instrument": (
+        "Continuum",
+        "Instrument",
+        "InstrumentLike",
+        "TendonGear",
+        "TendonPulley",
+        "load",
+        "parse",
+        "shipped",
+    ),
     "recording": ("Recorder", "Recording"),
     "run": ("Run",),
     "threads": ("set_threads",),

@@ -240,7 +240,7 @@ def _locate(model: type[BaseModel], values: Any, error: Any, entries: Mapping[st
             if tables and isinstance(values, dict):
                 name = next((values[key] for key in ("name", "kind") if isinstance(values.get(key), str)), None)
                 named = f" ({name})" if name is not None and not error["type"].startswith("union_tag") else ""
-                place = _Place(f"{entry}{named}: ", "", tables, siblings, "")
+                place = _Place(f"{place.entry}{entry}{named}: ", "", tables, siblings, "")
             elif tables:
                 place = place._replace(key=entry, of_list=place.key)
             else:

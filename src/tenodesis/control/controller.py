@@ -11,7 +11,7 @@ from tenodesis import _core
 from tenodesis.control.parameters import FAULTS, HOMING_REASONS, parameters
 from tenodesis.control.resolution import check_force_limit
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 
 ObserverName: TypeAlias = Literal["paper", "exact", "friction"]
 LawName: TypeAlias = Literal["off", "paper", "paper-feedback", "exact", "robust"]
@@ -123,7 +123,7 @@ class Controller:
 
     def __init__(
         self,
-        inst: Instrument,
+        inst: InstrumentLike,
         observer: ObserverName = "friction",
         law: LawName = "robust",
         actuation: ActuationName = "differential",
@@ -134,6 +134,7 @@ class Controller:
         period: float | None = None,
         own_clock: bool = False,
     ) -> None:
+        inst = as_instrument(inst)
         chosen_observer = _choice("observer", observer, ObserverName)
         chosen_law = _choice("law", law, LawName)
         chosen_actuation = _choice("actuation", actuation, ActuationName)
@@ -196,6 +197,12 @@ class Controller:
                     allowed="a controller that is new or reset",
                 )
         self._ran = plant, time
+
+    def __repr__(self) -> str:
+        return (
+            f"<Controller for {self.inst.name!r}: {self.observer} observer, {self.law} law, {self.actuation}, "
+            f"{self.precision} precision>"
+        )
 
     def step(
         self,
