@@ -15,7 +15,7 @@ TIDY := -std=c++20 -Iinclude -Isrc -Iexamples -fno-math-errno
 CPP_FILES := $(filter %.h %.hpp %.cpp,$(CORE) $(EXTENSION) $(CPP_TESTS) $(wildcard src/c/* firmware/*)) examples/controller.c
 SCHEMAS := src/tenodesis/instruments/instrument.schema.json src/tenodesis/catalogue/catalogue.schema.json
 
-.PHONY: help demo build test test-all test-cpp firmware bench lint format docs lock clean
+.PHONY: help demo build test test-all test-cpp firmware bench lint format docs site lock clean
 
 help: ## Say what each target does
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -80,9 +80,13 @@ docs: build ## Regenerate what is generated: tables in docs/, the C++ module's t
 	$(BIN)/tenodesis export controller scaled-up --own-clock --overwrite --out examples/scaled_up.h
 	$(BIN)/python docs/generate.py
 
+site: build ## Build the documentation site, its tutorials executed, and check its links: build/site
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --fresh-env --jobs auto docs build/site
+	$(BIN)/python docs/check_site.py build/site
+
 lock: .venv/.deps ## Pin all dependencies anew
 	$(BIN)/pip install --quiet uv
-	$(BIN)/uv pip compile pyproject.toml --quiet --extra all --group dev --generate-hashes --no-emit-index-url \
+	$(BIN)/uv pip compile pyproject.toml --quiet --extra all --group dev --group docs --generate-hashes --no-emit-index-url \
 	  --universal --python-version 3.11 --custom-compile-command "make lock" -o requirements.lock
 
 clean: ## Remove .venv, build and out

@@ -1,0 +1,57 @@
+"""Sphinx configuration of the documentation site, which `make site` builds; tutorials are executed as it is built."""
+
+import os
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE / "site_extension"))
+
+from tenodesis import __version__  # noqa: E402
+
+project = "Tenodesis"
+author = "The Tenodesis authors"
+release = __version__
+copyright = author  # noqa: A001
+
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_copybutton",
+    "command_reference",
+    "mathml",
+    "repository",
+    "shell_cells",
+    "signatures",
+]
+exclude_patterns = ["console/*", "site_extension"]
+suppress_warnings = ["myst-nb.lexer"]  # of a build that executes nothing
+
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 4
+
+# What a cell runs is what stands beside this Python, in a folder of its own, on a page of fixed width, without colours.
+nb_execution_mode = "force"
+nb_execution_in_temp = True
+nb_execution_raise_on_error = True
+nb_execution_timeout = 120
+nb_merge_streams = True
+os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+os.environ.update(COLUMNS="100", NO_COLOR="1", TERM="dumb", TENODESIS_SOURCE=str(HERE.parent))
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"  # signatures are shown as the source has them
+maximum_signature_line_length = 90
+python_use_unqualified_type_names = True
+napoleon_google_docstring = False
+add_module_names = False
+
+html_theme = "furo"
+html_title = "Tenodesis"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sourcelink = False
+html_math_renderer = "mathml"
+copybutton_selector = "div.cell_input pre, div.highlight-sh pre, div.highlight-python pre, div.highlight-toml pre"
