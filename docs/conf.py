@@ -2,6 +2,7 @@
 
 import os
 import sys
+import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).parent
@@ -12,7 +13,7 @@ from tenodesis import __version__  # noqa: E402
 project = "Tenodesis"
 author = "The Tenodesis authors"
 release = __version__
-copyright = author  # noqa: A001
+copyright = author
 
 extensions = [
     "myst_nb",
@@ -38,7 +39,15 @@ nb_execution_raise_on_error = True
 nb_execution_timeout = 120
 nb_merge_streams = True
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-os.environ.update(COLUMNS="100", NO_COLOR="1", TERM="dumb", TENODESIS_SOURCE=str(HERE.parent))
+_profile = Path(tempfile.mkdtemp(prefix="tenodesis-docs-"), "profile_default")
+_profile.mkdir()
+_profile.joinpath("ipython_kernel_config.py").write_text(
+    "c.InlineBackend.figure_formats = ['svg']\n"
+    "c.InlineBackend.rc = {'figure.figsize': (7, 3.2), 'font.size': 10, 'axes.grid': True, 'grid.alpha': 0.3}\n",
+    "utf-8",
+)
+os.environ.update(COLUMNS="96", NO_COLOR="1", TERM="dumb", IPYTHONDIR=str(_profile.parent), PYTHONWARNINGS="ignore")
+os.environ["TENODESIS_SOURCE"] = str(HERE.parent)
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # signatures are shown as the source has them

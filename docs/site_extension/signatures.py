@@ -22,7 +22,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
-def _signature(
+def _signature(  # noqa: PLR0917 - autodoc's arguments
     app: Sphinx, what: str, name: str, thing: Any, options: Any, arguments: str | None, result: str | None
 ) -> tuple[str | None, str | None] | None:
     if what == "class" and inspect.isclass(thing):
@@ -41,7 +41,7 @@ class _Linked(ast.NodeTransformer):
     def __init__(self, names: Mapping[str, Any]) -> None:
         self._names = names
 
-    def visit_Name(self, node: ast.Name) -> ast.Name:  # noqa: N802 - ast's name for it
+    def visit_Name(self, node: ast.Name) -> ast.Name:
         """Return the name with its module, if it is a class of this package."""
         found = self._names.get(node.id)
         inside = inspect.isclass(found) and found.__module__.startswith("tenodesis")
@@ -65,13 +65,17 @@ def _of_class(kind: type) -> tuple[str | None, None]:
     return f"({', '.join(shown)})" if shown else "", None
 
 
-def _property_type(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+def _property_type(  # noqa: PLR0917 - autodoc's arguments
+    app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]
+) -> None:
     node = _source(thing.fget) if isinstance(thing, property) else None
     if isinstance(node, ast.FunctionDef) and node.returns and lines:
         lines[0] = f"*{ast.unparse(node.returns)}*: {lines[0]}"
 
 
-def _meaning_of_data(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+def _meaning_of_data(  # noqa: PLR0917 - autodoc's arguments
+    app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]
+) -> None:
     """Give a constant or an alias the text that stands below it where it is defined."""
     package, _, short = name.rpartition(".")
     if what in ("data", "type"):
