@@ -43,6 +43,7 @@ _profile = Path(tempfile.mkdtemp(prefix="tenodesis-docs-"), "profile_default")
 _profile.mkdir()
 _profile.joinpath("ipython_kernel_config.py").write_text(
     "c.InlineBackend.figure_formats = ['svg']\n"
+    "c.InteractiveShellApp.exec_lines = ['import os; os.environ.pop(\\'FORCE_COLOR\\', None)']\n"
     "c.InlineBackend.rc = {'figure.figsize': (7, 3.2), 'font.size': 10, 'axes.grid': True, 'grid.alpha': 0.3}\n",
     "utf-8",
 )

@@ -279,7 +279,7 @@ def _number(bound: float, quantity: Quantity | None) -> str:
     unit = "" if quantity is None else quantity.unit
     if unit == "rad":
         return f"{math.degrees(bound):.5g} deg"
-    return f"{bound if isinstance(bound, int) else format(bound, 'g')} {unit}".rstrip()
+    return f"{bound if isinstance(bound, int) else format(bound, 'g')} {unit.replace('*', '·')}".rstrip()
 
 
 def _sentence(kind: type) -> str:

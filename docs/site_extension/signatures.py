@@ -15,11 +15,19 @@ from sphinx.pycode import ModuleAnalyzer
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Register the two hooks of autodoc."""
+    """Register the hooks of autodoc."""
+    app.connect("autodoc-skip-member", _fields_of_tuples)
     app.connect("autodoc-process-signature", _signature)
     app.connect("autodoc-process-docstring", _property_type)
     app.connect("autodoc-process-docstring", _meaning_of_data)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _fields_of_tuples(  # noqa: PLR0917 - autodoc's arguments
+    app: Sphinx, what: str, name: str, thing: Any, skip: bool, options: Any
+) -> bool | None:
+    """Leave out fields of a named tuple that have no text of their own: the signature shows them."""
+    return True if (getattr(thing, "__doc__", None) or "").startswith("Alias for field number") else None
 
 
 def _signature(  # noqa: PLR0917 - autodoc's arguments
