@@ -126,7 +126,9 @@ def test_bench_takes_any_instrument_file_and_shows_its_results(
 ) -> None:
     asked: list[tuple[Instrument, Instrument | None, Path]] = []
 
-    def run(inst: Instrument, scaled: Instrument | None, out: Path, progress: Callable[[str], None]) -> Context:
+    def run(
+        inst: Instrument, scaled: Instrument | None, out: Path, progress: Callable[[str], None], only: list[str]
+    ) -> Context:
         asked.append((inst, scaled, out))
         progress("loss of angle")
         context = Context(inst, scaled, True)

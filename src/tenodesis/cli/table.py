@@ -47,6 +47,14 @@ DEVICES = {
     ),
 }
 COMMANDS: dict[str, Command | Group] = {
+    "new": Command(
+        "Write a commented instrument file from a mechanism and six numbers, asking for what no option gives.",
+        "new.new",
+    ),
+    "loss": Command(
+        "Print the angle that loads take at the tip, what restores it, and the load at which a tendon goes slack.",
+        "loss.loss",
+    ),
     "bench": Command(
         "Compute every figure and table of the paper for an instrument and write out/report.html.", "bench.bench"
     ),

@@ -18,7 +18,7 @@ from tenodesis import _core
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument.devices import Devices
 from tenodesis.instrument.hardware import Control, Drives, Dynamics, Friction, Geometry, Mismatch, Sensors
-from tenodesis.toml import FileTable, validated
+from tenodesis.toml import FileTable, did_you_mean, file_keys, validated
 from tenodesis.units import (
     STIFFNESS,
     Angle,
@@ -208,7 +208,8 @@ class Instrument(FileTable):
         foreign = [key for key in values if key not in {*allowed, "tendon_length"}]
         if foreign:
             raise ValueError(
-                f"overrides.{axis}: {foreign[0]} is not a known key; it must be one of {', '.join(allowed)}"
+                f"overrides.{axis}: {foreign[0]} is not a known key{did_you_mean(foreign[0], allowed)}; it must be one "
+                f"of {', '.join(allowed)}"
             )
         bare = [key for key, value in values.items() if in_file and isinstance(value, int | float)]
         if bare:
@@ -262,19 +263,12 @@ class Instrument(FileTable):
             self._check_override(axis, values, in_file=bool(info.context and info.context.get("file")))
         for key in self.sources:
             if key not in _known(type(self)):
-                raise ValueError(f"sources.{key} names no key of an instrument")
+                hint = did_you_mean(key, (), _known(type(self)))
+                raise ValueError(f"sources.{key} names no key of an instrument{hint}")
         return self
 
 
 @cache
 def _known(kind: type[BaseModel]) -> frozenset[str]:
     """Return the keys that a file may have, those within tables with a dot."""
-    return frozenset(_keys(kind))
-
-
-def _keys(kind: type[BaseModel], prefix: str = "") -> Iterator[str]:
-    for name, field in kind.model_fields.items():
-        key = prefix + (field.alias or name)
-        yield key
-        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            yield from _keys(field.annotation, key + ".")
+    return frozenset(file_keys(kind))

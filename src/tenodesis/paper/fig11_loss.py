@@ -58,7 +58,7 @@ def section(context: Context) -> Section:
     _losses(chart, right, inst)
     plot = chart.plot(
         "fig11_loss",
-        f"Left: loss and compensation angle at {force:g} N, {named(inst)} ({context.figure_of('Fig. 11')}). "
+        f"Left: loss and compensation angle at {force:g} N, {named(inst)}{context.figure_of('Fig. 11')}. "
         "Right: the loss by the full model (solid) and by eq. 17 (dotted).",
     )
     text = (

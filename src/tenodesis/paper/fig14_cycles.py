@@ -10,7 +10,7 @@ from tenodesis import simulate, statics, twin
 from tenodesis.errors import NoSolutionError
 from tenodesis.instrument import Instrument
 from tenodesis.paper import published
-from tenodesis.paper.context import Context, RecordedRun, forces
+from tenodesis.paper.context import Context, RecordedRun, forces, has_friction
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, Section, Table, fixed, named, number, unit_text
 from tenodesis.run import Run
@@ -21,7 +21,7 @@ SPEED = float(np.radians(10))
 
 _LOADING, _RESTING = 1.0, 0.5  # s
 _SEED = 14
-_TITLE = "Flexion and extension with friction"
+_TITLE = "Flexion and extension"
 _EVERY = slice(None, None, 20)  # samples that are drawn
 
 
@@ -108,13 +108,14 @@ def _widths(inst: Instrument, force: float, run: Run, estimate: Array) -> tuple[
 def section(context: Context) -> Section:
     """Compute the cycles under every force of the instrument's conditions."""
     inst = context.tested
+    title = f"{_TITLE} with friction" if has_friction(inst) else _TITLE
     cycles = [done for done in (cycle(inst, force) for force in forces(inst)[1:]) if done is not None]
     if not cycles:
         text = f"<p>Not run: {named(inst)} holds none of the forces while its handle moves.</p>"
-        return Section("hysteresis", _TITLE, text)
+        return Section("hysteresis", title, text)
     context.recordings |= {f"fig14_{done.force:g}N": done.recorded for done in cycles}
     plots = [_angles(context, inst, cycles), _tensions(context, inst, cycles)]
-    return Section("hysteresis", _TITLE, _text(context, inst), plots, [_table(context, cycles), *_parameters(inst)])
+    return Section("hysteresis", title, _text(context, inst), plots, [_table(context, cycles), *_parameters(inst)])
 
 
 def _table(context: Context, cycles: list[Cycles]) -> Table:
@@ -126,7 +127,7 @@ def _table(context: Context, cycles: list[Cycles]) -> Table:
         "is ahead of it at extension, and the loops' widths, means over the last cycle; difference of the tensions",
         "force",
         column("rms error [°]", "estimation_error", "deg", "RMS error of eq. 19's estimate on the twin"),
-        "published [°]",
+        *(["published [°]"] if context.is_paper else []),
         column("behind at flexion [°]", "shift_at_flexion", "deg", "How far the tip stays behind theory at flexion"),
         column("ahead at extension [°]", "shift_at_extension", "deg", "How far the tip runs ahead at extension"),
         "loop [°]",
@@ -145,7 +146,7 @@ def _table(context: Context, cycles: list[Cycles]) -> Table:
         table.row(
             f"{done.force:g} N",
             (np.degrees(done.error), printed),
-            "–" if printed is None else fixed(printed.value),
+            *(["–" if printed is None else fixed(printed.value)] if context.is_paper else []),
             behind,
             ahead,
             behind + ahead,
@@ -238,7 +239,7 @@ def _angles(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
     return chart.plot(
         "fig14a_cycles",
         f"Input and output over flexion and extension, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N, "
-        f"{inst.conditions.cycles or 2} cycles at {np.degrees(SPEED):.0f}°/s ({context.figure_of('Fig. 14(a)')}). "
+        f"{inst.conditions.cycles or 2} cycles at {np.degrees(SPEED):.0f}°/s{context.figure_of('Fig. 14(a)')}. "
         "Dotted: no load; dashed: theory.",
     )
 
@@ -259,6 +260,6 @@ def _tensions(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
     style.legend_outside(chart.figure, *lines, ("pretension", style.MUTED, ":"), ("theory", style.INK, "--"))
     return chart.plot(
         "fig14b_tensions",
-        f"Tendon tensions beside the spools over the same cycles ({context.figure_of('Fig. 14(b)')}). "
+        f"Tendon tensions beside the spools over the same cycles{context.figure_of('Fig. 14(b)')}. "
         "Dotted: pretension; dashed: theory.",
     )

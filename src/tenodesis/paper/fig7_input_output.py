@@ -90,8 +90,8 @@ def section(context: Context) -> Section:
     style.legend_above(axis, 4)
     plot = chart.plot(
         "fig7_input_output",
-        f"Input–output relationship under load, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N "
-        f"({context.figure_of('Fig. 7')}). The dashed line is linear.",
+        f"Input–output relationship under load, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N"
+        f"{context.figure_of('Fig. 7')}. The dashed line is linear.",
     )
     return Section("input_output", "Input and output under load", _text(inst, ratio, end, gap), [plot], [table])
 

@@ -80,8 +80,8 @@ def section(context: Context) -> Section:
     )
     plot = chart.plot(
         "fig8_tension",
-        f"Variation of tendon tension, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N "
-        f"({context.figure_of('Fig. 8')}).",
+        f"Variation of tendon tension, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N"
+        f"{context.figure_of('Fig. 8')}.",
     )
     return Section("tension", "Tension and slack", text, [plot], [table], _care(context))
 
@@ -91,7 +91,7 @@ def _care(context: Context) -> list[CarePoint]:
     handle = statics.reach(inst)
     force = 1.1 * float(statics.slack_force(inst, 0.0))
     state = statics.equilibrium(inst, np.array([handle]), force)
-    if inst.joint_type != "tendon-gear" or np.isnan(state.output_angle[0]):
+    if context.is_own or inst.joint_type != "tendon-gear" or np.isnan(state.output_angle[0]):
         return []
     truth = float(np.degrees(state.output_angle[0]))
     tensions = float(state.agonist[0]), float(state.antagonist[0])

@@ -55,9 +55,7 @@ def section(context: Context) -> Section:
             " Flexion costs more than load does: the tendons' moment arm shrinks faster at the small distal joint than "
             "at the proximal joint."
         )
-    plot = chart.plot(
-        "fig9_transmissibility", f"Torque transmissibility, {named(inst)} ({context.figure_of('Fig. 9')})."
-    )
+    plot = chart.plot("fig9_transmissibility", f"Torque transmissibility, {named(inst)}{context.figure_of('Fig. 9')}.")
     return Section("transmissibility", "Torque transmissibility", text + "</p>", [plot], [table])
 
 

@@ -11,7 +11,7 @@ from tenodesis import statics
 from tenodesis.control import Controller, LawName, Request
 from tenodesis.errors import NoSolutionError
 from tenodesis.instrument import Instrument
-from tenodesis.paper.context import held_angles, shown_force
+from tenodesis.paper.context import COEFFICIENTS, held_angles, shown_force
 from tenodesis.paper.fig15_step_load import approach_time, rigged
 from tenodesis.report.content import Array
 from tenodesis.run import Run
@@ -29,7 +29,6 @@ NEAR = 1.0
 _AVERAGED, _LAST = 0.5, 1.0  # s
 _FOLLOWS = 0.5  # deg
 _STANDS = 1e-2  # rad/s
-_COEFFICIENTS = ("vertex_coefficient", "sheath_coefficient", "constant")
 
 
 class Motion(NamedTuple):
@@ -71,7 +70,7 @@ def controller_model(inst: Instrument, friction: float = 1.0, identified: bool =
     """Return the controller's model of an instrument: its friction by a factor, its stiffness identified or not."""
     changes: dict[str, float] = {}
     if friction != 1:
-        changes = {f"friction.{key}": friction * getattr(inst.friction, key) for key in _COEFFICIENTS}
+        changes = {f"friction.{key}": friction * getattr(inst.friction, key) for key in COEFFICIENTS}
     if identified and inst.mismatch.stiffness_ratio != 1:
         # A stiffness in the file takes precedence over the modulus.
         key = "tendon_modulus" if inst.given_stiffness is None else "tendon_stiffness"
