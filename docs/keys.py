@@ -101,7 +101,7 @@ def _instrument() -> Iterator[str]:
     kinds = " or ".join(f'`"{name}"`' for name in JOINT_TYPES)
     yield f"| `joint_type` | text | *required* | {kinds} | Mechanism of the joints |"
     common = {name: field for name, field in Instrument.model_fields.items() if name != "joint_type"}
-    yield from (_row(name, field) for name, field in common.items() if not _tables(field.annotation))
+    yield from (_row(name, field) for name, field in common.items())
     for name, kind in JOINT_TYPES.items():
         own = {name: field for name, field in kind.model_fields.items() if name not in Instrument.model_fields}
         yield f'\n### `joint_type = "{name}"`\n\n{_sentence(kind)}\n\n{_HEADER}'
