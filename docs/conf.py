@@ -8,6 +8,8 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "site_extension"))
 
+import ziamath  # noqa: E402
+
 from tenodesis import __version__  # noqa: E402
 
 project = "Tenodesis"
@@ -42,12 +44,12 @@ os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.envir
 _profile = Path(tempfile.mkdtemp(prefix="tenodesis-docs-"), "profile_default")
 _profile.mkdir()
 _profile.joinpath("ipython_kernel_config.py").write_text(
+    f"c.InteractiveShellApp.exec_files = [{str(HERE / 'site_extension/kernel.py')!r}]\n"
     "c.InlineBackend.figure_formats = ['svg']\n"
-    "c.InteractiveShellApp.exec_lines = ['import os; os.environ.pop(\\'FORCE_COLOR\\', None)']\n"
     "c.InlineBackend.rc = {'figure.figsize': (7, 3.2), 'font.size': 10, 'axes.grid': True, 'grid.alpha': 0.3}\n",
     "utf-8",
 )
-os.environ.update(COLUMNS="96", NO_COLOR="1", TERM="dumb", IPYTHONDIR=str(_profile.parent), PYTHONWARNINGS="ignore")
+os.environ.update(COLUMNS="88", IPYTHONDIR=str(_profile.parent), PYTHONWARNINGS="ignore")
 os.environ["TENODESIS_SOURCE"] = str(HERE.parent)
 
 autodoc_member_order = "bysource"
@@ -59,7 +61,7 @@ add_module_names = False
 
 html_theme = "furo"
 html_title = "Tenodesis"
-html_static_path = ["_static"]
+html_static_path = ["_static", str(Path(ziamath.__file__).parent / "fonts")]  # the font of equations
 html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sourcelink = False

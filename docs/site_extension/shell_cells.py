@@ -26,6 +26,14 @@ def _show(app: Sphinx, document: nodes.document) -> None:
             _replace(block, rest, language)
             name = nodes.paragraph("", "", nodes.literal(text=words[1]), classes=["file-name"])
             block.parent.insert(block.parent.index(block), name)
+            _without_output(block)
+
+
+def _without_output(block: nodes.literal_block) -> None:
+    """Leave out that a file is written."""
+    cell = block.parent.parent
+    for output in [child for child in cell.children if "cell_output" in child.get("classes", ())]:
+        cell.remove(output)
 
 
 def _replace(block: Any, text: str, language: str) -> None:
