@@ -16,9 +16,10 @@ from tenodesis.cli.common import (
     quantity,
     refuse_existing,
     say,
+    warn,
     write_text,
 )
-from tenodesis.control.plausibility import solid_tip_inertia
+from tenodesis.control.plausibility import implausible, solid_tip_inertia
 from tenodesis.errors import CommandError, InstrumentError
 from tenodesis.instrument import JOINT_TYPES, Instrument
 from tenodesis.instrument.template import ASSUMED, QUESTIONS, ROPES, Question, sketch, text
@@ -71,6 +72,8 @@ def new(  # noqa: PLR0917
 ) -> None:
     """Write a commented instrument file from a mechanism and six numbers, asking for what no option gives."""
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
+    if path.stem == ".toml" or not path.parent.is_dir():
+        raise CommandError(key="NAME", value=name, allowed="the name of an instrument, in a folder that exists")
     check_outputs([("NAME", path)], [])
     refuse_existing([path], overwrite)
     check_choice("--rope", rope.lower(), ROPES)
@@ -106,7 +109,9 @@ def new(  # noqa: PLR0917
     inst = _complete(draft, ROPES[rope.lower()], rope.lower())
     write_text(path, draft.text())
     assumed = sum(source.startswith(ASSUMED) for source in draft.sources.values())
-    say(f"{path}: {inst.name}, {joint_type}; {len(draft.sources) - assumed} values are yours, {assumed} are assumed.")
+    say(f"{path}: {inst.name}, {joint_type}; yours: {len(draft.sources) - assumed} values, assumed: {assumed}.")
+    for one in implausible(inst):
+        warn(one.sentence)
     say(f"Next: tenodesis check {path}, tenodesis loss {path}, tenodesis bench {path}")
 
 

@@ -62,7 +62,7 @@ COMMANDS: dict[str, Command | Group] = {
         "Print the JSON schema of a kind of file, for editors that complete and check TOML.", "instrument.schema"
     ),
     "check": Command(
-        "Check an instrument file; print its values in SI units, and what its sensors resolve at the tip.",
+        "Check an instrument file; print its values, what follows from them, and what is implausible about it.",
         "instrument.check",
     ),
     "record": Command(

@@ -93,7 +93,7 @@ def _modulus(inst: Instrument) -> str:
     modulus = inst.tendon_modulus
     if modulus is None or inst.given_stiffness is not None or _MODULUS[0] <= modulus <= _MODULUS[1]:
         return ""
-    shown = f"{modulus / 1e9:.3g} GPa" if modulus >= 1e8 else f"{modulus / 1e6:.3g} MPa"
+    shown = f"{modulus / 1e9:.3g} GPa" if modulus >= 1e9 else f"{modulus / 1e6:.3g} MPa"
     return (
         f"tendon_modulus is {shown}; ropes have {_MODULUS[0] / 1e9:g} to {_MODULUS[1] / 1e9:g} GPa, "
         "those of steel 50 to 190 GPa."

@@ -21,11 +21,18 @@ def load(name_or_path: str | Path) -> Instrument:
 
     Raises InstrumentError if there is no such instrument or file, it cannot be read, or it is not valid.
     """
+    return parse(source_text(name_or_path), str(name_or_path))
+
+
+def source_text(name_or_path: str | Path) -> str:
+    """Return the text of the file of an instrument that comes with the package, by name, or of another, by path.
+
+    Raises InstrumentError if there is no such instrument or file, or it cannot be read.
+    """
     source = str(name_or_path)
     if source in shipped():
-        return parse((_shipped_folder() / f"{source}.toml").read_text("utf-8"), source)
-    text = read_text(Path(name_or_path), InstrumentError, source=source, kind="instrument", names=shipped())
-    return parse(text, source)
+        return str((_shipped_folder() / f"{source}.toml").read_text("utf-8"))
+    return read_text(Path(name_or_path), InstrumentError, source=source, kind="instrument", names=shipped())
 
 
 def parse(text: str, source: str = "instrument") -> Instrument:
