@@ -81,7 +81,8 @@ docs: build ## Regenerate what is generated: tables in docs/, the C++ module's t
 	$(BIN)/python docs/generate.py
 
 site: build ## Build the documentation site, its tutorials executed, and check its links: build/site
-	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --fresh-env --jobs 8 docs build/site
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --fresh-env --jobs 8 \
+	  --doctree-dir build/doctrees docs build/site
 	$(BIN)/python docs/check_site.py build/site
 
 lock: .venv/.deps ## Pin all dependencies anew
