@@ -20,7 +20,7 @@ LOCK := $(BIN)/uv pip compile --quiet --generate-hashes --no-emit-index-url --un
   --python-version 3.11 --custom-compile-command "make lock"
 SCHEMAS := src/tenodesis/instruments/instrument.schema.json src/tenodesis/catalogue/catalogue.schema.json
 
-.PHONY: help demo build test test-all test-cpp firmware bench lint format docs wheel cross audit lock clean
+.PHONY: help demo build test test-all test-cpp firmware bench lint format docs site wheel cross audit lock clean
 
 help: ## Say what each target does
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -85,6 +85,11 @@ docs: build ## Regenerate what is generated: tables in docs/, the C++ module's t
 	$(BIN)/tenodesis export controller scaled-up --own-clock --overwrite --out examples/scaled_up.h
 	$(BIN)/python docs/generate.py
 
+site: build ## Build the documentation site, its tutorials executed, and check its links: build/site
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --fresh-env --jobs 8 \
+	  --doctree-dir build/doctrees docs build/site
+	$(BIN)/python docs/check_site.py build/site
+
 wheel: build ## Build the wheel for this Python into dist/, and check it
 	$(BIN)/pip wheel --quiet --no-deps --no-build-isolation --wheel-dir dist .
 	$(MAKE) audit
@@ -101,7 +106,7 @@ audit: .venv/.deps
 	for wheel in $(wildcard dist/*abi3*.whl); do $(TOOL) abi3audit --strict $$wheel || exit; done
 
 lock: .venv/.deps ## Pin all dependencies anew
-	$(LOCK) pyproject.toml --extra all --group dev -o requirements.lock
+	$(LOCK) pyproject.toml --extra all --group dev --group docs -o requirements.lock
 	$(LOCK) --group package -o packaging/requirements.lock
 
 clean: ## Remove .venv, build and out

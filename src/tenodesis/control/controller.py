@@ -14,7 +14,9 @@ from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 
 ObserverName: TypeAlias = Literal["paper", "exact", "friction"]
+"""How the tip is estimated: by eq. 19 as printed, by the exact statics, or with friction."""
 LawName: TypeAlias = Literal["off", "paper", "paper-feedback", "exact", "robust"]
+"""How the motors are commanded; the laws are described in docs/controller.md."""
 ActuationName: TypeAlias = Literal["agonist", "differential"]
 Precision: TypeAlias = Literal["double", "single"]
 

@@ -35,7 +35,9 @@ Wound: TypeAlias = ArrayLike | tuple[ArrayLike, ArrayLike]
 """Tendon length wound in by the motors, m: the agonist's, or a pair of agonist's and antagonist's."""
 
 Actuation: TypeAlias = Literal["agonist", "differential"]
+"""Which motors act: the agonist's alone, or both in opposite directions."""
 Law: TypeAlias = Literal["exact", "paper"]
+"""The stroke that restores all of the loss, or eq. 22 as printed (care point 1)."""
 
 
 class Tensions(NamedTuple):
@@ -218,10 +220,16 @@ def gradient(
     wrt
         What to differentiate by: keys of the instrument (SI units), or inputs such as "force" or "agonist_wound".
 
-    Returned is the derivative by each of `wrt`, a float or an array; for `tensions`, a :class:`Tensions` of
-    derivatives. At the onset of slack, where the derivative jumps, it is the one with the slack tendon.
+    Returns
+    -------
+    dict
+        The derivative by each of `wrt`, a float or an array; for `tensions`, a :class:`Tensions` of derivatives. At
+        the onset of slack, where the derivative jumps, it is the one with the slack tendon.
 
-    Raises ValueError if the function or a name in `wrt` is unknown or has no effect.
+    Raises
+    ------
+    ValueError
+        The function or a name in `wrt` is unknown or has no effect.
     """
     inst = as_instrument(inst)
     name = function if isinstance(function, str) else getattr(function, "__name__", str(function))
