@@ -75,6 +75,14 @@ class CommandError(Error):
     """A command is given options that exclude each other; the message names them."""
 
 
+class CommandInterruptedError(CommandError):
+    """The user interrupted a command; the message states what is written."""
+
+
+class FaultWarning(UserWarning):
+    """A controller faulted in a run; the message names the faults, and when."""
+
+
 class MissingExtraError(Error, ImportError):
     """An optional dependency cannot be imported; the message names the extra that installs it.
 

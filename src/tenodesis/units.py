@@ -19,6 +19,14 @@ STANDARD_GRAVITY = 9.80665
 
 _ANGLE_UNITS = {"radian", "milliradian", "degree", "arcminute", "turn"}
 
+_FACTORS = {
+    "mm": ("m", 1e-3), "um": ("m", 1e-6), "mN": ("N", 1e-3), "GPa": ("Pa", 1e9), "MPa": ("Pa", 1e6), "g": ("kg", 1e-3),
+    "deg": ("rad", math.pi / 180), "deg/s": ("rad/s", math.pi / 180), "ms": ("s", 1e-3), "Hz": ("Hz", 1.0),
+    "mm/s": ("m/s", 1e-3), "N/mm": ("N/m", 1e3), "N*mm": ("N*m", 1e-3), "N*mm^2": ("N*m^2", 1e-6),
+    "mV": ("V", 1e-3), "deg/V": ("rad/V", math.pi / 180),
+}  # fmt: skip
+"""SI unit and factor of the usual units, as pint has them: most files do without pint, which takes long to load."""
+
 # Number and unit are separated here, not by pint, which would evaluate arithmetic and ignore a decimal comma.
 _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+|nan|inf)(?:[eE][-+]?[0-9]+)?"
 _UNIT = r"(?:[^\W\d_]+(?:(?:\^|\*\*)-?[0-9])?|°)"
@@ -80,9 +88,12 @@ class Quantity:
         written = _WRITTEN.fullmatch(text.strip())
         if written is None:
             raise ValueError(f'it is not understood; write {self.allowed} like "{self.example}"')
-        number, unit_text = float(written["number"]), written["unit"].strip()
+        number, unit_text = float(written["number"]), str(written["unit"]).strip()
         if not unit_text:
             raise ValueError(f'it has no unit; write {self.allowed} like "{self.example}"')
+        si_unit, factor = _FACTORS.get(unit_text, (unit_text, 1.0))
+        if si_unit == self.unit:
+            return number * factor
         units = _units()
         try:
             unit: Any = units.Unit(unit_text.replace("·", "*"))
@@ -127,6 +138,9 @@ def _quantity_of(annotation: Any, metadata: Sequence[Any] = ()) -> Quantity | No
 @cache
 def in_unit(unit: str, si_unit: str) -> float:
     """Return the factor from `si_unit` to `unit`, for showing SI values on screen and in reports."""
+    usual, factor = _FACTORS.get(unit, (unit, 1.0))
+    if usual == si_unit:
+        return 1 / factor
     return float(_units().Quantity(1.0, si_unit).to(unit).magnitude)
 
 

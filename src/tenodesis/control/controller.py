@@ -172,6 +172,28 @@ class Controller:
                 value=inst.name,
             ) from None
         self._request = Request.ENABLE if enabled else Request.NONE
+        self._ran: tuple[object, float] | None = None
+
+    def begin(self, plant: object, time: float) -> None:
+        """Begin, or continue, a run on a plant at its time, s.
+
+        Raises
+        ------
+        ValueError
+            It has run on another plant, or on this one up to a later time, and was not reset: its observer would take
+            one plant's state for the other's.
+        """
+        if self._ran is not None:
+            before, until = self._ran
+            if before is not plant or time < until * (1 - 1e-12):
+                where = "on another plant" if before is not plant else f"on this plant, to {until:.6g} s,"
+                raise ArgumentError(
+                    f"the controller has run {where} before; call its reset(), or make a new one, for a run from "
+                    f"{time:.6g} s on.",
+                    key="controller",
+                    allowed="a controller that is new or reset",
+                )
+        self._ran = plant, time
 
     def step(
         self,
@@ -205,6 +227,7 @@ class Controller:
         if not (isfinite(time) and 0 <= time < _LATEST):
             raise ArgumentError(key="time", value=time, allowed="a number of seconds, 0 or more")
         asked = _request(request)
+        self._ran = None, time
         axes = len(self.inst.axes)
         measured = np.empty((axes, 5))
         measured[:, :1] = _shaped("handle_angle", handle_angle, axes, 1)
@@ -245,6 +268,7 @@ class Controller:
     def reset(self) -> None:
         """Return to the state in which it was made."""
         self.core.reset()
+        self._ran = None
         self._request = Request.ENABLE if self.enabled_at_start else Request.NONE
 
     def counts(self, axis: str | None = None) -> dict[str, dict[str, int]]:

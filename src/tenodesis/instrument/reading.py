@@ -40,7 +40,7 @@ def parse(text: str, source: str = "instrument") -> Instrument:
 
     Raises InstrumentError, whose message starts with `source`, if the text is not TOML or not a valid instrument.
     """
-    values = parse_toml(text, InstrumentError, source)
+    values = parse_toml(text, InstrumentError, source, "an instrument")
     joint_type = values.get("joint_type")
     if not isinstance(joint_type, str) or joint_type not in JOINT_TYPES:
         found = "is missing" if joint_type is None else f"is {joint_type!r}"

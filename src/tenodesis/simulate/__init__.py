@@ -13,7 +13,7 @@ from tenodesis.simulate.fault_injection import INJECTION_POINTS, FaultInjection
 from tenodesis.simulate.motion import Motion
 from tenodesis.simulate.phases import Cycles, Hold, Ramp, StepLoad, TissueContact
 from tenodesis.simulate.pretension import Pretension
-from tenodesis.simulate.protocol import Protocol, load, parse, shipped
+from tenodesis.simulate.protocol import Protocol, json_schema, load, parse, shipped
 
 __all__ = [
     "INJECTION_POINTS",
@@ -30,6 +30,7 @@ __all__ = [
     "TissueContact",
     "concatenate",
     "execute",
+    "json_schema",
     "load",
     "parse",
     "shipped",

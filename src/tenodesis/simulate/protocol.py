@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, NamedTuple, TypeAlias
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import tomli_w
 from pydantic import Field, field_validator
@@ -139,8 +139,14 @@ def parse(text: str, source: str = "protocol", *, folder: Path | None = None) ->
     ProtocolError if the text is not TOML or not a valid protocol.
     """
     context = {"file": True, "folder": folder}
-    values = parse_toml(text, ProtocolError, source)
+    values = parse_toml(text, ProtocolError, source, "a protocol")
     return validated(Protocol, values, ProtocolError, source, context=context, entries={"phases": "phase"})
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON schema of protocol files, for editors that complete and check TOML."""
+    schema = Protocol.model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "Tenodesis protocol"}
 
 
 @contextmanager

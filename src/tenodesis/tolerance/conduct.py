@@ -80,10 +80,10 @@ def study(
     runner = engines.named(engine, address) if isinstance(engine, str) else engine
     real_size, scaled_up = real_size.planar[0], scaled_up.planar[0]
     given = default(scaled_up) if tolerances is None else tolerances
+    comparison = _compared(real_size, scaled_up)
     parameters = resolve(given, real_size, scaled_up)
     count = 1 << (int(samples) - 1).bit_length()
 
-    comparison = _compared(real_size, scaled_up)
     factor = float(comparison.force_factor())
     real_force = _force(real_size, scaled_up, factor, force)
     task = _task(comparison, parameters, real_force, factor)
@@ -116,9 +116,17 @@ def _force(real_size: Instrument, scaled_up: Instrument, factor: float, force: f
 
 def _compared(real_size: Instrument, scaled_up: Instrument) -> similarity.Comparison:
     try:
-        return similarity.compare(real_size, scaled_up)
+        compared = similarity.compare(real_size, scaled_up)
     except ValueError as problem:
         raise StudyError(f"{scaled_up.name} for {real_size.name}: {problem}") from None
+    if compared.factors["length"] < 1:
+        raise StudyError(
+            f"{real_size.name} is larger than {scaled_up.name}, whose joints have {compared.factors['length']:.3g} of "
+            "its size; the real-size instrument comes first, the scaled-up one second.",
+            key="real_size",
+            value=real_size.name,
+        )
+    return compared
 
 
 def _task(comparison: similarity.Comparison, parameters: tuple[Parameter, ...], force: float, factor: float) -> Task:
