@@ -138,6 +138,9 @@ def _quantity_of(annotation: Any, metadata: Sequence[Any] = ()) -> Quantity | No
 @cache
 def in_unit(unit: str, si_unit: str) -> float:
     """Return the factor from `si_unit` to `unit`, for showing SI values on screen and in reports."""
+    usual, factor = _FACTORS.get(unit, (unit, 1.0))
+    if usual == si_unit:
+        return 1 / factor
     return float(_units().Quantity(1.0, si_unit).to(unit).magnitude)
 
 

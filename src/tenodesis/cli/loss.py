@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table
 
-from tenodesis import instrument, statics
-from tenodesis.cli.common import InstrumentFile, console, quantity, say, table
+from tenodesis import statics
+from tenodesis.cli.common import InstrumentFile, console, load_instrument, note, quantity, table
 from tenodesis.errors import CommandError
 from tenodesis.instrument import Instrument
 from tenodesis.statics.stroke import settled_stroke
@@ -69,7 +69,7 @@ def loss(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, in SI units.")] = False,
 ) -> None:
     """Print the angle that loads take at the tip, what restores it, and the load at which a tendon goes slack."""
-    inst = instrument.load(instrument_file)
+    inst = load_instrument(instrument_file)
     inst = inst.planar[0] if axis is None else inst.axis(axis)
     forces = [quantity("--load", text, PositiveForce) for text in load or ()]
     forces = forces or sorted(inst.conditions.forces) or [_USUAL_LOAD]
@@ -85,11 +85,11 @@ def loss(
         typer.echo(json.dumps({"instrument": inst.name, "axis": inst.axes[0], "units": units, "rows": rows}, indent=1))
         return
     console.print(_table(inst, found))
-    say(_LEGEND)
+    note(_LEGEND)
     if inst.joint_type == "continuum":
-        say("The stroke also gives back what the backbone's own moment takes without a load.")
+        note("The stroke also gives back what the backbone's own moment takes without a load.")
     if any(not isfinite(value) for one in found for value in one):
-        say(f"–: beyond the handle's ±{degrees(inst.handle_range):.4g}°, or the tip cannot be held under that load.")
+        note(f"–: beyond the handle's ±{degrees(inst.handle_range):.4g}°, or the tip cannot be held under that load.")
 
 
 def losses(inst: Instrument, angles: Sequence[float], forces: Sequence[float]) -> list[Loss]:
