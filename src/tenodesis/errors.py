@@ -8,6 +8,7 @@ __all__ = [
     "DesignError",
     "DeviceError",
     "Error",
+    "FaultWarning",
     "IdentificationError",
     "InstrumentError",
     "LiveError",
