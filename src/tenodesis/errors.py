@@ -5,6 +5,7 @@ from typing import Any
 __all__ = [
     "ArgumentError",
     "CommandError",
+    "CommandInterruptedError",
     "DesignError",
     "DeviceError",
     "Error",
