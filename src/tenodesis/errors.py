@@ -5,9 +5,11 @@ from typing import Any
 __all__ = [
     "ArgumentError",
     "CommandError",
+    "CommandInterruptedError",
     "DesignError",
     "DeviceError",
     "Error",
+    "FaultWarning",
     "IdentificationError",
     "InstrumentError",
     "LiveError",

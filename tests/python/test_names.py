@@ -36,3 +36,8 @@ def test_the_names_are_there_before_anything_is_loaded() -> None:
         "assert all(hasattr(tn, name) for name in names)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_every_exception_is_shown() -> None:
+    own = {name for name, one in vars(tn.errors).items() if getattr(one, "__module__", "") == "tenodesis.errors"}
+    assert {name for name in own if name[0] != "_"} == set(tn.errors.__all__)

@@ -24,6 +24,7 @@ from tenodesis.toml import parse_toml, read_text, validated
 
 OpenLoopPhase: TypeAlias = Hold | Cycles | StepLoad | Ramp | Motion | Chirp | TissueContact
 AnyPhase: TypeAlias = Pretension | OpenLoopPhase
+"""A phase of any kind."""
 
 _MOST_NAMED = 8
 """Phases that a protocol's short description names."""
