@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import dimensions
+import keys
 import picture
 
 from tenodesis import instrument
@@ -24,6 +25,7 @@ def main(folder: Path = ROOT) -> None:
     """Write every generated file below a folder, as it would stand in the repository; but for the results' table."""
     (folder / "docs").mkdir(parents=True, exist_ok=True)
     (folder / "docs/traceability.md").write_text(traceability(), "utf-8")
+    (folder / "docs/keys.md").write_text(keys.page(), "utf-8")
     package = folder / "src/tenodesis"
     package.mkdir(parents=True, exist_ok=True)
     (package / "_core.pyi").write_text(stub(), "utf-8")

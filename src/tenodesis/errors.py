@@ -2,6 +2,23 @@
 
 from typing import Any
 
+__all__ = [
+    "ArgumentError",
+    "CommandError",
+    "DesignError",
+    "DeviceError",
+    "Error",
+    "IdentificationError",
+    "InstrumentError",
+    "LiveError",
+    "MissingExtraError",
+    "NoSolutionError",
+    "ProtocolError",
+    "RecordingError",
+    "ReportError",
+    "StudyError",
+]
+
 
 class Error(Exception):
     """Base of all exceptions of this package that a user can correct.
@@ -109,3 +126,7 @@ class MissingExtraError(Error, ImportError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.value, self.extra, self._cause)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

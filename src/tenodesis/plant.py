@@ -37,12 +37,17 @@ class ComplianceShares(NamedTuple):
 
 def natural_frequency(inst: Instrument) -> float:
     """Return the angular natural frequency of the straight, unloaded, frictionless tip, rad/s."""
-    return sqrt(float(statics.flexural_stiffness(inst, 0.0)) / _tip_inertia(inst))
+    return sqrt(float(statics.flexural_stiffness(inst, 0.0)) / tip_inertia(inst))
 
 
 def longest_step(inst: Instrument) -> float:
     """Return the longest time step that the tip's natural frequency allows, s."""
     return _LARGEST_PHASE_STEP / natural_frequency(inst)
+
+
+def least_tip_inertia(inst: Instrument) -> float:
+    """Return the smallest inertia of the tip that time steps of the default length can follow, kg m^2."""
+    return float(statics.flexural_stiffness(inst, 0.0)) * (TIME_STEP / _LARGEST_PHASE_STEP) ** 2
 
 
 def parameters(inst: Instrument, time_step: float = TIME_STEP) -> dict[str, float]:
@@ -57,7 +62,7 @@ def parameter_row(inst: Instrument, time_step: float) -> list[float]:
     stiffness = float(statics.flexural_stiffness(inst, 0.0))
     shares, joints = compliance_shares(inst), _core.joint_shares(inst.spec)
     radius = friction.reference_radius if friction.vertex_radius is None else friction.vertex_radius
-    inertia = _tip_inertia(inst)
+    inertia = tip_inertia(inst)
     damping = dynamics.tip_damping
     values = {
         "vertex_coefficient": friction.vertex_coefficient,
@@ -169,12 +174,11 @@ def check_runnable(inst: Instrument) -> None:
 def _check_inertia(inst: Instrument) -> None:
     if longest_step(inst) >= TIME_STEP:
         return
-    least = float(statics.flexural_stiffness(inst, 0.0)) * (TIME_STEP / _LARGEST_PHASE_STEP) ** 2
     raise _not_runnable(
         "dynamics.tip_inertia",
         f"{inst.dynamics.tip_inertia:g} kg*m^2",
-        f"at least {_rounded_up(least):g} kg*m^2, so that the tip swings slowly enough for time steps of "
-        f"{TIME_STEP:g} s",
+        f"at least {_rounded_up(least_tip_inertia(inst)):g} kg*m^2, so that the tip swings slowly enough for time "
+        f"steps of {TIME_STEP:g} s",
     )
 
 
@@ -265,7 +269,7 @@ def _check_compliance(inst: Instrument) -> None:
     )
 
 
-def _tip_inertia(inst: Instrument) -> float:
+def tip_inertia(inst: Instrument) -> float:
     """Return the inertia about the output angle, kg m^2: as given, or such that the unloaded tip has 20 Hz."""
     given = inst.dynamics.tip_inertia
     stiffness = float(statics.flexural_stiffness(inst, 0.0))

@@ -1,7 +1,8 @@
 """TOML files: read, and checked with sentences that name key, value and what the value must be."""
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin
 
@@ -27,6 +28,9 @@ class FileTable(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
+
+_LIKE = 0.75
+"""Least similarity of a key to a key of another table that could be meant."""
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
@@ -66,6 +70,36 @@ def read_text(path: Path, error: type[Error], *, source: str = "", kind: str = "
     except ValueError:
         problem, needed = f"{source!r} is no path", "the path of a TOML file"
     raise error(f"{problem}; it must be {needed}.", key="file", value=source, allowed=needed)
+
+
+def file_keys(kind: type[BaseModel], prefix: str = "") -> Iterator[str]:
+    """Yield the keys that a file may have, those within tables with a dot."""
+    for name, field in kind.model_fields.items():
+        key = prefix + (field.alias or name)
+        yield key
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            yield from file_keys(field.annotation, key + ".")
+
+
+def did_you_mean(key: str, here: Iterable[str], elsewhere: Iterable[str] = ()) -> str:
+    """Return the key that could be meant instead of an unknown one, as " (did you mean KEY?)"; empty if there is none.
+
+    Parameters
+    ----------
+    key
+        The unknown key, with the tables that it is in before dots.
+    here
+        The keys of the table that it is in.
+    elsewhere
+        All keys of the file, with the tables that they are in before dots.
+    """
+    table, dot, name = key.rpartition(".")
+    # Of two tables with a key of that name the outer one is meant.
+    by_name = {one.rpartition(".")[2]: one for one in sorted(elsewhere, key=lambda one: (-one.count("."), one))}
+    near = [by_name[name]] if name in by_name else []
+    near += [f"{table}{dot}{found}" for found in get_close_matches(name, list(here), 1)]
+    near += [by_name[found] for found in get_close_matches(name, list(by_name), 1, _LIKE)]
+    return f" (did you mean {near[0]}?)" if near else ""
 
 
 def parse_toml(text: str, error: type[Error], source: str, kind: str = "") -> dict[str, Any]:
@@ -161,7 +195,8 @@ def _mistake(model: type[BaseModel], values: Mapping[str, Any], error: Any, entr
     if kind == "missing":
         return _Mistake(f"{place.entry}{key} is missing; it is required.", key, None, "given")
     if kind == "extra_forbidden":
-        sentence = f"{place.entry}{key} is not a known key; it must be one of {known}."
+        hint = did_you_mean(key, place.siblings, () if place.entry else file_keys(model))
+        sentence = f"{place.entry}{key} is not a known key{hint}; it must be one of {known}."
         return _Mistake(sentence, key, value, f"one of {known}")
     if kind.startswith("union_tag"):
         key = error["ctx"]["discriminator"].strip("'")
@@ -205,7 +240,7 @@ def _locate(model: type[BaseModel], values: Any, error: Any, entries: Mapping[st
             if tables and isinstance(values, dict):
                 name = next((values[key] for key in ("name", "kind") if isinstance(values.get(key), str)), None)
                 named = f" ({name})" if name is not None and not error["type"].startswith("union_tag") else ""
-                place = _Place(f"{entry}{named}: ", "", tables, siblings, "")
+                place = _Place(f"{place.entry}{entry}{named}: ", "", tables, siblings, "")
             elif tables:
                 place = place._replace(key=entry, of_list=place.key)
             else:

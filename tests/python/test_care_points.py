@@ -5,8 +5,8 @@ import pytest
 
 import tenodesis as tn
 from tenodesis.instrument import TendonGear
-from tenodesis.paper.compensation_laws import settled_stroke, wound
 from tenodesis.paper.published import STATES
+from tenodesis.statics.stroke import settled_stroke, wound
 from tenodesis.verification import mujoco_peer
 
 

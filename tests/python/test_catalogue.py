@@ -314,9 +314,15 @@ CELL = '[[load_cells]]\nname = "cell"\nrange = "1 N"\n'
     ("text", "message"),
     [
         ("a =", "not valid TOML"),
-        ("rope = 1", "rope is not a known key; it must be one of name,"),
-        ("[constraints]\nfactors = [3, 4]", "constraints.factors is not a known key; it must be one of factor,"),
-        ("[gears]\nmodule = 1", "gears.module is not a known key; it must be one of modules, teeth"),
+        ("rope = 1", "rope is not a known key (did you mean ropes?); it must be one of name,"),
+        (
+            "[constraints]\nfactors = [3, 4]",
+            "constraints.factors is not a known key (did you mean constraints.factor?); it must be one of factor,",
+        ),
+        (
+            "[gears]\nmodule = 1",
+            "gears.module is not a known key (did you mean gears.modules?); it must be one of modules, teeth",
+        ),
         (
             ROPE + 'colour = "red"',
             "ropes 1 (thin): colour is not a known key; it must be one of source, name, diameter",
@@ -353,12 +359,12 @@ CELL = '[[load_cells]]\nname = "cell"\nrange = "1 N"\n'
         ('[[weights]]\nmasses = ["1 g"]', "weights 1: counts is missing; it is required."),
         (
             '[[spools]]\nradius = "1 mm"\nradii = ["2 mm"]',
-            "spools 1: radius is not a known key; it must be one of source, radii",
+            "spools 1: radius is not a known key (did you mean radii?); it must be one of source, radii",
         ),
         ('[ropes]\nname = "thin"', "ropes = {'name': 'thin'}: it must be a list of tables, [[ropes]]."),
         ("pulleys = [3]", "pulleys 1 = 3: it must be a table, [[pulleys]]."),
         ("gears = 3", "gears = 3: it must be a table."),
-        ('[sources]\nropes_ = "x"', "sources.ropes_ names no key; keys are gears,"),
+        ('[sources]\nropes_ = "x"', "sources.ropes_ names no key (did you mean ropes?); keys are gears,"),
         (
             'include = ["nowhere"]',
             "nowhere (included by own.toml): there is no such file and no catalogue of that name",

@@ -1,6 +1,7 @@
 """Claims about the command line: it loads little, works from a shell, and no mistake of a user ends in a traceback."""
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -16,6 +17,7 @@ from tenodesis.cli.app import app, load
 from tenodesis.cli.table import COMMANDS, Command, Group
 from tenodesis.instrument import Instrument
 from tenodesis.paper.context import Context
+from tenodesis.paper.run import CHAPTERS
 from tenodesis.report.content import Published
 
 from .conftest import EXAMPLES
@@ -126,7 +128,9 @@ def test_bench_takes_any_instrument_file_and_shows_its_results(
 ) -> None:
     asked: list[tuple[Instrument, Instrument | None, Path]] = []
 
-    def run(inst: Instrument, scaled: Instrument | None, out: Path, progress: Callable[[str], None]) -> Context:
+    def run(
+        inst: Instrument, scaled: Instrument | None, out: Path, progress: Callable[[str], None], only: list[str]
+    ) -> Context:
         asked.append((inst, scaled, out))
         progress("loss of angle")
         context = Context(inst, scaled, True)
@@ -143,6 +147,20 @@ def test_bench_takes_any_instrument_file_and_shows_its_results(
     assert "3.2 N" in said
     assert tenodesis("bench")[0] == 0
     assert asked[1] == (tn.load("real-size"), tn.load("scaled-up"), Path("out"))
+
+
+def test_bench_computes_the_chapters_that_are_named(tenodesis: Run, tmp_path: Path) -> None:
+    code, said, _ = tenodesis("bench", EXAMPLES / "pulley.toml", "--only", "loss, slack", "--only", "transmissibility")
+    assert code == 0
+    assert "published" not in said
+    names = json.loads((tmp_path / "out/results.json").read_text("utf-8"))["results"]
+    assert {key.partition(".")[0] for key in names} == {"loss", "tension", "transmissibility"}
+    code, _, wrong = tenodesis("bench", EXAMPLES / "pulley.toml", "--only", "loss,los", "--out", "nowhere")
+    assert code == 1
+    assert "--only is 'los'; it must be one of input-output, slack, transmissibility, loss, " in wrong
+    assert not (tmp_path / "nowhere").exists()
+    listed = tenodesis("bench", "--help")[1]
+    assert all(re.search(rf"\b{name}\b", listed) for name in CHAPTERS if "-" not in name)
 
 
 def test_schema_prints_json(tenodesis: Run) -> None:

@@ -3,16 +3,27 @@
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any, get_args
 
 import pytest
+from pydantic import BaseModel
+
+from tenodesis.instrument import JOINT_TYPES
+from tenodesis.scaling.catalogue_file import CatalogueFile
+from tenodesis.simulate import Protocol
+from tenodesis.tolerance import Tolerances
 
 from .conftest import ROOT
+
+FILES = (*JOINT_TYPES.values(), Protocol, CatalogueFile, Tolerances)
 
 GENERATED = (
     "docs/traceability.md",
     "docs/picture.svg",
     "docs/dimensions.svg",
+    "docs/keys.md",
     "src/tenodesis/_core.pyi",
 )
 
@@ -38,7 +49,7 @@ def test_every_equation_and_care_point_is_implemented_and_tested() -> None:
 
 @pytest.mark.slow
 @pytest.mark.process
-@pytest.mark.parametrize("page", ["README.md", "docs/twin.md", "docs/scaling.md"])
+@pytest.mark.parametrize("page", ["README.md", "docs/python.md", "docs/twin.md", "docs/scaling.md"])
 def test_the_python_examples_run_and_print_what_they_say(page: str) -> None:
     code = "".join(re.findall(r"```python\n(.*?)```", (ROOT / page).read_text("utf-8"), re.S))
     assert code
@@ -60,6 +71,30 @@ def test_contributing_names_files_that_exist() -> None:
 
 
 def test_links_between_the_documents_lead_somewhere() -> None:
-    for page in [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]:
+    for page in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]:
         for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8")):
             assert (page.parent / target).exists(), f"{page.name} links to {target}"
+
+
+def test_every_key_of_every_file_is_in_the_table() -> None:
+    rows = re.findall(r"^\| `(\w+)` \| .+ \| .+ \| .* \| (.+) \|$", (ROOT / "docs/keys.md").read_text("utf-8"), re.M)
+    fields = [field for kind in FILES for model in models_below(kind) for field in model.model_fields.items()]
+    keys = {field.alias or name for name, field in fields} - {"kind"}
+    assert len(keys) > 150
+    assert keys <= {key for key, _ in rows}
+    assert {field.description for _, field in fields if field.description} <= {meaning for _, meaning in rows}
+
+
+def models_below(kind: Any) -> Iterator[type[BaseModel]]:
+    """Yield a model and those of the tables in it."""
+    if isinstance(kind, type) and issubclass(kind, BaseModel):
+        yield kind
+        for field in kind.model_fields.values():
+            yield from models_below(field.annotation)
+    for option in get_args(kind):
+        yield from models_below(option)
+
+
+def test_the_guarantees_are_all_there() -> None:
+    rows = re.findall(r"^\| (?!guarantee|---)(.+) \| (.+) \|$", (ROOT / "docs/guarantees.md").read_text("utf-8"), re.M)
+    assert len(rows) == 26

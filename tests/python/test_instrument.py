@@ -46,7 +46,11 @@ def test_shipped_instruments_hold_all_of_table_1_with_sources(real: TendonGear, 
 
 
 BAD = [
-    ("overall_length =", "over_all_length =", "over_all_length is not a known key; it must be one of "),
+    (
+        "overall_length =",
+        "over_all_length =",
+        "over_all_length is not a known key (did you mean overall_length?); it must be one of ",
+    ),
     ('pretension = "30 N"', "pretension = 30", "pretension = 30: it has no unit; write a force of at least 0 N"),
     ('"2 mm"', '"2"', "distal_gear_radius = '2': it has no unit"),
     ('"2 mm"', '"2 kg"', "distal_gear_radius = '2 kg': it is measured in kg; it must be a length above 1e-07 m"),
@@ -74,8 +78,16 @@ BAD = [
     ('joint_type = "tendon-gear"', 'joint_type = ["x"]', "joint_type is ['x']; it must be one of"),
     ("[conditions]", "[conditions", "my.toml is not valid TOML"),
     ('"0.5 N", ', "0.5, ", "conditions.forces (value 1) = 0.5: it has no unit"),
-    ("forces = [", "force = [", "conditions.force is not a known key; it must be one of forces"),
-    ('pretension = "Fig. 7"', 'pretensoin = "Fig. 7"', "sources.pretensoin names no key"),
+    (
+        "forces = [",
+        "force = [",
+        "conditions.force is not a known key (did you mean conditions.forces?); it must be one of forces",
+    ),
+    (
+        'pretension = "Fig. 7"',
+        'pretensoin = "Fig. 7"',
+        "sources.pretensoin names no key of an instrument (did you mean pretension?)",
+    ),
     ("[conditions]", '[overrides.pitch]\nradius = "3 mm"\n[conditions]', "overrides.pitch: radius is not a known key"),
     (
         "[conditions]",
@@ -96,6 +108,18 @@ BAD = [
     ('"0.5 N", ', '"-1 N", ', "conditions.forces (value 1) = '-1 N': it must be a force above 1e-06 N"),
     ('name = "real-size"', 'name = ""', "name = '': it must be 1 to 60 printable characters"),
     ('["yaw", "pitch"]', '"yaw"', "axes = 'yaw': it must be a list"),
+    (
+        "[conditions]",
+        '[conditions]\npretension = "3 N"',
+        "conditions.pretension is not a known key (did you mean pretension?)",
+    ),
+    ("[conditions]", "sheath_coeficient = 0.1\n[conditions]", "(did you mean friction.sheath_coefficient?)"),
+    ("[conditions]", "colour = 1\n[conditions]", "colour is not a known key; it must be one of "),
+    (
+        "[conditions]",
+        '[overrides.pitch]\npretention = "3 N"\n[conditions]',
+        "pretention is not a known key (did you mean p",
+    ),
     ("[conditions]", "conditions = 3\n[x]", "conditions = 3: it must be"),
 ]
 

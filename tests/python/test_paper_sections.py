@@ -1,6 +1,7 @@
 """Claims about single sections of the report: that they work for any instrument, and that files are written or none."""
 
 import re
+import subprocess
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -24,20 +25,20 @@ from tenodesis.paper import (
     fig15_compensated,
     fig15_step_load,
     report,
-    run,
     scale_model_design,
     tables_1_2_scale_model,
     workspace,
 )
 from tenodesis.paper.context import Context
-from tenodesis.paper.run import SECTIONS, write
+from tenodesis.paper.run import CHAPTERS, chosen, run, steps, write
 from tenodesis.report import style
 from tenodesis.report.content import Section
 
-from .conftest import ROOT
+from .conftest import ROOT, refused
 
 STATICS = (fig7_input_output, fig8_tension, fig9_transmissibility, fig11_loss, compensation_laws)
 COMPENSATED = (fig15_compensated, fig14_compensated)
+SIMULATED = ("cycles", "step-load", "compensated-step-load", "compensated-cycles", "campaign")
 REAL = (ROOT / "instruments/real-size.toml").read_text("utf-8")
 
 Sections = Iterable[Callable[[Context], Section]]
@@ -219,6 +220,70 @@ def test_other_mechanisms_are_compensated_without_the_papers_numbers(name: str, 
     assert all(result.published is None for result in context.results.values())
 
 
+PAPER_ONLY = r"\bmet\b|missed|[Pp]ublished|Fig\.|Table I|as printed|the paper's|Care point|needs care|of the paper\)"
+
+
+@pytest.mark.parametrize("name", ["pulley", "continuum", "gear"])
+def test_the_report_of_an_own_instrument_speaks_of_that_instrument(name: str, request: pytest.FixtureRequest) -> None:
+    own = tn.load("real-size").replace(name="gear", end_effector_length="30 mm", **{"control.force_limit": "6 N"})
+    inst: Instrument = own.axis("yaw") if name == "gear" else request.getfixturevalue(name)
+    assert inst.sources == {} or name == "gear"
+    context = Context.of(inst.replace(sources=None), seeds=0)
+    text = computed(context, [one.section for key, one in chosen(context).items() if key not in SIMULATED], drawn=False)
+    said = re.sub(r"<footer>.*?</footer>", "", text, flags=re.S)
+    assert not re.findall(PAPER_ONLY, said)
+    assert "−30 %" not in said or name == "gear"
+    assert not any(key.startswith("care.") for key in context.results)
+    assert ">source<" not in said
+    assert "No scale model" not in said and "see the tests" not in said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["none", "capstan"])
+def test_an_own_instrument_is_compensated_without_the_papers_targets(law: str, pulley: Instrument) -> None:
+    rough = {"friction.vertex_coefficient": 0.1, "friction.law": law} if law != "none" else {}
+    context = Context.of(pulley.replace(**rough), seeds=1)
+    text = computed(context, [CHAPTERS[name].section for name in SIMULATED], drawn=False)
+    said = re.sub(r"<footer>.*?</footer>", "", text, flags=re.S)
+    assert not re.findall(PAPER_ONLY, said)
+    assert "the controller’s limit is 90 N" in said
+    for of_friction in ("−30 %", "lost without friction", "friction scale", "sheath bent", "with friction</h2>"):
+        assert (of_friction in said) == (law != "none" and of_friction != "sheath bent")
+
+
+def test_the_papers_instruments_keep_its_figures_targets_and_care_points(real: Instrument, scaled: Instrument) -> None:
+    for context in (Context.of(real, scaled), Context.of(scaled), Context.of(real)):
+        assert not context.is_own
+        text = computed(context, of(fig8_tension, fig9_transmissibility, compensation_laws), drawn=False)
+        assert all(part in text for part in ("Fig. 8", "Fig. 9", "as printed", "Care point 1", "Care point 2"))
+
+
+def test_chapters_are_computed_by_name(tmp_path: Path, pulley: Instrument) -> None:
+    progress: list[str] = []
+    context = run(pulley, None, tmp_path, progress.append, only=["slack", "loss"])
+    assert progress == ["slack", "loss", "writing"]
+    assert len(progress) == steps(pulley, None, ["slack", "loss"])
+    assert {key.partition(".")[0] for key in context.results} == {"tension", "loss"}
+    text = (tmp_path / "report.html").read_text("utf-8")
+    assert re.findall(r'<h2 id="(\w+)"', text) == ["instruments", "tension", "loss"]
+    assert not re.search('href="#(?!instruments|tension|loss)', re.sub(r"<svg.*?</svg>", "", text, flags=re.S))
+    with refused("only", "los"):
+        run(pulley, None, tmp_path, only=["los"])
+
+
+@pytest.mark.process
+def test_a_chapter_of_the_statics_loads_neither_the_twins_experiments_nor_scipy() -> None:
+    code = (
+        "import sys, tenodesis as tn; from pathlib import Path; from tenodesis.paper import run\n"
+        "import tempfile\n"
+        "with tempfile.TemporaryDirectory() as out: run(tn.load('scaled-up'), None, Path(out), only=['loss'])\n"
+        "heavy = {'scipy.optimize', 'mujoco', 'mcap', 'tenodesis.scaling'} & set(sys.modules)\n"
+        "assert not heavy, heavy"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 0, done.stderr
+
+
 def test_a_changed_instrument_is_not_set_beside_the_papers_numbers() -> None:
     context = Context.of(tn.load("real-size").replace(tendon_diameter="0.5 mm"), tn.load("scaled-up"))
     assert not context.is_paper
@@ -256,7 +321,7 @@ def test_curves_are_the_statics_at_their_columns(real: Instrument) -> None:
 
 
 def test_the_campaign_gives_the_same_results_again_over_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(campaign, "FRICTION_ERRORS", (0.3,))
+    monkeypatch.setattr(fig15_compensated, "FRICTION_ERRORS", (0.3,))
     condition = campaign.conditions(Context.of(tn.load("scaled-up")))[0]
     first, second = (campaign.trials(condition, 1) for _ in range(2))
     assert [trial.response for trial in first] == [trial.response for trial in second]
@@ -305,11 +370,8 @@ def test_a_folder_that_cannot_be_made_is_named_before_anything_is_computed(tmp_p
 
 
 def test_every_section_of_the_package_is_in_the_report() -> None:
-    modules = {section.__module__ for _, section in SECTIONS}
-    assert len(modules) == len(SECTIONS)
+    modules = [chapter.module for chapter in CHAPTERS.values()]
     folder = ROOT / "src/tenodesis/paper"
-    assert modules == {
-        f"tenodesis.paper.{path.stem}"
-        for path in folder.glob("*.py")
-        if re.search(r"^def section\(", path.read_text("utf-8"), re.M)
-    }
+    assert sorted(modules) == sorted(
+        path.stem for path in folder.glob("*.py") if re.search(r"^def section\(", path.read_text("utf-8"), re.M)
+    )

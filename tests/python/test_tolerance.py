@@ -383,7 +383,7 @@ def test_a_tolerance_that_cannot_be_is_refused_in_one_sentence(
         ),
         (
             '[[parameters]]\nkey = "pretension"\ndistribution = "uniform"\nhalf_width = "1 N"\nwidth = 1',
-            "parameter 1: width is not a known key; it must be one of key, distribution, half_width",
+            "parameter 1: width is not a known key .did you mean half_width.*; it must be one of key, distribution",
         ),
         (
             '[[parameters]]\nkey = "pretension"\ndistribution = "uniform"\nhalf_width = true',

@@ -8,11 +8,20 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_instrument, say_resolution, table
+from tenodesis.cli.common import (
+    InstrumentFile,
+    ProgressBar,
+    check_choice,
+    console,
+    load_instrument,
+    say,
+    say_resolution,
+    table,
+)
 from tenodesis.cli.outputs import Overwrite, writing, written_by_us
 from tenodesis.errors import InstrumentError
 from tenodesis.paper.context import Context
-from tenodesis.paper.run import run, steps
+from tenodesis.paper.run import CHAPTERS, run, steps
 
 _BRIEF = (
     r"loss\.at_\d+deg\.|tension\.slack_force|transmissibility\.straight|table1\.stiffness|table2\.(force|tension)|"
@@ -21,7 +30,7 @@ _BRIEF = (
 """Names of the results that the summary shows; the report has all."""
 
 
-def bench(
+def bench(  # noqa: PLR0917
     instrument_file: InstrumentFile = "real-size",
     scaled_up: Annotated[
         str | None,
@@ -31,10 +40,17 @@ def bench(
         str | None,
         typer.Option(help="Axis to compute, where yaw and pitch have values of their own. Default: the first."),
     ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="CHAPTERS", help=f"These chapters alone, with commas between: {', '.join(CHAPTERS)}."),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for report, figures, curves and results.")] = Path("out"),
     overwrite: Overwrite = False,
 ) -> None:
     """Compute every figure and table of the paper for an instrument and write out/report.html."""
+    chapters = [name.strip() for names in only or () for name in names.split(",")]
+    for name in chapters:
+        check_choice("--only", name, CHAPTERS)
     inst = load_instrument(instrument_file)
     if scaled_up is None and instrument_file == "real-size":
         scaled_up = "scaled-up"
@@ -49,7 +65,7 @@ def bench(
         )
     if axis is not None or inst.overrides:
         inst = inst.axis(axis or inst.axes[0])
-    done, total = 0, steps(inst, scaled)
+    done, total = 0, steps(inst, scaled, chapters)
     outputs = [("--out", out / name) for name in ("report.html", "results.json")]
     replace = overwrite or written_by_us(out / "results.json", "results")
     with (
@@ -66,25 +82,29 @@ def bench(
         def report(name: str) -> None:
             nonlocal done
             done += 1
-            bar(done, total, f"{name:<16}")
+            bar(done, total, f"{name:<21}")
 
-        context = run(inst, scaled, out, report)
+        context = run(inst, scaled, out, report, only=chapters)
     console.print(_summary(context))
     say_resolution(context.tested)
-    console.print(f"Report: [bold]{out / 'report.html'}[/bold]  (with figures/, curves/, recordings/ and results.json)")
+    say(f"Report: {out / 'report.html'}")
+    say("with figures/, curves/, recordings/ and results.json beside it")
 
 
 def _summary(context: Context) -> Table:
     """Return the most important results, beside those that the paper prints."""
     summary = table(f"{escape(context.inst.name)}: summary, by name in results.json")
     summary.add_column("result", overflow="fold")
-    for heading in ("computed", "published", "residual"):
+    beside = any(result.published for result in context.results.values())
+    for heading in ("computed", "published", "residual") if beside else ("computed",):
         summary.add_column(heading, justify="right", no_wrap=True)
     for key, result in context.results.items():
         if not re.match(_BRIEF, key):
             continue
         unit = {"1": "", "deg": "°"}.get(result.unit, f" {result.unit}")
-        published = "" if result.published is None else f"{result.published.value:g}{unit}"
-        residual = "" if result.residual is None else f"{result.residual:+.2g}{unit}"
-        summary.add_row(key, f"{result.value:.5g}{unit}", published, residual)
+        cells = [f"{result.value:.5g}{unit}"]
+        if beside:
+            cells.append("" if result.published is None else f"{result.published.value:g}{unit}")
+            cells.append("" if result.residual is None else f"{result.residual:+.2g}{unit}")
+        summary.add_row(key, *cells)
     return summary

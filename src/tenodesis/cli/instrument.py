@@ -1,15 +1,24 @@
 """The commands about instrument files: check a file, and print the schemas of all kinds of files."""
 
 import json
-from typing import Annotated, Literal, TypeAlias
+from collections.abc import Sequence
+from math import isfinite
+from typing import Annotated, Any, Literal, TypeAlias
 
 import typer
 from rich.markup import escape
 from rich.table import Table
 
-from tenodesis import instrument, plant
-from tenodesis.cli.common import InstrumentFile, console, load_instrument, say_resolution, warn
-from tenodesis.errors import Error
+from tenodesis import instrument
+from tenodesis.cli.common import InstrumentFile, console, load_instrument, say, table, warn
+from tenodesis.control.derived import Derived, derive
+from tenodesis.control.plausibility import Implausible, implausible
+from tenodesis.control.resolution import sentences
+from tenodesis.instrument import Instrument
+from tenodesis.instrument.listing import Listed, listed
+
+_WIDTH = 24
+"""Width of a list of values in a table."""
 
 Kind: TypeAlias = Literal["instrument", "protocol", "catalogue", "tolerances"]
 
@@ -31,20 +40,79 @@ def schema(
     typer.echo(json.dumps(schemas[kind](), indent=2, ensure_ascii=False))
 
 
-def check(instrument_file: InstrumentFile) -> None:
-    """Check an instrument file; print its values in SI units, and what its sensors resolve at the tip."""
-    inst: instrument.Instrument = load_instrument(instrument_file)
-    title = f"{escape(inst.name)}: {inst.joint_type}, {' and '.join(inst.axes)}"
-    values = Table("key", "value", "source", title=title)
-    for key, value, quantity in inst.quantities():
-        values.add_row(key, f"{value:.6g} {quantity.unit}", escape(inst.sources.get(key, "")))
-    for axis, own in inst.overrides.items():
-        for key, value, quantity in inst.axis(axis).quantities():
-            if key in own:
-                values.add_row(f"{axis}: {key}", f"{value:.6g} {quantity.unit}", "")
-    console.print(values)
-    say_resolution(inst)
-    try:
-        plant.check_runnable(inst)
-    except Error as problem:
-        warn(f"this file can be neither run live nor simulated in time steps of {plant.TIME_STEP:g} s: {problem}")
+def check(
+    instrument_file: InstrumentFile,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print JSON: values in SI units, and as in the file.")
+    ] = False,
+) -> None:
+    """Check an instrument file; print its values, what follows from them, and what is implausible about it."""
+    inst: Instrument = load_instrument(instrument_file)
+    values, derived, found = listed(instrument_file, inst), tuple(derive(inst)), implausible(inst)
+    if as_json:
+        typer.echo(json.dumps(_as_json(inst, values, derived, found), indent=1, ensure_ascii=False))
+        return
+    say(
+        f"{inst.name}: {inst.joint_type}, {' and '.join(inst.axes)}"
+        + (f". {inst.description}" * bool(inst.description))
+    )
+    console.print(_table(values, derived))
+    if inst.devices.model_fields_set:
+        say(f"Devices: {', '.join(sorted(inst.devices.model_fields_set))}.")
+    for sentence in sentences(inst):
+        say(sentence)
+    for one in found:
+        warn(one.sentence)
+
+
+def _as_json(
+    inst: Instrument, values: Sequence[Listed], derived: Sequence[Derived], found: Sequence[Implausible]
+) -> dict[str, Any]:
+    return {
+        "name": inst.name,
+        "description": inst.description,
+        "joint_type": inst.joint_type,
+        "axes": inst.axes,
+        "values": {one.key: {name: item for name, item in one._asdict().items() if name != "key"} for one in values},
+        "derived": {
+            one.key: {"value": one.value if isfinite(one.value) else None, "unit": one.unit, "meaning": one.meaning}
+            for one in derived
+        },
+        "resolution": sentences(inst),
+        "warnings": [one._asdict() for one in found],
+    }
+
+
+def _table(values: Sequence[Listed], derived: Sequence[Derived]) -> Table:
+    """Return the values by table of the file, and what follows from them; a value is never broken over lines."""
+    shown = table(padding=(0, 2, 0, 0))
+    shown.add_column("key", no_wrap=True)
+    shown.add_column("value", justify="right", no_wrap=True)
+    shown.add_column("source", overflow="fold")
+    heading = ""
+    for one in values:
+        name, _, key = one.key.rpartition(".")
+        if name != heading:
+            shown.add_section()
+            shown.add_row(f"[bold]\\[{name}][/bold]", "", "")
+            heading = name
+        style = None if one.given else "dim"
+        shown.add_row(escape(key), escape(_lines(one.text)), escape(one.source), style=style)
+    shown.add_section()
+    shown.add_row("[bold]follows[/bold]", "", "")
+    for result in derived:
+        shown.add_row(escape(result.key.replace("_", " ")), result.text, escape(result.meaning))
+    return shown
+
+
+def _lines(text: str) -> str:
+    """Return the values of a list on as many lines as they need, none of them broken."""
+    lines = [""]
+    for atom in text.split(", "):
+        joined = f"{lines[-1]}, {atom}".removeprefix(", ")
+        if len(joined) <= _WIDTH or not lines[-1]:
+            lines[-1] = joined
+        else:
+            lines[-1] += ","
+            lines.append(atom)
+    return "\n".join(lines)

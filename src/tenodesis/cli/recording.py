@@ -1,5 +1,6 @@
 """The commands about recordings: record, describe, repeat, export."""
 
+import json
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -34,7 +35,7 @@ from tenodesis.recording import Recording, tables
 from tenodesis.recording.replay import Replay
 from tenodesis.recording.replay import replay as run_again
 from tenodesis.recording.simulation import record as record_run
-from tenodesis.recording.summary import describe, outcome
+from tenodesis.recording.summary import contents, describe, outcome
 from tenodesis.run import Run
 from tenodesis.units import Duration, in_unit
 
@@ -112,8 +113,13 @@ def record(  # noqa: PLR0917
 
 def info(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON: a list with one entry per recording.")] = False,
 ) -> None:
     """Print the contents of recordings: origin, topics, ranges of the signals, and events."""
+    if as_json:
+        found = [{"file": str(file), **contents(Recording.open(file))} for file in files]
+        typer.echo(json.dumps(found, indent=1, ensure_ascii=False))
+        return
     for file in files:
         recording = Recording.open(file)
         if files[1:]:

@@ -47,6 +47,14 @@ DEVICES = {
     ),
 }
 COMMANDS: dict[str, Command | Group] = {
+    "new": Command(
+        "Write a commented instrument file from a mechanism and six numbers, asking for what no option gives.",
+        "new.new",
+    ),
+    "loss": Command(
+        "Print the angle that loads take at the tip, what restores it, and the load at which a tendon goes slack.",
+        "loss.loss",
+    ),
     "bench": Command(
         "Compute every figure and table of the paper for an instrument and write out/report.html.", "bench.bench"
     ),
@@ -54,7 +62,7 @@ COMMANDS: dict[str, Command | Group] = {
         "Print the JSON schema of a kind of file, for editors that complete and check TOML.", "instrument.schema"
     ),
     "check": Command(
-        "Check an instrument file; print its values in SI units, and what its sensors resolve at the tip.",
+        "Check an instrument file; print its values, what follows from them, and what is implausible about it.",
         "instrument.check",
     ),
     "record": Command(

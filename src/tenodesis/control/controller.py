@@ -11,10 +11,12 @@ from tenodesis import _core
 from tenodesis.control.parameters import FAULTS, HOMING_REASONS, parameters
 from tenodesis.control.resolution import check_force_limit
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 
 ObserverName: TypeAlias = Literal["paper", "exact", "friction"]
+"""How the tip is estimated: by eq. 19 as printed, by the exact statics, or with friction."""
 LawName: TypeAlias = Literal["off", "paper", "paper-feedback", "exact", "robust"]
+"""How the motors are commanded; the laws are described in docs/controller.md."""
 ActuationName: TypeAlias = Literal["agonist", "differential"]
 Precision: TypeAlias = Literal["double", "single"]
 
@@ -68,6 +70,8 @@ class Output(NamedTuple):
     homing: bool
     homing_failure: Any
     """Why the last homing failed, as of :func:`homing_failure`; with two axes a tuple of two"""
+    cut_power: bool
+    """Whether a motor does not obey, so that a relay in the supply of the motors must open"""
 
 
 class FlightRecord(NamedTuple):
@@ -121,7 +125,7 @@ class Controller:
 
     def __init__(
         self,
-        inst: Instrument,
+        inst: InstrumentLike,
         observer: ObserverName = "friction",
         law: LawName = "robust",
         actuation: ActuationName = "differential",
@@ -132,6 +136,7 @@ class Controller:
         period: float | None = None,
         own_clock: bool = False,
     ) -> None:
+        inst = as_instrument(inst)
         chosen_observer = _choice("observer", observer, ObserverName)
         chosen_law = _choice("law", law, LawName)
         chosen_actuation = _choice("actuation", actuation, ActuationName)
@@ -195,6 +200,12 @@ class Controller:
                 )
         self._ran = plant, time
 
+    def __repr__(self) -> str:
+        return (
+            f"<Controller for {self.inst.name!r}: {self.observer} observer, {self.law} law, {self.actuation}, "
+            f"{self.precision} precision>"
+        )
+
     def step(
         self,
         time: float,
@@ -235,7 +246,9 @@ class Controller:
         measured[:, 3:] = _shaped("spool_angles", spool_angles, axes, 2)
         if asked == Request.NONE:
             asked = self.take_request()
-        rows, _, state, homed, homing, faults, first = self.core.step(round(time * 1e9), int(asked), measured)
+        rows, _, state, homed, homing, faults, first, cut_power = self.core.step(
+            round(time * 1e9), int(asked), measured
+        )
         table = np.array(rows)
         signals = {name: table[:, n] if axes > 1 else float(table[0, n]) for n, name in enumerate(_SIGNALS)}
         failures = tuple(homing_failure(int(word)) for word in table[:, _SIGNALS.index("homing_failure")])
@@ -254,6 +267,7 @@ class Controller:
             homed,
             homing,
             failures if axes > 1 else failures[0],
+            cut_power,
         )
 
     def ask(self, request: Request | str) -> None:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping
 from functools import cache, cached_property
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -14,11 +14,11 @@ from pydantic import (
     model_validator,
 )
 
-from tenodesis import _core
+from tenodesis import _core, notebook
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument.devices import Devices
 from tenodesis.instrument.hardware import Control, Drives, Dynamics, Friction, Geometry, Mismatch, Sensors
-from tenodesis.toml import FileTable, validated
+from tenodesis.toml import FileTable, did_you_mean, file_keys, validated
 from tenodesis.units import (
     STIFFNESS,
     Angle,
@@ -31,6 +31,7 @@ from tenodesis.units import (
     Quantity,
     Rate,
     Stiffness,
+    in_words,
     quantity_of,
 )
 
@@ -50,6 +51,8 @@ Name = Annotated[str, AfterValidator(_printable)]
 AxisName = Literal["yaw", "pitch"]
 
 
+_NAMED = ("overall_length", "pretension", "tendon_stiffness", "handle_range", "output_range")
+"""Dimensions that tell instruments of a joint type apart."""
 _STOP_BEYOND_RANGE = 4 / 3
 _FARTHEST_STOP = 2.9  # rad; half a turn is the end of every mechanism
 
@@ -114,6 +117,16 @@ class Instrument(FileTable):
 
     parameter_fields: ClassVar[Mapping[str, str]] = {}
     """Parameter of the core, by the field that sets it."""
+
+    if TYPE_CHECKING:
+        # Type checkers do not know of which mechanism the instrument in a file is; it has the dimensions of its own.
+        distal_gear_radius: float
+        proximal_gear_radius: float
+        distal_pulley_radius: float
+        proximal_pulley_radius: float
+        distal_tendon_offset: float
+        backbone_length: float
+        backbone_rigidity: float
 
     @property
     def tendon_stiffness(self) -> float:
@@ -208,7 +221,8 @@ class Instrument(FileTable):
         foreign = [key for key in values if key not in {*allowed, "tendon_length"}]
         if foreign:
             raise ValueError(
-                f"overrides.{axis}: {foreign[0]} is not a known key; it must be one of {', '.join(allowed)}"
+                f"overrides.{axis}: {foreign[0]} is not a known key{did_you_mean(foreign[0], allowed)}; it must be one "
+                f"of {', '.join(allowed)}"
             )
         bare = [key for key, value in values.items() if in_file and isinstance(value, int | float)]
         if bare:
@@ -222,6 +236,23 @@ class Instrument(FileTable):
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a copy by :meth:`replace`, so that its changes are checked and passed to the core."""
         return self.replace(**(update or {}))
+
+    def __repr__(self) -> str:
+        shown = ", ".join(
+            f"{key} {in_words(value, kind.unit)}" for key, value, kind in self.quantities() if key in _NAMED
+        )
+        return (
+            f"<{type(self).__name__} {self.name!r}: {' and '.join(self.axes)}, {shown}, friction {self.friction.law}>"
+        )
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        """Return a table for notebooks: values in the units of drawings, with their sources."""
+        rows = [(key, in_words(value, kind.unit), self.sources.get(key, "")) for key, value, kind in self.quantities()]
+        rows.append(("friction", self.friction.law, self.sources.get("friction", "")))
+        title = f"{self.name}: {self.joint_type}, {' and '.join(self.axes)}"
+        return notebook.table(title, ("key", "value", "source"), rows)
 
     def __hash__(self) -> int:
         return hash((self.joint_type, self.name, tuple((key, value) for key, value, _ in self.quantities())))
@@ -262,19 +293,12 @@ class Instrument(FileTable):
             self._check_override(axis, values, in_file=bool(info.context and info.context.get("file")))
         for key in self.sources:
             if key not in _known(type(self)):
-                raise ValueError(f"sources.{key} names no key of an instrument")
+                hint = did_you_mean(key, (), _known(type(self)))
+                raise ValueError(f"sources.{key} names no key of an instrument{hint}")
         return self
 
 
 @cache
 def _known(kind: type[BaseModel]) -> frozenset[str]:
     """Return the keys that a file may have, those within tables with a dot."""
-    return frozenset(_keys(kind))
-
-
-def _keys(kind: type[BaseModel], prefix: str = "") -> Iterator[str]:
-    for name, field in kind.model_fields.items():
-        key = prefix + (field.alias or name)
-        yield key
-        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            yield from _keys(field.annotation, key + ".")
+    return frozenset(file_keys(kind))

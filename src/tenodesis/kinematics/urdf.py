@@ -3,7 +3,7 @@
 import math
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.kinematics.parts import STEEL, Joint, Part, parts, text
 
 _KINDS = {"hinge": "revolute", "slide": "prismatic"}
@@ -27,12 +27,13 @@ _CONTINUUM = """
   chord, no mimic can express."""
 
 
-def urdf(inst: Instrument) -> str:
+def urdf(inst: InstrumentLike) -> str:
     """Return an instrument as the text of a URDF file: links as the bodies of :func:`frames`, the port its base.
 
     Positions of its joints are those of :func:`joint_positions`. Raises InstrumentError if the instrument's lengths
     leave no stem.
     """
+    inst = as_instrument(inst)
     tree = parts(inst)
     density = _densities(inst, tree)
     root = Element("robot", name=inst.name.replace(" ", "_"))

@@ -10,8 +10,8 @@ from tenodesis import similarity, statics
 from tenodesis.control.parameters import tension_limit
 from tenodesis.instrument import Instrument
 from tenodesis.paper import step_response
-from tenodesis.paper.context import Context
-from tenodesis.paper.fig15_compensated import FRICTION_ERRORS, friction_label
+from tenodesis.paper.context import Context, has_friction
+from tenodesis.paper.fig15_compensated import friction_errors, friction_label
 from tenodesis.report.content import Section, Table, fixed, named
 from tenodesis.twin import TIME_STEP
 
@@ -193,6 +193,8 @@ def conditions(context: Context) -> list[Condition]:
     ]
     if inst.mismatch.stiffness_ratio == 1:
         found.pop()
+    if context.is_own and not inst.friction.sheath_coefficient:
+        found = [condition for condition in found if condition.bend == (0.0, 0.0)]
     if context.scaled is not None and inst.name != context.inst.name:
         real = context.inst.planar[0]
         factor = float(similarity.compare(real, inst).factors["force"])
@@ -212,10 +214,11 @@ def conditions(context: Context) -> list[Condition]:
 def trials(condition: Condition, seeds: int) -> list[Trial]:
     """Run a condition over its states, friction errors and a number of noise seeds."""
     inst = condition.inst
+    errors = friction_errors(inst)
     start, end = condition.bend
     time = np.arange(1, round((_BEFORE + _AFTER) / TIME_STEP) + 1) * TIME_STEP
     bend = start + (end - start) * np.clip((time - _BEFORE) / _BENDING, 0, 1)
-    models = {error: step_response.controller_model(inst, 1 + error, condition.identified) for error in FRICTION_ERRORS}
+    models = {error: step_response.controller_model(inst, 1 + error, condition.identified) for error in errors}
     motions = {
         state: step_response.held_motion(inst, state, condition.load(state), _BEFORE, _AFTER)
         for state in step_response.held_states(inst)
@@ -236,7 +239,7 @@ def trials(condition: Condition, seeds: int) -> list[Trial]:
         found = enabled.friction_scale * (1 + error) - 1 if inst.friction.law != "none" else np.nan
         return Trial(state, error, enabled, enabled.largest - stopped.largest, found)
 
-    return list(step_response.in_parallel(work, product(motions, FRICTION_ERRORS, range(seeds))).values())
+    return list(step_response.in_parallel(work, product(motions, errors, range(seeds))).values())
 
 
 def section(context: Context) -> Section:
@@ -244,7 +247,7 @@ def section(context: Context) -> Section:
     inst, seeds = context.tested, context.seeds
     if not seeds or not step_response.can_compensate(inst):
         why = f"{named(inst)} cannot be compensated" if seeds else "the number of noise seeds is 0"
-        return Section("campaign", TITLE, f"<p>Not run: {why}.</p>")
+        return Section("campaign", title(inst), f"<p>Not run: {why}.</p>")
     few = max(1, seeds // SEED_DIVISOR)
     rows, missed, lost = [], [], []
     main: list[Trial] = []
@@ -261,21 +264,39 @@ def section(context: Context) -> Section:
             missed.append(f"<li>{condition.name} ({'; '.join(failed)}){because}.</li>")
     if not rows:
         text = f"<p>Not run: in none of the states does {named(inst)} hold the load.</p>"
-        return Section("campaign", TITLE, text)
+        return Section("campaign", title(inst), text)
+    varied = f"{len(step_response.held_states(inst))} states"
+    if has_friction(inst):
+        varied += ", errors of −30 %, 0 and +30 % in the friction that the controller assumes,"
     table = Table(
-        f"The robust law over {len(step_response.held_states(inst))} states, errors of −30 %, 0 and +30 % in the "
-        f"friction that the controller assumes, and {seeds} noise seeds ({few} in all rows but the first)",
-        ["condition", *(m.heading + ("" if m.target is None else f", target {m.target(inst):g}") for m in METRICS)],
+        f"The robust law over {varied} and {seeds} noise seeds ({few} in all rows but the first)",
+        ["condition", *(_heading(context, metric) for metric in _metrics(inst))],
         rows,
     )
-    text = _text(main, missed, lost) + step_response.caveat(inst)
-    return Section("campaign", TITLE, text, [], [table, _by_state(main)])
+    text = _text(context, main, missed, lost) + step_response.caveat(inst)
+    return Section("campaign", title(inst), text, [], [table, _by_state(inst, main)])
+
+
+def title(inst: Instrument) -> str:
+    """Return the title of the section."""
+    return TITLE if has_friction(inst) else "The robust law over states and seeds"
+
+
+def _metrics(inst: Instrument) -> tuple[Metric, ...]:
+    """Return the statistics that an instrument has."""
+    return tuple(metric for metric in METRICS if metric.key != "friction_error" or has_friction(inst))
+
+
+def _heading(context: Context, metric: Metric) -> str:
+    """Return the heading of a statistic, with its target where the instrument is the paper's."""
+    target = None if context.is_own or metric.target is None else metric.target(context.tested)
+    return metric.heading if target is None else f"{metric.heading}, target {target:g}"
 
 
 def _row(context: Context, condition: Condition, found: Sequence[Trial]) -> tuple[list[str], list[str]]:
     """Return the cells of a condition, and the metrics that miss their targets."""
     cells, failed = [f"{condition.name} ({len(found)} runs)"], []
-    for metric in METRICS:
+    for metric in _metrics(condition.inst):
         value = metric.of(found)
         shown = _shown(metric, value)
         if np.isnan(value):
@@ -284,9 +305,10 @@ def _row(context: Context, condition: Condition, found: Sequence[Trial]) -> tupl
         name = condition.name.replace("<sub>o</sub>", "o")
         key, about = f"campaign.{condition.key}.{metric.key}", f"{metric.description}, robust law, {name}"
         context.add(key, value, metric.unit, about)
+        judged = metric.target is not None and not context.is_own
         met = metric.target is None or value <= metric.target(condition.inst)
-        cells.append(shown + ("" if metric.target is None else " met" if met else " missed"))
-        if not met:
+        cells.append(shown + ("" if not judged else " met" if met else " missed"))
+        if judged and not met:
             failed.append(f"{metric.heading.partition(' [')[0]} {shown}")
     return cells, failed
 
@@ -295,31 +317,40 @@ def _shown(metric: Metric, value: float) -> str:
     return "never" if np.isinf(value) else fixed(value, metric.decimals)
 
 
-def _by_state(main: Sequence[Trial]) -> Table:
-    rows = []
+def _by_state(inst: Instrument, main: Sequence[Trial]) -> Table:
+    rows, metrics, rough = [], _metrics(inst), has_friction(inst)
     for state, error in dict.fromkeys((trial.state, trial.error) for trial in main):
         part = [trial for trial in main if (trial.state, trial.error) == (state, error)]
         rows.append(
             [
-                f"{np.degrees(state):.4g}°, {friction_label(error)}",
-                *(_shown(metric, metric.of(part)) for metric in METRICS),
+                f"{np.degrees(state):.4g}°" + (f", {friction_label(error)}" if rough else ""),
+                *(_shown(metric, metric.of(part)) for metric in metrics),
                 fixed(max(abs(trial.response.before) for trial in part)),
             ]
         )
     return Table(
-        "The step load by state and error of the assumed friction",
-        ["state, friction", *(metric.heading for metric in METRICS), "error before the load, worst [°]"],
+        "The step load by state" + (" and error of the assumed friction" if rough else ""),
+        [
+            "state, friction" if rough else "state",
+            *(one.heading for one in metrics),
+            "error before the load, worst [°]",
+        ],
         rows,
     )
 
 
-def _text(main: Sequence[Trial], missed: Sequence[str], lost: Sequence[str]) -> str:
+def _text(context: Context, main: Sequence[Trial], missed: Sequence[str], lost: Sequence[str]) -> str:
+    limit = (
+        f"; the controller’s limit is {tension_limit(context.tested):.3g} N"
+        if context.is_own
+        else (", its target the controller’s limit")
+    )
     text = (
         f"<p>Each run: handle to its angle, the load at {_BEFORE:g} s, {_AFTER:g} s under it, the controller enabled "
         "from the start. Every run is made twice: with the motors enabled, and with the motors stopped when the load "
         "comes, which shows the load’s own effect. The excursion is the largest error of the first run minus that of "
         "the second, negative if the first stays nearer to eq. 18. The time is the last moment at which the tip is 1° "
-        "off. The tension is the true tension at the spools, its target the controller’s limit.</p>"
+        f"off. The tension is the true tension at the spools{limit}.</p>"
     )
     moving = sum(np.isinf(trial.response.rest_time) for trial in main)
     if moving:
@@ -330,6 +361,8 @@ def _text(main: Sequence[Trial], missed: Sequence[str], lost: Sequence[str]) -> 
         )
     if lost:
         text += f"<p>Not run, since the joint does not hold the load: {'; '.join(lost)}.</p>"
+    if context.is_own:
+        return text
     if not missed:
         return text + "<p>All targets are met.</p>"
     return text + f"<p>Missed targets and the reasons:</p><ul>{''.join(missed)}</ul>"

@@ -8,6 +8,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.paper.context import Context, shown_force
 from tenodesis.report import style
 from tenodesis.report.content import Array, CarePoint, Chart, Column, Section, fixed, named
+from tenodesis.statics.stroke import settled_stroke, wound
 
 _LAWS: tuple[tuple[str, statics.Actuation, statics.Law, str], ...] = (
     ("eq. 22 as printed, agonist's motor alone", "agonist", "paper", style.ACCENT),
@@ -15,35 +16,6 @@ _LAWS: tuple[tuple[str, statics.Actuation, statics.Law, str], ...] = (
     ("eq. 22, both motors", "differential", "paper", style.LOADS[2]),
     ("exact law, both motors", "differential", "exact", style.LOADS[1]),
 )
-_ITERATIONS = 200
-_SETTLED = 1e-15  # m
-
-
-def settled_stroke(
-    inst: Instrument, handle_angle: Array, force: float, actuation: statics.Actuation, law: statics.Law
-) -> Array:
-    """Return the agonist's stroke, m, at which the law requires just the stroke already made, NaN if there is none.
-
-    A fixed-point iteration; half steps keep it from overshooting.
-    """
-    stroke = np.zeros_like(handle_angle)
-    for _ in range(_ITERATIONS):
-        tension = statics.tensions(inst, handle_angle, force, wound=wound(stroke, actuation))
-        solved = np.isfinite(tension.agonist)
-        agonist, antagonist = (np.where(solved, measured, 0.0) for measured in tension)
-        wanted = statics.compensation_stroke(inst, agonist, antagonist, actuation, law)
-        step = np.where(solved, (wanted - stroke) / 2, np.nan)
-        # Points that find no equilibrium on the way get no stroke and are left out of the solves that follow.
-        lost = ~np.isfinite(step)
-        stroke = np.where(lost, 0.0, stroke + step)
-        if np.all(lost | (np.abs(step) < _SETTLED)):
-            return np.where(lost, np.nan, stroke)
-    return np.full_like(stroke, np.nan)
-
-
-def wound(stroke: Array, actuation: statics.Actuation) -> tuple[Array, Array]:
-    """Return the length that each motor has wound for an agonist's stroke, m."""
-    return stroke, -stroke if actuation == "differential" else np.zeros_like(stroke)
 
 
 def section(context: Context) -> Section:
@@ -70,7 +42,8 @@ def section(context: Context) -> Section:
     lost = np.degrees(states - statics.output_angle(inst, handle, force))
     table.row("no compensation", *lost, key="none", left="", by=" without compensation", without="")
     remaining = [("no compensation", style.REFERENCE, lost)]
-    for name, actuation, law, color in _LAWS:
+    for printed, actuation, law, color in _LAWS:
+        name = printed.replace(" as printed", "") if context.is_own else printed
         stroke = settled_stroke(inst, handle, force, actuation, law)
         output = statics.output_angle(inst, handle, force, wound=wound(np.nan_to_num(stroke), actuation))
         lost = np.degrees(states - np.where(np.isfinite(stroke), output, np.nan))
@@ -93,10 +66,11 @@ def section(context: Context) -> Section:
         f"Loss of output angle under {force:g} N, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N, once the "
         "motors have settled; no friction.",
     )
+    experiments = "" if context.is_own else ", which limited the paper's experiments"
     text = (
         "<p>Eq. 22 turns measured tensions into a motor angle. How much of the loss it restores depends on how many "
-        "motors act on it; the exact law takes this into account, and slack. These results are without friction, "
-        "which limited the paper's experiments.</p>"
+        "motors act on it; the exact law takes this into account, and slack. These results are without friction"
+        f"{experiments}.</p>"
     )
     if inst.joint_type == "continuum":
         text += (
@@ -116,7 +90,7 @@ def _bars(axis: Axes, values: Array, place: int, groups: int, *, color: str, lab
 
 
 def _care(context: Context, inst: Instrument, handle: Array, force: float) -> list[CarePoint]:
-    if inst.joint_type != "tendon-gear" or not handle.size:
+    if context.is_own or inst.joint_type != "tendon-gear" or not handle.size:
         return []
     middle = handle[handle.size // 3 : handle.size // 3 + 1]
     stroke = settled_stroke(inst, middle, force, "agonist", "paper")

@@ -9,11 +9,16 @@ from tenodesis import instrument as instruments
 from tenodesis import statics
 from tenodesis.instrument import Instrument
 from tenodesis.report.content import Column, Published, Result, ResultTable
+from tenodesis.report.curves import forces
 from tenodesis.run import Run
 from tenodesis.simulate import Protocol
 
 SEEDS = 20
 """Noise seeds of the robust law's campaign."""
+
+
+COEFFICIENTS = ("vertex_coefficient", "sheath_coefficient", "constant")
+"""What an instrument's friction is made of, and a controller may assume wrong."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +50,10 @@ class Context:
     results: dict[str, Result] = field(default_factory=dict)
     recordings: dict[str, RecordedRun] = field(default_factory=dict)
     """Runs of the twin that are written as recordings, by name of the file."""
+    is_own: bool = False
+    """Whether the instrument is none of the paper's, whose figures, targets and pitfalls then do not concern it."""
+    chapters: frozenset[str] = frozenset()
+    """Names of the chapters that the report has; empty for all."""
 
     @classmethod
     def of(
@@ -59,7 +68,8 @@ class Context:
 
         The working range of an instrument whose handle does not reach its end is shortened to what it reaches.
         """
-        is_paper = inst == instruments.load("real-size") and scaled == instruments.load("scaled-up")
+        real, prototype = (instruments.load(name) for name in ("real-size", "scaled-up"))
+        is_paper = inst == real and scaled == prototype
         reached = statics.output_angle(inst, np.array([inst.handle_range]))[0]
         return cls(
             inst.replace(output_range=reached) if reached < inst.output_range else inst,
@@ -67,6 +77,7 @@ class Context:
             is_paper,
             seeds,
             progress,
+            is_own=inst not in (real, prototype),
         )
 
     @property
@@ -75,9 +86,15 @@ class Context:
         inst = self.scaled if self.is_paper and self.scaled is not None else self.inst
         return inst.planar[0]
 
-    def figure_of(self, name: str) -> str:
-        """Return how a caption refers to a figure of the paper."""
-        return f"paper: {name}" if self.is_paper else f"as {name} of the paper"
+    def figure_of(self, name: str, rest: str = "") -> str:
+        """Return how a caption refers to a figure of the paper, in brackets; empty for an instrument of one's own."""
+        if self.is_own:
+            return ""
+        return f" (paper: {name}{rest})" if self.is_paper else f" (as {name} of the paper{rest})"
+
+    def has_chapter(self, name: str) -> bool:
+        """Return whether the report has a chapter."""
+        return not self.chapters or name in self.chapters
 
     def add(self, key: str, value: float, unit: str, description: str, published: Published | None = None) -> float:
         """Record a result under a new key and return its value."""
@@ -91,21 +108,15 @@ class Context:
         return ResultTable(caption, columns, self.add)
 
 
-def forces(inst: Instrument) -> list[float]:
-    """Return the loads of the curves, N: zero, and those of the instrument's conditions."""
-    by_text = {f"{force:g}": force for force in inst.conditions.forces or (0.5, 1.0, 1.5)}
-    return [0.0, *sorted(by_text.values())]
-
-
 def shown_force(inst: Instrument) -> float:
     """Return the load of single-load figures, N."""
     loads = forces(inst)[1:]
     return loads[min(1, len(loads) - 1)]
 
 
-def load_name(force: float) -> str:
-    """Return a load (N) as tables and legends name it."""
-    return "no load" if force == 0 else f"{force:g} N"
+def has_friction(inst: Instrument) -> bool:
+    """Return whether an instrument's tendons have friction."""
+    return inst.friction.law != "none" and any(getattr(inst.friction, key) for key in COEFFICIENTS)
 
 
 def held_angles(inst: Instrument) -> Sequence[float]:

@@ -1,18 +1,17 @@
 """Fig. 14: flexion and extension under load on the twin, and eq. 19's estimate from the tensions measured there."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from tenodesis import simulate, statics, twin
 from tenodesis.errors import NoSolutionError
 from tenodesis.instrument import Instrument
 from tenodesis.paper import published
-from tenodesis.paper.context import Context, RecordedRun, forces
+from tenodesis.paper.context import Context, RecordedRun, has_friction
 from tenodesis.report import style
-from tenodesis.report.content import Array, Chart, Column, Plot, Section, Table, fixed, named, number, unit_text
+from tenodesis.report.content import Array, Column, Plot, Section, Table, fixed, named, number, unit_text
+from tenodesis.report.curves import Loop, estimated_output_angle, forces, hysteresis, load_name, loop_panels
 from tenodesis.run import Run
 from tenodesis.units import unit_of
 
@@ -21,7 +20,7 @@ SPEED = float(np.radians(10))
 
 _LOADING, _RESTING = 1.0, 0.5  # s
 _SEED = 14
-_TITLE = "Flexion and extension with friction"
+_TITLE = "Flexion and extension"
 _EVERY = slice(None, None, 20)  # samples that are drawn
 
 
@@ -67,8 +66,7 @@ def cycle(inst: Instrument, force: float) -> Cycles | None:
     except NoSolutionError:
         return None
     run = recorded.run[int(np.searchsorted(recorded.run.time, _LOADING + _RESTING, "right")) :]
-    handle = np.clip(run["measured_handle_angle"], -inst.handle_range, inst.handle_range)
-    estimate = statics.estimate_output_angle(inst, handle, *run["measured_tension"].T)
+    estimate = estimated_output_angle(inst, run)
     error = float(np.sqrt(_mean((estimate - run["measured_output_angle"]) ** 2)))
     return Cycles(force, recorded, run, estimate, error, *_widths(inst, force, run, estimate))
 
@@ -108,13 +106,14 @@ def _widths(inst: Instrument, force: float, run: Run, estimate: Array) -> tuple[
 def section(context: Context) -> Section:
     """Compute the cycles under every force of the instrument's conditions."""
     inst = context.tested
+    title = f"{_TITLE} with friction" if has_friction(inst) else _TITLE
     cycles = [done for done in (cycle(inst, force) for force in forces(inst)[1:]) if done is not None]
     if not cycles:
         text = f"<p>Not run: {named(inst)} holds none of the forces while its handle moves.</p>"
-        return Section("hysteresis", _TITLE, text)
+        return Section("hysteresis", title, text)
     context.recordings |= {f"fig14_{done.force:g}N": done.recorded for done in cycles}
     plots = [_angles(context, inst, cycles), _tensions(context, inst, cycles)]
-    return Section("hysteresis", _TITLE, _text(context, inst), plots, [_table(context, cycles), *_parameters(inst)])
+    return Section("hysteresis", title, _text(context, inst), plots, [_table(context, cycles), *_parameters(inst)])
 
 
 def _table(context: Context, cycles: list[Cycles]) -> Table:
@@ -126,7 +125,7 @@ def _table(context: Context, cycles: list[Cycles]) -> Table:
         "is ahead of it at extension, and the loops' widths, means over the last cycle; difference of the tensions",
         "force",
         column("rms error [°]", "estimation_error", "deg", "RMS error of eq. 19's estimate on the twin"),
-        "published [°]",
+        *(["published [°]"] if context.is_paper else []),
         column("behind at flexion [°]", "shift_at_flexion", "deg", "How far the tip stays behind theory at flexion"),
         column("ahead at extension [°]", "shift_at_extension", "deg", "How far the tip runs ahead at extension"),
         "loop [°]",
@@ -145,7 +144,7 @@ def _table(context: Context, cycles: list[Cycles]) -> Table:
         table.row(
             f"{done.force:g} N",
             (np.degrees(done.error), printed),
-            "–" if printed is None else fixed(printed.value),
+            *(["–" if printed is None else fixed(printed.value)] if context.is_paper else []),
             behind,
             ahead,
             behind + ahead,
@@ -204,47 +203,22 @@ def _text(context: Context, inst: Instrument) -> str:
     return text
 
 
-def _panels(cycles: list[Cycles], ylabel: str) -> tuple[Chart, Sequence[Axes]]:
-    chart, axes = Chart.panels(len(cycles), width=3.1 * len(cycles) + 0.6, height=3.6)
-    for axis, done in zip(axes, cycles, strict=True):
-        axis.set(title=f"{done.force:g} N", xlabel="handle angle $\\theta_h$ [deg]")
-    axes[0].set_ylabel(ylabel)
-    return chart, axes
+def _loops(cycles: list[Cycles]) -> list[Loop]:
+    return [Loop(load_name(done.force), done.run[_EVERY], done.estimate[_EVERY]) for done in cycles]
 
 
 def _angles(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
-    chart, axes = _panels(cycles, "output angle $\\theta_e$ [deg]")
-    grid = np.linspace(0, statics.reach(inst), 101)
-    unloaded = np.degrees(statics.output_angle(inst, grid))
-    for axis, done in zip(axes, cycles, strict=True):
-        at, run = f"at {done.force:g} N [deg]", done.run[_EVERY]
-        angles = run["measured_handle_angle"]
-        handle = chart.keep(f"handle_angle {at}", np.degrees(angles))
-        measured = chart.keep(f"measured_output_angle {at}", np.degrees(run["measured_output_angle"]))
-        axis.plot(np.degrees(grid), unloaded, ":", color=style.MUTED, lw=1.3)
-        chart.curve(axis, handle, f"estimate {at}", np.degrees(done.estimate[_EVERY]), color=style.ANTAGONIST, lw=1.0)
-        axis.plot(handle, measured, color=style.AGONIST, lw=1.0)
-        within = np.clip(angles, -inst.handle_range, inst.handle_range)
-        theory = chart.keep(f"theory {at}", np.degrees(statics.output_angle(inst, within, done.force)))
-        order = np.argsort(handle)
-        axis.plot(handle[order], theory[order], "--", color=style.INK, lw=1.3)
-    style.legend_outside(
-        chart.figure,
-        ("twin, measured", style.AGONIST, "-"),
-        ("estimate, eq. 19", style.ANTAGONIST, "-"),
-        ("theory, no load", style.MUTED, ":"),
-        ("theory", style.INK, "--"),
-    )
+    chart = hysteresis(inst, _loops(cycles), "twin, measured")
     return chart.plot(
         "fig14a_cycles",
         f"Input and output over flexion and extension, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N, "
-        f"{inst.conditions.cycles or 2} cycles at {np.degrees(SPEED):.0f}°/s ({context.figure_of('Fig. 14(a)')}). "
+        f"{inst.conditions.cycles or 2} cycles at {np.degrees(SPEED):.0f}°/s{context.figure_of('Fig. 14(a)')}. "
         "Dotted: no load; dashed: theory.",
     )
 
 
 def _tensions(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
-    chart, axes = _panels(cycles, "tension [N]")
+    chart, axes = loop_panels(_loops(cycles), "tension [N]")
     grid = np.linspace(0, statics.reach(inst), 101)
     sides = (("agonist", style.AGONIST), ("antagonist", style.ANTAGONIST))
     for axis, done in zip(axes, cycles, strict=True):
@@ -259,6 +233,6 @@ def _tensions(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
     style.legend_outside(chart.figure, *lines, ("pretension", style.MUTED, ":"), ("theory", style.INK, "--"))
     return chart.plot(
         "fig14b_tensions",
-        f"Tendon tensions beside the spools over the same cycles ({context.figure_of('Fig. 14(b)')}). "
+        f"Tendon tensions beside the spools over the same cycles{context.figure_of('Fig. 14(b)')}. "
         "Dotted: pretension; dashed: theory.",
     )

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from tenodesis.control import LawName
 from tenodesis.instrument import Instrument
 from tenodesis.paper import step_response
-from tenodesis.paper.context import Context
+from tenodesis.paper.context import Context, has_friction
 from tenodesis.paper.fig15_step_load import AFTER, BEFORE
 from tenodesis.paper.step_response import NEAR, Response
 from tenodesis.report import style
@@ -51,6 +51,11 @@ class _Case(NamedTuple):
         return f"robust, friction {friction_label(self.friction)}"
 
 
+def friction_errors(inst: Instrument) -> tuple[float, ...]:
+    """Return the errors of the friction that an instrument's controller assumes; 0 alone where there is none."""
+    return FRICTION_ERRORS if has_friction(inst) else (0.0,)
+
+
 def friction_label(error: float) -> str:
     """Return the error of the friction that a controller assumes (a share) as tables name it."""
     return f"{100 * error:+.0f} %".replace("-", "−") if error else "right"
@@ -66,7 +71,7 @@ def section(context: Context) -> Section:
     cases = [
         _Case(state, law, error)
         for state in states
-        for law, errors in (*((law, (0.0,)) for law in _LAWS), ("robust", FRICTION_ERRORS))
+        for law, errors in (*((law, (0.0,)) for law in _LAWS), ("robust", friction_errors(inst)))
         for error in errors
     ]
 
@@ -87,11 +92,15 @@ def section(context: Context) -> Section:
     ]
     text = (
         "<p>The handle is moved to the angle that by eq. 18 gives the desired output angle, with the controller "
-        "enabled from the start, and held; the load comes at 10 s. Errors are against eq. 18, so that they include "
-        "what friction takes before the load. The controller knows the tendons’ identified stiffness; the table says "
-        "where it assumes a wrong friction, which the laws from theory without friction do not use. Without a slack "
-        "tendon the exact law with both motors is eq. 22.</p>"
+        "enabled from the start, and held; the load comes at 10 s. Errors are against eq. 18"
     )
+    if has_friction(inst):
+        text += (
+            ", so that they include what friction takes before the load. The controller knows the tendons’ identified "
+            "stiffness; the table says where it assumes a wrong friction, which the laws from theory without friction "
+            "do not use"
+        )
+    text += ". Without a slack tendon the exact law with both motors is eq. 22.</p>"
     text += step_response.caveat(inst)
     if context.is_paper:
         more, table = readings(context, inst, held, force)
@@ -103,19 +112,21 @@ def section(context: Context) -> Section:
 
 def _table(context: Context, held: Sequence[float], responses: dict[_Case, Response]) -> Table:
     rows: dict[str, list[str]] = {}
+    rough = has_friction(context.tested)
     for case, response in responses.items():
+        label = case.label if rough or case.law != "robust" else "robust, both motors"
         angle = f"{np.degrees(case.state):.4g}"
         assumed = "" if not case.friction else f".friction_{100 * case.friction:+.0f}"
         error = context.add(
             f"compensated.{case.law}{assumed}.final_error_at_{angle}deg",
             response.final,
             "deg",
-            f"Tip error against eq. 18, 10 s after the step load, {case.label}, {angle} deg",
+            f"Tip error against eq. 18, 10 s after the step load, {label}, {angle} deg",
         )
-        rows.setdefault(case.label, []).append(fixed(error) + (" (fault)" if response.faulted else ""))
+        rows.setdefault(label, []).append(fixed(error) + (" (fault)" if response.faulted else ""))
     return Table(
-        "Tip error against eq. 18 after 10 s under the load [°], by state, law and the friction that the controller "
-        "assumes",
+        "Tip error against eq. 18 after 10 s under the load [°], by state"
+        + (", law and the friction that the controller assumes" if rough else " and law"),
         ["law", *(f"{np.degrees(state):.4g}°" for state in held)],
         [[label, *cells] for label, cells in rows.items()],
     )
@@ -144,7 +155,7 @@ def _plot(context: Context, held: Sequence[float], force: float, runs: dict[tupl
     return chart.plot(
         "fig15_compensated",
         f"Output angle and agonist tension when {force:.3g} N at the tip are applied suddenly while the handle is "
-        f"held, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N ({context.figure_of('Fig. 15(a)–(d)')}). The same "
+        f"held, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N{context.figure_of('Fig. 15(a)–(d)')}. The same "
         "twin and seed three times; dashed: the angle of eq. 18.",
     )
 

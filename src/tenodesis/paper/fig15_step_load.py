@@ -8,9 +8,9 @@ from tenodesis import simulate, statics, twin
 from tenodesis.errors import NoSolutionError, ProtocolError
 from tenodesis.instrument import Instrument
 from tenodesis.paper import published
-from tenodesis.paper.context import Context, RecordedRun, held_angles, shown_force
-from tenodesis.report import style
-from tenodesis.report.content import Chart, Column, Plot, Section, fixed, named
+from tenodesis.paper.context import Context, RecordedRun, has_friction, held_angles, shown_force
+from tenodesis.report.content import Column, Plot, Section, fixed, named
+from tenodesis.report.curves import Step, step_response
 from tenodesis.run import Run
 from tenodesis.simulate.command import SMOOTH
 
@@ -133,6 +133,7 @@ def section(context: Context) -> Section:
         if rigged(inst) is not None
         else f"{applied:.3g} N at the tip"
     )
+    rough = has_friction(inst)
     table = context.table(
         f"The held states under {rig}",
         "state",
@@ -143,7 +144,7 @@ def section(context: Context) -> Section:
             "Handle angle that brings the twin's tip to {angle} deg",
             digits=1,
         ),
-        "published handle [°]",
+        *(["published handle [°]"] if context.is_paper else []),
         "output before [°]",
         "after [°]",
         Column(
@@ -152,7 +153,7 @@ def section(context: Context) -> Section:
             "deg",
             f"Output angle that the step load of {applied:.3g} N takes on the twin, held at {{angle}} deg",
         ),
-        "lost without friction [°]",
+        *(["lost without friction [°]"] if rough else []),
         Column("agonist before [N]", digits=1),
         Column("after [N]", digits=1),
     )
@@ -164,56 +165,36 @@ def section(context: Context) -> Section:
         table.row(
             f"{angle}°",
             (np.degrees(state.handle_angle), handle),
-            "–" if handle is None else fixed(handle.value, 0),
-            *np.degrees([state.before, state.after, state.before - state.after, state.before - state.theory]),
+            *(["–" if handle is None else fixed(handle.value, 0)] if context.is_paper else []),
+            *np.degrees([state.before, state.after, state.before - state.after]),
+            *([float(np.degrees(state.before - state.theory))] if rough else []),
             state.agonist_before,
             state.agonist_after,
             angle=angle,
         )
-    text = (
-        "<p>As on the bench, the handle is moved until the tip reaches the desired angle, which with friction takes "
-        "more handle angle than without. “Without friction” is the difference from there to the theory's angle under "
-        'the load. For the same loads with the controller enabled see <a href="#compensated">Compensation on the '
-        "bench</a>.</p>"
-    )
+    text = "<p>As on the bench, the handle is moved until the tip reaches the desired angle"
+    if rough:
+        text += (
+            ", which with friction takes more handle angle than without. “Without friction” is the difference from "
+            "there to the theory's angle under the load"
+        )
+    text += "."
+    if context.has_chapter("compensated-step-load"):
+        text += (
+            ' For the same loads with the controller enabled see <a href="#compensated">Compensation on the bench</a>.'
+        )
+    text += "</p>"
     return Section("step_load", _TITLE, text, [_plot(context, states, rig)], [table])
 
 
 def _plot(context: Context, states: list[State], rig: str) -> Plot:
     inst = context.tested
-    chart, axes = Chart.panels(len(states), width=2.5 * len(states) + 0.8, height=3.4)
-    for axis, state in zip(axes, states, strict=True):
-        run, at = state.run[_EVERY], f"at {np.degrees(state.desired):.4g} deg"
-        time = chart.keep(f"time {at} [s]", run.time)
-        theory = np.degrees(np.where(time < BEFORE, np.nan, state.theory))
-        axis.plot(time, theory, ":", color=style.INK, lw=1.3)
-        output = np.degrees(run["output_angle"])
-        chart.curve(axis, time, f"output_angle {at} [deg]", output, color=style.AGONIST, lw=1.3)
-        middle = np.degrees(state.before + state.after) / 2
-        axis.set(
-            title=f"{np.degrees(state.desired):.4g}°",
-            xlabel="time [s]",
-            xlim=(BEFORE - 2, BEFORE + 6),
-            ylim=(middle - 12, middle + 12),
-        )
-        right = axis.twinx()
-        right.grid(visible=False)
-        tension = run["measured_tension"][:, 0]
-        chart.curve(right, time, f"agonist {at} [N]", tension, color=style.ANTAGONIST, lw=1.0)
-        middle = (state.agonist_before + state.agonist_after) / 2
-        right.set_ylim(middle - 15, middle + 15)
-        right.spines["right"].set_visible(True)
-    axes[0].set_ylabel("output angle $\\theta_e$ [deg]")
-    right.set_ylabel("agonist tension [N]")
-    style.legend_outside(
-        chart.figure,
-        ("output angle (left)", style.AGONIST, "-"),
-        ("agonist tension (right)", style.ANTAGONIST, "-"),
-        ("output angle, theory without friction", style.INK, ":"),
+    chart = step_response(
+        [Step(f"{np.degrees(state.desired):.4g} deg", state.run[_EVERY], BEFORE, state.theory) for state in states]
     )
     return chart.plot(
         "fig15_step_load",
         f"Output angle and agonist tension when a load, {rig}, is applied suddenly while the handle is held, "
-        f"{named(inst)}, T<sub>o</sub> = {inst.pretension:g} N, no compensation ({context.figure_of('Fig. 15')}, "
-        "dotted lines).",
+        f"{named(inst)}, T<sub>o</sub> = {inst.pretension:g} N, no "
+        f"compensation{context.figure_of('Fig. 15', ', dotted lines')}.",
     )

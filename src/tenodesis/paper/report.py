@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from markupsafe import Markup
 
+from tenodesis.control.plausibility import implausible
 from tenodesis.control.resolution import sentences, warnings
 from tenodesis.instrument import Instrument
 from tenodesis.paper.context import Context, shown_force
@@ -41,6 +42,8 @@ def render(context: Context, sections: Sequence[Section], drawings: Mapping[str,
         "report.html.j2",
         inst=context.inst,
         scaled=context.scaled,
+        own=context.is_own,
+        implausible=_implausible(context),
         headlines=headlines(context),
         dimensions=[_dimensions(inst) for inst in instruments],
         resolutions=[(inst.name, " ".join((*sentences(inst), *warnings(inst)))) for inst in instruments],
@@ -50,6 +53,12 @@ def render(context: Context, sections: Sequence[Section], drawings: Mapping[str,
         published=[result for result in context.results.values() if result.published is not None],
         marked=_marked,
     )
+
+
+def _implausible(context: Context) -> list[str]:
+    """Return what is implausible about an instrument of one's own; its sensors have a sentence already."""
+    found = implausible(context.inst) if context.is_own else ()
+    return [unit_text(one.sentence) for one in found if one.key != "sensors"]
 
 
 def _marked(text: str) -> Markup:

@@ -1,7 +1,7 @@
 """The twin under a load that is applied suddenly, with the controller in the loop, and the response of the tip."""
 
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -11,10 +11,11 @@ from tenodesis import statics
 from tenodesis.control import Controller, LawName, Request
 from tenodesis.errors import FaultWarning, NoSolutionError
 from tenodesis.instrument import Instrument
-from tenodesis.paper.context import held_angles, shown_force
+from tenodesis.paper.context import COEFFICIENTS, held_angles, shown_force
 from tenodesis.paper.fig15_step_load import approach_time, rigged
 from tenodesis.report.content import Array
 from tenodesis.run import Run
+from tenodesis.simulate import FaultInjection
 from tenodesis.simulate.command import SMOOTH
 from tenodesis.statics import Actuation
 from tenodesis.threads import thread_pool
@@ -29,7 +30,6 @@ NEAR = 1.0
 _AVERAGED, _LAST = 0.5, 1.0  # s
 _FOLLOWS = 0.5  # deg
 _STANDS = 1e-2  # rad/s
-_COEFFICIENTS = ("vertex_coefficient", "sheath_coefficient", "constant")
 
 
 class Motion(NamedTuple):
@@ -71,7 +71,7 @@ def controller_model(inst: Instrument, friction: float = 1.0, identified: bool =
     """Return the controller's model of an instrument: its friction by a factor, its stiffness identified or not."""
     changes: dict[str, float] = {}
     if friction != 1:
-        changes = {f"friction.{key}": friction * getattr(inst.friction, key) for key in _COEFFICIENTS}
+        changes = {f"friction.{key}": friction * getattr(inst.friction, key) for key in COEFFICIENTS}
     if identified and inst.mismatch.stiffness_ratio != 1:
         # A stiffness in the file takes precedence over the modulus.
         key = "tendon_modulus" if inst.given_stiffness is None else "tendon_stiffness"
@@ -135,20 +135,27 @@ def simulate_motion(
     seed: int = 15,
     paused: bool = False,
     sheath_bend: ArrayLike = 0.0,
+    fault_injection: Sequence[FaultInjection] = (),
+    homed: int | None = None,
 ) -> Run:
     """Run the twin with a controller that has a model of the instrument; paused: the motors stop when the load comes.
+
+    If `homed` is a step, the controller homes until then; if not, it has been homed before.
 
     Raises NoSolutionError if the joint does not hold the load.
     """
     request = np.zeros(len(motion.force), int)
     if paused:
         request[motion.loaded] = Request.PAUSE
+    if homed is not None:
+        request[0], request[homed] = Request.HOME, Request.RESUME
     return Twin(inst, seed=seed).run(
         motion.handle_angle,
         motion.force,
-        controller=Controller(model, law=law, actuation=actuation),
+        controller=Controller(model, law=law, actuation=actuation, homed=homed is None),
         request=request,
         sheath_bend=sheath_bend,
+        fault_injection=fault_injection,
     )
 
 

@@ -75,16 +75,24 @@ def _dimensions(context: Context, comparison: Comparison) -> Table:
     printed = [context.results[f"table1.stiffness.{role}"].published for role in ("instrument", "scale_model")]
     beside = " (published: " + " and ".join(f"{each.value:.0f}" for each in printed if each) + " N/m)"
     return Table(
-        f"Table I: design parameters; k of each instrument follows from E, d and L{beside if context.is_paper else ''}",
-        ["parameter", *(named(inst) for inst in pair), "factor", "published", "residual"],
+        f"{'D' if context.is_own else 'Table I: d'}esign parameters; k of each instrument follows from E, d and L"
+        f"{beside if context.is_paper else ''}",
+        ["parameter", *(named(inst) for inst in pair), "factor", *_beside(context)],
         rows,
     )
 
 
-def _factor(context: Context, key: str, value: float, description: str, published: str = "") -> tuple[str, str, str]:
-    """Record a factor as a result; return it, the published factor of that name and the residual, as text."""
+def _beside(context: Context) -> list[str]:
+    """Return the headings of what stands beside a factor."""
+    return ["published", "residual"] if context.is_paper else []
+
+
+def _factor(context: Context, key: str, value: float, description: str, published: str = "") -> tuple[str, ...]:
+    """Record a factor as a result; return it as text, in the paper's report with the published factor and residual."""
     context.add(key, value, "1", description, SCALE_FACTORS.get(published))
     result = context.results[key]
+    if not context.is_paper:
+        return (fixed(value, 4),)
     if result.published is None or result.residual is None:
         return fixed(value, 4), "", ""
     return fixed(value, 4), number(result.published.value, 5), f"{result.residual:+.4f}".replace("-", "−")
@@ -135,7 +143,8 @@ def _factors(context: Context, comparison: Comparison) -> Table:
         [shown, *_factor(context, f"table2.{key}", value, about, published)]
         for shown, key, value, about, published in entries
     ]
-    return Table("Table II: scale factors", ["variable", "factor", "published", "residual"], rows)
+    title = "Scale factors" if context.is_own else "Table II: scale factors"
+    return Table(title, ["variable", "factor", *_beside(context)], rows)
 
 
 def _groups(context: Context, comparison: Comparison) -> Table:

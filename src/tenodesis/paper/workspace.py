@@ -73,8 +73,9 @@ def section(context: Context) -> Section:
     ):
         area, wide_area = 1e4 * space.area, 1e4 * space.area_with(WIDE)
         table.row(shown, np.degrees(space.bend), area, wide_area, np.degrees(space.mean_span), name=name, load=load)
+    chain = "a chain" if context.is_own else "the chain of Fig. 1"
     text = (
-        f"<p>{named(inst)} as the chain of Fig. 1: spherical and prismatic joint at the port, then yaw, pitch and roll "
+        f"<p>{named(inst)} as {chain}: spherical and prismatic joint at the port, then yaw, pitch and roll "
         f"of the end-effector; a stem of {1e3 * lengths.stem_length:.0f} mm. Pan and insertion bring the tip to a "
         "place; the bending joints set the directions from which the end-effector can work there. A load reduces the "
         "span of these directions, since the handle reaches the end of its range before the output angle does: "

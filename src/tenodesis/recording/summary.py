@@ -1,8 +1,9 @@
 """Summaries: the contents of a recording, and the outcome of a run with a controller."""
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import degrees, isnan
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,10 +42,37 @@ def describe(recording: Recording) -> Group:
     return Group(*parts)
 
 
-def _facts(recording: Recording) -> Table:
+def contents(recording: Recording) -> dict[str, Any]:
+    """Return a recording's contents as plain values: origin, topics, ranges of the signals, and number of events."""
+    signals = {
+        name: {"least": least, "greatest": greatest, "unit": unit}
+        for name, least, greatest, unit in _ends(recording.run)
+    }
+    topics = {
+        name: {
+            "messages": topic.messages,
+            "rate": None if isnan(topic.rate) else topic.rate,
+            "type": topic.type,
+            "left_out": recording.left_out.get(name),
+        }
+        for name, topic in recording.topics.items()
+    }
+    return {
+        "origin": facts(recording),
+        "duration": recording.duration,
+        "rows": len(recording.run),
+        "damage": recording.damage,
+        "topics": topics,
+        "signals": signals,
+        "events": len(recording.events),
+    }
+
+
+def facts(recording: Recording) -> dict[str, str]:
+    """Return a recording's origin in words, by what is said; empty where nothing is recorded."""
     run, metadata = recording.run, recording.metadata
     steps = np.diff(run.time)
-    facts = {
+    return {
         "instrument": _instrument(recording),
         "axes": ", ".join(run.axes),
         "protocol": _protocol_name(metadata.get("protocol", "")),
@@ -55,8 +83,11 @@ def _facts(recording: Recording) -> Table:
         "rate": f"{1 / np.median(steps):.6g} Hz" if steps.size else "",
         **_controller(recording),
     }
+
+
+def _facts(recording: Recording) -> Table:
     table = Table.grid(padding=(0, 2))
-    for name, fact in facts.items():
+    for name, fact in facts(recording).items():
         table.add_row(name, Text(fact or "not recorded"))
     return table
 
@@ -114,17 +145,23 @@ def _topics(recording: Recording) -> Table:
 
 def _ranges(run: Run) -> Table:
     table = Table("Signal", "Least", "Greatest", "Unit", box=box.SIMPLE_HEAD)
+    for name, *ends, unit in _ends(run):
+        table.add_row(name, *("" if end is None else f"{end:.4g}" for end in ends), unit)
+    return table
+
+
+def _ends(run: Run) -> Iterator[tuple[str, float | None, float | None, str]]:
+    """Yield signals with their smallest and largest value, None without one, and their unit; angles in deg."""
     for heading, values in columns(run).items():
         name, unit = heading.removesuffix("]").split(" [")
         if name.partition(".")[0] not in _RANGED:
             continue
-        seen = values[~np.isnan(values)]
-        ends = [float(seen.min()), float(seen.max())] if seen.size else []
-        if unit == "rad":
-            ends, unit = [degrees(end) for end in ends], "deg"
-        least, greatest = (f"{end:.4g}" for end in ends) if ends else ("", "")
-        table.add_row(name, least, greatest, unit)
-    return table
+        seen = np.degrees(values) if unit == "rad" else values
+        seen, unit = seen[~np.isnan(seen)], "deg" if unit == "rad" else unit
+        if seen.size:
+            yield name, float(seen.min()), float(seen.max()), unit
+        else:
+            yield name, None, None, unit
 
 
 def tip_error(run: Run, inst: Instrument) -> Array:

@@ -21,7 +21,7 @@ from tenodesis.scaling.parts import (
     ordered,
     twice,
 )
-from tenodesis.toml import FileTable, parse_toml, validated
+from tenodesis.toml import FileTable, did_you_mean, parse_toml, validated
 from tenodesis.units import Length, Mass, Moment, PositiveForce, SimilarityError
 
 _Scale = Annotated[float, Field(gt=0, le=1000, strict=True)]
@@ -93,7 +93,8 @@ class CatalogueFile(FileTable):
                 raise ValueError(f"{kind} has {again!r} twice; it must have every part once")
         for key in self.sources:
             if key not in _SOURCE_KEYS:
-                raise ValueError(f"sources.{key} names no key; keys are {', '.join(_SOURCE_KEYS)}")
+                hint = did_you_mean(key, _SOURCE_KEYS)
+                raise ValueError(f"sources.{key} names no key{hint}; keys are {', '.join(_SOURCE_KEYS)}")
         return self
 
 

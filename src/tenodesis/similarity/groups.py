@@ -8,6 +8,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.similarity.parameters import tension_scale
 
 Kind: TypeAlias = Literal["elastic", "load", "pretension", "slack", "friction", "handle", "motor", "inertia"]
+"""What a dimensionless group describes."""
 
 SAME = 1e-9
 """Relative difference up to which two groups count as equal."""

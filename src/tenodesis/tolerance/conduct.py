@@ -8,7 +8,7 @@ import numpy as np
 from tenodesis import similarity
 from tenodesis._core import Status
 from tenodesis.errors import StudyError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.run import Array
 from tenodesis.tolerance import engines, sampling
 from tenodesis.tolerance.defaults import default
@@ -27,8 +27,8 @@ TORNADO = (0.05, 0.95)
 
 
 def study(
-    real_size: Instrument,
-    scaled_up: Instrument,
+    real_size: InstrumentLike,
+    scaled_up: InstrumentLike,
     tolerances: Tolerances | None = None,
     *,
     samples: int = SAMPLES,
@@ -73,6 +73,7 @@ def study(
         A tolerance or an argument is not valid, the scaled-up instrument does not reach half of the real-size working
         range, or the nominal instruments do not hold the force.
     """
+    real_size, scaled_up = as_instrument(real_size, "real_size"), as_instrument(scaled_up, "scaled_up")
     if not isinstance(samples, int | np.integer) or not LEAST_SAMPLES <= samples <= MOST_SAMPLES:
         raise StudyError(key="samples", value=samples, allowed=f"an integer from {LEAST_SAMPLES} to {MOST_SAMPLES}")
     if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or not 0 <= seed < 2**32:

@@ -12,6 +12,7 @@ from tenodesis.errors import StudyError
 from tenodesis.instrument import Instrument
 from tenodesis.report.content import unit_text
 from tenodesis.tolerance.files import DistributionName, InstrumentName, Tolerance, Tolerances
+from tenodesis.toml import did_you_mean
 from tenodesis.units import Quantity, annotation, in_unit, quantity_of
 
 MOST_OUTSIDE = 1e-6
@@ -104,8 +105,11 @@ def _number(key: str, inst: Instrument) -> _Number:
     known = dict(_fields(inst))
     if key not in known:
         keys = ", ".join(name for name, (value, _) in known.items() if name not in _FIXED and isinstance(value, float))
+        hint = did_you_mean(key, (), known)
         raise StudyError(
-            f"{key} is not a known key of {inst.name}; keys that can vary are {keys}.", key=key, allowed=keys
+            f"{key} is not a known key of {inst.name}{hint}; keys that can vary are {keys}.",
+            key=key,
+            allowed=keys,
         )
     value, field = known[key]
     if value is None:

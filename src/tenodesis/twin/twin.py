@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from tenodesis import _core, plant
 from tenodesis._core import Status
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import InstrumentLike, as_instrument
 from tenodesis.run import Array, Run, concatenate
 from tenodesis.twin.closed_loop import LoopController, SignalFault, run_closed_loop, warn_of_faults
 from tenodesis.twin.contact import Contacts, by_axis, rows_of
@@ -91,8 +91,9 @@ class Twin:
     """
 
     def __init__(
-        self, inst: Instrument, *, time_step: float = plant.TIME_STEP, seed: int = 0, quasi_static: bool = False
+        self, inst: InstrumentLike, *, time_step: float = plant.TIME_STEP, seed: int = 0, quasi_static: bool = False
     ) -> None:
+        inst = as_instrument(inst)
         check_seed(seed)
         self.inst = inst
         self.time_step = time_step
@@ -115,6 +116,11 @@ class Twin:
             f"{'bent tendons, ' if friction.bends else ''}{'quasi-static' if quasi_static else 'dynamic'} steps of "
             f"{time_step:g} s"
         )
+
+    def __repr__(self) -> str:
+        kind = "quasi-static" if self.quasi_static else "dynamic"
+        steps = f"{kind} steps of {self.time_step:g} s"
+        return f"<Twin of {self.inst.name!r} at {self.time:.6g} s, {steps}, seed {self.seed}>"
 
     @property
     def time(self) -> float:

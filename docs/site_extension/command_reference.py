@@ -1,0 +1,41 @@
+"""Write the reference of the commands from the commands themselves, where a page says {{commands}}."""
+
+from collections.abc import Iterator, Mapping
+
+import typer
+from sphinx.application import Sphinx
+from typer.cli import get_docs_for_click
+
+from tenodesis.cli.app import built, load
+from tenodesis.cli.table import COMMANDS, Command, Group
+
+_HERE = "{{commands}}"
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Register the replacement."""
+    app.connect("source-read", _write)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _write(app: Sphinx, page: str, source: list[str]) -> None:
+    if _HERE in source[0]:
+        source[0] = source[0].replace(_HERE, "\n".join(_texts("tenodesis", COMMANDS)))
+
+
+def _texts(prefix: str, commands: Mapping[str, Command | Group]) -> Iterator[str]:
+    for name, command in commands.items():
+        words = f"{prefix} {name}"
+        if isinstance(command, Group):
+            if command.default is not None:
+                yield _text(words, command.default)
+            yield from _texts(words, command.commands)
+        else:
+            yield _text(words, command)
+
+
+def _text(words: str, command: Command) -> str:
+    """Return the help of a command as Markdown, a level below the page's title."""
+    built_command = built(words, load(command.function))
+    text = get_docs_for_click(obj=built_command, ctx=typer.Context(built_command), name=words)
+    return text.replace("\n#", "\n##").replace("# ", "## ", 1) if text.startswith("# ") else text

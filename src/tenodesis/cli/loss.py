@@ -1,0 +1,165 @@
+"""The command that answers what a load takes: ``tenodesis loss``."""
+
+import json
+from collections.abc import Sequence
+from math import degrees, isfinite
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+from rich.markup import escape
+from rich.table import Table
+
+from tenodesis import instrument, statics
+from tenodesis.cli.common import InstrumentFile, console, quantity, say, table
+from tenodesis.errors import CommandError
+from tenodesis.instrument import Instrument
+from tenodesis.statics.stroke import settled_stroke
+from tenodesis.units import Angle, PositiveForce
+
+_USUAL_LOAD = 1.0  # N
+_ROUNDS = 100
+_LEGEND = """\
+Handle held, no friction. To bring the tip back, the hand moves the handle by so
+much more, or one motor winds the stroke and the other lets it out. A tendon is
+slack from the load in the last column on."""
+
+
+class Loss(NamedTuple):
+    """What a load takes from the tip at a held handle, and what gives it back; SI, NaN where there is none."""
+
+    output_angle: float
+    """Unloaded, rad"""
+    force: float
+    """At the tip, against flexion, N"""
+    loaded_angle: float
+    lost: float
+    """The unloaded minus the loaded angle, rad"""
+    handle_correction: float
+    """By which the hand would have to move the handle to bring the tip back, rad"""
+    stroke: float
+    """Length of tendon that one motor winds and the other lets out to bring the tip back, m"""
+    agonist: float
+    """Tension under the load, handle held, N"""
+    antagonist: float
+    slack_force: float
+    """Force at which a tendon goes slack, handle held, N"""
+
+
+_UNITS = ("rad", "N", "rad", "rad", "rad", "m", "N", "N", "N")
+
+
+def loss(
+    instrument_file: InstrumentFile,
+    load: Annotated[
+        list[str] | None,
+        typer.Option(help="Load at the tip, like '2 N', repeatable. Default: conditions.forces, or 1 N."),
+    ] = None,
+    angle: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Unloaded output angle, like '60 deg', repeatable. Default: straight, half and end of the range."
+        ),
+    ] = None,
+    axis: Annotated[
+        str | None,
+        typer.Option(help="Axis to compute, where yaw and pitch have values of their own. Default: the first."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, in SI units.")] = False,
+) -> None:
+    """Print the angle that loads take at the tip, what restores it, and the load at which a tendon goes slack."""
+    inst = instrument.load(instrument_file)
+    inst = inst.planar[0] if axis is None else inst.axis(axis)
+    forces = [quantity("--load", text, PositiveForce) for text in load or ()]
+    forces = forces or sorted(inst.conditions.forces) or [_USUAL_LOAD]
+    angles = [quantity("--angle", text, Angle) for text in angle or ()]
+    _check_angles(inst, angles)
+    if not angles:
+        end = float(statics.output_angle(inst, statics.reach(inst)))
+        angles = [0.0, end / 2, end]
+    found = losses(inst, angles, forces)
+    if as_json:
+        units = dict(zip(Loss._fields, _UNITS, strict=True))
+        rows = [{key: value if isfinite(value) else None for key, value in one._asdict().items()} for one in found]
+        typer.echo(json.dumps({"instrument": inst.name, "axis": inst.axes[0], "units": units, "rows": rows}, indent=1))
+        return
+    console.print(_table(inst, found))
+    say(_LEGEND)
+    if inst.joint_type == "continuum":
+        say("The stroke also gives back what the backbone's own moment takes without a load.")
+    if any(not isfinite(value) for one in found for value in one):
+        say(f"–: beyond the handle's ±{degrees(inst.handle_range):.4g}°, or the tip cannot be held under that load.")
+
+
+def losses(inst: Instrument, angles: Sequence[float], forces: Sequence[float]) -> list[Loss]:
+    """Return what each force (N) takes at each unloaded output angle (rad)."""
+    found = []
+    for force in forces:
+        output = np.array(angles)
+        handle = statics.handle_angle(inst, output)
+        loaded, agonist, antagonist, _ = statics.equilibrium(inst, handle, force)
+        correction = statics.handle_angle(inst, output, force) - handle
+        stroke = settled_stroke(inst, handle, force, "differential", "exact")
+        slack = _slack_force(inst, handle)
+        same = np.full_like(output, force)
+        columns = (output, same, loaded, output - loaded, correction, stroke, agonist, antagonist, slack)
+        found += [Loss(*map(float, row)) for row in zip(*columns, strict=True)]
+    return found
+
+
+def _slack_force(inst: Instrument, handle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the force (n,), N, under which a tendon goes slack at held handle angles (n,), rad."""
+    force = np.zeros_like(handle)
+    for _ in range(_ROUNDS):
+        # The force is known at an output angle, which depends on it.
+        angle = statics.output_angle(inst, handle, force)
+        solved = np.isfinite(angle)
+        force = np.where(solved, statics.slack_force(inst, np.where(solved, angle, 0.0)), 0.0)
+    return np.where(solved, force, np.nan)
+
+
+def _check_angles(inst: Instrument, angles: Sequence[float]) -> None:
+    for angle in angles:
+        if not isfinite(statics.handle_angle(inst, np.array([angle]))[0]):
+            end = degrees(float(statics.output_angle(inst, inst.handle_range)))
+            raise CommandError(
+                key="--angle",
+                value=f"{degrees(angle):.6g} deg",
+                allowed=f"within ±{end:.4g} deg, which is what the handle reaches",
+            )
+
+
+def _table(inst: Instrument, found: Sequence[Loss]) -> Table:
+    shown = table(f"{escape(inst.name)}, {inst.axes[0]}: what a load takes at the tip", padding=(0, 1, 0, 0))
+    for heading in (
+        "load\n[N]",
+        "tip at\n[°]",
+        "falls to\n[°]",
+        "lost\n[°]",
+        "handle\nby [°]",
+        "stroke\n[mm]",
+        "agonist\n[N]",
+        "antago-\nnist [N]",
+        "slack\nfrom [N]",
+    ):
+        shown.add_column(heading, justify="right", no_wrap=True)
+    for n, one in enumerate(found):
+        last = n + 1 == len(found) or found[n + 1].force != one.force
+        cells = (
+            f"{one.force:.4g}",
+            _fixed(degrees(one.output_angle), 1),
+            _fixed(degrees(one.loaded_angle)),
+            _fixed(degrees(one.lost)),
+            _fixed(degrees(one.handle_correction)),
+            _fixed(1e3 * one.stroke, 3),
+            _fixed(one.agonist, 1),
+            "slack" if one.antagonist == 0 else _fixed(one.antagonist, 1),
+            _fixed(one.slack_force),
+        )
+        shown.add_row(*cells, end_section=last)
+    return shown
+
+
+def _fixed(value: float, decimals: int = 2) -> str:
+    return f"{round(value, decimals) + 0.0:.{decimals}f}" if isfinite(value) else "–"

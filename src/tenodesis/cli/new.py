@@ -1,0 +1,309 @@
+"""The command that writes an instrument file from a mechanism and a few numbers: ``tenodesis new``."""
+
+import math
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, TypeAlias
+
+import typer
+
+from tenodesis import instrument, plant, statics
+from tenodesis.cli.common import (
+    Overwrite,
+    check_choice,
+    check_outputs,
+    quantity,
+    refuse_existing,
+    say,
+    warn,
+    write_text,
+)
+from tenodesis.control.plausibility import implausible, solid_tip_inertia
+from tenodesis.errors import CommandError, InstrumentError
+from tenodesis.instrument import JOINT_TYPES, Instrument
+from tenodesis.instrument.template import ASSUMED, QUESTIONS, ROPES, Question, sketch, text
+from tenodesis.units import Force, Length, PositiveForce, annotation, quantity_of
+
+Answer: TypeAlias = str | None
+
+_MECHANISMS = {name: name for name in JOINT_TYPES} | {"gear": "tendon-gear", "pulley": "tendon-pulley"}
+_LOADS = ("0.5 N", "1 N", "2 N")
+_STEP = 5  # deg
+_WIDEST = 90  # deg
+_SPARE = 1.25  # of the handle's range over what bends the unloaded tip through its working range
+_HOLLOW = 0.5  # of a rod of steel, which an end-effector is not quite
+_OVER_LEAST = 2.0  # of the inertia, so that a stiffer tendon can be simulated as well
+_CELLS = (50, 100, 200, 500, 1000, 2000, 5000, 10000)  # N
+_CELL_OVER_PRETENSION = 5
+_HANDLE = 120  # mm
+_HANDLE_SHARE = 0.24  # of the overall length
+
+
+def _option(what: str) -> Any:
+    return typer.Option(help=what, show_default=False)
+
+
+def new(  # noqa: PLR0917
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the instrument; the file is NAME.toml.")],
+    mechanism: Annotated[Answer, _option("tendon-gear, tendon-pulley or continuum.")] = None,
+    distal_radius: Annotated[
+        Answer, _option("Radius of the gears or the pulley at the tip; a tendon's offset.")
+    ] = None,
+    proximal_radius: Annotated[Answer, _option("Radius of the gears or the pulley at the handle.")] = None,
+    backbone_length: Annotated[Answer, _option("Length of a continuum's backbone.")] = None,
+    backbone_rigidity: Annotated[Answer, _option("Flexural rigidity E I of a continuum's backbone.")] = None,
+    end_effector_length: Annotated[Answer, _option("From the joint's moving part to the force at the tip.")] = None,
+    overall_length: Annotated[Answer, _option("Overall length, hand to tip; also the tendons' length.")] = None,
+    tendon_diameter: Annotated[Answer, _option("Diameter of the rope.")] = None,
+    pretension: Annotated[Answer, _option("Tension of either tendon at rest.")] = None,
+    rope: Annotated[str, typer.Option(help=f"Kind of rope: {', '.join(ROPES)}.")] = "steel",
+    load: Annotated[
+        list[str] | None, typer.Option(help="Load at the tip, repeatable. Default: 0.5 N, 1 N and 2 N.")
+    ] = None,
+    stem_diameter: Annotated[Answer, _option("Outer diameter of the stem. Default: around the distal radius.")] = None,
+    handle_length: Annotated[Answer, _option("From the joint's moving part to the hand. Default: 120 mm.")] = None,
+    output_range: Annotated[Answer, _option("Working range of the tip to either side. Default: 80 deg.")] = None,
+    handle_range: Annotated[
+        Answer, _option("Largest handle angle to either side. Default: what the tip needs and a quarter more.")
+    ] = None,
+    defaults: Annotated[bool, typer.Option("--defaults", help="Ask nothing: what is not given is assumed.")] = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Write a commented instrument file from a mechanism and six numbers, asking for what no option gives."""
+    path = Path(name if name.endswith(".toml") else f"{name}.toml")
+    if path.stem == ".toml" or not path.parent.is_dir():
+        raise CommandError(key="NAME", value=name, allowed="the name of an instrument, in a folder that exists")
+    check_outputs([("NAME", path)], [])
+    refuse_existing([path], overwrite)
+    check_choice("--rope", rope.lower(), ROPES)
+    given = {
+        "distal-radius": distal_radius,
+        "proximal-radius": proximal_radius,
+        "backbone-length": backbone_length,
+        "backbone-rigidity": backbone_rigidity,
+        "end-effector-length": end_effector_length,
+        "overall-length": overall_length,
+        "tendon-diameter": tendon_diameter,
+        "pretension": pretension,
+    }
+    more = {
+        "stem_diameter": stem_diameter,
+        "handle_length": handle_length,
+        "output_range": output_range,
+        "handle_range": handle_range,
+    }
+    joint_type = _mechanism(mechanism, defaults)
+    answers = _answers(joint_type, given, defaults)
+    draft = _Draft(path.stem, joint_type, {}, {})
+    for key, answer in answers.items():
+        draft.put(key, answer.text, "" if answer.given else f"{ASSUMED}, as offered")
+    for key, value in more.items():
+        if value is not None:
+            _check(f"--{key.replace('_', '-')}", joint_type, key, value)
+            draft.put(key, value)
+    for force in load or ():
+        quantity("--load", force, PositiveForce)
+    if load:
+        draft.put("conditions.forces", tuple(load))
+    inst = _complete(draft, ROPES[rope.lower()], rope.lower())
+    write_text(path, draft.text())
+    assumed = sum(source.startswith(ASSUMED) for source in draft.sources.values())
+    say(f"{path}: {inst.name}, {joint_type}; yours: {len(draft.sources) - assumed} values, assumed: {assumed}.")
+    for one in implausible(inst):
+        warn(one.sentence)
+    say(f"Next: tenodesis check {path}, tenodesis loss {path}, tenodesis bench {path}")
+
+
+class _Answer(NamedTuple):
+    """A value as text with its unit, and whether somebody gave it."""
+
+    text: str
+    given: bool
+
+
+class _Draft(NamedTuple):
+    """An instrument file while it is put together; keys are in the order of the file."""
+
+    name: str
+    joint_type: str
+    values: dict[str, str | tuple[str, ...]]
+    sources: dict[str, str]
+
+    def put(self, key: str, value: str | tuple[str, ...], source: str = "") -> None:
+        """Put a value in, yours unless it has another source."""
+        self.values[key] = value
+        self.sources[key] = source or "yours"
+
+    def assume(self, key: str, value: str | tuple[str, ...], reason: str) -> None:
+        """Put a value in that nobody gave."""
+        if key not in self.values:
+            self.put(key, value, f"{ASSUMED}: {reason}")
+
+    def si(self, key: str, kind: Any) -> float:
+        """Return a value that was put in, in SI."""
+        return quantity(key, str(self.values[key]), kind)
+
+    def text(self) -> str:
+        """Return the text of the file."""
+        return text(self.name, self.joint_type, self._ordered(self.values), self._ordered(self.sources))
+
+    def _ordered(self, by_key: Mapping[str, Any]) -> dict[str, Any]:
+        """Return values in the order of the file: the common ones as the mechanisms have them, then the tables."""
+        kind = JOINT_TYPES[self.joint_type]
+        order = [field.alias or name for name, field in kind.model_fields.items()]
+        own = [one.key for one in QUESTIONS[self.joint_type]]
+        order.sort(key=lambda key: own.index(key) if key in own else len(own))
+        return {
+            key: by_key[key] for key in sorted(by_key, key=lambda key: ("." in key, order.index(key.partition(".")[0])))
+        }
+
+    def parse(self) -> Instrument:
+        """Return the instrument as it is so far."""
+        return instrument.parse(self.text(), f"{self.name}.toml")
+
+
+def _mechanism(given: Answer, defaults: bool) -> str:
+    allowed = f"one of {', '.join(JOINT_TYPES)}"
+    while True:
+        answer = given if given is not None else "tendon-pulley" if defaults else _asked("Mechanism", "tendon-pulley")
+        if answer.strip().lower() in _MECHANISMS:
+            return _MECHANISMS[answer.strip().lower()]
+        problem = CommandError(key="--mechanism", value=answer, allowed=allowed)
+        if given is not None:
+            raise problem
+        say(f"It must be {allowed}.", "yellow")
+
+
+def _answers(joint_type: str, given: Mapping[str, Answer], defaults: bool) -> dict[str, _Answer]:
+    """Return the answer to each question of a mechanism by key, asking where no option gives it."""
+    questions = QUESTIONS[joint_type]
+    foreign = next(
+        (option for option, value in given.items() if value is not None and option not in _names(questions)), ""
+    )
+    if foreign:
+        raise CommandError(
+            f"--{foreign} is given, which a {joint_type} does not have; leave it out, or give --mechanism continuum.",
+            key=f"--{foreign}",
+        )
+    for one in questions:
+        if (value := given[one.option]) is not None:
+            _check(f"--{one.option}", joint_type, one.key, value)
+    if not defaults and any(given[one.option] is None for one in questions):
+        say(f"\n{sketch(joint_type)}\n\nEnter takes what stands in brackets; a number alone has the unit there.\n")
+    found = {}
+    for one in questions:
+        value = given[one.option]
+        if value is not None:
+            found[one.key] = _Answer(value, True)
+        elif defaults:
+            found[one.key] = _Answer(one.default, False)
+        else:
+            found[one.key] = _ask(joint_type, one)
+    return found
+
+
+def _names(questions: tuple[Question, ...]) -> set[str]:
+    return {one.option for one in questions}
+
+
+def _ask(joint_type: str, question: Question) -> _Answer:
+    meaning = JOINT_TYPES[joint_type].model_fields[question.key].description
+    unit = question.default.partition(" ")[2]
+    while True:
+        answer = _asked(f"{meaning} ({question.key})", question.default, f"--{question.option}").strip()
+        if answer == question.default:
+            return _Answer(answer, False)
+        if _is_number(answer):
+            answer = f"{answer} {unit}"
+        try:
+            _check(question.key, joint_type, question.key, answer)
+        except CommandError as problem:
+            say(str(problem), "yellow")
+        else:
+            return _Answer(answer, True)
+
+
+def _is_number(answer: str) -> bool:
+    try:
+        float(answer)
+    except ValueError:
+        return False
+    return True
+
+
+def _asked(prompt: str, default: str, option: str = "--mechanism") -> str:
+    """Return a line from the keyboard or from standard input."""
+    sys.stdout.write(f"{prompt} [{default}]: ")
+    sys.stdout.flush()
+    line = sys.stdin.readline()
+    if not line:
+        say("")
+        raise CommandError(
+            f"standard input ended before {option} was answered; give {option}, or --defaults to assume the rest.",
+            key=option,
+        )
+    return line.strip() or default
+
+
+def _check(option: str, joint_type: str, key: str, value: str) -> None:
+    """Refuse text that is no value of a key."""
+    kind = quantity_of(JOINT_TYPES[joint_type].model_fields[key])
+    assert kind is not None
+    quantity(option, value, Annotated[float, *annotation(kind)])
+
+
+def _complete(draft: _Draft, rope: Any, rope_name: str) -> Instrument:
+    """Assume what was not given, and return the instrument."""
+    distal = next(draft.si(key, Length) for key in draft.values if key.startswith("distal_"))
+    around = math.ceil(2e3 * (2 * distal + draft.si("tendon_diameter", Length))) / 2
+    draft.assume("stem_diameter", f"{around:g} mm", "around the distal radius and a tendon")
+    handle = min(_HANDLE, _HANDLE_SHARE * 1e3 * draft.si("overall_length", Length))
+    draft.assume("handle_length", f"{handle:.4g} mm", "of a handle for one hand")
+    draft.assume("tendon_modulus", rope.modulus, f"{rope_name}, {rope.source}")
+    draft.assume("output_range", "80 deg", "typical of articulated instruments")
+    draft.assume("conditions.forces", _LOADS, "typical of tissue")
+    for key, value, reason in (
+        ("law", "capstan", "tendons slide over the joints' vertices and in a sheath"),
+        ("vertex_coefficient", "0.1", "steel on steel, lubricated"),
+        ("sheath_coefficient", "0.1", "steel on steel, lubricated"),
+        ("sheath_bend", "10 deg", "a sheath that is nearly straight"),
+    ):
+        draft.assume(f"friction.{key}", value, reason)
+    draft.assume("drives.spool_radius", "5 mm", "a small spool")
+    draft.assume("drives.motor_speed", "1200 deg/s", "at the spool, 0.1 m/s of tendon")
+    cell = _cell(draft)
+    draft.assume("sensors.load_cell_range", f"{cell:g} N", f"{_CELL_OVER_PRETENSION} pretensions or more")
+    _assume_handle_range(draft)
+    inst = draft.parse()
+    least, rod = _OVER_LEAST * plant.least_tip_inertia(inst), _HOLLOW * solid_tip_inertia(inst)
+    reason = "a rod of the stem's diameter, half of steel"
+    if rod < least:
+        reason = "what can be simulated with a margin; the real one is smaller"
+    draft.assume("dynamics.tip_inertia", f"{1e6 * max(rod, least):.3g}e-6 kg*m^2", reason)
+    return draft.parse()
+
+
+def _assume_handle_range(draft: _Draft) -> None:
+    """Assume the handle's range: what bends the unloaded tip through its working range, and a quarter more."""
+    if "handle_range" in draft.values:
+        return
+    for degrees in range(_WIDEST, 0, -_STEP):
+        draft.values["handle_range"] = f"{degrees} deg"
+        try:
+            inst = draft.parse()
+        except InstrumentError as problem:
+            if degrees > _STEP and "handle_range is" in str(problem):
+                continue
+            raise
+        break
+    needed = math.degrees(_SPARE * statics.reach(inst))
+    within = min(_STEP * math.ceil(needed / _STEP), degrees)
+    del draft.values["handle_range"]
+    draft.assume("handle_range", f"{within} deg", "bends the unloaded tip through its working range, with room")
+
+
+def _cell(draft: _Draft) -> float:
+    """Return the smallest usual range of a load cell that suits the pretension, N."""
+    need = _CELL_OVER_PRETENSION * draft.si("pretension", Force)
+    return next((cell for cell in _CELLS if cell > need), need)

@@ -1,0 +1,312 @@
+"""What is implausible about an instrument: values that a file may have, but hardly any instrument has."""
+
+from collections.abc import Callable
+from math import degrees, inf, pi, radians
+from typing import NamedTuple
+
+import numpy as np
+
+from tenodesis import kinematics, plant, statics
+from tenodesis.control.parameters import tension_limit
+from tenodesis.control.resolution import warnings as unresolved
+from tenodesis.errors import Error, InstrumentError
+from tenodesis.instrument import Instrument
+
+_STEEL = 7850.0  # kg/m^3
+_MODULUS = (1e9, 250e9)  # Pa, of ropes: soft braids to tungsten wire
+_STRESS, _LIMIT_STRESS = 1e9, 2e9  # Pa, at rest and at the tension limit
+_STRAIN = 0.05
+_PULLEY_PER_ROPE = 4.0  # diameters
+_COEFFICIENT = 0.6
+_INERTIA_OVER_ROD = 10.0
+_ROD_OVER_INERTIA = 50.0
+_SIMULATED = 2.5  # over the least inertia that can be simulated
+_LENGTH = (0.05, 3.0)  # m
+_HAND_SPEED = radians(60)  # rad/s
+_REACH = radians(0.5)
+
+
+class Implausible(NamedTuple):
+    """A value that is allowed, but hardly meant."""
+
+    key: str
+    """Key of the file, with the table before a dot."""
+    sentence: str
+
+
+class Rule(NamedTuple):
+    """A rule of plausibility: the key that it is about, and what it finds."""
+
+    key: str
+    find: Callable[[Instrument], str]
+    """Returns the sentence, empty if the value is plausible; its instrument has one axis."""
+
+
+def implausible(inst: Instrument) -> tuple[Implausible, ...]:
+    """Return what is implausible about an instrument, each in one sentence, what its sensors lack included."""
+    found: dict[str, Implausible] = {}
+    several = bool(inst.overrides)
+    for axis in inst.planar if several else inst.planar[:1]:
+        for rule in RULES:
+            sentence = rule.find(axis)
+            if sentence:
+                # An axis without a value of its own has the same mistake.
+                found.setdefault(sentence, Implausible(rule.key, sentence))
+    for sentence in unresolved(inst):
+        found.setdefault(sentence, Implausible("sensors", sentence))
+    try:
+        plant.check_runnable(inst)
+    except Error as problem:
+        sentence = f"this file can be neither run live nor simulated in time steps of {plant.TIME_STEP:g} s: {problem}"
+        found[sentence] = Implausible(problem.key, sentence)
+    return tuple(found.values())
+
+
+def solid_tip_inertia(inst: Instrument) -> float:
+    """Return the inertia about its joint, kg m^2, of a steel rod of the stem's diameter and the end-effector's length.
+
+    Without a stem diameter it is as wide as the distal joint.
+    """
+    width = inst.stem_diameter or 2 * _radius(inst, "distal")
+    mass = _STEEL * pi / 4 * width**2 * inst.end_effector_length
+    return mass * inst.end_effector_length**2 / 3
+
+
+def _radius(inst: Instrument, end: str) -> float:
+    return float(getattr(inst, _radius_key(inst, end)))
+
+
+def _radius_key(inst: Instrument, end: str) -> str:
+    return next(field for field, parameter in inst.parameter_fields.items() if parameter == f"{end}_radius")
+
+
+def _section(inst: Instrument) -> float | None:
+    """Return the section of a tendon, m^2, if its diameter is known."""
+    return None if inst.tendon_diameter is None else pi / 4 * inst.tendon_diameter**2
+
+
+def _mm(length: float) -> str:
+    return f"{1e3 * length:.4g} mm"
+
+
+def _modulus(inst: Instrument) -> str:
+    modulus = inst.tendon_modulus
+    if modulus is None or inst.given_stiffness is not None or _MODULUS[0] <= modulus <= _MODULUS[1]:
+        return ""
+    shown = f"{modulus / 1e9:.3g} GPa" if modulus >= 1e9 else f"{modulus / 1e6:.3g} MPa"
+    return (
+        f"tendon_modulus is {shown}; ropes have {_MODULUS[0] / 1e9:g} to {_MODULUS[1] / 1e9:g} GPa, "
+        "those of steel 50 to 190 GPa."
+    )
+
+
+def _strain(inst: Instrument) -> str:
+    strain = inst.pretension / inst.tendon_stiffness / (inst.tendon_length or inst.overall_length)
+    if strain <= _STRAIN:
+        return ""
+    return f"pretension is {inst.pretension:g} N, which stretches a tendon by {100 * strain:.3g} % of its length."
+
+
+def _stress(inst: Instrument) -> str:
+    section = _section(inst)
+    if section is None:
+        return ""
+    if inst.pretension / section > _STRESS:
+        return (
+            f"pretension is {inst.pretension:g} N, a stress of {inst.pretension / section / 1e9:.3g} GPa in a tendon "
+            f"of {_mm(inst.tendon_diameter or 0)}; ropes of steel break at 1.5 to 2 GPa."
+        )
+    limit = tension_limit(inst)
+    if limit / section > _LIMIT_STRESS:
+        return (
+            f"the motors wind up to {limit:.3g} N, a stress of {limit / section / 1e9:.3g} GPa in a tendon of "
+            f"{_mm(inst.tendon_diameter or 0)}; give breaking_load, or a smaller control.tension_limit."
+        )
+    return ""
+
+
+def _strength(inst: Instrument) -> str:
+    limit = inst.control.tension_limit
+    if limit is None or inst.breaking_load is None or limit < inst.breaking_load:
+        return ""
+    return f"control.tension_limit is {limit:g} N, and tendons break at a breaking_load of {inst.breaking_load:g} N."
+
+
+def _no_pretension(inst: Instrument) -> str:
+    return "pretension is 0 N: a tendon is slack under any load." if inst.pretension == 0 else ""
+
+
+def _slack(inst: Instrument) -> str:
+    least = min(inst.conditions.forces, default=inf)
+    forces = statics.slack_force(inst, np.array([0.0, inst.output_range]))
+    force = float(np.fmin.reduce(forces))
+    if not 0 < force < least < inf:
+        return ""
+    return (
+        f"pretension is {inst.pretension:g} N, with which a tendon goes slack at {force:.2g} N at the tip already, "
+        f"below the smallest of conditions.forces, {least:g} N."
+    )
+
+
+def _pulley_in_stem(inst: Instrument) -> str:
+    key, radius = _radius_key(inst, "distal"), _radius(inst, "distal")
+    if inst.stem_diameter is None or 2 * radius <= inst.stem_diameter:
+        return ""
+    wide = "the tendons are" if inst.joint_type == "continuum" else "the joint is"
+    return (
+        f"{key} is {_mm(radius)}, so that {wide} {_mm(2 * radius)} wide, wider than the stem of "
+        f"{_mm(inst.stem_diameter)}."
+    )
+
+
+def _rope_in_stem(inst: Instrument) -> str:
+    if inst.stem_diameter is None or inst.tendon_diameter is None or 2 * inst.tendon_diameter < inst.stem_diameter:
+        return ""
+    return f"tendon_diameter is {_mm(inst.tendon_diameter)}: two tendons fill the stem of {_mm(inst.stem_diameter)}."
+
+
+def _rope_on_pulley(inst: Instrument) -> str:
+    radius, rope = _radius(inst, "distal"), inst.tendon_diameter
+    if inst.joint_type != "tendon-pulley" or rope is None or 2 * radius >= _PULLEY_PER_ROPE * rope:
+        return ""
+    return (
+        f"tendon_diameter is {_mm(rope)}, on a pulley of only {2 * radius / rope:.2g} times that; ropes last on "
+        f"pulleys of at least {_PULLEY_PER_ROPE:g} times their diameter."
+    )
+
+
+def _length(inst: Instrument) -> str:
+    if _LENGTH[0] <= inst.overall_length <= _LENGTH[1]:
+        return ""
+    return f"overall_length is {_mm(inst.overall_length)}; instruments have {_mm(_LENGTH[0])} to {_LENGTH[1]:g} m."
+
+
+def _stem(inst: Instrument) -> str:
+    try:
+        kinematics.dimensions(inst)
+    except InstrumentError as problem:
+        return str(problem)
+    return ""
+
+
+def _reach(inst: Instrument) -> str:
+    reached = float(statics.output_angle(inst, np.array([inst.handle_range]))[0])
+    if not reached < inst.output_range - _REACH:
+        return ""
+    return (
+        f"handle_range is {degrees(inst.handle_range):.4g} deg, which bends the unloaded tip by {degrees(reached):.3g} "
+        f"deg only; output_range is {degrees(inst.output_range):.4g} deg."
+    )
+
+
+def _load(inst: Instrument) -> str:
+    force = max(inst.conditions.forces, default=0.0)
+    handle = np.linspace(0.0, statics.reach(inst), 17)
+    if np.isfinite(statics.output_angle(inst, handle, force)).all():
+        return ""
+    return f"conditions.forces has {force:g} N, which the tip cannot hold over its working range."
+
+
+def _sheath(inst: Instrument) -> str:
+    friction = inst.friction
+    bends = friction.sheath_bend or friction.sheath_bend_per_handle_angle
+    if friction.sheath_coefficient and not bends:
+        return (
+            f"friction.sheath_coefficient is {friction.sheath_coefficient:g}, but without a bend it has no effect; "
+            "give friction.sheath_bend."
+        )
+    if bends and not friction.sheath_coefficient:
+        return "friction.sheath_bend is given, but without friction.sheath_coefficient it has no effect."
+    return ""
+
+
+def _law(inst: Instrument) -> str:
+    friction = inst.friction
+    given = (friction.vertex_coefficient, friction.sheath_coefficient, friction.constant, friction.viscous)
+    if friction.law == "none" or any(given):
+        return ""
+    return f'friction.law is "{friction.law}", but no coefficient is given, so that there is no friction.'
+
+
+def _coefficient(inst: Instrument) -> str:
+    for key in ("vertex_coefficient", "sheath_coefficient"):
+        value = getattr(inst.friction, key)
+        if value > _COEFFICIENT:
+            return f"friction.{key} is {value:g}; ropes on metal or plastic have 0.03 to 0.3."
+    return ""
+
+
+def _inertia(inst: Instrument) -> str:
+    rod, given = solid_tip_inertia(inst), inst.dynamics.tip_inertia
+    inertia = plant.tip_inertia(inst)
+    swings = f"{plant.natural_frequency(inst) / (2 * pi):.3g} Hz"
+    if given is None:
+        problem = f"dynamics.tip_inertia is not given, so that the tip swings at {swings}: {inertia:.2g} kg*m^2, "
+    else:
+        problem = f"dynamics.tip_inertia is {inertia:.2g} kg*m^2, with which the tip swings at {swings}, "
+    size = f"a steel rod of the end-effector's size ({rod:.2g} kg*m^2)"
+    if inertia > _INERTIA_OVER_ROD * rod:
+        # The least that can be simulated is no mistake of the file.
+        return (
+            ""
+            if inertia <= _SIMULATED * plant.least_tip_inertia(inst)
+            else f"{problem}{inertia / rod:.0f} times {size}."
+        )
+    if _ROD_OVER_INERTIA * inertia < rod:
+        return f"{problem}a {rod / inertia:.0f}th of {size}."
+    return ""
+
+
+def _load_cell(inst: Instrument) -> str:
+    limit, largest = tension_limit(inst), inst.sensors.load_cell_range
+    if largest <= inst.pretension:
+        return (
+            f"sensors.load_cell_range is {largest:g} N, which the pretension of {inst.pretension:g} N takes up already."
+        )
+    if largest < limit:
+        return f"sensors.load_cell_range is {largest:g} N, below control.tension_limit, {limit:.3g} N."
+    if largest < 1.5 * inst.pretension:
+        return (
+            f"sensors.load_cell_range is {largest:g} N, which leaves little above the pretension of "
+            f"{inst.pretension:g} N."
+        )
+    return ""
+
+
+def _motors(inst: Instrument) -> str:
+    drives = inst.drives
+    wound = drives.motor_speed / drives.gear_ratio * drives.spool_radius
+    asked = inst.control.tendon_speed
+    if asked is not None and asked > wound:
+        return f"control.tendon_speed is {1e3 * asked:.3g} mm/s, and the motors wind {1e3 * wound:.3g} mm/s at most."
+    needed = _radius(inst, "proximal") * _HAND_SPEED
+    if wound >= needed:
+        return ""
+    return (
+        f"drives.motor_speed is {degrees(drives.motor_speed):.4g} deg/s, with which the spools wind {1e3 * wound:.2g} "
+        f"mm/s; a hand at {degrees(_HAND_SPEED):.0f} deg/s moves the tendons by {1e3 * needed:.2g} mm/s."
+    )
+
+
+RULES: tuple[Rule, ...] = (
+    Rule("overall_length", _length),
+    Rule("overall_length", _stem),
+    Rule("stem_diameter", _pulley_in_stem),
+    Rule("tendon_diameter", _rope_in_stem),
+    Rule("tendon_diameter", _rope_on_pulley),
+    Rule("tendon_modulus", _modulus),
+    Rule("pretension", _no_pretension),
+    Rule("pretension", _strain),
+    Rule("pretension", _stress),
+    Rule("pretension", _slack),
+    Rule("handle_range", _reach),
+    Rule("conditions.forces", _load),
+    Rule("friction.sheath_coefficient", _sheath),
+    Rule("friction.law", _law),
+    Rule("friction.vertex_coefficient", _coefficient),
+    Rule("dynamics.tip_inertia", _inertia),
+    Rule("drives.motor_speed", _motors),
+    Rule("sensors.load_cell_range", _load_cell),
+    Rule("control.tension_limit", _strength),
+)
+"""The rules in the order of an instrument file."""

@@ -1,0 +1,457 @@
+"""Claims about the commands for an instrument of one's own: `new` writes a file that holds, `loss` answers at once."""
+
+import io
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import pytest
+
+import tenodesis as tn
+from tenodesis.cli import common
+from tenodesis.control.plausibility import implausible
+from tenodesis.instrument import JOINT_TYPES, Instrument
+from tenodesis.instrument.template import ASSUMED, QUESTIONS, ROPES, sketch
+from tenodesis.instrument.text import to_toml
+
+from .conftest import EXAMPLES
+
+Run: TypeAlias = Callable[..., tuple[int, str, str]]
+
+GIVEN = {
+    "distal-radius": "2.5 mm",
+    "proximal-radius": "5 mm",
+    "backbone-length": "18 mm",
+    "backbone-rigidity": "150 N*mm^2",
+    "end-effector-length": "3 cm",
+    "overall-length": "400 mm",
+    "tendon-diameter": "0.5 mm",
+    "pretension": "20 N",
+}
+
+
+def options(joint_type: str, **changed: str) -> list[str]:
+    """Return the answers to all questions of a mechanism as options."""
+    asked = [one.option for one in QUESTIONS[joint_type]]
+    values = {key: value for key, value in GIVEN.items() if key in asked} | changed
+    return ["--mechanism", joint_type, *(word for key, value in values.items() for word in (f"--{key}", value))]
+
+
+def si(inst: Instrument) -> dict[str, float]:
+    return {key: value for key, value, _ in inst.quantities()}
+
+
+def answering(monkeypatch: pytest.MonkeyPatch, *lines: str) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO("".join(f"{line}\n" for line in lines)))
+
+
+# ---------------------------------------------------------------------- new
+
+
+@pytest.mark.parametrize("joint_type", JOINT_TYPES)
+def test_a_new_file_is_the_instrument_that_was_described(tenodesis: Run, joint_type: str) -> None:
+    code, said, wrong = tenodesis("new", "mine", *options(joint_type))
+    assert (code, wrong) == (0, "")
+    assert "mine.toml" in said
+    inst = tn.load("mine.toml")
+    assert (inst.name, inst.joint_type) == ("mine", joint_type)
+    for one in QUESTIONS[joint_type]:
+        assert si(inst)[one.key] == pytest.approx(si(inst.replace(**{one.key: GIVEN[one.option]}))[one.key], rel=1e-12)
+        assert inst.sources[one.key] == "yours"
+    again = tn.parse(to_toml(inst))
+    assert again == inst
+    assert implausible(inst) == ()
+    assert tenodesis("check", "mine.toml")[0] == 0
+
+
+@pytest.mark.parametrize("joint_type", JOINT_TYPES)
+def test_the_defaults_are_an_instrument_without_warnings_that_can_be_run(tenodesis: Run, joint_type: str) -> None:
+    assert tenodesis("new", "mine", "--mechanism", joint_type, "--defaults")[0] == 0
+    inst = tn.load("mine.toml")
+    assert implausible(inst) == ()
+    assert tn.statics.output_angle(inst, tn.statics.reach(inst)) == pytest.approx(inst.output_range, abs=1e-9)
+    tn.twin.Twin(inst, seed=1).run(np.linspace(0, 0.1, 100))
+
+
+@pytest.mark.parametrize("joint_type", JOINT_TYPES)
+def test_every_key_of_a_new_file_has_a_comment_and_a_source(tenodesis: Run, tmp_path: Path, joint_type: str) -> None:
+    tenodesis("new", "mine", "--mechanism", joint_type, "--defaults")
+    text = (tmp_path / "mine.toml").read_text("utf-8")
+    body, _, _ = text.partition("\n[sources]")
+    keys = [line for line in body.splitlines() if re.match(r"\w+ = ", line)]
+    assert len(keys) > 20
+    for line in keys:
+        key, value, comment = re.fullmatch(r"(\w+) = (.*?) +# (.+)", line).groups()  # type: ignore[union-attr]
+        unit = re.search(r'"[0-9.e-]+ ([^"]+)"', value)
+        assert unit is None or comment.startswith(f"[{unit[1]}] "), key
+    assert "docs/dimensions.svg" in text
+    assert all(f"#   {line}".rstrip() in text for line in sketch(joint_type).splitlines())
+    inst = tn.load("mine.toml")
+    assumed = {key for key, source in inst.sources.items() if source.startswith(ASSUMED)}
+    assert assumed == set(inst.sources)
+    assert {"stem_diameter", "tendon_modulus", "friction.vertex_coefficient", "dynamics.tip_inertia"} <= assumed
+
+
+@pytest.mark.parametrize("rope", ROPES)
+def test_a_rope_is_known_by_name(tenodesis: Run, rope: str) -> None:
+    assert tenodesis("new", "mine", "--defaults", "--rope", rope.upper())[0] == 0
+    inst = tn.load("mine.toml")
+    assert inst.tendon_modulus == inst.replace(tendon_modulus=ROPES[rope].modulus).tendon_modulus
+    assert rope in inst.sources["tendon_modulus"]
+
+
+def test_answers_are_asked_for_again_until_they_are_right(tenodesis: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    answering(monkeypatch, "gears", "pulley", "3", "-1", "7 mm", "0.8 in", "300", "1 kg", "0.45 mm", "")
+    code, said, wrong = tenodesis("new", "mine")
+    assert (code, wrong) == (0, "")
+    assert "one of tendon-gear, tendon-pulley, continuum" in said
+    assert "proximal_pulley_radius = '-1 mm': it must be a length above" in said
+    assert "'1 kg': it is measured in kg" in said
+    inst = tn.load("mine.toml")
+    held = si(inst)
+    assert held["distal_pulley_radius"] == pytest.approx(3e-3)
+    assert held["proximal_pulley_radius"] == pytest.approx(7e-3)
+    assert held["end_effector_length"] == pytest.approx(0.8 * 25.4e-3)
+    assert held["overall_length"] == pytest.approx(0.3)
+    assert inst.sources["pretension"].startswith(ASSUMED)
+    assert inst.sources["overall_length"] == "yours"
+
+
+def test_loads_and_ranges_of_ones_own_are_taken(tenodesis: Run) -> None:
+    more = ("--load", "3 N", "--load", "0.2 N", "--handle-range", "60 deg", "--output-range", "70 deg")
+    assert tenodesis("new", "mine", "--defaults", *more, "--stem-diameter", "8 mm", "--handle-length", "9 cm")[0] == 0
+    inst = tn.load("mine.toml")
+    assert inst.conditions.forces == (3.0, 0.2)
+    np.testing.assert_allclose(np.degrees([inst.handle_range, inst.output_range]), (60, 70))
+    assert (inst.stem_diameter, inst.handle_length) == (8e-3, 9e-2)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (["--mechanism", "gearbox"], "--mechanism is 'gearbox'; it must be one of tendon-gear"),
+        (["--distal-radius", "-2 mm"], "--distal-radius = '-2 mm': it must be a length above"),
+        (["--distal-radius", "0 mm"], "--distal-radius = '0 mm': it must be a length above"),
+        (["--distal-radius", "nan mm"], "--distal-radius = 'nan mm': it must be a length above"),
+        (["--distal-radius", "2"], "--distal-radius = '2': it has no unit"),
+        (["--pretension", "30 mm"], "--pretension = '30 mm': it is measured in mm"),
+        (["--pretension", "inf N"], "--pretension = 'inf N': it must be a force"),
+        (["--load", "1 kg"], "--load = '1 kg': it is measured in kg"),
+        (["--load", "-1 N"], "--load = '-1 N': it must be a force above"),
+        (["--rope", "hemp"], "--rope is 'hemp'; it must be one of steel"),
+        (["--backbone-length", "20 mm"], "--backbone-length is given, which a tendon-pulley does not have"),
+        (["--handle-range", "90 mm"], "--handle-range = '90 mm': it is measured in mm"),
+        (["--handle-range", "200 deg"], "--handle-range = '200 deg': it must be an angle"),
+        (["--stem-diameter", "5"], "--stem-diameter = '5': it has no unit"),
+        (["--tendon-diameter", "1 um", "--pretension", "3000 N"], "pretension is 3000 N, which would stretch"),
+    ],
+)
+def test_a_wrong_answer_ends_in_one_sentence_and_no_file(
+    tenodesis: Run, tmp_path: Path, change: list[str], sentence: str
+) -> None:
+    code, _, wrong = tenodesis("new", "mine", "--defaults", *change)
+    assert code == 1
+    assert sentence in wrong
+    assert len(wrong.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_that_exists_is_replaced_only_when_asked(tenodesis: Run, tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text("precious")
+    code, _, wrong = tenodesis("new", "mine.toml", "--defaults")
+    assert code == 1
+    assert "mine.toml exists already" in wrong
+    assert (tmp_path / "mine.toml").read_text() == "precious"
+    assert tenodesis("new", "mine.toml", "--defaults", "--overwrite")[0] == 0
+    assert tn.load("mine.toml").name == "mine"
+
+
+@pytest.mark.parametrize("name", ["", ".toml", "absent/mine"])
+def test_a_name_that_makes_no_file_is_refused_before_anything_is_asked(tenodesis: Run, name: str) -> None:
+    code, said, wrong = tenodesis("new", name)
+    assert (code, said) == (1, "")
+    assert f"NAME is '{name}'; it must be the name of an instrument, in a folder that exists." in wrong
+
+
+def test_an_implausible_answer_is_taken_with_a_warning(tenodesis: Run) -> None:
+    code, said, _ = tenodesis("new", "mine", "--defaults", "--distal-radius", "3 mm", "--stem-diameter", "5 mm")
+    assert code == 0
+    assert "warning: distal_pulley_radius is 3 mm, so that the joint is 6 mm wide" in said
+
+
+def test_without_an_answer_it_says_which_option_gives_it(
+    tenodesis: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answering(monkeypatch, "pulley", "2 mm")
+    code, _, wrong = tenodesis("new", "mine")
+    assert code == 1
+    assert "give --proximal-radius, or --defaults" in wrong
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_sketch_fits_a_terminal() -> None:
+    assert all(len(line) <= 76 for joint_type in JOINT_TYPES for line in sketch(joint_type).splitlines())
+
+
+# ---------------------------------------------------------------------- loss
+
+
+def rows(tenodesis: Run, *words: object) -> list[dict[str, Any]]:
+    code, said, wrong = tenodesis("loss", *words, "--json")
+    assert (code, wrong) == (0, "")
+    found: list[dict[str, Any]] = json.loads(said)["rows"]
+    return found
+
+
+@pytest.mark.parametrize("name", ["real", "pulley", "continuum"])
+def test_what_a_load_takes_is_what_the_statics_say(
+    tenodesis: Run, tmp_path: Path, name: str, request: pytest.FixtureRequest
+) -> None:
+    inst: Instrument = request.getfixturevalue(name).planar[0]
+    (tmp_path / "mine.toml").write_text(to_toml(inst))
+    (row,) = rows(tenodesis, "mine.toml", "--load", "0.5 N", "--angle", "30 deg")
+    output = np.radians(30.0)
+    handle = tn.statics.handle_angle(inst, output)
+    loaded = tn.statics.output_angle(inst, handle, 0.5)
+    assert row["lost"] == pytest.approx(output - loaded, abs=1e-12)
+    assert (row["agonist"], row["antagonist"]) == pytest.approx(tn.statics.tensions(inst, handle, 0.5))
+    corrected = handle + row["handle_correction"]
+    assert tn.statics.output_angle(inst, corrected, 0.5) == pytest.approx(output, abs=1e-9)
+    stroke = row["stroke"]
+    held = tn.statics.output_angle(inst, handle, 0.5, wound=(stroke, -stroke))
+    if name == "continuum":  # which is brought to where tendons that do not stretch would hold it
+        assert held > output
+    else:
+        assert held == pytest.approx(output, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["real-size", "scaled-up"])
+def test_a_tendon_is_slack_from_the_load_that_is_printed_on(tenodesis: Run, name: str) -> None:
+    inst = tn.load(name).planar[0]
+    for row in rows(tenodesis, name):
+        handle = tn.statics.handle_angle(inst, row["output_angle"])
+        below, above = (tn.statics.tensions(inst, handle, share * row["slack_force"]) for share in (0.999, 1.001))
+        assert below.antagonist > 0
+        assert above.antagonist == 0
+
+
+def test_loads_and_angles_are_those_of_the_file_or_those_asked_for(tenodesis: Run) -> None:
+    found = rows(tenodesis, "scaled-up")
+    assert sorted({row["force"] for row in found}) == [0.5, 1.0, 1.5]
+    np.testing.assert_allclose(np.degrees([row["output_angle"] for row in found[:3]]), (0, 40, 80), atol=1e-9)
+    found = rows(tenodesis, "scaled-up", "--load", "2 N", "--load", "30 mN", "--angle", "10 deg")
+    assert [row["force"] for row in found] == [2.0, 0.03]
+
+
+def test_where_there_is_no_solution_json_has_null_and_the_table_a_dash(tenodesis: Run) -> None:
+    (row,) = rows(tenodesis, "real-size", "--load", "50 N", "--angle", "80 deg")
+    assert row["lost"] is None
+    said = tenodesis("loss", "real-size", "--load", "50 N", "--angle", "80 deg")[1]
+    assert "–" in said
+    assert "the tip cannot be held under that load" in said
+
+
+def test_the_table_fits_a_terminal_of_80_columns(tenodesis: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(common.console, "width", 80)
+    said = tenodesis("loss", "real-size", "--load", "12.34 N", "--angle", "33.3 deg", "--load", "1.234 N")[1]
+    assert max(map(len, said.splitlines())) <= 80
+    assert "…" not in said
+    assert re.search(r"^ +1\.234 +33\.3 +\d+\.\d\d +\d+\.\d\d ", said, re.M)
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--load", "2"), "--load = '2': it has no unit"),
+        (("--load", "2 mm"), "--load = '2 mm': it is measured in mm"),
+        (("--load", "-2 N"), "--load = '-2 N': it must be a force above"),
+        (("--load", "nan N"), "--load = 'nan N': it must be a force above"),
+        (("--angle", "60"), "--angle = '60': it has no unit"),
+        (("--angle", "170 deg"), "--angle is '170 deg'; it must be within ±118.9 deg"),
+        (("--axis", "roll"), "real-size has no axis 'roll'; it has yaw and pitch"),
+    ],
+)
+def test_a_wrong_question_ends_in_one_sentence(tenodesis: Run, words: tuple[str, ...], sentence: str) -> None:
+    code, _, wrong = tenodesis("loss", "real-size", *words)
+    assert code == 1
+    assert sentence in wrong
+    assert len(wrong.strip().splitlines()) == 1
+
+
+# ---------------------------------------------------------------------- check
+
+
+def checked(tenodesis: Run, text: str) -> dict[str, Any]:
+    """Return what `check` says as JSON about a file with this text."""
+    Path("mine.toml").write_text(text, "utf-8")
+    code, said, wrong = tenodesis("check", "mine.toml", "--json")
+    assert (code, wrong) == (0, "")
+    found: dict[str, Any] = json.loads(said)
+    return found
+
+
+def test_check_prints_values_as_the_file_has_them(tenodesis: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(common.console, "width", 80)
+    text = (EXAMPLES / "pulley.toml").read_text("utf-8")
+    text = text.replace('"25 mm"', '"2.5 cm"').replace('"50 GPa"', '"50000 MPa"')
+    Path("mine.toml").write_text(text.replace('"4 N"]', '"4 N", "5 N", "6.125 N", "7 N", "8 N"]'), "utf-8")
+    code, said, _ = tenodesis("check", "mine.toml")
+    assert code == 0
+    table = said.partition("The sensors")[0]
+    assert max(map(len, table.splitlines())) <= 80
+    assert "…" not in table
+    for shown in ("end_effector_length +2.5 cm", "tendon_modulus +50000 MPa", "output_range +80 deg +default"):
+        assert re.search(shown, table)
+    assert all(f"{force} N" in table for force in ("0.5", "6.125", "8"))
+    for part in ("[friction]", "[drives]", "[sensors]", "[control]", "spool_radius", "load_cell_range", "dead_band"):
+        assert part in table
+    for derived in ("tendon stiffness +31172 N/m", "reach +35.56 deg", "natural frequency +20 Hz"):
+        assert re.search(derived, table)
+
+
+def test_check_as_json_has_the_values_in_si_and_what_follows(tenodesis: Run) -> None:
+    found = checked(tenodesis, (EXAMPLES / "pulley.toml").read_text("utf-8"))
+    inst = tn.load("mine.toml")
+    held = {key: one["value"] for key, one in found["values"].items()}
+    assert held["tendon_modulus"] == 50e9
+    assert held["conditions.forces"] == [0.5, 1, 2, 4]
+    assert held["sensors.load_cell_range"] == 200
+    assert found["values"]["pretension"] == {
+        "text": "30 N", "value": 30, "unit": "N", "given": True, "source": ""
+    }  # fmt: skip
+    assert found["values"]["drives.gear_ratio"]["given"] is False
+    assert found["derived"]["reach"]["value"] == pytest.approx(tn.statics.reach(inst))
+    assert found["derived"]["tendon_stiffness"]["value"] == pytest.approx(inst.tendon_stiffness)
+    assert found["resolution"][0].startswith("The sensors resolve")
+    assert [one["key"] for one in found["warnings"]] == ["dynamics.tip_inertia"]
+
+
+def test_an_axis_with_values_of_its_own_is_listed(tenodesis: Run) -> None:
+    text = (
+        (EXAMPLES / "pulley.toml")
+        .read_text("utf-8")
+        .replace('"tendon-pulley"', '"tendon-pulley"\naxes = ["yaw", "pitch"]')
+    )
+    found = checked(tenodesis, text + '[overrides.pitch]\nend_effector_length = "18 mm"\n')
+    assert found["values"]["pitch: end_effector_length"]["value"] == pytest.approx(0.018)
+    assert found["derived"]["pitch: slack_force"]["value"] > found["derived"]["yaw: slack_force"]["value"]
+
+
+SOUND = """
+name = "sound"
+joint_type = "tendon-pulley"
+overall_length = "500 mm"
+distal_pulley_radius = "2 mm"
+proximal_pulley_radius = "4.5 mm"
+end_effector_length = "25 mm"
+handle_length = "120 mm"
+stem_diameter = "5 mm"
+tendon_diameter = "0.63 mm"
+tendon_modulus = "50 GPa"
+pretension = "30 N"
+handle_range = "45 deg"
+[conditions]
+forces = ["0.5 N", "1 N"]
+[dynamics]
+tip_inertia = "6e-7 kg*m^2"
+"""
+
+# A change of a sound file, the key that is doubted, and what is said of it.
+IMPLAUSIBLE = {
+    "soft rope": (('"50 GPa"', '"120 MPa"'), "tendon_modulus", "tendon_modulus is 120 MPa; ropes have 1 to 250 GPa"),
+    "hard rope": (('"50 GPa"', '"900 GPa"'), "tendon_modulus", "tendon_modulus is 900 GPa"),
+    "wide pulley": (('"2 mm"', '"3 mm"'), "stem_diameter", "6 mm wide, wider than the stem of 5 mm"),
+    "wide rope": (('"0.63 mm"', '"2.6 mm"'), "tendon_diameter", "two tendons fill the stem of 5 mm"),
+    "rope on a small pulley": (('"0.63 mm"', '"1.2 mm"'), "tendon_diameter", "on a pulley of only 3.3 times"),
+    "length in the wrong unit": (('"500 mm"', '"5 m"'), "overall_length", "overall_length is 5000 mm"),
+    "no stem left": (('"500 mm"', '"140 mm"'), "overall_length", "so that no stem is left"),
+    "no pretension": (('"30 N"', '"0 N"'), "pretension", "a tendon is slack under any load"),
+    "little pretension": (('"30 N"', '"2 N"'), "pretension", "goes slack at 0.32 N at the tip already"),
+    "stress": (('"30 N"', '"400 N"'), "pretension", "a stress of 1.28 GPa in a tendon of 0.63 mm"),
+    "stretch": (('"50 GPa"', '"1.2 GPa"'), "pretension", "stretches a tendon by 8.02 % of its length"),
+    "wound stress": (("[conditions]", '[control]\ntension_limit="700 N"\n[conditions]'), "pretension", "2.25 GPa"),
+    "tight, but sound": (("handle_range", 'breaking_load = "200 N"\nhandle_range'), "", ""),
+    "limit over the breaking load": (
+        ("[conditions]", 'breaking_load = "60 N"\n[control]\ntension_limit = "70 N"\n[conditions]'),
+        "control.tension_limit", "tendons break at a breaking_load of 60 N"),
+    "short of its range": (('"45 deg"', '"20 deg"'), "handle_range", "bends the unloaded tip by 45 deg only"),
+    "too much load": (('"1 N"', '"500 N"'), "conditions.forces", "has 500 N, which the tip cannot"),
+    "no bend": (
+        ("[dynamics]", '[friction]\nlaw="capstan"\nvertex_coefficient=0.1\nsheath_coefficient=0.1\n[dynamics]'),
+        "friction.sheath_coefficient", "without a bend it has no effect"),
+    "no coefficient at the bend": (
+        ("[dynamics]", '[friction]\nlaw="capstan"\nvertex_coefficient=0.1\nsheath_bend="20 deg"\n[dynamics]'),
+        "friction.sheath_coefficient", "without friction.sheath_coefficient it has no effect"),
+    "no coefficient": (("[dynamics]", '[friction]\nlaw="capstan"\n[dynamics]'), "friction.law", "there is no friction"),
+    "rough": (
+        ("[dynamics]", '[friction]\nlaw="capstan"\nvertex_coefficient=1.1\n[dynamics]'),
+        "friction.vertex_coefficient", "friction.vertex_coefficient is 1.1"),
+    "no inertia": (('tip_inertia = "6e-7 kg*m^2"', ""), "dynamics.tip_inertia", "swings at 20 Hz: 1.6e-05 kg*m^2, 20"),
+    "heavy": (("6e-7", "3e-4"), "dynamics.tip_inertia", "with which the tip swings at 4.59 Hz"),
+    "slow motor": (
+        ("[dynamics]", '[drives]\nmotor_speed = "20 deg/s"\n[dynamics]'),
+        "drives.motor_speed", "the spools wind 1.7 mm/s; a hand at 60 deg/s moves the tendons by 4.7 mm/s"),
+    "speed beyond the motor's": (
+        ("[dynamics]", '[control]\ntendon_speed = "500 mm/s"\n[dynamics]'), "drives.motor_speed", "wind 100 mm/s"),
+    "small load cell": (
+        ("[dynamics]", '[sensors]\nload_cell_range = "25 N"\n[dynamics]'),
+        "sensors.load_cell_range", "which the pretension of 30 N takes up already"),
+    "load cell with little room": (
+        ("[dynamics]", '[sensors]\nload_cell_range = "40 N"\n[dynamics]'), "sensors.load_cell_range", "leaves little"),
+    "load cell below the limit": (
+        ("[dynamics]", '[sensors]\nload_cell_range = "70 N"\n[control]\ntension_limit = "75 N"\n[dynamics]'),
+        "sensors.load_cell_range", "below control.tension_limit, 75 N"),
+    "coarse encoder": (
+        ("[dynamics]", '[sensors]\nencoder_bits = 5\n[dynamics]'), "sensors", "motors would do as much harm as good"),
+    "not to be simulated": (("6e-7", "1e-8"), "dynamics.tip_inertia", "can be neither run live nor simulated"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", IMPLAUSIBLE)
+def test_what_is_implausible_is_said_in_one_sentence(name: str) -> None:
+    (old, new), key, sentence = IMPLAUSIBLE[name]
+    assert old in SOUND
+    found = implausible(tn.parse(SOUND.replace(old, new, 1)))
+    assert all(one.sentence.endswith(".") and "\n" not in one.sentence for one in found)
+    if not key:
+        assert not found
+        return
+    assert [one for one in found if one.key == key and sentence in one.sentence], found
+
+
+def test_sound_instruments_are_not_doubted(real: Instrument, scaled: Instrument) -> None:
+    for inst in (tn.parse(SOUND), real, scaled):
+        assert implausible(inst) == ()
+
+
+def test_implausible_files_are_listed_with_exit_code_0(tenodesis: Run) -> None:
+    Path("mine.toml").write_text(SOUND.replace('"50 GPa"', '"120 MPa"').replace('"2 mm"', '"3 mm"'), "utf-8")
+    code, said, _ = tenodesis("check", "mine.toml")
+    assert code == 0
+    assert "warning: tendon_modulus is 120 MPa" in said
+    assert "warning: distal_pulley_radius is 3 mm" in said
+
+
+@pytest.mark.parametrize("words", [("check", "absent.toml", "--json"), ("loss", "absent.toml", "--json")])
+def test_json_of_a_file_that_is_not_there_is_a_sentence(tenodesis: Run, words: tuple[str, ...]) -> None:
+    code, said, wrong = tenodesis(*words)
+    assert (code, said) == (1, "")
+    assert wrong.startswith("tenodesis: absent.toml: there is no such file")
+
+
+def test_info_as_json_has_what_info_prints(tenodesis: Run, scaled: Instrument, tmp_path: Path) -> None:
+    with tn.Recorder(tmp_path / "run.mcap", axes=("yaw",)) as recorder:
+        recorder.write(tn.twin.Twin(scaled).run(np.linspace(0, 0.1, 100)))
+    code, said, _ = tenodesis("info", "run.mcap", "--json")
+    assert code == 0
+    (found,) = json.loads(said)
+    assert (found["file"], found["rows"], found["damage"]) == ("run.mcap", 100, None)
+    recorded = tn.Recording.open("run.mcap").run
+    handle = found["signals"]["measured_handle_angle.yaw"]
+    assert handle["unit"] == "deg"
+    assert handle["greatest"] == pytest.approx(np.degrees(recorded.measured_handle_angle.max()))
+    printed = tenodesis("info", "run.mcap")[1]
+    assert all(name in printed for name in (*found["topics"], *found["signals"]))
