@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table
 
-from tenodesis import instrument, statics
-from tenodesis.cli.common import InstrumentFile, console, quantity, say, table
+from tenodesis import statics
+from tenodesis.cli.common import InstrumentFile, console, load_instrument, quantity, say, table
 from tenodesis.errors import CommandError
 from tenodesis.instrument import Instrument
 from tenodesis.statics.stroke import settled_stroke
@@ -69,7 +69,7 @@ def loss(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, in SI units.")] = False,
 ) -> None:
     """Print the angle that loads take at the tip, what restores it, and the load at which a tendon goes slack."""
-    inst = instrument.load(instrument_file)
+    inst = load_instrument(instrument_file)
     inst = inst.planar[0] if axis is None else inst.axis(axis)
     forces = [quantity("--load", text, PositiveForce) for text in load or ()]
     forces = forces or sorted(inst.conditions.forces) or [_USUAL_LOAD]
