@@ -1,4 +1,4 @@
-"""CPU time of `tenodesis --help`, `check` and `import tenodesis` against that of bare Python and of NumPy, in one run."""
+"""CPU time of `tenodesis --help`, `check` and `import tenodesis` over that of bare Python and of NumPy, in one run."""
 
 import os
 import resource

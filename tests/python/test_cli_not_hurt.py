@@ -114,6 +114,7 @@ EXISTING = [
     ("export controller scaled-up --out there.h", "there.h"),
     ("export urdf scaled-up", "scaled-up.urdf"),
     ("export mjcf scaled-up --out there.xml", "there.xml"),
+    ("new mine --defaults", "mine.toml"),
 ]
 
 
