@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
+from pydoc import locate
 from urllib.parse import unquote, urlsplit
 
 import tenodesis
@@ -83,10 +84,10 @@ def public_names() -> Iterator[tuple[str, object]]:
 
 
 def missing_names(site: Path) -> list[str]:
-    """Return the public names that the reference lacks: under their own name, or another of the same thing."""
+    """Return the public names that the reference lacks, also under another name of the same class or function."""
     described = _inventory(site)
-    homes = {id(thing): True for name, thing in public_names() if name in described}
-    return sorted(name for name, thing in public_names() if name not in described and id(thing) not in homes)
+    things = {id(thing) for name in described if hasattr(thing := locate(name), "__qualname__")}
+    return sorted(name for name, thing in public_names() if name not in described and id(thing) not in things)
 
 
 def _inventory(site: Path) -> set[str]:
@@ -99,15 +100,15 @@ def _inventory(site: Path) -> set[str]:
 def main(site: Path) -> int:
     """Print what is wrong, and how much there is; return the exit code."""
     findings = {
-        "broken link": broken_links(site),
-        "request to another host": outside_requests(site),
-        "public name not in the reference": missing_names(site),
+        "broken links": broken_links(site),
+        "requests to other hosts": outside_requests(site),
+        "public names not in the reference": missing_names(site),
     }
     for kind, places in findings.items():
         for place in places:
             print(f"{kind}: {place}", file=sys.stderr)
     pages, names = len(list(site.rglob("*.html"))), len(list(public_names()))
-    counts = ", ".join(f"{kind}s: {len(places)}" for kind, places in findings.items())
+    counts = ", ".join(f"{kind}: {len(places)}" for kind, places in findings.items())
     print(f"{site}: {pages} pages, {names} public names; {counts}")
     return any(findings.values())
 
