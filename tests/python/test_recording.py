@@ -297,7 +297,7 @@ def test_tables_hold_the_values_to_the_last_bit(axes: tuple[str, ...], tmp_path:
     table = recording.to_pandas()
     recording.to_csv(tmp_path / "run.csv")
     recording.to_parquet(tmp_path / "run.parquet")
-    csv = pd.read_csv(tmp_path / "run.csv", index_col=0)
+    csv = pd.read_csv(tmp_path / "run.csv", index_col=0, float_precision="round_trip")
     for read in (table, csv, pd.read_parquet(tmp_path / "run.parquet")):
         pd.testing.assert_frame_equal(read, table, check_exact=True)
         assert read.index.name == "time [s]"
