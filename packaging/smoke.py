@@ -7,7 +7,7 @@ from pathlib import Path
 
 import tenodesis as tn
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+PROTOCOLS = Path(tn.__file__).parent / "simulate/shipped"
 
 
 def main() -> None:
@@ -15,7 +15,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for words in (
             ["check", "real-size"],
-            ["record", EXAMPLES / "protocol.toml", "scaled-up", "--out", "run.mcap"],
+            ["record", PROTOCOLS / "cycles.toml", "scaled-up", "--out", "run.mcap"],
             ["identify", "run.mcap", "--fit", "friction", "--out", "identified"],
         ):
             subprocess.run([sys.executable, "-m", "tenodesis.cli", *words], cwd=folder, check=True)

@@ -16,7 +16,7 @@ import pytest
 
 import tenodesis as tn
 
-from .conftest import EXAMPLES, ROOT
+from .conftest import ROOT
 
 PYTHONS = ("3.12", "3.13")
 """Besides the Python that runs the tests."""
@@ -133,8 +133,8 @@ def modules_of_the_package() -> list[str]:
 
 def use(installed: Installation) -> None:
     """Run the commands of a first hour."""
-    assert installed.run("check", "real-size").startswith("real-size")
-    shutil.copy(EXAMPLES / "protocol.toml", installed.folder / "bench.toml")
+    assert "real-size: tendon-gear" in installed.run("check", "real-size")
+    shutil.copy(ROOT / "src/tenodesis/simulate/shipped/cycles.toml", installed.folder / "bench.toml")
     installed.run("record", "bench.toml", "scaled-up", "--out", "run.mcap")
     assert "friction" in installed.run("identify", "run.mcap", "--fit", "friction", "--out", "identified")
     installed.run("scale", "real-size")
