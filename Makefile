@@ -12,10 +12,15 @@ CORE := $(wildcard include/tenodesis/*)
 EXTENSION := $(wildcard src/bindings/* src/engine/* src/runtime/*)
 CPP_TESTS := $(wildcard tests/cpp/*)
 TIDY := -std=c++20 -Iinclude -Isrc -Iexamples -fno-math-errno
-CPP_FILES := $(filter %.h %.hpp %.cpp,$(CORE) $(EXTENSION) $(CPP_TESTS) $(wildcard src/c/* firmware/*)) examples/controller.c
+CPP_FILES := $(filter %.h %.hpp %.cpp,$(CORE) $(EXTENSION) $(CPP_TESTS) $(wildcard src/c/* firmware/*)) \
+  examples/controller.c $(wildcard tests/consumers/*.c*)
+CROSS_PYTHON ?= 3.13
+TOOL := $(BIN)/uv run --quiet --no-project --python $(BIN)/python --with-requirements packaging/requirements.lock
+LOCK := $(BIN)/uv pip compile --quiet --generate-hashes --no-emit-index-url --universal \
+  --python-version 3.11 --custom-compile-command "make lock"
 SCHEMAS := src/tenodesis/instruments/instrument.schema.json src/tenodesis/catalogue/catalogue.schema.json
 
-.PHONY: help demo build test test-all test-cpp firmware bench lint format docs site lock clean
+.PHONY: help demo build test test-all test-cpp firmware bench lint format docs site wheel cross audit lock clean
 
 help: ## Say what each target does
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -85,10 +90,24 @@ site: build ## Build the documentation site, its tutorials executed, and check i
 	  --doctree-dir build/doctrees docs build/site
 	$(BIN)/python docs/check_site.py build/site
 
+wheel: build ## Build the wheel for this Python into dist/, and check it
+	$(BIN)/pip wheel --quiet --no-deps --no-build-isolation --wheel-dir dist .
+	$(MAKE) audit
+
+cross: .venv/.deps ## Build the wheels for every system into dist/, and check them; CROSS_PYTHON=3.12 or newer
+	$(BIN)/uv run --quiet --no-project --python $(CROSS_PYTHON) --with-requirements packaging/requirements.lock \
+	  packaging/cross_build.py
+	$(MAKE) audit
+
+audit: .venv/.deps
+	$(TOOL) twine check --strict dist/*.whl
+	$(TOOL) check-wheel-contents dist/*.whl
+	for wheel in $(wildcard dist/*linux*.whl); do $(TOOL) auditwheel show $$wheel || exit; done
+	for wheel in $(wildcard dist/*abi3*.whl); do $(TOOL) abi3audit --strict $$wheel || exit; done
+
 lock: .venv/.deps ## Pin all dependencies anew
-	$(BIN)/pip install --quiet uv
-	$(BIN)/uv pip compile pyproject.toml --quiet --extra all --group dev --group docs --generate-hashes --no-emit-index-url \
-	  --universal --python-version 3.11 --custom-compile-command "make lock" -o requirements.lock
+	$(LOCK) pyproject.toml --extra all --group dev --group docs -o requirements.lock
+	$(LOCK) --group package -o packaging/requirements.lock
 
 clean: ## Remove .venv, build and out
-	rm -rf .venv build out
+	rm -rf .venv build dist out

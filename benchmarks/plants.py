@@ -520,7 +520,7 @@ def _run_together(cases: Sequence[Case], seconds: float) -> list[Trace]:
         plants.step(handle[k], force if at[k] > LOADED else 0.0, command)
         readings = plants.read()
         for n, step, request in steps:
-            rows, _, _, _, _, mask, _ = step((k + 1) * 500_000, int(request) if k == 0 else 0, readings[n : n + 1])
+            rows, *_, mask, _, _ = step((k + 1) * 500_000, int(request) if k == 0 else 0, readings[n : n + 1])
             kept[2, k, n], kept[3, k, n], kept[6, k, n], *command[:, n] = rows[0][columns]
             faults[n] |= mask
         kept[0, k], kept[1, k] = plants.tip, plants.tip - plants.target

@@ -14,11 +14,10 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from tenodesis.instrument import JOINT_TYPES, Instrument
-from tenodesis.instrument.text import READABLE
 from tenodesis.scaling.catalogue_file import CatalogueFile
 from tenodesis.simulate.protocol import Protocol
 from tenodesis.tolerance.files import Tolerances
-from tenodesis.units import Quantity, in_unit, quantity_of
+from tenodesis.units import READABLE, Quantity, in_unit, quantity_of
 
 _PROSE = {
     "head": """# All keys of all files

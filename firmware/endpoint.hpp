@@ -64,6 +64,8 @@ class Endpoint {
 
   /// Velocity to be sent to a motor now, rad/s.
   float velocity(int axis, int tendon) const { return resting_ ? 0.0F : sent_[axis][tendon]; }
+  /// Whether a relay in the motors' supply must open, since one of them does not obey.
+  bool cut_power() const { return cut_power_; }
 
   /// Sets the ticks of the clock that the last frame took, for the next answer.
   void took(std::uint32_t ticks) { busy_ = ticks; }
@@ -172,7 +174,9 @@ class Endpoint {
     tenodesis_step(&controller_, &input, &got);
     if (got.state == TENODESIS_ENABLED) resting_ = false;
     Output output{{step.time, got.state, held_, got.faults, got.first_faults, busy_, damaged_}, {}};
-    output.tick.flags |= (got.homed != 0 ? homed : 0U) | (got.homing != 0 ? homing : 0U) | (resting_ ? stopped : 0U);
+    cut_power_ = got.cut_power != 0;
+    output.tick.flags |= (got.homed != 0 ? homed : 0U) | (got.homing != 0 ? homing : 0U) | (resting_ ? stopped : 0U) |
+                         (cut_power_ ? link::cut_power : 0U);
     held_ = 0;
     state_ = got.state;
     for (int n = 0; n < axes_; ++n) {
@@ -208,7 +212,7 @@ class Endpoint {
 
   void rest(std::uint32_t state) {
     state_ = state;
-    resting_ = false;
+    resting_ = cut_power_ = false;
     for (auto& axis : sent_) axis[0] = axis[1] = 0;
   }
 
@@ -255,6 +259,7 @@ class Endpoint {
   std::uint32_t state_{};
   std::uint32_t held_{};  // why the controller pauses with its next tick
   bool resting_{};        // motors, until the controller is enabled again
+  bool cut_power_{};
   float sent_[most_axes][2]{};
   bool streaming_{};
   std::uint32_t request_{};  // to be made with the next tick of a board that streams,

@@ -55,6 +55,8 @@ struct AxisMemory {
   CommandState<S> command{};
   HomingFailure homing_failure{};  ///< of the last homing
   S zero[2]{};                     ///< spool angles at home, rad
+  S offset[2]{};                   ///< of the load cells, as homing has found it, N
+  S correction[2]{S(1), S(1)};     ///< of their gains
   S unexplained{};                 ///< time for which the stroke has been beyond the envelope, s
   std::uint32_t failed{};          ///< faults to report with the next tick
 };
@@ -87,6 +89,11 @@ struct AxisController {
     Measurement<S> counted = measured;
     for (int i = 0; i < 2; ++i) counted.spool_angle[i] = measured.spool_angle[i] - memory.zero[i];
     return counted;
+  }
+
+  /// Corrects the tensions by what homing has found of the cells.
+  static void correct(const Memory& memory, Measurement<S>& measured) {
+    for (int i = 0; i < 2; ++i) measured.tension[i] = (measured.tension[i] - memory.offset[i]) * memory.correction[i];
   }
 
   /// Estimate of the chosen observer; standard deviations that it does not know are NaN.
@@ -192,7 +199,10 @@ struct Controller {
     for (int n = 0; n < count(); ++n) {
       const bool readable = is_readable(measured[n]);
       // An implausible reading is not used while the watch waits whether it lasts.
-      if (readable) measured[n] = state.axis[n].watch.trusted;
+      if (readable) {
+        measured[n] = state.axis[n].watch.trusted;
+        axis[n].correct(state.axis[n], measured[n]);
+      }
       run(n, measured[n], readable, dt, state, output.axis[n]);
     }
     if (state.supervisor.homing) finish_homing(state);
@@ -240,6 +250,11 @@ struct Controller {
       for (int n = 0; n < count(); ++n) {
         state.axis[n].homing = axis[n].homing.begin(state.axis[n].watch.trusted);
         state.axis[n].homing_failure = {};
+        // Homing judges the cells themselves.
+        for (int i = 0; i < 2; ++i) {
+          state.axis[n].offset[i] = S(0);
+          state.axis[n].correction[i] = S(1);
+        }
       }
     }
     if (state.supervisor.operating == before && homing == was_homing) return;
@@ -267,7 +282,13 @@ struct Controller {
         own.want(measured, state.supervisor.homing, step, memory, wanted);
     }
     // An unreadable tick is estimated from the last plausible readings.
-    output.estimate = own.estimate(readable ? measured : memory.watch.trusted, memory);
+    if (readable) {
+      output.estimate = own.estimate(measured, memory);
+    } else {
+      Measurement<S> last = memory.watch.trusted;
+      own.correct(memory, last);
+      output.estimate = own.estimate(last, memory);
+    }
     output.faults |= supervisor.command(wanted, measured, dt, state.supervisor, memory.command);
     for (int i = 0; i < 2; ++i) output.spool_velocity[i] = memory.command.sent[i];
     if (memory.homing.failed()) {
@@ -289,7 +310,13 @@ struct Controller {
     for (int n = 0; n < count(); ++n) {
       AxisMemory<S>& memory = state.axis[n];
       // Trusted angles count from the zeros before.
-      for (int i = 0; i < 2; ++i) memory.zero[i] = memory.zero[i] + axis[n].homing.zero(i, memory.watch.trusted);
+      for (int i = 0; i < 2; ++i) {
+        memory.offset[i] = memory.homing.offset[i];
+        memory.correction[i] = S(1) / (S(1) + memory.homing.gain_difference * (i == agonist ? S(0.5) : S(-0.5)));
+      }
+      Measurement<S> measured = memory.watch.trusted;
+      AxisController<A>::correct(memory, measured);
+      for (int i = 0; i < 2; ++i) memory.zero[i] = memory.zero[i] + axis[n].homing.zero(i, measured);
       Watch<S>::restart(memory.watch);
       memory.watch.homed = true;
       memory.friction.started = false;

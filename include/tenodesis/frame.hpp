@@ -8,6 +8,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 
 #include "tenodesis/fault.hpp"
 
@@ -141,6 +142,7 @@ inline constexpr std::uint32_t homed = 1, homing = 2;
 inline constexpr std::uint32_t silent = 4;    ///< has stopped since the last answer: too long without a tick or a keep
 inline constexpr std::uint32_t halted = 8;    ///< has stopped since the last answer: by a stop
 inline constexpr std::uint32_t stopped = 16;  ///< motors at rest until the controller is enabled again
+inline constexpr std::uint32_t cut_power = 32;  ///< a motor does not obey: a relay in the motors' supply must open
 
 struct TickAnswer {
   std::uint64_t time{};   ///< of the measurement that is answered, ns
@@ -249,11 +251,11 @@ inline std::size_t encode(const Header& header, const void* payload, std::size_t
     }
   };
   std::uint8_t head[sizeof header];
-  __builtin_memcpy(head, &header, sizeof header);
+  std::memcpy(head, &header, sizeof header);
   const auto* body = static_cast<const std::uint8_t*>(payload);
   const std::uint32_t check = crc(body, size, crc(head, sizeof header));
   std::uint8_t tail[crc_size];
-  __builtin_memcpy(tail, &check, crc_size);
+  std::memcpy(tail, &check, crc_size);
   put(head, sizeof header);
   put(body, size);
   put(tail, crc_size);
@@ -290,7 +292,7 @@ class Decoder {
   template <class Message>
   Message message() const {
     Message message{};
-    __builtin_memcpy(&message, payload(), size() < sizeof message ? size() : sizeof message);
+    std::memcpy(&message, payload(), size() < sizeof message ? size() : sizeof message);
     return message;
   }
 
@@ -301,7 +303,7 @@ class Decoder {
   template <class T>
   T read(std::size_t at) const {
     T value{};
-    __builtin_memcpy(&value, buffer_ + at, sizeof value);
+    std::memcpy(&value, buffer_ + at, sizeof value);
     return value;
   }
 

@@ -282,7 +282,8 @@ struct Homing {
     if (base[low] < -settings.offset) return fail(cell_offset, low, state);
     // Of a bent handle, one tendon may be tight against the tip's own spring.
     const S bent = difference_of_free_tip(state) * (high == agonist ? S(1) : S(-1));
-    if (base[high] <= settings.offset + larger(bent, S(0))) return go(tighten, state);
+    if (base[high] <= settings.offset + larger(bent, S(0))) return begin_to_tighten(state);
+    state.suspect = true;
     if (answers[low]) return go(slacken, state);
     return answers[high] ? fail(tip_loaded, no_tendon, state) : fail(cell_offset, high, state);
   }
@@ -336,7 +337,8 @@ struct Homing {
       // A difference that has shrunk with the tensions is one of the cells' gains, which is judged later.
       const S before = state.base[0] - state.base[1] - difference_of_free_tip(state);
       const bool shrunk = abs(imbalance(state)) < S(0.4) * abs(before);
-      go(abs(imbalance(state)) > settings.offset * (shrunk ? S(2) : S(1)) ? slacken : tighten, state);
+      state.suspect = abs(imbalance(state)) > settings.offset * (shrunk ? S(2) : S(1));
+      go(slacken, state);
       return {};
     }
     // A reading that no longer falls is not its tendon's: that is slack, and the other may hold a load alone.
@@ -355,8 +357,10 @@ struct Homing {
   Winding<S> let_out_further(State& state) const {
     const S stroke = S(1.6) * settings.offset / model.axis.stiffness;
     if (!(state.stroke > S(0))) state.stroke = stroke - common(state);
-    if (common(state) <= -state.stroke) return start_jogs(slacken, state);
-    return together(-creep(), state);
+    if (common(state) > -state.stroke) return together(-creep(), state);
+    if (state.suspect) return start_jogs(slacken, state);
+    begin_to_tighten(state);
+    return {};
   }
 
   Winding<S> wind_back(State& state) const {
@@ -370,13 +374,22 @@ struct Homing {
 
   // ---- to the pretension
 
+  void begin_to_tighten(State& state) const {
+    go(tighten, state);
+    state.slack_from = common(state);
+  }
+
   Winding<S> take_up(State& state) const {
     const S pretension = model.axis.pretension;
     const S at = common(state);
+    // A tight tendon would be noticed within this stroke: one that is not was slack, and what its cell read is its
+    // offset.
+    const S silent = S(2) * settings.notice / (model.axis.stiffness * least_slope);
     for (int i = 0; i < 2; ++i) {
       if (state.tension[i] < -settings.offset) return stop(cell_reversed, i, state);
       if (state.tight[i] || state.tension[i] - state.base[i] < settings.notice) continue;
       state.tight[i] = true;
+      if (at - state.slack_from > silent) state.offset[i] = state.base[i];
       if (!state.tight[1 - i]) state.stroke = at;
     }
     if (!state.tight[0] && !state.tight[1]) {

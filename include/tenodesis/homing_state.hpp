@@ -143,6 +143,9 @@ struct HomingState {
   S mean_before{};       ///< tensions when the wiring was proven, N
   S imbalance_before{};  ///< N
   S gain_difference{};   ///< of the cells, share; a measured quantity
+  S slack_from{};        ///< common stroke where winding began, m
+  S offset[2]{};         ///< of the cells, as they read without tension, N
+  bool suspect{};        ///< tensions differ by more than cells may
   bool judged{};         ///< stretch and gains
 
   constexpr bool failed() const { return stage == HomingStage::failed; }

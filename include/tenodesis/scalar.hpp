@@ -5,7 +5,7 @@
 // a call.
 
 #if !defined(__cpp_concepts) || __cpp_concepts < 201907L
-#error "tenodesis needs a C++20 compiler: GCC 11, Clang 14 or newer"
+#error "tenodesis needs a C++20 compiler: GCC 11, Clang 14, MSVC 19.30 or newer"
 #endif
 #if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) || defined(_M_FP_FAST)
 #error "tenodesis must not be compiled with -ffast-math or /fp:fast: NaN could reach a motor, and exp would be wrong"
@@ -21,6 +21,9 @@
 #include <cstdint>
 #include <limits>
 #include <type_traits>
+#if defined(_MSC_VER) && !defined(__clang__)
+#include <cmath>
+#endif
 
 namespace tenodesis {
 
@@ -29,10 +32,18 @@ concept Real = std::floating_point<S>;
 
 inline constexpr double pi = 3.14159265358979323846;
 
+#if defined(_MSC_VER) && !defined(__clang__)
+inline float sqrt(float v) { return std::sqrt(v); }
+inline double sqrt(double v) { return std::sqrt(v); }
+// Of a negative zero, too.
+constexpr float abs(float v) { return v > 0 ? v : 0 - v; }
+constexpr double abs(double v) { return v > 0 ? v : 0 - v; }
+#else
 inline float sqrt(float v) { return __builtin_sqrtf(v); }
 inline double sqrt(double v) { return __builtin_sqrt(v); }
 constexpr float abs(float v) { return __builtin_fabsf(v); }
 constexpr double abs(double v) { return __builtin_fabs(v); }
+#endif
 
 /// False for NaN and both infinities.
 template <Real S>

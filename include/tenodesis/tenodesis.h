@@ -23,6 +23,18 @@
 #define TENODESIS_REAL float
 #endif
 
+/* Of a shared library these functions are all that is visible. It is built with TENODESIS_SHARED and TENODESIS_BUILDS,
+ * and used with TENODESIS_SHARED. */
+#if !defined(TENODESIS_SHARED)
+#define TENODESIS_API
+#elif defined(_WIN32) && defined(TENODESIS_BUILDS)
+#define TENODESIS_API __declspec(dllexport)
+#elif defined(_WIN32)
+#define TENODESIS_API __declspec(dllimport)
+#else
+#define TENODESIS_API __attribute__((visibility("default")))
+#endif
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -169,30 +181,31 @@ typedef struct {
 
 /* Sets a controller up, disabled. After an error it cannot be stepped, whatever it was before. Every parameter must be
  * finite, keep its bound in parameter_table.h, be one of the choices above, and fit the others. */
-int tenodesis_init(tenodesis_controller* controller, const tenodesis_parameters* parameters);
+TENODESIS_API int tenodesis_init(tenodesis_controller* controller, const tenodesis_parameters* parameters);
 /* One tick. On any error except TENODESIS_BAD_REQUEST the output is all zero. */
-int tenodesis_step(tenodesis_controller* controller, const tenodesis_input* input, tenodesis_output* output);
+TENODESIS_API int tenodesis_step(tenodesis_controller* controller, const tenodesis_input* input,
+                                 tenodesis_output* output);
 /* Returns to the state after tenodesis_init. */
-int tenodesis_reset(tenodesis_controller* controller);
+TENODESIS_API int tenodesis_reset(tenodesis_controller* controller);
 /* Changes law (TENODESIS_LAW_...) and actuation (TENODESIS_ACTUATION_...) from the next tick on. Where there is no such
  * choice, or the law does not work with the observer, nothing changes: TENODESIS_BAD_PARAMETER. A reset keeps them. */
-int tenodesis_choose(tenodesis_controller* controller, uint32_t law, uint32_t actuation);
+TENODESIS_API int tenodesis_choose(tenodesis_controller* controller, uint32_t law, uint32_t actuation);
 /* Whether motors must stop (1) because there was no tick for so long, ns; for an independent timer. Always 1 without a
  * controller. */
-int tenodesis_watchdog(const tenodesis_controller* controller, uint64_t since_last_step);
+TENODESIS_API int tenodesis_watchdog(const tenodesis_controller* controller, uint64_t since_last_step);
 /* The flight recorder: number of records (0 without a controller), and a record by its age (0 is the oldest). */
-int tenodesis_records(const tenodesis_controller* controller);
-int tenodesis_read_record(const tenodesis_controller* controller, int number, tenodesis_record* record);
-int tenodesis_read_counts(const tenodesis_controller* controller, int axis, tenodesis_counts* counts);
+TENODESIS_API int tenodesis_records(const tenodesis_controller* controller);
+TENODESIS_API int tenodesis_read_record(const tenodesis_controller* controller, int number, tenodesis_record* record);
+TENODESIS_API int tenodesis_read_counts(const tenodesis_controller* controller, int axis, tenodesis_counts* counts);
 /* Phase of the robust law on an axis: 0 rest, 1 track, 2 pull, 3 release, 4 restrained (tracking, by less than the law
  * wants), 5 yielding (at the force limit); 0 without such a controller or axis. */
-uint32_t tenodesis_phase(const tenodesis_controller* controller, int axis);
+TENODESIS_API uint32_t tenodesis_phase(const tenodesis_controller* controller, int axis);
 /* Version of the library, and the size of its tenodesis_real. */
-uint32_t tenodesis_version(void);
-uint32_t tenodesis_real_size(void);
+TENODESIS_API uint32_t tenodesis_version(void);
+TENODESIS_API uint32_t tenodesis_real_size(void);
 /* Name of a fault, and of a reason for which homing failed; "unknown" for other numbers. */
-const char* tenodesis_fault_name(uint32_t number);
-const char* tenodesis_homing_reason_name(uint32_t number);
+TENODESIS_API const char* tenodesis_fault_name(uint32_t number);
+TENODESIS_API const char* tenodesis_homing_reason_name(uint32_t number);
 
 #ifdef __cplusplus
 }

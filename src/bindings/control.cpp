@@ -55,8 +55,8 @@ Measurement<double> measurement_of(const Row& row, std::size_t n) {
   return {row(n, 0), {row(n, 1), row(n, 2)}, {row(n, 3), row(n, 4)}};
 }
 
-/// Control signals by axis, faults by axis; state, homed, homing, faults, first faults.
-using Answer = std::tuple<NewRows, std::vector<std::uint32_t>, int, bool, bool, std::uint32_t, std::uint32_t>;
+/// Control signals by axis, faults by axis; state, homed, homing, faults, first faults, cut_power.
+using Answer = std::tuple<NewRows, std::vector<std::uint32_t>, int, bool, bool, std::uint32_t, std::uint32_t, bool>;
 
 Answer step(AnyController& controller, std::uint64_t time, int request, const In<2>& measured) {
   const auto axes = static_cast<std::size_t>(controller.axes());
@@ -77,8 +77,14 @@ Answer step(AnyController& controller, std::uint64_t time, int request, const In
     std::ranges::copy(control_signals(controller, n), &signals(n, 0));
     faults.push_back(output.axis[n].faults);
   }
-  return {signals,       std::move(faults),  static_cast<int>(output.state), output.homed, output.homing,
-          output.faults, output.first_faults};
+  return {signals,
+          std::move(faults),
+          static_cast<int>(output.state),
+          output.homed,
+          output.homing,
+          output.faults,
+          output.first_faults,
+          output.cut_power};
 }
 
 std::tuple<std::size_t, Status> run_controlled(const std::vector<AnyTwin*>& twins, AnyController& controller,
@@ -183,8 +189,9 @@ void bind_control(nb::module_& m) {
            "axes"_a, "limits"_a, "single_precision"_a)
       .def("step", &step, "time"_a, "request"_a, "measured"_a,
            nb::sig("def step(self, time: int, request: int, measured: NDArray[numpy.float64]) -> "
-                   "tuple[NDArray[numpy.float64], list[int], int, bool, bool, int, int]"),
-           "One tick, time in ns: control signals and faults by axis; state, homed, homing, faults, first faults.")
+                   "tuple[NDArray[numpy.float64], list[int], int, bool, bool, int, int, bool]"),
+           "One tick, time in ns: control signals and faults by axis; state, homed, homing, faults, first faults, "
+           "cut_power.")
       .def("reset", &AnyController::reset, "Return to the initial state.")
       .def("watchdog", &AnyController::watchdog, "since_last_step"_a,
            "Whether the motors must stop after so many seconds without a tick.")

@@ -2,6 +2,7 @@
 
 #include "evaluate.hpp"
 #include "module.hpp"
+#include "tenodesis/version.h"
 
 namespace tenodesis::bindings {
 namespace {
@@ -108,6 +109,7 @@ NB_MODULE(_core, m) {
   // Instruments may keep their spec for longer than the module exists.
   nb::set_leak_warnings(false);
   m.doc() = "The C++ core over arrays; the package's modules are its interface.";
+  m.attr("VERSION") = TENODESIS_VERSION_STRING;
 
   nb::enum_<Status>(m, "Status", nb::is_arithmetic(), "How a solve ended.")
       .value("OK", Status::ok, "solved")
@@ -167,8 +169,10 @@ NB_MODULE(_core, m) {
   bind_twin(m);
   bind_twin_gradient(m);
   bind_control(m);
+#ifndef TENODESIS_WITHOUT_LIVE
   bind_runtime(m);
   bind_serial(m);
+#endif
   bind_similarity(m);
   bind_kinematics(m);
 }

@@ -57,6 +57,11 @@ std::size_t play(Runtime& loop, const In<3>& rows) {
   // A motion is played only if all of it can be.
   require(std::all_of(rows.data(), rows.data() + rows.size(), [](double value) { return std::isfinite(value); }),
           "rows must be finite");
+  if (rows.shape(2) == 6)
+    for (std::size_t k = 0; k < rows.shape(0); ++k)
+      for (std::size_t n = 0; n < rows.shape(1); ++n)
+        require(std::abs(rows(k, n, 3)) < std::numbers::pi && rows(k, n, 5) >= 0,
+                "tissue must lie within half a turn, and its damping must be 0 or more");
   for (std::size_t k = 0; k < rows.shape(0); ++k) {
     runtime::PlayedTick tick;
     for (std::size_t n = 0; n < rows.shape(1); ++n) {
@@ -143,6 +148,8 @@ void bind_runtime(nb::module_& m) {
            "Post a measurement: its time in ns; per axis handle angle, tensions, spool angles, output angle.")
       .def("take", &take, "timeout"_a, nb::sig("def take(self, timeout: float) -> tuple[bool, NDArray[numpy.float64]]"),
            "Whether an answer to the last post came within so many seconds, and its spool velocities by axis.")
+      .def_prop_ro("power_cut", &MailboxDevice::power_cut,
+                   "Whether a motor does not obey, and all must lose their supply.")
       .def_prop_ro("stopped", &MailboxDevice::stopped, "Whether the loop has ended.");
 
   nb::class_<Runtime>(m, "Runtime", "The live loop, a thread of its own.")

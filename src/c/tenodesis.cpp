@@ -2,6 +2,7 @@
 
 #include "tenodesis/tenodesis.h"
 
+#include <cstring>
 #include <new>
 #include <type_traits>
 
@@ -80,7 +81,7 @@ bool good(const T*... pointer) {
 bool holds_session(const tenodesis_controller* controller) {
   std::uint64_t found{};
   static_assert(offsetof(Session, mark) == 0);
-  __builtin_memcpy(&found, controller, sizeof found);
+  std::memcpy(&found, controller, sizeof found);
   return found == mark;
 }
 

@@ -142,6 +142,7 @@ class ControllerOf final : public AnyController {
     output.state = out_.state;
     output.homed = out_.homed;
     output.homing = out_.homing;
+    output.cut_power = out_.cut_power;
     output.faults = out_.faults;
     output.first_faults = out_.first_faults;
     for (int n = 0; n < most_axes; ++n) {

@@ -94,6 +94,7 @@ class BoardController : public AnyController {
     output.state = OperatingState(tick.state);
     output.homed = (tick.flags & link::homed) != 0;
     output.homing = (tick.flags & link::homing) != 0;
+    output.cut_power = (tick.flags & link::cut_power) != 0;
     output.faults = tick.faults;
     output.first_faults = tick.first_faults;
     for (int n = 0; n < axes_; ++n) {

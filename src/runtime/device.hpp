@@ -50,6 +50,8 @@ class Device {
   virtual bool in_tissue(int /*axis*/) const { return false; }
   /// An axis's signals after that; NaN where they are not known.
   virtual Signals signals(int axis) const = 0;
+  /// Takes the motors' supply away, since one of them does not obey; it does not come back.
+  virtual void cut_power() noexcept {}
   virtual void stop() noexcept = 0;
 };
 

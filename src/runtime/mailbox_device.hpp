@@ -2,7 +2,9 @@
 // A device whose sensors and motors are served by another thread, which may be slow: it posts what it has measured and
 // takes what the controller answers. The live loop waits for a post no longer than a given time.
 
-#include <semaphore.h>
+#include <linux/futex.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <bit>
@@ -51,28 +53,28 @@ class SharedValue {
   std::atomic<std::uint64_t> stamp_;
 };
 
-/// Wakes a thread that waits for another.
+/// Wakes a thread that waits for another. A semaphore with a monotonic deadline is missing from older C libraries and
+/// from musl; the call of the kernel on which it would stand is not.
 class Wakeup {
  public:
-  Wakeup() { ::sem_init(&semaphore_, 0, 0); }
-  ~Wakeup() { ::sem_destroy(&semaphore_); }
-  Wakeup(const Wakeup&) = delete;
-  Wakeup& operator=(const Wakeup&) = delete;
-
-  void notify() { ::sem_post(&semaphore_); }
+  void notify() {
+    notified_.store(1, std::memory_order_release);
+    ::syscall(SYS_futex, &notified_, FUTEX_WAKE_PRIVATE, 1, nullptr, nullptr, 0);
+  }
 
   /// False where nothing was notified until a time, ns of the monotonic clock; what was notified before counts.
   bool wait_until(std::uint64_t time) {
-    const timespec until{time_t(time / 1'000'000'000), long(time % 1'000'000'000)};
-    while (::sem_clockwait(&semaphore_, CLOCK_MONOTONIC, &until) != 0)
-      if (errno != EINTR) return false;
-    while (::sem_trywait(&semaphore_) == 0) {
-    }
+    const long until[2] = {long(time / 1'000'000'000), long(time % 1'000'000'000)};
+    while (notified_.exchange(0, std::memory_order_acquire) == 0)
+      if (::syscall(SYS_futex, &notified_, FUTEX_WAIT_BITSET_PRIVATE, 0, until, nullptr, FUTEX_BITSET_MATCH_ANY) != 0 &&
+          errno == ETIMEDOUT)
+        return false;
     return true;
   }
 
  private:
-  sem_t semaphore_{};
+  std::atomic<std::uint32_t> notified_;
+  static_assert(sizeof notified_ == 4 && decltype(notified_)::is_always_lock_free);
 };
 
 class MailboxDevice final : public Device {
@@ -103,6 +105,7 @@ class MailboxDevice final : public Device {
     }
   }
   bool stopped() const { return stopped_.load(std::memory_order_acquire); }
+  bool power_cut() const { return power_cut_.load(std::memory_order_acquire); }
 
   int axes() const override { return axes_; }
   bool simulated() const override { return false; }
@@ -147,6 +150,8 @@ class MailboxDevice final : public Device {
     return known;
   }
 
+  void cut_power() noexcept override { power_cut_.store(true, std::memory_order_release); }
+
   void stop() noexcept override {
     const Answer rest{std::numeric_limits<std::uint64_t>::max(), {}};
     answer_.set(rest);
@@ -162,7 +167,7 @@ class MailboxDevice final : public Device {
   std::uint64_t posted_{};              // by the serving thread
   std::uint64_t read_{}, overtaken_{};  // by the loop
   Sensed last_{};
-  std::atomic<bool> stopped_;
+  std::atomic<bool> stopped_, power_cut_;
 };
 
 }  // namespace tenodesis::runtime

@@ -242,6 +242,7 @@ class Runtime {
     control_.note(answered - asked);
     Velocities speed{};
     if (!stopped_) send_velocities(speed);
+    if (controller_.last.cut_power) device_.cut_power();
     if (!device_.write(speed, bench_)) {
       report(Problem::tip_lost);
       for (std::size_t n = 0; n < most_axes; ++n) {

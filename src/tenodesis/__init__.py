@@ -3,13 +3,15 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from tenodesis.version import __version__
-
 if TYPE_CHECKING:
     from tenodesis import (
         control,
+        errors,
         identification,
+        instrument,
         kinematics,
+        plot,
+        recording,
         scaling,
         similarity,
         simulate,
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
         twin,
     )
     from tenodesis.errors import (
+        ArgumentError,
         DesignError,
         Error,
         IdentificationError,
@@ -28,18 +31,31 @@ if TYPE_CHECKING:
         RecordingError,
         StudyError,
     )
-    from tenodesis.instrument import Continuum, Instrument, TendonGear, TendonPulley, load, parse, shipped
+    from tenodesis.headers import get_cmake_dir, get_include
+    from tenodesis.instrument import (
+        Continuum,
+        Instrument,
+        InstrumentLike,
+        TendonGear,
+        TendonPulley,
+        load,
+        parse,
+        shipped,
+    )
     from tenodesis.recording import Recorder, Recording
     from tenodesis.run import Run
     from tenodesis.threads import set_threads
+    from tenodesis.version import __version__
 
 __all__ = [
+    "ArgumentError",
     "Continuum",
     "DesignError",
     "Error",
     "IdentificationError",
     "Instrument",
     "InstrumentError",
+    "InstrumentLike",
     "NoSolutionError",
     "ProtocolError",
     "Recorder",
@@ -51,10 +67,16 @@ __all__ = [
     "TendonPulley",
     "__version__",
     "control",
+    "errors",
+    "get_cmake_dir",
+    "get_include",
     "identification",
+    "instrument",
     "kinematics",
     "load",
     "parse",
+    "plot",
+    "recording",
     "scaling",
     "set_threads",
     "shipped",
@@ -68,6 +90,7 @@ __all__ = [
 
 _HOME = {
     "errors": (
+        "ArgumentError",
         "DesignError",
         "Error",
         "IdentificationError",
@@ -77,10 +100,21 @@ _HOME = {
         "RecordingError",
         "StudyError",
     ),
-    "instrument": ("Continuum", "Instrument", "TendonGear", "TendonPulley", "load", "parse", "shipped"),
+    "headers": ("get_cmake_dir", "get_include"),
+    "instrument": (
+        "Continuum",
+        "Instrument",
+        "InstrumentLike",
+        "TendonGear",
+        "TendonPulley",
+        "load",
+        "parse",
+        "shipped",
+    ),
     "recording": ("Recorder", "Recording"),
     "run": ("Run",),
     "threads": ("set_threads",),
+    "version": ("__version__",),
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

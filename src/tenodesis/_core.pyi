@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from numpy.typing import NDArray
 
 
+VERSION: str = '0.1.0'
+
 class Status(enum.IntEnum):
     """How a solve ended."""
 
@@ -175,9 +177,9 @@ class Controller:
 
     def __init__(self, joint_type: int, observer: int, law: int, actuation: int, safe_state: int, own_clock: bool, homed: bool, common: Sequence[float], axes: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], limits: Annotated[NDArray[numpy.float64], dict(shape=(None, None, None), order='C', device='cpu', writable=False)], single_precision: bool) -> None: ...
 
-    def step(self, time: int, request: int, measured: NDArray[numpy.float64]) -> tuple[NDArray[numpy.float64], list[int], int, bool, bool, int, int]:
+    def step(self, time: int, request: int, measured: NDArray[numpy.float64]) -> tuple[NDArray[numpy.float64], list[int], int, bool, bool, int, int, bool]:
         """
-        One tick, time in ns: control signals and faults by axis; state, homed, homing, faults, first faults.
+        One tick, time in ns: control signals and faults by axis; state, homed, homing, faults, first faults, cut_power.
         """
 
     def reset(self) -> None:
@@ -299,6 +301,10 @@ class MailboxDevice(LiveDevice):
         """
         Whether an answer to the last post came within so many seconds, and its spool velocities by axis.
         """
+
+    @property
+    def power_cut(self) -> bool:
+        """Whether a motor does not obey, and all must lose their supply."""
 
     @property
     def stopped(self) -> bool:

@@ -2,6 +2,24 @@
 
 from typing import Any
 
+__all__ = [
+    "ArgumentError",
+    "CommandError",
+    "DesignError",
+    "DeviceError",
+    "Error",
+    "FaultWarning",
+    "IdentificationError",
+    "InstrumentError",
+    "LiveError",
+    "MissingExtraError",
+    "NoSolutionError",
+    "ProtocolError",
+    "RecordingError",
+    "ReportError",
+    "StudyError",
+]
+
 
 class Error(Exception):
     """Base of all exceptions of this package that a user can correct.
@@ -75,6 +93,14 @@ class CommandError(Error):
     """A command is given options that exclude each other; the message names them."""
 
 
+class CommandInterruptedError(CommandError):
+    """The user interrupted a command; the message states what is written."""
+
+
+class FaultWarning(UserWarning):
+    """A controller faulted in a run; the message names the faults, and when."""
+
+
 class MissingExtraError(Error, ImportError):
     """An optional dependency cannot be imported; the message names the extra that installs it.
 
@@ -101,3 +127,7 @@ class MissingExtraError(Error, ImportError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.value, self.extra, self._cause)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

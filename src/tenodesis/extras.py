@@ -1,9 +1,10 @@
-"""Optional dependencies: imported where they are used, and named where they are missing."""
+"""Optional dependencies and parts: imported where they are used, and named where they are missing."""
 
 import importlib
 from types import ModuleType
 
-from tenodesis.errors import MissingExtraError
+from tenodesis import _core
+from tenodesis.errors import LiveError, MissingExtraError
 
 
 def require(module: str, extra: str) -> ModuleType:
@@ -27,3 +28,15 @@ def require(module: str, extra: str) -> ModuleType:
         name = module.partition(".")[0]
         absent = isinstance(problem, ModuleNotFoundError) and (problem.name or name).partition(".")[0] == name
         raise MissingExtraError(name, extra, "" if absent else str(problem)) from None
+
+
+def require_live() -> None:
+    """Check that the C++ module has the live runtime and the link to boards.
+
+    Raises
+    ------
+    LiveError
+        It was built without them, as on systems other than Linux.
+    """
+    if not hasattr(_core, "Runtime"):
+        raise LiveError("The live runtime and the link to boards are not part of this build; they run on Linux.")

@@ -5,8 +5,13 @@ import os
 import stat
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 
 def read_regular(path: Path, most: int | None = None) -> bytes:
@@ -38,6 +43,73 @@ def _refuse_irregular(path: Path, mode: int) -> None:
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if not stat.S_ISREG(mode):
         raise OSError(errno.EINVAL, "it is no regular file", str(path))
+
+
+@contextmanager
+def locked_folder(folder: Path) -> Iterator[None]:
+    """Make a folder, and keep others who lock it out of it; delete it in the end if it was made and nothing is in it.
+
+    The lock ends with its process. Where the system or the file system has no locks, there is none.
+
+    Raises
+    ------
+    BlockingIOError
+        Somebody else has it.
+    OSError
+        It cannot be made or read.
+    """
+    made = [place for place in (folder, *folder.parents) if not place.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    descriptor = None
+    try:
+        if fcntl is not None:
+            descriptor = os.open(folder, os.O_RDONLY)
+            _flock(descriptor)
+        yield
+    finally:
+        with suppress(OSError):
+            for place in made:
+                place.rmdir()
+        if descriptor is not None:
+            os.close(descriptor)
+
+
+@contextmanager
+def locked_file(path: Path) -> Iterator[None]:
+    """Keep others who lock the path of a file from writing it, by a hidden file beside it, as :func:`locked_folder`."""
+    if fcntl is None:
+        yield
+        return
+    lock = path.with_name(f".{path.name}.lock")
+    descriptor = _lock_file(lock)
+    try:
+        yield
+    finally:
+        lock.unlink(missing_ok=True)
+        os.close(descriptor)
+
+
+def _lock_file(lock: Path) -> int:
+    """Return the descriptor of a file that is locked, and still has that path."""
+    while True:
+        descriptor = os.open(lock, os.O_RDWR | os.O_CREAT, 0o600)
+        try:
+            _flock(descriptor)
+            if lock.exists() and os.path.samestat(os.fstat(descriptor), lock.stat()):
+                return descriptor
+        except BaseException:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)
+
+
+def _flock(descriptor: int) -> None:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise
+    except OSError:
+        pass  # A network's file system may have no locks.
 
 
 @contextmanager

@@ -4,12 +4,17 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, NamedTuple, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tenodesis import _core, notebook
 from tenodesis.errors import ArgumentError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -97,7 +102,9 @@ class Run:
     @overload
     def __getitem__(self, key: slice) -> "Run": ...
     def __getitem__(self, key: str | slice) -> "Array | Run":
-        """Return a signal by name, or the rows of a slice as a run of their own.
+        """Return a signal by name, or the rows of a slice as a run of their own: ``run[:100]``, ``run[1.0:2.5]``.
+
+        Bounds with a decimal point are times, s, both included, as of :meth:`between`.
 
         Raises
         ------
@@ -105,6 +112,9 @@ class Run:
             The signal is unknown or was not recorded.
         """
         if isinstance(key, slice):
+            if isinstance(key.start, float) or isinstance(key.stop, float):
+                start, stop = -np.inf if key.start is None else key.start, np.inf if key.stop is None else key.stop
+                return self.between(start, stop)[:: key.step]
             return self._map(lambda values: values[key])
         values = getattr(self, key) if key in SIGNALS else None
         if values is None:
@@ -115,6 +125,29 @@ class Run:
         """Return the rows between two times, s, both included."""
         first, last = np.searchsorted(self.time, start, "left"), np.searchsorted(self.time, stop, "right")
         return self[int(first) : int(last)]
+
+    @property
+    def fault_times(self) -> dict[str, float]:
+        """When each fault of the controller came first, s, by name, in the order of time; empty without any."""
+        if self.faults is None or not len(self):
+            return {}
+        masks = np.bitwise_or.reduce(np.nan_to_num(self.faults).astype(np.int64).reshape(len(self), -1), axis=1)
+        rows = {name: np.flatnonzero(masks >> bit & 1) for bit, (name, _, _) in enumerate(_core.faults())}
+        first = sorted((int(found[0]), name) for name, found in rows.items() if found.size)
+        times = np.atleast_1d(self.time)
+        return {name: float(times[row]) for row, name in first}
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return a DataFrame with a column per signal and axis or tendon, over the time in s.
+
+        Raises
+        ------
+        MissingExtraError
+            pandas is not installed.
+        """
+        import tenodesis as tn  # noqa: PLC0415 - by the public name, since tables stand above runs
+
+        return tn.recording.to_pandas(self)
 
     def axis(self, name: str) -> "Run":
         """Return the run of a single axis, with signals of shape (n,), per tendon (n, 2).
@@ -132,6 +165,18 @@ class Run:
         own: dict[str, Any] = {key: values[:, index] for key, values in self.signals().items()}
         return replace(self, axes=(name,), **own)
 
+    def plot(self, *signals: str) -> "Figure":
+        """Return a figure of signals over time: those named, or angles, tensions and forces; see :mod:`tenodesis.plot`.
+
+        Raises
+        ------
+        KeyError
+            A signal is unknown or was not recorded.
+        """
+        import tenodesis as tn  # noqa: PLC0415 - by the public name, since figures stand above runs
+
+        return tn.plot.run(self, signals)
+
     def _map(self, change: Callable[[Array], Array]) -> "Run":
         """Return this run with its time and all signals changed alike."""
         changed: dict[str, Any] = {key: change(values) for key, values in self.signals().items()}
@@ -139,6 +184,34 @@ class Run:
 
     def __len__(self) -> int:
         return int(self.time.size)
+
+    def __repr__(self) -> str:
+        faults = ", ".join(self.fault_times)
+        return f"<Run of {self._extent}, {len(self.signals())} signals{', faults: ' * bool(faults)}{faults}>"
+
+    def _repr_html_(self) -> str:
+        """Return a table for notebooks: of every signal its unit, its range, and its value at the end."""
+        rows = [
+            _row(SIGNALS[name], name, values if np.ndim(self.time) else values[np.newaxis])
+            for name, values in self.signals().items()
+        ]
+        faults = ", ".join(f"{name} from {time:.6g} s" for name, time in self.fault_times.items())
+        title = f"Run of {self._extent}" + (f", faults: {faults}" if faults else "")
+        return notebook.table(title, ("signal", "unit", "least", "largest", "at the end", "meaning"), rows)
+
+    @property
+    def _extent(self) -> str:
+        """Rows, times and axes in words."""
+        times = np.atleast_1d(self.time)
+        span = f", {times[0]:.6g} to {times[-1]:.6g} s" if times.size else ""
+        return f"{times.size} rows{span}, {' and '.join(self.axes)}"
+
+
+def _row(signal: Signal, name: str, values: Array) -> tuple[str, ...]:
+    finite = values[np.isfinite(values)]
+    bounds = (f"{finite.min():.4g}", f"{finite.max():.4g}") if finite.size else ("–", "–")
+    end = ", ".join(f"{value:.4g}" for value in np.ravel(values[-1:]))
+    return name, signal.unit, *bounds, end, signal.description
 
 
 SIGNALS: dict[str, Signal] = {one.name: one.metadata["signal"] for one in fields(Run) if one.metadata}

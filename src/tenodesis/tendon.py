@@ -13,6 +13,8 @@ from tenodesis import _core
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument.hardware import MOST_EXPONENT
 
+__all__ = ["Tendon", "TendonRun", "transmit"]
+
 Array = NDArray[np.float64]
 
 
@@ -184,3 +186,7 @@ def _series(name: str, values: ArrayLike) -> Array:
 def _check(name: str, value: float, low: float, high: float) -> None:
     if not (np.isfinite(value) and low <= value <= high):
         raise ArgumentError(key=name, value=value, allowed=f"a number from {low:g} to {high:g}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

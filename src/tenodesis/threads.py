@@ -1,8 +1,14 @@
-"""Number of threads that large arrays are computed with."""
+"""Number of threads that large arrays are computed with, and pools of as many."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from tenodesis.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from concurrent.futures import ThreadPoolExecutor
 
 MOST_THREADS = 1024
 
@@ -26,3 +32,16 @@ def set_threads(count: int) -> None:
 def threads() -> int:
     """Return the number of threads that large arrays are computed with, by default the number of cores."""
     return _threads
+
+
+@contextmanager
+def thread_pool() -> "Iterator[ThreadPoolExecutor]":
+    """Yield a pool of as many threads; after an exception, Ctrl-C among them, it begins nothing more."""
+    from concurrent.futures import ThreadPoolExecutor  # noqa: PLC0415 - most programs do without
+
+    with ThreadPoolExecutor(threads()) as pool:
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise

@@ -13,6 +13,14 @@ from tenodesis.files import read_regular
 
 _LARGEST = 16_000_000
 """Largest TOML file, bytes."""
+_MCAP = b"\x89MCAP"
+_MARKS = {
+    "an instrument": {"joint_type"},
+    "a protocol": {"phases"},
+    "tolerances": {"parameters"},
+    "a catalogue": {"gears", "pulleys", "ropes", "rods", "load_cells", "encoders", "spools", "weights", "constraints"},
+}
+"""Keys that only one kind of file has."""
 
 
 class FileTable(BaseModel):
@@ -47,13 +55,16 @@ def read_text(path: Path, error: type[Error], *, source: str = "", kind: str = "
         There is no such file, or it cannot be read; of the class `error`.
     """
     source = source or str(path)
+    data = b""
     needed = f"the path of a TOML file or one of {', '.join(names)}" if names else "the path of a TOML file"
     try:
-        return read_regular(path, _LARGEST).decode("utf-8-sig")
+        data = read_regular(path, _LARGEST)
+        return data.decode("utf-8-sig")
     except (FileNotFoundError, IsADirectoryError, NotADirectoryError):
         problem = f"{source}: there is no such file{f' and no {kind} of that name' if kind else ''}"
     except UnicodeDecodeError:
-        problem, needed = f"{source} is not UTF-8 text", "a TOML file"
+        problem = f"{source} is {'a recording, MCAP' if data.startswith(_MCAP) else 'not UTF-8 text'}"
+        needed = "a TOML file"
     except OSError as failure:
         problem = f"{source} cannot be read: {failure.strerror}"
     except ValueError:
@@ -91,14 +102,24 @@ def did_you_mean(key: str, here: Iterable[str], elsewhere: Iterable[str] = ()) -
     return f" (did you mean {near[0]}?)" if near else ""
 
 
-def parse_toml(text: str, error: type[Error], source: str) -> dict[str, Any]:
-    """Return the values of a TOML text, or raise an exception of the class `error` that begins with `source`."""
+def parse_toml(text: str, error: type[Error], source: str, kind: str = "") -> dict[str, Any]:
+    """Return the values of a TOML text, or raise an exception of the class `error` that begins with `source`.
+
+    With a kind, "an instrument" for example, a file of another kind that this package reads is such an error as well.
+    """
     try:
-        return tomllib.loads(text)
+        values = tomllib.loads(text)
     except tomllib.TOMLDecodeError as failure:
         problem = f"{source} is not valid TOML: {failure}."
     except RecursionError:
         problem = f"{source} is not valid TOML: it is nested too deeply."
+    else:
+        if not kind or _MARKS[kind] & values.keys():
+            return values
+        found = next((other for other, keys in _MARKS.items() if keys & values.keys()), kind)
+        if found == kind:
+            return values
+        raise error(f"{source} describes {found}; it must describe {kind}.", key="file", value=source, allowed=kind)
     raise error(problem, key="file", value=source, allowed="a TOML file")
 
 
@@ -219,7 +240,7 @@ def _locate(model: type[BaseModel], values: Any, error: Any, entries: Mapping[st
             if tables and isinstance(values, dict):
                 name = next((values[key] for key in ("name", "kind") if isinstance(values.get(key), str)), None)
                 named = f" ({name})" if name is not None and not error["type"].startswith("union_tag") else ""
-                place = _Place(f"{entry}{named}: ", "", tables, siblings, "")
+                place = _Place(f"{place.entry}{entry}{named}: ", "", tables, siblings, "")
             elif tables:
                 place = place._replace(key=entry, of_list=place.key)
             else:

@@ -19,6 +19,14 @@ STANDARD_GRAVITY = 9.80665
 
 _ANGLE_UNITS = {"radian", "milliradian", "degree", "arcminute", "turn"}
 
+_FACTORS = {
+    "mm": ("m", 1e-3), "um": ("m", 1e-6), "mN": ("N", 1e-3), "GPa": ("Pa", 1e9), "MPa": ("Pa", 1e6), "g": ("kg", 1e-3),
+    "deg": ("rad", math.pi / 180), "deg/s": ("rad/s", math.pi / 180), "ms": ("s", 1e-3), "Hz": ("Hz", 1.0),
+    "mm/s": ("m/s", 1e-3), "N/mm": ("N/m", 1e3), "N*mm": ("N*m", 1e-3), "N*mm^2": ("N*m^2", 1e-6),
+    "mV": ("V", 1e-3), "deg/V": ("rad/V", math.pi / 180),
+}  # fmt: skip
+"""SI unit and factor of the usual units, as pint has them: most files do without pint, which takes long to load."""
+
 # Number and unit are separated here, not by pint, which would evaluate arithmetic and ignore a decimal comma.
 _NUMBER = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+|nan|inf)(?:[eE][-+]?[0-9]+)?"
 _UNIT = r"(?:[^\W\d_]+(?:(?:\^|\*\*)-?[0-9])?|°)"
@@ -80,9 +88,12 @@ class Quantity:
         written = _WRITTEN.fullmatch(text.strip())
         if written is None:
             raise ValueError(f'it is not understood; write {self.allowed} like "{self.example}"')
-        number, unit_text = float(written["number"]), written["unit"].strip()
+        number, unit_text = float(written["number"]), str(written["unit"]).strip()
         if not unit_text:
             raise ValueError(f'it has no unit; write {self.allowed} like "{self.example}"')
+        si_unit, factor = _FACTORS.get(unit_text, (unit_text, 1.0))
+        if si_unit == self.unit:
+            return number * factor
         units = _units()
         try:
             unit: Any = units.Unit(unit_text.replace("·", "*"))
@@ -130,6 +141,17 @@ def in_unit(unit: str, si_unit: str) -> float:
     return float(_units().Quantity(1.0, si_unit).to(unit).magnitude)
 
 
+READABLE = {"m": "mm", "Pa": "GPa", "rad": "deg", "s": "ms", "rad/s": "deg/s", "m/s": "mm/s"}
+"""Units of drawings, by SI unit."""
+
+
+def in_words(value: float, si_unit: str) -> str:
+    """Return a value as text for people, to six digits, in the unit of drawings."""
+    unit = READABLE.get(si_unit, si_unit)
+    factor = in_unit(unit, si_unit) if unit != si_unit else 1.0
+    return f"{value * factor:.6g} {unit.replace('*', '·').replace('^2', '²')}".removesuffix(" 1")
+
+
 @cache
 def _units() -> "UnitRegistry[float]":
     """Return pint's units; pint takes long to import, and only text with a unit needs it."""
@@ -141,6 +163,13 @@ def _units() -> "UnitRegistry[float]":
 def _not_zero(value: float) -> float:
     if value == 0:
         raise ValueError("it is 0; it must be any other value")
+    return value
+
+
+def _oscillating(value: Any) -> Any:
+    """Refuse text in a unit of angular velocity, whose number is 2 pi times that of the frequency."""
+    if isinstance(value, str) and _TURNING_UNIT.search(value):
+        raise ValueError('it is measured by angle; write a frequency like "0.5 Hz"')
     return value
 
 
@@ -182,6 +211,9 @@ Time = Annotated[float, *annotation(Quantity("time", "s", "20 ms", at_least=0, b
 Duration = Annotated[float, *annotation(Quantity("duration", "s", "2 s", above=0, below=1e6))]
 Delay = Annotated[float, *annotation(Quantity("duration", "s", "0.5 s", at_least=0, below=1e6))]
 Rate = Annotated[float, *annotation(Quantity("rate", "Hz", "2000 Hz", above=0, below=1e9))]
+Frequency = Annotated[
+    float, *annotation(Quantity("frequency", "Hz", "0.5 Hz", above=1e-6, below=1e6)), BeforeValidator(_oscillating)
+]
 Gain = Annotated[float, *annotation(Quantity("gain", "1/s", "12 1/s", above=0, below=1e4))]
 
 SlipSpeed = Annotated[float, *annotation(Quantity("speed", "m/s", "1 mm/s", above=0, below=1e3))]

@@ -1,3 +1,5 @@
 """The version of the package."""
 
-__version__ = "0.1.0"
+from tenodesis import _core
+
+__version__ = _core.VERSION

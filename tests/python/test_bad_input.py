@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import tenodesis as tn
-from tenodesis.errors import ArgumentError
+from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.instrument import TendonGear
 
 S = tn.statics
@@ -63,10 +63,12 @@ def test_a_masked_array_is_refused(real: TendonGear) -> None:
 
 
 def test_what_is_no_instrument_is_refused(real: TendonGear) -> None:
-    with pytest.raises(TypeError, match=r"^inst is 'real-size'; it must be an instrument, as tenodesis.load returns"):
-        S.output_angle("real-size", 0.1)  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match=r"^scaled_up is 'x'"):
-        tn.similarity.compare(real, "x")  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r"^inst is 3; it must be an instrument, its name or the path of its file\.$"):
+        S.output_angle(3, 0.1)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r"^scaled_up is None; it must be an instrument"):
+        tn.similarity.compare(real, None)  # type: ignore[arg-type]
+    with pytest.raises(InstrumentError, match=r"^x: there is no such file and no instrument of that name"):
+        tn.similarity.compare(real, "x")
     with pytest.raises(ValueError, match=r"^largest_force is '1 N'"):
         tn.similarity.compare(real, real, largest_force="1 N")  # type: ignore[arg-type]
 

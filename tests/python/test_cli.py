@@ -99,10 +99,10 @@ def test_a_command_that_is_not_there_is_answered_with_the_nearest(tenodesis: Run
     ("module", "extra", "words"),
     [
         ("viser", "live", ("console",)),
-        ("serial", "devices", ("devices", "test", "serial", "--instrument", "scaled-up", "--address", "/dev/null")),
+        ("serial", "devices", ("devices", "test", "scaled-up", "serial", "--address", "/dev/null")),
         ("typst", "design", ("scale", "real-size", "--combinations", "1000")),
         ("SALib", "design", ("tolerance", "real-size", "scaled-up", "--samples", "16")),
-        ("pandas", "tables", ("export", "recording", "run.mcap", "--to", "run.parquet")),
+        ("pandas", "tables", ("export", "recording", "run.mcap", "--out", "run.parquet")),
     ],
 )
 def test_a_command_without_its_extra_says_what_to_install(
@@ -203,3 +203,33 @@ def test_the_command_line_runs_from_a_shell(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert done.stderr.startswith("tenodesis: absent: there is no such file")
     assert "Traceback" not in done.stderr
+
+
+def test_version_and_short_help_are_there_by_every_way(tenodesis: Run) -> None:
+    assert tenodesis("--version")[:2] == (0, f"tenodesis {tn.__version__}\n")
+    assert CliRunner().invoke(app, ["--version"]).stdout == f"tenodesis {tn.__version__}\n"
+    assert tenodesis("-h")[1] == tenodesis("--help")[1]
+    assert "Usage: tenodesis check" in tenodesis("check", "-h")[1]
+
+
+def test_quiet_leaves_only_what_a_command_is_for(tenodesis: Run, tmp_path: Path) -> None:
+    (tmp_path / "short.toml").write_text('name = "short"\n[[phases]]\nkind = "hold"\nduration = "0.05 s"\n')
+    words = ("record", "scaled-up", "short.toml", "--out", "x.mcap", "--overwrite")
+    assert "The sensors resolve" in tenodesis(*words)[1]
+    for quiet in ((*words, "--quiet"), (*words, "-q"), ("--quiet", *words)):
+        code, said, wrong = tenodesis(*quiet)
+        assert (code, wrong) == (0, "")
+        assert said.splitlines() == [line for line in said.splitlines() if line.startswith("x.mcap: short on")]
+    assert "No such" in tenodesis("record", "absent", "short.toml", "--quiet")[2].replace("there is no such", "No such")
+    assert "The sensors resolve" in tenodesis(*words)[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [("rec", "record"), ("record --ove", "--overwrite"), ("export ", "urdf"), ("export urdf --o", "--out")],
+)
+def test_a_shell_completes_commands_and_options(words: str, expected: str) -> None:
+    given = f"tenodesis {words}"
+    place = len(given.split()) - (0 if given.endswith(" ") else 1)
+    shell = {"_TENODESIS_COMPLETE": "complete_bash", "COMP_WORDS": given, "COMP_CWORD": str(place)}
+    assert expected in CliRunner().invoke(app, [], env=shell, prog_name="tenodesis").stdout.split()

@@ -100,7 +100,7 @@ def test_options_choose_what_the_controller_is(tenodesis: Command, tmp_path: Pat
         (("scaled-up", "--name", "2nd"), "name is '2nd'; it must be letters, digits and underscores"),
         (("scaled-up", "--name", "static"), "name is 'static'; it must be"),
         (("scaled-up", "--name", "tenodesis_step"), "name is 'tenodesis_step'; it must be"),
-        (("scaled-up", "--out", "nowhere/x.h"), "nowhere/x.h cannot be written: No such file or directory"),
+        (("scaled-up", "--out", "nowhere/x.h"), "nowhere/x.h cannot be written: there is no folder nowhere"),
         (("scaled-up", "--out", "mine.h"), "mine.h exists already; give another path, or --overwrite"),
     ],
 )

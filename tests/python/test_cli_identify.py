@@ -14,7 +14,7 @@ import typer
 from typer.testing import CliRunner
 
 import tenodesis as tn
-from tenodesis.cli import identify
+from tenodesis.cli import common, identify
 from tenodesis.errors import CommandError
 from tenodesis.files import atomic_file, atomic_files
 from tenodesis.identification import FORMATS, Format, Parameter, Problem, Trace, report
@@ -119,7 +119,7 @@ def run(*arguments: object) -> Any:
 def test_a_run_is_identified_and_written_as_page_numbers_and_instrument(logs: list[Path], tmp_path: Path) -> None:
     out, numbers = tmp_path / "out", tmp_path / "deep" / "numbers.json"
     given = run(
-        logs[0], logs[1], "--test", logs[2], "--instrument", "real-size", "--out", out, "--json", numbers,
+        logs[0], logs[1], "--test", logs[2], "--instrument", "real-size", "--out", out, "--json-out", numbers,
         "--bootstrap", 40,
     )  # fmt: skip
     assert given.exit_code == 0, given.output
@@ -155,7 +155,7 @@ def test_only_what_fit_names_is_fitted_by_name_group_or_word(logs: list[Path], t
     assert fitted == ["tendon_stiffness", "encoder_offset"]
     assert not (tmp_path / "out" / "instrument.toml").exists()
     with pytest.raises(CommandError, match=r"--fit names 'mu', .* one of pretension, .* stiffness \(group\)"):
-        run(logs[0], "--fit", "mu", "--out", tmp_path / "out")
+        run(logs[0], "--fit", "mu", "--out", tmp_path / "out", "--overwrite")
 
 
 @pytest.mark.parametrize("linked", ["same", "hard", "soft"])
@@ -172,10 +172,10 @@ def test_an_input_is_never_written_over(logs: list[Path], tmp_path: Path, linked
         log = tmp_path / "soft.txt"
         log.symlink_to(logs[0])
     before = logs[0].read_bytes(), own.read_bytes()
-    with pytest.raises(CommandError, match=r"--json would write .*, which is an input"):
-        run(logs[0], "--json", log, "--out", tmp_path / "other")
-    with pytest.raises(CommandError, match=r"--json would write .*, which is an input"):
-        run(logs[1], "--test", logs[0], "--json", log, "--out", tmp_path / "other")
+    with pytest.raises(CommandError, match=r"--json-out would write .*, which is an input"):
+        run(logs[0], "--json-out", log, "--out", tmp_path / "other")
+    with pytest.raises(CommandError, match=r"--json-out would write .*, which is an input"):
+        run(logs[1], "--test", logs[0], "--json-out", log, "--out", tmp_path / "other")
     with pytest.raises(CommandError, match=r"--out would write .*instrument\.toml, which is an input"):
         run(logs[0], "--instrument", own, "--out", own.parent)
     assert (logs[0].read_bytes(), own.read_bytes()) == before
@@ -183,17 +183,17 @@ def test_an_input_is_never_written_over(logs: list[Path], tmp_path: Path, linked
 
 
 def test_two_outputs_are_never_one_file_and_none_is_a_folder(logs: list[Path], tmp_path: Path) -> None:
-    with pytest.raises(CommandError, match=r"--json would write .*result\.json, which --out writes"):
-        run(logs[0], "--out", tmp_path / "out", "--json", tmp_path / "out" / "result.json")
+    with pytest.raises(CommandError, match=r"--json-out would write .*result\.json, which --out writes"):
+        run(logs[0], "--out", tmp_path / "out", "--json-out", tmp_path / "out" / "result.json")
     with pytest.raises(CommandError, match="which is a folder"):
-        run(logs[0], "--out", tmp_path / "out", "--json", tmp_path)
+        run(logs[0], "--out", tmp_path / "out", "--json-out", tmp_path)
 
 
 def test_what_is_no_regular_file_is_never_replaced(logs: list[Path], tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     with pytest.raises(CommandError, match="pipe, which is no regular file; give the path of a file"):
-        run(logs[0], "--out", tmp_path / "out", "--json", pipe)
+        run(logs[0], "--out", tmp_path / "out", "--json-out", pipe)
     with pytest.raises(OSError, match="pipe is no regular file"), atomic_file(pipe) as new:
         new.write_text("")
     with pytest.raises(OSError, match="pipe is no regular file"), atomic_files(tmp_path) as folder:
@@ -229,9 +229,9 @@ def test_outputs_that_cannot_be_written_are_refused_before_the_fit(
 ) -> None:
     monkeypatch.setattr(identify, "fit", lambda *_, **__: pytest.fail("fitted before it asked"))
     for place in (logs[1] / "numbers.json", Path("/dev/null/numbers.json")):
-        with pytest.raises(CommandError, match=r"--json would write .*, which cannot be written: Not a directory"):
-            run(logs[0], "--out", tmp_path / "out", "--json", place)
-        with pytest.raises(CommandError, match=r"--out would write .*, which cannot be written: Not a directory"):
+        with pytest.raises(CommandError, match=r"numbers\.json cannot be written: Not a directory"):
+            run(logs[0], "--out", tmp_path / "out", "--json-out", place)
+        with pytest.raises(CommandError, match=r"numbers\.json cannot be written: Not a directory"):
             run(logs[0], "--out", place)
     assert not (tmp_path / "out").exists()
 
@@ -241,8 +241,8 @@ def test_nothing_is_written_inside_an_input(logs: list[Path], tmp_path: Path) ->
     bag.mkdir()
     with pytest.raises(CommandError, match=r"--out would write .*report\.html, which is inside the input .*bag"):
         run(bag, "--out", bag / "deep" / "out")
-    with pytest.raises(CommandError, match=r"--json would write .*, which is inside the input"):
-        run(logs[0], "--test", bag, "--out", tmp_path / "out", "--json", bag / "numbers.json")
+    with pytest.raises(CommandError, match=r"--json-out would write .*, which is inside the input"):
+        run(logs[0], "--test", bag, "--out", tmp_path / "out", "--json-out", bag / "numbers.json")
     assert list(bag.iterdir()) == []
 
 
@@ -350,3 +350,14 @@ def test_held_out_files_leave_parameters_alone(logs: list[Path], tmp_path: Path)
     one, other = (json.loads((tmp_path / name / "result.json").read_text()) for name in ("a", "b"))
     assert one["parameters"] == other["parameters"]
     assert one["test_rmse_N"] != other["test_rmse_N"]
+
+
+def test_on_eighty_columns_no_interval_breaks(
+    logs: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(common.console, "width", 80)
+    shown = run(logs[0], "--bootstrap", 40, "--out", tmp_path / "out").output
+    found = json.loads((tmp_path / "out" / "result.json").read_text())
+    rows = [line for line in shown.splitlines() if " … " in line]
+    assert len(rows) == sum(bool(one["fitted"]) for one in found["parameters"].values())
+    assert all(line.count(" … ") == 2 and len(line) <= 80 for line in rows)

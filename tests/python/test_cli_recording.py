@@ -16,6 +16,7 @@ import pytest
 from mcap_ros2.writer import Writer as StockWriter
 
 import tenodesis as tn
+from tenodesis.cli import common
 from tenodesis.live import recorder as live
 from tenodesis.recording import Recorder, Recording
 from tenodesis.run import Run
@@ -43,7 +44,7 @@ def protocol(tmp_path: Path) -> None:
 
 
 def test_record_info_replay_export(tenodesis: Command, tmp_path: Path) -> None:
-    code, out, _ = tenodesis("record", "short.toml", "--seed", "7")
+    code, out, _ = tenodesis("record", "scaled-up", "short.toml", "--seed", "7")
     assert code == 0
     resolved, said = out.splitlines()
     assert resolved.startswith("The sensors resolve ")
@@ -51,12 +52,12 @@ def test_record_info_replay_export(tenodesis: Command, tmp_path: Path) -> None:
     file = "recordings/short-scaled-up.mcap"
     code, out, _ = tenodesis("info", file, file)
     assert (code, out.count("scaled-up  ")) == (0, 2)
-    code, out, _ = tenodesis("replay", file, "--out", "again.mcap", "--plot", "again.svg")
+    code, out, _ = tenodesis("replay", file, "--out", "again.mcap", "--plot-out", "again.svg")
     assert code == 0
     assert out.splitlines()[0] == f"{file}: replayed bit by bit on scaled-up, 0.3 s, 600 rows."
     assert (tmp_path / "again.svg").read_text().count("<svg") == 1
     for name in ("run.csv", "run.parquet"):
-        code, out, _ = tenodesis("export", "recording", "again.mcap", "--to", name)
+        code, out, _ = tenodesis("export", "recording", "again.mcap", "--out", name)
         assert (code, out.startswith(f"{name}: 600 rows")) == (0, True)
     run = Recording.open(file).run
     assert run.output_angle is not None
@@ -65,8 +66,8 @@ def test_record_info_replay_export(tenodesis: Command, tmp_path: Path) -> None:
 
 
 def test_replay_on_another_instrument_prints_the_differences(tenodesis: Command, tmp_path: Path) -> None:
-    tenodesis("record", "short.toml", "--out", "run.mcap", "--time-step", "0.25 ms", "--quasi-static")
-    code, out, _ = tenodesis("replay", "run.mcap", "--instrument", EXAMPLES / "pulley.toml", "--plot", "x.png")
+    tenodesis("record", "scaled-up", "short.toml", "--out", "run.mcap", "--time-step", "0.25 ms", "--quasi-static")
+    code, out, _ = tenodesis("replay", "run.mcap", "--instrument", EXAMPLES / "pulley.toml", "--plot-out", "x.png")
     assert code == 0
     assert "bit by bit" not in out
     for word in ("output_angle.yaw", "deg", "tension.yaw.antagonist", "N"):
@@ -75,15 +76,15 @@ def test_replay_on_another_instrument_prints_the_differences(tenodesis: Command,
 
 
 def test_both_axes_or_one_are_recorded(tenodesis: Command) -> None:
-    assert tenodesis("record", "short.toml", "real-size")[0] == 0
-    assert tenodesis("record", "short.toml", "real-size", "--axis", "pitch", "--out", "pitch.mcap")[0] == 0
+    assert tenodesis("record", "real-size", "short.toml")[0] == 0
+    assert tenodesis("record", "real-size", "short.toml", "--axis", "pitch", "--out", "pitch.mcap")[0] == 0
     assert Recording.open("recordings/short-real-size.mcap").run.axes == ("yaw", "pitch")
     assert Recording.open("pitch.mcap").run.axes == ("pitch",)
-    assert "bit by bit" in tenodesis("replay", "recordings/short-real-size.mcap", "--plot", "both.png")[1]
+    assert "bit by bit" in tenodesis("replay", "recordings/short-real-size.mcap", "--plot-out", "both.png")[1]
 
 
 def test_a_truncated_recording_is_shown_replayed_and_exported(tenodesis: Command, tmp_path: Path) -> None:
-    tenodesis("record", "short.toml", "--out", "run.mcap")
+    tenodesis("record", "scaled-up", "short.toml", "--out", "run.mcap")
     data = (tmp_path / "run.mcap").read_bytes()
     (tmp_path / "run.mcap").write_bytes(data[: len(data) * 9 // 10])
     assert "is read up to" in tenodesis("info", "run.mcap")[1]
@@ -91,14 +92,14 @@ def test_a_truncated_recording_is_shown_replayed_and_exported(tenodesis: Command
     assert code == 0
     assert "run.mcap is read up to" in out
     assert "bit by bit" in out
-    assert tenodesis("export", "recording", "run.mcap", "--to", "run.csv")[0] == 0
+    assert tenodesis("export", "recording", "run.mcap", "--out", "run.csv")[0] == 0
 
 
 @pytest.mark.slow
 def test_a_controller_is_recorded_shown_and_replayed(tenodesis: Command, tmp_path: Path) -> None:
     (tmp_path / "slack.toml").write_text(PROTOCOL.replace("[[phases]]", '[[phases]]\nkind = "pretension"\n[[phases]]'))
     choices = ("--law", "robust", "--observer", "friction", "--actuation", "differential")
-    code, out, _ = tenodesis("record", "slack.toml", *choices, "--out", "run.mcap")
+    code, out, _ = tenodesis("record", "scaled-up", "slack.toml", *choices, "--out", "run.mcap")
     assert code == 0
     said = out.splitlines()[1:]
     assert said[0].startswith("run.mcap: short on scaled-up, ")
@@ -113,14 +114,24 @@ def test_a_controller_is_recorded_shown_and_replayed(tenodesis: Command, tmp_pat
         assert any(row.split(maxsplit=1)[:1] == [about] and fact in row for row in out.splitlines())
     code, out, _ = tenodesis("replay", "run.mcap")
     assert (code, "replayed bit by bit on scaled-up" in out) == (0, True)
-    assert tenodesis("export", "recording", "run.mcap", "--to", "run.csv")[0] == 0
+    assert tenodesis("export", "recording", "run.mcap", "--out", "run.csv")[0] == 0
     assert "estimated_force.yaw [N]" in pd.read_csv("run.csv").columns
 
 
 def test_a_controller_may_be_told_another_instrument(tenodesis: Command, tmp_path: Path) -> None:
     text = (ROOT / "instruments" / "scaled-up.toml").read_text("utf-8")
     (tmp_path / "told.toml").write_text(text.replace("stiffness_ratio = 0.85", "").replace("50 GPa", "42.5 GPa"))
-    tenodesis("record", "short.toml", "--law", "robust", "--controller-instrument", "told.toml", "--out", "run.mcap")
+    tenodesis(
+        "record",
+        "scaled-up",
+        "short.toml",
+        "--law",
+        "robust",
+        "--controller-instrument",
+        "told.toml",
+        "--out",
+        "run.mcap",
+    )
     assert "made for another instrument (scaled-up)" in tenodesis("info", "run.mcap")[1]
     assert "bit by bit" in tenodesis("replay", "run.mcap")[1]
     assert Recording.open("run.mcap").metadata["controller_instrument"].count("42500000000.0")
@@ -129,7 +140,7 @@ def test_a_controller_may_be_told_another_instrument(tenodesis: Command, tmp_pat
 def test_a_replay_on_another_instrument_keeps_what_its_controller_was_told(tenodesis: Command, tmp_path: Path) -> None:
     text = (ROOT / "instruments" / "scaled-up.toml").read_text("utf-8")
     (tmp_path / "soft.toml").write_text(text.replace("50 GPa", "40 GPa"))
-    tenodesis("record", "short.toml", "--law", "exact", "--observer", "exact")
+    tenodesis("record", "scaled-up", "short.toml", "--law", "exact", "--observer", "exact")
     file = "recordings/short-scaled-up-exact.mcap"
     code, out, _ = tenodesis("replay", file, "--instrument", "soft.toml", "--out", "again.mcap")
     assert code == 0
@@ -139,9 +150,9 @@ def test_a_replay_on_another_instrument_keeps_what_its_controller_was_told(tenod
 
 def test_a_controller_of_both_axes_or_of_one(tenodesis: Command) -> None:
     told = ("--law", "robust", "--controller-instrument", "real-size")
-    code, out, _ = tenodesis("record", "short.toml", "real-size", *told, "--out", "both.mcap")
+    code, out, _ = tenodesis("record", "real-size", "short.toml", *told, "--out", "both.mcap")
     assert (code, "; pitch " in out) == (0, True)
-    assert tenodesis("record", "short.toml", "real-size", *told, "--axis", "pitch", "--out", "pitch.mcap")[0] == 0
+    assert tenodesis("record", "real-size", "short.toml", *told, "--axis", "pitch", "--out", "pitch.mcap")[0] == 0
     for file in ("both.mcap", "pitch.mcap"):
         assert "bit by bit" in tenodesis("replay", file)[1]
 
@@ -169,7 +180,7 @@ def test_a_controller_of_both_axes_or_of_one(tenodesis: Command) -> None:
 def test_a_controller_that_cannot_be_is_refused_in_a_sentence(
     tenodesis: Command, tmp_path: Path, options: tuple[str, ...], sentence: str
 ) -> None:
-    code, _, err = tenodesis("record", "short.toml", *options, "--out", "run.mcap")
+    code, _, err = tenodesis("record", "scaled-up", "short.toml", *options, "--out", "run.mcap")
     assert code == 1
     assert sentence in err
     assert len(err.strip().splitlines()) == 1
@@ -179,36 +190,48 @@ def test_a_controller_that_cannot_be_is_refused_in_a_sentence(
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (("record", "absent"), "absent: there is no such file and no protocol of that name"),
-        (("record", "short.toml", "absent"), "absent: there is no such file and no instrument of that name"),
-        (("record", "far.toml"), "amplitude is 60 deg; it must be within the handle's range"),
+        (("record", "scaled-up", "absent"), "absent: there is no such file and no protocol of that name"),
+        (("record", "absent", "short.toml"), "absent: there is no such file and no instrument of that name"),
+        (("record", "scaled-up", "far.toml"), "amplitude is 60 deg; it must be within the handle's range"),
         (
-            ("record", "short.toml", "--out", "nowhere/run.mcap"),
+            ("record", "scaled-up", "short.toml", "--out", "nowhere/run.mcap"),
             "nowhere/run.mcap cannot be written: there is no folder",
         ),
-        (("record", "short.toml", "--out", "run.mcap"), "run.mcap exists already; give another path, or --over"),
-        (("record", "short.toml", "--time-step", "0.5"), "--time-step = '0.5': it has no unit"),
-        (("record", "short.toml", "--time-step", "1 s", "--out", "x.mcap"), "time_step is 1 s; it must be at most"),
-        (("record", "short.toml", "--seed", "-1", "--out", "x.mcap"), "seed is -1; it must be an integer"),
-        (("record", "short.toml", "--axis", "pitch"), "scaled-up has no axis 'pitch'; it has yaw"),
+        (
+            ("record", "scaled-up", "short.toml", "--out", "run.mcap"),
+            "run.mcap exists already; give another path, or --over",
+        ),
+        (("record", "scaled-up", "short.toml", "--time-step", "0.5"), "--time-step = '0.5': it has no unit"),
+        (
+            ("record", "scaled-up", "short.toml", "--time-step", "1 s", "--out", "x.mcap"),
+            "time_step is 1 s; it must be at most",
+        ),
+        (("record", "scaled-up", "short.toml", "--seed", "-1", "--out", "x.mcap"), "seed is -1; it must be an integer"),
+        (("record", "scaled-up", "short.toml", "--axis", "pitch"), "scaled-up has no axis 'pitch'; it has yaw"),
         (("info", "absent.mcap"), "absent.mcap cannot be read: there is no such file"),
         (("info", "far.toml"), "far.toml is no MCAP file"),
         (("info", "other.mcap"), "other.mcap contains no topic of a recording"),
         (("replay", "other.mcap"), "other.mcap contains no topic of a recording"),
-        (("replay", "run.mcap", "--out", "run.mcap"), "run.mcap exists already"),
         (
-            ("replay", "run.mcap", "--plot", "x.gif"),
-            "x.gif has the extension '.gif'; it must be one of .png, .svg, .pdf",
+            ("replay", "run.mcap", "--out", "run.mcap"),
+            "--out would write run.mcap, which is an input; give another path.",
         ),
-        (("replay", "run.mcap", "--plot", "nowhere/x.png"), "nowhere/x.png cannot be written: No such file"),
+        (
+            ("replay", "run.mcap", "--plot-out", "x.gif"),
+            "x.gif: --plot-out writes a figure, whose name must end in .png or .svg or .pdf.",
+        ),
+        (
+            ("replay", "run.mcap", "--plot-out", "nowhere/x.png"),
+            "nowhere/x.png cannot be written: there is no folder nowhere",
+        ),
         (("replay", "run.mcap", "--instrument", "real-size"), "the instrument must have the same"),
         (
-            ("export", "recording", "run.mcap", "--to", "x.xls"),
-            "x.xls has the extension '.xls'; it must be one of .csv, .par",
+            ("export", "recording", "run.mcap", "--out", "x.xls"),
+            "x.xls: --out writes a CSV table or a Parquet table, whose name must end in .csv or .par",
         ),
-        (("export", "recording", "run.mcap", "--to", "nowhere/x.csv"), "nowhere/x.csv cannot be written"),
+        (("export", "recording", "run.mcap", "--out", "nowhere/x.csv"), "nowhere/x.csv cannot be written"),
         (
-            ("record", "heavy.toml", "--out", "x.mcap", "--quasi-static"),
+            ("record", "scaled-up", "heavy.toml", "--out", "x.mcap", "--quasi-static"),
             "x.mcap holds the run up to there, 1 s, 2000",
         ),
     ],
@@ -216,7 +239,7 @@ def test_a_controller_that_cannot_be_is_refused_in_a_sentence(
 def test_a_mistake_ends_in_one_sentence(
     tenodesis: Command, tmp_path: Path, arguments: tuple[str, ...], sentence: str
 ) -> None:
-    tenodesis("record", "short.toml", "--out", "run.mcap")
+    tenodesis("record", "scaled-up", "short.toml", "--out", "run.mcap")
     (tmp_path / "far.toml").write_text(PROTOCOL.replace("15 deg", "60 deg"))
     (tmp_path / "heavy.toml").write_text(
         'name = "heavy"\nphases = [{kind = "hold", duration = "1 s"}, '
@@ -236,16 +259,16 @@ def test_a_mistake_ends_in_one_sentence(
 
 def test_an_existing_recording_is_replaced_when_asked(tenodesis: Command, tmp_path: Path) -> None:
     (tmp_path / "run.mcap").write_text("mine")
-    assert tenodesis("record", "short.toml", "--out", "run.mcap")[0] == 1
+    assert tenodesis("record", "scaled-up", "short.toml", "--out", "run.mcap")[0] == 1
     assert (tmp_path / "run.mcap").read_text() == "mine"
-    assert tenodesis("record", "short.toml", "--out", "run.mcap", "--overwrite")[0] == 0
+    assert tenodesis("record", "scaled-up", "short.toml", "--out", "run.mcap", "--overwrite")[0] == 0
     assert len(Recording.open("run.mcap").run) == 600
 
 
 def test_an_export_without_pandas_says_what_to_install(tenodesis: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    tenodesis("record", "short.toml", "--out", "run.mcap")
+    tenodesis("record", "scaled-up", "short.toml", "--out", "run.mcap")
     monkeypatch.setitem(sys.modules, "pandas", None)
-    code, _, err = tenodesis("export", "recording", "run.mcap", "--to", "run.parquet")
+    code, _, err = tenodesis("export", "recording", "run.mcap", "--out", "run.parquet")
     assert code == 1
     assert "pip install 'tenodesis[tables]'" in err
 
@@ -302,7 +325,7 @@ def test_info_tells_the_events_faults_and_gaps_of_a_live_recording(tenodesis: Co
 def test_info_of_a_recording_broken_off_says_so_and_of_one_that_is_not_live_nothing(
     tenodesis: Command, tmp_path: Path
 ) -> None:
-    tenodesis("record", "short.toml", "--out", "run.mcap")
+    tenodesis("record", "scaled-up", "short.toml", "--out", "run.mcap")
     assert "in force" not in tenodesis("info", "run.mcap")[1]
     metadata = {"mode": "live"}
     with Recorder(tmp_path / "live.mcap", axes=("yaw",), metadata=metadata) as recorder:
@@ -321,17 +344,28 @@ def test_info_of_a_recording_broken_off_says_so_and_of_one_that_is_not_live_noth
 @pytest.mark.process
 def test_ctrl_c_leaves_a_readable_recording_and_says_so(tmp_path: Path) -> None:
     (tmp_path / "long.toml").write_text('name = "long"\n[[phases]]\nkind = "hold"\nduration = "3000 s"\n')
-    command = [sys.executable, "-m", "tenodesis.cli", "record", "long.toml", "--out", "run.mcap"]
+    command = [sys.executable, "-m", "tenodesis.cli", "record", "scaled-up", "long.toml", "--out", "run.mcap"]
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     while not ((tmp_path / "run.mcap").exists() and (tmp_path / "run.mcap").stat().st_size > 100_000):
         time.sleep(0.02)
         assert process.poll() is None
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
-    assert process.returncode == 1
+    assert process.returncode == 130
     recording = Recording.open(tmp_path / "run.mcap")
     assert recording.damage is None
     assert err.strip() == (
         f"tenodesis: interrupted; run.mcap holds the run up to there, {recording.run.time[-1]:.6g} s, "
         f"{len(recording.run)} rows."
     )
+
+
+def test_on_eighty_columns_nothing_is_cut_off(
+    tenodesis: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tenodesis("record", "scaled-up", "short.toml", "--law", "robust", "--out", "run.mcap")
+    monkeypatch.setattr(common.console, "width", 80)
+    shown = tenodesis("info", "run.mcap")[1]
+    assert "…" not in shown
+    assert "sensor_msgs/msg/JointState" in shown
+    assert max(map(len, shown.splitlines())) <= 80

@@ -44,7 +44,7 @@ def test_a_workshop_gets_an_instrument_file_a_plan_and_the_front(tenodesis: Comm
     assert float(taken["overall length [mm]"]) == pytest.approx(1e3 * inst.overall_length)
     assert (folder / "plan.pdf").read_bytes().startswith(b"%PDF")
     assert tenodesis("check", "prototype/scaled-up.toml")[0] == 0
-    assert tenodesis("record", "cycles", "prototype/scaled-up.toml", "--quasi-static")[0] == 0
+    assert tenodesis("record", "prototype/scaled-up.toml", "cycles", "--quasi-static")[0] == 0
 
 
 @pytest.mark.slow
@@ -141,8 +141,9 @@ def test_a_folder_that_cannot_be_written_is_told(tenodesis: Command, tmp_path: P
 
 def test_schemas_of_every_kind_of_file_are_printed(tenodesis: Command) -> None:
     assert json.loads(tenodesis("schema")[1])["title"] == "Tenodesis instrument"
+    assert json.loads(tenodesis("schema", "protocol")[1])["title"] == "Tenodesis protocol"
     assert json.loads(tenodesis("schema", "catalogue")[1])["title"] == "Tenodesis catalogue"
     assert "olerance" in json.loads(tenodesis("schema", "tolerances")[1])["title"]
     code, _, wrong = tenodesis("schema", "car")
     assert code == 2
-    assert "'car' is not one of 'instrument', 'catalogue', 'tolerances'" in wrong
+    assert "'car' is not one of 'instrument', 'protocol', 'catalogue', 'tolerances'" in wrong

@@ -227,7 +227,7 @@ def test_a_test_by_command_tells_all_and_fails_by_its_exit_code(
             return measured
 
     monkeypatch.setattr(registry, "make", lambda name, inst, address: Quick(inst, EVEN))
-    result = CliRunner().invoke(app, ["devices", "test", "canopen"], env={"COLUMNS": "200"})
+    result = CliRunner().invoke(app, ["devices", "test", "real-size", "canopen"], env={"COLUMNS": "200"})
     assert result.exit_code == 1
     for told in ("2001 measurements", "interval, p50", "0.5 ms", "rate", "losses", "The script has ended."):
         assert told in result.output

@@ -89,6 +89,19 @@ def test_drives_stop_by_themselves_once_this_computer_falls_silent(
         stops(device, bench, "emergency: 0x8130|not operational|in state", lambda: tick(device, clock))
 
 
+def test_where_a_motor_does_not_obey_all_drives_lose_their_voltage(inst: Instrument) -> None:
+    with served(inst) as (device, bench, clock):
+        tick(device, clock)
+        tick(device, clock)
+        assert moves(bench)
+        device.cut_power()
+        assert until(lambda: {drive.state for drive in bench.drives.values()} == {"switch on disabled"})
+        # The first word to each drive takes its voltage: no stop comes before that.
+        assert all("quick stop active" not in str(drive.log) for drive in bench.drives.values())
+        with pytest.raises(DeviceError, match="is not open"):
+            tick(device, clock)
+
+
 def test_reading_alone_does_not_keep_motors_going(inst: Instrument) -> None:
     with served(inst) as (device, bench, clock):
         tick(device, clock)

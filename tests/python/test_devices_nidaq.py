@@ -329,7 +329,8 @@ class FakeNi:
             AnalogMultiChannelWriter=checked(writers.AnalogMultiChannelWriter, "__init__", lambda _, auto_start: writer)
         )
         kind = nidaqmx.system.WatchdogTask
-        methods = ("cfg_watchdog_ao_expir_states", "control", "stop", "close", "reset_timer")
+        states = ("cfg_watchdog_ao_expir_states", "cfg_watchdog_do_expir_states")
+        methods = (*states, "control", "stop", "close", "reset_timer")
         self.watchdog = SimpleNamespace(**{name: checked(kind, name) for name in methods})
         self.watchdog.start = checked(kind, "start", lambda: self.log.append("start watchdog"))
 
@@ -439,6 +440,21 @@ def test_a_watchdog_is_armed_where_there_is_one(settings: NiDaq) -> None:
     assert ni.watchdog.start.called
     tasks.write(np.zeros(2), 1)
     assert ni.watchdog.reset_timer.called
+
+
+def test_a_relay_gives_motors_their_supply_only_while_the_bench_is_open(inst: Instrument, settings: NiDaq) -> None:
+    for cut in (False, True):
+        ni = FakeNi()
+        device = NiDaqDevice(inst, settings, tasks=ni_tasks(settings, ni, relay="port0/line4"))
+        device.open()
+        relay = ni.tasks[-1]
+        assert [call.args[0] for call in relay.do_channels.add_do_chan.call_args_list] == ["Dev2/port0/line4"]
+        assert [call.args[0] for call in relay.write.call_args_list] == [True]
+        (states,) = ni.watchdog.cfg_watchdog_do_expir_states.call_args.args
+        assert [(one.physical_channel, one.expiration_state.name) for one in states] == [("Dev2/port0/line4", "LOW")]
+        (device.cut_power if cut else device.close)()
+        assert relay.write.call_args.args[0] is False
+        assert relay.close.called and all(task.close.called for task in ni.tasks)
 
 
 @pytest.mark.parametrize("ill", ["none", "unfit"])

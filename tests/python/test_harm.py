@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import tenodesis as tn
+from tenodesis.control import Controller
 from tenodesis.instrument import Instrument
 from tenodesis.run import Run
 from tenodesis.simulate import FaultInjection
@@ -112,6 +113,23 @@ def test_the_partner_of_a_motor_that_runs_away_goes_along(inst: Instrument, side
     spools = harm.run_on(case, (fault,)).between(harm.FAULT + outcome.seconds)["spool_angle"]
     moved = spools[round(0.1 / TIME_STEP)] - spools[0]
     assert moved[1 - SIDES.index(side)] / np.sign(speed) > 0.1
+
+
+@pytest.mark.parametrize("obeys", [True, False])
+def test_a_motor_that_does_not_obey_demands_that_the_supply_be_cut(inst: Instrument, obeys: bool) -> None:
+    controller = Controller(inst)
+    tension = inst.pretension
+    turned = 0.0
+    demands = []
+    for tick in range(400):
+        turned += 0.0 if obeys else 2.0 * TIME_STEP
+        noise = 0.01 * (-1) ** tick
+        out = controller.step(
+            tick * TIME_STEP, 0.0, tensions=[tension + noise, tension - noise], spool_angles=[turned, 0.0]
+        )
+        demands.append(out.cut_power)
+    assert demands[-1] is not obeys
+    assert not any(demands[: round(0.05 / TIME_STEP)])
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import tenodesis as tn
+from tenodesis import units
 from tenodesis.instrument import Continuum, Instrument, TendonGear, json_schema
 
 from .conftest import EXAMPLES, ROOT, refused
@@ -230,3 +231,11 @@ def test_the_schema_has_every_key() -> None:
     assert "tendon_stiffness" in kinds["TendonGear"]["properties"]
     assert kinds["Continuum"]["properties"]["backbone_rigidity"]["examples"] == ["2e-4 N*m^2"]
     assert json.loads(json.dumps(schema)) == schema
+
+
+@pytest.mark.parametrize("text", units._FACTORS)
+def test_usual_units_have_the_factors_that_pint_has(text: str) -> None:
+    unit, factor = units._FACTORS[text]
+    pint = units._units()
+    for number in (1.0, 0.3, 7.77e-3):
+        assert number * factor == float(pint.Quantity(number, text).to(unit).magnitude)

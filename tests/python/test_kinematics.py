@@ -2,6 +2,9 @@
 
 import itertools
 import re
+import shutil
+import subprocess
+import sys
 from importlib import resources
 from pathlib import Path
 from xml.etree import ElementTree
@@ -290,8 +293,8 @@ def test_what_is_no_posture_or_no_instrument_is_named():
     with pytest.raises(TypeError, match=r"near is .*; it must be a Posture\."):
         km.inverse(REAL, *tip, near=(0.0, 0.0))
     for call in (km.dimensions, km.limits, km.workspace, km.urdf, km.mjcf, lambda inst: km.inverse(inst, *tip)):
-        with pytest.raises(TypeError, match=r"inst is 'real-size'; it must be an instrument"):
-            call("real-size")
+        with pytest.raises(TypeError, match=r"inst is 3; it must be an instrument"):
+            call(3)
     with refused("pan", "far"):
         km.within_limits(REAL, km.Posture(pan="far"))
     assert km.within_limits(REAL, km.Posture(pan=np.nan)) is False
@@ -405,6 +408,50 @@ def test_every_instrument_that_is_shipped_makes_models_that_load(name, axes):
     model = mujoco.MjModel.from_xml_string(km.mjcf(inst))
     assert {model.joint(n).name for n in range(model.njnt)} == joints
     assert set(pinocchio.buildModelFromXML(km.urdf(inst)).names) - {"universe"} == joints
+
+
+@every_instrument
+def test_the_urdf_loads_in_mujoco_and_pinocchio_with_the_same_masses(inst):
+    mujoco, pinocchio = pytest.importorskip("mujoco"), pytest.importorskip("pinocchio")
+    text = km.urdf(inst)
+    theirs, other = mujoco.MjModel.from_xml_string(text), pinocchio.buildModelFromXML(text)
+    assert {theirs.joint(n).name for n in range(theirs.njnt)} == set(other.names) - {"universe"}
+    data = mujoco.MjData(theirs)
+    mujoco.mj_forward(theirs, data)
+    full = np.zeros((theirs.nv, theirs.nv))
+    mujoco.mj_fullM(theirs, data, full)
+    ours = pinocchio.crba(other, other.createData(), np.zeros(other.nq))
+    ours = np.triu(ours) + np.triu(ours, 1).T
+    order = [other.joints[other.getJointId(theirs.joint(n).name)].idx_v for n in range(theirs.njnt)]
+    np.testing.assert_allclose(full, ours[np.ix_(order, order)], rtol=1e-6, atol=1e-10)
+
+
+@pytest.mark.process
+@every_instrument
+def test_the_urdf_is_read_by_the_parser_of_ros(inst, tmp_path):
+    check = shutil.which("check_urdf", path=str(Path(sys.executable).parent)) or shutil.which("check_urdf")
+    if check is None:
+        pytest.skip("check_urdf is not installed")
+    (tmp_path / "inst.urdf").write_text(km.urdf(inst), "utf-8")
+    done = subprocess.run([check, tmp_path / "inst.urdf"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "Successfully Parsed XML" in done.stdout
+
+
+@every_instrument
+def test_tip_and_handle_of_the_urdf_have_the_inertias_of_the_file(inst):
+    pinocchio = pytest.importorskip("pinocchio")
+    wanted = {"": ("tip_inertia", 3.3e-6), "handle_": ("hand_inertia", 4.4e-4)}
+    model = pinocchio.buildModelFromXML(
+        km.urdf(inst.replace(**{f"dynamics.{key}": one for key, one in wanted.values()}))
+    )
+    full = pinocchio.crba(model, model.createData(), np.zeros(model.nq))
+    full = np.triu(full) + np.triu(full, 1).T
+    for end, (_, inertia) in wanted.items():
+        halves = [model.joints[model.getJointId(f"{end}{inst.axes[-1]}_{half}")].idx_v for half in ("carrier", "far")]
+        turning = np.zeros(model.nv)
+        turning[halves] = 0.5
+        assert turning @ full @ turning == pytest.approx(inertia, rel=1e-2)
 
 
 @pytest.mark.parametrize("name", ["real-size", "scaled-up", "pulley"])

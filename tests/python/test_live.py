@@ -288,7 +288,7 @@ class Bench:
     def __init__(self, inst=INST, rate=200.0):
         self.twin = Twin(inst, seed=1)
         self.inst, self.rate = inst, rate
-        self.commands, self.closed = [], False
+        self.commands, self.closed, self.cut = [], False, False
         self.mode = "well"
         self.speed = np.zeros(2)
         self.time = 0
@@ -307,7 +307,8 @@ class Bench:
         if self.mode == "broken":
             raise DeviceError("the cable is out; put it in.")
         time.sleep(1 / self.rate)
-        run = self.twin.run(np.zeros(10), spool_velocity=self.speed)
+        turning = np.array([1.0, self.speed[1]]) if self.mode == "runaway" else self.speed
+        run = self.twin.run(np.zeros(10), spool_velocity=turning)
         self.time += 5_000_000 if self.mode != "past" else -5_000_000
         tension = run.measured_tension[-1] if self.mode != "nan" else np.full(2, np.nan)
         return Measurement(
@@ -325,6 +326,10 @@ class Bench:
     def close(self):
         self.speed = np.zeros(2)
         self.closed = True
+
+    def cut_power(self):
+        self.cut = True
+        self.close()
 
 
 def slow_rate(inst=INST):
@@ -378,6 +383,22 @@ def test_a_device_that_fails_moves_no_motor_and_is_named(tmp_path, mode):
         names = [name for n, name in enumerate(tn.control.FAULTS) if mask >> n & 1]
         assert {"past": "tick_late", "nan": "not_a_number"}[mode] in names
     assert run.output_angle is None
+
+
+def test_a_motor_that_does_not_obey_loses_its_supply(tmp_path):
+    bench = Bench(slow_rate())
+    loop = looped(tmp_path, slow_rate(), device=bench, late_bound=0.5)
+    reader = Reader(tmp_path)
+    loop.start()
+    until(lambda: reader.written > 50)
+    set_moving(loop, bench)
+    bench.mode = "runaway"
+    until(lambda: bench.cut)
+    until(lambda: loop.problem is not None)
+    loop.finish()
+    assert bench.closed and "the supply of all motors was cut" in loop.problem
+    run, _ = reader.read(10**5)
+    assert int(np.nan_to_num(run.faults[-1])) >> tn.control.FAULTS.index("motor_not_following") & 1
 
 
 def test_a_device_is_closed_when_its_loop_cannot_be_made(tmp_path):

@@ -13,7 +13,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.live.protocol_feed import Player
 from tenodesis.live.status import ProtocolState, ProtocolStatus
 from tenodesis.run import Array, concatenate
-from tenodesis.simulate import Cycles, Pretension, Protocol, Ramp, StepLoad
+from tenodesis.simulate import Chirp, Cycles, Motion, Pretension, Protocol, Ramp, StepLoad
 
 from .live_loop import TURN, LiveLoop
 
@@ -70,6 +70,22 @@ def test_the_loop_is_commanded_what_was_planned_tick_by_tick(loop: LiveLoop) -> 
     playing.advance()
     playing.cancel()
     assert len(loop.runs) == before
+
+
+def test_chirps_load_steps_and_joined_motions_are_commanded_as_planned(loop: LiveLoop) -> None:
+    data = "time,angle\n0,0\n0.2,4\n0.4,8\n"
+    protocol = Protocol(
+        name="swept",
+        phases=(
+            Chirp(amplitude=0.1, start_frequency=5, end_frequency=10, duration=0.6, load_steps=[{"force": 0.5}]),
+            Chirp(force_amplitude=0.2, start_frequency=5, end_frequency=10, duration=0.4),
+            Motion(data=data, angle_unit="deg"),
+            Motion(data=data, angle_unit="deg", offset="8 deg"),
+        ),
+    )
+    turns(player(loop, protocol), loop)
+    rows = planned(protocol, loop)
+    assert (commanded(loop)[TURN : TURN + len(rows)] == rows).all()
 
 
 def test_the_tip_does_what_it_does_offline(loop: LiveLoop, scaled: Instrument) -> None:

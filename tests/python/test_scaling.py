@@ -302,8 +302,8 @@ def test_an_incomplete_catalogue_is_refused_by_what_it_lacks() -> None:
     for key, message in (("ropes", "ropes"), ("load_cells", "load cells"), ("weights", "weights")):
         with pytest.raises(DesignError, match=f"has no {message}"):
             scaling.design(tn.load("real-size"), parts.model_copy(update={key: ()}))
-    with pytest.raises(TypeError, match="real_size is 'real-size'; it must be an instrument"):
-        scaling.design("real-size")  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="real_size is 3; it must be an instrument"):
+        scaling.design(3)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="combinations is 0"):
         scaling.design(tn.load("real-size"), combinations=0)
 

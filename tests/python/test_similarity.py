@@ -166,8 +166,6 @@ def test_what_cannot_be_compared_is_refused(real: TendonGear, pulley: Instrument
             tn.similarity.compare(real, narrow)
     with pytest.raises(ValueError, match="largest_force is -1"):
         tn.similarity.compare(real, real, largest_force=-1)
-    with pytest.raises(TypeError, match="scaled_up is 'scaled-up'"):
-        tn.similarity.compare(real, "scaled-up")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="measure is 'mean'"):
         tn.similarity.compare(real, real).best_force_factor("mean")  # type: ignore[arg-type]
 

@@ -377,7 +377,7 @@ def command(monkeypatch: pytest.MonkeyPatch, *words: str) -> Result:
 
 
 def test_the_command_writes_both_files_and_reports_the_factors(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    done = command(monkeypatch, "log.mcap", "--to", "real-size", "--instrument-out", "rubbing.toml")
+    done = command(monkeypatch, "real-size", "log.mcap", "--instrument-out", "rubbing.toml")
     assert done.exit_code == 0
     for words in (
         "force 2.8802 force",
@@ -393,7 +393,7 @@ def test_the_command_writes_both_files_and_reports_the_factors(folder: Path, mon
     rubbing = tn.load("rubbing.toml")
     assert rubbing.axes == ("yaw", "pitch")
     assert rubbing.sources["friction"] == "transferred from scaled-up (log.mcap)"
-    again = command(monkeypatch, "log.mcap", "--to", "rubbing.toml", "--out", "again.mcap", "--scaled-up", "scaled-up")
+    again = command(monkeypatch, "rubbing.toml", "log.mcap", "--out", "again.mcap", "--scaled-up", "scaled-up")
     assert again.exit_code == 0
     assert "warning: scaled-up has mismatch.stiffness_ratio 0.85" in again.output
 
@@ -401,24 +401,30 @@ def test_the_command_writes_both_files_and_reports_the_factors(folder: Path, mon
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["no.mcap", "--to", "real-size"], "no.mcap cannot be read: there is no such file."),
-        (["log.mcap", "--to", "no.toml"], "no.toml: there is no such file"),
-        (["log.mcap", "--to", "pulley.toml"], "scaled-up has joint_type tendon-gear"),
-        (["log.mcap", "--to", "real-size", "--time-factor", "0"], "time_factor is 0.0; it must be a number above 0."),
-        (["log.mcap", "--to", "real-size", "--out", "pulley.toml"], "pulley.toml exists already; give another"),
-        (["log.mcap", "--to", "real-size", "--instrument-out", "pulley.toml"], "pulley.toml exists already; give"),
-        (["log.mcap", "--to", "real-size", "--out", "log.mcap", "--overwrite"], "--out is log.mcap, which is an input"),
-        (["log.mcap", "--to", "real-size", "--out", "x", "--instrument-out", "x"], "--instrument-out is x, which is"),
-        (["log.mcap", "--to", "real-size", "--out", "no/x.mcap"], "--out is no/x.mcap, but there is no folder no; "),
-        (["log.mcap", "--to", "real-size", "--instrument-out", "no/x.toml"], "--instrument-out is no/x.toml, but"),
-        (["log.mcap", "--to", "real-size", "--out", "into", "--overwrite"], "--out is into, which is a folder;"),
+        (["real-size", "no.mcap"], "no.mcap cannot be read: there is no such file."),
+        (["no.toml", "log.mcap"], "no.toml: there is no such file"),
+        (["pulley.toml", "log.mcap"], "scaled-up has joint_type tendon-gear"),
+        (["real-size", "log.mcap", "--time-factor", "0"], "time_factor is 0.0; it must be a number above 0."),
+        (["real-size", "log.mcap", "--out", "pulley.toml"], "pulley.toml: --out writes an MCAP recording, whose"),
+        (["real-size", "log.mcap", "--instrument-out", "pulley.toml"], "pulley.toml exists already; give"),
+        (
+            ["real-size", "log.mcap", "--out", "log.mcap", "--overwrite"],
+            "--out would write log.mcap, which is an input",
+        ),
+        (["real-size", "log.mcap", "--out", "log.mcap"], "--out would write log.mcap, which is an input"),
+        (["real-size", "log.mcap", "--out", "no/x.mcap"], "no/x.mcap cannot be written: there is no folder no."),
+        (
+            ["real-size", "log.mcap", "--instrument-out", "no/x.toml"],
+            "no/x.toml cannot be written: there is no folder no.",
+        ),
+        (["real-size", "log.mcap", "--out", "into.mcap", "--overwrite"], "--out would write into.mcap, which is a f"),
     ],
 )
 def test_mistakes_end_in_one_sentence_and_leave_inputs_alone(
     folder: Path, pulley: Instrument, monkeypatch: pytest.MonkeyPatch, words: list[str], message: str
 ) -> None:
     (folder / "pulley.toml").write_text(to_toml(pulley))
-    (folder / "into").mkdir()
+    (folder / "into.mcap").mkdir()
     before = {file: file.read_bytes() for file in folder.iterdir() if file.is_file()}
     done = command(monkeypatch, *words)
     assert done.exit_code == 1

@@ -1,15 +1,21 @@
 """The commands as typer runs them: each is a stub until it is called."""
 
+import inspect
+import sys
 from collections.abc import Callable
+from functools import wraps
 from importlib import import_module
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from tenodesis.cli.table import ALL, Command, Group, print_overview
+from tenodesis.cli.table import ALL, HELP_OPTIONS, VERSION_OPTION, Command, Group, print_overview
+from tenodesis.errors import CommandInterruptedError
+from tenodesis.version import __version__
 
 _DEFAULT = "list"
+_Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print results, warnings and errors only.")]
 
 
 class _Stub(TyperCommand):
@@ -45,7 +51,28 @@ class _Commands(TyperGroup):
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Print the help from the table of commands."""
         usage = " ".join([ctx.command_path, *self.collect_usage_pieces(ctx)])
-        print_overview(usage, self._group.help, self._group.commands.items())
+        print_overview(usage, self._group)
+
+    def make_context(self, *arguments: Any, **extra: Any) -> Any:
+        """Return the context; Ctrl-C, which typer would end without a word, ends in a sentence."""
+        try:
+            return super().make_context(*arguments, **extra)
+        except KeyboardInterrupt:
+            raise _interrupted() from None
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; Ctrl-C as in :meth:`make_context`."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise _interrupted() from None
+
+
+def _interrupted() -> CommandInterruptedError:
+    outputs = sys.modules.get("tenodesis.cli.outputs")
+    written = [] if outputs is None else outputs.WRITTEN
+    done = f"written: {', '.join(map(str, written))}" if written else "nothing is written"
+    return CommandInterruptedError(f"interrupted; {done}.")
 
 
 def load(function: str) -> Callable[..., None]:
@@ -58,13 +85,47 @@ def load(function: str) -> Callable[..., None]:
 def built(name: str, function: Callable[..., None]) -> Any:
     """Return a function as a command."""
     alone = typer.Typer(add_completion=False)
-    alone.command(name)(function)
+    alone.command(name)(_with_quiet(function))
     return typer.main.get_command(alone)
 
 
-app = typer.Typer(cls=_Commands, add_completion=False, pretty_exceptions_enable=False)
+def _with_quiet(function: Callable[..., None]) -> Callable[..., None]:
+    """Return a command's function with the option that every command has."""
+    own = inspect.signature(function)
+    given = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=_Quiet)
+
+    @wraps(function)
+    def command(*arguments: Any, quiet: bool, **options: Any) -> None:
+        if quiet:
+            _be_quiet(quiet)
+        function(*arguments, **options)
+
+    command.__signature__ = own.replace(parameters=[*own.parameters.values(), given])  # type: ignore[attr-defined]
+    command.__annotations__ = function.__annotations__ | {"quiet": _Quiet}
+    return command
+
+
+def _be_quiet(quiet: bool) -> None:
+    from tenodesis.cli.common import Settings  # noqa: PLC0415 - the overview does without
+
+    Settings.quiet = quiet
+
+
+def _print_version(value: bool) -> None:
+    if value:
+        typer.echo(f"tenodesis {__version__}")
+        raise typer.Exit
+
+
+app = typer.Typer(
+    cls=_Commands, pretty_exceptions_enable=False, context_settings={"help_option_names": list(HELP_OPTIONS)}
+)
 
 
 @app.callback()
-def _root() -> None:
-    """Keep the group, which has no commands of its own as typer sees it."""
+def _root(
+    version: Annotated[bool, typer.Option(VERSION_OPTION, callback=_print_version, is_eager=True)] = False,
+    quiet: _Quiet = False,
+) -> None:
+    """Set what holds for every command."""
+    _be_quiet(quiet)

@@ -8,8 +8,17 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from tenodesis import instrument
-from tenodesis.cli.common import InstrumentFile, ProgressBar, check_choice, console, say, say_resolution, table
+from tenodesis.cli.common import (
+    InstrumentFile,
+    ProgressBar,
+    check_choice,
+    console,
+    load_instrument,
+    say,
+    say_resolution,
+    table,
+)
+from tenodesis.cli.outputs import Overwrite, writing, written_by_us
 from tenodesis.errors import InstrumentError
 from tenodesis.paper.context import Context
 from tenodesis.paper.run import CHAPTERS, run, steps
@@ -21,7 +30,7 @@ _BRIEF = (
 """Names of the results that the summary shows; the report has all."""
 
 
-def bench(
+def bench(  # noqa: PLR0917
     instrument_file: InstrumentFile = "real-size",
     scaled_up: Annotated[
         str | None,
@@ -36,15 +45,16 @@ def bench(
         typer.Option(metavar="CHAPTERS", help=f"These chapters alone, with commas between: {', '.join(CHAPTERS)}."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for report, figures, curves and results.")] = Path("out"),
+    overwrite: Overwrite = False,
 ) -> None:
     """Compute every figure and table of the paper for an instrument and write out/report.html."""
     chapters = [name.strip() for names in only or () for name in names.split(",")]
     for name in chapters:
         check_choice("--only", name, CHAPTERS)
-    inst = instrument.load(instrument_file)
+    inst = load_instrument(instrument_file)
     if scaled_up is None and instrument_file == "real-size":
         scaled_up = "scaled-up"
-    scaled = None if scaled_up is None else instrument.load(scaled_up)
+    scaled = None if scaled_up is None else load_instrument(scaled_up)
     if scaled is not None and scaled.joint_type != inst.joint_type:
         raise InstrumentError(
             f"{scaled.name} has joint_type {scaled.joint_type}, {inst.name} {inst.joint_type}; a scale model must "
@@ -56,7 +66,18 @@ def bench(
     if axis is not None or inst.overrides:
         inst = inst.axis(axis or inst.axes[0])
     done, total = 0, steps(inst, scaled, chapters)
-    with ProgressBar("") as bar:
+    outputs = [("--out", out / name) for name in ("report.html", "results.json")]
+    replace = overwrite or written_by_us(out / "results.json", "results")
+    with (
+        writing(
+            outputs,
+            [instrument_file, scaled_up],
+            overwrite=replace,
+            folder=out,
+            subfolders=("figures", "curves", "recordings"),
+        ),
+        ProgressBar("") as bar,
+    ):
 
         def report(name: str) -> None:
             nonlocal done

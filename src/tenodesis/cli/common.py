@@ -1,11 +1,10 @@
-"""What commands share: arguments, what they print, where they may write, and a progress bar."""
+"""What commands share: arguments, what they print, and a progress bar."""
 
-import tempfile
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, Self, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypeAlias
 
 import typer
 from pydantic import TypeAdapter, ValidationError
@@ -14,12 +13,23 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from tenodesis import instrument
 from tenodesis.control.resolution import sentences, warnings
-from tenodesis.errors import CommandError, Error
-from tenodesis.files import atomic_file
+from tenodesis.errors import CommandError, Error, InstrumentError, ProtocolError
 from tenodesis.instrument import Instrument
 
+if TYPE_CHECKING:
+    from tenodesis import simulate
+
 console = Console()
+
+
+class Settings:
+    """What holds for a whole command."""
+
+    quiet = False
+    """Whether only results, warnings and errors are printed."""
+
 
 PATIENCE = 1.0
 """Time after which a progress bar is shown, s."""
@@ -27,12 +37,60 @@ PATIENCE = 1.0
 InstrumentFile: TypeAlias = Annotated[
     str, typer.Argument(metavar="INSTRUMENT", help="Instrument file, or the name of a shipped instrument.")
 ]
-Overwrite: TypeAlias = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
+
+
+def load_instrument(name_or_path: str) -> Instrument:
+    """Return an instrument by its name or path.
+
+    Raises
+    ------
+    InstrumentError
+        There is none, it is not valid, or this is the name of a protocol.
+    """
+    try:
+        return instrument.load(name_or_path)
+    except InstrumentError:
+        from tenodesis import simulate  # noqa: PLC0415 - most commands do without protocols
+
+        if name_or_path in simulate.shipped() and not Path(name_or_path).exists():
+            raise InstrumentError(
+                f"{name_or_path} is a protocol; it must be an instrument: {', '.join(instrument.shipped())}, or the "
+                "path of an instrument file.",
+                key="file",
+                value=name_or_path,
+            ) from None
+        raise
+
+
+def load_protocol(name_or_path: str) -> "simulate.Protocol":
+    """Return a protocol by its name or path.
+
+    Raises
+    ------
+    ProtocolError
+        There is none, it is not valid, or this is the name of an instrument.
+    """
+    from tenodesis import simulate  # noqa: PLC0415 - most commands do without protocols
+
+    if name_or_path in instrument.shipped() and not Path(name_or_path).exists():
+        raise ProtocolError(
+            f"{name_or_path} is an instrument; it must be a protocol: {', '.join(simulate.shipped())}, or the path of "
+            "a protocol file.",
+            key="file",
+            value=name_or_path,
+        )
+    return simulate.load(name_or_path)
 
 
 def say(sentence: str, style: str | None = None) -> None:
     """Print a sentence as it is."""
     console.print(sentence, style=style, markup=False, highlight=False, soft_wrap=True)
+
+
+def note(sentence: str) -> None:
+    """Print a sentence that is no result, unless the user wants only these."""
+    if not Settings.quiet:
+        say(sentence)
 
 
 def warn(sentence: str) -> None:
@@ -44,6 +102,18 @@ def say_resolution(inst: Instrument) -> None:
     """Print what an instrument's sensors resolve at its tip, and warn where they do not suffice."""
     for sentence in sentences(inst):
         say(sentence)
+    warn_resolution(inst)
+
+
+def note_resolution(inst: Instrument) -> None:
+    """Print the same where it is no result."""
+    for sentence in sentences(inst):
+        note(sentence)
+    warn_resolution(inst)
+
+
+def warn_resolution(inst: Instrument) -> None:
+    """Warn where an instrument's sensors do not suffice."""
     for sentence in warnings(inst):
         warn(sentence)
 
@@ -82,7 +152,12 @@ class ProgressBar:
 
     def __call__(self, done: float, total: float, description: str | None = None) -> None:
         """Show how much is done, and what is being done if that changed."""
-        if not self._shown and console.is_interactive and time.monotonic() > self._begun + PATIENCE:
+        if (
+            not self._shown
+            and not Settings.quiet
+            and console.is_interactive
+            and time.monotonic() > self._begun + PATIENCE
+        ):
             self._bar.start()
             self._shown = True
         self._bar.update(self._task, completed=done, total=max(total, 1), description=description)
@@ -125,87 +200,6 @@ def value_errors() -> Iterator[None]:
         raise
     except ValueError as problem:
         raise CommandError(str(problem)) from problem
-
-
-def refuse_existing(paths: Iterable[Path], overwrite: bool) -> None:
-    """Refuse to replace files unless an option allows it.
-
-    Raises
-    ------
-    CommandError
-        A file exists and `overwrite` is not given.
-    """
-    existing = next((path for path in paths if path.exists()), None)
-    if existing is not None and not overwrite:
-        raise CommandError(f"{existing} exists already; give another path, or --overwrite.")
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file completely or not at all.
-
-    Raises
-    ------
-    CommandError
-        It cannot be written.
-    """
-    with write_errors(path), atomic_file(path) as new:
-        new.write_text(text, "utf-8")
-
-
-@contextmanager
-def write_errors(path: Path) -> Iterator[None]:
-    """Raise an error of the operating system on writing a path as an error of the command."""
-    try:
-        yield
-    except OSError as problem:
-        raise CommandError(f"{path} cannot be written: {problem.strerror or problem}.") from None
-
-
-def check_outputs(outputs: Iterable[tuple[str, Path]], inputs: Sequence[Path]) -> None:
-    """Refuse outputs that are inputs or inside an input, coincide, are no regular files or cannot be written.
-
-    Parameters
-    ----------
-    outputs
-        Each with its option.
-    inputs
-        Files and folders that are read.
-
-    Raises
-    ------
-    CommandError
-        An output is refused; nothing was written.
-    """
-    taken: dict[Path, str] = {}
-    for option, path in outputs:
-        place = path.resolve()
-        if any(place == source.resolve() or _same_file(path, source) for source in inputs):
-            raise _refused(option, path, "is an input; give another path")
-        around = next((source for source in inputs if source.is_dir() and place.is_relative_to(source.resolve())), None)
-        if around is not None:
-            raise _refused(option, path, f"is inside the input {around}; give a path outside it")
-        if place in taken:
-            raise _refused(option, path, f"{taken[place]} writes; give another path")
-        if path.is_dir():
-            raise _refused(option, path, "is a folder; give the path of a file")
-        if path.exists() and not path.is_file():
-            raise _refused(option, path, "is no regular file; give the path of a file")
-        try:
-            # No file can be made in its folder, or the nearest one above that exists.
-            with tempfile.TemporaryFile(dir=next(folder for folder in place.parents if folder.exists())):
-                pass
-        except OSError as problem:
-            raise _refused(option, path, f"cannot be written: {problem.strerror or problem}") from None
-        taken[place] = option
-
-
-def _refused(option: str, path: Path, reason: str) -> CommandError:
-    return CommandError(f"{option} would write {path}, which {reason}.", key=option, value=path)
-
-
-def _same_file(path: Path, other: Path) -> bool:
-    """Return whether two paths name the same file, hard links included."""
-    return path.exists() and other.exists() and path.samefile(other)
 
 
 def file_size(path: Path) -> str:

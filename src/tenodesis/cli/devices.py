@@ -7,8 +7,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from tenodesis import instrument
-from tenodesis.cli.common import ProgressBar, console, say, table
+from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_instrument, say, table
 from tenodesis.devices import registry
 from tenodesis.devices.communication_test import Findings, measure
 
@@ -26,17 +25,15 @@ def list_devices() -> None:
 
 
 def test_device(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="The device: canopen, nidaq or serial.")],
-    instrument_file: Annotated[
-        str, typer.Option("--instrument", help="Instrument file with its table devices, or shipped name.")
-    ] = "real-size",
+    instrument_file: InstrumentFile,
+    name: Annotated[str, typer.Argument(metavar="DEVICE", help="The device: canopen, nidaq or serial.")],
     seconds: Annotated[float, typer.Option(help="How long to measure, s.")] = 10.0,
     address: Annotated[
         str | None, typer.Option(help="Of a serial device: /dev/ttyACM0, or socket://127.0.0.1:5555.")
     ] = None,
 ) -> None:
     """Measure a device's rate, jitter and losses, with the motors at rest; exit code 1 if the controller needs more."""
-    inst = instrument.load(instrument_file)
+    inst = load_instrument(instrument_file)
     device = registry.make(name, inst, address)
     shown = 0.0
     with ProgressBar(escape(f"{name}: motors at rest"), " s") as bar:

@@ -6,8 +6,9 @@ from typing import Annotated
 
 import typer
 
-from tenodesis import control, instrument, kinematics
-from tenodesis.cli.common import InstrumentFile, Overwrite, refuse_existing, value_errors, write_errors, write_text
+from tenodesis import control, kinematics
+from tenodesis.cli.common import InstrumentFile, load_instrument, value_errors
+from tenodesis.cli.outputs import HEADER, MODELS, Overwrite, check_suffix, write_errors, write_text, writing
 from tenodesis.control.controller import ActuationName, LawName, ObserverName
 from tenodesis.instrument import Instrument
 
@@ -29,13 +30,13 @@ def export_controller(  # noqa: PLR0917
     overwrite: Overwrite = False,
 ) -> None:
     """Write a controller's parameters as a C header, for tenodesis_init."""
-    inst = instrument.load(instrument_file)
+    inst = load_instrument(instrument_file)
     if axis is not None:
         inst = inst.axis(axis)
     name = control.identifier(inst.name) if name is None else name
     path = Path(f"{name}.h") if out is None else out
-    refuse_existing([path], overwrite)
-    with value_errors(), write_errors(path):
+    check_suffix("--out", path, HEADER)
+    with writing([("--out", path)], [instrument_file], overwrite=overwrite), value_errors(), write_errors(path):
         control.export_header(
             inst,
             path,
@@ -64,9 +65,10 @@ def export_mjcf(instrument_file: InstrumentFile, out: Out = None, overwrite: Ove
 def _export(
     source: str, writer: Callable[[Instrument], str], extension: str, out: Path | None, overwrite: bool
 ) -> None:
-    inst = instrument.load(source)
+    inst = load_instrument(source)
     path = Path(f"{inst.name.replace(' ', '-').replace('/', '-')}{extension}") if out is None else out
-    refuse_existing([path], overwrite)
-    write_text(path, writer(inst))
+    check_suffix("--out", path, MODELS[extension])
+    with writing([("--out", path)], [source], overwrite=overwrite):
+        write_text(path, writer(inst))
     axes = " and ".join(inst.axes)
     typer.echo(f"{path}: {inst.name} ({axes}); its first lines list what the format does not contain.")

@@ -10,8 +10,8 @@ import numpy as np
 import typer
 from rich.markup import escape
 
-from tenodesis import instrument
-from tenodesis.cli.common import ProgressBar, check_choice, check_outputs, console, say, table, write_errors, write_text
+from tenodesis.cli.common import ProgressBar, check_choice, console, load_instrument, say, table
+from tenodesis.cli.outputs import JSON, Overwrite, check_suffix, write_text, writing
 from tenodesis.errors import CommandError
 from tenodesis.identification import report
 from tenodesis.identification.arrangements import (
@@ -67,7 +67,8 @@ def identify(  # noqa: PLR0917
         ),
     ] = "auto",
     json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Write parameters, intervals and errors here as well.")
+        Path | None,
+        typer.Option("--json-out", metavar="FILE", help="Write parameters, intervals and errors here as well."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for report.html, result.json and instrument.toml.")] = Path(
         "out/identification"
@@ -83,76 +84,81 @@ def identify(  # noqa: PLR0917
         LossName | None,
         typer.Option(help="Loss; soft_l1 is robust to outliers. Default: the format's.", show_default=False),
     ] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Identify a model from recordings: parameters with intervals, errors on held-out runs, and the instrument file."""
     tests = test or []
     _check_files(logs, tests)
-    outputs = [("--out", out / name) for name in (report.PAGE, report.NUMBERS, report.INSTRUMENT)]
-    outputs += [] if json_file is None else [("--json", json_file)]
-    given = [] if instrument_file is None else [Path(instrument_file)]
-    check_outputs(outputs, [*logs, *tests, *given])
-    check_choice("--format", format_name, FORMATS)
-    if law is not None:
-        check_choice("--law", law, FORMATS[format_name].laws)
-    if 0 < bootstrap < LEAST_REPLICATES:
-        raise CommandError(key="--bootstrap", value=bootstrap, allowed=f"0 for none, or at least {LEAST_REPLICATES}")
-    share, part = _split(train_until, train_from)
-    inst = None if instrument_file is None else instrument.load(instrument_file)
-    kind = FORMATS[format_name]
-    chosen = law or kind.law
-    measured = load_all(kind.load, [*logs, *tests])
-    _check_different(measured)
-
-    count = len(logs)
-
-    def problem_of(inst: Instrument | None) -> Problem:
-        def build(train: Sequence[MeasuredRun], held_out: Sequence[MeasuredRun]) -> Problem:
-            return kind.problem(train, held_out, law=chosen, instrument=inst)
-
-        if share is None:
-            return build(measured[:count], measured[count:])
-        return split(measured[:count], measured[count:], share, part, build)
-
-    def fitted(problem: Problem, unknowns: Sequence[str] = (), *, screening: bool = False, refine: bool = True) -> Fit:
-        names = None if parameters is None else [*chosen_parameters(problem, parameters), *unknowns]
-        what = "starts" if screening else "starts and replicates"
-        with ProgressBar(what) as bar:
-            return fit(
-                problem,
-                names,
-                train=range(count),
-                test=range(count, len(problem.runs)),
-                starts=1 if screening else starts,
-                bootstrap=0 if screening else bootstrap,
-                refine=refine,
-                seed=seed,
-                loss=loss or kind.loss,
-                progress=bar,
+    outputs: list[tuple[str, Path | None]] = [
+        ("--out", out / name) for name in (report.PAGE, report.NUMBERS, report.INSTRUMENT)
+    ]
+    outputs += [("--json-out", json_file)]
+    with writing(outputs, [*logs, *tests, instrument_file], overwrite=overwrite, folder=out):
+        check_suffix("--json-out", json_file, JSON)
+        check_choice("--format", format_name, FORMATS)
+        if law is not None:
+            check_choice("--law", law, FORMATS[format_name].laws)
+        if 0 < bootstrap < LEAST_REPLICATES:
+            raise CommandError(
+                key="--bootstrap", value=bootstrap, allowed=f"0 for none, or at least {LEAST_REPLICATES}"
             )
+        share, part = _split(train_until, train_from)
+        inst = None if instrument_file is None else load_instrument(instrument_file)
+        kind = FORMATS[format_name]
+        chosen = law or kind.law
+        measured = load_all(kind.load, [*logs, *tests])
+        _check_different(measured)
 
-    problem = problem_of(inst)
-    found = fitted(problem)
-    compared = None
-    if arrangement == "compare" or (arrangement == "auto" and excess(problem, found, range(count)) > LEAST_EXCESS):
-        compared, problem, found = _arranged(
-            kind, measured, Fitted(problem, found), problem_of, fitted, law=chosen, inst=inst, train=range(count)
+        count = len(logs)
+
+        def problem_of(inst: Instrument | None) -> Problem:
+            def build(train: Sequence[MeasuredRun], held_out: Sequence[MeasuredRun]) -> Problem:
+                return kind.problem(train, held_out, law=chosen, instrument=inst)
+
+            if share is None:
+                return build(measured[:count], measured[count:])
+            return split(measured[:count], measured[count:], share, part, build)
+
+        def fitted(
+            problem: Problem, unknowns: Sequence[str] = (), *, screening: bool = False, refine: bool = True
+        ) -> Fit:
+            names = None if parameters is None else [*chosen_parameters(problem, parameters), *unknowns]
+            what = "starts" if screening else "starts and replicates"
+            with ProgressBar(what) as bar:
+                return fit(
+                    problem,
+                    names,
+                    train=range(count),
+                    test=range(count, len(problem.runs)),
+                    starts=1 if screening else starts,
+                    bootstrap=0 if screening else bootstrap,
+                    refine=refine,
+                    seed=seed,
+                    loss=loss or kind.loss,
+                    progress=bar,
+                )
+
+        problem = problem_of(inst)
+        found = fitted(problem)
+        compared = None
+        if arrangement == "compare" or (arrangement == "auto" and excess(problem, found, range(count)) > LEAST_EXCESS):
+            compared, problem, found = _arranged(
+                kind, measured, Fitted(problem, found), problem_of, fitted, law=chosen, inst=inst, train=range(count)
+            )
+        held_out = [one for one in found.files if one.split == "test"]
+        doubts = (*unexplained(problem, found.vector, held_out), *worse_held_out(found.files))
+        found = replace(found, warnings=(*found.warnings, *doubts))
+        notes = {one.name: one.notes for one in measured}
+        for one in measured[count:]:
+            notes[one.name] += _extrapolated(one, measured[:count])
+        runs = range(len(problem.runs))
+        rows = [] if compared is None else compared.to_json()
+        written = report.write(
+            problem, found, out, runs=runs, format=format_name, law=chosen, notes=notes, arrangements=rows
         )
-    held_out = [one for one in found.files if one.split == "test"]
-    doubts = (*unexplained(problem, found.vector, held_out), *worse_held_out(found.files))
-    found = replace(found, warnings=(*found.warnings, *doubts))
-    notes = {one.name: one.notes for one in measured}
-    for one in measured[count:]:
-        notes[one.name] += _extrapolated(one, measured[:count])
-    runs = range(len(problem.runs))
-    rows = [] if compared is None else compared.to_json()
-    written = report.write(
-        problem, found, out, runs=runs, format=format_name, law=chosen, notes=notes, arrangements=rows
-    )
-    if json_file is not None:
-        with write_errors(json_file):
-            json_file.parent.mkdir(parents=True, exist_ok=True)
-        numbers = to_json(found, format=format_name, law=chosen, notes=notes, arrangements=rows)
-        write_text(json_file, report.as_text(numbers))
+        if json_file is not None:
+            numbers = to_json(found, format=format_name, law=chosen, notes=notes, arrangements=rows)
+            write_text(json_file, report.as_text(numbers))
     if compared is not None:
         _print_arrangements(compared)
     _print_fit(found, written if json_file is None else [*written, json_file], notes)
@@ -314,12 +320,13 @@ def _print_fit(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, 
 
 def _print_parameters(found: Fit) -> None:
     parameters = table("parameters", padding=(0, 1, 0, 0))
-    parameters.add_column("parameter", no_wrap=True)
+    # On 80 columns a name may take two lines, an interval may not.
+    parameters.add_column("parameter", overflow="fold")
     parameters.add_column("value", justify="right", no_wrap=True)
     parameters.add_column("unit", no_wrap=True)
     for heading in ("95 % interval", "bootstrap") if found.bootstrap else ("std", "95 % interval"):
-        parameters.add_column(heading, justify="right", min_width=9 if heading != "std" else None)
-    parameters.add_column("identi-\nfiable", min_width=4)
+        parameters.add_column(heading, justify="right", no_wrap=True)
+    parameters.add_column("identi-\nfiable", overflow="fold", min_width=8)
     for one in (one for one in found.parameters if one.name in found.free):
         row = report.shown(found, one)
         spread = (row.interval, row.bootstrap) if found.bootstrap else (row.std, row.interval)

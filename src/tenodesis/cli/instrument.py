@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tenodesis import instrument
-from tenodesis.cli.common import InstrumentFile, console, say, table, warn
+from tenodesis.cli.common import InstrumentFile, console, load_instrument, say, table, warn
 from tenodesis.control.derived import Derived, derive
 from tenodesis.control.plausibility import Implausible, implausible
 from tenodesis.control.resolution import sentences
@@ -20,19 +20,20 @@ from tenodesis.instrument.listing import Listed, listed
 _WIDTH = 24
 """Width of a list of values in a table."""
 
-Kind: TypeAlias = Literal["instrument", "catalogue", "tolerances"]
+Kind: TypeAlias = Literal["instrument", "protocol", "catalogue", "tolerances"]
 
 
 def schema(
-    kind: Annotated[Kind, typer.Argument(metavar="KIND", help="Kind of file: instrument, catalogue or tolerances.")] = (
+    kind: Annotated[Kind, typer.Argument(metavar="KIND", help="instrument, protocol, catalogue or tolerances.")] = (
         "instrument"
     ),
 ) -> None:
     """Print the JSON schema of a kind of file, for editors that complete and check TOML."""
-    from tenodesis import scaling, tolerance  # noqa: PLC0415 - instrument files do without them
+    from tenodesis import scaling, simulate, tolerance  # noqa: PLC0415 - instrument files do without them
 
     schemas = {
         "instrument": instrument.json_schema,
+        "protocol": simulate.json_schema,
         "catalogue": scaling.json_schema,
         "tolerances": tolerance.json_schema,
     }
@@ -46,7 +47,7 @@ def check(
     ] = False,
 ) -> None:
     """Check an instrument file; print its values, what follows from them, and what is implausible about it."""
-    inst: instrument.Instrument = instrument.load(instrument_file)
+    inst: Instrument = load_instrument(instrument_file)
     values, derived, found = listed(instrument_file, inst), tuple(derive(inst)), implausible(inst)
     if as_json:
         typer.echo(json.dumps(_as_json(inst, values, derived, found), indent=1, ensure_ascii=False))

@@ -9,8 +9,7 @@ from typing import Annotated
 
 import typer
 
-from tenodesis import instrument
-from tenodesis.cli.common import InstrumentFile, console, say, warn
+from tenodesis.cli.common import InstrumentFile, console, load_instrument, say, warn
 from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.errors import CommandError, LiveError
 from tenodesis.live import folder as folders
@@ -62,7 +61,7 @@ def live_console(  # noqa: PLR0917
 
     if not 0 < port < 65536:
         raise CommandError(key="--port", value=port, allowed="between 1 and 65535")
-    instrument.load(instrument_file)
+    load_instrument(instrument_file)
     ending = threading.Event()
     choices = Choices(device=device, address=address, law=law, actuation=actuation, seed=seed)
     with on_signal(ending.set):

@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from tenodesis import instrument
-from tenodesis.cli.common import InstrumentFile, ProgressBar, check_outputs, console, quantity, say, table
+from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_instrument, quantity, say, table
+from tenodesis.cli.outputs import Overwrite, writing
 from tenodesis.identification.experiment import DURATION, OPTIMISTIC, Plan, plan, report
 from tenodesis.identification.experiment.choice import CriterionName
 from tenodesis.units import Duration, PositiveForce
@@ -43,16 +43,20 @@ def plan_identification(  # noqa: PLR0917
     out: Annotated[Path, typer.Option(help="Folder for protocol.toml, plan.html, plan.svg and plan.json.")] = Path(
         "out/plan-identification"
     ),
+    overwrite: Overwrite = False,
 ) -> None:
     """Propose the bench protocol that makes parameters identifiable, and predict their precision."""
-    inst = instrument.load(instrument_file)
+    inst = load_instrument(instrument_file)
     if axis is not None:
         inst = inst.axis(axis)
     names = (report.PROTOCOL, report.PAGE, report.FIGURE, report.NUMBERS)
-    check_outputs([("--out", out / name) for name in names], [Path(instrument_file)])
+    outputs = [("--out", out / name) for name in names]
     seconds = quantity("--duration", duration, Duration)
     loads = None if forces is None else _forces(forces)
-    with ProgressBar("protocols tried") as bar:
+    with (
+        writing(outputs, [instrument_file], overwrite=overwrite, folder=out),
+        ProgressBar("protocols tried") as bar,
+    ):
         found = plan(
             inst,
             None if want is None else [word.strip() for word in want.split(",") if word.strip()],
@@ -63,11 +67,11 @@ def plan_identification(  # noqa: PLR0917
             criterion=criterion,
             progress=bar,
         )
-    written = report.write(found, out)
+        written = report.write(found, out)
     _print_plan(found)
     say(f"Written: {', '.join(str(path) for path in written)}")
     alone = "" if axis is None else f" --axis {axis}"
-    say(f"Record: tenodesis record {out / report.PROTOCOL} {instrument_file}{alone} --out LOG.mcap")
+    say(f"Record: tenodesis record {instrument_file} {out / report.PROTOCOL}{alone} --out LOG.mcap")
     say(
         f"Identify: tenodesis identify LOG.mcap --instrument {instrument_file} --law {found.law} --fit "
         f"{','.join(found.open)}"

@@ -10,25 +10,25 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from tenodesis import instrument, simulate
+from tenodesis import simulate
 from tenodesis import twin as twins
 from tenodesis.cli.common import (
     InstrumentFile,
-    Overwrite,
     ProgressBar,
     console,
     file_size,
+    load_instrument,
+    load_protocol,
+    note_resolution,
     quantity,
-    refuse_existing,
     say,
-    say_resolution,
     table,
     value_errors,
-    write_errors,
 )
+from tenodesis.cli.outputs import FIGURE, RECORDING, TABLES, Overwrite, check_suffix, write_errors, writing
 from tenodesis.control import Controller
 from tenodesis.control.controller import ActuationName, LawName, ObserverName
-from tenodesis.errors import CommandError
+from tenodesis.errors import CommandError, CommandInterruptedError, ProtocolError
 from tenodesis.instrument import Instrument
 from tenodesis.live import event_summary
 from tenodesis.recording import Recording, tables
@@ -41,10 +41,13 @@ from tenodesis.units import Duration, in_unit
 
 
 def record(  # noqa: PLR0917
+    instrument_file: InstrumentFile,
     protocol_file: Annotated[
-        str, typer.Argument(metavar="PROTOCOL", help="Protocol file, or the name of a shipped protocol.")
-    ],
-    instrument_file: InstrumentFile = "scaled-up",
+        str | None,
+        typer.Argument(
+            metavar="PROTOCOL", help="Protocol file, or the name of a shipped protocol.", show_default=False
+        ),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(help="The file. Default: recordings/PROTOCOL-INSTRUMENT[-LAW].mcap.", show_default=False),
@@ -78,21 +81,21 @@ def record(  # noqa: PLR0917
 
     A protocol that begins with a pretension phase finds slack tendons, which a controller homes.
     """
-    inst = instrument.load(instrument_file)
-    assumed = inst if controller_instrument is None else instrument.load(controller_instrument)
+    check_suffix("--out", out, RECORDING)
+    inst, protocol = _inputs(instrument_file, protocol_file)
+    assumed = inst if controller_instrument is None else load_instrument(controller_instrument)
     if axis is not None:
         inst, assumed = inst.axis(axis), assumed.axis(axis)
-    protocol = simulate.load(protocol_file)
     step = quantity("--time-step", time_step, Duration)
     with value_errors():
         protocol.plan(inst, step)
         controller = _controller(
             assumed, inst, protocol, step, law=law, observer=observer, actuation=actuation, other=controller_instrument
         )
-    path = _default_path(protocol_file, instrument_file, law) if out is None else out
-    refuse_existing([path], overwrite)
-    say_resolution(assumed)
-    with value_errors(), _progress(path) as progress:
+    path = _default_path(str(protocol_file), instrument_file, law) if out is None else out
+    inputs = (instrument_file, protocol_file, controller_instrument)
+    with writing([("--out", path)], inputs, overwrite=overwrite), value_errors(), _progress(path) as progress:
+        note_resolution(assumed)
         run = record_run(
             inst,
             protocol,
@@ -134,49 +137,83 @@ def replay(
         typer.Option("--instrument", metavar="INSTRUMENT", help="Instrument file or shipped name. Default: recorded."),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Recording to write the replay to.", show_default=False)] = None,
-    plot: Annotated[Path | None, typer.Option(help="Figure to draw: PNG, SVG or PDF.", show_default=False)] = None,
+    plot_out: Annotated[Path | None, typer.Option(help="Figure to draw: PNG, SVG or PDF.", show_default=False)] = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Run a recording's commands again and print how the twin differs from the recording."""
-    if out is not None:
-        refuse_existing([out], overwrite)
-    recording = Recording.open(file)
-    inst = None if instrument_file is None else instrument.load(instrument_file)
-    with value_errors():
-        again = run_again(recording, inst)
-    if recording.damage is not None:
-        say(recording.damage)
-    _print_differences(again)
-    if not again.exact:
-        _print_outcome(again.run, again.inst)
-    if out is not None:
-        again.write(out, overwrite=overwrite)
-        say(f"{out}: the replay, {again.run.time[-1]:.6g} s, {len(again.run)} rows, {file_size(out)}.")
-    if plot is not None:
-        from tenodesis.report.replay import plot as draw  # noqa: PLC0415
+    check_suffix("--out", out, RECORDING)
+    check_suffix("--plot-out", plot_out, FIGURE)
+    with writing([("--out", out), ("--plot-out", plot_out)], [file, instrument_file], overwrite=overwrite):
+        recording = Recording.open(file)
+        inst = None if instrument_file is None else load_instrument(instrument_file)
+        with value_errors():
+            again = run_again(recording, inst)
+        if recording.damage is not None:
+            say(recording.damage)
+        _print_differences(again)
+        if not again.exact:
+            _print_outcome(again.run, again.inst)
+        if out is not None:
+            again.write(out, overwrite=overwrite)
+            say(f"{out}: the replay, {again.run.time[-1]:.6g} s, {len(again.run)} rows, {file_size(out)}.")
+        if plot_out is not None:
+            from tenodesis.report.replay import plot as draw  # noqa: PLC0415
 
-        draw(again, plot)
-        say(f"{plot}: recorded and replayed output angles and tensions.")
+            draw(again, plot_out)
+            say(f"{plot_out}: recorded and replayed output angles and tensions.")
 
 
 def export_recording(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording.")],
-    to: Annotated[Path, typer.Option(help="Table to write: .csv or .parquet.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Table to write: .csv or .parquet. Default: FILE's name with .csv.", show_default=False),
+    ] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write a recording's signals as a table, with a column for each signal of each axis or tendon, in SI units."""
-    writers = {".csv": tables.to_csv, ".parquet": tables.to_parquet}
-    if to.suffix not in writers:
+    path = Path(file.with_suffix(".csv").name) if out is None else out
+    check_suffix("--out", path, TABLES)
+    writer = {".csv": tables.to_csv, ".parquet": tables.to_parquet}[path.suffix]
+    with writing([("--out", path)], [file], overwrite=overwrite):
+        recording = Recording.open(file)
+        writer(recording.run, path)
+        if recording.damage is not None:
+            say(recording.damage)
+        say(f"{path}: {len(recording.run)} rows, {file_size(path)}.")
+
+
+def _inputs(instrument_file: str, protocol_file: str | None) -> tuple[Instrument, simulate.Protocol]:
+    """Return instrument and protocol; an error about their order, or that one is missing, has the right command."""
+    if protocol_file is None:
+        shipped = simulate.shipped()
+        if _is_protocol(instrument_file):
+            problem, right = (
+                f"{instrument_file} is a protocol, which needs an instrument",
+                f"scaled-up {instrument_file}",
+            )
+        else:
+            problem, right = "PROTOCOL is missing", f"{instrument_file} {shipped[0]}"
         raise CommandError(
-            f"{to} has the extension {to.suffix!r}; it must be one of {', '.join(writers)}.",
-            key="--to",
-            value=to,
-            allowed=f"a file with one of the extensions {', '.join(writers)}",
+            f"{problem}: tenodesis record {right} (protocols: {', '.join(shipped)}, or the path of a protocol file).",
+            key="PROTOCOL",
         )
-    recording = Recording.open(file)
-    writers[to.suffix](recording.run, to)
-    if recording.damage is not None:
-        say(recording.damage)
-    say(f"{to}: {len(recording.run)} rows, {file_size(to)}.")
+    if _is_protocol(instrument_file) and not _is_protocol(protocol_file):
+        raise CommandError(
+            f"{instrument_file} is a protocol; the instrument comes first: "
+            f"tenodesis record {protocol_file} {instrument_file}.",
+            key="INSTRUMENT",
+            value=instrument_file,
+        )
+    return load_instrument(instrument_file), load_protocol(protocol_file)
+
+
+def _is_protocol(name_or_path: str) -> bool:
+    try:
+        simulate.load(name_or_path)
+    except ProtocolError:
+        return False
+    return True
 
 
 def _controller(
@@ -232,7 +269,7 @@ def _progress(path: Path) -> Iterator["_Interruptible"]:
         try:
             yield shown
         except KeyboardInterrupt:
-            raise CommandError(f"interrupted; {_recorded(path)}.") from None
+            raise CommandInterruptedError(f"interrupted; {_recorded(path)}.") from None
         except ValueError as problem:
             if not shown.called:
                 raise

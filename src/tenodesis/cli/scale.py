@@ -8,17 +8,9 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
-from tenodesis import instrument, scaling
-from tenodesis.cli.common import (
-    Overwrite,
-    ProgressBar,
-    console,
-    refuse_existing,
-    say,
-    table,
-    value_errors,
-    write_errors,
-)
+from tenodesis import scaling
+from tenodesis.cli.common import ProgressBar, console, load_instrument, say, table, value_errors
+from tenodesis.cli.outputs import Overwrite, write_errors, writing
 from tenodesis.errors import CommandError
 from tenodesis.extras import require
 from tenodesis.files import atomic_files
@@ -72,12 +64,15 @@ def scale(  # noqa: PLR0917
 ) -> None:
     """Design a scale model of an instrument from stock parts: instrument file, test plan, and how similar it is."""
     require("typst", "design")
-    model = instrument.load(instrument_file)
+    model = load_instrument(instrument_file)
     parts = scaling.load(*(catalogue or ()))
     pins = _pins(factor, pin or [])
     files = ["scaled-up.toml", "plan.html", "plan.pdf", "front.csv", "front.svg", "front.png"]
-    refuse_existing([out / file for file in files], overwrite)
-    with ProgressBar("", None) as bar:
+    outputs = [("--out", out / file) for file in files]
+    with (
+        writing(outputs, [instrument_file, *(catalogue or ())], overwrite=overwrite, folder=out),
+        ProgressBar("", None) as bar,
+    ):
 
         def report(doing: str, done: int, total: int) -> None:
             bar(done, total, f"{doing:<20}")

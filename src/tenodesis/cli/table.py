@@ -127,7 +127,18 @@ ALL = Group(
 )
 
 
-def print_overview(usage: str, text: str, commands: Iterable[tuple[str, Command | Group]]) -> None:
+HELP_OPTIONS = ("-h", "--help")
+VERSION_OPTION = "--version"
+OPTIONS = {
+    VERSION_OPTION: "Print the version.",
+    "--quiet, -q": "Print results, warnings and errors only; every command has this.",
+    "--install-completion": "Install completion for the current shell.",
+    "--show-completion": "Print completion for the current shell, to copy or adapt it.",
+}
+"""Options beside the commands."""
+
+
+def print_overview(usage: str, group: Group) -> None:
     """Print the help of a group of commands, as typer prints that of a command, without what that loads."""
     from rich.console import Console  # noqa: PLC0415
     from rich.padding import Padding  # noqa: PLC0415
@@ -145,7 +156,8 @@ def print_overview(usage: str, text: str, commands: Iterable[tuple[str, Command 
 
     console = Console(highlight=False)
     console.print(Padding(Text.assemble((" Usage: ", "yellow"), (usage, "bold")), (1, 0)))
-    console.print(Padding(Text(text), (0, 1, 1, 1)))
-    console.print(panel("Options", [("--help", "Show this message and exit.")]))
-    console.print(panel("Commands", [(name, command.help) for name, command in commands]))
+    console.print(Padding(Text(group.help), (0, 1, 1, 1)))
+    options = OPTIONS if group is ALL else {}
+    console.print(panel("Options", [*options.items(), (", ".join(HELP_OPTIONS), "Show this message and exit.")]))
+    console.print(panel("Commands", [(name, command.help) for name, command in group.commands.items()]))
     console.print()

@@ -8,12 +8,13 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from tenodesis import instrument, tolerance
-from tenodesis.cli.common import ProgressBar, console, quantity, say, table
+from tenodesis import tolerance
+from tenodesis.cli.common import ProgressBar, console, load_instrument, quantity, say, table
+from tenodesis.cli.outputs import Overwrite, writing, written_by_us
 from tenodesis.extras import require
 from tenodesis.report.content import fixed
 from tenodesis.tolerance.conduct import SAMPLES
-from tenodesis.tolerance.report import write
+from tenodesis.tolerance.report import NUMBERS, PAGE, SAMPLES_FILE, write
 from tenodesis.tolerance.results import QUANTILES
 from tenodesis.units import PositiveForce
 
@@ -40,6 +41,7 @@ def study_tolerances(  # noqa: PLR0917
         Path,
         typer.Option(help="Folder for page, figures, samples and results; those of an earlier study are replaced."),
     ] = Path("out/tolerance"),
+    overwrite: Overwrite = False,
     engine: Annotated[Literal["threads", "ray"], typer.Option(help="Engine that runs the samples.")] = "threads",
     address: Annotated[
         str | None, typer.Option(help="Of the Ray cluster: host:port of its head, or auto.", show_default=False)
@@ -47,11 +49,16 @@ def study_tolerances(  # noqa: PLR0917
 ) -> None:
     """Study what tolerances do to a scale model's loss of angle and similarity, and which of them dominate."""
     require("SALib", "design")
-    model, prototype = instrument.load(real_size), instrument.load(scaled_up)
+    model, prototype = load_instrument(real_size), load_instrument(scaled_up)
     given = None if tolerances is None else tolerance.load(tolerances)
     newton = None if force is None else quantity("--force", force, PositiveForce)
     begun = time.monotonic()
-    with ProgressBar("samples") as bar:
+    outputs = [("--out", out / name) for name in (PAGE, NUMBERS, SAMPLES_FILE)]
+    replace = overwrite or written_by_us(out / NUMBERS, "responses")
+    with (
+        writing(outputs, (real_size, scaled_up, tolerances), overwrite=replace, folder=out, subfolders=("figures",)),
+        ProgressBar("samples") as bar,
+    ):
         study = tolerance.study(
             model,
             prototype,
@@ -63,8 +70,8 @@ def study_tolerances(  # noqa: PLR0917
             address=address,
             progress=bar,
         )
-    took = time.monotonic() - begun
-    write(study, out)
+        took = time.monotonic() - begun
+        write(study, out)
     console.print(_distributions(study))
     console.print(_dominating(study))
     for statement in study.statements:

@@ -1,15 +1,14 @@
 """The command that converts an experiment on a scaled-up instrument to real-size units."""
 
 import math
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.markup import escape
 
-from tenodesis import instrument
-from tenodesis.cli.common import console, refuse_existing, say, table, value_errors, warn, write_text
+from tenodesis.cli.common import console, load_instrument, say, table, value_errors, warn
+from tenodesis.cli.outputs import INSTRUMENT, RECORDING, Overwrite, check_suffix, write_text, writing
 from tenodesis.errors import CommandError
 from tenodesis.instrument.text import to_file
 from tenodesis.recording import Recording
@@ -19,10 +18,10 @@ from tenodesis.scaling.transfer_friction import carry_friction
 
 
 def transfer(  # noqa: PLR0917
+    real_size: Annotated[str, typer.Argument(metavar="REAL", help="Real-size instrument: file or shipped name.")],
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Recording made on the scaled-up instrument.")],
-    to: Annotated[str, typer.Option(metavar="INSTRUMENT", help="Real-size instrument: file or shipped name.")],
     out: Annotated[
-        Path | None, typer.Option(help="The file. Default: LOG-INSTRUMENT.mcap, next to LOG.", show_default=False)
+        Path | None, typer.Option(help="The file. Default: LOG-REAL.mcap, next to LOG.", show_default=False)
     ] = None,
     scaled_up: Annotated[
         str | None,
@@ -35,26 +34,42 @@ def transfer(  # noqa: PLR0917
     time_factor: Annotated[
         float | None, typer.Option(help="Time factor. Default: ratio of the tips' periods.", show_default=False)
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that exist, but no input.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Carry a recording of a scaled-up instrument to real-size units, and its friction to the real-size file."""
-    model = instrument.load(to)
-    given = None if scaled_up is None else instrument.load(scaled_up)
-    path = log.with_name(f"{log.stem}-{Path(to).stem}.mcap") if out is None else out
-    _refuse([("--out", path), ("--instrument-out", instrument_out)], (log, to, scaled_up), overwrite=overwrite)
-    with value_errors():
-        carried = carry(Recording.open(log), model, scaled_up=given, time_factor=time_factor)
-    with_friction = None
-    if instrument_out is not None:
-        source = log.name if scaled_up is None else scaled_up
-        with_friction = to_file(carry_friction(carried.scaled_up, model, source=source, time_factor=time_factor))
-    carried.write(path, overwrite=overwrite)
-    if instrument_out is not None and with_friction is not None:
-        write_text(instrument_out, with_friction)
+    check_suffix("--out", out, RECORDING)
+    check_suffix("--instrument-out", instrument_out, INSTRUMENT)
+    model = load_instrument(real_size)
+    given = None if scaled_up is None else load_instrument(scaled_up)
+    path = log.with_name(f"{log.stem}-{Path(real_size).stem}.mcap") if out is None else out
+    outputs = [("--out", path), ("--instrument-out", instrument_out)]
+    with writing(outputs, (log, real_size, scaled_up), overwrite=overwrite):
+        with value_errors():
+            carried = carry(Recording.open(log), model, scaled_up=given, time_factor=time_factor)
+        _check_order(carried)
+        with_friction = None
+        if instrument_out is not None:
+            source = log.name if scaled_up is None else scaled_up
+            with_friction = to_file(carry_friction(carried.scaled_up, model, source=source, time_factor=time_factor))
+        carried.write(path, overwrite=overwrite)
+        if instrument_out is not None and with_friction is not None:
+            write_text(instrument_out, with_friction)
     _print_factors(carried)
     say(f"{path}: {log} in units of {model.name}, {carried.run.time[-1]:.6g} s, {len(carried.run)} rows.")
     if instrument_out is not None:
         say(f"{instrument_out}: {model.name} with the friction of {carried.scaled_up.name}.")
+
+
+def _check_order(carried: Carried) -> None:
+    length = max(own["length"] for own in carried.factors.values())
+    if length < 1:
+        raise CommandError(
+            f"{carried.real_size.name} is larger than {carried.scaled_up.name}, on which LOG was recorded and whose "
+            f"joints have {length:.3g} of its size; REAL must be the real-size instrument, and LOG a recording of its "
+            "scaled-up one.",
+            key="REAL",
+            value=carried.real_size.name,
+        )
 
 
 def _print_factors(carried: Carried) -> None:
@@ -80,21 +95,3 @@ def _print_factors(carried: Carried) -> None:
         say(f"largest similarity error up to that force, without friction: {error:.2g} deg.")
     for sentence in carried.warnings:
         warn(sentence)
-
-
-def _refuse(
-    outputs: Iterable[tuple[str, Path | None]], inputs: Iterable[Path | str | None], *, overwrite: bool
-) -> None:
-    """Refuse to write into no folder, over an input, over the other output, or unasked over any file."""
-    taken = {Path(path).resolve() for path in inputs if path is not None}
-    for option, path in outputs:
-        if path is None:
-            continue
-        if path.resolve() in taken:
-            raise CommandError(f"{option} is {path}, which is an input or another output; give another path.")
-        refuse_existing([path], overwrite)
-        if not path.parent.is_dir():
-            raise CommandError(f"{option} is {path}, but there is no folder {path.parent}; it must exist.")
-        if path.is_dir():
-            raise CommandError(f"{option} is {path}, which is a folder; it must be a file.")
-        taken.add(path.resolve())

@@ -6,10 +6,10 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from tenodesis import instrument
-from tenodesis.cli.common import InstrumentFile, ProgressBar, console, quantity, say, table
+from tenodesis.cli.common import InstrumentFile, ProgressBar, console, load_instrument, quantity, say, table
+from tenodesis.cli.outputs import Overwrite, writing, written_by_us
 from tenodesis.paper import rounder_vertices
-from tenodesis.paper.rounder_vertices_report import tables, write
+from tenodesis.paper.rounder_vertices_report import NUMBERS, PAGE, SWEEP, tables, write
 from tenodesis.units import PositiveForce
 
 
@@ -22,17 +22,25 @@ def study_vertices(
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for page, figure, sweep and results.")] = Path("out/vertices"),
+    overwrite: Overwrite = False,
 ) -> None:
     """Study rounder vertices: radius, coefficient and rope against loss, hysteresis and final errors."""
-    inst = instrument.load(instrument_file).planar[0]
+    inst = load_instrument(instrument_file).planar[0]
     newton = None if force is None else quantity("--force", force, PositiveForce)
-    with ProgressBar("designs") as bar:
+    outputs = [("--out", out / name) for name in (PAGE, NUMBERS, SWEEP)]
+    replace = overwrite or written_by_us(out / NUMBERS, "designs")
+    with (
+        writing(outputs, [instrument_file], overwrite=replace, folder=out, subfolders=("figures",)),
+        ProgressBar("designs") as bar,
+    ):
         found = rounder_vertices.study(inst, newton, progress=bar)
-    write(found, out)
+        write(found, out)
     for one in tables(found):
         shown = table(escape(one.caption), padding=(0, 1, 0, 0))
         for n, heading in enumerate(one.columns):
-            shown.add_column(heading, justify="right" if n else "left", overflow="fold", min_width=len(one.rows[0][n]))
+            # On 80 columns text may take two lines, a number may not.
+            widest = max(len(word) for row in one.rows for word in row[n].split())
+            shown.add_column(heading, justify="right" if n else "left", overflow="fold", min_width=widest)
         for row in one.rows:
             shown.add_row(*row)
         console.print(shown)

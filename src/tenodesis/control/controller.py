@@ -11,7 +11,7 @@ from tenodesis import _core
 from tenodesis.control.parameters import FAULTS, HOMING_REASONS, parameters
 from tenodesis.control.resolution import check_force_limit
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 
 ObserverName: TypeAlias = Literal["paper", "exact", "friction"]
 """How the tip is estimated: by eq. 19 as printed, by the exact statics, or with friction."""
@@ -70,6 +70,8 @@ class Output(NamedTuple):
     homing: bool
     homing_failure: Any
     """Why the last homing failed, as of :func:`homing_failure`; with two axes a tuple of two"""
+    cut_power: bool
+    """Whether a motor does not obey, so that a relay in the supply of the motors must open"""
 
 
 class FlightRecord(NamedTuple):
@@ -123,7 +125,7 @@ class Controller:
 
     def __init__(
         self,
-        inst: Instrument,
+        inst: InstrumentLike,
         observer: ObserverName = "friction",
         law: LawName = "robust",
         actuation: ActuationName = "differential",
@@ -134,6 +136,7 @@ class Controller:
         period: float | None = None,
         own_clock: bool = False,
     ) -> None:
+        inst = as_instrument(inst)
         chosen_observer = _choice("observer", observer, ObserverName)
         chosen_law = _choice("law", law, LawName)
         chosen_actuation = _choice("actuation", actuation, ActuationName)
@@ -174,6 +177,34 @@ class Controller:
                 value=inst.name,
             ) from None
         self._request = Request.ENABLE if enabled else Request.NONE
+        self._ran: tuple[object, float] | None = None
+
+    def begin(self, plant: object, time: float) -> None:
+        """Begin, or continue, a run on a plant at its time, s.
+
+        Raises
+        ------
+        ValueError
+            It has run on another plant, or on this one up to a later time, and was not reset: its observer would take
+            one plant's state for the other's.
+        """
+        if self._ran is not None:
+            before, until = self._ran
+            if before is not plant or time < until * (1 - 1e-12):
+                where = "on another plant" if before is not plant else f"on this plant, to {until:.6g} s,"
+                raise ArgumentError(
+                    f"the controller has run {where} before; call its reset(), or make a new one, for a run from "
+                    f"{time:.6g} s on.",
+                    key="controller",
+                    allowed="a controller that is new or reset",
+                )
+        self._ran = plant, time
+
+    def __repr__(self) -> str:
+        return (
+            f"<Controller for {self.inst.name!r}: {self.observer} observer, {self.law} law, {self.actuation}, "
+            f"{self.precision} precision>"
+        )
 
     def step(
         self,
@@ -207,6 +238,7 @@ class Controller:
         if not (isfinite(time) and 0 <= time < _LATEST):
             raise ArgumentError(key="time", value=time, allowed="a number of seconds, 0 or more")
         asked = _request(request)
+        self._ran = None, time
         axes = len(self.inst.axes)
         measured = np.empty((axes, 5))
         measured[:, :1] = _shaped("handle_angle", handle_angle, axes, 1)
@@ -214,7 +246,9 @@ class Controller:
         measured[:, 3:] = _shaped("spool_angles", spool_angles, axes, 2)
         if asked == Request.NONE:
             asked = self.take_request()
-        rows, _, state, homed, homing, faults, first = self.core.step(round(time * 1e9), int(asked), measured)
+        rows, _, state, homed, homing, faults, first, cut_power = self.core.step(
+            round(time * 1e9), int(asked), measured
+        )
         table = np.array(rows)
         signals = {name: table[:, n] if axes > 1 else float(table[0, n]) for n, name in enumerate(_SIGNALS)}
         failures = tuple(homing_failure(int(word)) for word in table[:, _SIGNALS.index("homing_failure")])
@@ -233,6 +267,7 @@ class Controller:
             homed,
             homing,
             failures if axes > 1 else failures[0],
+            cut_power,
         )
 
     def ask(self, request: Request | str) -> None:
@@ -247,6 +282,7 @@ class Controller:
     def reset(self) -> None:
         """Return to the state in which it was made."""
         self.core.reset()
+        self._ran = None
         self._request = Request.ENABLE if self.enabled_at_start else Request.NONE
 
     def counts(self, axis: str | None = None) -> dict[str, dict[str, int]]:

@@ -10,7 +10,7 @@ from tenodesis import _core
 from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
 from tenodesis.control.parameters import FAULTS
 from tenodesis.files import atomic_file
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import InstrumentLike, as_instrument
 
 INTERFACE_VERSION: int = _core.INTERFACE_VERSION
 """TENODESIS_VERSION of the C interface that headers are written for."""
@@ -38,7 +38,7 @@ _RESERVED = frozenset(
 
 
 def header(
-    inst: Instrument,
+    inst: InstrumentLike,
     name: str | None = None,
     *,
     observer: ObserverName = "friction",
@@ -68,6 +68,7 @@ def header(
     ValueError
         The name is not valid in C, there is no such choice, or the parameters make no controller.
     """
+    inst = as_instrument(inst)
     # Applies the controller's own checks, in the precision that overflows first.
     controller = Controller(inst, observer, law, actuation, homed=homed, precision="single", own_clock=own_clock)
     parameters = controller.parameters
@@ -129,7 +130,7 @@ def header(
 
 
 def export_header(
-    inst: Instrument,
+    inst: InstrumentLike,
     path: str | Path,
     name: str | None = None,
     *,

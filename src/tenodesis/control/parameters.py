@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis import _core, plant
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 
 FAULTS = tuple(name for name, _, _ in _core.faults())
 """Names of the faults, in the order of their bits."""
@@ -60,8 +60,9 @@ class Parameters(NamedTuple):
         )
 
 
-def parameters(inst: Instrument, period: float | None = None) -> Parameters:
+def parameters(inst: InstrumentLike, period: float | None = None) -> Parameters:
     """Return the controller's parameters; period: of its ticks, s, by default the instrument's sampling period."""
+    inst = as_instrument(inst)
     single = inst.planar
     tick = 1 / inst.sensors.sampling_rate if period is None else period
     first = single[0]

@@ -1,5 +1,6 @@
 """What the sensors resolve at the tip: the errors of their readings, propagated through the estimate (eq. 19)."""
 
+from functools import lru_cache
 from math import degrees, inf, isfinite, sqrt
 from typing import NamedTuple
 
@@ -8,7 +9,7 @@ import numpy as np
 from tenodesis import plant, statics
 from tenodesis.control.parameters import force_limit, parameters
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 
 _PLACES = 17
 _USUAL_LOAD = 1.0  # N
@@ -57,7 +58,7 @@ class Resolution(NamedTuple):
     """The output angle that it takes, rad, largest over the working range; infinite where nothing can hold it"""
 
 
-def resolution(inst: Instrument) -> Resolution:
+def resolution(inst: InstrumentLike) -> Resolution:
     """Return what the sensors of an instrument's first axis resolve at the unloaded tip; friction is left out.
 
     A step of a converter is an error of uniform probability, of step over root 12: while nothing moves, no filter
@@ -65,6 +66,11 @@ def resolution(inst: Instrument) -> Resolution:
     are propagated by the derivatives of :func:`tenodesis.statics.estimate_output_angle`; without pretension they are
     not finite.
     """
+    return _resolution(as_instrument(inst))
+
+
+@lru_cache(maxsize=16)
+def _resolution(inst: Instrument) -> Resolution:
     inst = inst.planar[0]
     sensors, control = inst.sensors, parameters(inst)
     numbers = plant.parameters(inst, control.common["period"])

@@ -216,6 +216,15 @@ class CanOpenDevice(Bench):
             self._beaten = now
         self._end_beat()
 
+    def cut_power(self) -> None:
+        """Take the drives' power away at once, without a stop that one of them does not obey, and close."""
+        self._refuse()
+        self._stopping = True
+        for drive in self._plan.drives:
+            self._send(drive.commanded_id, self._resting(drive, cia402.DISABLE_VOLTAGE))
+        self._send(_SYNC, b"")
+        self.close()
+
     def close(self) -> None:
         """Stop the motors, take their power away and let go of the bus.
 

@@ -83,6 +83,13 @@ class Device(ABC):
         A speed that is not finite stops its motor; one beyond the device's limit is cut to it.
         """
 
+    def cut_power(self) -> None:
+        """Take the motors' supply away, since one of them does not obey, and let go of the hardware.
+
+        By default it is closed, which stops the motors that do obey.
+        """
+        self.close()
+
     @abstractmethod
     def close(self) -> None:
         """Stop the motors and let go of the hardware; a second time does nothing."""

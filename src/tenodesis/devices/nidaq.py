@@ -157,6 +157,15 @@ class NiDaqDevice(Bench):
         except DeviceError as problem:
             self._fail(problem)
 
+    def cut_power(self) -> None:
+        """Open the relay in the motors' supply, if there is one, and close."""
+        self._refuse()
+        try:
+            self._tasks.cut_power()
+        except DeviceError as problem:
+            self._fail(problem)
+        self.close()
+
     def close(self) -> None:
         """Put the outputs to standstill and let go of the device."""
         if self._opened:

@@ -60,6 +60,7 @@ class NiTasks:
         self._level = False
         self._watchdog: Any = None
         self._alive: Any = None
+        self._relay: Any = None
         self.stops_alone = inf
         """Time without a command after which the outputs go to standstill by themselves, s; infinite if never."""
         self.unwatched = ""
@@ -112,9 +113,12 @@ class NiTasks:
         self._writer = ni.stream_writers.AnalogMultiChannelWriter(outputs.out_stream, auto_start=False)
         self._append(self._standstill, settings.ahead)
         if settings.alive is not None:
-            self._alive = self._task(ni)
-            self._alive.do_channels.add_do_chan(self._channel(settings.alive))
+            self._alive = self._digital_task(ni, settings.alive)
+            self._tasks.append(self._alive)
         self._watch(ni)
+        if settings.relay is not None:
+            self._relay = self._digital_task(ni, settings.relay)
+            self._relay.write(True)
 
     def _run(self) -> None:
         """Start the clock; from now on the outputs run dry unless they are written."""
@@ -139,6 +143,10 @@ class NiTasks:
         try:
             self._watchdog = ni.system.WatchdogTask(self._settings.device, timeout=self._settings.watchdog)
             self._watchdog.cfg_watchdog_ao_expir_states(states)
+            if self._settings.relay is not None:
+                line = self._channel(self._settings.relay)
+                low = ni.types.DOExpirationState(line, ni.constants.Level.LOW)
+                self._watchdog.cfg_watchdog_do_expir_states([low])
             self._watchdog.control(ni.constants.TaskMode.TASK_VERIFY)
             self.stops_alone = self._settings.watchdog
         except ni.errors.DaqError as problem:
@@ -183,8 +191,14 @@ class NiTasks:
                 self._level = not self._level
                 self._alive.write(self._level)
 
+    def cut_power(self) -> None:
+        """Open the relay in the motors' supply, if there is one."""
+        if self._relay is not None:
+            with self._named_problems("cannot open the relay; switch the motors off by hand"):
+                self._relay.write(False)
+
     def close(self) -> None:
-        """Put the outputs to standstill and stop the clock."""
+        """Put the outputs to standstill, stop the clock, and open the relay."""
         if not self._opened:
             return
         self._opened = False
@@ -206,6 +220,11 @@ class NiTasks:
             done(self._tasks.pop().close)
         # What failed to close may have kept the outputs.
         rests = rests or done(self._rest)
+        relay, self._relay = self._relay, None
+        if relay is not None:
+            # A digital line keeps its level when its task ends.
+            done(lambda: relay.write(False))
+            done(relay.close)
         if self._watchdog is not None and rests:
             done(self._watchdog.stop)
             done(self._watchdog.close)
@@ -228,6 +247,11 @@ class NiTasks:
     def _task(self, ni: Any) -> Any:
         task = ni.Task()
         self._tasks.append(task)
+        return task
+
+    def _digital_task(self, ni: Any, line: str) -> Any:
+        task = ni.Task()
+        task.do_channels.add_do_chan(self._channel(line))
         return task
 
     def _output_task(self, ni: Any) -> Any:

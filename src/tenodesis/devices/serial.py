@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from math import isfinite
 from types import TracebackType
-from typing import NamedTuple, Self
+from typing import Literal, NamedTuple, Self
 
 from tenodesis import _core
 from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
 from tenodesis.errors import ArgumentError, DeviceError
-from tenodesis.extras import require
+from tenodesis.extras import require, require_live
 from tenodesis.instrument import Instrument
 
 BAUD_RATE = 3_000_000
@@ -87,7 +87,7 @@ class BoardController(Controller):
         There is no such port, no board behind it, or one of another version.
     """
 
-    _core_type: type[_core.SerialController] | type[_core.StreamedController]
+    _core_type: Literal["SerialController", "StreamedController"]
     _needs = "a board with the firmware of this version"
 
     def __init__(
@@ -107,6 +107,7 @@ class BoardController(Controller):
         silence: float | None = None,
         baud_rate: int = BAUD_RATE,
     ) -> None:
+        require_live()
         # Arguments are checked before the board is contacted.
         super().__init__(
             inst,
@@ -127,7 +128,7 @@ class BoardController(Controller):
             raise ArgumentError(key="silence", value=silence, allowed="a time of 0.001 s or more, or None")
         self.address = address
         with _open(address, baud_rate) as descriptor:
-            self.core = self._link = self._core_type(
+            self._link: _core.BoardController = getattr(_core, self._core_type)(
                 descriptor,
                 self.core.parameters(),
                 timeout,
@@ -135,6 +136,7 @@ class BoardController(Controller):
                 repetitions,
                 0 if silence is None else round(silence * 1e3),
             )
+        self.core = self._link
         if self.problem is not None:
             problem = self.problem.text
             self._link.close()
@@ -182,7 +184,7 @@ class BoardController(Controller):
 class SerialController(BoardController):
     """A controller on a board that is sent a measurement per tick and answers it; options as of its base."""
 
-    _core_type = _core.SerialController
+    _core_type = "SerialController"
 
 
 class StreamedController(BoardController):
@@ -192,10 +194,10 @@ class StreamedController(BoardController):
     board with the next frame. Raises DeviceError if the board measures nothing by itself.
     """
 
-    _core_type = _core.StreamedController
+    _core_type = "StreamedController"
     _needs = "a board with the firmware of this version and sensors of its own"
 
-    def device(self) -> _core.StreamedDevice:
+    def device(self) -> "_core.StreamedDevice":
         """Return its sensors and motors, as the live loop takes them."""
         assert isinstance(self._link, _core.StreamedController)
         return _core.StreamedDevice(self._link)

@@ -87,7 +87,7 @@ class SerialDevice(Device):
         self.round_trip = now / 1e9 - began
         return Measurement(now, angle, tension, spools, np.full(axes, nan))
 
-    def _heard(self, bench: _core.StreamedDevice, timeout: float) -> Measurement | None:
+    def _heard(self, bench: "_core.StreamedDevice", timeout: float) -> Measurement | None:
         found = bench.read(timeout)
         if found is None:
             return None

@@ -23,3 +23,7 @@ __all__ = [
     "jacobian_error",
     "to_json",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

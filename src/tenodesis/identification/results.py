@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from tenodesis import notebook
 from tenodesis.identification.identifiability import Identifiability
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.uncertainty import LossName
@@ -20,7 +21,9 @@ RESULTS_SCHEMA = 1
 
 _AS_THEY_ARE = ("samples", "loss", "starts", "same_optimum", "seed", "bootstrap", "evaluations", "jacobians", "seconds")
 
-Interval = tuple[float, float]
+_MOST_NAMED = 6
+"""Parameters and errors that a short description names."""
+Interval: TypeAlias = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,40 @@ class Fit:
     """How often the model's own derivatives were."""
     warnings: tuple[str, ...]
     seconds: float
+
+    def __repr__(self) -> str:
+        fitted = ", ".join(f"{name} {self.values[name]:.4g} ± {self.std[name]:.2g}" for name in self.free[:_MOST_NAMED])
+        more = f" and {len(self.free) - _MOST_NAMED} more" if len(self.free) > _MOST_NAMED else ""
+        return f"<Fit of {fitted}{more}; {self._errors}>"
+
+    def _repr_html_(self) -> str:
+        """Return a table for notebooks: every parameter with its interval, and whether it is identifiable."""
+        rows = [self._row(one) for one in self.parameters]
+        headings = ("parameter", "value", "95 % interval", "unit", "identifiable", "meaning")
+        return notebook.table(f"Fit of {len(self.free)} parameters; {self._errors}", headings, rows)
+
+    @property
+    def _errors(self) -> str:
+        sets = (("training", self.train_rmse), ("test", self.test_rmse))
+        found = [
+            f"{name} {key.rpartition('_')[0].replace('_', ' ')} {value:.3g} {key.rpartition('_')[2]}"
+            for name, rmse in sets
+            for key, value in rmse.items()
+        ]
+        return f"RMSE: {', '.join(found[:_MOST_NAMED])}"
+
+    def _row(self, one: Parameter) -> tuple[str, ...]:
+        interval = self.interval_95.get(one.name)
+        bounds = "held" if interval is None else f"{interval[0]:.4g} to {interval[1]:.4g}"
+        known = self.identifiability.identifiable.get(one.name)
+        return (
+            one.name,
+            f"{self.values[one.name]:.5g}",
+            bounds,
+            one.unit,
+            "" if known is None else ("yes" if known else "no"),
+            one.meaning,
+        )
 
     @property
     def vector(self) -> Array:

@@ -2,7 +2,7 @@
 
 from tenodesis.instrument.instrument import PARAMETERS, AxisName, Instrument, Name
 from tenodesis.instrument.mechanisms import JOINT_TYPES, Continuum, TendonGear, TendonPulley
-from tenodesis.instrument.reading import json_schema, load, parse, shipped
+from tenodesis.instrument.reading import InstrumentLike, as_instrument, json_schema, load, parse, shipped
 
 __all__ = [
     "JOINT_TYPES",
@@ -10,11 +10,17 @@ __all__ = [
     "AxisName",
     "Continuum",
     "Instrument",
+    "InstrumentLike",
     "Name",
     "TendonGear",
     "TendonPulley",
+    "as_instrument",
     "json_schema",
     "load",
     "parse",
     "shipped",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -203,6 +203,10 @@ class NiDaq(FileTable):
     alive: Channel | None = Field(
         default=None, description="Digital line that changes with every command, for a relay that needs it to"
     )
+    relay: Channel | None = Field(
+        default=None,
+        description="Digital line that is high while the motors may have their supply, for a relay in it",
+    )
     watchdog: Time | None = Field(
         default=0.025, description="Time without a command after which a device that can sets the outputs by itself"
     )

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping
 from functools import cache, cached_property
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -14,7 +14,7 @@ from pydantic import (
     model_validator,
 )
 
-from tenodesis import _core
+from tenodesis import _core, notebook
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument.devices import Devices
 from tenodesis.instrument.hardware import Control, Drives, Dynamics, Friction, Geometry, Mismatch, Sensors
@@ -31,6 +31,7 @@ from tenodesis.units import (
     Quantity,
     Rate,
     Stiffness,
+    in_words,
     quantity_of,
 )
 
@@ -50,6 +51,8 @@ Name = Annotated[str, AfterValidator(_printable)]
 AxisName = Literal["yaw", "pitch"]
 
 
+_NAMED = ("overall_length", "pretension", "tendon_stiffness", "handle_range", "output_range")
+"""Dimensions that tell instruments of a joint type apart."""
 _STOP_BEYOND_RANGE = 4 / 3
 _FARTHEST_STOP = 2.9  # rad; half a turn is the end of every mechanism
 
@@ -114,6 +117,16 @@ class Instrument(FileTable):
 
     parameter_fields: ClassVar[Mapping[str, str]] = {}
     """Parameter of the core, by the field that sets it."""
+
+    if TYPE_CHECKING:
+        # Type checkers do not know of which mechanism the instrument in a file is; it has the dimensions of its own.
+        distal_gear_radius: float
+        proximal_gear_radius: float
+        distal_pulley_radius: float
+        proximal_pulley_radius: float
+        distal_tendon_offset: float
+        backbone_length: float
+        backbone_rigidity: float
 
     @property
     def tendon_stiffness(self) -> float:
@@ -223,6 +236,23 @@ class Instrument(FileTable):
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a copy by :meth:`replace`, so that its changes are checked and passed to the core."""
         return self.replace(**(update or {}))
+
+    def __repr__(self) -> str:
+        shown = ", ".join(
+            f"{key} {in_words(value, kind.unit)}" for key, value, kind in self.quantities() if key in _NAMED
+        )
+        return (
+            f"<{type(self).__name__} {self.name!r}: {' and '.join(self.axes)}, {shown}, friction {self.friction.law}>"
+        )
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        """Return a table for notebooks: values in the units of drawings, with their sources."""
+        rows = [(key, in_words(value, kind.unit), self.sources.get(key, "")) for key, value, kind in self.quantities()]
+        rows.append(("friction", self.friction.law, self.sources.get("friction", "")))
+        title = f"{self.name}: {self.joint_type}, {' and '.join(self.axes)}"
+        return notebook.table(title, ("key", "value", "source"), rows)
 
     def __hash__(self) -> int:
         return hash((self.joint_type, self.name, tuple((key, value) for key, value, _ in self.quantities())))

@@ -9,9 +9,9 @@ from pydantic import BaseModel
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument.instrument import Instrument
 from tenodesis.instrument.reading import source_text
-from tenodesis.instrument.text import READABLE, readable, with_units
+from tenodesis.instrument.text import readable, with_units
 from tenodesis.toml import parse_toml
-from tenodesis.units import quantity_of
+from tenodesis.units import READABLE, quantity_of
 
 _ALWAYS = {"drives", "sensors", "control"}
 """Tables whose defaults are listed."""

@@ -1,13 +1,17 @@
 """Instrument files: shipped or by path, read into instruments."""
 
+from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument.instrument import Instrument
 from tenodesis.instrument.mechanisms import ANY_INSTRUMENT, JOINT_TYPES
 from tenodesis.toml import parse_toml, read_text, validated
+
+InstrumentLike: TypeAlias = Instrument | str | Path
+"""An instrument, the name of one that comes with the package, or the path of an instrument file."""
 
 
 def shipped() -> tuple[str, ...]:
@@ -16,12 +20,26 @@ def shipped() -> tuple[str, ...]:
     return tuple(sorted(file.stem for file in files if file.suffix == ".toml"))
 
 
-def load(name_or_path: str | Path) -> Instrument:
+def load(name_or_path: InstrumentLike) -> Instrument:
     """Read an instrument that comes with the package, by name, or an instrument file, by path.
 
-    Raises InstrumentError if there is no such instrument or file, it cannot be read, or it is not valid.
+    An instrument is returned as it is. Raises InstrumentError if there is no such instrument or file, it cannot be
+    read, or it is not valid.
     """
-    return parse(source_text(name_or_path), str(name_or_path))
+    return as_instrument(name_or_path, "name_or_path")
+
+
+def as_instrument(given: InstrumentLike, argument: str = "inst") -> Instrument:
+    """Return an instrument that is given as such, by name or by path.
+
+    Raises TypeError, which names the argument, if it is none of these, and InstrumentError as :func:`load`.
+    """
+    if isinstance(given, Instrument):
+        return given
+    if not isinstance(given, str | Path):
+        raise TypeError(f"{argument} is {given!r}; it must be an instrument, its name or the path of its file.")
+    source = str(given)
+    return _shipped_instrument(source) if source in shipped() else parse(source_text(given), source)
 
 
 def source_text(name_or_path: str | Path) -> str:
@@ -40,7 +58,7 @@ def parse(text: str, source: str = "instrument") -> Instrument:
 
     Raises InstrumentError, whose message starts with `source`, if the text is not TOML or not a valid instrument.
     """
-    values = parse_toml(text, InstrumentError, source)
+    values = parse_toml(text, InstrumentError, source, "an instrument")
     joint_type = values.get("joint_type")
     if not isinstance(joint_type, str) or joint_type not in JOINT_TYPES:
         found = "is missing" if joint_type is None else f"is {joint_type!r}"
@@ -59,6 +77,11 @@ def json_schema() -> dict[str, Any]:
         "title": "Tenodesis instrument",
         **schema,
     }
+
+
+@cache
+def _shipped_instrument(name: str) -> Instrument:
+    return parse(source_text(name), name)
 
 
 def _shipped_folder() -> Any:

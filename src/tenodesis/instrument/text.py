@@ -7,7 +7,7 @@ import tomli_w
 from pydantic import BaseModel
 
 from tenodesis.instrument import Instrument
-from tenodesis.units import in_unit, quantity_of
+from tenodesis.units import READABLE, in_unit, quantity_of
 
 
 def to_toml(inst: Instrument) -> str:
@@ -22,10 +22,6 @@ def to_toml(inst: Instrument) -> str:
         for axis, values in inst.overrides.items()
     }
     return tomli_w.dumps(with_units(inst) | {"overrides": own})
-
-
-READABLE = {"m": "mm", "Pa": "GPa", "rad": "deg", "s": "ms", "rad/s": "deg/s", "m/s": "mm/s"}
-"""Units of drawings, by SI unit."""
 
 
 def to_file(inst: Instrument, *, comment: str = "") -> str:

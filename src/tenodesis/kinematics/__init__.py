@@ -45,3 +45,7 @@ __all__ = [
     "within_limits",
     "workspace",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 from tenodesis import _core
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument import Instrument
-from tenodesis.statics.query import check_instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 
 # Defaults of what a file leaves out, as shares. The first is the paper's (Table I), the others are our choice.
 _STEM_PER_GEAR_RADIUS = 2.5
@@ -48,7 +47,7 @@ class Limits(NamedTuple):
     roll: tuple[float, float]
 
 
-def dimensions(inst: Instrument) -> Dimensions:
+def dimensions(inst: InstrumentLike) -> Dimensions:
     """Return the lengths of an instrument from handle to tip, m (Fig. 1, Table I).
 
     What the file leaves out follows from the rest: the stem's length is overall_length less handle, end-effector and
@@ -61,15 +60,15 @@ def dimensions(inst: Instrument) -> Dimensions:
     InstrumentError
         Nothing is left for the stem, or the insertion at rest does not fit it.
     """
-    check_instrument(inst)
-    return _dimensions(inst)
+    return _dimensions(as_instrument(inst))
 
 
-def limits(inst: Instrument) -> Limits:
+def limits(inst: InstrumentLike) -> Limits:
     """Return the limits of the tip's coordinates, rad and m: bending to output_range, the rest by table geometry.
 
     Raises InstrumentError as :func:`dimensions`.
     """
+    inst = as_instrument(inst)
     lengths = dimensions(inst)
     least, _, most = _insertions(inst, lengths.stem_length)
     geometry = inst.geometry

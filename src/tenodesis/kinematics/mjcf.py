@@ -6,7 +6,7 @@ from itertools import pairwise
 from typing import NamedTuple
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.kinematics.dimensions import Dimensions, dimensions
 from tenodesis.kinematics.motion import Posture, frames
 from tenodesis.kinematics.parts import STEEL, TOWARD, Joint, Part, joint_positions, parts, text
@@ -38,12 +38,13 @@ _CONTINUUM = """
   a quarter turn), without the backbone's own stiffness in other directions;"""
 
 
-def mjcf(inst: Instrument) -> str:
+def mjcf(inst: InstrumentLike) -> str:
     """Return an instrument as the text of a MuJoCo model: bodies as in :func:`frames`, tendons as strings, held joints.
 
     Positions of its joints are those of :func:`joint_positions`; the keyframe "rest" is the straight instrument. Raises
     InstrumentError if the instrument's lengths leave no stem.
     """
+    inst = as_instrument(inst)
     lengths, tree = dimensions(inst), parts(inst)
     root = Element("mujoco", model=inst.name)
     more = "" if inst.joint_type == "tendon-gear" else _BY_WHAT_THEY_DRAW

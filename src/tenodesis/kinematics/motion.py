@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core
 from tenodesis.errors import ArgumentError, NoSolutionError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.kinematics.dimensions import chain, dimensions, limits
 from tenodesis.statics.query import FloatOrArray, common_shape, numbers
 from tenodesis.threads import threads
@@ -66,7 +66,7 @@ class Frames(NamedTuple):
     tendons: Mapping[str, _Array]
 
 
-def forward(inst: Instrument, posture: Posture) -> Frame:
+def forward(inst: InstrumentLike, posture: Posture) -> Frame:
     """Return position (..., 3), m, and orientation (..., 4) of the tip at a posture (Fig. 1).
 
     Raises
@@ -76,17 +76,19 @@ def forward(inst: Instrument, posture: Posture) -> Frame:
     InstrumentError
         The instrument's lengths leave no stem.
     """
+    inst = as_instrument(inst)
     rows, shape = _rows(inst, posture)
     out = np.empty((len(rows), 7))
     _core.chain_tip(chain(inst), rows, out, threads())
     return _frame(out, shape)
 
 
-def frames(inst: Instrument, posture: Posture) -> Frames:
+def frames(inst: InstrumentLike, posture: Posture) -> Frames:
     """Return the frames of all bodies and the polylines of all tendons at a posture, m; errors as :func:`forward`.
 
     Where a handle angle is left out and the handle cannot bend so far, the handle's bodies and the tendons are NaN.
     """
+    inst = as_instrument(inst)
     bound = chain(inst)
     rows, shape = _rows(inst, posture)
     names, length = bound.frame_names, bound.path_length
@@ -100,12 +102,13 @@ def frames(inst: Instrument, posture: Posture) -> Frames:
     return Frames(bodies, {name: paths[..., i, :, :] for i, name in enumerate(tendons)})
 
 
-def jacobian(inst: Instrument, posture: Posture) -> _Array:
+def jacobian(inst: InstrumentLike, posture: Posture) -> _Array:
     """Return the Jacobian of the tip (..., 6, 7): velocity (m/s) over angular velocity (rad/s) in the port's frame.
 
     Columns are pan, tilt, spin, insertion, yaw, pitch, roll; zero for an axis that the instrument does not have. Errors
     are those of :func:`forward`.
     """
+    inst = as_instrument(inst)
     rows, shape = _rows(inst, posture)
     out = np.empty((len(rows), 6, len(COORDINATES)))
     _core.chain_jacobian(chain(inst), rows, out, threads())
@@ -113,7 +116,7 @@ def jacobian(inst: Instrument, posture: Posture) -> _Array:
 
 
 def inverse(
-    inst: Instrument,
+    inst: InstrumentLike,
     position: ArrayLike,
     quaternion: ArrayLike,
     spin: ArrayLike = 0.0,
@@ -151,6 +154,7 @@ def inverse(
     InstrumentError
         The instrument's lengths leave no stem.
     """
+    inst = as_instrument(inst)
     places, turns = _finite("position", position, 3), _finite("quaternion", quaternion, 4)
     if places.size and not np.abs(places).max() <= _FARTHEST:
         worst = places.flat[int(np.abs(places).argmax())]
@@ -184,11 +188,12 @@ def inverse(
     return Posture(**dict(zip(COORDINATES, found, strict=True)))
 
 
-def within_limits(inst: Instrument, posture: Posture) -> FloatOrArray:
+def within_limits(inst: InstrumentLike, posture: Posture) -> FloatOrArray:
     """Return whether every coordinate of the tip is within its limits, see :func:`limits`; False where any is NaN.
 
     Raises ValueError if a coordinate is no number, and InstrumentError if the instrument's lengths leave no stem.
     """
+    inst = as_instrument(inst)
     posture = _posture("posture", posture)
     inside: Any = True
     for name, (least, most) in limits(inst)._asdict().items():

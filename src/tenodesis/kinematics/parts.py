@@ -5,7 +5,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from tenodesis import _core, statics
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.kinematics.dimensions import Dimensions, dimensions, limits
 from tenodesis.kinematics.motion import Posture, frames
 from tenodesis.statics.query import FloatOrArray
@@ -81,7 +81,7 @@ def parts(inst: Instrument) -> list[Part]:
     return [*found, *handle, grip]
 
 
-def joint_positions(inst: Instrument, posture: Posture) -> dict[str, FloatOrArray]:
+def joint_positions(inst: InstrumentLike, posture: Posture) -> dict[str, FloatOrArray]:
     """Return the positions of the joints of an exported model at a posture, rad and m, by name.
 
     Raises
@@ -91,6 +91,7 @@ def joint_positions(inst: Instrument, posture: Posture) -> dict[str, FloatOrArra
     NoSolutionError
         A single handle angle is left out, and the handle cannot bend as far as its output angle requires.
     """
+    inst = as_instrument(inst)
     given = posture._asdict()
     if posture.insertion is None:
         given["insertion"] = dimensions(inst).insertion

@@ -3,10 +3,12 @@
 import math
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.kinematics.parts import STEEL, Joint, Part, parts, text
 
 _KINDS = {"hinge": "revolute", "slide": "prismatic"}
+# A link without mass does not load in MuJoCo and makes the mass matrix of others singular.
+_LEAST_MASS, _LEAST_INERTIA = 1e-6, 1e-9
 # URDF requires an effort and a velocity at every limited joint; the instrument file has neither.
 _EFFORT, _VELOCITY = "1000", "100"
 
@@ -18,19 +20,22 @@ What this format does not contain:
   may ignore;
 - friction, drives, sensors, the controller, and limits by loads: joint limits are mechanical stops;
 - efforts and velocities: their values are there only because the format needs them;
-- masses: parts are drawn, and weighed, as solid steel.{more}"""
+- masses: parts are drawn, and weighed, as solid steel; where the file has dynamics.tip_inertia or hand_inertia, the
+  parts that turn with tip or handle weigh what gives that inertia; links between a part's joints weigh 1 mg.{more}"""
 _CONTINUUM = """
 - the arc of a backbone: it is its chord between two revolute joints; how much the chord shortens, the joint named
   chord, no mimic can express."""
 
 
-def urdf(inst: Instrument) -> str:
+def urdf(inst: InstrumentLike) -> str:
     """Return an instrument as the text of a URDF file: links as the bodies of :func:`frames`, the port its base.
 
     Positions of its joints are those of :func:`joint_positions`. Raises InstrumentError if the instrument's lengths
     leave no stem.
     """
+    inst = as_instrument(inst)
     tree = parts(inst)
+    density = _densities(inst, tree)
     root = Element("robot", name=inst.name.replace(" ", "_"))
     root.append(Comment(f"\n{NOTE.format(more=_CONTINUUM if inst.joint_type == 'continuum' else '')}\n"))
     SubElement(root, "link", name="port")
@@ -41,13 +46,13 @@ def urdf(inst: Instrument) -> str:
             last = place + 1 == len(part.joints)
             child = part.name if last else f"{joint.name}_link"
             if not last:
-                SubElement(root, "link", name=child)
+                _inertial(SubElement(root, "link", name=child), 0.0, _LEAST_MASS, _LEAST_INERTIA, _LEAST_INERTIA)
             _joint(root, joint, parent, child, part.offset if place == 0 else 0.0)
             parent = child
         if not part.joints:
             fixed = SubElement(root, "joint", name=f"{part.name}_fixed", type="fixed")
             _between(fixed, parent, part.name, part.offset)
-        _link(root, part)
+        _link(root, part, density[part.name])
     indent(root)
     return '<?xml version="1.0"?>\n' + tostring(root, encoding="unicode") + "\n"
 
@@ -67,20 +72,59 @@ def _between(joint: Element, parent: str, child: str, offset: float) -> None:
     SubElement(joint, "origin", xyz=f"0 0 {text(offset)}", rpy="0 0 0")
 
 
-def _link(root: Element, part: Part) -> None:
+def _link(root: Element, part: Part, density: float) -> None:
     link = SubElement(root, "link", name=part.name)
     if part.cylinder is None:
+        _inertial(link, 0.0, _LEAST_MASS, _LEAST_INERTIA, _LEAST_INERTIA)
         return
     start, end, radius = part.cylinder
+    _inertial(link, (start + end) / 2, *_mass(part, density))
+    visual = SubElement(link, "visual")
+    SubElement(visual, "origin", xyz=f"0 0 {text((start + end) / 2)}", rpy="0 0 0")
+    SubElement(SubElement(visual, "geometry"), "cylinder", radius=text(radius), length=text(end - start))
+
+
+def _inertial(link: Element, along: float, mass: float, across: float, about: float) -> None:
+    element = SubElement(link, "inertial")
+    SubElement(element, "origin", xyz=f"0 0 {text(along)}", rpy="0 0 0")
+    SubElement(element, "mass", value=text(mass))
+    moments = {"ixx": across, "iyy": across, "izz": about, "ixy": 0.0, "ixz": 0.0, "iyz": 0.0}
+    SubElement(element, "inertia", {key: text(value) for key, value in moments.items()})
+
+
+def _mass(part: Part, density: float) -> tuple[float, float, float]:
+    """Return mass, kg, and inertia across and along its axis, kg·m², of a part that has a cylinder."""
+    assert part.cylinder is not None
+    start, end, radius = part.cylinder
     length = end - start
-    mass = STEEL * math.pi * radius**2 * length
-    across, along = mass * (3 * radius**2 + length**2) / 12, mass * radius**2 / 2
-    for kind in ("inertial", "visual"):
-        element = SubElement(link, kind)
-        SubElement(element, "origin", xyz=f"0 0 {text((start + end) / 2)}", rpy="0 0 0")
-        if kind == "inertial":
-            SubElement(element, "mass", value=text(mass))
-            moments = {"ixx": across, "iyy": across, "izz": along, "ixy": 0.0, "ixz": 0.0, "iyz": 0.0}
-            SubElement(element, "inertia", {key: text(value) for key, value in moments.items()})
-        else:
-            SubElement(SubElement(element, "geometry"), "cylinder", radius=text(radius), length=text(length))
+    mass = density * math.pi * radius**2 * length
+    return mass, mass * (3 * radius**2 + length**2) / 12, mass * radius**2 / 2
+
+
+def _densities(inst: Instrument, tree: list[Part]) -> dict[str, float]:
+    """Return the density of each part, kg/m³: steel, or what gives tip or handle the inertia that the file has."""
+    named = {part.name: part for part in tree}
+    found = dict.fromkeys(named, STEEL)
+    axis, dynamics = inst.axes[-1], inst.planar[-1].dynamics
+    for end, key, beyond in (("", "tip_inertia", ("end_effector", "tip")), ("handle_", "hand_inertia", ("grip",))):
+        wanted = getattr(dynamics, key) if key in dynamics.model_fields_set else None
+        if wanted is None:
+            continue
+        carrier, far = named[f"{end}{axis}_carrier"], named[f"{end}{axis}_far"]
+        # The carrier turns by half the angle, and takes the far part along, as if that turned about its middle.
+        steel = _inertia(carrier, 0.0) / 4
+        place = far.offset / 2
+        for part in (far, *(named[name] for name in beyond)):
+            place += 0.0 if part is far else part.offset
+            steel += _inertia(part, place)
+        for part in (carrier, far, *(named[name] for name in beyond)):
+            found[part.name] = STEEL * wanted / steel
+    return found
+
+
+def _inertia(part: Part, place: float) -> float:
+    """Return the inertia of a part of steel, kg·m², about an axis across it, where its frame is at a place, m."""
+    if part.cylinder is None:
+        return 0.0
+    mass, across, _ = _mass(part, STEEL)
+    return across + mass * (place + (part.cylinder[0] + part.cylinder[1]) / 2) ** 2

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tenodesis import statics
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import AxisName, Instrument
+from tenodesis.instrument import AxisName, Instrument, InstrumentLike, as_instrument
 from tenodesis.kinematics.dimensions import limits
 from tenodesis.kinematics.motion import Posture, forward, inverse
 
@@ -57,7 +57,7 @@ class Workspace(NamedTuple):
         return np.outer(rows, columns * self.distance)
 
 
-def workspace(inst: Instrument, force: float = 0.0, *, points: int = 121) -> Workspace:
+def workspace(inst: InstrumentLike, force: float = 0.0, *, points: int = 121) -> Workspace:
     """Return the cross-section of the workspace within the limits of the joints (Fig. 1).
 
     It has `points` distances and as many angles. The force (N) is tangential at the tip and opposes flexion to either
@@ -66,6 +66,7 @@ def workspace(inst: Instrument, force: float = 0.0, *, points: int = 121) -> Wor
     Raises ValueError if the force is negative or not finite, or there are fewer than two points, and InstrumentError if
     the instrument's lengths leave no stem.
     """
+    inst = as_instrument(inst)
     bounds = limits(inst)
     if not (isinstance(force, Real) and isfinite(force) and force >= 0):
         raise ArgumentError(key="force", value=force, allowed="a finite force of at least 0 N")

@@ -16,7 +16,7 @@ class DeviceThread:
     """A thread that serves a device; the loop waits for it no longer than two ticks.
 
     Where no answer comes in time, the motors are commanded to rest; where the device fails, it is closed, which stops
-    them.
+    them; where a motor does not obey, their supply is cut.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class DeviceThread:
         Of ticks, s.
     """
 
-    def __init__(self, device: Device, box: _core.MailboxDevice, period: float) -> None:
+    def __init__(self, device: Device, box: "_core.MailboxDevice", period: float) -> None:
         self._device, self._box = device, box
         self._period = period
         self._ending = threading.Event()
@@ -64,6 +64,13 @@ class DeviceThread:
                 self._box.post(measured.time, measured.rows)
                 answered, velocity = self._box.take(4 * self._period)
                 self.unanswered += not answered
+                if self._box.power_cut:
+                    self.problem = (
+                        "a motor does not obey; the supply of all motors was cut, as far as the bench can. Find the "
+                        "cause, then connect again."
+                    )
+                    self._device.cut_power()
+                    break
                 speed = np.array(velocity)
                 self._device.write(speed if answered and np.isfinite(speed).all() else rest)
         except DeviceError as problem:

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from tenodesis.control import FAULTS
 from tenodesis.errors import InstrumentError, RecordingError
-from tenodesis.live.recorder import LIVE
+from tenodesis.live.events import LIVE
 from tenodesis.recording import Recording
 from tenodesis.recording.metadata import CONTROLLER
 from tenodesis.recording.reader import Event

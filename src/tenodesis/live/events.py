@@ -10,6 +10,9 @@ from typing import Any, BinaryIO, NamedTuple
 FILE = "events.jsonl"
 """Name of the file in the runtime's folder."""
 
+LIVE = "live"
+"""Value of `mode` in the metadata of a recording of a live runtime."""
+
 LONGEST = 1e7
 """Longest running time of a runtime, s."""
 

@@ -1,6 +1,5 @@
 """The folder of a live runtime: its files, and the file that describes the runtime."""
 
-import fcntl
 import json
 import os
 from contextlib import suppress
@@ -8,8 +7,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from tenodesis.errors import LiveError
+from tenodesis.extras import require_live
 from tenodesis.files import atomic_file
 from tenodesis.instrument import Instrument, load
+
+# Every part of the live runtime that needs the C++ module's imports this module.
+require_live()
+
+import fcntl  # noqa: E402 - Windows has none
 
 RING = "ring"
 """The ticks, in shared memory."""

@@ -29,9 +29,6 @@ from tenodesis.live.ticks import Reader, Source, start_time
 from tenodesis.recording import Recorder
 from tenodesis.run import Array, Run
 
-LIVE = "live"
-"""Mode of a live recording in its metadata."""
-
 STATUS = "recorder.json"
 """Name of the file in the runtime's folder with the progress of the recording."""
 
@@ -193,7 +190,7 @@ def _record_all(
     began = start_time(run)
     metadata = {
         "instrument": to_toml(source.inst),
-        "mode": LIVE,
+        "mode": events.LIVE,
         "device": device,
         "time_step": repr(float(source.time_step)),
         "rate": f"{1 / source.time_step:.9g} Hz",

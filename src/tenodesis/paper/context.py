@@ -9,6 +9,7 @@ from tenodesis import instrument as instruments
 from tenodesis import statics
 from tenodesis.instrument import Instrument
 from tenodesis.report.content import Column, Published, Result, ResultTable
+from tenodesis.report.curves import forces
 from tenodesis.run import Run
 from tenodesis.simulate import Protocol
 
@@ -107,21 +108,10 @@ class Context:
         return ResultTable(caption, columns, self.add)
 
 
-def forces(inst: Instrument) -> list[float]:
-    """Return the loads of the curves, N: zero, and those of the instrument's conditions."""
-    by_text = {f"{force:g}": force for force in inst.conditions.forces or (0.5, 1.0, 1.5)}
-    return [0.0, *sorted(by_text.values())]
-
-
 def shown_force(inst: Instrument) -> float:
     """Return the load of single-load figures, N."""
     loads = forces(inst)[1:]
     return loads[min(1, len(loads) - 1)]
-
-
-def load_name(force: float) -> str:
-    """Return a load (N) as tables and legends name it."""
-    return "no load" if force == 0 else f"{force:g} N"
 
 
 def has_friction(inst: Instrument) -> bool:

@@ -7,9 +7,10 @@ from matplotlib.axes import Axes
 
 from tenodesis import statics
 from tenodesis.instrument import Instrument
-from tenodesis.paper.context import Context, forces, load_name, shown_force
+from tenodesis.paper.context import Context, shown_force
 from tenodesis.report import style
 from tenodesis.report.content import Chart, Column, Section, fixed, named
+from tenodesis.report.curves import draw_losses, forces, load_name
 
 
 def section(context: Context) -> Section:
@@ -55,7 +56,7 @@ def section(context: Context) -> Section:
     )
     chart, (left, right) = Chart.panels(2, width=8.6, height=4.0)
     _construction(chart, left, inst, force)
-    _losses(chart, right, inst)
+    draw_losses(chart, right, inst, forces(inst)[1:])
     plot = chart.plot(
         "fig11_loss",
         f"Left: loss and compensation angle at {force:g} N, {named(inst)}{context.figure_of('Fig. 11')}. "
@@ -94,18 +95,3 @@ def _construction(chart: Chart, axis: Axes, inst: Instrument, force: float) -> N
         axis.annotate(f"compensation {needed - x:.1f}°", (x, y), (-6, 5), ha="right", **note)
     axis.set(xlabel="handle angle $\\theta_h$ [deg]", ylabel="output angle $\\theta_e$ [deg]", xlim=(0, handle[-1]))
     style.legend_above(axis, 2)
-
-
-def _losses(chart: Chart, axis: Axes, inst: Instrument) -> None:
-    """Draw the loss against the unloaded output angle, by the full model and by eq. 17."""
-    angles = np.linspace(0.0, inst.output_range, 241)
-    output = chart.keep("unloaded_output_angle [deg]", np.degrees(angles))
-    handle = statics.handle_angle(inst, angles)
-    loads = forces(inst)
-    for force, color in zip(loads[1:], style.colors(len(loads))[1:], strict=True):
-        lost = np.degrees(angles - statics.output_angle(inst, handle, force))
-        first_order = np.degrees(statics.loss_of_dexterity(inst, angles, force))
-        chart.curve(axis, output, f"loss at {force:g} N [deg]", lost, color=color, label=load_name(force))
-        chart.curve(axis, output, f"eq. 17 at {force:g} N [deg]", first_order, ":", color=color, lw=1.4)
-    axis.set(xlabel="unloaded output angle $\\theta_e^*$ [deg]", ylabel="loss of output angle [deg]", ylim=(0, None))
-    style.legend_above(axis, 4)

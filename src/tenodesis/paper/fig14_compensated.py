@@ -11,9 +11,10 @@ from tenodesis import statics
 from tenodesis.control import Controller, LawName
 from tenodesis.instrument import Instrument
 from tenodesis.paper import step_response
-from tenodesis.paper.context import Context, forces, has_friction
+from tenodesis.paper.context import Context, has_friction
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, Column, Plot, Section, Table, fixed, named
+from tenodesis.report.curves import forces
 from tenodesis.run import Run
 from tenodesis.statics import Actuation
 from tenodesis.twin import TIME_STEP, Twin

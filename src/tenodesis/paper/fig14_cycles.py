@@ -1,18 +1,17 @@
 """Fig. 14: flexion and extension under load on the twin, and eq. 19's estimate from the tensions measured there."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from tenodesis import simulate, statics, twin
 from tenodesis.errors import NoSolutionError
 from tenodesis.instrument import Instrument
 from tenodesis.paper import published
-from tenodesis.paper.context import Context, RecordedRun, forces, has_friction
+from tenodesis.paper.context import Context, RecordedRun, has_friction
 from tenodesis.report import style
-from tenodesis.report.content import Array, Chart, Column, Plot, Section, Table, fixed, named, number, unit_text
+from tenodesis.report.content import Array, Column, Plot, Section, Table, fixed, named, number, unit_text
+from tenodesis.report.curves import Loop, estimated_output_angle, forces, hysteresis, load_name, loop_panels
 from tenodesis.run import Run
 from tenodesis.units import unit_of
 
@@ -67,8 +66,7 @@ def cycle(inst: Instrument, force: float) -> Cycles | None:
     except NoSolutionError:
         return None
     run = recorded.run[int(np.searchsorted(recorded.run.time, _LOADING + _RESTING, "right")) :]
-    handle = np.clip(run["measured_handle_angle"], -inst.handle_range, inst.handle_range)
-    estimate = statics.estimate_output_angle(inst, handle, *run["measured_tension"].T)
+    estimate = estimated_output_angle(inst, run)
     error = float(np.sqrt(_mean((estimate - run["measured_output_angle"]) ** 2)))
     return Cycles(force, recorded, run, estimate, error, *_widths(inst, force, run, estimate))
 
@@ -205,37 +203,12 @@ def _text(context: Context, inst: Instrument) -> str:
     return text
 
 
-def _panels(cycles: list[Cycles], ylabel: str) -> tuple[Chart, Sequence[Axes]]:
-    chart, axes = Chart.panels(len(cycles), width=3.1 * len(cycles) + 0.6, height=3.6)
-    for axis, done in zip(axes, cycles, strict=True):
-        axis.set(title=f"{done.force:g} N", xlabel="handle angle $\\theta_h$ [deg]")
-    axes[0].set_ylabel(ylabel)
-    return chart, axes
+def _loops(cycles: list[Cycles]) -> list[Loop]:
+    return [Loop(load_name(done.force), done.run[_EVERY], done.estimate[_EVERY]) for done in cycles]
 
 
 def _angles(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
-    chart, axes = _panels(cycles, "output angle $\\theta_e$ [deg]")
-    grid = np.linspace(0, statics.reach(inst), 101)
-    unloaded = np.degrees(statics.output_angle(inst, grid))
-    for axis, done in zip(axes, cycles, strict=True):
-        at, run = f"at {done.force:g} N [deg]", done.run[_EVERY]
-        angles = run["measured_handle_angle"]
-        handle = chart.keep(f"handle_angle {at}", np.degrees(angles))
-        measured = chart.keep(f"measured_output_angle {at}", np.degrees(run["measured_output_angle"]))
-        axis.plot(np.degrees(grid), unloaded, ":", color=style.MUTED, lw=1.3)
-        chart.curve(axis, handle, f"estimate {at}", np.degrees(done.estimate[_EVERY]), color=style.ANTAGONIST, lw=1.0)
-        axis.plot(handle, measured, color=style.AGONIST, lw=1.0)
-        within = np.clip(angles, -inst.handle_range, inst.handle_range)
-        theory = chart.keep(f"theory {at}", np.degrees(statics.output_angle(inst, within, done.force)))
-        order = np.argsort(handle)
-        axis.plot(handle[order], theory[order], "--", color=style.INK, lw=1.3)
-    style.legend_outside(
-        chart.figure,
-        ("twin, measured", style.AGONIST, "-"),
-        ("estimate, eq. 19", style.ANTAGONIST, "-"),
-        ("theory, no load", style.MUTED, ":"),
-        ("theory", style.INK, "--"),
-    )
+    chart = hysteresis(inst, _loops(cycles), "twin, measured")
     return chart.plot(
         "fig14a_cycles",
         f"Input and output over flexion and extension, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N, "
@@ -245,7 +218,7 @@ def _angles(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
 
 
 def _tensions(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
-    chart, axes = _panels(cycles, "tension [N]")
+    chart, axes = loop_panels(_loops(cycles), "tension [N]")
     grid = np.linspace(0, statics.reach(inst), 101)
     sides = (("agonist", style.AGONIST), ("antagonist", style.ANTAGONIST))
     for axis, done in zip(axes, cycles, strict=True):

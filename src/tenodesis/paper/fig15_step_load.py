@@ -9,8 +9,8 @@ from tenodesis.errors import NoSolutionError, ProtocolError
 from tenodesis.instrument import Instrument
 from tenodesis.paper import published
 from tenodesis.paper.context import Context, RecordedRun, has_friction, held_angles, shown_force
-from tenodesis.report import style
-from tenodesis.report.content import Chart, Column, Plot, Section, fixed, named
+from tenodesis.report.content import Column, Plot, Section, fixed, named
+from tenodesis.report.curves import Step, step_response
 from tenodesis.run import Run
 from tenodesis.simulate.command import SMOOTH
 
@@ -189,35 +189,8 @@ def section(context: Context) -> Section:
 
 def _plot(context: Context, states: list[State], rig: str) -> Plot:
     inst = context.tested
-    chart, axes = Chart.panels(len(states), width=2.5 * len(states) + 0.8, height=3.4)
-    for axis, state in zip(axes, states, strict=True):
-        run, at = state.run[_EVERY], f"at {np.degrees(state.desired):.4g} deg"
-        time = chart.keep(f"time {at} [s]", run.time)
-        theory = np.degrees(np.where(time < BEFORE, np.nan, state.theory))
-        axis.plot(time, theory, ":", color=style.INK, lw=1.3)
-        output = np.degrees(run["output_angle"])
-        chart.curve(axis, time, f"output_angle {at} [deg]", output, color=style.AGONIST, lw=1.3)
-        middle = np.degrees(state.before + state.after) / 2
-        axis.set(
-            title=f"{np.degrees(state.desired):.4g}°",
-            xlabel="time [s]",
-            xlim=(BEFORE - 2, BEFORE + 6),
-            ylim=(middle - 12, middle + 12),
-        )
-        right = axis.twinx()
-        right.grid(visible=False)
-        tension = run["measured_tension"][:, 0]
-        chart.curve(right, time, f"agonist {at} [N]", tension, color=style.ANTAGONIST, lw=1.0)
-        middle = (state.agonist_before + state.agonist_after) / 2
-        right.set_ylim(middle - 15, middle + 15)
-        right.spines["right"].set_visible(True)
-    axes[0].set_ylabel("output angle $\\theta_e$ [deg]")
-    right.set_ylabel("agonist tension [N]")
-    style.legend_outside(
-        chart.figure,
-        ("output angle (left)", style.AGONIST, "-"),
-        ("agonist tension (right)", style.ANTAGONIST, "-"),
-        ("output angle, theory without friction", style.INK, ":"),
+    chart = step_response(
+        [Step(f"{np.degrees(state.desired):.4g} deg", state.run[_EVERY], BEFORE, state.theory) for state in states]
     )
     return chart.plot(
         "fig15_step_load",

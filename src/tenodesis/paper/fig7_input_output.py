@@ -4,23 +4,10 @@ import numpy as np
 
 from tenodesis import statics
 from tenodesis.instrument import Instrument
-from tenodesis.paper.context import Context, forces, load_name
-from tenodesis.report import style
-from tenodesis.report.content import Chart, Column, Section, fixed, named, number
-
-
-def slack_onset(inst: Instrument, force: float) -> tuple[float, float]:
-    """Return output and handle angle, rad, from which the antagonist is slack; NaN if never in the working range."""
-    output = np.linspace(0.0, inst.output_range, 4001)
-    margin = statics.slack_force(inst, output) - force
-    crossing = np.flatnonzero((margin[:-1] > 0) & (margin[1:] <= 0))
-    if not crossing.size:
-        return np.nan, np.nan
-    at = int(crossing[0])
-    share = margin[at] / (margin[at] - margin[at + 1])
-    angle = float(output[at] + share * (output[at + 1] - output[at]))
-    handle = statics.handle_angle(inst, np.array([angle]), force)
-    return angle, float(handle[0])
+from tenodesis.paper.context import Context
+from tenodesis.report import curves
+from tenodesis.report.content import Column, Section, fixed, named, number
+from tenodesis.report.curves import forces, load_name
 
 
 def slack_range(inst: Instrument, force: float, onset: float) -> str:
@@ -39,7 +26,7 @@ def section(context: Context) -> Section:
     unloaded = float(np.degrees(statics.output_angle(inst, end)))
     ratio = context.add(
         "input_output.linear_ratio",
-        float(statics.gradient(statics.output_angle, inst, 0.0, wrt=["handle_angle"])["handle_angle"]),
+        curves.linear_ratio(inst),
         "1",
         "Ratio of output to handle angle near zero, no load",
     )
@@ -68,26 +55,12 @@ def section(context: Context) -> Section:
         "antagonist slack",
     )
 
-    chart, (axis,) = Chart.panels()
-    angles = np.linspace(0.0, min(inst.handle_range, 1.3 * end), 301)
-    handle = chart.keep("handle_angle [deg]", np.degrees(angles))
-    line = chart.keep("gear ratio line [deg]", ratio * handle)
-    inside = line <= np.degrees(inst.output_range)
-    axis.plot(handle[inside], line[inside], "--", color=style.REFERENCE, lw=1.3, label=f"ratio {ratio:.3g} (linear)")
-    for force, color in zip(loads, style.colors(len(loads)), strict=True):
-        output = np.degrees(statics.output_angle(inst, angles, force))
-        output[output > np.degrees(inst.output_range) + 1e-9] = np.nan
-        heading = f"output_angle at {force:g} N [deg]"
-        chart.curve(axis, handle, heading, output, color=color, label=load_name(force))
-        onset, onset_handle = slack_onset(inst, force)
-        if np.isfinite(onset_handle):
-            axis.plot(np.degrees(onset_handle), np.degrees(onset), "o", color=color, ms=5.5, mec="white")
-        flexed = float(np.degrees(statics.output_angle(inst, np.array([end]), force)[0]))
-        slack = slack_range(inst, force, onset)
-        table.row(load_name(force), float(output[0]), flexed, unloaded - flexed, slack, force=force)
-    axis.plot([], [], "o", color=style.MUTED, mec="white", label="antagonist goes slack")
-    axis.set(xlabel="handle angle $\\theta_h$ [deg]", ylabel="output angle $\\theta_e$ [deg]", xlim=(0, handle[-1]))
-    style.legend_above(axis, 4)
+    for force in loads:
+        output = np.degrees(statics.output_angle(inst, np.array([0.0, end]), force))
+        straight, flexed = (float(angle) for angle in output)
+        slack = slack_range(inst, force, curves.slack_onset(inst, force)[0])
+        table.row(load_name(force), straight, flexed, unloaded - flexed, slack, force=force)
+    chart = curves.input_output(inst, loads)
     plot = chart.plot(
         "fig7_input_output",
         f"Input–output relationship under load, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N"

@@ -3,10 +3,11 @@
 import numpy as np
 
 from tenodesis import statics
-from tenodesis.paper.context import Context, forces, load_name
-from tenodesis.paper.fig7_input_output import slack_onset, slack_range
-from tenodesis.report import style
-from tenodesis.report.content import CarePoint, Chart, Column, Section, fixed, named
+from tenodesis.paper.context import Context
+from tenodesis.paper.fig7_input_output import slack_range
+from tenodesis.report import curves
+from tenodesis.report.content import CarePoint, Column, Section, fixed, named
+from tenodesis.report.curves import forces, load_name
 
 
 def section(context: Context) -> Section:
@@ -26,26 +27,14 @@ def section(context: Context) -> Section:
             digits=1,
         ),
     )
-    chart, (axis,) = Chart.panels()
-    handle = np.linspace(0.0, min(inst.handle_range, 1.6 * statics.reach(inst)), 321)
-    chart.keep("handle_angle [deg]", np.degrees(handle))
-    for force, color in zip(loads[1:], style.colors(len(loads))[1:], strict=True):
-        state = statics.equilibrium(inst, handle, force)
-        inside = np.abs(state.output_angle) <= inst.output_range
-        agonist, antagonist = (
-            np.where(inside, tension - inst.pretension, np.nan) for tension in (state.agonist, state.antagonist)
-        )
-        angle = np.where(inside, np.degrees(state.output_angle), np.nan)
-        output = chart.keep(f"output_angle at {force:g} N [deg]", angle)
-        chart.curve(axis, output, f"agonist at {force:g} N [N]", agonist, color=color, label=load_name(force))
-        chart.curve(axis, output, f"antagonist at {force:g} N [N]", antagonist, "--", color=color)
-        onset, onset_handle = slack_onset(inst, force)
+    for force in loads[1:]:
+        onset, onset_handle = curves.slack_onset(inst, force)
         if np.isfinite(onset):
             for key, kind, at in (("slack_onset_handle", "Handle", onset_handle), ("slack_onset", "Output", onset)):
                 about = f"{kind} angle from which the antagonist is slack under {force:g} N"
                 context.add(f"tension.{key}.at_{force:g}N", np.degrees(at), "deg", about)
         from_handle = f"θ_h ≥ {fixed(np.degrees(onset_handle), 1)}°" if np.isfinite(onset_handle) else "–"
-        rise = float(np.fmax.reduce(agonist))
+        rise = float(np.fmax.reduce(curves.tension_variation(inst, force).agonist))
         table.row(load_name(force), slack_range(inst, force, onset), from_handle, rise, force=force)
     straight, flexed = (
         context.add(f"tension.slack_force.{key}", value, "N", f"Force at which the antagonist goes slack, {where}")
@@ -56,23 +45,7 @@ def section(context: Context) -> Section:
             strict=True,
         )
     )
-    axis.axhline(-inst.pretension, color=style.ACCENT, lw=1.1)
-    axis.annotate(
-        f"antagonist slack: variation −T$_o$ = −{inst.pretension:g} N",
-        (0.99, -inst.pretension),
-        xycoords=("axes fraction", "data"),
-        xytext=(0, -4),
-        textcoords="offset points",
-        ha="right",
-        va="top",
-        color=style.ACCENT,
-        fontsize=8.5,
-    )
-    axis.plot([], [], color=style.MUTED, label="agonist")
-    axis.plot([], [], "--", color=style.MUTED, label="antagonist")
-    axis.set(xlabel="output angle $\\theta_e$ [deg]", ylabel="tension variation T − T$_o$ [N]")
-    axis.margins(y=0.1)
-    style.legend_above(axis, 6)
+    chart = curves.tension(inst, loads[1:])
     text = (
         f"<p>Both tensions vary by the same amount until the antagonist is slack. With T<sub>o</sub> = "
         f"{inst.pretension:g} N this takes {fixed(straight)} N at the straight tip and {fixed(flexed)} N at "

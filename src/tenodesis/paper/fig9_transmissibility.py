@@ -3,9 +3,10 @@
 import numpy as np
 
 from tenodesis import statics
-from tenodesis.paper.context import Context, forces, load_name
-from tenodesis.report import style
-from tenodesis.report.content import Array, Chart, Column, Section, fixed, named
+from tenodesis.paper.context import Context
+from tenodesis.report import curves
+from tenodesis.report.content import Array, Column, Section, fixed, named
+from tenodesis.report.curves import forces, load_name
 
 _SHARES = (0.0, 0.5, 1.0)  # of the working range, where the table has values
 
@@ -29,16 +30,10 @@ def section(context: Context) -> Section:
             for angle in labels
         ),
     )
-    chart, (axis,) = Chart.panels(height=3.7)
-    handle = np.linspace(0.0, min(inst.handle_range, 1.6 * statics.reach(inst)), 321)
-    chart.keep("handle_angle [deg]", np.degrees(handle))
-    for force, color in zip(loads, style.colors(len(loads)), strict=True):
+    handle = curves.handle_angles(inst)
+    for force in loads:
         output = statics.output_angle(inst, handle, force)
         ratio = statics.torque_transmissibility(inst, handle, force)
-        inside = (np.abs(output) <= inst.output_range) & (output >= -1e-12)
-        shown = chart.keep(f"output_angle at {force:g} N [deg]", np.where(inside, np.degrees(output), np.nan))
-        heading = f"transmissibility at {force:g} N"
-        chart.curve(axis, shown, heading, np.where(inside, ratio, np.nan), color=color, label=load_name(force))
         ends = [_at(inst.output_range * share, output, ratio) for share in _SHARES]
         table.row(load_name(force), *ends, force=force)
     straight = context.add(
@@ -47,8 +42,7 @@ def section(context: Context) -> Section:
         "1",
         "Torque transmissibility of the straight, unloaded instrument",
     )
-    axis.set(xlabel="output angle $\\theta_e$ [deg]", ylabel="torque transmissibility ξ")
-    style.legend_above(axis, 6)
+    chart = curves.transmissibility(inst, loads)
     text = f"<p>At the straight tip, {fixed(straight, 3)} of the hand's moment arrives."
     if inst.joint_type == "tendon-gear":
         text += (

@@ -19,7 +19,8 @@ from tenodesis.report.page import about, json_number, json_text, render, write_c
 RESULTS_SCHEMA = 1
 """Version of the layout of results.json."""
 
-_PAGE = "vertices.html"
+PAGE, NUMBERS, SWEEP = "vertices.html", "results.json", "sweep.csv"
+"""What a study is written as, beside its figure."""
 _LINES = ("-", "--", ":")
 
 
@@ -28,12 +29,12 @@ def write(found: Study, out: Path) -> None:
 
     Raises StudyError if the folder cannot be written.
     """
-    with style.applied(), written(out, StudyError, last=_PAGE) as new:
+    with style.applied(), written(out, StudyError, last=PAGE) as new:
         (new / "figures").mkdir()
         drawn = plot(found)
         drawing = write_figure(drawn, new / "figures")
-        write_columns(_sweep(found), new / "sweep.csv")
-        (new / "results.json").write_text(json_text(_results(found)), "utf-8")
+        write_columns(_sweep(found), new / SWEEP)
+        (new / NUMBERS).write_text(json_text(_results(found)), "utf-8")
         page = render(
             "tenodesis.paper",
             "rounder_vertices.html.j2",
@@ -48,7 +49,7 @@ def write(found: Study, out: Path) -> None:
             after=vertices.AFTER,
             states=_states(found),
         )
-        (new / _PAGE).write_text(page, "utf-8")
+        (new / PAGE).write_text(page, "utf-8")
 
 
 def _states(found: Study) -> list[str]:

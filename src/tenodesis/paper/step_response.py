@@ -1,7 +1,7 @@
 """The twin under a load that is applied suddenly, with the controller in the loop, and the response of the tip."""
 
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+import warnings
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -9,15 +9,16 @@ from numpy.typing import ArrayLike
 
 from tenodesis import statics
 from tenodesis.control import Controller, LawName, Request
-from tenodesis.errors import NoSolutionError
+from tenodesis.errors import FaultWarning, NoSolutionError
 from tenodesis.instrument import Instrument
 from tenodesis.paper.context import COEFFICIENTS, held_angles, shown_force
 from tenodesis.paper.fig15_step_load import approach_time, rigged
 from tenodesis.report.content import Array
 from tenodesis.run import Run
+from tenodesis.simulate import FaultInjection
 from tenodesis.simulate.command import SMOOTH
 from tenodesis.statics import Actuation
-from tenodesis.threads import threads
+from tenodesis.threads import thread_pool
 from tenodesis.twin import TIME_STEP, Twin
 
 T = TypeVar("T")
@@ -134,20 +135,27 @@ def simulate_motion(
     seed: int = 15,
     paused: bool = False,
     sheath_bend: ArrayLike = 0.0,
+    fault_injection: Sequence[FaultInjection] = (),
+    homed: int | None = None,
 ) -> Run:
     """Run the twin with a controller that has a model of the instrument; paused: the motors stop when the load comes.
+
+    If `homed` is a step, the controller homes until then; if not, it has been homed before.
 
     Raises NoSolutionError if the joint does not hold the load.
     """
     request = np.zeros(len(motion.force), int)
     if paused:
         request[motion.loaded] = Request.PAUSE
+    if homed is not None:
+        request[0], request[homed] = Request.HOME, Request.RESUME
     return Twin(inst, seed=seed).run(
         motion.handle_angle,
         motion.force,
-        controller=Controller(model, law=law, actuation=actuation),
+        controller=Controller(model, law=law, actuation=actuation, homed=homed is None),
         request=request,
         sheath_bend=sheath_bend,
+        fault_injection=fault_injection,
     )
 
 
@@ -195,7 +203,8 @@ def in_parallel(
 ) -> dict[T, R]:
     """Return the results by case, in order, computed over threads; without those that the joint cannot hold.
 
-    Progress is called with how many are done, and of how many.
+    Progress is called with how many are done, and of how many. Controllers that fault are not warned about: that is
+    among the results.
     """
 
     def attempt(case: T) -> R | None:
@@ -206,7 +215,8 @@ def in_parallel(
 
     cases = list(cases)
     found: dict[T, R] = {}
-    with ThreadPoolExecutor(threads()) as pool:
+    with warnings.catch_warnings(), thread_pool() as pool:
+        warnings.simplefilter("ignore", FaultWarning)
         for done, (case, result) in enumerate(zip(cases, pool.map(attempt, cases), strict=True), 1):
             if result is not None:
                 found[case] = result

@@ -104,6 +104,10 @@ class Recording:
             damage = f"{path} is read up to {until} only: {damage}."
         return cls(path, run, metadata, _infos(contents), left_out, damage, events)
 
+    def __repr__(self) -> str:
+        damage = ", damaged" if self.damage else ""
+        return f"<Recording {str(self.path)!r}: {self.run!r}, {len(self.topics)} topics{damage}>"
+
     @property
     def duration(self) -> float:
         """Time from the first row to the last, s."""

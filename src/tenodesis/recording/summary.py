@@ -125,7 +125,16 @@ def _protocol_name(protocol: str) -> str:
 
 
 def _topics(recording: Recording) -> Table:
-    table = Table(Column("Topic", no_wrap=True), "Messages", "Rate", "Type", box=box.SIMPLE_HEAD)
+    # On 80 columns nothing is cut off.
+    table = Table(
+        Column("Topic", no_wrap=True),
+        Column("Messages", no_wrap=True),
+        Column("Rate", no_wrap=True),
+        Column("Type", overflow="fold"),
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        show_edge=False,
+    )
     for name, topic in recording.topics.items():
         reason = recording.left_out.get(name)
         kind = topic.type if reason is None else f"{topic.type}, left out: {reason}"

@@ -1,5 +1,6 @@
 """The style of the figures: palette, fonts, and a size for screen and print."""
 
+import io
 import re
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
@@ -53,9 +54,28 @@ def colors(count: int) -> list[str]:
     return [INK, *(mpl.colors.to_hex(shade) for shade in shades)]
 
 
+class Drawing(Figure):
+    """A figure that is saved in this style wherever, and that notebooks show."""
+
+    def savefig(self, *args: Any, **kwargs: Any) -> None:
+        """Save the figure, as matplotlib does."""
+        with applied():
+            super().savefig(*args, **kwargs)
+
+    def _repr_png_(self) -> bytes:
+        file = io.BytesIO()
+        self.savefig(file, format="png")
+        return file.getvalue()
+
+
+def drawing(*, width: float, height: float) -> Drawing:
+    """Return a new figure without panels; the size is in inches."""
+    return Drawing(figsize=(width, height), layout="constrained")
+
+
 def figure(columns: int = 1, *, width: float = 7.0, height: float = 4.1) -> tuple[Figure, Sequence[Axes]]:
     """Return a new figure with this many panels side by side."""
-    fig = Figure(figsize=(width, height), layout="constrained")
+    fig = drawing(width=width, height=height)
     return fig, list(fig.subplots(1, columns, squeeze=False)[0])
 
 

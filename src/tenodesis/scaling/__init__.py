@@ -31,3 +31,7 @@ __all__ = [
     "select_weights",
     "shipped",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

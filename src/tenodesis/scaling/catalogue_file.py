@@ -110,4 +110,5 @@ def parse(text: str, source: str) -> CatalogueFile:
 
     Raises DesignError, whose message starts with `source`, if the text is not TOML or not a valid catalogue.
     """
-    return validated(CatalogueFile, parse_toml(text, DesignError, source), DesignError, source, context={"file": True})
+    values = parse_toml(text, DesignError, source, "a catalogue")
+    return validated(CatalogueFile, values, DesignError, source, context={"file": True})

@@ -1,15 +1,17 @@
 """Scale models: a design with its parts, objectives and test loads, and the Pareto front of designs."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tenodesis import notebook
 from tenodesis.errors import ArgumentError, DesignError, InstrumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.run import Array
 from tenodesis.scaling import catalogue as catalogues
 from tenodesis.scaling.candidates import COMBINATIONS, Candidates, Wheel
@@ -27,6 +29,12 @@ from tenodesis.similarity.parameters import field_of, value_of
 Preference: TypeAlias = Literal["similarity", "resolution", "size", "margin", "balanced"]
 PREFERENCES: tuple[Preference, ...] = get_args(Preference)
 
+ObjectiveName: TypeAlias = Literal["similarity_error", "force_resolution", "overall_length", "tension_margin"]
+Selection: TypeAlias = slice | Sequence[int] | Sequence[bool] | NDArray[np.integer] | NDArray[np.bool_]
+"""Some designs of a front: a slice, indices, or a mask."""
+
+_MOST_ROWS = 10
+"""Designs of a front that notebooks show."""
 SIMILAR_ENOUGH = 0.1
 """Similarity error, deg, below which designs count as equal."""
 
@@ -108,6 +116,9 @@ class Design:
     force_resolution: float
     """Resolution of the load cells, N at the real-size tip."""
 
+    def __repr__(self) -> str:
+        return f"<Design of {self.scaled_up.name!r}: {_in_words(self.objectives)}>"
+
 
 @dataclass(frozen=True)
 class Front:
@@ -121,13 +132,55 @@ class Front:
     def __len__(self) -> int:
         return int(self.sweep.numbers.size)
 
-    def __getitem__(self, index: int) -> Design:
-        """Return a design of the front.
+    @overload
+    def __getitem__(self, index: int) -> Design: ...
+    @overload
+    def __getitem__(self, index: "Selection") -> "Front": ...
+    def __getitem__(self, index: "int | Selection") -> "Design | Front":
+        """Return a design of the front; or by a slice, a mask or indices as in NumPy, a front of those designs.
 
         Raises IndexError if there is no such design, and DesignError if its weights cannot set a test force precisely
         enough.
         """
-        return _design(self.sweep, int(self.sweep.numbers[index]))
+        if isinstance(index, int | np.integer):
+            return _design(self.sweep, int(self.sweep.numbers[index]))
+        rows = self._rows(index)
+        return Front(replace(self.sweep, numbers=self.sweep.numbers[rows], costs=self.sweep.costs[rows]))
+
+    def __iter__(self) -> Iterator[Design]:
+        return (self[index] for index in range(len(self)))
+
+    def __repr__(self) -> str:
+        return f"<Front of {self._size}>"
+
+    def _repr_html_(self) -> str:
+        """Return a table for notebooks: objectives and main parts of the first designs."""
+        rows = [
+            (str(index), *(_shown(value) for value in one), self.described(index))
+            for index, one in enumerate(self.objectives[:_MOST_ROWS])
+        ]
+        headings = ("design", *(f"{name}{f' [{unit.strip()}]' if unit else ''}" for name, unit in _OBJECTIVES), "parts")
+        more = f"; the first {_MOST_ROWS}" if len(self) > _MOST_ROWS else ""
+        return notebook.table(f"Front of {self._size}{more}", headings, rows)
+
+    @property
+    def _size(self) -> str:
+        designs = "one design" if len(self) == 1 else f"{len(self)} designs"
+        return f"{designs} for {self.real_size.name!r}, of {self.examined} judged"
+
+    def _rows(self, index: "Selection") -> NDArray[np.int64]:
+        if isinstance(index, slice):
+            return np.arange(len(self))[index]
+        wanted = np.asarray(index)
+        rows: NDArray[np.int64] = np.arange(len(self))[wanted if wanted.size else wanted.astype(np.int64)]
+        return rows
+
+    def sorted_by(self, objective: ObjectiveName) -> "Front":
+        """Return this front sorted by an objective, the best first. Raises ValueError if there is no such objective."""
+        if objective not in Objectives._fields:
+            raise ArgumentError(key="objective", value=objective, allowed=f"one of {', '.join(Objectives._fields)}")
+        order = np.argsort(self.sweep.costs[:, Objectives._fields.index(objective)], kind="stable")
+        return self[order]
 
     @property
     def real_size(self) -> Instrument:
@@ -214,7 +267,7 @@ class Front:
 
 
 def design(
-    real_size: Instrument,
+    real_size: InstrumentLike,
     catalogue: Catalogue | None = None,
     *,
     pins: Mapping[str, Any] | None = None,
@@ -241,8 +294,7 @@ def design(
     DesignError
         A pin names no part, or no scale model meets the constraints; the message names the contradiction.
     """
-    if not isinstance(real_size, Instrument):
-        raise TypeError(f"real_size is {real_size!r}; it must be an instrument, as tenodesis.load returns it.")
+    real_size = as_instrument(real_size, "real_size")
     if isinstance(combinations, bool) or not isinstance(combinations, int) or not 1 <= combinations <= 10**9:
         raise ArgumentError(key="combinations", value=combinations, allowed="an integer from 1 to 10**9")
     given = parse(pins or {})
@@ -250,8 +302,9 @@ def design(
     return Front(sweep(real_size.planar[0], parts, given, combinations=combinations, progress=progress))
 
 
-def name_of(real_size: Instrument) -> str:
+def name_of(real_size: InstrumentLike) -> str:
     """Return the name of an instrument's scale model."""
+    real_size = as_instrument(real_size, "real_size")
     return f"{real_size.name[:50]}-scaled-up"
 
 
@@ -278,6 +331,11 @@ def rivals_text(front: Front, objectives: Objectives) -> str:
         f"{count} as good or better in everything; the most similar one has {gains} ({best.made_of}). "
         f"{_trades(front, objectives)}"
     )
+
+
+def _in_words(objectives: Objectives) -> str:
+    named = zip(_OBJECTIVES, objectives, strict=True)
+    return ", ".join(f"{name} {_shown(value)}{unit}" for (name, unit), value in named)
 
 
 def _shown(value: float) -> str:

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import moocore
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +18,7 @@ from tenodesis.similarity.parameters import RADII
 
 _CHUNK = 65_536
 _REFINED_AT_ONCE = 4096
+_BLOCK = 64
 RANGES = ("factor", "overall_length", "end_effector_length", "handle_length")
 """Constraints that are a range."""
 
@@ -225,7 +225,7 @@ def search(lower: Array, refine: Callable[[NDArray[np.int64]], tuple[Array, NDAr
     while pool.size:
         # Refined designs first: of equal rows the first is kept, and an equal lower bound is no better.
         pool = pool[np.argsort(~refined[pool], kind="stable")]
-        front: NDArray[np.int64] = pool[moocore.is_nondominated(costs[pool])]
+        front = pool[nondominated(costs[pool])]
         new = front[~refined[front]]
         if not new.size:
             return front
@@ -233,3 +233,17 @@ def search(lower: Array, refine: Callable[[NDArray[np.int64]], tuple[Array, NDAr
         refined[new] = True
         pool = pool[~np.isin(pool, new[~allowed])]
     return pool
+
+
+def nondominated(costs: Array) -> NDArray[np.int64]:
+    """Return the numbers of the rows that no other row dominates, ascending; of equal rows, the first."""
+    front = []
+    # A row stands behind every row that dominates it.
+    left = np.lexsort(costs.T[::-1])
+    while left.size:
+        columns = np.ascontiguousarray(costs[left].T)
+        head, rest = columns[:, :_BLOCK], columns[:, _BLOCK:]
+        new = ~np.triu((head[:, :, None] <= head[:, None]).all(axis=0), 1).any(axis=0)
+        front.append(left[:_BLOCK][new])
+        left = left[_BLOCK:][(rest[:, None] < head[:, new, None]).any(axis=0).all(axis=0)]
+    return np.sort(np.concatenate([*front, left]))

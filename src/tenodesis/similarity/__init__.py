@@ -11,3 +11,7 @@ from tenodesis.similarity.groups import Group, Kind
 from tenodesis.similarity.loops import LoopError, Place
 
 __all__ = ["GRID", "Cause", "Causes", "Comparison", "Group", "Kind", "LoopError", "Place", "SimilarityError", "compare"]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -10,7 +10,7 @@ import numpy as np
 
 from tenodesis import statics
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import InstrumentLike, as_instrument
 from tenodesis.similarity import causes, loops
 from tenodesis.similarity.causes import Causes, OnProgress
 from tenodesis.similarity.frictionless import GRID, SimilarityError, similarity_error
@@ -29,6 +29,11 @@ _SEARCHED = np.geomspace(0.5, 2.0, 41)
 @dataclass(frozen=True)
 class Comparison(Pair):
     """A pair of instruments with the similarity errors between them and their causes; :func:`compare` makes it."""
+
+    def __repr__(self) -> str:
+        factors = f"force factor {self.force_factor():.4g}, tension factor {self.tension_factor:.4g}"
+        names = f"{self.real_size.name!r} and {self.scaled_up.name!r}"
+        return f"<Comparison of {names} up to {self.largest_force:g} N: {factors}>"
 
     @cached_property
     def errors(self) -> Mapping[str, SimilarityError]:
@@ -201,7 +206,7 @@ class Comparison(Pair):
         return middle * float(np.exp(found.x))
 
 
-def compare(real_size: Instrument, scaled_up: Instrument, *, largest_force: float | None = None) -> Comparison:
+def compare(real_size: InstrumentLike, scaled_up: InstrumentLike, *, largest_force: float | None = None) -> Comparison:
     """Compare a scaled-up instrument with the real-size instrument that it models.
 
     They may have different joint types; of two axes the first is taken. The largest tangential force is on the
@@ -214,9 +219,7 @@ def compare(real_size: Instrument, scaled_up: Instrument, *, largest_force: floa
     TypeError
         One is not an instrument.
     """
-    for argument, inst in (("real_size", real_size), ("scaled_up", scaled_up)):
-        if not isinstance(inst, Instrument):
-            raise TypeError(f"{argument} is {inst!r}; it must be an instrument, as tenodesis.load returns it.")
+    real_size, scaled_up = as_instrument(real_size, "real_size"), as_instrument(scaled_up, "scaled_up")
     force = max(real_size.conditions.forces, default=1.0) if largest_force is None else largest_force
     if not isinstance(force, int | float) or not (np.isfinite(force) and force > 0):
         raise ArgumentError(key="largest_force", value=force, allowed="a force above 0 N")

@@ -76,6 +76,10 @@ class SimilarityError(ErrorStatistics):
     scaled_up_angle: NDArray[np.float64]
     stop: float
 
+    def __repr__(self) -> str:
+        shape = f"{self.handle_angle.size} handle angles, {self.force.size} forces"
+        return f"<SimilarityError: largest {self.largest:.4g} deg, rms {self.rms:.4g} deg, {shape}>"
+
     @property
     def worst(self) -> tuple[float, float]:
         """Handle angle (rad) and force (N) of the largest error."""

@@ -75,6 +75,10 @@ class LoopError(ErrorStatistics):
     scaled_up_angle: Array
     error: Array
 
+    def __repr__(self) -> str:
+        shape = f"{self.force.size} forces, {self.time.size} rows"
+        return f"<LoopError: largest {self.largest:.4g} deg, rms {self.rms:.4g} deg, {shape}>"
+
     @property
     def worst(self) -> Place:
         """Point of the largest error."""

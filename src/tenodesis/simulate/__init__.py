@@ -7,19 +7,24 @@ name stays as it was, spool velocities included.
 
 from tenodesis.errors import ProtocolError
 from tenodesis.run import concatenate
+from tenodesis.simulate.chirp import Chirp
 from tenodesis.simulate.command import Plant
 from tenodesis.simulate.execution import execute
 from tenodesis.simulate.fault_injection import INJECTION_POINTS, FaultInjection
+from tenodesis.simulate.loads import LoadStep
 from tenodesis.simulate.motion import Motion
 from tenodesis.simulate.phases import Cycles, Hold, Ramp, StepLoad, TissueContact
 from tenodesis.simulate.pretension import Pretension
-from tenodesis.simulate.protocol import Protocol, load, parse, shipped
+from tenodesis.simulate.protocol import AnyPhase, Protocol, json_schema, load, parse, shipped
 
 __all__ = [
     "INJECTION_POINTS",
+    "AnyPhase",
+    "Chirp",
     "Cycles",
     "FaultInjection",
     "Hold",
+    "LoadStep",
     "Motion",
     "Plant",
     "Pretension",
@@ -30,7 +35,12 @@ __all__ = [
     "TissueContact",
     "concatenate",
     "execute",
+    "json_schema",
     "load",
     "parse",
     "shipped",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

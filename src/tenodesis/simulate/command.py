@@ -1,7 +1,7 @@
 """Commands at an instant and along a segment of time, the shapes of strokes, and the interface of a plant."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Any, Literal, NamedTuple, Protocol, Self, TypeAlias
 
@@ -13,8 +13,10 @@ from tenodesis.instrument import Instrument
 from tenodesis.run import Array, Run
 from tenodesis.twin import Contact
 
-AngleByStep: TypeAlias = Callable[[NDArray[np.int64]], Array]
-"""Handle angles (n,), in rad, after numbers of steps (n,), counted from 1."""
+PathByStep: TypeAlias = Callable[[NDArray[np.int64]], Array]
+"""Values (n,), rad or N, after numbers of steps (n,), counted from 1."""
+Moved: TypeAlias = Literal["handle_angle", "force"]
+"""What may follow a path of its own."""
 
 ShapeName: TypeAlias = Literal["triangle", "sine", "smooth"]
 
@@ -33,6 +35,11 @@ SHAPES: dict[ShapeName, Shape] = {
 }
 SMOOTH = SHAPES["smooth"]
 """The stroke of minimum jerk."""
+
+
+def arriving(speed: float) -> Callable[[Array], Array]:
+    """Return the stroke of minimum jerk that ends with a speed, as a share of its mean speed, up to 2.5."""
+    return lambda time: time**3 * (10 - 4 * speed + time * (7 * speed - 15 + time * (6 - 3 * speed)))
 
 
 class Command(NamedTuple):
@@ -80,14 +87,14 @@ VALUES = ("handle_angle", "force", "radial_force", "spool_velocity")
 class Segment:
     """A part of a phase: every command goes linearly from start to end, where the last step is.
 
-    A path, if there is one, gives the handle angle of one axis instead. Tissue is that of the start.
+    Where there is a path for a command, it gives that of one axis instead. Tissue is that of the start.
     """
 
     start: Command
     end: Command
     steps: int
     axis: int = 0
-    path: AngleByStep | None = None
+    paths: Mapping[Moved, PathByStep] = field(default_factory=dict)
 
     def sample(self, first: int, last: int) -> dict[str, Array]:
         """Return the commands from step `first` + 1 to step `last`; a single axis has no dimension of its own."""
@@ -96,8 +103,8 @@ class Segment:
             name: between(start, end, done / self.steps)
             for (name, start), end in zip(self.start.values.items(), self.end.values.values(), strict=True)
         }
-        if self.path is not None:
-            columns["handle_angle"][:, self.axis] = self.path(done)
+        for name, path in self.paths.items():
+            columns[name][:, self.axis] = path(done)
         single = self.start.handle_angle.size == 1
         return {name: values[:, 0] if single else values for name, values in columns.items()}
 

@@ -1,5 +1,6 @@
 """Running a protocol on a plant, with or without a controller in the loop."""
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -7,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from tenodesis.control import Controller, OperatingState, Request
-from tenodesis.errors import ArgumentError, ProtocolError
+from tenodesis.errors import ArgumentError, FaultWarning, ProtocolError
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array, Run, concatenate
 from tenodesis.simulate.command import Command, ControllablePlant, Plant, Segment, sampled
 from tenodesis.simulate.pretension import Pretension
 from tenodesis.simulate.protocol import Planned, Protocol, block_size, errors_of
 from tenodesis.twin import Contact
+from tenodesis.twin.closed_loop import warn_of_faults
 
 _BLOCK = 1.0
 """Longest block, s."""
@@ -44,15 +46,18 @@ class _Loop:
         request = np.zeros(len(handle_angle), np.uint8)
         request[0] = self.controller.take_request()
         tissue: dict[str, Any] = {} if contact is None else {"contact": contact}
-        run = self.plant.run(
-            handle_angle=handle_angle,
-            force=force,
-            radial_force=radial_force,
-            spool_velocity=spool_velocity,
-            **tissue,
-            controller=self.controller,
-            request=request,
-        )
+        with warnings.catch_warnings():
+            # Once for the entire run, not for each of its blocks.
+            warnings.simplefilter("ignore", FaultWarning)
+            run = self.plant.run(
+                handle_angle=handle_angle,
+                force=force,
+                radial_force=radial_force,
+                spool_velocity=spool_velocity,
+                **tissue,
+                controller=self.controller,
+                request=request,
+            )
         return with_request(run, request.astype(np.float64))
 
     def home(self, command: Command, timeout: float) -> Iterator[Run]:
@@ -101,7 +106,7 @@ def execute(
     Parameters
     ----------
     controller
-        Closes the loop, from its present state on.
+        Closes the loop, from its present state on; one that has run on another plant must be reset first.
     on_block
         Called with every block, 1 s of a run at most.
     progress
@@ -114,7 +119,12 @@ def execute(
         with a controller, the protocol moves the spools or requires a pretension that homing does not reach, or homing
         outlasts its phase.
     ValueError
-        The controller is for other axes or joints.
+        The controller is for other axes or joints, or has run on another plant and was not reset.
+
+    Warns
+    -----
+    FaultWarning
+        The controller faulted.
     """
     plan = protocol.plan(plant.inst, plant.time_step)
     loop = None
@@ -137,7 +147,9 @@ def execute(
                 progress(min(done, begun), total)
     if progress is not None:
         progress(total, total)
-    return concatenate(runs)
+    run = concatenate(runs)
+    warn_of_faults(run, plant.inst)
+    return run
 
 
 def check_controllable(plan: Sequence[Planned], inst: Instrument) -> None:

@@ -17,7 +17,9 @@ from tenodesis.errors import ProtocolError
 from tenodesis.files import read_regular
 from tenodesis.run import Array
 from tenodesis.simulate.command import Segment
-from tenodesis.simulate.phases import Loaded, Start, check_choice
+from tenodesis.simulate.joint import REST, Edge, joint_speed
+from tenodesis.simulate.model import check_choice
+from tenodesis.simulate.phases import Loaded, Start
 from tenodesis.simulate.reach import check_handle_angles
 from tenodesis.units import Angle
 
@@ -38,8 +40,10 @@ class Samples:
 class Motion(Loaded):
     """The handle follows a recording: `scale` times the recorded angle plus `offset`.
 
-    Between samples it follows a monotone piecewise cubic (Fritsch and Butland 1984), at rest at either end: it passes
-    through the samples, turns where they do, and its speed has no jumps.
+    Between samples it follows a monotone piecewise cubic (Fritsch and Butland 1984): it passes through the samples,
+    turns where they do, and its speed has no jumps. At either end it has the speed of the neighbouring phase of its
+    axis, or of the move to its start, if that meets it at the same angle and in the same direction, and is no faster
+    than `approach` if it is that move; otherwise it begins or ends at rest.
     """
 
     kind: Literal["motion"] = "motion"
@@ -80,31 +84,65 @@ class Motion(Loaded):
 
     def segments(self, start: Start) -> Iterator[Segment]:
         """Yield the move to the first sample, and the motion."""
-        from scipy.interpolate import PchipInterpolator  # noqa: PLC0415 - slow to load, and seldom needed
+        # Slow to load, and seldom needed.
+        from scipy.interpolate import CubicHermiteSpline, PchipInterpolator  # noqa: PLC0415
 
         angles = self._handle_angles(start)
+        self._check_angles(start, angles)
         times = self.samples.times - self.samples.times[0]
         first, last, end = float(angles[0]), float(angles[-1]), float(times[-1])
-        yield from self.approached(start, first)
-        # A sample of the same angle before the first and after the last, however far, makes the slope there 0.
-        knots = np.concatenate([[-1.0], times, [end + max(1.0, end)]])
-        curve = PchipInterpolator(knots, np.pad(angles, 1, mode="edge"))
+        arrival = self._arrival(start)
+        yield from self.approached(start, first, arrival)
+        slopes = np.zeros_like(angles)
+        if len(times) > 2:
+            slopes[1:-1] = PchipInterpolator(times, angles).derivative()(times[1:-1])
+        opening, closing = self.edges(start)
+        slopes[0] = arrival or joint_speed(start.before, opening)
+        slopes[-1] = joint_speed(closing, _opening_after(start, last))
+        curve = CubicHermiteSpline(times, angles, slopes)
+        steps = start.steps(end)
+        # A handle that moves on is at the end with the last step, not within it.
+        between_steps = end / steps if slopes[-1] else start.time_step
 
         def path(done: NDArray[np.int64]) -> Array:
             # The curve does not overshoot, but its values are rounded.
-            return np.clip(curve(np.minimum(done * start.time_step, end)), angles.min(), angles.max())
+            return np.clip(curve(np.minimum(done * between_steps, end)), angles.min(), angles.max())
 
-        yield self.moved(start, (first, last), start.steps(end), path)
+        yield self.moved(start, (first, last), steps, path)
+
+    def edges(self, start: Start) -> tuple[Edge, Edge]:
+        """Return the mean speeds of the first and the last interval; an approach ends at rest."""
+        angles, times = self._handle_angles(start), self.samples.times
+        speeds, intervals = np.diff(angles) / np.diff(times), np.diff(times)
+        opening = Edge(float(speeds[0]), float(intervals[0])) if start.at(float(angles[0])) else REST
+        return opening, Edge(float(speeds[-1]), float(intervals[-1]))
+
+    def _arrival(self, start: Start) -> float:
+        """Return the handle speed (rad/s) at which an approach passes into the motion: 0 if it must turn there."""
+        angles, times = self._handle_angles(start), self.samples.times
+        speed = float((angles[1] - angles[0]) / (times[1] - times[0]))
+        way = float(angles[0]) - start.handle_angle
+        return speed if way * speed > 0 and abs(speed) <= self.approach and not start.at(float(angles[0])) else 0.0
 
     def _handle_angles(self, start: Start) -> Array:
         """Return the handle angle at every sample, rad, shape (n,)."""
         angles = self.scale * _RADIANS[self.angle_unit] * self.samples.values + self.offset
-        if self.limit:
-            return np.clip(angles, -statics.reach(start.inst), statics.reach(start.inst))
+        return np.clip(angles, -statics.reach(start.inst), statics.reach(start.inst)) if self.limit else angles
+
+    def _check_angles(self, start: Start, angles: Array) -> None:
         places = zip(self.samples.lines, self.samples.times, strict=True)
         names = [f"{self.file or 'data'}: line {line} ({time:g} s): the handle angle" for line, time in places]
         check_handle_angles(start.inst, names, angles)
-        return angles
+
+
+def _opening_after(start: Start, angle: float) -> Edge:
+    """Return how the next phase begins at a handle angle (rad); its own plan reports what is wrong with it."""
+    if start.after is None:
+        return REST
+    try:
+        return start.after.edges(start._replace(command=start.command.on(start.axis, handle_angle=angle)))[0]
+    except ProtocolError:
+        return REST
 
 
 def csv_text(times: Array, values: Array, time_column: str, value_column: str) -> str:

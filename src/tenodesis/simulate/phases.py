@@ -1,4 +1,4 @@
-"""The open-loop phases of a protocol: hold, ramp, cycles and step load, and what all phases have in common."""
+"""The open-loop phases of a protocol: hold, ramp, cycles, step load and contact, and what all phases have in common."""
 
 import math
 from abc import abstractmethod
@@ -7,12 +7,15 @@ from typing import Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from tenodesis.errors import ProtocolError
 from tenodesis.instrument import AxisName, Instrument
 from tenodesis.run import Array
-from tenodesis.simulate.command import SHAPES, SMOOTH, AngleByStep, Command, Segment, ShapeName, between
+from tenodesis.simulate.command import SHAPES, SMOOTH, Command, Moved, PathByStep, Segment, ShapeName, arriving, between
+from tenodesis.simulate.joint import REST, Edge
+from tenodesis.simulate.loads import AppliedLoad, LoadStep, check_load_steps, stepped_force
+from tenodesis.simulate.model import ProtocolModel, check_choice
 from tenodesis.simulate.reach import check_handle_angle, unloaded_handle_angle
 from tenodesis.twin import Contact, Side
 from tenodesis.units import (
@@ -21,39 +24,36 @@ from tenodesis.units import (
     Duration,
     HandleSpeed,
     SignedForce,
-    SignedMoment,
     SpoolVelocity,
     TissueDamping,
     TissueStiffness,
 )
 
-
-class ProtocolModel(BaseModel):
-    """Part of a protocol file: immutable, and unknown keys are errors."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
-
-
-def check_choice(model: BaseModel, *keys: str, required: bool = True) -> None:
-    """Raise ValueError unless exactly one of these keys is given, or at most one if none is required."""
-    given = [key for key in keys if getattr(model, key) is not None]
-    if len(given) > 1:
-        raise ValueError(f"{_listed(given)} are given; give only one of them")
-    if required and not given:
-        raise ValueError(f"none of {_listed(keys)} is given; give exactly one of them")
-
-
-def _listed(keys: list[str] | tuple[str, ...]) -> str:
-    return ", ".join(keys[:-1]) + f" and {keys[-1]}"
+_ROUNDING = 1e-12
+"""Largest difference of an angle to what it is after a conversion of units, rad."""
 
 
 class Start(NamedTuple):
-    """The start of a phase: the instrument of its axis, the axis's index, the last command, the time step (s)."""
+    """The start of a phase: the instrument of its axis, the axis's index, the last command, the time step (s).
+
+    And its neighbours: the end of the phase before, and the phase after if that is open-loop and of the same axis.
+    """
 
     inst: Instrument
     axis: int
     command: Command
     time_step: float
+    before: Edge = REST
+    after: "OpenLoop | None" = None
+
+    @property
+    def handle_angle(self) -> float:
+        """The handle angle of the axis, rad."""
+        return float(self.command.handle_angle[self.axis])
+
+    def at(self, angle: float) -> bool:
+        """Return whether the handle is at an angle (rad), up to rounding."""
+        return abs(angle - self.handle_angle) < _ROUNDING
 
     def steps(self, seconds: float) -> int:
         """Return the number of time steps of a duration (s), rounded up."""
@@ -77,23 +77,31 @@ class OpenLoop(Phase):
     def segments(self, start: Start) -> Iterator[Segment]:
         """Yield the segments of the phase; raises ProtocolError if the instrument cannot follow them."""
 
+    def edges(self, start: Start) -> tuple[Edge, Edge]:
+        """Return how the handle moves at the beginning and at the end."""
+        return REST, REST
+
 
 class Moving(OpenLoop):
     """A phase that begins at a handle angle of its own."""
 
     approach: HandleSpeed = Field(default=math.radians(20), description="Largest handle speed on the way to its start")
 
-    def approached(self, start: Start, angle: float) -> Iterator[Segment]:
-        """Yield the smooth move (minimum jerk) to a handle angle (rad), if the handle is not there."""
-        begin = float(start.command.handle_angle[start.axis])
-        steps = start.steps(SMOOTH.peak * abs(angle - begin) / self.approach)
+    def approached(self, start: Start, angle: float, speed: float = 0.0) -> Iterator[Segment]:
+        """Yield the smooth move (minimum jerk) to a handle angle (rad), if the handle is not there.
+
+        It arrives with a speed (rad/s) in its direction, at most the largest on the way.
+        """
+        begin = start.handle_angle
+        steps = 0 if start.at(angle) else start.steps(SMOOTH.peak * abs(angle - begin) / self.approach)
+        way = SMOOTH.way if not speed else arriving(speed * steps * start.time_step / (angle - begin))
         if steps:
             yield Segment(
                 start.command,
                 start.command.on(start.axis, handle_angle=angle),
                 steps,
                 start.axis,
-                lambda done: between(begin, angle, SMOOTH.way(done / steps)),
+                {"handle_angle": lambda done: between(begin, angle, way(done / steps))},
             )
 
 
@@ -105,12 +113,32 @@ class Loaded(Moving):
     radial_force: SignedForce | None = Field(
         default=None, description="Force along the end-effector; as it was if not given"
     )
+    load_steps: tuple[LoadStep, ...] = Field(
+        default=(), max_length=1000, description="Loads put on, and taken off, during the motion, one after another"
+    )
 
-    def moved(self, start: Start, angles: tuple[float, float], steps: int, path: AngleByStep) -> Segment:
-        """Return the segment under this load that follows a path between two handle angles (rad)."""
+    def moved(
+        self, start: Start, angles: tuple[float, float], steps: int, path: PathByStep, more: PathByStep | None = None
+    ) -> Segment:
+        """Return the segment under this load that follows a path between two handle angles (rad).
+
+        More force (N) may be added along a path of its own; load steps come on top. Raises ProtocolError if the load
+        steps do not fit into the motion.
+        """
+        check_load_steps(self.load_steps, steps * start.time_step)
         first = start.command.on(start.axis, handle_angle=angles[0], force=self.force, radial_force=self.radial_force)
         last = first.on(start.axis, handle_angle=angles[1], force=self.force_end)
-        return Segment(first, last, steps, start.axis, path)
+        paths: dict[Moved, PathByStep] = {"handle_angle": path}
+        if self.load_steps or more is not None:
+            ends = float(first.force[start.axis]), float(last.force[start.axis])
+
+            def force(done: NDArray[np.int64]) -> Array:
+                base = between(*ends, done / steps) + (0.0 if more is None else more(done))
+                return stepped_force(self.load_steps, start.inst, base, done, start.time_step)
+
+            paths["force"] = force
+            last = last.on(start.axis, force=float(force(np.array([steps]))[0]))
+        return Segment(first, last, steps, start.axis, paths)
 
 
 class Hold(OpenLoop):
@@ -141,6 +169,11 @@ class Ramp(OpenLoop):
         if (self.handle_angle, self.force, self.radial_force, self.spool_velocity) == (None,) * 4:
             raise ValueError("nothing is ramped; give handle_angle, force, radial_force or spool_velocity")
         return self
+
+    def edges(self, start: Start) -> tuple[Edge, Edge]:
+        """Return the constant speed of the handle."""
+        way = 0.0 if self.handle_angle is None else self.handle_angle - start.handle_angle
+        return (Edge(way / self.duration),) * 2
 
     def segments(self, start: Start) -> Iterator[Segment]:
         """Yield its only segment."""
@@ -198,8 +231,7 @@ class Cycles(Loaded):
         """Yield the move to the first cycle, and the cycles."""
         near, far = self.ends(start.inst)
         yield from self.approached(start, near)
-        seconds = self.period / 2 if self.period is not None else abs(far - near) / (self.speed or 1.0)
-        stroke = start.steps(seconds)
+        stroke = self._stroke(start, near, far)
 
         def path(done: NDArray[np.int64]) -> Array:
             cycle = done % (2 * stroke)
@@ -207,8 +239,20 @@ class Cycles(Loaded):
 
         yield self.moved(start, (near, near), 2 * stroke * self.count, path)
 
+    def edges(self, start: Start) -> tuple[Edge, Edge]:
+        """Return the speed of a triangle's strokes; other shapes begin and end at rest, and so does an approach."""
+        if self.shape != "triangle":
+            return REST, REST
+        near, far = self.ends(start.inst)
+        speed = (far - near) / (self._stroke(start, near, far) * start.time_step)
+        return Edge(speed) if start.at(near) else REST, Edge(-speed)
 
-class StepLoad(Moving):
+    def _stroke(self, start: Start, near: float, far: float) -> int:
+        """Return the time steps of a stroke."""
+        return start.steps(self.period / 2 if self.period is not None else abs(far - near) / (self.speed or 1.0))
+
+
+class StepLoad(Moving, AppliedLoad):
     """The handle is held; after a delay a load is applied, held, and removed again if a release is given.
 
     After the release the force is what it was before; without a release the load stays for the phases that follow.
@@ -218,17 +262,12 @@ class StepLoad(Moving):
     handle_angle: Angle | None = Field(default=None, description="Handle angle held; the present angle if not given")
     output_angle: Angle | None = Field(default=None, description="The same, as output angle without load")
     delay: Delay = Field(default=0.0, description="Time at the handle angle before the load")
-    force: SignedForce | None = Field(default=None, description="Tangential force at the tip")
-    weight: SignedForce | None = Field(default=None, description="Force on the load rig's cable instead")
-    moment: SignedMoment | None = Field(default=None, description="Moment of the load rig instead")
-    rise: Delay = Field(default=0.0, description="Time of the linear rise and fall of the load")
     duration: Duration = Field(description="Time under the full load")
     release: Duration | None = Field(default=None, description="Time after the load was taken off; else it stays")
 
     @model_validator(mode="after")
     def _check_choices(self) -> Self:
         check_choice(self, "handle_angle", "output_angle", required=False)
-        check_choice(self, "force", "weight", "moment")
         return self
 
     def segments(self, start: Start) -> Iterator[Segment]:
@@ -244,32 +283,12 @@ class StepLoad(Moving):
             yield start.segment(loaded, free, self.rise)
             yield start.segment(free, free, self.release)
 
-    def tip_force(self, inst: Instrument) -> float:
-        """Return the tangential force at the tip, N, for either form of the load.
-
-        Raises ProtocolError if the load is a weight and the instrument's file lacks the radius of the cable's pulley.
-        """
-        if self.force is not None:
-            return self.force
-        moment = self.moment
-        if self.weight is not None:
-            radius = inst.conditions.cable_pulley_radius
-            if radius is None:
-                raise ProtocolError(
-                    f"weight is given, but {inst.name} has no conditions.cable_pulley_radius; "
-                    "give that, or force or moment instead of weight",
-                    key="weight",
-                    value=self.weight,
-                )
-            moment = self.weight * radius
-        return (moment or 0.0) / inst.rig_arm
-
     def _angle(self, start: Start) -> float:
         if self.output_angle is not None:
             return unloaded_handle_angle(start.inst, "output_angle", self.output_angle)
         if self.handle_angle is not None:
             return check_handle_angle(start.inst, "handle_angle", self.handle_angle)
-        return float(start.command.handle_angle[start.axis])
+        return start.handle_angle
 
 
 class TissueContact(OpenLoop):

@@ -4,23 +4,30 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, NamedTuple, TypeAlias
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import tomli_w
 from pydantic import Field, field_validator
 
 from tenodesis.errors import ProtocolError
-from tenodesis.instrument import Instrument, Name
+from tenodesis.instrument import Instrument, InstrumentLike, Name, as_instrument
 from tenodesis.instrument.text import with_units
 from tenodesis.run import Array
+from tenodesis.simulate.chirp import Chirp
 from tenodesis.simulate.command import Command, Segment, sampled
+from tenodesis.simulate.joint import REST
+from tenodesis.simulate.model import ProtocolModel
 from tenodesis.simulate.motion import Motion
-from tenodesis.simulate.phases import Cycles, Hold, ProtocolModel, Ramp, Start, StepLoad, TissueContact
+from tenodesis.simulate.phases import Cycles, Hold, Ramp, Start, StepLoad, TissueContact
 from tenodesis.simulate.pretension import Pretension
 from tenodesis.toml import parse_toml, read_text, validated
 
-AnyPhase: TypeAlias = Pretension | Hold | Cycles | StepLoad | Ramp | Motion | TissueContact
+OpenLoopPhase: TypeAlias = Hold | Cycles | StepLoad | Ramp | Motion | Chirp | TissueContact
+AnyPhase: TypeAlias = Pretension | OpenLoopPhase
+"""A phase of any kind."""
 
+_MOST_NAMED = 8
+"""Phases that a protocol's short description names."""
 LONGEST = 3600.0
 """Longest run, s."""
 
@@ -51,13 +58,20 @@ class Protocol(ProtocolModel):
             raise ValueError("it must have one or more phases")
         return phases
 
+    def __repr__(self) -> str:
+        kinds = ", ".join(phase.kind for phase in self.phases[:_MOST_NAMED])
+        more = f" and {len(self.phases) - _MOST_NAMED} more" if len(self.phases) > _MOST_NAMED else ""
+        return f"<Protocol {self.name!r}: {kinds}{more}>"
+
+    __str__ = __repr__
+
     def to_toml(self) -> str:
         """Return the text of a protocol file of this protocol, recorded motions included."""
         phases = [phase.with_data() if isinstance(phase, Motion) else phase for phase in self.phases]
         tables = [{"kind": phase.kind} | with_units(phase, unset=False) for phase in phases]
         return tomli_w.dumps(with_units(self, unset=False) | {"phases": tables}, multiline_strings=True)
 
-    def duration(self, inst: Instrument, time_step: float = 1e-3) -> float:
+    def duration(self, inst: InstrumentLike, time_step: float = 1e-3) -> float:
         """Return the duration of a run, s; closed-loop phases count with their timeout.
 
         Every move is rounded up to full time steps (s). Raises ProtocolError if the instrument cannot run it, or not
@@ -65,7 +79,7 @@ class Protocol(ProtocolModel):
         """
         return math.fsum(planned.seconds for planned in self.plan(inst, time_step))
 
-    def commands(self, inst: Instrument, time_step: float) -> dict[str, Array]:
+    def commands(self, inst: InstrumentLike, time_step: float) -> dict[str, Array]:
         """Return the commands of all time steps (s), by name.
 
         For n steps: handle_angle (rad), force and radial_force (N), of shape (n,), and spool_velocity (rad/s), of shape
@@ -74,6 +88,7 @@ class Protocol(ProtocolModel):
         Raises ProtocolError if a phase is closed-loop or has tissue, whose force is not known before, the instrument
         cannot run it, or not within an hour.
         """
+        inst = as_instrument(inst)
         closed = [phase.kind for phase in self.phases if isinstance(phase, Pretension)]
         if closed:
             raise ProtocolError(
@@ -94,18 +109,34 @@ class Protocol(ProtocolModel):
         """Whether the tip meets tissue in it."""
         return any(isinstance(phase, TissueContact) for phase in self.phases)
 
-    def plan(self, inst: Instrument, time_step: float) -> list[Planned]:
+    def plan(self, inst: InstrumentLike, time_step: float) -> list[Planned]:
         """Return the phases planned on an instrument, at a time step (s).
 
         Raises ProtocolError if the instrument cannot run it, or not within an hour.
         """
+        inst = as_instrument(inst)
         block_size(time_step, time_step)
         plan: list[Planned] = []
         command, total = Command.rest(len(inst.axes), tissue=self.has_tissue), 0.0
-        for number, phase in enumerate(self.phases, 1):
+        before, before_axis = REST, ""
+        for number, (phase, following) in enumerate(zip(self.phases, (*self.phases[1:], None), strict=True), 1):
             label = f"{self.name}: phase {number} ({phase.kind})"
+            axis = phase.axis or inst.axes[0]
+            after = following if isinstance(following, OpenLoopPhase) else None
+            if after is not None and (after.axis or inst.axes[0]) != axis:
+                after = None
             with errors_of(label):
-                planned, command = _planned(phase, label, inst, command, time_step)
+                _check_axis(phase, inst)
+                if isinstance(phase, Pretension):
+                    planned, before = Planned(phase, label, command, (), phase.timeout), REST
+                    command = phase.end(command, inst)
+                else:
+                    index = inst.axes.index(axis)
+                    edge = before if axis == before_axis else REST
+                    start = Start(inst.planar[index], index, command, time_step, edge, after)
+                    planned, before = _planned(phase, label, start), phase.edges(start)[1]
+                    command = planned.segments[-1].end
+            before_axis = axis
             plan.append(planned)
             total += planned.seconds
             if total > LONGEST * (1 + 1e-6):
@@ -139,8 +170,14 @@ def parse(text: str, source: str = "protocol", *, folder: Path | None = None) ->
     ProtocolError if the text is not TOML or not a valid protocol.
     """
     context = {"file": True, "folder": folder}
-    values = parse_toml(text, ProtocolError, source)
+    values = parse_toml(text, ProtocolError, source, "a protocol")
     return validated(Protocol, values, ProtocolError, source, context=context, entries={"phases": "phase"})
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON schema of protocol files, for editors that complete and check TOML."""
+    schema = Protocol.model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "Tenodesis protocol"}
 
 
 @contextmanager
@@ -165,10 +202,7 @@ def block_size(time_step: float, seconds: float) -> int:
     return max(1, math.floor(seconds / time_step * (1 + 1e-9)))
 
 
-def _planned(
-    phase: AnyPhase, label: str, inst: Instrument, initial: Command, time_step: float
-) -> tuple[Planned, Command]:
-    """Return a phase planned from an initial command, and the command it ends with."""
+def _check_axis(phase: AnyPhase, inst: Instrument) -> None:
     if phase.axis is not None and phase.axis not in inst.axes:
         allowed = " or ".join(inst.axes)
         raise ProtocolError(
@@ -177,9 +211,9 @@ def _planned(
             value=phase.axis,
             allowed=allowed,
         )
-    if isinstance(phase, Pretension):
-        return Planned(phase, label, initial, (), phase.timeout), phase.end(initial, inst)
-    axis = 0 if phase.axis is None else inst.axes.index(phase.axis)
-    segments = tuple(phase.segments(Start(inst.planar[axis], axis, initial, time_step)))
-    seconds = math.fsum(segment.steps * time_step for segment in segments)
-    return Planned(phase, label, initial, segments, seconds), segments[-1].end
+
+
+def _planned(phase: OpenLoopPhase, label: str, start: Start) -> Planned:
+    segments = tuple(phase.segments(start))
+    seconds = math.fsum(segment.steps * start.time_step for segment in segments)
+    return Planned(phase, label, start.command, segments, seconds)

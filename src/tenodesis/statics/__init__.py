@@ -39,3 +39,7 @@ __all__ = [
     "tensions",
     "torque_transmissibility",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike
 
 from tenodesis._core import Status
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import InstrumentLike, as_instrument
 from tenodesis.statics.query import INPUTS, FloatOrArray, check_solved, prepare, shaped, solve, variable
 
 Wound: TypeAlias = ArrayLike | tuple[ArrayLike, ArrayLike]
@@ -57,7 +57,7 @@ class Equilibrium(NamedTuple):
 
 
 def output_angle(
-    inst: Instrument,
+    inst: InstrumentLike,
     handle_angle: ArrayLike,
     force: ArrayLike = 0.0,
     *,
@@ -79,7 +79,7 @@ def output_angle(
 
 
 def handle_angle(
-    inst: Instrument,
+    inst: InstrumentLike,
     output_angle: ArrayLike,
     force: ArrayLike = 0.0,
     *,
@@ -94,7 +94,7 @@ def handle_angle(
 
 
 def tensions(
-    inst: Instrument,
+    inst: InstrumentLike,
     handle_angle: ArrayLike,
     force: ArrayLike = 0.0,
     *,
@@ -106,7 +106,7 @@ def tensions(
 
 
 def torque_transmissibility(
-    inst: Instrument,
+    inst: InstrumentLike,
     handle_angle: ArrayLike,
     force: ArrayLike = 0.0,
     *,
@@ -121,7 +121,7 @@ def torque_transmissibility(
 
 
 def equilibrium(
-    inst: Instrument,
+    inst: InstrumentLike,
     handle_angle: ArrayLike,
     force: ArrayLike = 0.0,
     *,
@@ -139,12 +139,12 @@ def equilibrium(
     return Equilibrium(angle, agonist, antagonist, reason)
 
 
-def flexural_stiffness(inst: Instrument, output_angle: ArrayLike) -> FloatOrArray:
+def flexural_stiffness(inst: InstrumentLike, output_angle: ArrayLike) -> FloatOrArray:
     """Return the distal joint's flexural stiffness at an output angle (rad), tendons taut (eqs. 15, 16), N·m/rad."""
     return _evaluate("flexural_stiffness", inst, locals())[0]
 
 
-def loss_of_dexterity(inst: Instrument, output_angle: ArrayLike, force: ArrayLike) -> FloatOrArray:
+def loss_of_dexterity(inst: InstrumentLike, output_angle: ArrayLike, force: ArrayLike) -> FloatOrArray:
     """Return the loss of dexterity at an output angle (rad) under a tangential force (N), rad (eq. 17).
 
     It is the loss of output angle to first order in the force.
@@ -152,13 +152,13 @@ def loss_of_dexterity(inst: Instrument, output_angle: ArrayLike, force: ArrayLik
     return _evaluate("loss_of_dexterity", inst, locals())[0]
 
 
-def slack_force(inst: Instrument, output_angle: ArrayLike) -> FloatOrArray:
+def slack_force(inst: InstrumentLike, output_angle: ArrayLike) -> FloatOrArray:
     """Return the tangential force at which the antagonist goes slack at an output angle (rad), N (eq. 8)."""
     return _evaluate("slack_force", inst, locals())[0]
 
 
 def estimate_output_angle(
-    inst: Instrument,
+    inst: InstrumentLike,
     handle_angle: ArrayLike,
     agonist: ArrayLike,
     antagonist: ArrayLike,
@@ -183,7 +183,7 @@ def estimate_output_angle(
 
 
 def compensation_stroke(
-    inst: Instrument,
+    inst: InstrumentLike,
     agonist: ArrayLike,
     antagonist: ArrayLike,
     actuation: Actuation = "agonist",
@@ -207,7 +207,7 @@ def compensation_stroke(
 
 
 def gradient(
-    function: Callable[..., Any] | str, inst: Instrument, *args: Any, wrt: Sequence[str], **kwargs: Any
+    function: Callable[..., Any] | str, inst: InstrumentLike, *args: Any, wrt: Sequence[str], **kwargs: Any
 ) -> Any:
     """Return the exact derivatives of a function of this module by parameters of the instrument or by inputs.
 
@@ -231,6 +231,7 @@ def gradient(
     ValueError
         The function or a name in `wrt` is unknown or has no effect.
     """
+    inst = as_instrument(inst)
     name = function if isinstance(function, str) else getattr(function, "__name__", str(function))
     if name not in INPUTS or name == "equilibrium":
         allowed = ", ".join(key for key in INPUTS if key != "equilibrium")
@@ -247,13 +248,14 @@ def gradient(
     return dict(zip(wrt, rows, strict=True))
 
 
-def reach(inst: Instrument) -> float:
+def reach(inst: InstrumentLike) -> float:
     """Return the handle angle (rad) that bends the unloaded tip through its working range, or the handle's range."""
+    inst = as_instrument(inst)
     needed = handle_angle(inst, np.array([inst.output_range]))[0]
     return float(np.fmin(needed, inst.handle_range))
 
 
-def _evaluate(name: str, inst: Instrument, arguments: dict[str, Any]) -> list[FloatOrArray]:
+def _evaluate(name: str, inst: InstrumentLike, arguments: dict[str, Any]) -> list[FloatOrArray]:
     query = prepare(name, inst, arguments)
     outputs, status = solve(query)
     check_solved(query, status)

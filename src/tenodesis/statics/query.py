@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from tenodesis import _core
 from tenodesis._core import Status
 from tenodesis.errors import ArgumentError, NoSolutionError
-from tenodesis.instrument import PARAMETERS, Instrument
+from tenodesis.instrument import PARAMETERS, Instrument, InstrumentLike, as_instrument
 from tenodesis.threads import threads
 
 FloatOrArray: TypeAlias = Any
@@ -79,9 +79,9 @@ def _operation(name: str, arguments: dict[str, Any]) -> str:
     return f"compensation_stroke:{arguments['actuation']}:exact"
 
 
-def prepare(name: str, inst: Instrument, arguments: dict[str, Any]) -> Query:
+def prepare(name: str, inst: InstrumentLike, arguments: dict[str, Any]) -> Query:
     """Return a function's arguments, checked and broadcast, for :func:`solve`."""
-    check_instrument(inst)
+    inst = as_instrument(inst)
     values = dict(arguments)
     if "wound" in values:
         wound = values.pop("wound")
@@ -96,12 +96,6 @@ def prepare(name: str, inst: Instrument, arguments: dict[str, Any]) -> Query:
         for array in arrays
     ]
     return Query(name, _operation(name, arguments), inst, columns, shape)
-
-
-def check_instrument(inst: Instrument) -> None:
-    """Raise TypeError if an argument is no instrument."""
-    if not isinstance(inst, Instrument):
-        raise TypeError(f"inst is {inst!r}; it must be an instrument, as tenodesis.load returns it.")
 
 
 def common_shape(shapes: Mapping[str, tuple[int, ...]]) -> tuple[int, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 from tenodesis import similarity
 from tenodesis._core import Status
 from tenodesis.errors import StudyError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.run import Array
 from tenodesis.tolerance import engines, sampling
 from tenodesis.tolerance.defaults import default
@@ -27,8 +27,8 @@ TORNADO = (0.05, 0.95)
 
 
 def study(
-    real_size: Instrument,
-    scaled_up: Instrument,
+    real_size: InstrumentLike,
+    scaled_up: InstrumentLike,
     tolerances: Tolerances | None = None,
     *,
     samples: int = SAMPLES,
@@ -73,6 +73,7 @@ def study(
         A tolerance or an argument is not valid, the scaled-up instrument does not reach half of the real-size working
         range, or the nominal instruments do not hold the force.
     """
+    real_size, scaled_up = as_instrument(real_size, "real_size"), as_instrument(scaled_up, "scaled_up")
     if not isinstance(samples, int | np.integer) or not LEAST_SAMPLES <= samples <= MOST_SAMPLES:
         raise StudyError(key="samples", value=samples, allowed=f"an integer from {LEAST_SAMPLES} to {MOST_SAMPLES}")
     if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or not 0 <= seed < 2**32:
@@ -80,10 +81,10 @@ def study(
     runner = engines.named(engine, address) if isinstance(engine, str) else engine
     real_size, scaled_up = real_size.planar[0], scaled_up.planar[0]
     given = default(scaled_up) if tolerances is None else tolerances
+    comparison = _compared(real_size, scaled_up)
     parameters = resolve(given, real_size, scaled_up)
     count = 1 << (int(samples) - 1).bit_length()
 
-    comparison = _compared(real_size, scaled_up)
     factor = float(comparison.force_factor())
     real_force = _force(real_size, scaled_up, factor, force)
     task = _task(comparison, parameters, real_force, factor)
@@ -116,9 +117,17 @@ def _force(real_size: Instrument, scaled_up: Instrument, factor: float, force: f
 
 def _compared(real_size: Instrument, scaled_up: Instrument) -> similarity.Comparison:
     try:
-        return similarity.compare(real_size, scaled_up)
+        compared = similarity.compare(real_size, scaled_up)
     except ValueError as problem:
         raise StudyError(f"{scaled_up.name} for {real_size.name}: {problem}") from None
+    if compared.factors["length"] < 1:
+        raise StudyError(
+            f"{real_size.name} is larger than {scaled_up.name}, whose joints have {compared.factors['length']:.3g} of "
+            "its size; the real-size instrument comes first, the scaled-up one second.",
+            key="real_size",
+            value=real_size.name,
+        )
+    return compared
 
 
 def _task(comparison: similarity.Comparison, parameters: tuple[Parameter, ...], force: float, factor: float) -> Task:

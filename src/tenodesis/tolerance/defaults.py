@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.similarity.parameters import RADII
 from tenodesis.tolerance.files import Tolerance, Tolerances
 
@@ -35,12 +35,13 @@ _IDENTIFICATION: dict[str, dict[str, Any]] = {
 }
 
 
-def default(scaled_up: Instrument) -> Tolerances:
+def default(scaled_up: InstrumentLike) -> Tolerances:
     """Return the default tolerances of a scaled-up instrument.
 
     Radii have ISO 2768-1 class f and lengths class m, as half widths by their size; stiffness, pretension and friction
     have what we assume as the error of an identification. Keys that the instrument lacks, or has as zero, are left out.
     """
+    scaled_up = as_instrument(scaled_up, "scaled_up")
     found = []
     for keys, grade in ((RADII, "f"), (_LENGTHS, "m")):
         for key in keys:

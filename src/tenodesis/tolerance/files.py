@@ -94,7 +94,7 @@ def parse(text: str, source: str = "tolerances") -> Tolerances:
 
     Raises StudyError, whose message starts with `source`, if the text is not TOML or not valid.
     """
-    values = parse_toml(text, StudyError, source)
+    values = parse_toml(text, StudyError, source, "tolerances")
     if not values.get("parameters"):
         raise StudyError(f"{source} has no parameters; it must have at least one table [[parameters]].")
     return validated(Tolerances, values, StudyError, source, entries={"parameters": "parameter"})

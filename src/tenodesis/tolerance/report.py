@@ -25,7 +25,8 @@ from tenodesis.tolerance.results import QUANTILES, Response, Study
 RESULTS_SCHEMA = 1
 """Version of the layout of tolerance.json."""
 
-_PAGE = "tolerance.html"
+PAGE, NUMBERS, SAMPLES_FILE = "tolerance.html", "tolerance.json", "samples.csv"
+"""What a study is written as, beside its figures."""
 
 
 def write(study: Study, out: Path) -> None:
@@ -33,12 +34,12 @@ def write(study: Study, out: Path) -> None:
 
     Raises StudyError if the folder cannot be written.
     """
-    with style.applied(), written(out, StudyError, last=_PAGE) as new:
+    with style.applied(), written(out, StudyError, last=PAGE) as new:
         (new / "figures").mkdir()
         drawings = [(plot, write_figure(plot, new / "figures")) for plot in figures.plots(study)]
-        _write_samples(study, new / "samples.csv")
-        (new / "tolerance.json").write_text(json_text(_results(study)), "utf-8")
-        (new / _PAGE).write_text(_rendered(study, drawings), "utf-8")
+        _write_samples(study, new / SAMPLES_FILE)
+        (new / NUMBERS).write_text(json_text(_results(study)), "utf-8")
+        (new / PAGE).write_text(_rendered(study, drawings), "utf-8")
         for name in set(figures.NAMES) - {plot.name for plot, _ in drawings}:
             for kind in DRAWINGS:
                 (out / f"figures/{name}.{kind}").unlink(missing_ok=True)

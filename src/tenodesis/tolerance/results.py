@@ -49,6 +49,11 @@ class Response:
     indices: Indices | None
     """Sobol indices; None where they are not valid or the response does not vary."""
 
+    def __repr__(self) -> str:
+        return (
+            f"<Response {self.key}: mean {self.mean:.4g} deg, std {self.std:.3g} deg, nominal {self.nominal:.4g} deg>"
+        )
+
     @property
     def varies(self) -> bool:
         """Whether its samples differ by more than rounding."""
@@ -107,6 +112,12 @@ class Study:
     status: NDArray[np.int64]
     """Status by row: 0 for a run to the end, otherwise why it was lost."""
     responses: Mapping[str, Response] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        found = ", ".join(f"{key} {one.mean:.3g} ± {one.std:.2g} deg" for key, one in self.responses.items())
+        lost = f", {100 * self.failed:.2g} % lost" if self.failed else ""
+        pair = f"{self.real_size.name!r} and {self.scaled_up.name!r}"
+        return f"<Study of {pair}: {len(self.parameters)} parameters, {self.runs} runs{lost}; {found}>"
 
     @property
     def runs(self) -> int:

@@ -20,3 +20,7 @@ __all__ = [
     "as_run",
     "run_many",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -8,11 +8,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core, plant
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.run import Array
 from tenodesis.statics.query import common_shape
 from tenodesis.threads import threads
-from tenodesis.twin.contact import Contact, rows_of
+from tenodesis.twin.contact import Contact, Contacts, rows_of
 from tenodesis.twin.rows import ARGUMENTS, COMMANDS, SIGNALS, check_finite, check_handle_range, check_rig, check_seed
 
 
@@ -30,16 +30,21 @@ class Batch:
     def __getitem__(self, name: str) -> Array:
         return self.signals[name]
 
+    def __repr__(self) -> str:
+        early = int(np.count_nonzero(self.status))
+        kept = f"{', '.join(self.signals)} at {self.time.size} times"
+        return f"<Batch of {len(self.steps)} runs: {kept}{f', {early} ended early' if early else ''}>"
+
 
 def run_many(
-    inst: Instrument | Sequence[Instrument],
+    inst: InstrumentLike | Sequence[InstrumentLike],
     handle_angle: ArrayLike,
     force: ArrayLike = 0.0,
     *,
     radial_force: ArrayLike = 0.0,
     weight: ArrayLike = 0.0,
     spool_velocity: ArrayLike = 0.0,
-    contact: Contact | Sequence[Contact | None] | None = None,
+    contact: Contacts | None = None,
     vary: Mapping[str, ArrayLike] | None = None,
     seeds: ArrayLike | None = None,
     signals: Sequence[str] = ("output_angle",),
@@ -122,8 +127,8 @@ def run_many(
     return Batch(time, {name: out[:, n] for n, name in enumerate(signals)}, ends[:, 0], ends[:, 1])
 
 
-def _instruments(inst: Instrument | Sequence[Instrument], vary: Mapping[str, ArrayLike]) -> list[Instrument]:
-    insts = [inst] if isinstance(inst, Instrument) else list(inst)
+def _instruments(inst: InstrumentLike | Sequence[InstrumentLike], vary: Mapping[str, ArrayLike]) -> list[Instrument]:
+    insts = [as_instrument(one) for one in ([inst] if isinstance(inst, InstrumentLike) else inst)]
     if not insts:
         raise ArgumentError("inst is empty; it must be one instrument or more.", key="inst")
     columns = {key: np.atleast_1d(np.asarray(values)) for key, values in vary.items()}
@@ -171,7 +176,7 @@ def _shared_commands(runs: int, *arguments: ArrayLike) -> Array:
     return rows
 
 
-def _tissue(contact: Contact | Sequence[Contact | None] | None) -> Array:
+def _tissue(contact: Contacts | None) -> Array:
     """Return the commands' columns for tissue, of all runs or of each, shape (1 or runs, 3)."""
     given = (contact,) if contact is None or isinstance(contact, Contact) else tuple(contact)
     for one in given:

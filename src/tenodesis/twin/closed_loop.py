@@ -1,5 +1,6 @@
 """The twin with a controller in its loop."""
 
+import warnings
 from collections.abc import Sequence
 from typing import Any, Protocol
 
@@ -8,9 +9,10 @@ from numpy.typing import NDArray
 
 from tenodesis import _core
 from tenodesis._core import Status
-from tenodesis.errors import ArgumentError
+from tenodesis.control.controller import OperatingState, fault_names
+from tenodesis.errors import ArgumentError, FaultWarning
 from tenodesis.instrument import Instrument
-from tenodesis.run import Array
+from tenodesis.run import Array, Run
 from tenodesis.twin.rows import ARGUMENTS, CONTROL, SIGNALS
 
 
@@ -23,6 +25,9 @@ class LoopController(Protocol):
 
     def check_instrument(self, inst: Instrument) -> None:
         """Raise ValueError for an instrument with other axes or joints than the controller's."""
+
+    def begin(self, plant: object, time: float) -> None:
+        """Raise ValueError if it has run on another plant, or on this one up to a later time (s), and was not reset."""
 
     def take_request(self) -> int:
         """Return the pending request, and clear it."""
@@ -80,6 +85,30 @@ def run_closed_loop(
         control,
     )
     return steps, Status(status), list(outs), list(control)
+
+
+def warn_of_faults(run: Run, inst: Instrument, *, stacklevel: int = 3) -> None:
+    """Warn if the controller of a run on an instrument faulted, by :class:`FaultWarning`: when, and which faults."""
+    states, masks = run.operating_state, run.faults
+    if states is None or masks is None:
+        return
+    rows = np.flatnonzero((states == OperatingState.FAULT).reshape(len(run), -1).any(axis=1))
+    if not rows.size:
+        return
+    row = int(rows[0])
+    mask = int(np.bitwise_or.reduce(np.nan_to_num(np.atleast_1d(masks[row])).astype(np.int64)))
+    names = fault_names(mask)
+    hint = ""
+    if "load_cell_stuck" in names and inst.sensors.load_cell_noise == 0:
+        hint = (
+            f"; the load cells of {inst.name} have no noise, so that their readings stand still: give it "
+            "sensors.load_cell_noise, or make the controller for it"
+        )
+    warnings.warn(
+        f"the controller faulted at {run.time[row]:.6g} s: {', '.join(names)}; it held the motors from then on{hint}.",
+        FaultWarning,
+        stacklevel=stacklevel,
+    )
 
 
 def _requests(controller: LoopController, request: NDArray[Any], count: int) -> NDArray[np.uint8] | None:

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 from tenodesis import _core, plant
 from tenodesis._core import Status
 from tenodesis.errors import ArgumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import InstrumentLike, as_instrument
 from tenodesis.run import Array, Run, concatenate
-from tenodesis.twin.closed_loop import LoopController, SignalFault, run_closed_loop
+from tenodesis.twin.closed_loop import LoopController, SignalFault, run_closed_loop, warn_of_faults
 from tenodesis.twin.contact import Contacts, by_axis, rows_of
 from tenodesis.twin.rows import (
     ARGUMENTS,
@@ -91,8 +91,9 @@ class Twin:
     """
 
     def __init__(
-        self, inst: Instrument, *, time_step: float = plant.TIME_STEP, seed: int = 0, quasi_static: bool = False
+        self, inst: InstrumentLike, *, time_step: float = plant.TIME_STEP, seed: int = 0, quasi_static: bool = False
     ) -> None:
+        inst = as_instrument(inst)
         check_seed(seed)
         self.inst = inst
         self.time_step = time_step
@@ -115,6 +116,11 @@ class Twin:
             f"{'bent tendons, ' if friction.bends else ''}{'quasi-static' if quasi_static else 'dynamic'} steps of "
             f"{time_step:g} s"
         )
+
+    def __repr__(self) -> str:
+        kind = "quasi-static" if self.quasi_static else "dynamic"
+        steps = f"{kind} steps of {self.time_step:g} s"
+        return f"<Twin of {self.inst.name!r} at {self.time:.6g} s, {steps}, seed {self.seed}>"
 
     @property
     def time(self) -> float:
@@ -195,7 +201,8 @@ class Twin:
             Tissue at the tip, for the whole call; with two axes one per axis, None where there is none. It stays in
             place if the next call has the same.
         controller
-            Closes the loop: it is given the sensors' readings, and the drives its spool velocities.
+            Closes the loop: it is given the sensors' readings, and the drives its spool velocities. It goes on from the
+            call before on this twin; one that has run elsewhere must be reset first.
         request
             Request to the controller at each step, values of :class:`tenodesis.control.Request`; shape (n,).
         fault_injection
@@ -204,10 +211,15 @@ class Twin:
         Raises
         ------
         ValueError
-            A command is not finite or beyond the handle's range, or the tip is inside tissue that is placed; nothing
-            has been done then.
+            A command is not finite or beyond the handle's range, the tip is inside tissue that is placed, or the
+            controller has run on another twin and was not reset; nothing has been done then.
         NoSolutionError
             The load on the tip is more than it can hold; the twin is then in its state before the call.
+
+        Warns
+        -----
+        FaultWarning
+            The controller faulted.
         """
         rows = self._commands(handle_angle, force, radial_force, weight, spool_velocity, sheath_bend, let_out)
         self._place(contact, rows)
@@ -217,6 +229,7 @@ class Twin:
         if controller is None:
             return as_run(time, self.inst.axes, given, self._step_axes(rows))
         controller.check_instrument(self.inst)
+        controller.begin(self, self.time)
         steps, status, outs, control = run_closed_loop(
             self._axes,
             rows,
@@ -229,9 +242,12 @@ class Twin:
             time_step=self.time_step,
         )
         self._steps += steps
+        controller.begin(self, self.time)
         if status != Status.OK:
             raise lost(status, f"step {steps} ({self.time:.6g} s)")
-        return as_run(time, self.inst.axes, given, outs, control)
+        run = as_run(time, self.inst.axes, given, outs, control)
+        warn_of_faults(run, self.inst)
+        return run
 
     def _step_axes(self, rows: list[Array]) -> list[Array]:
         """Step every axis over its commands and return its signals; a lost step leaves the twin unchanged."""

@@ -4,3 +4,7 @@ from tenodesis.identification.experiment.plan import OPTIMISTIC, Block, Plan, Pr
 from tenodesis.identification.experiment.planning import DURATION, plan
 
 __all__ = ["DURATION", "OPTIMISTIC", "Block", "Plan", "Prediction", "plan"]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -14,9 +14,10 @@ from tenodesis.identification.experiment.candidates import Candidate
 from tenodesis.identification.experiment.choice import CriterionName
 from tenodesis.identification.problem import Parameter
 from tenodesis.instrument import Instrument
-from tenodesis.instrument.text import READABLE, readable, with_units
+from tenodesis.instrument.text import readable, with_units
 from tenodesis.run import Run
 from tenodesis.simulate import Protocol
+from tenodesis.units import READABLE
 
 OPTIMISTIC = (
     "Predicted intervals account for the sensors' noise and rounding alone: they are the best that a bench can reach. "
@@ -78,6 +79,11 @@ class Plan:
     """Why no candidate identifies them, by the names of parameters."""
     left_out: Mapping[str, str]
     """Why candidates were left out, by name."""
+
+    def __repr__(self) -> str:
+        wanted = ", ".join(self.wanted)
+        return f"<Plan for {self.inst.name!r}: {len(self.blocks)} blocks in {self.proposed.seconds:.4g} s for {wanted}>"
+
     warnings: tuple[str, ...]
 
     @property

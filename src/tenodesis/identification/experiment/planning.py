@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import count
 from typing import NamedTuple, get_args
@@ -22,7 +21,7 @@ from tenodesis.identification.twin_model.problem import TwinProblem
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array, Run
 from tenodesis.simulate import Protocol
-from tenodesis.threads import threads
+from tenodesis.threads import thread_pool
 
 DURATION = 30.0
 LONGEST = 600.0
@@ -209,7 +208,7 @@ def _tried(
 
     _ = experiment.values, experiment.scale
     tried, left_out = [], {}
-    with ThreadPoolExecutor(threads()) as pool:
+    with thread_pool() as pool:
         for candidate, found in zip(offered, pool.map(one, offered), strict=True):
             if isinstance(found, str):
                 left_out[candidate.name] = found

@@ -1,7 +1,6 @@
 """Residuals with the errors of a twin's commands marginalised out."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from math import sqrt
 from typing import NamedTuple
 
@@ -12,7 +11,7 @@ from scipy.sparse import coo_array, csc_array, diags_array
 from tenodesis.identification.twin_model import tuning
 from tenodesis.identification.twin_model.steps import InputError, SteppedRun
 from tenodesis.run import Array
-from tenodesis.threads import threads
+from tenodesis.threads import thread_pool
 
 
 class Marginalisation(NamedTuple):
@@ -75,7 +74,7 @@ def _effects(run: SteppedRun, expected: Callable[[Array], Array]) -> tuple[csc_a
         return both
 
     groups = _groups(errors, len(run.commands), run.time_step)
-    with ThreadPoolExecutor(threads()) as pool:
+    with thread_pool() as pool:
         found = list(pool.map(disturbed, groups))
     nonlinear = []
     for group, (plus, minus) in zip(groups, found, strict=True):

@@ -1,0 +1,26 @@
+"""Check that an installed wheel works: an instrument, a recorded run, and its identification, in an empty folder."""
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import tenodesis as tn
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+def main() -> None:
+    """Run the commands; one that fails ends the program."""
+    with tempfile.TemporaryDirectory() as folder:
+        for words in (
+            ["check", "real-size"],
+            ["record", EXAMPLES / "protocol.toml", "scaled-up", "--out", "run.mcap"],
+            ["identify", "run.mcap", "--fit", "friction", "--out", "identified"],
+        ):
+            subprocess.run([sys.executable, "-m", "tenodesis.cli", *words], cwd=folder, check=True)
+    print(f"tenodesis {tn.__version__} works.")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,208 @@
+"""Where commands write: one rule for all of them, and it is tested before the work."""
+
+import json
+import os
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Annotated, TypeAlias
+
+import typer
+
+from tenodesis.errors import CommandError, CommandInterruptedError
+from tenodesis.files import atomic_file, locked_file, locked_folder
+
+Overwrite: TypeAlias = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
+
+TABLES = {".csv": "a CSV table", ".parquet": "a Parquet table"}
+"""Extensions of the tables that a recording is exported to."""
+RECORDING = {".mcap": "an MCAP recording"}
+FIGURE = {".png": "a figure", ".svg": "a figure", ".pdf": "a figure"}
+HEADER = {".h": "a C header"}
+MODELS = {".urdf": {".urdf": "a URDF file", ".xml": "a URDF file"}, ".xml": {".xml": "a MuJoCo model"}}
+JSON = {".json": "a JSON file"}
+INSTRUMENT = {".toml": "an instrument file"}
+
+WRITTEN: list[Path] = []
+"""What this process has written, for the sentence that an interrupt ends in."""
+
+
+@contextmanager
+def writing(
+    outputs: Sequence[tuple[str, Path | None]],
+    inputs: Iterable[Path | str | None] = (),
+    *,
+    overwrite: bool,
+    folder: Path | None = None,
+    subfolders: Sequence[str] = (),
+) -> Iterator[None]:
+    """Do the work that makes a command's outputs: refused before it begins if they cannot, or must not, be written.
+
+    Nobody else who uses this can write them meanwhile. A KeyboardInterrupt ends in an error that states what is
+    written.
+
+    Parameters
+    ----------
+    outputs
+        Each with its option; those without a path are left out.
+    inputs
+        Files and folders that are read, or names of what is shipped; none is ever written over.
+    overwrite
+        Whether outputs that exist may be replaced.
+    folder
+        Of all outputs, made if absent; without it, an output's folder must exist.
+    subfolders
+        Names of folders within it, all of whose files may be written.
+
+    Raises
+    ------
+    CommandError
+        An output is an input or inside one, another output, a folder or no regular file, exists and may not be
+        replaced, cannot be written, or is being written by somebody else; nothing was done.
+    CommandInterruptedError
+        The user interrupted the work.
+    """
+    given = [(option, path) for option, path in outputs if path is not None]
+    sources = [Path(one) for one in inputs if one is not None and (isinstance(one, Path) or Path(one).is_file())]
+    _check_outputs(given, sources, folder, overwrite=overwrite)
+    for place in [] if folder is None or overwrite else [folder / name for name in subfolders]:
+        if place.is_dir() and any(place.iterdir()):
+            raise CommandError(f"{place} exists already; give another path, or --overwrite.", value=place)
+    before = {path: _version(path) for _, path in given}
+    alone = [path for path in before if folder is None or not path.is_relative_to(folder)]
+    with ExitStack() as locks:
+        for path in alone if folder is None else [folder, *alone]:
+            try:
+                locks.enter_context(locked_folder(path) if path is folder else locked_file(path))
+            except BlockingIOError:
+                raise CommandError(
+                    f"{path} is being written by another command; wait for it, or give another path.", value=path
+                ) from None
+            except OSError as problem:
+                raise CommandError(f"{path} cannot be written: {problem.strerror or problem}.", value=path) from None
+        try:
+            yield
+        except KeyboardInterrupt:
+            changed = [path for path in before if _version(path) != before[path]]
+            left = [path for path in before if path not in changed]
+            if not changed:
+                raise CommandInterruptedError(
+                    f"interrupted; nothing is written to {folder or ', '.join(map(str, left))}."
+                ) from None
+            missing = f"; not written: {', '.join(map(str, left))}" if left else ""
+            raise CommandInterruptedError(f"interrupted; written: {', '.join(map(str, changed))}{missing}.") from None
+        finally:
+            WRITTEN.extend(path for path in before if _version(path) != before[path])
+
+
+def written_by_us(numbers: Path, key: str) -> bool:
+    """Return whether a file has the numbers of a report of ours, by a key that only this kind of report has."""
+    try:
+        content = json.loads(numbers.read_text("utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(content, dict) and key in content and "tenodesis" in content.get("about", ())
+
+
+def _check_outputs(
+    outputs: Iterable[tuple[str, Path]], inputs: Sequence[Path], folder: Path | None, *, overwrite: bool
+) -> None:
+    taken: dict[Path, str] = {}
+    for option, path in outputs:
+        place = path.resolve()
+        if any(place == source.resolve() or _same_file(path, source) for source in inputs):
+            raise _refused(option, path, "is an input; give another path")
+        around = next((source for source in inputs if source.is_dir() and place.is_relative_to(source.resolve())), None)
+        if around is not None:
+            raise _refused(option, path, f"is inside the input {around}; give a path outside it")
+        if place in taken:
+            raise _refused(option, path, f"{taken[place]} writes; give another path")
+        if path.is_dir():
+            raise _refused(option, path, "is a folder; give the path of a file")
+        if path.exists() and not path.is_file():
+            raise _refused(option, path, "is no regular file; give the path of a file")
+        if path.exists() and not overwrite:
+            raise CommandError(f"{path} exists already; give another path, or --overwrite.", key=option, value=path)
+        if path.exists() and not os.access(path, os.W_OK):
+            raise _refused(option, path, "is read-only; give another path")
+        within = folder is not None and path.is_relative_to(folder)
+        if not within and not path.parent.exists():
+            raise CommandError(f"{path} cannot be written: there is no folder {path.parent}.", key=option, value=path)
+        try:
+            # No file can be made in its folder, or the nearest one above that exists.
+            with tempfile.TemporaryFile(dir=next(one for one in place.parents if one.exists())):
+                pass
+        except OSError as problem:
+            raise CommandError(
+                f"{folder if within else path} cannot be written: {problem.strerror or problem}.",
+                key=option,
+                value=path,
+            ) from None
+        taken[place] = option
+
+
+def _version(path: Path) -> tuple[int, int] | None:
+    """Return what changes when a file is written; None if there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_ino, found.st_mtime_ns
+
+
+def check_suffix(option: str, path: Path | None, allowed: Mapping[str, str]) -> None:
+    """Refuse the path of an output by its extension.
+
+    Parameters
+    ----------
+    option, path
+        The option, and its path if it was given.
+    allowed
+        What is written, by extension.
+
+    Raises
+    ------
+    CommandError
+        The extension is none of these.
+    """
+    if path is None or path.suffix in allowed:
+        return
+    kinds = " or ".join(dict.fromkeys(allowed.values()))
+    must = f"must end in {' or '.join(allowed)}"
+    hint = ""
+    if ".mcap" in allowed and path.suffix in TABLES:
+        hint = f"; for a table: tenodesis export recording {path.with_suffix('.mcap')} --out {path}"
+    raise CommandError(
+        f"{path}: {option} writes {kinds}, whose name {must}{hint}.", key=option, value=path, allowed=must
+    )
+
+
+def _refused(option: str, path: Path, reason: str) -> CommandError:
+    return CommandError(f"{option} would write {path}, which {reason}.", key=option, value=path)
+
+
+def _same_file(path: Path, other: Path) -> bool:
+    """Return whether two paths name the same file, hard links included."""
+    return path.exists() and other.exists() and path.samefile(other)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file completely or not at all.
+
+    Raises
+    ------
+    CommandError
+        It cannot be written.
+    """
+    with write_errors(path), atomic_file(path) as new:
+        new.write_text(text, "utf-8")
+
+
+@contextmanager
+def write_errors(path: Path) -> Iterator[None]:
+    """Raise an error of the operating system on writing a path as an error of the command."""
+    try:
+        yield
+    except OSError as problem:
+        raise CommandError(f"{path} cannot be written: {problem.strerror or problem}.") from None

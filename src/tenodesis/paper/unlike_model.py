@@ -1,0 +1,221 @@
+"""The laws on instruments that differ from the controller's model: contacts, compliance, friction, calibration."""
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tenodesis.control import LawName
+from tenodesis.instrument import Instrument
+from tenodesis.paper import step_response
+from tenodesis.paper.context import Context
+from tenodesis.paper.fig15_compensated import FRICTION_ERRORS
+from tenodesis.report import style
+from tenodesis.report.content import Chart, Plot, Section, Table, fixed, named
+from tenodesis.simulate import FaultInjection
+from tenodesis.twin import TIME_STEP
+
+TITLE = "Instruments unlike the controller’s model"
+_HOMING, _BEFORE, _AFTER, _SEED = 7.0, 2.0, 8.0, 17  # s, s, s
+_LAWS: dict[LawName, str] = {"off": "motors off", "paper": "eq. 22, both motors", "robust": "robust law"}
+_TARGETS = (0.3, 0.7, 3.0)  # deg, deg, s
+_ROUGH = 2.5
+_FRONT = 0.55
+_BASE = 0.03
+_SOFT = 0.85
+_GAIN, _OFFSET = 0.02, 0.02
+_JUDGED = 2.0  # s, at the end
+
+
+class Difference(NamedTuple):
+    """A difference between an instrument and the controller's model of it."""
+
+    key: str
+    name: str
+    unknown: Mapping[str, Any] = {}
+    """What the instrument has and the controller does not know, by key of the file."""
+    known: Mapping[str, Any] = {}
+    """What both have."""
+    cells: tuple[FaultInjection, ...] = ()
+    """Errors of the load cells."""
+    homes: bool = False
+    """Whether the controller homes first, which finds errors of the load cells."""
+
+
+class Outcome(NamedTuple):
+    """A run: its final error (deg), when the tip is within 1 deg (s), the estimate's normalised error squared."""
+
+    final: float
+    time: float
+    normalised: float
+
+
+def differences(inst: Instrument) -> list[Difference]:
+    """Return the differences for an instrument with friction, none first and all at once last."""
+    friction = inst.friction
+    # Exponents add up, so that a base exponent is a wrap angle that remains.
+    base = {"friction.base_wrap": _BASE / friction.vertex_coefficient} if friction.vertex_coefficient else {}
+    two = {"friction.vertices_per_joint": 2}
+    front = {"friction.handle_compliance_share": _FRONT}
+    soft = {"mismatch.stiffness_ratio": inst.mismatch.stiffness_ratio * _SOFT}
+    rough = {
+        f"friction.{name}": _ROUGH * getattr(friction, name) for name in ("vertex_coefficient", "sheath_coefficient")
+    }
+    gains = (
+        FaultInjection("tension.agonist", "scale", 1 + _GAIN),
+        FaultInjection("tension.antagonist", "scale", 1 - _GAIN),
+    )
+    offsets = (
+        FaultInjection("tension.agonist", "add", _OFFSET * inst.pretension),
+        FaultInjection("tension.antagonist", "add", -_OFFSET * inst.pretension),
+    )
+    percent = f"{100 * _GAIN:g} %"
+    found = [
+        Difference("none", "nothing"),
+        Difference("two_vertices", "two vertices a joint", two),
+        Difference("compliance", f"{100 * _FRONT:g} % of the compliance before the handle’s joint", front),
+        Difference("softer", f"tendons {100 * (1 - _SOFT):.0f} % softer", soft),
+        Difference("rougher", f"coefficients {_ROUGH:g} times those of the file, known", known=rough),
+        Difference("gains", f"gains of the load cells off by ±{percent}, not homed", cells=gains),
+        Difference("gains_homed", f"gains of the load cells off by ±{percent}, homed", cells=gains, homes=True),
+        Difference("offsets", f"load cells off by ±{percent} of the pretension, not homed", cells=offsets),
+        Difference(
+            "offsets_homed", f"load cells off by ±{percent} of the pretension, homed", cells=offsets, homes=True
+        ),
+    ]
+    if base:
+        found.insert(3, Difference("base", f"exponent {_BASE:g} that remains at a straight joint", base))
+    every = {**two, **front, **base, **soft}
+    found.append(Difference("all", "all at once, homed", every, rough, (*gains, *offsets), homes=True))
+    return found
+
+
+def outcomes(inst: Instrument, difference: Difference, law: LawName) -> list[Outcome]:
+    """Run a law over the held states of an instrument and, if it is robust, the errors of its assumed friction."""
+    given = inst.replace(**difference.known)
+    plant = given.replace(**difference.unknown)
+    force = step_response.step_force(inst)
+    homed = round(_HOMING / TIME_STEP) if difference.homes else None
+    motions = {}
+    for state in step_response.held_states(given):
+        motion = step_response.held_motion(given, state, force, _BEFORE, _AFTER)
+        if homed is not None:
+            still = np.zeros(homed)
+            motion = motion._replace(
+                handle_angle=np.append(still, motion.handle_angle),
+                force=np.append(still, motion.force),
+                loaded=homed + motion.loaded,
+            )
+        motions[state] = motion
+    errors = FRICTION_ERRORS if law == "robust" else (0.0,)
+    models = {error: step_response.controller_model(given, 1 + error) for error in errors}
+
+    def work(case: tuple[float, float]) -> Outcome:
+        state, error = case
+        motion = motions[state]
+        run = step_response.simulate_motion(
+            plant, models[error], motion, law, seed=_SEED, fault_injection=difference.cells, homed=homed
+        )
+        found = step_response.response(run, motion)
+        last = run[-round(_JUDGED / TIME_STEP) :]
+        off = (last["estimated_output_angle"] - last["output_angle"]) / last["estimated_output_angle_std"]
+        return Outcome(found.final, found.settling_time, float(np.mean(off**2)))
+
+    return list(step_response.in_parallel(work, product(motions, errors)).values())
+
+
+def section(context: Context) -> Section:
+    """Compute the final errors without compensation, with the paper's law and with the robust law, by difference."""
+    inst = context.tested
+    if inst.friction.law == "none" or not context.seeds or not step_response.can_compensate(inst):
+        why = (
+            "the number of noise seeds is 0"
+            if not context.seeds
+            else f"{named(inst)} has no friction"
+            if inst.friction.law == "none"
+            else f"{named(inst)} cannot be compensated"
+        )
+        return Section("unlike_model", TITLE, f"<p>Not run: {why}.</p>")
+    rows, bars = [], []
+    for difference in differences(inst):
+        found = {law: outcomes(inst, difference, law) for law in _LAWS}
+        if not all(found.values()):
+            continue
+        rows.append(_row(context, difference, found))
+        bars.append((difference.name, [_rms(outcome.final for outcome in found[law]) for law in _LAWS]))
+    if not rows:
+        return Section("unlike_model", TITLE, f"<p>Not run: {named(inst)} does not hold the load in any state.</p>")
+    rms, worst, time = _TARGETS
+    table = Table(
+        f"Final error of the tip after a step load of {step_response.step_force(inst):.3g} N, by what differs from the "
+        "controller’s model",
+        [
+            "what differs",
+            *(f"{name}, RMS / worst [°]" for law, name in _LAWS.items() if law != "robust"),
+            f"robust law, RMS [°], target {rms:g}",
+            f"worst [°], target {worst:g}",
+            f"time to within 1° [s], target {time:g}",
+            "normalised error squared",
+        ],
+        rows,
+    )
+    text = (
+        "<p>The controller’s model is the instrument’s file. Here the instrument has one thing more, which the "
+        "controller does not know unless the row says so. Homing, with a free tip, finds the offsets of the load "
+        "cells, which they read of slack tendons, and the difference of their gains, since both tendons are stretched "
+        "alike. Each cell is over the held states; the robust law also over friction assumed 30 % too low, right and "
+        "30 % too high. The last column is the mean of the squared error of the estimated output angle over its own "
+        "variance in the last two seconds: about 1 if the observer doubts itself rightly, less if it doubts itself too "
+        "much.</p>"
+    )
+    return Section("unlike_model", TITLE, text + step_response.caveat(inst), [_plot(inst, bars)], [table])
+
+
+def _rms(values: Any) -> float:
+    return float(np.sqrt(np.mean(np.square(list(values)))))
+
+
+def _row(context: Context, difference: Difference, found: Mapping[LawName, Sequence[Outcome]]) -> list[str]:
+    """Return the cells of a difference, and record its results."""
+    cells = [difference.name]
+    for law, name in _LAWS.items():
+        finals = [outcome.final for outcome in found[law]]
+        values = {"rms": _rms(finals), "worst": max(map(abs, finals))}
+        for key, value in values.items():
+            context.add(
+                f"unlike_model.{difference.key}.{law}.final_error_{key}",
+                value,
+                "deg",
+                f"{'RMS' if key == 'rms' else 'Largest'} final tip error, {name}; differs from the model: "
+                f"{difference.name}",
+            )
+        if law != "robust":
+            cells.append(f"{fixed(values['rms'])} / {fixed(values['worst'])}")
+            continue
+        time = max(outcome.time for outcome in found[law])
+        for value, target in zip((*values.values(), time), _TARGETS, strict=True):
+            shown = fixed(value) if np.isfinite(value) else "never"
+            cells.append(f"{shown} {'met' if value <= target else 'missed'}")
+        cells.append(fixed(float(np.mean([outcome.normalised for outcome in found[law]]))))
+    return cells
+
+
+def _plot(inst: Instrument, bars: Sequence[tuple[str, Sequence[float]]]) -> Plot:
+    chart, (axis,) = Chart.panels(height=0.9 + 0.5 * len(bars))
+    colors = (style.MUTED, style.ANTAGONIST, style.AGONIST)
+    place = np.arange(len(bars))[::-1]
+    width = 0.8 / len(_LAWS)
+    chart.keep("row", place[::-1] + 1.0)
+    for n, (name, color) in enumerate(zip(_LAWS.values(), colors, strict=True)):
+        values = chart.keep(f"{name}: RMS [deg]", [row[n] for _, row in bars])
+        drawn = axis.barh(place + (1 - n) * width, values, width * 0.9, color=color, label=name)
+        axis.bar_label(drawn, fmt="%.2f", fontsize=7, padding=2)
+    axis.set_yticks(place, [name for name, _ in bars], fontsize=8)
+    axis.set(xlabel="final error, RMS [deg]")
+    axis.margins(x=0.1)
+    style.legend_above(axis, len(_LAWS))
+    return chart.plot(
+        "unlike_model",
+        f"Final error of the tip under the step load, {named(inst)}, by what differs from the controller’s model.",
+    )

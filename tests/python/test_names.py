@@ -1,0 +1,43 @@
+"""Claims about what a user sees who asks for the names of the package."""
+
+import subprocess
+import sys
+from importlib import import_module
+from types import ModuleType
+
+import pytest
+
+import tenodesis as tn
+
+PACKAGES = tuple(name for name in tn.__all__ if isinstance(getattr(tn, name), ModuleType))
+
+
+def test_the_subpackages_are_among_the_names() -> None:
+    assert {"control", "identification", "instrument", "kinematics", "recording", "scaling"} < set(PACKAGES)
+    assert {"similarity", "simulate", "statics", "tendon", "tolerance", "twin", "errors"} < set(PACKAGES)
+
+
+@pytest.mark.parametrize("name", ["", *PACKAGES, "identification.experiment"])
+def test_a_package_shows_its_public_names_and_nothing_else(name: str) -> None:
+    module = import_module(f"tenodesis.{name}".rstrip("."))
+    shown = dir(module)
+    assert shown == sorted(set(module.__all__))
+    for one in shown:
+        found = getattr(module, one)
+        assert not (isinstance(found, ModuleType) and not found.__name__.startswith("tenodesis."))
+        assert not one.startswith("_") or one == "__version__"
+
+
+@pytest.mark.process
+def test_the_names_are_there_before_anything_is_loaded() -> None:
+    code = (
+        "import sys, tenodesis as tn; names = dir(tn); assert names == sorted(tn.__all__); "
+        "assert not {'numpy', 'pydantic', 'matplotlib'} & set(sys.modules); "
+        "assert all(hasattr(tn, name) for name in names)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_every_exception_is_shown() -> None:
+    own = {name for name, one in vars(tn.errors).items() if getattr(one, "__module__", "") == "tenodesis.errors"}
+    assert {name for name in own if name[0] != "_"} == set(tn.errors.__all__)

@@ -1,0 +1,198 @@
+"""Claims about the package: it installs without a compiler and works from an empty folder, on every Python it names."""
+
+import os
+import pkgutil
+import re
+import shutil
+import subprocess
+import sys
+import urllib.request
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+import tenodesis as tn
+
+from .conftest import EXAMPLES, ROOT
+
+PYTHONS = ("3.12", "3.13")
+"""Besides the Python that runs the tests."""
+
+PACKAGES_OF_THE_CORE = 35
+
+
+class Installation(NamedTuple):
+    """An environment of Python with the package, and an empty folder to work in."""
+
+    python: Path
+    folder: Path
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """No compiler is on its path, and nothing of this repository is in its way."""
+        return {"PATH": str(self.python.parent), "HOME": str(self.folder), "TERM": "dumb", "COLUMNS": "200"}
+
+    def run(self, *words: str, code: int = 0) -> str:
+        command = [self.python.parent / "tenodesis", *words]
+        done = subprocess.run(
+            command, cwd=self.folder, env=self.environment, capture_output=True, text=True, timeout=600, check=False
+        )
+        assert done.returncode == code, (words, done.stdout, done.stderr)
+        assert "Traceback" not in done.stderr
+        return done.stdout if code == 0 else done.stderr
+
+
+def uv(*words: str | Path, **environment: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-m", "uv", "--quiet", *words],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={name: text for name, text in os.environ.items() if name != "PYTHONPATH"} | environment,
+    )
+    assert done.returncode == 0, (words, done.stdout, done.stderr)
+    return done.stdout
+
+
+def interpreter(version: str) -> str:
+    """Return the path of a Python of this version; without one the test is skipped."""
+    kept = sorted(Path.home().glob(f".pyenv/versions/{version}.*/bin/python"))
+    found = shutil.which(f"python{version}") if not kept else str(kept[-1])
+    if found is None or subprocess.run([found, "-c", ""], check=False, capture_output=True).returncode:
+        pytest.skip(f"Python {version} is not here")
+    return found
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel for this Python; what `make build` has compiled is not compiled again."""
+    folder = tmp_path_factory.mktemp("wheel")
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "-w", folder, ROOT]
+    environment = {"CXX": "c++"} | os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+    subprocess.run(command, check=True, env=environment)
+    (built,) = folder.glob("*.whl")
+    return built
+
+
+@pytest.fixture(scope="module")
+def stable_wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel for every Python from 3.12 on."""
+    folder = tmp_path_factory.mktemp("stable")
+    uv("build", "--wheel", "--python", interpreter("3.12"), "--out-dir", folder, ROOT, CXX=os.environ.get("CXX", "c++"))
+    (built,) = folder.glob("*.whl")
+    return built
+
+
+@pytest.fixture
+def install(tmp_path: Path) -> Callable[..., Installation]:
+    def install(wheel: Path, python: str = sys.executable, extras: str = "", *more: str | Path) -> Installation:
+        environment, folder = tmp_path / "environment", tmp_path / "empty"
+        folder.mkdir(exist_ok=True)
+        uv("venv", "--clear", "--python", python, environment)
+        to = environment / "bin/python"
+        uv("pip", "install", "--only-binary", ":all:", "--python", to, f"tenodesis{extras} @ {wheel.as_uri()}", *more)
+        return Installation(to, folder)
+
+    return install
+
+
+@contextmanager
+def serving(installed: Installation) -> Iterator[bytes]:
+    """Yield what a browser gets from the console's address."""
+    command = [installed.python.parent / "tenodesis", "console", "--no-browser"]
+    with subprocess.Popen(
+        command,
+        cwd=installed.folder,
+        env=installed.environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as console:
+        try:
+            assert console.stdout is not None
+            lines = []
+            for line in console.stdout:
+                lines.append(line)
+                address = re.search(r"Console: (http\S+)", line)
+                if address:
+                    break
+            assert lines and address, lines
+            with urllib.request.urlopen(address[1], timeout=60) as answer:
+                assert answer.status == 200
+                yield answer.read()
+        finally:
+            console.terminate()
+
+
+def modules_of_the_package() -> list[str]:
+    return [info.name for info in pkgutil.walk_packages(tn.__path__, "tenodesis.") if "__main__" not in info.name]
+
+
+def use(installed: Installation) -> None:
+    """Run the commands of a first hour."""
+    assert installed.run("check", "real-size").startswith("real-size")
+    shutil.copy(EXAMPLES / "protocol.toml", installed.folder / "bench.toml")
+    installed.run("record", "bench.toml", "scaled-up", "--out", "run.mcap")
+    assert "friction" in installed.run("identify", "run.mcap", "--fit", "friction", "--out", "identified")
+    installed.run("scale", "real-size")
+    installed.run("bench")
+    assert (installed.folder / "out/report.html").stat().st_size > 100_000
+
+
+def test_the_citation_names_the_version_of_the_header() -> None:
+    assert f"version: {tn.__version__}" in (ROOT / "CITATION.cff").read_text("utf-8").splitlines()
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_the_installed_package_works_from_an_empty_folder(wheel: Path, install: Callable[..., Installation]) -> None:
+    installed = install(wheel)
+    packages = uv("pip", "list", "--python", installed.python, "--format", "freeze").split()
+    assert len([name for name in packages if not name.startswith("tenodesis")]) <= PACKAGES_OF_THE_CORE
+    use(installed)
+
+
+@pytest.mark.slow
+@pytest.mark.process
+@pytest.mark.parametrize("version", PYTHONS)
+def test_one_wheel_serves_every_python_from_3_12_on(
+    stable_wheel: Path, install: Callable[..., Installation], version: str
+) -> None:
+    assert "-cp312-abi3-" in stable_wheel.name
+    installed = install(stable_wheel, interpreter(version))
+    installed.run("check", "real-size")
+    installed.run("bench")
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_the_package_works_with_the_lowest_versions_that_it_allows(
+    wheel: Path, install: Callable[..., Installation], tmp_path: Path
+) -> None:
+    lowest = tmp_path / "lowest.txt"
+    uv(
+        *("pip", "compile", ROOT / "pyproject.toml", "--extra", "all", "--resolution", "lowest-direct"),
+        *("--only-binary", ":all:", "--python", sys.executable, "--output-file", lowest),
+    )
+    installed = install(wheel, sys.executable, "", "--requirements", lowest)
+    use(installed)
+    code = f"import importlib\nfor name in {modules_of_the_package()}: importlib.import_module(name)"
+    done = subprocess.run([installed.python, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    with serving(installed) as page:
+        assert page
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_the_console_names_its_extra_and_serves_its_page_with_it(
+    wheel: Path, install: Callable[..., Installation]
+) -> None:
+    refusal = install(wheel).run("console", "--no-browser", code=1)
+    assert "needs the extra [live]" in refusal
+    assert len(refusal.strip().splitlines()) == 1
+    with serving(install(wheel, sys.executable, "[live]")) as page:
+        assert b"<html" in page
