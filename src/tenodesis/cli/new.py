@@ -9,16 +9,8 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 import typer
 
 from tenodesis import instrument, plant, statics
-from tenodesis.cli.common import (
-    Overwrite,
-    check_choice,
-    check_outputs,
-    quantity,
-    refuse_existing,
-    say,
-    warn,
-    write_text,
-)
+from tenodesis.cli.common import check_choice, quantity, say, warn
+from tenodesis.cli.outputs import Overwrite, write_text, writing
 from tenodesis.control.plausibility import implausible, solid_tip_inertia
 from tenodesis.errors import CommandError, InstrumentError
 from tenodesis.instrument import JOINT_TYPES, Instrument
@@ -74,45 +66,44 @@ def new(  # noqa: PLR0917
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
     if path.stem == ".toml" or not path.parent.is_dir():
         raise CommandError(key="NAME", value=name, allowed="the name of an instrument, in a folder that exists")
-    check_outputs([("NAME", path)], [])
-    refuse_existing([path], overwrite)
-    check_choice("--rope", rope.lower(), ROPES)
-    given = {
-        "distal-radius": distal_radius,
-        "proximal-radius": proximal_radius,
-        "backbone-length": backbone_length,
-        "backbone-rigidity": backbone_rigidity,
-        "end-effector-length": end_effector_length,
-        "overall-length": overall_length,
-        "tendon-diameter": tendon_diameter,
-        "pretension": pretension,
-    }
-    more = {
-        "stem_diameter": stem_diameter,
-        "handle_length": handle_length,
-        "output_range": output_range,
-        "handle_range": handle_range,
-    }
-    joint_type = _mechanism(mechanism, defaults)
-    answers = _answers(joint_type, given, defaults)
-    draft = _Draft(path.stem, joint_type, {}, {})
-    for key, answer in answers.items():
-        draft.put(key, answer.text, "" if answer.given else f"{ASSUMED}, as offered")
-    for key, value in more.items():
-        if value is not None:
-            _check(f"--{key.replace('_', '-')}", joint_type, key, value)
-            draft.put(key, value)
-    for force in load or ():
-        quantity("--load", force, PositiveForce)
-    if load:
-        draft.put("conditions.forces", tuple(load))
-    inst = _complete(draft, ROPES[rope.lower()], rope.lower())
-    write_text(path, draft.text())
-    assumed = sum(source.startswith(ASSUMED) for source in draft.sources.values())
-    say(f"{path}: {inst.name}, {joint_type}; yours: {len(draft.sources) - assumed} values, assumed: {assumed}.")
-    for one in implausible(inst):
-        warn(one.sentence)
-    say(f"Next: tenodesis check {path}, tenodesis loss {path}, tenodesis bench {path}")
+    with writing([("NAME", path)], overwrite=overwrite):
+        check_choice("--rope", rope.lower(), ROPES)
+        given = {
+            "distal-radius": distal_radius,
+            "proximal-radius": proximal_radius,
+            "backbone-length": backbone_length,
+            "backbone-rigidity": backbone_rigidity,
+            "end-effector-length": end_effector_length,
+            "overall-length": overall_length,
+            "tendon-diameter": tendon_diameter,
+            "pretension": pretension,
+        }
+        more = {
+            "stem_diameter": stem_diameter,
+            "handle_length": handle_length,
+            "output_range": output_range,
+            "handle_range": handle_range,
+        }
+        joint_type = _mechanism(mechanism, defaults)
+        answers = _answers(joint_type, given, defaults)
+        draft = _Draft(path.stem, joint_type, {}, {})
+        for key, answer in answers.items():
+            draft.put(key, answer.text, "" if answer.given else f"{ASSUMED}, as offered")
+        for key, value in more.items():
+            if value is not None:
+                _check(f"--{key.replace('_', '-')}", joint_type, key, value)
+                draft.put(key, value)
+        for force in load or ():
+            quantity("--load", force, PositiveForce)
+        if load:
+            draft.put("conditions.forces", tuple(load))
+        inst = _complete(draft, ROPES[rope.lower()], rope.lower())
+        write_text(path, draft.text())
+        assumed = sum(source.startswith(ASSUMED) for source in draft.sources.values())
+        say(f"{path}: {inst.name}, {joint_type}; yours: {len(draft.sources) - assumed} values, assumed: {assumed}.")
+        for one in implausible(inst):
+            warn(one.sentence)
+        say(f"Next: tenodesis check {path}, tenodesis loss {path}, tenodesis bench {path}")
 
 
 class _Answer(NamedTuple):
