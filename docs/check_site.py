@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
 from pydoc import locate
+from typing import get_args
 from urllib.parse import unquote, urlsplit
 
 import tenodesis
@@ -84,9 +85,10 @@ def public_names() -> Iterator[tuple[str, object]]:
 
 
 def missing_names(site: Path) -> list[str]:
-    """Return the public names that the reference lacks, also under another name of the same class or function."""
+    """Return the public names that the reference lacks, also under another name of the same class, function or type."""
     described = _inventory(site)
-    things = {id(thing) for name in described if hasattr(thing := locate(name), "__qualname__")}
+    located = [locate(name) for name in described]
+    things = {id(thing) for thing in located if hasattr(thing, "__qualname__") or get_args(thing)}
     return sorted(name for name, thing in public_names() if name not in described and id(thing) not in things)
 
 

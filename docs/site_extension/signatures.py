@@ -93,7 +93,8 @@ def _meaning_of_data(  # noqa: PLR0917 - autodoc's arguments
 @cache
 def _texts_of_data(package: str) -> dict[str, list[str]]:
     texts: dict[str, list[str]] = {}
-    for name in [name for name in sys.modules if name == package or name.startswith(f"{package}.")]:
+    within = [name for name in sys.modules if name == package or name.startswith(f"{package}.")]
+    for name in [name for name in within if str(sys.modules[name].__file__).endswith(".py")]:
         found = ModuleAnalyzer.for_module(name).find_attr_docs()
         texts |= {short: text for (owner, short), text in found.items() if not owner}
     return texts
