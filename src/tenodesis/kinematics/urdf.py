@@ -20,8 +20,8 @@ What this format does not contain:
   may ignore;
 - friction, drives, sensors, the controller, and limits by loads: joint limits are mechanical stops;
 - efforts and velocities: their values are there only because the format needs them;
-- masses: parts are drawn, and weighed, as solid steel; where the file has dynamics.tip_inertia or hand_inertia, the
-  parts that turn with tip or handle weigh what gives that inertia; links between a part's joints weigh 1 mg.{more}"""
+- masses: parts are drawn, and weighed, as solid steel; where the file has dynamics.tip_inertia, the parts that turn
+  with the tip weigh what gives that inertia; links between a part's joints weigh 1 mg.{more}"""
 _CONTINUUM = """
 - the arc of a backbone: it is its chord between two revolute joints; how much the chord shortens, the joint named
   chord, no mimic can express."""
@@ -102,23 +102,22 @@ def _mass(part: Part, density: float) -> tuple[float, float, float]:
 
 
 def _densities(inst: Instrument, tree: list[Part]) -> dict[str, float]:
-    """Return the density of each part, kg/m³: steel, or what gives tip or handle the inertia that the file has."""
+    """Return the density of each part, kg/m³: steel, or what gives the tip the inertia that the file has."""
     named = {part.name: part for part in tree}
     found = dict.fromkeys(named, STEEL)
-    axis, dynamics = inst.axes[-1], inst.planar[-1].dynamics
-    for end, key, beyond in (("", "tip_inertia", ("end_effector", "tip")), ("handle_", "hand_inertia", ("grip",))):
-        wanted = getattr(dynamics, key) if key in dynamics.model_fields_set else None
-        if wanted is None:
-            continue
-        carrier, far = named[f"{end}{axis}_carrier"], named[f"{end}{axis}_far"]
-        # The carrier turns by half the angle, and takes the far part along, as if that turned about its middle.
-        steel = _inertia(carrier, 0.0) / 4
-        place = far.offset / 2
-        for part in (far, *(named[name] for name in beyond)):
-            place += 0.0 if part is far else part.offset
-            steel += _inertia(part, place)
-        for part in (carrier, far, *(named[name] for name in beyond)):
-            found[part.name] = STEEL * wanted / steel
+    axis, wanted = inst.axes[-1], inst.planar[-1].dynamics.tip_inertia
+    if wanted is None:
+        return found
+    carrier, far = named[f"{axis}_carrier"], named[f"{axis}_far"]
+    turning = (far, named["end_effector"], named["tip"])
+    # The carrier turns by half the angle, and takes the far part along, as if that turned about its middle.
+    steel = _inertia(carrier, 0.0) / 4
+    place = far.offset / 2
+    for part in turning:
+        place += 0.0 if part is far else part.offset
+        steel += _inertia(part, place)
+    for part in (carrier, *turning):
+        found[part.name] = STEEL * wanted / steel
     return found
 
 
