@@ -261,6 +261,7 @@ def test_what_cannot_be_written_is_refused_at_once(tenodesis: Command, desk: Pat
         ("vertices short.toml", "short.toml describes a protocol; it must describe an instrument."),
         ("plan-identification short.toml", "short.toml describes a protocol; it must describe an instrument."),
         ("identify own.toml", "own.toml is no MCAP file"),
+        (f"{IDENTIFY} --format davinci-tool --arrangement compare", "auto or file with the format davinci-tool"),
         (f"{IDENTIFY} --instrument short.toml", "short.toml describes a protocol; it must describe an instrument."),
         ("info own.toml", "own.toml is no MCAP file"),
         ("info notes.txt", "notes.txt is no MCAP file"),

@@ -10,7 +10,7 @@ import numpy as np
 import typer
 from rich.markup import escape
 
-from tenodesis.cli.common import ProgressBar, check_choice, console, load_instrument, say, table
+from tenodesis.cli.common import ProgressBar, check_choice, console, load_instrument, say, table, warn
 from tenodesis.cli.outputs import JSON, Overwrite, check_suffix, write_text, writing
 from tenodesis.errors import CommandError
 from tenodesis.identification import report
@@ -105,6 +105,9 @@ def identify(  # noqa: PLR0917
         share, part = _split(train_until, train_from)
         inst = None if instrument_file is None else load_instrument(instrument_file)
         kind = FORMATS[format_name]
+        if arrangement == "compare" and kind.arrangements is None:
+            allowed = f"auto or file with the format {format_name}, which has one arrangement"
+            raise CommandError(key="--arrangement", value=arrangement, allowed=allowed)
         chosen = law or kind.law
         measured = load_all(kind.load, [*logs, *tests])
         _check_different(measured)
@@ -161,6 +164,8 @@ def identify(  # noqa: PLR0917
             write_text(json_file, report.as_text(numbers))
     if compared is not None:
         _print_arrangements(compared)
+    elif arrangement == "compare":
+        warn("these recordings and this instrument leave one arrangement of contacts; none was compared.")
     _print_fit(found, written if json_file is None else [*written, json_file], notes)
 
 
