@@ -9,6 +9,7 @@ import numpy as np
 from tenodesis import _core, statics
 from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.instrument import PARAMETERS, Instrument
+from tenodesis.run import TENDONS
 
 TIME_STEP = 5e-4
 """Default time step, s."""
@@ -110,7 +111,7 @@ def parameter_row(inst: Instrument, time_step: float) -> list[float]:
         "load_cell_resolution": 2 * sensors.load_cell_range / 2**sensors.load_cell_bits,
         "time_step": time_step,
     }
-    for n, tendon in enumerate(("agonist", "antagonist")):
+    for n, tendon in enumerate(TENDONS):
         values[f"{tendon}_load_cell_gain"] = mismatch.load_cell_gain[n]
         values[f"{tendon}_load_cell_bias"] = mismatch.load_cell_bias[n]
     return [values[name] for name in _TWIN_PARAMETERS] + inst.spec.__getstate__()[1]

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 Array: TypeAlias = NDArray[np.float64]
 
+TENDONS = ("agonist", "antagonist")
+"""The tendons of an axis, in the order of arrays."""
+
 
 class Signal(NamedTuple):
     """A signal: its SI unit, whether it exists per tendon, and its description."""

@@ -1,4 +1,5 @@
 import importlib.util
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -132,3 +133,8 @@ def page(bench: "StandIn", tmp_path: Path) -> "Iterator[Page]":
 
     with serve(bench.connect, port=0, recordings=tmp_path) as served:
         yield served
+
+
+def heed_ctrl_c() -> None:
+    """Let a process that is about to start be interrupted, whatever it inherits."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -117,7 +117,7 @@ def run(*arguments: object) -> Any:
 
 @pytest.mark.slow
 def test_a_run_is_identified_and_written_as_page_numbers_and_instrument(logs: list[Path], tmp_path: Path) -> None:
-    out, numbers = tmp_path / "out", tmp_path / "deep" / "numbers.json"
+    out, numbers = tmp_path / "out", tmp_path / "numbers.json"
     given = run(
         logs[0], logs[1], "--test", logs[2], "--instrument", "real-size", "--out", out, "--json-out", numbers,
         "--bootstrap", 40,

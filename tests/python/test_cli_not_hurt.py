@@ -15,7 +15,7 @@ import tenodesis as tn
 from tenodesis.files import locked_file, locked_folder
 from tenodesis.recording.simulation import write_run
 
-from .conftest import EXAMPLES, ROOT
+from .conftest import EXAMPLES, ROOT, heed_ctrl_c
 
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
 
@@ -327,7 +327,15 @@ def test_a_lock_that_a_dead_process_left_does_not_matter(desk: Path) -> None:
 
 def started(desk: Path, *words: str, python: tuple[str, ...] = ()) -> "subprocess.Popen[str]":
     command = [sys.executable, *python, "-m", "tenodesis.cli", *words]
-    return subprocess.Popen(command, cwd=desk, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        command,
+        cwd=desk,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # A shell lets its background jobs, these tests among them, ignore Ctrl-C, and they pass that on.
+        preexec_fn=heed_ctrl_c,  # noqa: PLW1509
+    )
 
 
 def until(condition: Callable[[], bool], process: "subprocess.Popen[str]") -> None:

@@ -230,6 +230,6 @@ def test_a_second_run_from_a_shell_gives_the_same_report_and_says_where(paper: R
     # The command line takes more seeds in the campaign.
     assert [key for key in first if first[key] != second[key] and not key.startswith("campaign.")] == []
     files = sorted(path.relative_to(out) for path in out.rglob("*") if path.suffix in (".csv", ".svg", ".mcap"))
-    assert len(files) == 15 + 15 + 7
+    assert len(files) == 16 + 16 + 7
     for file in files:
         assert (new / file).read_bytes() == (out / file).read_bytes(), file

@@ -54,10 +54,10 @@ print(*{name.split(".")[1] for name in refused - {"tenodesis.cli.live"}})
     ("words", "code"),
     [
         (["check", "real-size"], 0),
-        (["record", str(EXAMPLES / "protocol.toml"), "scaled-up", "--out", "run.mcap"], 0),
+        (["record", "scaled-up", str(EXAMPLES / "protocol.toml"), "--out", "run.mcap"], 0),
         (["devices"], 0),
         (["console", "--no-browser"], 1),
-        (["devices", "test", "serial", "--address", "unix:///nowhere"], 1),
+        (["devices", "test", "scaled-up", "serial", "--address", "unix:///nowhere"], 1),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else None,
 )

@@ -11,6 +11,7 @@ from tenodesis import _core
 from tenodesis.errors import ArgumentError, NoSolutionError
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.kinematics.dimensions import chain, dimensions, limits
+from tenodesis.run import TENDONS
 from tenodesis.statics.query import FloatOrArray, common_shape, numbers
 from tenodesis.threads import threads
 
@@ -95,7 +96,7 @@ def frames(inst: InstrumentLike, posture: Posture) -> Frames:
     out = np.empty((len(rows), len(names), 7))
     _core.chain_frames(bound, rows, out, threads())
     bodies = {name: _frame(out[:, i], shape) for i, name in enumerate(names)}
-    tendons = [f"{axis}_{side}" for axis in inst.axes for side in ("agonist", "antagonist")]
+    tendons = [f"{axis}_{side}" for axis in inst.axes for side in TENDONS]
     points = np.empty((len(rows), len(tendons) * length, 3))
     _core.chain_paths(bound, rows, points)
     paths = points.reshape(*shape, len(tendons), length, 3)

@@ -216,6 +216,6 @@ def _plot(inst: Instrument, bars: Sequence[tuple[str, Sequence[float]]]) -> Plot
     axis.margins(x=0.1)
     style.legend_above(axis, len(_LAWS))
     return chart.plot(
-        "unlike_model",
+        "unlike_model_errors",
         f"Final error of the tip under the step load, {named(inst)}, by what differs from the controller’s model.",
     )

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tenodesis.recording import cdr
-from tenodesis.run import SIGNALS, TISSUE, Array, Run
+from tenodesis.run import SIGNALS, TENDONS, TISSUE, Array, Run
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 WRENCH = "geometry_msgs/msg/WrenchStamped"
@@ -27,7 +27,6 @@ TIME = "/time"
 EVENTS = "/events"
 """Topic of the events, each a JSON object in a String."""
 
-TENDONS = ("agonist", "antagonist")
 
 _CONTROL_NUMBERS = (
     "friction_scale",

@@ -12,8 +12,7 @@ import numpy as np
 from tenodesis.errors import RecordingError
 from tenodesis.extras import require
 from tenodesis.files import atomic_file
-from tenodesis.recording.schemas import TENDONS
-from tenodesis.run import SIGNALS, Array, Run
+from tenodesis.run import SIGNALS, TENDONS, Array, Run
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,10 +8,9 @@ from matplotlib.axes import Axes
 
 from tenodesis import statics
 from tenodesis.instrument import Instrument
-from tenodesis.recording.schemas import TENDONS
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, unit_text
-from tenodesis.run import SIGNALS, Run
+from tenodesis.run import SIGNALS, TENDONS, Run
 from tenodesis.units import in_unit
 
 _SHOWN = (

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 
 from tenodesis.errors import RecordingError
 from tenodesis.recording.replay import Replay
-from tenodesis.recording.schemas import TENDONS
 from tenodesis.recording.tables import columns
 from tenodesis.report import style
+from tenodesis.run import TENDONS
 
 FORMATS = (".png", ".svg", ".pdf")
 """File type of a figure, by the file's extension."""

@@ -8,13 +8,12 @@ from tenodesis import _core
 from tenodesis._core import Status
 from tenodesis.errors import ArgumentError, NoSolutionError
 from tenodesis.instrument import Instrument
-from tenodesis.run import TISSUE, Array, Run
+from tenodesis.run import TENDONS, TISSUE, Array, Run
 from tenodesis.statics.query import handle_angle_error, place
 
 COMMANDS = _core.twin_commands()
 SIGNALS = _core.twin_signals()
 CONTROL = _core.control_signals()
-TENDONS = ("agonist", "antagonist")
 ARGUMENTS: dict[str, int | slice] = {
     **{name: COMMANDS.index(name) for name in ("handle_angle", "force", "radial_force", "weight")},
     "spool_velocity": slice(4, 6),

@@ -13,7 +13,7 @@ from tenodesis import _core, plant
 from tenodesis._core import Status
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import InstrumentLike, as_instrument
-from tenodesis.run import Array, Run, concatenate
+from tenodesis.run import TENDONS, Array, Run, concatenate
 from tenodesis.twin.closed_loop import LoopController, SignalFault, run_closed_loop, warn_of_faults
 from tenodesis.twin.contact import Contacts, by_axis, rows_of
 from tenodesis.twin.rows import (
@@ -21,7 +21,6 @@ from tenodesis.twin.rows import (
     COMMANDS,
     PER_TENDON,
     SIGNALS,
-    TENDONS,
     as_run,
     check_finite,
     check_handle_range,

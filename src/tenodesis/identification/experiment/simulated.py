@@ -12,13 +12,12 @@ from tenodesis.errors import Error, NoSolutionError, ProtocolError
 from tenodesis.identification.differences import scales
 from tenodesis.identification.experiment.candidates import Phase
 from tenodesis.identification.experiment.information import Information, converters, information
-from tenodesis.identification.formats.instrument_run import TENDONS
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.problem import Parameter
 from tenodesis.identification.twin_model.problem import TwinProblem
 from tenodesis.identification.twin_model.tuning import LONGEST_STEP
 from tenodesis.instrument import Instrument
-from tenodesis.run import Array, Run
+from tenodesis.run import TENDONS, Array, Run
 from tenodesis.simulate import Protocol
 
 _OFF = ((0.8, 0.8), (1.2, 1.2))

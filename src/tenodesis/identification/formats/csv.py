@@ -16,11 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.formats.instrument_run import COLUMNS, LEAST_EXCITATION, TENDONS, InstrumentRun, checked
+from tenodesis.identification.formats.instrument_run import COLUMNS, LEAST_EXCITATION, InstrumentRun, checked
 from tenodesis.identification.formats.measured import checksum
 from tenodesis.identification.formats.raw import GRAM_FORCE, Unit, spread_of
 from tenodesis.identification.formats.table import heading, read_table, scale_of
-from tenodesis.run import Array
+from tenodesis.run import TENDONS, Array
 from tenodesis.toml import parse_toml, read_text
 
 MAP_SUFFIX = ".columns.toml"

@@ -8,9 +8,7 @@ import numpy as np
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.formats.raw import CLOCKS, Raw, spread_of
 from tenodesis.instrument import Instrument
-from tenodesis.run import Array
-
-TENDONS = ("agonist", "antagonist")
+from tenodesis.run import TENDONS, Array
 
 COLUMNS = {
     "handle_angle": "rad",

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from tenodesis.errors import IdentificationError, InstrumentError, RecordingError
 from tenodesis.files import read_regular
 from tenodesis.identification.formats import bag
-from tenodesis.identification.formats.instrument_run import TENDONS, InstrumentRun, checked
+from tenodesis.identification.formats.instrument_run import InstrumentRun, checked
 from tenodesis.identification.formats.measured import checksum
 from tenodesis.identification.formats.raw import CLOCKS, WIDE, Raw
 from tenodesis.instrument import Instrument
 from tenodesis.recording import Recording, cdr, container, schemas
 from tenodesis.recording.decode import Decoded, LeftOut, Misfit, decode
-from tenodesis.run import SIGNALS, Array
+from tenodesis.run import SIGNALS, TENDONS, Array
 
 __all__ = ["TENDONS", "InstrumentRun", "load"]
 

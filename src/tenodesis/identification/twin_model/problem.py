@@ -9,7 +9,7 @@ import numpy as np
 from tenodesis import _core, plant
 from tenodesis._core import Status
 from tenodesis.errors import IdentificationError
-from tenodesis.identification.formats.instrument_run import TENDONS, InstrumentRun
+from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.problem import Parameter, Problem, Trace
 from tenodesis.identification.twin_model import tuning
@@ -17,7 +17,7 @@ from tenodesis.identification.twin_model.marginalise import Marginalisation, mar
 from tenodesis.identification.twin_model.steps import READINGS, SteppedRun, in_steps
 from tenodesis.identification.twin_model.unknowns import LARGEST_OFFSET, UNKNOWNS
 from tenodesis.instrument import Instrument
-from tenodesis.run import Array
+from tenodesis.run import TENDONS, Array
 
 DEFAULT_LAW = "capstan"
 

@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from tenodesis import _core
-from tenodesis.identification.formats.instrument_run import TENDONS
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.quantisation import QuantisedSensor, encoder, load_cell
 from tenodesis.identification.twin_model import tuning
 from tenodesis.identification.twin_model.inputs import PathError, ReconstructedPath, smoothed, unrounded
 from tenodesis.instrument import Instrument
-from tenodesis.run import Array
+from tenodesis.run import TENDONS, Array
 
 READINGS = ("measured_handle_angle", "measured_output_angle", "tension_agonist", "tension_antagonist")
 """The twin's sensor readings, in the core's order."""

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from math import pi
 from typing import Any, NamedTuple
 
-from tenodesis.identification.formats.instrument_run import TENDONS
 from tenodesis.instrument import Instrument
+from tenodesis.run import TENDONS
 
 
 class Unknown(NamedTuple):
