@@ -50,7 +50,6 @@ _profile.joinpath("ipython_kernel_config.py").write_text(
     "utf-8",
 )
 os.environ.update(COLUMNS="88", IPYTHONDIR=str(_profile.parent), PYTHONWARNINGS="ignore")
-os.environ["TENODESIS_SOURCE"] = str(HERE.parent)
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # signatures are shown as the source has them

@@ -67,7 +67,8 @@ def bench(  # noqa: PLR0917
         inst = inst.axis(axis or inst.axes[0])
     done, total = 0, steps(inst, scaled, chapters)
     outputs = [("--out", out / name) for name in ("report.html", "results.json")]
-    replace = overwrite or written_by_us(out / "results.json", "results")
+    # A report of some chapters must not take the place of one that has more.
+    replace = overwrite or written_by_us(out / "results.json", "results", chapters=chapters)
     with (
         writing(
             outputs,

@@ -20,7 +20,7 @@ def list_devices() -> None:
     for heading in ("device", "what it is", "what it needs"):
         devices.add_column(heading, overflow="fold")
     for name, kind in registry.KINDS.items():
-        devices.add_row(name, kind.description, kind.needs)
+        devices.add_row(name, escape(kind.description), escape(kind.needs))
     console.print(devices)
 
 

@@ -1,6 +1,7 @@
 """The command that writes an instrument file from a mechanism and a few numbers: ``tenodesis new``."""
 
 import math
+import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -24,8 +25,9 @@ _LOADS = ("0.5 N", "1 N", "2 N")
 _STEP = 5  # deg
 _WIDEST = 90  # deg
 _SPARE = 1.25  # of the handle's range over what bends the unloaded tip through its working range
+_OFF_STOP = 0.98  # of the output angle at the stop
 _HOLLOW = 0.5  # of a rod of steel, which an end-effector is not quite
-_OVER_LEAST = 2.0  # of the inertia, so that a stiffer tendon can be simulated as well
+_OVER_LEAST = 25.0  # of the inertia: then steps of 2 ms, as identification plans them, follow the tip with a margin
 _CELLS = (50, 100, 200, 500, 1000, 2000, 5000, 10000)  # N
 _CELL_OVER_PRETENSION = 5
 _HANDLE = 120  # mm
@@ -103,7 +105,8 @@ def new(  # noqa: PLR0917
     say(f"{path}: {inst.name}, {joint_type}; yours: {len(draft.sources) - assumed} values, assumed: {assumed}.")
     for one in implausible(inst):
         warn(one.sentence)
-    note(f"Next: tenodesis check {path}, tenodesis loss {path}, tenodesis bench {path}")
+    file = shlex.quote(str(path))
+    note(f"Next: tenodesis check {file}, tenodesis loss {file}, tenodesis bench {file}")
 
 
 class _Answer(NamedTuple):
@@ -270,8 +273,8 @@ def _complete(draft: _Draft, rope: Any, rope_name: str) -> Instrument:
     least, rod = _OVER_LEAST * plant.least_tip_inertia(inst), _HOLLOW * solid_tip_inertia(inst)
     reason = "a rod of the stem's diameter, half of steel"
     if rod < least:
-        reason = "what can be simulated with a margin; the real one is smaller"
-    draft.assume("dynamics.tip_inertia", f"{1e6 * max(rod, least):.3g}e-6 kg*m^2", reason)
+        reason = "what can be simulated and identified with a margin; the real one is smaller"
+    draft.assume("dynamics.tip_inertia", f"{max(rod, least):.3g} kg*m^2", reason)
     return draft.parse()
 
 
@@ -289,7 +292,9 @@ def _assume_handle_range(draft: _Draft) -> None:
             raise
         break
     needed = math.degrees(_SPARE * statics.reach(inst))
-    within = min(_STEP * math.ceil(needed / _STEP), degrees)
+    # The unloaded tip stays off its mechanical stop.
+    stop = math.degrees(float(statics.handle_angle(inst, _OFF_STOP * inst.output_stop)))
+    within = min(_STEP * math.ceil(needed / _STEP), degrees, math.floor(stop))
     del draft.values["handle_range"]
     draft.assume("handle_range", f"{within} deg", "bends the unloaded tip through its working range, with room")
 

@@ -96,13 +96,18 @@ def writing(
             WRITTEN.extend(path for path in before if _version(path) != before[path])
 
 
-def written_by_us(numbers: Path, key: str) -> bool:
-    """Return whether a file has the numbers of a report of ours, by a key that only this kind of report has."""
+def written_by_us(numbers: Path, key: str, *, chapters: Sequence[str] = ()) -> bool:
+    """Return whether a file has the numbers of a report of ours, by a key that only this kind of report has.
+
+    With chapters, it must be a report of no others.
+    """
     try:
         content = json.loads(numbers.read_text("utf-8"))
     except (OSError, ValueError):
         return False
-    return isinstance(content, dict) and key in content and "tenodesis" in content.get("about", ())
+    if not (isinstance(content, dict) and key in content and "tenodesis" in content.get("about", ())):
+        return False
+    return not chapters or set(content.get("chapters") or ["all"]) <= set(chapters)
 
 
 def _check_outputs(

@@ -23,6 +23,8 @@ _CLOSE = 0.03
 _MOVE = 0.2
 """Of a value, by which parameters are moved to see which of two descriptions of a combination holds."""
 _LARGEST_EXPONENT = 4
+_LARGEST_POWER = 1e3
+"""Beyond it, of a power law, one of the two parameters alone is meant, and the power overflows."""
 
 
 @dataclass(frozen=True)
@@ -202,8 +204,8 @@ def _reading(
         ]
         return max((moved(one, two) for one, two in inside), default=math.inf)
 
-    if at > 0 and beside > 0:
-        exponent = -(step / at) / (other / beside)
+    exponent = -(step / at) / (other / beside) if at > 0 and beside > 0 else 0.0
+    if abs(exponent) > 1 / _LARGEST_POWER:
         law = _power_law(first.name, second.name, exponent)
         readings.append((worst(lambda share: (at * (1 + share), beside * (1 + share) ** (-1 / exponent))), law))
     weight = -step / other

@@ -167,5 +167,6 @@ def _results(context: Context) -> dict[str, Any]:
         "about": about(),
         "instrument": context.inst.name,
         "scaled_up": None if context.scaled is None else context.scaled.name,
+        "chapters": [name for name in CHAPTERS if name in context.chapters],
         "results": entries,
     }

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tenodesis.control import LawName
+from tenodesis.control import LawName, homing_failure
 from tenodesis.instrument import Instrument
 from tenodesis.paper import step_response
 from tenodesis.paper.context import Context
@@ -49,6 +49,8 @@ class Outcome(NamedTuple):
     final: float
     time: float
     normalised: float
+    refused: str
+    """Why homing refused, in the words of :func:`tenodesis.control.homing_failure`; empty if it did not"""
 
 
 def differences(inst: Instrument) -> list[Difference]:
@@ -120,7 +122,8 @@ def outcomes(inst: Instrument, difference: Difference, law: LawName) -> list[Out
         found = step_response.response(run, motion)
         last = run[-round(_JUDGED / TIME_STEP) :]
         off = (last["estimated_output_angle"] - last["output_angle"]) / last["estimated_output_angle_std"]
-        return Outcome(found.final, found.settling_time, float(np.mean(off**2)))
+        refused = homing_failure(int(np.nan_to_num(run["homing_failure"][-1])))
+        return Outcome(found.final, found.settling_time, float(np.mean(off**2)), refused)
 
     return list(step_response.in_parallel(work, product(motions, errors)).values())
 
@@ -141,6 +144,11 @@ def section(context: Context) -> Section:
     for difference in differences(inst):
         found = {law: outcomes(inst, difference, law) for law in _LAWS}
         if not all(found.values()):
+            continue
+        refused = sorted({outcome.refused for runs in found.values() for outcome in runs if outcome.refused})
+        if refused:
+            why = f"homing refuses: {', '.join(refused)}"
+            rows.append([difference.name, *("–" for _ in range(len(_LAWS) - 1)), why, *("–" for _ in _TARGETS)])
             continue
         rows.append(_row(context, difference, found))
         bars.append((difference.name, [_rms(outcome.final for outcome in found[law]) for law in _LAWS]))
@@ -196,7 +204,7 @@ def _row(context: Context, difference: Difference, found: Mapping[LawName, Seque
         time = max(outcome.time for outcome in found[law])
         for value, target in zip((*values.values(), time), _TARGETS, strict=True):
             shown = fixed(value) if np.isfinite(value) else "never"
-            cells.append(f"{shown} {'met' if value <= target else 'missed'}")
+            cells.append(f"{shown}, {'met' if value <= target else 'missed'}")
         cells.append(fixed(float(np.mean([outcome.normalised for outcome in found[law]]))))
     return cells
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tenodesis.control import Controller
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.recording import schemas
 from tenodesis.recording.metadata import metadata_of
 from tenodesis.recording.writer import Recorder
@@ -22,7 +22,7 @@ _LEAST_SLACK = 2e-3
 
 
 def record(
-    inst: Instrument,
+    inst: InstrumentLike,
     protocol: Protocol,
     path: str | Path,
     *,
@@ -72,6 +72,7 @@ def record(
     ValueError
         The twin cannot have this time step or seed, or the controller is for other axes or joints.
     """
+    inst = as_instrument(inst)
     twin = Twin(inst, time_step=time_step, seed=seed, quasi_static=quasi_static)
     plan = protocol.plan(inst, time_step)
     if controller is not None:
