@@ -110,7 +110,7 @@ def build(target: Target, tools: Path, out: Path, jobs: int, quick: bool) -> Non
         "CMAKE_CROSSCOMPILING_EMULATOR": "/usr/bin/env",  # Python, the only program that the build runs, is this one
         "Python_INCLUDE_DIR": include,
         "CMAKE_FIND_ROOT_PATH_MODE_PACKAGE": "BOTH",
-        "CMAKE_SKIP_RPATH": "ON",  # for macOS, CMake would call the system's own tool
+        "CMAKE_BUILD_WITH_INSTALL_RPATH": "ON",  # to change it afterwards takes a tool of macOS
     }
     toolchain = tools / "toolchain.cmake"
     toolchain.write_text("".join(f'set({name} "{value}" CACHE STRING "")\n' for name, value in defined.items()))
