@@ -20,6 +20,15 @@ import ziglang
 ROOT = Path(__file__).parents[1]
 ZIG = Path(ziglang.__file__).parent / "zig"
 
+# For macOS, nanobind lists the names that Python defines in a file, which zig's linker does not read.
+UNDEFINED = """\
+for word; do
+  shift
+  case $word in -Wl,@*darwin-ld*.sym) word=-Wl,-undefined,dynamic_lookup ;; esac
+  set -- "$@" "$word"
+done
+"""
+
 # What a program sees of the system where pyconfig.h is another: Windows' is not part of a Python for Linux.
 WINDOWS_PYCONFIG = """\
 #define MS_WIN32
@@ -147,7 +156,7 @@ def import_library(library: Path) -> Path:
 
 def script(path: Path, first: list[str], last: Sequence[str] = ()) -> None:
     """Write a program that calls zig with words before and behind its own."""
-    path.write_text(f'#!/bin/sh\nexec "{ZIG}" {" ".join(first)} "$@" {" ".join(last)}\n')
+    path.write_text(f'#!/bin/sh\n{UNDEFINED}exec "{ZIG}" {" ".join(first)} "$@" {" ".join(last)}\n')
     path.chmod(0o755)
 
 
