@@ -102,7 +102,7 @@ cross: .venv/.deps ## Build the wheels for every system into dist/, and check th
 audit: .venv/.deps
 	$(TOOL) twine check --strict dist/*.whl
 	$(TOOL) check-wheel-contents dist/*.whl
-	for wheel in $(wildcard dist/*linux*.whl); do $(TOOL) auditwheel show $$wheel || exit; done
+	for wheel in $(wildcard dist/*-linux*.whl dist/*-manylinux*.whl); do $(TOOL) auditwheel show $$wheel || exit; done
 	for wheel in $(wildcard dist/*abi3*.whl); do $(TOOL) abi3audit --strict $$wheel || exit; done
 
 lock: .venv/.deps ## Pin all dependencies anew

@@ -20,6 +20,15 @@ import ziglang
 ROOT = Path(__file__).parents[1]
 ZIG = Path(ziglang.__file__).parent / "zig"
 
+# For macOS, nanobind lists the names that Python defines in a file, which zig's linker does not read.
+UNDEFINED = """\
+for word; do
+  shift
+  case $word in -Wl,@*darwin-ld*.sym) word=-Wl,-undefined,dynamic_lookup ;; esac
+  set -- "$@" "$word"
+done
+"""
+
 # What a program sees of the system where pyconfig.h is another: Windows' is not part of a Python for Linux.
 WINDOWS_PYCONFIG = """\
 #define MS_WIN32
@@ -110,6 +119,7 @@ def build(target: Target, tools: Path, out: Path, jobs: int, quick: bool) -> Non
         "CMAKE_CROSSCOMPILING_EMULATOR": "/usr/bin/env",  # Python, the only program that the build runs, is this one
         "Python_INCLUDE_DIR": include,
         "CMAKE_FIND_ROOT_PATH_MODE_PACKAGE": "BOTH",
+        "CMAKE_BUILD_WITH_INSTALL_RPATH": "ON",  # to change it afterwards takes a tool of macOS
     }
     toolchain = tools / "toolchain.cmake"
     toolchain.write_text("".join(f'set({name} "{value}" CACHE STRING "")\n' for name, value in defined.items()))
@@ -146,7 +156,7 @@ def import_library(library: Path) -> Path:
 
 def script(path: Path, first: list[str], last: Sequence[str] = ()) -> None:
     """Write a program that calls zig with words before and behind its own."""
-    path.write_text(f'#!/bin/sh\nexec "{ZIG}" {" ".join(first)} "$@" {" ".join(last)}\n')
+    path.write_text(f'#!/bin/sh\n{UNDEFINED}exec "{ZIG}" {" ".join(first)} "$@" {" ".join(last)}\n')
     path.chmod(0o755)
 
 

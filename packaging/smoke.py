@@ -15,7 +15,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for words in (
             ["check", "real-size"],
-            ["record", PROTOCOLS / "cycles.toml", "scaled-up", "--out", "run.mcap"],
+            ["record", "scaled-up", PROTOCOLS / "cycles.toml", "--out", "run.mcap"],
             ["identify", "run.mcap", "--fit", "friction", "--out", "identified"],
         ):
             subprocess.run([sys.executable, "-m", "tenodesis.cli", *words], cwd=folder, check=True)

@@ -2,6 +2,7 @@
 
 #include "runtime/runtime.hpp"
 
+#include <numbers>
 #include <utility>
 
 #include "module.hpp"
