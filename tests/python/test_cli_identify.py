@@ -360,4 +360,4 @@ def test_on_eighty_columns_no_interval_breaks(
     found = json.loads((tmp_path / "out" / "result.json").read_text())
     rows = [line for line in shown.splitlines() if " … " in line]
     assert len(rows) == sum(bool(one["fitted"]) for one in found["parameters"].values())
-    assert all(line.count(" … ") == 2 and len(line) <= 80 for line in rows)
+    assert all(line.count(" … ") == 1 and len(line) <= 80 for line in rows)

@@ -83,7 +83,11 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def stable_wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The wheel for every Python from 3.12 on."""
     folder = tmp_path_factory.mktemp("stable")
-    uv("build", "--wheel", "--python", interpreter("3.12"), "--out-dir", folder, ROOT, CXX=os.environ.get("CXX", "c++"))
+    # Whether it works does not depend on how fast it is, and half the time of CI would go into that.
+    compiler = folder / "c++"
+    compiler.write_text('#!/bin/sh\nexec c++ "$@" -O0\n', "utf-8")
+    compiler.chmod(0o755)
+    uv("build", "--wheel", "--python", interpreter("3.12"), "--out-dir", folder, ROOT, CXX=str(compiler))
     (built,) = folder.glob("*.whl")
     return built
 
@@ -140,7 +144,8 @@ def use(installed: Installation, *chapters: str) -> None:
     assert "real-size: tendon-gear" in installed.run("check", "real-size")
     shutil.copy(ROOT / "src/tenodesis/simulate/shipped/cycles.toml", installed.folder / "bench.toml")
     installed.run("record", "scaled-up", "bench.toml", "--out", "run.mcap")
-    assert "friction" in installed.run("identify", "run.mcap", "--fit", "friction", "--out", "identified")
+    quick = ("--starts", "1", "--arrangement", "file")
+    assert "friction" in installed.run("identify", "run.mcap", "--fit", "friction", *quick, "--out", "identified")
     installed.run("bench", *(["--only", ",".join(chapters)] if chapters else []))
     assert (installed.folder / "out/report.html").is_file()
 

@@ -325,17 +325,16 @@ def _print_fit(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, 
 
 def _print_parameters(found: Fit) -> None:
     parameters = table("parameters", padding=(0, 1, 0, 0))
-    # On 80 columns a name may take two lines, an interval may not.
-    parameters.add_column("parameter", overflow="fold")
+    # On 80 columns a name may take two lines, one for its table; an interval may not.
+    parameters.add_column("parameter", no_wrap=True)
     parameters.add_column("value", justify="right", no_wrap=True)
     parameters.add_column("unit", no_wrap=True)
-    for heading in ("95 % interval", "bootstrap") if found.bootstrap else ("std", "95 % interval"):
-        parameters.add_column(heading, justify="right", no_wrap=True)
-    parameters.add_column("identi-\nfiable", overflow="fold", min_width=8)
+    parameters.add_column("95 % interval" + (", bootstrap" if found.bootstrap else ""), justify="right", no_wrap=True)
+    parameters.add_column("identifiable", overflow="fold", min_width=8)
     for one in (one for one in found.parameters if one.name in found.free):
         row = report.shown(found, one)
-        spread = (row.interval, row.bootstrap) if found.bootstrap else (row.std, row.interval)
-        parameters.add_row(one.name, row.value, row.unit, *spread, row.identifiable)
+        interval = row.bootstrap if found.bootstrap else row.interval
+        parameters.add_row(one.name.replace(".", ".\n"), row.value, row.unit, interval, row.identifiable)
     console.print(parameters)
     held = [one.name for one in found.parameters if one.name not in found.free]
     if held:
