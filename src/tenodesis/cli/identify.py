@@ -105,9 +105,7 @@ def identify(  # noqa: PLR0917
         share, part = _split(train_until, train_from)
         inst = None if instrument_file is None else load_instrument(instrument_file)
         kind = FORMATS[format_name]
-        if arrangement == "compare" and kind.arrangements is None:
-            allowed = f"auto or file with the format {format_name}, which has one arrangement"
-            raise CommandError(key="--arrangement", value=arrangement, allowed=allowed)
+        _check_arrangement(kind, format_name, arrangement)
         chosen = law or kind.law
         measured = load_all(kind.load, [*logs, *tests])
         _check_different(measured)
@@ -167,6 +165,8 @@ def identify(  # noqa: PLR0917
     elif arrangement == "compare":
         warn("these recordings and this instrument leave one arrangement of contacts; none was compared.")
     _print_fit(found, written if json_file is None else [*written, json_file], notes)
+    if parameters is not None and inst is not None:
+        _warn_of_mismatch(inst)
 
 
 def _arranged(
@@ -321,6 +321,20 @@ def _print_fit(found: Fit, written: Sequence[Path], notes: dict[str, tuple[str, 
         f"{found.seconds:.3g} s."
     )
     say(f"Written: {', '.join(str(path) for path in written)}")
+
+
+def _check_arrangement(kind: Format, format_name: str, arrangement: str) -> None:
+    if arrangement == "compare" and kind.arrangements is None:
+        allowed = f"auto or file with the format {format_name}, which has one arrangement"
+        raise CommandError(key="--arrangement", value=arrangement, allowed=allowed)
+
+
+def _warn_of_mismatch(inst: Instrument) -> None:
+    if inst.mismatch != inst.replace(mismatch=None).mismatch:
+        warn(
+            "the table [mismatch] of the instrument file is what is identified, not a start: what of it is not fitted "
+            "is held at its nominal value. Name it in --fit, or leave --fit out."
+        )
 
 
 def _print_parameters(found: Fit) -> None:
