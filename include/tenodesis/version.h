@@ -3,9 +3,11 @@
 #ifndef TENODESIS_VERSION_H
 #define TENODESIS_VERSION_H
 
+/* Preprocessors compare them. NOLINTBEGIN(modernize-macro-to-enum) */
 #define TENODESIS_VERSION_MAJOR 0
 #define TENODESIS_VERSION_MINOR 1
 #define TENODESIS_VERSION_PATCH 0
+/* NOLINTEND(modernize-macro-to-enum) */
 
 #define TENODESIS_TEXT_OF(value) #value
 #define TENODESIS_DOTTED(major, minor, patch) \
