@@ -183,7 +183,8 @@ def test_a_load_takes_angle_and_the_law_gives_it_back(window: Window, bench: Sta
     wait(lambda: loss(bench) > 5)
     window.tab("Law")
     window.choose("Law", "robust")
-    wait(lambda: abs(loss(bench)) < 0.7)
+    # The law's guarantee for a single run; when it is chosen depends on the machine.
+    wait(lambda: abs(loss(bench)) < 1)
     window.tab("Move")
     window.press("Remove the load as a step")
     wait(lambda: bench.forces[0] == 0)
