@@ -7,6 +7,7 @@ controllers with the right instrument and with wrong ones, under every law.
 import argparse
 import os
 import time
+import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -205,6 +206,8 @@ def confirmed(inst: Instrument, run: Run, fault: str, row: int) -> bool:
 
 
 def main() -> None:
+    # Faults are results here.
+    warnings.simplefilter("ignore", tn.errors.FaultWarning)
     parser = argparse.ArgumentParser(description=__doc__)
     hours = float(os.environ.get("HOURS", HOURS))
     parser.add_argument("--hours", type=float, default=hours, help="simulated, over all instruments and controllers")

@@ -8,6 +8,7 @@ target, of the run without the fault, and of one whose motors stop when the faul
 import argparse
 import os
 import time
+import warnings
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -393,6 +394,8 @@ def instruments(names: Iterable[str]) -> list[Instrument]:
 
 
 def main() -> None:
+    # Faults are results here.
+    warnings.simplefilter("ignore", tn.errors.FaultWarning)
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--runs", type=int, default=200, help="without faults")
     parser.add_argument("--faults", type=int, default=120, help="runs with one each")
