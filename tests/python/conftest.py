@@ -1,5 +1,6 @@
 import importlib.util
 import signal
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -135,6 +136,14 @@ def page(bench: "StandIn", tmp_path: Path) -> "Iterator[Page]":
         yield served
 
 
-def heed_ctrl_c() -> None:
-    """Let a process that is about to start be interrupted, whatever it inherits."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+def start_command(folder: Path, *words: str, python: tuple[str, ...] = ()) -> "subprocess.Popen[str]":
+    """Return the running process of a command in a folder; `python` are options of the interpreter."""
+    return subprocess.Popen(
+        [sys.executable, *python, "-m", "tenodesis.cli", *words],
+        cwd=folder,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # A shell lets its background jobs, these tests among them, ignore Ctrl-C, and they pass that on.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+    )

@@ -3,7 +3,6 @@
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +14,7 @@ import tenodesis as tn
 from tenodesis.files import locked_file, locked_folder
 from tenodesis.recording.simulation import write_run
 
-from .conftest import EXAMPLES, ROOT, heed_ctrl_c
+from .conftest import EXAMPLES, ROOT, start_command
 
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
 
@@ -325,19 +324,6 @@ def test_a_lock_that_a_dead_process_left_does_not_matter(desk: Path) -> None:
     assert not (desk / ".x.mcap.lock").exists()
 
 
-def started(desk: Path, *words: str, python: tuple[str, ...] = ()) -> "subprocess.Popen[str]":
-    command = [sys.executable, *python, "-m", "tenodesis.cli", *words]
-    return subprocess.Popen(
-        command,
-        cwd=desk,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        # A shell lets its background jobs, these tests among them, ignore Ctrl-C, and they pass that on.
-        preexec_fn=heed_ctrl_c,  # noqa: PLW1509
-    )
-
-
 def until(condition: Callable[[], bool], process: "subprocess.Popen[str]") -> None:
     while not condition():
         assert process.poll() is None, process.communicate()[1]
@@ -350,9 +336,9 @@ INTERRUPTED = (130, -signal.SIGINT)
 
 @pytest.mark.process
 def test_ctrl_c_during_the_work_says_what_is_written_and_leaves_nothing_else(tmp_path: Path) -> None:
-    first = started(tmp_path, "vertices", "--out", "there")
+    first = start_command(tmp_path, "vertices", "--out", "there")
     until((tmp_path / "there").exists, first)
-    second = started(tmp_path, "vertices", "--out", "there")
+    second = start_command(tmp_path, "vertices", "--out", "there")
     told = second.communicate(timeout=120)[1]
     assert second.returncode == 1
     assert told.startswith("tenodesis: there is being written by another command")
@@ -366,7 +352,7 @@ def test_ctrl_c_during_the_work_says_what_is_written_and_leaves_nothing_else(tmp
 @pytest.mark.process
 @pytest.mark.parametrize("module", ["typer", "numpy", "pydantic", "tenodesis.instrument", "tenodesis.cli.instrument"])
 def test_ctrl_c_during_the_start_is_a_sentence(tmp_path: Path, module: str) -> None:
-    process = started(tmp_path, "check", "real-size", python=("-X", "importtime"))
+    process = start_command(tmp_path, "check", "real-size", python=("-X", "importtime"))
     assert process.stderr is not None
     for line in process.stderr:
         if line.rpartition("|")[2].strip().partition(".")[0] == module.partition(".")[0] and module in line:

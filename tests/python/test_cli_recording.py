@@ -3,7 +3,6 @@
 import json
 import math
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -21,7 +20,7 @@ from tenodesis.live import recorder as live
 from tenodesis.recording import Recorder, Recording
 from tenodesis.run import Run
 
-from .conftest import EXAMPLES, ROOT, heed_ctrl_c
+from .conftest import EXAMPLES, ROOT, start_command
 from .live_loop import Played
 
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
@@ -344,15 +343,7 @@ def test_info_of_a_recording_broken_off_says_so_and_of_one_that_is_not_live_noth
 @pytest.mark.process
 def test_ctrl_c_leaves_a_readable_recording_and_says_so(tmp_path: Path) -> None:
     (tmp_path / "long.toml").write_text('name = "long"\n[[phases]]\nkind = "hold"\nduration = "3000 s"\n')
-    command = [sys.executable, "-m", "tenodesis.cli", "record", "scaled-up", "long.toml", "--out", "run.mcap"]
-    process = subprocess.Popen(
-        command,
-        cwd=tmp_path,
-        stderr=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        preexec_fn=heed_ctrl_c,  # noqa: PLW1509
-    )
+    process = start_command(tmp_path, "record", "scaled-up", "long.toml", "--out", "run.mcap")
     while not ((tmp_path / "run.mcap").exists() and (tmp_path / "run.mcap").stat().st_size > 100_000):
         time.sleep(0.02)
         assert process.poll() is None

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import is_dataclass
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -40,19 +41,7 @@ CALLS: dict[str, Callable[[InstrumentLike], Any]] = {
     "scaling.name_of": tn.scaling.name_of,
     "tolerance.default": tn.tolerance.default,
 }
-PACKAGES = (
-    "control",
-    "identification",
-    "kinematics",
-    "recording",
-    "scaling",
-    "similarity",
-    "simulate",
-    "statics",
-    "tendon",
-    "tolerance",
-    "twin",
-)
+PACKAGES = [name for name in tn.__all__ if isinstance(getattr(tn, name), ModuleType)]
 
 
 @pytest.mark.parametrize("name", CALLS)

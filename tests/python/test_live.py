@@ -356,14 +356,20 @@ def set_moving(loop, bench):
                 time.sleep(0.01)
 
 
-@pytest.mark.parametrize("mode", ["silent", "broken", "past", "nan"])
-def test_a_device_that_fails_moves_no_motor_and_is_named(tmp_path, mode):
+def moving(folder):
+    """Return a bench whose motors move, its loop, and the reader of its ring."""
     bench = Bench(slow_rate())
-    loop = looped(tmp_path, slow_rate(), device=bench, late_bound=0.5)
-    reader = Reader(tmp_path)
+    loop = looped(folder, slow_rate(), device=bench, late_bound=0.5)
+    reader = Reader(folder)
     loop.start()
     until(lambda: reader.written > 50)
     set_moving(loop, bench)
+    return bench, loop, reader
+
+
+@pytest.mark.parametrize("mode", ["silent", "broken", "past", "nan"])
+def test_a_device_that_fails_moves_no_motor_and_is_named(tmp_path, mode):
+    bench, loop, reader = moving(tmp_path)
     bench.mode = mode
     until(lambda: not np.any(bench.speed))
     begun = len(bench.commands)
@@ -386,12 +392,7 @@ def test_a_device_that_fails_moves_no_motor_and_is_named(tmp_path, mode):
 
 
 def test_a_motor_that_does_not_obey_loses_its_supply(tmp_path):
-    bench = Bench(slow_rate())
-    loop = looped(tmp_path, slow_rate(), device=bench, late_bound=0.5)
-    reader = Reader(tmp_path)
-    loop.start()
-    until(lambda: reader.written > 50)
-    set_moving(loop, bench)
+    bench, loop, reader = moving(tmp_path)
     bench.mode = "runaway"
     until(lambda: bench.cut)
     until(lambda: loop.problem is not None)

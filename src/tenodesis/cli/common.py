@@ -50,15 +50,7 @@ def load_instrument(name_or_path: str) -> Instrument:
     try:
         return instrument.load(name_or_path)
     except InstrumentError:
-        from tenodesis import simulate  # noqa: PLC0415 - most commands do without protocols
-
-        if name_or_path in simulate.shipped() and not Path(name_or_path).exists():
-            raise InstrumentError(
-                f"{name_or_path} is a protocol; it must be an instrument: {', '.join(instrument.shipped())}, or the "
-                "path of an instrument file.",
-                key="file",
-                value=name_or_path,
-            ) from None
+        _refuse_name(name_or_path, "a protocol", InstrumentError, "an instrument")
         raise
 
 
@@ -72,14 +64,21 @@ def load_protocol(name_or_path: str) -> "simulate.Protocol":
     """
     from tenodesis import simulate  # noqa: PLC0415 - most commands do without protocols
 
-    if name_or_path in instrument.shipped() and not Path(name_or_path).exists():
-        raise ProtocolError(
-            f"{name_or_path} is an instrument; it must be a protocol: {', '.join(simulate.shipped())}, or the path of "
-            "a protocol file.",
-            key="file",
-            value=name_or_path,
-        )
+    _refuse_name(name_or_path, "an instrument", ProtocolError, "a protocol")
     return simulate.load(name_or_path)
+
+
+def _refuse_name(given: str, kind: str, error: type[Error], wanted: str) -> None:
+    """Raise an error if what is given is the shipped name of one kind of file where another is wanted."""
+    from tenodesis import simulate  # noqa: PLC0415 - most commands do without protocols
+
+    shipped = {"an instrument": instrument.shipped, "a protocol": simulate.shipped}
+    if given in shipped[kind]() and not Path(given).exists():
+        raise error(
+            f"{given} is {kind}; it must be {wanted}: {', '.join(shipped[wanted]())}, or the path of {wanted} file.",
+            key="file",
+            value=given,
+        ) from None
 
 
 def say(sentence: str, style: str | None = None) -> None:
