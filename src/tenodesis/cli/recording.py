@@ -247,7 +247,7 @@ def _controller(
 
 
 def _print_outcome(run: Run, inst: Instrument) -> None:
-    """Print what came of a run if it had a controller."""
+    """Print what came of a run."""
     for about, fact in outcome(run, inst).items():
         say(f"{about}: {fact}.")
 
