@@ -134,7 +134,7 @@ def test_derivatives_are_those_of_differences_for_every_mechanism(any_inst: Inst
     other = differenced(lambda at: one.residuals(at, 0), values, lower, upper, scales(one.parameters, values))
     size = np.maximum(np.abs(other).max(axis=0), 1e-4 * np.abs(other).max())
     # a Stribeck law lets neighbouring solutions part where a contact breaks loose
-    share, allowed = (0.9, 0.02) if law == "stribeck" else (0.99, 3e-4)
+    share, allowed = (0.9, 0.02) if law == "stribeck" else (0.99, 4e-4)
     assert np.quantile(np.abs(own - other) / size, share, axis=0).max() < allowed
 
 
@@ -283,11 +283,38 @@ def test_nothing_is_seen_of_a_backlash_that_taut_tendons_hide(nominal: Instrumen
     assert not found.identifiability.identifiable["drives.backlash"]
 
 
-def test_the_truth_in_the_file_is_not_peeked_at(true: Instrument) -> None:
-    run = recorded(true)
-    knowing, blind = problem(run, true), problem(run, true.replace(mismatch=None))
-    assert knowing.parameters == blind.parameters
-    assert np.array_equal(knowing.residuals(start(knowing), 0), blind.residuals(start(blind), 0))
+def test_the_mismatch_of_a_given_file_is_the_start_and_that_of_a_recording_is_not_looked_at(
+    true: Instrument,
+) -> None:
+    run = recorded(true, seconds=1.0)
+    names = ("stiffness_ratio", "pretension_ratio", "mismatch.output_encoder_offset")
+    given = {one.name: one.start for one in problem(run, true).parameters}
+    assert [given[name] for name in names] == pytest.approx([TRUTH[name] for name in names])
+    inside = FORMATS["mcap"].problem([dataclasses.replace(run, instrument=true)], [], law="capstan", instrument=None)
+    assert inside.parameters == problem(run, true.replace(mismatch=None)).parameters
+
+
+def test_a_written_instrument_has_the_mismatch_that_was_fitted_or_held(true: Instrument) -> None:
+    one = problem(recorded(true, seconds=1.0), true)
+    written = one.instrument(start(one))
+    assert written.tendon_stiffness == pytest.approx(0.85 * true.tendon_stiffness)
+    assert written.mismatch.output_encoder_offset == pytest.approx(true.mismatch.output_encoder_offset)
+
+
+def test_a_tip_of_unknown_inertia_does_not_bias_the_stiffness(pulley: Instrument) -> None:
+    nominal = pulley.axis("yaw").replace(friction={"law": "capstan", "vertex_coefficient": 0.1})
+    names = ["stiffness_ratio", "friction.vertex_coefficient", "dynamics.tip_damping"]
+    truth = {"stiffness_ratio": 0.88, "friction.vertex_coefficient": 0.1, "dynamics.tip_inertia": 3e-6}
+    light = nominal.replace(**{"mismatch.stiffness_ratio": 0.88, "dynamics.tip_inertia": 3e-6})
+    time = np.arange(1, int(4 / STEP) + 1) * STEP
+    swept = 0.5 - 0.5 * np.cos(2 * np.pi * (0.5 + 0.5 * time) * time)
+    run = columns(tn.twin.Twin(light, time_step=STEP).run(0.2 * np.sin(np.pi * time), swept))
+    held = fit(problem(run, nominal), names, train=[0], starts=1)
+    assert held.std["stiffness_ratio"] > 10 * held.std_white["stiffness_ratio"]
+    assert "not white" in str(held.warnings)
+    found = fit(problem(run, nominal), [*names, "dynamics.tip_inertia"], train=[0], starts=1)
+    assert max(map(abs, deviations(found, truth).values())) < 4.5
+    assert "not white" not in str(found.warnings)
 
 
 # the instrument that is written

@@ -165,8 +165,6 @@ def identify(  # noqa: PLR0917
     elif arrangement == "compare":
         warn("these recordings and this instrument leave one arrangement of contacts; none was compared.")
     _print_fit(found, written if json_file is None else [*written, json_file], notes)
-    if parameters is not None and inst is not None:
-        _warn_of_mismatch(inst)
 
 
 def _arranged(
@@ -327,14 +325,6 @@ def _check_arrangement(kind: Format, format_name: str, arrangement: str) -> None
     if arrangement == "compare" and kind.arrangements is None:
         allowed = f"auto or file with the format {format_name}, which has one arrangement"
         raise CommandError(key="--arrangement", value=arrangement, allowed=allowed)
-
-
-def _warn_of_mismatch(inst: Instrument) -> None:
-    if inst.mismatch != inst.replace(mismatch=None).mismatch:
-        warn(
-            "the table [mismatch] of the instrument file is what is identified, not a start: what of it is not fitted "
-            "is held at its nominal value. Name it in --fit, or leave --fit out."
-        )
 
 
 def _print_parameters(found: Fit) -> None:

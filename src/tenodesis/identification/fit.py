@@ -144,7 +144,7 @@ def fit(
         loss=loss,
         seed=seed,
         bootstrap=bootstrap,
-        samples=search.samples,
+        samples=base.size,
         evaluations=search.evaluations,
         jacobians=search.jacobians,
         warnings=(
