@@ -2,7 +2,9 @@
  *
  * Written by tenodesis 0.1.0 from scaled-up,
  * for version 2 of the C interface:
- * observer friction, law robust, actuation differential, homed, its own clock.
+ * observer friction, law robust, actuation differential, its own clock.
+ *
+ * It starts as homed: only where both tendons have the pretension, and spool angles count from there.
  */
 #ifndef TENODESIS_PARAMETERS_SCALED_UP_H
 #define TENODESIS_PARAMETERS_SCALED_UP_H

@@ -70,7 +70,7 @@ def prefixes(tmp_path_factory: pytest.TempPathFactory) -> Prefixes:
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("exported")
-    control.export_header(tn.load("scaled-up"), folder / "scaled_up.h")
+    control.export_header(tn.load("scaled-up"), folder / "scaled_up.h", homed=True)
     return folder
 
 
