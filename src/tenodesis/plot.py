@@ -81,7 +81,7 @@ def step_response(run: Run, inst: InstrumentLike) -> Figure:
     if not changed.size:
         raise ArgumentError("run has a constant force; it must have a load that comes.", key="run")
     first = int(changed[0]) + 1
-    run = run[: _end_of_load(run, first)]
+    run = run.rows(0, _end_of_load(run, first))
     handle = run["measured_handle_angle" if run.handle_angle is None else "handle_angle"][first]
     held = np.clip([handle], -inst.handle_range, inst.handle_range)
     theory = float(np.asarray(statics.output_angle(inst, held, float(run["force"][-1])))[0])
@@ -108,7 +108,7 @@ def _end_of_load(run: Run, first: int) -> int:
         resting = int(np.argmax(rate == 0)) if name == "force" else 0
         moving = np.flatnonzero(rate[resting:])
         if moving.size:
-            run = run[: first + resting + int(moving[0]) + 1]
+            run = run.rows(0, first + resting + int(moving[0]) + 1)
     return len(run)
 
 
