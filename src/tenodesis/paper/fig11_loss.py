@@ -58,9 +58,9 @@ def section(context: Context) -> Section:
     _construction(chart, left, inst, force)
     draw_losses(chart, right, inst, forces(inst)[1:])
     plot = chart.plot(
-        "fig11_loss",
+        context.file_name("fig11", "loss"),
         f"Left: loss and compensation angle at {force:g} N, {named(inst)}{context.figure_of('Fig. 11')}. "
-        "Right: the loss by the full model (solid) and by eq. 17 (dotted).",
+        "Right: the loss by the full model (solid) and to first order (eq. 17, dotted).",
     )
     text = (
         "<p>The loss is the output angle that a load at the tip takes: θ<sub>e</sub>* − θ<sub>e</sub>. To first order "

@@ -160,7 +160,7 @@ def section(context: Context) -> Section:
     printed = {output.value: handle for handle, output in published.STATES} if context.is_paper else {}
     for state in states:
         angle = f"{np.degrees(state.desired):.4g}"
-        context.recordings[f"fig15_{angle}deg"] = state.recorded
+        context.recordings[context.file_name("fig15", "step_load_" * context.is_own + f"{angle}deg")] = state.recorded
         handle = printed.get(round(float(np.degrees(state.desired)), 6))
         table.row(
             f"{angle}°",
@@ -193,7 +193,7 @@ def _plot(context: Context, states: list[State], rig: str) -> Plot:
         [Step(f"{np.degrees(state.desired):.4g} deg", state.run[_EVERY], BEFORE, state.theory) for state in states]
     )
     return chart.plot(
-        "fig15_step_load",
+        context.file_name("fig15", "step_load"),
         f"Output angle and agonist tension when a load, {rig}, is applied suddenly while the handle is held, "
         f"{named(inst)}, T<sub>o</sub> = {inst.pretension:g} N, no "
         f"compensation{context.figure_of('Fig. 15', ', dotted lines')}.",

@@ -90,7 +90,11 @@ def _taken(free: Workspace, loaded: Workspace) -> str:
     span, area = (
         100 * (1 - after / before) for before, after in ((free.mean_span, loaded.mean_span), (free.area, loaded.area))
     )
-    return f"takes {span:.0f} % of the mean span of directions and {area:.0f} % of the area that the tip reaches"
+    return f"takes {_share(span)} of the mean span of directions and {_share(area)} of the area that the tip reaches"
+
+
+def _share(percent: float) -> str:
+    return f"{percent:.0f} %" if round(percent) else "hardly any"
 
 
 def _check(context: Context) -> str:
