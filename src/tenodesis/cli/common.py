@@ -104,13 +104,6 @@ def say_resolution(inst: Instrument) -> None:
     warn_resolution(inst)
 
 
-def note_resolution(inst: Instrument) -> None:
-    """Print the same where it is no result."""
-    for sentence in sentences(inst):
-        note(sentence)
-    warn_resolution(inst)
-
-
 def warn_resolution(inst: Instrument) -> None:
     """Warn where an instrument's sensors do not suffice."""
     for sentence in warnings(inst):

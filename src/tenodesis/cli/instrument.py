@@ -13,7 +13,7 @@ from tenodesis import instrument
 from tenodesis.cli.common import InstrumentFile, console, load_instrument, say, table, warn
 from tenodesis.control.derived import Derived, derive
 from tenodesis.control.plausibility import Implausible, implausible
-from tenodesis.control.resolution import sentences
+from tenodesis.control.resolution import sentences, shares
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.listing import Listed, listed
 
@@ -59,7 +59,7 @@ def check(
     console.print(_table(values, derived))
     if inst.devices.model_fields_set:
         say(f"Devices: {', '.join(sorted(inst.devices.model_fields_set))}.")
-    for sentence in sentences(inst):
+    for sentence in (*sentences(inst), *shares(inst)):
         say(sentence)
     for one in found:
         warn(one.sentence)
@@ -78,7 +78,7 @@ def _as_json(
             one.key: {"value": one.value if isfinite(one.value) else None, "unit": one.unit, "meaning": one.meaning}
             for one in derived
         },
-        "resolution": sentences(inst),
+        "resolution": [*sentences(inst), *shares(inst)],
         "warnings": [one._asdict() for one in found],
     }
 

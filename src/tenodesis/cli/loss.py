@@ -143,7 +143,7 @@ def _table(inst: Instrument, found: Sequence[Loss]) -> Table:
         "antago-\nnist [N]",
         "slack\nfrom [N]",
     ):
-        shown.add_column(heading, justify="right", no_wrap=True)
+        shown.add_column(escape(heading), justify="right", no_wrap=True)
     for n, one in enumerate(found):
         last = n + 1 == len(found) or found[n + 1].force != one.force
         cells = (

@@ -156,7 +156,7 @@ def _bytes(path: Path) -> bytes:
     if not container.is_mcap(data):
         if path.suffix.lower() == ".csv":
             raise RecordingError(
-                f"{path} is a CSV table; it must be an MCAP recording: tenodesis identify reads tables, with --format csv.",
+                f"{path} is a CSV table; it must be an MCAP recording (tenodesis identify --format csv reads tables).",
                 key="file",
                 value=str(path),
                 allowed="an MCAP recording",
