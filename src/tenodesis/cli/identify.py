@@ -10,7 +10,7 @@ import numpy as np
 import typer
 from rich.markup import escape
 
-from tenodesis.cli.common import ProgressBar, check_choice, console, load_instrument, say, table, warn
+from tenodesis.cli.common import ProgressBar, check_choice, console, load_instrument, note, say, table, warn
 from tenodesis.cli.outputs import JSON, Overwrite, check_suffix, write_text, writing
 from tenodesis.errors import CommandError
 from tenodesis.identification import report
@@ -164,6 +164,9 @@ def identify(  # noqa: PLR0917
         _print_arrangements(compared)
     elif arrangement == "compare":
         warn("these recordings and this instrument leave one arrangement of contacts; none was compared.")
+    for word in (word.strip() for word in (parameters or "").split(",")):
+        if len(problem.groups.get(word, ())) > 1:
+            note(f"{word}: {', '.join(problem.groups[word])}.")
     _print_fit(found, written if json_file is None else [*written, json_file], notes)
 
 
