@@ -200,7 +200,8 @@ def _mistake(model: type[BaseModel], values: Mapping[str, Any], error: Any, entr
         return _Mistake(sentence, key, value, f"one of {known}")
     if kind.startswith("union_tag"):
         key = error["ctx"]["discriminator"].strip("'")
-        found = "is missing" if kind == "union_tag_not_found" else f"is {value[key]!r}"
+        missing = kind == "union_tag_not_found"
+        found = "is missing" if missing else f"is {value[key]!r}{did_you_mean(str(value[key]), place.tables)}"
         allowed = f"one of {', '.join(place.tables)}"
         return _Mistake(f"{place.entry}{key} {found}; it must be {allowed}.", key, value.get(key), allowed)
     problem = str(error["msg"]).removeprefix("Value error, ").removeprefix("Input should be ").rstrip(".")

@@ -235,7 +235,7 @@ def _tensions(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
     lines = [(side, color, "-") for side, color in sides]
     style.legend_outside(chart.figure, *lines, ("pretension", style.MUTED, ":"), ("theory", style.INK, "--"))
     return chart.plot(
-        context.file_name("fig14b", "tensions"),
+        context.file_name("fig14b", "cycles_" * context.is_own + "tensions"),
         f"Tendon tensions beside the spools over the same cycles{context.figure_of('Fig. 14(b)')}. "
         "Dotted: pretension; dashed: theory.",
     )

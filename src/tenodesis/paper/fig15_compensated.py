@@ -157,7 +157,7 @@ def _plot(context: Context, held: Sequence[float], force: float, runs: dict[tupl
         context.file_name("fig15", "compensated" + "_step_load" * context.is_own),
         f"Output angle and agonist tension when {force:.3g} N at the tip are applied suddenly while the handle is "
         f"held, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N{context.figure_of('Fig. 15(a)–(d)')}. The same "
-        "twin and seed three times; dashed: the unloaded angle.",
+        "twin and seed three times; dashed: no error.",
     )
 
 

@@ -161,7 +161,7 @@ def _bytes(path: Path) -> bytes:
                 value=str(path),
                 allowed="an MCAP recording",
             )
-        found = "it is empty" if not data else f"it begins with {data[:8]!r}"
+        found = "it is empty" if not data else f"it begins with {data[:8].decode(errors='replace')!r}"
         raise RecordingError(f"{path} is no MCAP file: {found}.")
     return data
 

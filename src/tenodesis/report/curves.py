@@ -25,7 +25,7 @@ _MOST_POINTS = 20_000
 _BEFORE_STEP, _AFTER_STEP = 2.0, 6.0
 """Time that is shown before and after a step load, s."""
 _ANGLES_SHOWN, _TENSIONS_SHOWN = 12.0, 15.0
-"""What is shown to either side of the middle between before and after, deg and N."""
+"""Half of what is shown about the middle between before and after, deg and N."""
 _AVERAGED = 0.2  # s
 _SEEN = 0.05
 """Difference of two curves that can be seen, deg"""
@@ -252,7 +252,8 @@ def step_response(steps: Sequence[Step]) -> Chart:
         agonist = chart.keep(f"agonist {at} [N]", run["measured_tension"][:, 0])
         right.plot(time, agonist, color=style.ANTAGONIST, lw=1.0)
         middle = (float(agonist[before].mean()) + float(agonist[after].mean())) / 2
-        right.set_ylim(middle - _TENSIONS_SHOWN, middle + _TENSIONS_SHOWN)
+        # in the lower half, where it does not run over the angle
+        right.set_ylim(middle - _TENSIONS_SHOWN / 2, middle + 3 * _TENSIONS_SHOWN / 2)
         right.spines["right"].set_visible(True)
     axes[0].set_ylabel("output angle $\\theta_e$ [deg]")
     right.set_ylabel("agonist tension [N]")

@@ -157,6 +157,10 @@ class TwinProblem(Problem):
         """Return how many sensors the residuals of a run hold."""
         return len(self._runs[run].measured)
 
+    def sensors(self, run: int) -> tuple[str, ...]:
+        """Return what these sensors are called."""
+        return tuple(name.removeprefix("measured_").replace("_", " ") for name in self._runs[run].measured)
+
     def plain_residuals(self, values: Array, run: int) -> Array:
         """Return measured minus model in standard deviations, (n,), errors of commands included."""
         return self._plain(self._model(values, run, [])[:, 0], run)
