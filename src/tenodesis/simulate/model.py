@@ -1,22 +1,28 @@
 """What all parts of a protocol file have in common."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from tenodesis.errors import ProtocolError
 from tenodesis.toml import validated
 
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass
+else:
+    ModelMetaclass = type(BaseModel)
 
-class _Sentences(type(BaseModel)):
+
+class _Sentences(ModelMetaclass):
     """Models whose errors are sentences in Python as well: files are read without a call of the class."""
 
-    def __call__(cls, *arguments: Any, **values: Any) -> Any:
+    def __call__(self, *arguments: Any, **values: Any) -> Any:
         try:
             return super().__call__(*arguments, **values)
         except ValidationError:
             pass
-        return validated(cls, values, ProtocolError, cls.__name__, entries={"phases": "phase"})
+        model: Any = self
+        return validated(model, values, ProtocolError, self.__name__, entries={"phases": "phase"})
 
 
 class ProtocolModel(BaseModel, metaclass=_Sentences):
