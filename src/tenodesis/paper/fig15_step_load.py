@@ -153,7 +153,7 @@ def section(context: Context) -> Section:
             "deg",
             f"Output angle that the step load of {applied:.3g} N takes on the twin, held at {{angle}} deg",
         ),
-        *(["lost without friction [°]"] if rough else []),
+        *(["above theory [°]"] if rough else []),
         Column("agonist before [N]", digits=1),
         Column("after [N]", digits=1),
     )
@@ -175,8 +175,9 @@ def section(context: Context) -> Section:
     text = "<p>As on the bench, the handle is moved until the tip reaches the desired angle"
     if rough:
         text += (
-            ", which with friction takes more handle angle than without. “Without friction” is the difference from "
-            "there to the theory's angle under the load"
+            ", which with friction takes more handle angle than without. “Above theory” is how far it is then above "
+            "the angle that theory without friction gives under the load: less than what is lost without friction, "
+            "since friction has already held the tip back"
         )
     text += "."
     if context.has_chapter("compensated-step-load"):
