@@ -128,6 +128,9 @@ struct AxisController {
     wanted[agonist] = winding.agonist / model().spool_radius;
     wanted[antagonist] = winding.antagonist / model().spool_radius;
     judge_stroke(dt, memory);
+    memory.command.pressing = memory.compensator.yielding
+                                  ? (measured.spool_angle[agonist] - measured.spool_angle[antagonist]) * S(0.5)
+                                  : memory.command.pressing * (S(1) - S(2) * dt);
   }
 
   /// Whether the motors have been beyond the envelope for long: then a sensor, a rope or a motor is not what it seems.
@@ -197,7 +200,7 @@ struct Controller {
     change(before, was_homing, input, state);
 
     for (int n = 0; n < count(); ++n) {
-      const bool readable = is_readable(measured[n]);
+      const bool readable = (output.axis[n].faults & bit(Fault::not_a_number)) == 0;
       // An implausible reading is not used while the watch waits whether it lasts.
       if (readable) {
         measured[n] = state.axis[n].watch.trusted;
@@ -263,11 +266,6 @@ struct Controller {
       // Estimates made during a fault are not trusted.
       if (before == OperatingState::fault) state.axis[n].friction.started = false;
     }
-  }
-
-  static bool is_readable(const Measurement<S>& measured) {
-    return all_finite(measured.handle_angle, measured.tension[0], measured.tension[1], measured.spool_angle[0],
-                      measured.spool_angle[1]);
   }
 
   void run(int n, const Measurement<S>& measured, bool readable, const S& dt, State& state,

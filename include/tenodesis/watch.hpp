@@ -131,8 +131,9 @@ struct Watch {
     }
     found |= lasting(Fault::tick_late, 0, late, step, state);
     for (int i = 0; i < 2; ++i) found |= check_motor(i, commanded[i], moved[i], late, elapsed, step, state);
-    for (int n = 0; n < fault_count; ++n)
-      if ((found & ~state.confirmed & (std::uint32_t(1) << static_cast<std::uint32_t>(n))) != 0) count(state.count[n]);
+    std::uint32_t fresh = found & ~state.confirmed;
+    for (int n = 0; fresh != 0; ++n, fresh >>= 1U)
+      if ((fresh & 1U) != 0) count(state.count[n]);
     state.confirmed = found;
     return found;
   }
@@ -173,9 +174,12 @@ struct Watch {
 
   static std::uint32_t lasting(Fault fault, int place, const Limit<S>& by, bool holds, const S& step, State& state) {
     S& lasted = state.lasted[static_cast<int>(fault)][place];
-    const bool counts = holds && by.on();
-    lasted = counts ? smaller(lasted + step, longest) : S(0);
-    return counts && lasted >= by.persistence ? bit(fault) : 0U;
+    if (!holds || !by.on()) {
+      lasted = S(0);
+      return 0;
+    }
+    lasted = smaller(lasted + step, longest);
+    return lasted >= by.persistence ? bit(fault) : 0U;
   }
   std::uint32_t lasting(Fault fault, int place, bool holds, const S& step, State& state) const {
     return lasting(fault, place, of(fault), holds, step, state);
@@ -289,13 +293,15 @@ struct Watch {
     const S off = abs(shortfall) - band;
     // A slack tendon may raise the mean; a mean far too low, with a tendon without tension, is a fault of its own.
     const S now = tension[0] - tension[1];
-    const auto opposite = [&](const S& before) {
-      return abs(before) > limit_of_slip && abs(now + before) < S(0.5) * abs(before);
-    };
-    if (opposite(difference))
-      state.reversed = difference;
-    else if (!opposite(state.reversed))
-      state.reversed = S(0);
+    if (state.reversed != S(0) || abs(now - difference) > limit_of_slip) {
+      const auto opposite = [&](const S& before) {
+        return abs(before) > limit_of_slip && abs(now + before) < S(0.5) * abs(before);
+      };
+      if (opposite(difference))
+        state.reversed = difference;
+      else if (!opposite(state.reversed))
+        state.reversed = S(0);
+    }
     const Limit<S> at_once{limit_of_slip, of(Fault::spool_slip).persistence};
     found |= lasting(Fault::load_cell_drift, 1, at_once, rose || state.reversed != S(0), step, state);
     const bool judged = looser >= (shortfall > S(0) ? empty : larger(empty, slack));
@@ -309,18 +315,20 @@ struct Watch {
                             State& state) const {
     Following<S>& following = state.following[i];
     // After a gap the watchdog may have stopped the motor.
-    if (late) following = {};
+    if (late) {
+      following = {};
+      return lasting(Fault::motor_not_following, i, false, step, state);
+    }
     const S taut(1);
     const DriveState<S> before{following.speed, S(0), S(0)};
-    const DriveState<S> model =
-        late ? before : advance(drive, before, is_finite(commanded) ? commanded : S(0), taut, elapsed);
+    const DriveState<S> model = advance(drive, before, is_finite(commanded) ? commanded : S(0), taut, elapsed);
     const S kept = window / (window + elapsed);
-    const S longer = long_run * window;
-    const S kept_longer = longer / (longer + elapsed);
+    const S kept_longer = long_run * window / (long_run * window + elapsed);
     following.speed = model.speed;
     following.fastest = larger(abs(model.speed), following.fastest * kept);
-    following.behind = late ? S(0) : (following.behind + moved - model.angle) * kept;
-    following.astray = late ? S(0) : (following.astray + moved - model.angle) * kept_longer;
+    const S ahead = moved - model.angle;
+    following.behind = (following.behind + ahead) * kept;
+    following.astray = (following.astray + ahead) * kept_longer;
     following.path = (following.path + abs(model.angle)) * kept_longer;
     // After a change of speed a loop is behind by the error of its time constant; half of that constant is tolerated.
     const S lag = S(0.5) * drive.time_constant * following.fastest;
