@@ -108,7 +108,8 @@ class Outcome(NamedTuple):
 
     @property
     def over_bound(self) -> float:
-        return max(self.before.hull, self.after.hull) / self.bound
+        # What any fault may do is no target of its own.
+        return max(self.before.hull, self.after.hull) / max(self.bound, MORE_IN_FAULT / MORE_THAN_BOUND)
 
     @property
     def words(self) -> str:

@@ -58,6 +58,7 @@ struct AxisMemory {
   S offset[2]{};                   ///< of the load cells, as homing has found it, N
   S correction[2]{S(1), S(1)};     ///< of their gains
   S unexplained{};                 ///< time for which the stroke has been beyond the envelope, s
+  S yielded{};                     ///< time for which the force limit has held the law back, s
   std::uint32_t failed{};          ///< faults to report with the next tick
 };
 
@@ -128,9 +129,14 @@ struct AxisController {
     wanted[agonist] = winding.agonist / model().spool_radius;
     wanted[antagonist] = winding.antagonist / model().spool_radius;
     judge_stroke(dt, memory);
-    memory.command.pressing = memory.compensator.yielding
+    // The tip presses on something if it has yielded for a while: a load that comes makes it yield for a moment.
+    // A fault may end that before it is named.
+    const S enough(0.3), most(0.4);  // s
+    S& yielded = memory.yielded;
+    yielded = clamp(yielded + (memory.compensator.yielding ? dt : -dt), S(0), most);
+    memory.command.pressing = yielded >= enough
                                   ? (measured.spool_angle[agonist] - measured.spool_angle[antagonist]) * S(0.5)
-                                  : memory.command.pressing * (S(1) - S(2) * dt);
+                                  : S(0);
   }
 
   /// Whether the motors have been beyond the envelope for long: then a sensor, a rope or a motor is not what it seems.

@@ -277,7 +277,8 @@ struct Watch {
     // A fallen mean is compared with the one before until it comes back or is a fault. A mean that a slack tendon had
     // raised, and that comes down again, has lost nothing.
     const bool fell = of(Fault::spool_slip).on() && fallen > limit_of_slip && shortfall > -band;
-    const bool rose = limit_of_slip > S(0) && -fallen > limit_of_slip && looser >= larger(empty, slack);
+    const bool taut = looser >= larger(empty, slack);
+    const bool rose = taut && limit_of_slip > S(0) && -fallen > limit_of_slip;
     if (!fell && !rose) state.level = state.level + fallen * smaller(step / moment, S(1));
     const bool gone = fell || shortfall > band + empty;
 
@@ -303,8 +304,8 @@ struct Watch {
         state.reversed = S(0);
     }
     const Limit<S> at_once{limit_of_slip, of(Fault::spool_slip).persistence};
-    found |= lasting(Fault::load_cell_drift, 1, at_once, rose || state.reversed != S(0), step, state);
-    const bool judged = looser >= (shortfall > S(0) ? empty : larger(empty, slack));
+    found |= lasting(Fault::load_cell_drift, 1, at_once, rose || (taut && state.reversed != S(0)), step, state);
+    const bool judged = shortfall > S(0) ? looser >= empty : taut;
     found |= lasting(Fault::load_cell_drift, 0, judged && off > of(Fault::load_cell_drift).threshold, step, state);
     return found;
   }
