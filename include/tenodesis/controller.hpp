@@ -134,9 +134,8 @@ struct AxisController {
     const S enough(0.3), most(0.4);  // s
     S& yielded = memory.yielded;
     yielded = clamp(yielded + (memory.compensator.yielding ? dt : -dt), S(0), most);
-    memory.command.pressing = yielded >= enough
-                                  ? (measured.spool_angle[agonist] - measured.spool_angle[antagonist]) * S(0.5)
-                                  : S(0);
+    memory.command.pressing =
+        yielded >= enough ? (measured.spool_angle[agonist] - measured.spool_angle[antagonist]) * S(0.5) : S(0);
   }
 
   /// Whether the motors have been beyond the envelope for long: then a sensor, a rope or a motor is not what it seems.

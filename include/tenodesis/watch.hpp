@@ -62,7 +62,7 @@ struct WatchState {
   S usual_shortfall{};                   ///< recent shortfall of the mean tension, N
   S level{};                             ///< shortfall a moment ago, or before a sudden fall, N
   bool leveled{};                        ///< whether level is known
-  S reversed{};                          ///< difference of the tensions before it was reversed at once; 0: it was not, N
+  S reversed{};  ///< difference of the tensions before it was reversed at once; 0: it was not, N
   Following<S> following[2]{};
   std::uint32_t count[fault_count]{};          ///< how often each fault was confirmed
   std::uint32_t bad_samples[channel_count]{};  ///< implausible readings
@@ -160,7 +160,8 @@ struct Watch {
   // Time in which hand and tip cannot, because of their inertia, lower the mean tension as a slip does, s.
   static constexpr S moment = S(1e-3);
 
-  // Windows after which a motor and its encoder must agree in the long run, and share of its path by which they need not.
+  // Windows after which a motor and its encoder must agree in the long run, and share of its path by which they need
+  // not.
   static constexpr S long_run = S(40), drive_gain_error = S(0.01);
 
   // N or rad; smaller readings keep every sum finite.
