@@ -16,6 +16,7 @@ _LARGEST = 16_000_000
 _MCAP = b"\x89MCAP"
 _MARKS = {
     "an instrument": {"joint_type"},
+    "a coupled instrument": {"joints", "tendons"},
     "a protocol": {"phases"},
     "tolerances": {"parameters"},
     "a catalogue": {"gears", "pulleys", "ropes", "rods", "load_cells", "encoders", "spools", "weights", "constraints"},
