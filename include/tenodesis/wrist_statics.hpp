@@ -59,7 +59,7 @@ struct WristEquilibrium {
   int iterations{};
 };
 
-/// Balance of moments at given coordinates: what is left over, N m, and its slopes by the coordinates.
+/// Balance at given coordinates, as work by each coordinate: what is left over, N m, and its slopes by the coordinates.
 template <class S, int N>
 struct WristBalance {
   S residual[N]{};
@@ -76,56 +76,50 @@ namespace detail {
 template <Real S>
 inline constexpr S slack_stiffness = sizeof(S) == 4 ? S(1e-4) : S(1e-8);
 
-/// The residual in any number type.
-template <class W, class T>
-void wrist_residual(const W& wrist, const T* wound, const WristLoad<T>& load, const T* x, T* residual) {
-  constexpr int N = W::joints, M = W::tendons;
-  T drawn[M];
-  wrist.excursions(x, drawn);
-  Bend<T> bend[N];
-  for (int i = 0; i < N; ++i) bend[i] = Bend<T>(wrist.joint[i], x[i]);
-  wrist.load_moments(bend, load, residual);
-  for (int i = 0; i < N; ++i) {
-    T pull(0);
-    for (int m = 0; m < M; ++m)
-      pull = pull + T(wrist.arm[m][i]) * larger(wrist.stretched(m, wound[m], drawn[m]), T(0));
-    residual[i] = residual[i] + pull * bend[i].turn;
-    if (wrist.joint[i].stiffness > typename W::S(0))
-      residual[i] = residual[i] - T(wrist.joint[i].stiffness) * angle_at(wrist.joint[i].mechanism, x[i]);
-  }
-}
-
 }  // namespace detail
 
-/// Balance at real coordinates, slopes by dual numbers.
+/// What is left of the balance at coordinates x, and its slopes.
 ///
-/// In the slopes of a search, slack tendons keep a little stiffness: a loose joint then moves until a tendon tightens.
-template <class W, class S = W::S>
-WristBalance<S, W::joints> balance(const W& wrist, const S* wound, const WristLoad<S>& load, const S* x, bool search) {
+/// T is a number, or several in lanes. slack: share of their stiffness that slack tendons keep in the slopes.
+template <class W, class T>
+[[gnu::always_inline]] constexpr WristBalance<T, W::joints> balance(const W& wrist, const T* wound,
+                                                                    const WristLoad<T>& load, const T* x,
+                                                                    const typename W::S& slack) {
   constexpr int N = W::joints, M = W::tendons;
-  using D = Dual<S, std::size_t(N)>;
-  D at[N], held[M], residual[N];
-  for (int i = 0; i < N; ++i) at[i] = D::variable(x[i], std::size_t(i));
-  for (int m = 0; m < M; ++m) held[m] = D(wound[m]);
-  const auto constant = [](const Vector<S>& v) { return Vector<D>{D(v.x), D(v.y), D(v.z)}; };
-  const WristLoad<D> all{{constant(load.wrench.force), constant(load.wrench.moment)}, D(load.grip), load.in_stem_axes};
-  detail::wrist_residual(wrist, held, all, at, residual);
-  WristBalance<S, N> found{};
-  for (int i = 0; i < N; ++i) {
-    found.residual[i] = residual[i].value;
-    for (int j = 0; j < N; ++j) found.slope.at[i][j] = residual[i].slope[j];
-  }
-  if (!search) return found;
-  S drawn[M];
+  WristBalance<T, N> at{};
+  Bend<T> bend[N];
+  for (int i = 0; i < N; ++i) bend[i] = Bend<T>(wrist.joint[i], x[i]);
+  T moment[N], rate[N][N], drawn[M];
+  wrist.load_moments(bend, load, moment, rate);
   wrist.excursions(x, drawn);
   for (int m = 0; m < M; ++m) {
-    if (wrist.stretched(m, wound[m], drawn[m]) > S(0)) continue;
-    for (int i = 0; i < N; ++i)
-      for (int j = 0; j < N; ++j)
-        found.slope.at[i][j] =
-            found.slope.at[i][j] - detail::slack_stiffness<S> * wrist.stiffness[m] * wrist.arm[m][i] * wrist.arm[m][j];
+    const T tension = wrist.stretched(m, wound[m], drawn[m]);
+    const T pull = larger(tension, T(0));
+    const T stiffness = if_above(tension, T(wrist.stiffness[m]), T(wrist.stiffness[m] * slack));
+    for (int i = 0; i < N; ++i) {
+      const T arm(wrist.arm[m][i]);
+      at.residual[i] = at.residual[i] + arm * pull;
+      for (int j = 0; j <= i; ++j)
+        at.slope.at[i][j] = at.slope.at[i][j] - stiffness * T(wrist.arm[m][i] * wrist.arm[m][j]);
+    }
   }
-  return found;
+  for (int i = 0; i < N; ++i) {
+    for (int j = 0; j < i; ++j) at.slope.at[j][i] = at.slope.at[i][j];
+    const auto& joint = wrist.joint[i];
+    if (joint.stiffness > typename W::S(0)) {
+      moment[i] = moment[i] - T(joint.stiffness) * angle_at(joint.mechanism, x[i]);
+      rate[i][i] = rate[i][i] - T(joint.stiffness);
+    }
+  }
+  for (int i = 0; i < N; ++i) {
+    const T& per = bend[i].per_turn;
+    at.residual[i] = at.residual[i] + moment[i] * per;
+    for (int j = 0; j < N; ++j) at.slope.at[i][j] = at.slope.at[i][j] + rate[i][j] * per * bend[j].per_turn;
+    // The rate of a gear's 2/sqrt(1 - x^2).
+    if (wrist.joint[i].mechanism == Mechanism::gear)
+      at.slope.at[i][i] = at.slope.at[i][i] + moment[i] * x[i] * T(0.25) * per * per * per;
+  }
+  return at;
 }
 
 namespace detail {
@@ -156,7 +150,7 @@ bool newton(const W& wrist, const S* wound, const WristLoad<S>& load, S* x, int&
   constexpr int stable = N % 2 == 0 ? 1 : -1;
   for (int n = 0; n < most_iterations; ++n) {
     ++iterations;
-    const WristBalance<S, N> at = balance(wrist, wound, load, x, true);
+    const WristBalance<S, N> at = balance(wrist, wound, load, x, slack_stiffness<S>);
     S step[N];
     for (int i = 0; i < N; ++i) step[i] = at.residual[i];
     if (solve_linear(at.slope, step) != stable) return false;
@@ -234,7 +228,7 @@ WristEquilibrium<S, W::joints> solve(const W& wrist, const S* wound, const Wrist
     }
   }
   // A joint that no tendon or spring holds rests anywhere.
-  const WristBalance<S, N> last = balance(wrist, wound, load, at.x, false);
+  const WristBalance<S, N> last = balance(wrist, wound, load, at.x, S(0));
   S scale(0);
   for (int m = 0; m < M; ++m)
     for (int i = 0; i < N; ++i)
@@ -267,10 +261,11 @@ Status answer(const W& wrist, const S* wound, const WristLoad<S>& load, const S*
   constexpr int N = W::joints, M = W::tendons;
   Bend<S> bend[N];
   for (int i = 0; i < N; ++i) bend[i] = Bend<S>(wrist.joint[i], x[i]);
-  const WristBalance<S, N> at = balance(wrist, wound, load, x, false);
+  const WristBalance<S, N> at = balance(wrist, wound, load, x, S(0));
   Square<S, N> stiffness{};
   for (int i = 0; i < N; ++i)
-    for (int j = 0; j < N; ++j) out.stiffness[i][j] = stiffness.at[i][j] = -at.slope.at[i][j] * bend[j].turn;
+    for (int j = 0; j < N; ++j) 
+      out.stiffness[i][j] = stiffness.at[i][j] = -bend[i].turn * at.slope.at[i][j] * bend[j].turn;
   Status found = Status::ok;
   const auto rates = [&](const S* moment, const auto& store) {
     S angle[N];
@@ -278,15 +273,15 @@ Status answer(const W& wrist, const S* wound, const WristLoad<S>& load, const S*
     if (solve_linear(stiffness, angle) == 0) found = Status::both_slack;
     for (int i = 0; i < N; ++i) store(i, angle[i]);
   };
-  S moment[N];
+  S moment[N], rate[N][N];
   for (int k = 0; k < 6; ++k) {
     WristLoad<S> unit{{}, S(0), load.in_stem_axes};
     Vector<S>& v = k < 3 ? unit.wrench.force : unit.wrench.moment;
     (k % 3 == 0 ? v.x : k % 3 == 1 ? v.y : v.z) = S(1);
-    wrist.load_moments(bend, unit, moment);
+    wrist.load_moments(bend, unit, moment, rate);
     rates(moment, [&](int i, const S& rate) { out.by_wrench[i][k] = rate; });
   }
-  wrist.load_moments(bend, WristLoad<S>{{}, S(1), load.in_stem_axes}, moment);
+  wrist.load_moments(bend, WristLoad<S>{{}, S(1), load.in_stem_axes}, moment, rate);
   rates(moment, [&](int i, const S& rate) { out.by_grip[i] = rate; });
   S drawn[M];
   wrist.excursions(x, drawn);
@@ -322,8 +317,8 @@ Status handle_angles(const W& wrist, const S* angle, const WristLoad<S>& load, c
   }
   Bend<S> bend[N];
   for (int i = 0; i < N; ++i) bend[i] = Bend<S>(wrist.joint[i], x[i]);
-  S moment[N], drawn[M];
-  wrist.load_moments(bend, load, moment);
+  S moment[N], rate[N][N], drawn[M];
+  wrist.load_moments(bend, load, moment, rate);
   wrist.excursions(x, drawn);
   for (int i = 0; i < N; ++i) moment[i] = moment[i] - wrist.joint[i].stiffness * angle[i];
   bool arrived = false;
@@ -373,7 +368,7 @@ Status handle_angles(const W& wrist, const S* angle, const WristLoad<S>& load, c
 template <class W, class S = W::S>
 Status compensation_strokes(const W& wrist, const S* angle, const WristLoad<S>& load, S* stroke) {
   constexpr int N = W::joints, M = W::tendons;
-  S x[N], moment[N];
+  S x[N], moment[N], rate[N][N];
   Bend<S> bend[N];
   for (int i = 0; i < N; ++i) {
     if (!is_finite(angle[i])) return Status::not_finite;
@@ -381,7 +376,7 @@ Status compensation_strokes(const W& wrist, const S* angle, const WristLoad<S>& 
     if (!(abs(x[i]) < coordinate_limit<S>(wrist.joint[i].mechanism))) return Status::unreachable;
     bend[i] = Bend<S>(wrist.joint[i], x[i]);
   }
-  wrist.load_moments(bend, load, moment);
+  wrist.load_moments(bend, load, moment, rate);
   bool slack[M]{};
   S change[M]{};
   // A tendon without a motor keeps its tension, since the angles are kept.

@@ -6,7 +6,7 @@
 
 #include "evaluate.hpp"
 #include "module.hpp"
-#include "tenodesis/wrist_statics.hpp"
+#include "tenodesis/wrist_block.hpp"
 
 namespace tenodesis::bindings {
 namespace {
@@ -63,20 +63,46 @@ class AnyWrist {
   /// Angles, tensions and status of every point.
   void solve(const In<2>& handle, const In<2>& stroke, const In<2>& load, bool in_stem_axes, const Out<2>& angle,
              const Out<2>& tension, const Statuses& status, int threads) const {
-    each(handle, stroke, load, status, threads, [&](const auto& wrist, std::size_t p) {
-      using W = std::decay_t<decltype(wrist)>;
-      const Point<W> at(wrist, row(handle, p), row(stroke, p), row(load, p), handles_, tendons_, in_stem_axes);
-      const auto found = tenodesis::solve(wrist, at.wound, at.load);
-      const bool ok = found.status == Status::ok;
-      double drawn[W::tendons];
-      wrist.excursions(found.x, drawn);
-      for (std::size_t i = 0; i < joints_; ++i)
-        angle.data()[p * joints_ + i] = ok ? angle_at(wrist.joint[i].mechanism, found.x[i]) : nan;
-      for (std::size_t m = 0; m < tendons_; ++m)
-        tension.data()[p * tendons_ + m] =
-            ok ? std::max(wrist.stretched(int(m), at.wound[m], drawn[m]), 0.0) : nan;
-      return found.status;
-    });
+    check(handle, stroke, load, status);
+    const nb::gil_scoped_release release;
+    std::visit(
+        [&](const auto& wrist) {
+          using W = std::decay_t<decltype(wrist)>;
+          const auto point = [&](std::size_t p) {
+            return Point<W>(wrist, row(handle, p), row(stroke, p), row(load, p), handles_, tendons_, in_stem_axes);
+          };
+          const auto store = [&](std::size_t p, const Point<W>& at, const double* x, Status found) {
+            const bool ok = found == Status::ok;
+            double drawn[W::tendons];
+            wrist.excursions(x, drawn);
+            for (std::size_t i = 0; i < joints_; ++i)
+              angle.data()[p * joints_ + i] = ok ? angle_at(wrist.joint[i].mechanism, x[i]) : nan;
+            for (std::size_t m = 0; m < tendons_; ++m)
+              tension.data()[p * tendons_ + m] =
+                  ok ? std::max(wrist.stretched(int(m), at.wound[m], drawn[m]), 0.0) : nan;
+            status.data()[p] = static_cast<unsigned char>(found);
+          };
+          over_threads(status.shape(0), threads, 256, [&](std::size_t begin, std::size_t end) {
+            Point<W> at[lanes];
+            double x[lanes][W::joints];
+            for (std::size_t base = begin; base < end; base += lanes) {
+              const std::size_t n = std::min(lanes, end - base);
+              for (std::size_t k = 0; k < n; ++k) at[k] = point(base + k);
+              // Lanes that are left over repeat the first point.
+              for (std::size_t k = n; k < lanes; ++k) at[k] = at[0];
+              const std::uint32_t decided = solve_block(wrist, at, in_stem_axes, x);
+              for (std::size_t k = 0; k < n; ++k) {
+                if ((decided >> k & 1u) != 0) {
+                  store(base + k, at[k], x[k], Status::ok);
+                } else {
+                  const auto found = tenodesis::solve(wrist, at[k].wound, at[k].load);
+                  store(base + k, at[k], found.x, found.status);
+                }
+              }
+            }
+          });
+        },
+        any_);
   }
 
   /// Rates of the angles: rows of joints by stiffness, wrench, grip, stroke, handle.
@@ -141,11 +167,12 @@ class AnyWrist {
     double wound[W::tendons]{};
     WristLoad<double> load{};
 
+    Point() = default;
     Point(const W& wrist, const double* handle_row, const double* stroke_row, const double* load_row,
           std::size_t handles, std::size_t tendons, bool in_stem_axes) {
       std::copy_n(handle_row, handles, handle);
       std::copy_n(stroke_row, tendons, stroke);
-      if (handles > 0 || wrist.handles == 0) wrist.wind(handle, stroke, wound);
+      wrist.wind(handle, stroke, wound);
       const double* w = load_row;
       load = {{{w[0], w[1], w[2]}, {w[3], w[4], w[5]}}, w[6], in_stem_axes};
     }
@@ -155,17 +182,59 @@ class AnyWrist {
     return rows.data() + (rows.shape(0) == 1 ? 0 : p) * rows.shape(1);
   }
 
-  template <class Work>
-  void each(const In<2>& first, const In<2>& second, const In<2>& load, const Statuses& status, int threads,
-            const Work& work) const {
+  static constexpr std::size_t lanes = 8;
+
+  // Bit k: whether lane k is decided. Without wide vectors all points are left to the scalar solver.
+  template <class W>
+  static std::uint32_t solve_block([[maybe_unused]] const W& wrist, [[maybe_unused]] const Point<W>* at,
+                                   [[maybe_unused]] bool in_stem_axes, [[maybe_unused]] double (*x)[W::joints]) {
+    std::uint32_t decided = 0;
+#if defined(__GNUC__)
+    // Other sizes would cost more time to compile than they save.
+    if constexpr (W::joints == 2 && W::tendons == 4) {
+      using L = Lanes<double, int(lanes)>;
+      engine::in_wide_vectors([&] {
+        L wound[W::tendons];
+        WristLoad<L> load{};
+        load.in_stem_axes = in_stem_axes;
+        for (std::size_t k = 0; k < lanes; ++k) {
+          const auto put = [&](L& to, double value) { to.v[k] = value; };
+          for (int m = 0; m < W::tendons; ++m) put(wound[m], at[k].wound[m]);
+          const auto& wrench = at[k].load.wrench;
+          put(load.wrench.force.x, wrench.force.x);
+          put(load.wrench.force.y, wrench.force.y);
+          put(load.wrench.force.z, wrench.force.z);
+          put(load.wrench.moment.x, wrench.moment.x);
+          put(load.wrench.moment.y, wrench.moment.y);
+          put(load.wrench.moment.z, wrench.moment.z);
+          put(load.grip, at[k].load.grip);
+        }
+        const auto found = solve_lanes(wrist, wound, load);
+        for (std::size_t k = 0; k < lanes; ++k) {
+          decided |= std::uint32_t(found.decided[int(k)] > 0) << k;
+          for (int i = 0; i < W::joints; ++i) x[k][i] = found.x[i][int(k)];
+        }
+      });
+    }
+#endif
+    return decided;
+  }
+
+  void check(const In<2>& first, const In<2>& second, const In<2>& load, const Statuses& status) const {
     const std::size_t count = status.shape(0);
     for (const In<2>* rows : {&first, &second, &load})
       require(rows->shape(0) == count || rows->shape(0) == 1, "inputs differ in length");
     require(load.shape(1) == load_components, "a load has seven components");
+  }
+
+  template <class Work>
+  void each(const In<2>& first, const In<2>& second, const In<2>& load, const Statuses& status, int threads,
+            const Work& work) const {
+    check(first, second, load, status);
     const nb::gil_scoped_release release;
     std::visit(
         [&](const auto& wrist) {
-          over_threads(count, threads, 256, [&](std::size_t begin, std::size_t end) {
+          over_threads(status.shape(0), threads, 256, [&](std::size_t begin, std::size_t end) {
             for (std::size_t p = begin; p < end; ++p) status.data()[p] = static_cast<unsigned char>(work(wrist, p));
           });
         },
