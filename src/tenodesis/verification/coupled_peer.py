@@ -6,10 +6,9 @@ wherever the mechanism comes to rest. All quantities are in SI units (m, N, rad)
 tip up.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from math import nan, sqrt
+from math import nan
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
@@ -51,13 +50,11 @@ class CoupledPeer:
         self._data = self._mujoco.MjData(self._model)
         self._mujoco.mj_forward(self._model, self._data)
         self._rest = self._data.ten_length - inst.pretensions / inst.stiffnesses
-        self._hinges = [
-            [self._model.joint(name).qposadr[0] for name in _hinges(joint)] for joint in inst.tip_joints
-        ]
+        self._hinges = [[self._model.joint(name).qposadr[0] for name in _hinges(joint)] for joint in inst.tip_joints]
 
     def settle(
         self,
-        handle_angles: Sequence[float],
+        handle_angles: ArrayLike,
         wrench: ArrayLike = (0.0,) * 6,
         *,
         grip_force: float = 0.0,
@@ -70,7 +67,7 @@ class CoupledPeer:
         """
         mujoco, model, data, inst = self._mujoco, self._model, self._data, self._inst
         mujoco.mj_resetData(model, data)
-        for joint, angle in zip(inst.handle_joints, handle_angles, strict=True):
+        for joint, angle in zip(inst.handle_joints, np.asarray(handle_angles, float), strict=True):
             half = angle / len(_hinges(joint)) / 2
             for name in _hinges(joint):
                 model.body(name).quat = (np.cos(half), *np.sin(half) * np.array(joint.axis_vector))
@@ -122,7 +119,7 @@ def coupled_xml(inst: CoupledInstrument) -> str:
         joint = inst.tip_joints[end]
         SubElement(links[joint.name].far, "site", name=joint.name, pos=_vector((0, 0, joint.end_effector_length or 0)))
         for reference, gear in product(({}, {"refsite": "stem"}), _WRENCH):
-            SubElement(loads, "motor", site=joint.name, gear=gear, **reference)
+            SubElement(loads, "motor", {"site": joint.name, "gear": gear, **reference})
     for tendon, of_tendon in zip(inst.tendons, inst.stiffnesses, strict=True):
         # A range of rest lengths that starts at zero makes a string: it pulls, and never pushes.
         string = SubElement(tendons, "spatial", name=tendon.name, springlength="0 1")
@@ -178,14 +175,19 @@ class _Link:
         out = side * self.side
         if self.joint.mechanism == "tendon-gear":
             ends = (self.bodies[0], self.heights[0]), (self.bodies[-1], 0.0)
-            return [_site(body, f"{tendon}_{k}_{self.joint.name}", radius * out + (0, 0, z)) for k, (body, z) in enumerate(ends)]
+            return [
+                _site(body, f"{tendon}_{k}_{self.joint.name}", radius * out + (0, 0, z))
+                for k, (body, z) in enumerate(ends)
+            ]
         route = []
         for near, far, height in zip(self.bodies, self.bodies[1:], self.heights, strict=False):
             name, centre = f"{tendon}_{far.get('name')}", np.array([0, 0, height])
             if not side:
                 route += [_site(near, f"{name}_in", centre), _site(far, f"{name}_out", 0 * centre)]
                 continue
-            SubElement(near, "geom", name=name, pos=_vector(centre), zaxis=_vector(self.axis), size=f"{radius} {radius}")
+            SubElement(
+                near, "geom", name=name, pos=_vector(centre), zaxis=_vector(self.axis), size=f"{radius} {radius}"
+            )
             SubElement(near, "site", name=f"{name}_side", pos=_vector(centre + 3 * radius * (out + self.ahead)))
             # It comes along the link, wraps by a quarter turn, and leaves across the next one.
             route += [
@@ -212,7 +214,7 @@ def _thread(tendon: Tendon, inst: CoupledInstrument, links: dict[str, _Link], st
             # It does not cross what is between: there it runs at a constant length.
             SubElement(string, "pulley", divisor="1")
         for _, kind, attributes in route:
-            SubElement(string, kind, **attributes)
+            SubElement(string, kind, attributes)
         before = route[-1][0]
 
 

@@ -8,7 +8,6 @@ pitch toward y.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from itertools import product
 from math import asin, cos, hypot, inf, isnan, nan, pi, sin
 from typing import Any
@@ -64,11 +63,15 @@ class Coupling:
 
 @dataclass(frozen=True)
 class Independence:
-    """The largest coupling between the axes, without and with loads, and the cases that never settled."""
+    """The largest coupling between the axes, without and with loads, the cases that never settled, and all of them.
+
+    Each of `cases` has the unloaded output angles (rad) and the forces (N) of yaw and pitch.
+    """
 
     unloaded: Coupling
     loaded: Coupling
     unsettled: int
+    cases: Mapping[tuple[float, ...], TwoAxis]
 
 
 def settle(inst: TendonGear, handle_angle: float, force: float, radial_force: float = 0.0) -> Settled:
@@ -113,20 +116,24 @@ def axis_independence(
     output_angles: Sequence[float],
     forces: Sequence[float],
     progress: Callable[[], None] | None = None,
+    *,
+    gap: float | None = None,
 ) -> Independence:
     """Find how far the settled angle of an axis changes because the other is moved and loaded.
 
     Every pair of unloaded output angles (rad) meets every pair of tip forces (N); each axis is compared with itself in
-    the same model while the other is held straight and free of force. `progress` is called after every load case.
+    the same model while the other is held straight and free of force. `progress` is called after every load case; `gap`
+    as in :func:`settle_two_axis`.
     """
+    settled: dict[tuple[float, ...], TwoAxis] = {}
 
-    @cache
-    def case(yaw: float, pitch: float, force_yaw: float, force_pitch: float) -> TwoAxis:
-        handles = _handle_angle(inst, yaw), _handle_angle(inst, pitch)
-        settled = settle_two_axis(inst, *handles, force_yaw, force_pitch)
-        if progress is not None:
-            progress()
-        return settled
+    def case(*where: float) -> TwoAxis:
+        if where not in settled:
+            handles = _handle_angle(inst, where[0]), _handle_angle(inst, where[1])
+            settled[where] = settle_two_axis(inst, *handles, *where[2:], gap=gap)
+            if progress is not None:
+                progress()
+        return settled[where]
 
     def couplings(yaw: float, pitch: float, force_yaw: float, force_pitch: float) -> list[Coupling]:
         where = yaw, pitch, force_yaw, force_pitch
@@ -140,7 +147,7 @@ def axis_independence(
     cases = product(output_angles, output_angles, forces, forces)
     loaded = [found for where in cases for found in couplings(*where)]
     unsettled = sum(isnan(found.change) for found in unloaded + loaded)
-    return Independence(max(unloaded, key=_size), max(loaded, key=_size), unsettled)
+    return Independence(max(unloaded, key=_size), max(loaded, key=_size), unsettled, settled)
 
 
 def planar_xml(inst: TendonGear, handle_angle: float) -> str:
