@@ -16,9 +16,10 @@ struct Square {
   S at[N][N]{};
 };
 
-/// Solves rows x = right by elimination with pivots; returns the determinant's sign, 0 if it is singular.
+/// Solves rows x = right by elimination with pivots; returns the determinant's sign, 0 if it is singular or a pivot is
+/// not larger than none.
 template <class S, int N>
-int solve_linear(Square<S, N> matrix, S* right) {
+int solve_linear(Square<S, N> matrix, S* right, ValueOf<S> none = ValueOf<S>(0)) {
   int sign = 1;
   for (int k = 0; k < N; ++k) {
     int best = k;
@@ -36,7 +37,7 @@ int solve_linear(Square<S, N> matrix, S* right) {
       sign = -sign;
     }
     const S pivot = matrix.at[k][k];
-    if (!(abs(value_of(pivot)) > ValueOf<S>(0))) return 0;
+    if (!(abs(value_of(pivot)) > none)) return 0;
     if (pivot < S(0)) sign = -sign;
     for (int i = k + 1; i < N; ++i) {
       const S by = matrix.at[i][k] / pivot;
@@ -148,18 +149,21 @@ int unloaded_start(const W& wrist, const S* wound, S* x) {
   return solve_linear(stiffness, x);
 }
 
-/// Newton's iteration from x; true if it arrives at a stable equilibrium within the joints' limits.
+/// Newton's iteration from x; ok if it arrives at a stable equilibrium, unreachable if it leaves a joint's limits.
+///
+/// Where joints are loose, the slopes leave out the load's own change, which would outweigh what little holds them.
 template <class W, class S = W::S>
-bool newton(const W& wrist, const S* wound, const WristLoad<S>& load, S* x, int& iterations) {
+Status newton(const W& wrist, const S* wound, const WristLoad<S>& load, S* x, int& iterations, bool are_loose = false) {
   constexpr int N = W::joints;
   // Residuals fall with the coordinates: all signs of a stable slope are negative.
   constexpr int stable = N % 2 == 0 ? 1 : -1;
   for (int n = 0; n < most_iterations; ++n) {
     ++iterations;
-    const WristBalance<S, N> at = balance(wrist, wound, load, x, true);
+    WristBalance<S, N> at = balance(wrist, wound, load, x, true);
+    if (are_loose) at.slope = balance(wrist, wound, WristLoad<S>{}, x, true).slope;
     S step[N];
     for (int i = 0; i < N; ++i) step[i] = at.residual[i];
-    if (solve_linear(at.slope, step) != stable) return false;
+    if (solve_linear(at.slope, step) != stable) return Status::no_equilibrium;
     S largest(0);
     for (int i = 0; i < N; ++i) largest = larger(largest, abs(step[i]));
     // Where tendons tighten and slacken in turn, shorter steps end the cycle.
@@ -167,11 +171,14 @@ bool newton(const W& wrist, const S* wound, const WristLoad<S>& load, S* x, int&
     const S share = largest > longest ? longest / largest : S(1);
     for (int i = 0; i < N; ++i) {
       x[i] = x[i] - share * step[i];
-      if (!(abs(x[i]) < coordinate_limit<S>(wrist.joint[i].mechanism))) return false;
+      // Beyond a gear's limit there is only its fold.
+      const Mechanism mechanism = wrist.joint[i].mechanism;
+      if (!(abs(x[i]) < coordinate_limit<S>(mechanism)))
+        return mechanism == Mechanism::gear ? Status::no_equilibrium : Status::unreachable;
     }
-    if (largest <= settled<S>) return true;
+    if (largest <= settled<S>) return Status::ok;
   }
-  return false;
+  return Status::no_equilibrium;
 }
 
 template <class S>
@@ -181,9 +188,33 @@ WristLoad<S> part_of(const WristLoad<S>& load, S share) {
 
 /// Farthest that a coordinate may move while a part of the load is added: a solution farther off is another branch.
 inline constexpr double longest_part = 0.3;
-/// Rounding by which a stiffness of a loose joint may differ from none.
+/// Part of a load that is added first where a joint is loose without it.
+inline constexpr double first_part = 1.0 / 64;
+/// Rounding by which a stiffness of a loose joint may differ from none, as a share of a taut one's.
 template <Real S>
 inline constexpr S no_stiffness = sizeof(S) == 4 ? S(1e-5) : S(1e-11);
+
+/// Whether joints can move without a change of the balance: tendons are slack, and no spring holds what they held.
+template <class W, class S = W::S>
+bool loose(const W& wrist, const S* wound, const WristLoad<S>& load, const S* x) {
+  constexpr int N = W::joints, M = W::tendons;
+  S drawn[M];
+  wrist.excursions(x, drawn);
+  bool slack = false;
+  S taut[N];
+  for (int i = 0; i < N; ++i) taut[i] = wrist.joint[i].stiffness;
+  for (int m = 0; m < M; ++m) {
+    if (!(wrist.stiffness[m] > S(0))) continue;
+    slack = slack || !(wrist.stretched(m, wound[m], drawn[m]) > S(0));
+    for (int i = 0; i < N; ++i) taut[i] = taut[i] + wrist.stiffness[m] * wrist.arm[m][i] * wrist.arm[m][i];
+  }
+  if (!slack) return false;
+  Square<S, N> slope = balance(wrist, wound, load, x, false).slope;
+  S none[N]{};
+  for (int i = 0; i < N; ++i)
+    for (int j = 0; j < N; ++j) slope.at[i][j] = slope.at[i][j] / sqrt(taut[i] * taut[j]);
+  return solve_linear(slope, none, no_stiffness<S>) == 0;
+}
 
 }  // namespace detail
 
@@ -209,41 +240,36 @@ WristEquilibrium<S, W::joints> solve(const W& wrist, const S* wound, const Wrist
   for (int i = 0; i < N; ++i)
     if (!(abs(at.x[i]) < coordinate_limit<S>(wrist.joint[i].mechanism))) at.status = Status::unreachable;
   if (at.status != Status::ok) return at;
-  if (!detail::newton(wrist, wound, detail::part_of(load, S(0)), at.x, at.iterations)) {
-    at.status = Status::no_equilibrium;
-    return at;
-  }
+  at.status = detail::newton(wrist, wound, detail::part_of(load, S(0)), at.x, at.iterations);
+  if (at.status != Status::ok) return at;
+  // What is loose without a load moves freely, until a little of the load presses it against its tendons.
+  const bool free = detail::loose(wrist, wound, detail::part_of(load, S(0)), at.x);
   S raised(0);
-  S part(1);
+  S part = free ? S(detail::first_part) : S(1);
   while (raised < S(1)) {
     const S next = smaller(S(1), raised + part);
     S x[N];
     for (int i = 0; i < N; ++i) x[i] = at.x[i];
-    bool found = detail::newton(wrist, wound, detail::part_of(load, next), x, at.iterations);
-    for (int i = 0; i < N; ++i) found = found && abs(x[i] - at.x[i]) <= S(detail::longest_part);
-    if (found) {
+    const bool may_jump = free && !(raised > S(0));
+    const WristLoad<S> more = detail::part_of(load, next);
+    Status found = may_jump ? detail::newton(wrist, wound, more, x, at.iterations, true) : Status::ok;
+    if (found == Status::ok) found = detail::newton(wrist, wound, more, x, at.iterations);
+    for (int i = 0; i < N && found == Status::ok && !may_jump; ++i)
+      if (!(abs(x[i] - at.x[i]) <= S(detail::longest_part))) found = Status::no_equilibrium;
+    if (found == Status::ok) {
       for (int i = 0; i < N; ++i) at.x[i] = x[i];
       raised = next;
       part = part + part;
     } else {
       part = part * S(0.5);
       if (part < S(1) / S(most_load_parts)) {
-        at.status = Status::no_equilibrium;
+        at.status = found;
         return at;
       }
     }
   }
   // A joint that no tendon or spring holds rests anywhere.
-  const WristBalance<S, N> last = balance(wrist, wound, load, at.x, false);
-  S scale(0);
-  for (int m = 0; m < M; ++m)
-    for (int i = 0; i < N; ++i)
-      scale = larger(scale, wrist.stiffness[m] * wrist.arm[m][i] * wrist.arm[m][i]);
-  for (int i = 0; i < N; ++i) {
-    S held(0);
-    for (int j = 0; j < N; ++j) held = larger(held, abs(last.slope.at[i][j]));
-    if (held <= detail::no_stiffness<S> * scale) at.status = Status::both_slack;
-  }
+  if (detail::loose(wrist, wound, load, at.x)) at.status = Status::both_slack;
   return at;
 }
 

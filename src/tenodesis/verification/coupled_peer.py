@@ -20,7 +20,7 @@ from tenodesis.verification.mujoco_peer import RATE, TIME_STEP, relax
 
 Array = NDArray[np.float64]
 
-_VERTEBRAE = 12  # that an elastic backbone is divided into
+_VERTEBRAE = 10  # that an elastic backbone is divided into
 _LAG = 0.01  # s: all motions decay at this rate, since every spring has its damper
 _SIDES = {"agonist": 1.0, "antagonist": -1.0, "middle": 0.0}
 _STEM = 0.1  # m, where a file gives none; its length has no part in an equilibrium
