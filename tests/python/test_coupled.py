@@ -72,11 +72,13 @@ some = settings(max_examples=40)
 
 
 class Point:
-    """A wrist at random handle angles under a random load that it bears."""
+    """Random handle angles of a wrist and a load that bends every joint a little."""
 
     def __init__(self, inst: CoupledInstrument, seed: int, scale: float = GENTLE) -> None:
         random = np.random.default_rng(seed)
         self.inst = inst
+        # Pretension that is not balanced may leave a joint loose at rest.
+        assume(coupled.equilibrium(inst, np.zeros((1, len(inst.handle_joints)))).status[0] == Status.OK)
         rates = coupled.rates(inst, 0.0)
         size = [np.abs(rates.by_wrench[:, part]).max() for part in (slice(0, 3), slice(3, 6))]
         self.handle = random.uniform(-0.3, 0.3, len(inst.handle_joints))
@@ -279,7 +281,7 @@ def test_compensation_strokes_give_the_angles_back_when_a_tendon_slackens() -> N
     strokes = coupled.compensation_strokes(inst, unloaded, wrench)
     restored = coupled.equilibrium(inst, [0.2, -0.1], wrench, strokes=strokes)
     assert restored.angles == pytest.approx(unloaded, abs=1e-9)
-    assert (restored.tensions == 0).any()
+    assert restored.tensions.min() == pytest.approx(0, abs=1e-9)
 
 
 @some
@@ -319,7 +321,7 @@ def test_a_joint_cannot_bend_beyond_its_mechanism() -> None:
 
 
 def test_in_an_array_what_has_no_solution_is_not_a_number() -> None:
-    at = coupled.equilibrium(two_axes("real-size"), [[0, 0], [0.2, 0.1]], [-40, -40, 0, 0, 0, 0])
+    at = coupled.equilibrium(two_axes("real-size"), [[0.0, 0.0], [0.2, 0.1]], [-40, -40, 0, 0, 0, 0])
     assert (at.status == Status.NO_EQUILIBRIUM).all()
     assert np.isnan(at.angles).all()
     assert np.isnan(at.tensions).all()
