@@ -188,7 +188,7 @@ WristLoad<S> part_of(const WristLoad<S>& load, S share) {
 
 /// Farthest that a coordinate may move while a part of the load is added: a solution farther off is another branch.
 inline constexpr double longest_part = 0.3;
-/// Part of a load that is added first where a joint is loose without it.
+/// Part of a load that is added first where a joint is loose without one.
 inline constexpr double first_part = 1.0 / 64;
 /// Rounding by which a stiffness of a loose joint may differ from none, as a share of a taut one's.
 template <Real S>
@@ -242,24 +242,27 @@ WristEquilibrium<S, W::joints> solve(const W& wrist, const S* wound, const Wrist
   if (at.status != Status::ok) return at;
   at.status = detail::newton(wrist, wound, detail::part_of(load, S(0)), at.x, at.iterations);
   if (at.status != Status::ok) return at;
-  // What is loose without a load moves freely, until a little of the load presses it against its tendons.
-  const bool free = detail::loose(wrist, wound, detail::part_of(load, S(0)), at.x);
+  // What no tendon holds moves freely, until a little more of the load presses it against its tendons.
+  bool may_jump = detail::loose(wrist, wound, WristLoad<S>{}, at.x);
   S raised(0);
-  S part = free ? S(detail::first_part) : S(1);
+  S part = may_jump ? S(detail::first_part) : S(1);
   while (raised < S(1)) {
     const S next = smaller(S(1), raised + part);
-    S x[N];
-    for (int i = 0; i < N; ++i) x[i] = at.x[i];
-    const bool may_jump = free && !(raised > S(0));
     const WristLoad<S> more = detail::part_of(load, next);
-    Status found = may_jump ? detail::newton(wrist, wound, more, x, at.iterations, true) : Status::ok;
-    if (found == Status::ok) found = detail::newton(wrist, wound, more, x, at.iterations);
+    S x[N];
+    Status found = Status::no_equilibrium;
+    for (int way = 0; way <= int(may_jump) && found != Status::ok; ++way) {
+      for (int i = 0; i < N; ++i) x[i] = at.x[i];
+      found = way > 0 ? detail::newton(wrist, wound, more, x, at.iterations, true) : Status::ok;
+      if (found == Status::ok) found = detail::newton(wrist, wound, more, x, at.iterations);
+    }
     for (int i = 0; i < N && found == Status::ok && !may_jump; ++i)
       if (!(abs(x[i] - at.x[i]) <= S(detail::longest_part))) found = Status::no_equilibrium;
     if (found == Status::ok) {
       for (int i = 0; i < N; ++i) at.x[i] = x[i];
       raised = next;
       part = part + part;
+      may_jump = detail::loose(wrist, wound, WristLoad<S>{}, at.x);
     } else {
       part = part * S(0.5);
       if (part < S(1) / S(most_load_parts)) {
