@@ -15,79 +15,17 @@ from tenodesis.coupled import CoupledInstrument
 from tenodesis.errors import NoSolutionError
 from tenodesis.instrument import Instrument
 from tenodesis.statics import Status
-from tenodesis.toml import validated
 
 from .conftest import refused
-from .coupled_samples import two_axes
+from .coupled_samples import Point, drawn, holds, two_axes
 
 Array = NDArray[np.float64]
 
 SIGNS = {"agonist": 1.0, "antagonist": -1.0, "middle": 0.0}
-GENTLE = 0.05  # rad: what each component of a load costs, about
 
 
-def drawn(seed: int) -> CoupledInstrument:
-    """Return a wrist with joints of any mechanism and axis, every one held by a pair that crosses the ones before."""
-    random = np.random.default_rng(seed)
-    count = int(random.integers(1, 5))
-    has_jaws = count > 1 and random.random() < 0.4
-    joints: list[dict[str, Any]] = []
-    for i in range(count):
-        is_jaw = has_jaws and i >= count - 2
-        mechanism = "pulley" if is_jaw else str(random.choice(["tendon-gear", "pulley", "continuum"]))
-        axis: Any = "yaw" if is_jaw else str(random.choice(["yaw", "pitch"]))
-        if mechanism == "pulley" and not is_jaw and random.random() < 0.5:
-            axis = tuple(random.uniform(-1, 1, 3))
-        joint = {"name": f"j{i}", "mechanism": mechanism, "axis": axis, "radius": random.uniform(2e-3, 5e-3)}
-        joint["offset"] = random.uniform(0, 0.01)
-        if mechanism == "continuum":
-            joint |= {"backbone_length": random.uniform(0.01, 0.03), "backbone_rigidity": random.uniform(1e-4, 1e-3)}
-        if random.random() < 0.3:
-            joint["stiffness"] = random.uniform(0.01, 0.1)
-        if is_jaw:
-            joint["on"] = "stem" if count == 2 else f"j{count - 3}"
-        joint["end_effector_length"] = random.uniform(0.005, 0.03)
-        joints.append(joint)
-    tendons: list[dict[str, Any]] = []
-    for i in range(count):
-        crossed = range(min(i, count - 2) if has_jaws else i)
-        passage = [
-            {"joint": f"j{k}", "side": str(random.choice(list(SIGNS))), "radius": random.uniform(1e-3, 3e-3)}
-            for k in crossed
-        ]
-        for side in ("agonist", "antagonist"):
-            route = [{"joint": f"h{i}", "side": side}, *passage, {"joint": f"j{i}", "side": side}]
-            tendons.append({"name": f"t{i}_{side}", "route": route, "stiffness": random.uniform(1e4, 4e4)})
-    wheels = [
-        {"name": f"h{i}", "place": "handle", "mechanism": "pulley", "axis": "yaw", "radius": 4e-3} for i in range(count)
-    ]
-    values: dict[str, Any] = {"name": "drawn", "pretension": random.uniform(1, 8), "joints": [*wheels, *joints]}
-    if has_jaws:
-        values["grip"] = {"jaws": [f"j{count - 2}", f"j{count - 1}"], "length": 5e-3}
-    return validated(CoupledInstrument, values | {"tendons": tendons}, tn.InstrumentError)
-
-
-wrists = st.integers(0, 2**32 - 1).map(drawn)
-some = settings(max_examples=40)
-
-
-class Point:
-    """Random handle angles of a wrist and a load that bends every joint a little."""
-
-    def __init__(self, inst: CoupledInstrument, seed: int, scale: float = GENTLE) -> None:
-        random = np.random.default_rng(seed)
-        self.inst = inst
-        # Pretension that is not balanced may leave a joint loose at rest.
-        assume(coupled.equilibrium(inst, np.zeros((1, len(inst.handle_joints)))).status[0] == Status.OK)
-        rates = coupled.rates(inst, 0.0)
-        size = [np.abs(rates.by_wrench[:, part]).max() for part in (slice(0, 3), slice(3, 6))]
-        self.handle = random.uniform(-0.3, 0.3, len(inst.handle_joints))
-        self.wrench = scale * random.uniform(-1, 1, 6) / np.repeat(size, 3)
-        self.grip = scale * random.uniform(-1, 1) / np.abs(rates.by_grip).max() if inst.grip else 0.0
-        self.strokes = random.uniform(-1e-4, 1e-4, len(inst.tendons))
-
-    def load(self, **changes: Any) -> dict[str, Any]:
-        return {"wrench": self.wrench, "grip_force": self.grip, "strokes": self.strokes, **changes}
+wrists = st.integers(0, 2**32 - 1).map(drawn).filter(holds)
+some = settings(max_examples=25)
 
 
 def place(inst: CoupledInstrument, angles: Array, end: int) -> tuple[Array, Rotation]:

@@ -9,7 +9,7 @@ from tenodesis import coupled
 from tenodesis.coupled import CoupledInstrument
 from tenodesis.verification.coupled_peer import CoupledPeer
 
-from .coupled_samples import backbone, jaws, two_axes
+from .coupled_samples import Point, backbone, drawn, holds, jaws, two_axes
 
 ALLOWED = 0.05  # deg
 OFF_PULLEY = np.radians(88)  # where the peer's tendons leave a pulley
@@ -72,3 +72,24 @@ def test_they_agree_over_three_hundred_loads_with_slack_tendons(make: Callable[[
     assert compared >= 270
     assert slack >= 30
     assert disputed <= 3
+
+
+@pytest.mark.slow
+def test_random_wrists_settle_where_the_statics_have_them() -> None:
+    compared = slack = 0
+    for seed in range(30):
+        inst = drawn(seed)
+        if not holds(inst):
+            continue
+        peer = CoupledPeer(inst)
+        for axes in ("tip", "stem"):
+            point = Point(inst, seed, 0.1)
+            ours = coupled.equilibrium(inst, [point.handle], **point.load(axes=axes))
+            if np.abs(ours.angles).max() > OFF_PULLEY:
+                continue
+            theirs = peer.settle(point.handle, point.wrench, grip_force=point.grip, strokes=point.strokes, axes=axes)
+            assert np.degrees(np.abs(ours.angles[0] - theirs.angles)).max() <= ALLOWED
+            compared += 1
+            slack += ours.tensions.min() == 0
+    assert compared >= 50
+    assert slack >= 20

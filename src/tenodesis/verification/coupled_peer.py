@@ -20,7 +20,7 @@ from tenodesis.verification.mujoco_peer import RATE, TIME_STEP, relax
 
 Array = NDArray[np.float64]
 
-_VERTEBRAE = 10  # that an elastic backbone is divided into
+_VERTEBRAE = 8  # that an elastic backbone is divided into
 _LAG = 0.01  # s: all motions decay at this rate, since every spring has its damper
 _SIDES = {"agonist": 1.0, "antagonist": -1.0, "middle": 0.0}
 _STEM = 0.1  # m, where a file gives none; its length has no part in an equilibrium
@@ -143,7 +143,9 @@ class _Link:
         names = _hinges(joint)
         if joint.mechanism == "continuum":
             pitch = joint.chord / len(names)
-            steps, rest = [pitch / 2] + [pitch] * (len(names) - 1), pitch / 2
+            # In the proportions of Gregory's rule the row reaches as far as the arc, but for a high order of its bends.
+            inner = [pitch] * (len(names) - 3)
+            steps, rest = [5 / 12 * pitch, 13 / 12 * pitch, *inner, 13 / 12 * pitch], 5 / 12 * pitch
         else:
             steps, rest = [joint.chord * k for k in range(len(names))], 0.0
         steps[0] += joint.offset
