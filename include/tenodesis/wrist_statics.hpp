@@ -88,8 +88,7 @@ void wrist_residual(const W& wrist, const T* wound, const WristLoad<T>& load, co
   wrist.load_moments(bend, load, residual);
   for (int i = 0; i < N; ++i) {
     T pull(0);
-    for (int m = 0; m < M; ++m)
-      pull = pull + T(wrist.arm[m][i]) * larger(wrist.stretched(m, wound[m], drawn[m]), T(0));
+    for (int m = 0; m < M; ++m) pull = pull + T(wrist.arm[m][i]) * larger(wrist.stretched(m, wound[m], drawn[m]), T(0));
     residual[i] = residual[i] + pull * bend[i].turn;
     if (wrist.joint[i].stiffness > typename W::S(0))
       residual[i] = residual[i] - T(wrist.joint[i].stiffness) * angle_at(wrist.joint[i].mechanism, x[i]);
@@ -138,8 +137,7 @@ int unloaded_start(const W& wrist, const S* wound, S* x) {
   Square<S, N> stiffness{};
   for (int i = 0; i < N; ++i) {
     x[i] = S(0);
-    for (int m = 0; m < M; ++m)
-      x[i] = x[i] + wrist.arm[m][i] * (wrist.pretension[m] + wrist.stiffness[m] * wound[m]);
+    for (int m = 0; m < M; ++m) x[i] = x[i] + wrist.arm[m][i] * (wrist.pretension[m] + wrist.stiffness[m] * wound[m]);
     for (int j = 0; j < N; ++j)
       for (int m = 0; m < M; ++m)
         stiffness.at[i][j] = stiffness.at[i][j] + wrist.stiffness[m] * wrist.arm[m][i] * wrist.arm[m][j];
@@ -282,11 +280,11 @@ struct WristAnswer {
   using S = W::S;
   static constexpr int N = W::joints, M = W::tendons;
 
-  S stiffness[N][N]{};    ///< moment by angle, the load's own change included, N m/rad
-  S by_wrench[N][6]{};    ///< angles by force (rad/N) and moment (rad/(N m))
-  S by_grip[N]{};         ///< by the grip force, rad/N
-  S by_stroke[N][M]{};    ///< by the motors, rad/m
-  S by_handle[N][N]{};    ///< by the handle's angles
+  S stiffness[N][N]{};  ///< moment by angle, the load's own change included, N m/rad
+  S by_wrench[N][6]{};  ///< angles by force (rad/N) and moment (rad/(N m))
+  S by_grip[N]{};       ///< by the grip force, rad/N
+  S by_stroke[N][M]{};  ///< by the motors, rad/m
+  S by_handle[N][N]{};  ///< by the handle's angles
 };
 
 /// Rates at an equilibrium, exact by the implicit function theorem; not ok where the stiffness is singular.
@@ -321,8 +319,7 @@ Status answer(const W& wrist, const S* wound, const WristLoad<S>& load, const S*
   wrist.excursions(x, drawn);
   for (int m = 0; m < M; ++m) {
     const bool taut = wrist.stretched(m, wound[m], drawn[m]) > S(0);
-    for (int i = 0; i < N; ++i)
-      moment[i] = taut ? wrist.stiffness[m] * wrist.arm[m][i] * bend[i].turn : S(0);
+    for (int i = 0; i < N; ++i) moment[i] = taut ? wrist.stiffness[m] * wrist.arm[m][i] * bend[i].turn : S(0);
     rates(moment, [&](int i, const S& rate) { out.by_stroke[i][m] = rate; });
   }
   for (int h = 0; h < wrist.handles; ++h) {
@@ -423,8 +420,7 @@ Status compensation_strokes(const W& wrist, const S* angle, const WristLoad<S>& 
       dual[i] = -moment[i] / bend[i].turn;
       for (int m = 0; m < M; ++m) {
         if (slack[m]) dual[i] = dual[i] + wrist.arm[m][i] * wrist.pretension[m];
-        for (int j = 0; j < N && acts(m); ++j)
-          normal.at[i][j] = normal.at[i][j] + wrist.arm[m][i] * wrist.arm[m][j];
+        for (int j = 0; j < N && acts(m); ++j) normal.at[i][j] = normal.at[i][j] + wrist.arm[m][i] * wrist.arm[m][j];
       }
     }
     if (solve_linear(normal, dual) == 0) return Status::no_authority;
