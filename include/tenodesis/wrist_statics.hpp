@@ -403,8 +403,8 @@ Status compensation_strokes(const W& wrist, const S* angle, const WristLoad<S>& 
   Bend<S> bend[N];
   for (int i = 0; i < N; ++i) {
     if (!is_finite(angle[i])) return Status::not_finite;
+    if (!(abs(angle[i]) < S(pi))) return Status::unreachable;
     x[i] = coordinate_at(wrist.joint[i].mechanism, angle[i]);
-    if (!(abs(x[i]) < coordinate_limit<S>(wrist.joint[i].mechanism))) return Status::unreachable;
     bend[i] = Bend<S>(wrist.joint[i], x[i]);
   }
   wrist.load_moments(bend, load, moment);

@@ -256,6 +256,8 @@ def test_a_joint_cannot_bend_beyond_its_mechanism() -> None:
         coupled.output_angles(two_axes("real-size"), 0.0, strokes=[0.02, -0.02, 0, 0])
     with pytest.raises(NoSolutionError, match="farther"):
         coupled.handle_angles(two_axes("real-size"), [3.5, 0.0])
+    with pytest.raises(NoSolutionError, match="farther"):
+        coupled.compensation_strokes(two_axes("real-size"), [9.0, 0.0])
 
 
 def test_in_an_array_what_has_no_solution_is_not_a_number() -> None:
@@ -285,6 +287,19 @@ def test_bad_arguments_are_refused() -> None:
         coupled.output_angles(inst, np.zeros((2, 2)), np.zeros((3, 6)))
     with refused("inst", "no handle"):
         coupled.handle_angles(coupled.parse(NO_HANDLE), [0.1])
+
+
+def test_without_a_handle_only_the_motors_move_the_tip() -> None:
+    angles = coupled.output_angles(coupled.parse(NO_HANDLE), 0.0, strokes=[[0.0, 0.0], [6e-4, -6e-4]])
+    np.testing.assert_allclose(angles, [[0.0], [0.2]], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("axis", ["roll", (0.3, 1.0, 0.5)])
+def test_a_gear_or_a_backbone_bends_only_across_the_instrument(axis: Any) -> None:
+    joint = coupled.parse(NO_HANDLE).joints[0].model_dump(exclude_none=True)
+    assert coupled.Joint(**joint | {"axis": axis}).axis == axis
+    with pytest.raises(ValueError, match="across z"):
+        coupled.Joint(**joint | {"axis": axis, "mechanism": "tendon-gear"})
 
 
 NO_HANDLE = """
