@@ -16,9 +16,10 @@ struct Square {
   S at[N][N]{};
 };
 
-/// Solves rows x = right by elimination with pivots; returns the determinant's sign, 0 if it is singular.
+/// Solves rows x = right by elimination with pivots; returns the determinant's sign, 0 if it is singular or a pivot is
+/// not larger than none.
 template <class S, int N>
-int solve_linear(Square<S, N> matrix, S* right) {
+int solve_linear(Square<S, N> matrix, S* right, ValueOf<S> none = ValueOf<S>(0)) {
   int sign = 1;
   for (int k = 0; k < N; ++k) {
     int best = k;
@@ -36,7 +37,7 @@ int solve_linear(Square<S, N> matrix, S* right) {
       sign = -sign;
     }
     const S pivot = matrix.at[k][k];
-    if (!(abs(value_of(pivot)) > ValueOf<S>(0))) return 0;
+    if (!(abs(value_of(pivot)) > none)) return 0;
     if (pivot < S(0)) sign = -sign;
     for (int i = k + 1; i < N; ++i) {
       const S by = matrix.at[i][k] / pivot;
@@ -131,8 +132,7 @@ int unloaded_start(const W& wrist, const S* wound, S* x) {
   Square<S, N> stiffness{};
   for (int i = 0; i < N; ++i) {
     x[i] = S(0);
-    for (int m = 0; m < M; ++m)
-      x[i] = x[i] + wrist.arm[m][i] * (wrist.pretension[m] + wrist.stiffness[m] * wound[m]);
+    for (int m = 0; m < M; ++m) x[i] = x[i] + wrist.arm[m][i] * (wrist.pretension[m] + wrist.stiffness[m] * wound[m]);
     for (int j = 0; j < N; ++j)
       for (int m = 0; m < M; ++m)
         stiffness.at[i][j] = stiffness.at[i][j] + wrist.stiffness[m] * wrist.arm[m][i] * wrist.arm[m][j];
@@ -142,18 +142,21 @@ int unloaded_start(const W& wrist, const S* wound, S* x) {
   return solve_linear(stiffness, x);
 }
 
-/// Newton's iteration from x; true if it arrives at a stable equilibrium within the joints' limits.
+/// Newton's iteration from x; ok if it arrives at a stable equilibrium, unreachable if it leaves a joint's limits.
+///
+/// Where joints are loose, the slopes leave out the load's own change, which would outweigh what little holds them.
 template <class W, class S = W::S>
-bool newton(const W& wrist, const S* wound, const WristLoad<S>& load, S* x, int& iterations) {
+Status newton(const W& wrist, const S* wound, const WristLoad<S>& load, S* x, int& iterations, bool are_loose = false) {
   constexpr int N = W::joints;
   // Residuals fall with the coordinates: all signs of a stable slope are negative.
   constexpr int stable = N % 2 == 0 ? 1 : -1;
   for (int n = 0; n < most_iterations; ++n) {
     ++iterations;
-    const WristBalance<S, N> at = balance(wrist, wound, load, x, slack_stiffness<S>);
+    WristBalance<S, N> at = balance(wrist, wound, load, x, slack_stiffness<S>);
+    if (are_loose) at.slope = balance(wrist, wound, WristLoad<S>{}, x, slack_stiffness<S>).slope;
     S step[N];
     for (int i = 0; i < N; ++i) step[i] = at.residual[i];
-    if (solve_linear(at.slope, step) != stable) return false;
+    if (solve_linear(at.slope, step) != stable) return Status::no_equilibrium;
     S largest(0);
     for (int i = 0; i < N; ++i) largest = larger(largest, abs(step[i]));
     // Where tendons tighten and slacken in turn, shorter steps end the cycle.
@@ -161,11 +164,14 @@ bool newton(const W& wrist, const S* wound, const WristLoad<S>& load, S* x, int&
     const S share = largest > longest ? longest / largest : S(1);
     for (int i = 0; i < N; ++i) {
       x[i] = x[i] - share * step[i];
-      if (!(abs(x[i]) < coordinate_limit<S>(wrist.joint[i].mechanism))) return false;
+      // Beyond a gear's limit there is only its fold.
+      const Mechanism mechanism = wrist.joint[i].mechanism;
+      if (!(abs(x[i]) < coordinate_limit<S>(mechanism)))
+        return mechanism == Mechanism::gear ? Status::no_equilibrium : Status::unreachable;
     }
-    if (largest <= settled<S>) return true;
+    if (largest <= settled<S>) return Status::ok;
   }
-  return false;
+  return Status::no_equilibrium;
 }
 
 template <class S>
@@ -175,9 +181,33 @@ WristLoad<S> part_of(const WristLoad<S>& load, S share) {
 
 /// Farthest that a coordinate may move while a part of the load is added: a solution farther off is another branch.
 inline constexpr double longest_part = 0.3;
-/// Rounding by which a stiffness of a loose joint may differ from none.
+/// Part of a load that is added first where a joint is loose without one.
+inline constexpr double first_part = 1.0 / 64;
+/// Rounding by which a stiffness of a loose joint may differ from none, as a share of a taut one's.
 template <Real S>
 inline constexpr S no_stiffness = sizeof(S) == 4 ? S(1e-5) : S(1e-11);
+
+/// Whether joints can move without a change of the balance: tendons are slack, and no spring holds what they held.
+template <class W, class S = W::S>
+bool loose(const W& wrist, const S* wound, const WristLoad<S>& load, const S* x) {
+  constexpr int N = W::joints, M = W::tendons;
+  S drawn[M];
+  wrist.excursions(x, drawn);
+  bool slack = false;
+  S taut[N];
+  for (int i = 0; i < N; ++i) taut[i] = wrist.joint[i].stiffness;
+  for (int m = 0; m < M; ++m) {
+    if (!(wrist.stiffness[m] > S(0))) continue;
+    slack = slack || !(wrist.stretched(m, wound[m], drawn[m]) > S(0));
+    for (int i = 0; i < N; ++i) taut[i] = taut[i] + wrist.stiffness[m] * wrist.arm[m][i] * wrist.arm[m][i];
+  }
+  if (!slack) return false;
+  Square<S, N> slope = balance(wrist, wound, load, x, S(0)).slope;
+  S none[N]{};
+  for (int i = 0; i < N; ++i)
+    for (int j = 0; j < N; ++j) slope.at[i][j] = slope.at[i][j] / sqrt(taut[i] * taut[j]);
+  return solve_linear(slope, none, no_stiffness<S>) == 0;
+}
 
 }  // namespace detail
 
@@ -203,41 +233,39 @@ WristEquilibrium<S, W::joints> solve(const W& wrist, const S* wound, const Wrist
   for (int i = 0; i < N; ++i)
     if (!(abs(at.x[i]) < coordinate_limit<S>(wrist.joint[i].mechanism))) at.status = Status::unreachable;
   if (at.status != Status::ok) return at;
-  if (!detail::newton(wrist, wound, detail::part_of(load, S(0)), at.x, at.iterations)) {
-    at.status = Status::no_equilibrium;
-    return at;
-  }
+  at.status = detail::newton(wrist, wound, detail::part_of(load, S(0)), at.x, at.iterations);
+  if (at.status != Status::ok) return at;
+  // What no tendon holds moves freely, until a little more of the load presses it against its tendons.
+  bool may_jump = detail::loose(wrist, wound, WristLoad<S>{}, at.x);
   S raised(0);
-  S part(1);
+  S part = may_jump ? S(detail::first_part) : S(1);
   while (raised < S(1)) {
     const S next = smaller(S(1), raised + part);
+    const WristLoad<S> more = detail::part_of(load, next);
     S x[N];
-    for (int i = 0; i < N; ++i) x[i] = at.x[i];
-    bool found = detail::newton(wrist, wound, detail::part_of(load, next), x, at.iterations);
-    for (int i = 0; i < N; ++i) found = found && abs(x[i] - at.x[i]) <= S(detail::longest_part);
-    if (found) {
+    Status found = Status::no_equilibrium;
+    for (int way = 0; way <= int(may_jump) && found != Status::ok; ++way) {
+      for (int i = 0; i < N; ++i) x[i] = at.x[i];
+      found = way > 0 ? detail::newton(wrist, wound, more, x, at.iterations, true) : Status::ok;
+      if (found == Status::ok) found = detail::newton(wrist, wound, more, x, at.iterations);
+    }
+    for (int i = 0; i < N && found == Status::ok && !may_jump; ++i)
+      if (!(abs(x[i] - at.x[i]) <= S(detail::longest_part))) found = Status::no_equilibrium;
+    if (found == Status::ok) {
       for (int i = 0; i < N; ++i) at.x[i] = x[i];
       raised = next;
       part = part + part;
+      may_jump = detail::loose(wrist, wound, WristLoad<S>{}, at.x);
     } else {
       part = part * S(0.5);
       if (part < S(1) / S(most_load_parts)) {
-        at.status = Status::no_equilibrium;
+        at.status = found;
         return at;
       }
     }
   }
   // A joint that no tendon or spring holds rests anywhere.
-  const WristBalance<S, N> last = balance(wrist, wound, load, at.x, S(0));
-  S scale(0);
-  for (int m = 0; m < M; ++m)
-    for (int i = 0; i < N; ++i)
-      scale = larger(scale, wrist.stiffness[m] * wrist.arm[m][i] * wrist.arm[m][i]);
-  for (int i = 0; i < N; ++i) {
-    S held(0);
-    for (int j = 0; j < N; ++j) held = larger(held, abs(last.slope.at[i][j]));
-    if (held <= detail::no_stiffness<S> * scale) at.status = Status::both_slack;
-  }
+  if (detail::loose(wrist, wound, load, at.x)) at.status = Status::both_slack;
   return at;
 }
 
@@ -247,11 +275,11 @@ struct WristAnswer {
   using S = W::S;
   static constexpr int N = W::joints, M = W::tendons;
 
-  S stiffness[N][N]{};    ///< moment by angle, the load's own change included, N m/rad
-  S by_wrench[N][6]{};    ///< angles by force (rad/N) and moment (rad/(N m))
-  S by_grip[N]{};         ///< by the grip force, rad/N
-  S by_stroke[N][M]{};    ///< by the motors, rad/m
-  S by_handle[N][N]{};    ///< by the handle's angles
+  S stiffness[N][N]{};  ///< moment by angle, the load's own change included, N m/rad
+  S by_wrench[N][6]{};  ///< angles by force (rad/N) and moment (rad/(N m))
+  S by_grip[N]{};       ///< by the grip force, rad/N
+  S by_stroke[N][M]{};  ///< by the motors, rad/m
+  S by_handle[N][N]{};  ///< by the handle's angles
 };
 
 /// Rates at an equilibrium, exact by the implicit function theorem; not ok where the stiffness is singular.
@@ -287,8 +315,7 @@ Status answer(const W& wrist, const S* wound, const WristLoad<S>& load, const S*
   wrist.excursions(x, drawn);
   for (int m = 0; m < M; ++m) {
     const bool taut = wrist.stretched(m, wound[m], drawn[m]) > S(0);
-    for (int i = 0; i < N; ++i)
-      moment[i] = taut ? wrist.stiffness[m] * wrist.arm[m][i] * bend[i].turn : S(0);
+    for (int i = 0; i < N; ++i) moment[i] = taut ? wrist.stiffness[m] * wrist.arm[m][i] * bend[i].turn : S(0);
     rates(moment, [&](int i, const S& rate) { out.by_stroke[i][m] = rate; });
   }
   for (int h = 0; h < wrist.handles; ++h) {
@@ -361,50 +388,53 @@ Status handle_angles(const W& wrist, const S* angle, const WristLoad<S>& load, c
   return Status::ok;
 }
 
-/// Strokes of the motors with which the wrist under a load takes the angles that it has without one at the same handle.
+/// Strokes of the motors with which the wrist under a load takes the angles that it has without one.
 ///
-/// Every motor winds what its tendon is stretched by more than at rest: the smallest change of the tensions, in the sum
-/// of their squares, that carries the load, no tendon below zero.
+/// wound: length wound in by the handle, m. The change of the tensions that carries the load is the smallest in the sum
+/// of its squares, no tendon below zero; every motor winds what its own tendon is stretched by more.
 template <class W, class S = W::S>
-Status compensation_strokes(const W& wrist, const S* angle, const WristLoad<S>& load, S* stroke) {
+Status compensation_strokes(const W& wrist, const S* wound, const WristLoad<S>& load, S* stroke) {
   constexpr int N = W::joints, M = W::tendons;
-  S x[N], moment[N], rate[N][N];
+  const WristEquilibrium<S, N> at = solve(wrist, wound, WristLoad<S>{});
+  if (at.status != Status::ok) return at.status;
   Bend<S> bend[N];
-  for (int i = 0; i < N; ++i) {
-    if (!is_finite(angle[i])) return Status::not_finite;
-    x[i] = coordinate_at(wrist.joint[i].mechanism, angle[i]);
-    if (!(abs(x[i]) < coordinate_limit<S>(wrist.joint[i].mechanism))) return Status::unreachable;
-    bend[i] = Bend<S>(wrist.joint[i], x[i]);
-  }
+  for (int i = 0; i < N; ++i) bend[i] = Bend<S>(wrist.joint[i], at.x[i]);
+  S moment[N], rate[N][N], drawn[M], before[M];
   wrist.load_moments(bend, load, moment, rate);
+  wrist.excursions(at.x, drawn);
+  for (int m = 0; m < M; ++m) before[m] = wrist.stretched(m, wound[m], drawn[m]);
+  const auto held = [&](int m) { return larger(before[m], S(0)); };
   bool slack[M]{};
   S change[M]{};
   // A tendon without a motor keeps its tension, since the angles are kept.
   const auto acts = [&](int m) { return wrist.motor[m] && !slack[m]; };
   for (int round = 0; round <= M; ++round) {
-    // Least squares over the taut tendons: change = arm (arm^T arm)^-1 moment.
+    // Least squares over the tendons that act: change = arm (arm^T arm)^-1 moment.
     Square<S, N> normal{};
     S dual[N];
     for (int i = 0; i < N; ++i) {
-      dual[i] = -moment[i] / bend[i].turn;
+      dual[i] = -moment[i] * bend[i].per_turn;
       for (int m = 0; m < M; ++m) {
-        if (slack[m]) dual[i] = dual[i] + wrist.arm[m][i] * wrist.pretension[m];
-        for (int j = 0; j < N && acts(m); ++j)
-          normal.at[i][j] = normal.at[i][j] + wrist.arm[m][i] * wrist.arm[m][j];
+        if (slack[m]) dual[i] = dual[i] + wrist.arm[m][i] * held(m);
+        for (int j = 0; j < N && acts(m); ++j) normal.at[i][j] = normal.at[i][j] + wrist.arm[m][i] * wrist.arm[m][j];
       }
     }
     if (solve_linear(normal, dual) == 0) return Status::no_authority;
     bool again = false;
     for (int m = 0; m < M; ++m) {
-      change[m] = slack[m] ? -wrist.pretension[m] : S(0);
+      change[m] = slack[m] ? -held(m) : S(0);
       if (!acts(m)) continue;
       for (int i = 0; i < N; ++i) change[m] = change[m] + wrist.arm[m][i] * dual[i];
-      if (change[m] < -wrist.pretension[m]) slack[m] = again = true;
+      if (change[m] < -held(m)) slack[m] = again = true;
     }
-    if (!again) {
-      for (int m = 0; m < M; ++m) stroke[m] = wrist.stiffness[m] > S(0) ? change[m] / wrist.stiffness[m] : S(0);
-      return Status::ok;
+    if (again) continue;
+    for (int m = 0; m < M; ++m) {
+      // A slack tendon is wound in only if it has to pull.
+      const S wanted = held(m) + change[m];
+      const bool moves = wrist.stiffness[m] > S(0) && (wanted > S(0) || before[m] > S(0)) && change[m] != S(0);
+      stroke[m] = moves ? (wanted - before[m]) / wrist.stiffness[m] : S(0);
     }
+    return Status::ok;
   }
   return Status::no_authority;
 }

@@ -146,14 +146,14 @@ class AnyWrist {
     });
   }
 
-  void compensation_strokes(const In<2>& angle, const In<2>& load, bool in_stem_axes, const Out<2>& out,
-                            const Statuses& status, int threads) const {
-    each(angle, angle, load, status, threads, [&](const auto& wrist, std::size_t p) {
+  void compensation_strokes(const In<2>& handle, const In<2>& stroke, const In<2>& load, bool in_stem_axes,
+                            const Out<2>& out, const Statuses& status, int threads) const {
+    each(handle, stroke, load, status, threads, [&](const auto& wrist, std::size_t p) {
       using W = std::decay_t<decltype(wrist)>;
-      const Point<W> at(wrist, nullptr, nullptr, row(load, p), 0, 0, in_stem_axes);
-      double stroke[W::tendons]{};
-      const Status found = tenodesis::compensation_strokes(wrist, row(angle, p), at.load, stroke);
-      for (std::size_t m = 0; m < tendons_; ++m) out.data()[p * tendons_ + m] = found == Status::ok ? stroke[m] : nan;
+      const Point<W> at(wrist, row(handle, p), row(stroke, p), row(load, p), handles_, tendons_, in_stem_axes);
+      double strokes[W::tendons]{};
+      const Status found = tenodesis::compensation_strokes(wrist, at.wound, at.load, strokes);
+      for (std::size_t m = 0; m < tendons_; ++m) out.data()[p * tendons_ + m] = found == Status::ok ? strokes[m] : nan;
       return found;
     });
   }
@@ -272,7 +272,7 @@ void bind_wrist(nb::module_& m) {
            "threads"_a)
       .def("handle_angles", &AnyWrist::handle_angles, "angle"_a, "stroke"_a, "load"_a, "in_stem_axes"_a, "out"_a,
            "status"_a, "threads"_a)
-      .def("compensation_strokes", &AnyWrist::compensation_strokes, "angle"_a, "load"_a, "in_stem_axes"_a, "out"_a,
+      .def("compensation_strokes", &AnyWrist::compensation_strokes, "handle"_a, "stroke"_a, "load"_a, "in_stem_axes"_a, "out"_a,
            "status"_a, "threads"_a);
 }
 

@@ -99,6 +99,11 @@ class Joint(FileTable):
                 raise ValueError(f"{key} {needed}; it must be {'given' if is_continuum else 'left out'}")
         if not isinstance(self.axis, str) and not math.hypot(*self.axis) > 0:
             raise ValueError(f"axis is {list(self.axis)}; it must be yaw, pitch, roll or a vector that is not zero")
+        if self.mechanism != "pulley" and abs(self.axis_vector[2]) > 1e-9:
+            given = self.axis if isinstance(self.axis, str) else list(self.axis)
+            raise ValueError(
+                f"axis is {given}; a {self.mechanism} bends only about an axis across z, the last number 0"
+            )
         return self
 
 
@@ -285,7 +290,9 @@ class CoupledInstrument(FileTable):
         if not 1 <= len(tips) <= MOST_JOINTS:
             raise ValueError(f"joints has {len(tips)} at the tip; there must be 1 to {MOST_JOINTS}")
         if len(handles) > len(tips):
-            raise ValueError(f"joints has {len(handles)} at the handle; there must be at most {len(tips)}, as at the tip")
+            raise ValueError(
+                f"joints has {len(handles)} at the handle; there must be at most {len(tips)}, as at the tip"
+            )
         before: list[str] = ["stem"]
         for joint in tips:
             if joint.on is not None and joint.on not in before:

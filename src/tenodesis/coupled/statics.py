@@ -1,5 +1,6 @@
 """Statics of instruments whose joints share tendons: all angles and tensions under a wrench and a grip force."""
 
+import math
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -84,9 +85,9 @@ def equilibrium(
         There is no equilibrium at a single given point.
     """
     inst, point = _prepare(inst, handle_angles, wrench, grip_force, strokes, axes)
-    angles = np.empty((point.count, len(inst.tip_joints)))
-    tensions = np.empty((point.count, len(inst.tendons)))
-    status = np.empty(point.count, np.uint8)
+    angles = np.empty((point.total, len(inst.tip_joints)))
+    tensions = np.empty((point.total, len(inst.tendons)))
+    status = np.empty(point.total, np.uint8)
     inst.core.solve(point.held, point.strokes, point.load, axes == "stem", angles, tensions, status, threads())
     _check(inst, "equilibrium", point, status)
     return Equilibrium(point.shaped(angles), point.shaped(tensions), status.reshape(point.shape))
@@ -135,8 +136,8 @@ def rates(
     inst, point = _prepare(inst, handle_angles, wrench, grip_force, strokes, axes)
     joints, tendons = len(inst.tip_joints), len(inst.tendons)
     ends = np.cumsum([joints, 6, 1, tendons])
-    out = np.empty((point.count, joints, int(ends[-1]) + len(inst.handle_joints)))
-    status = np.empty(point.count, np.uint8)
+    out = np.empty((point.total, joints, int(ends[-1]) + len(inst.handle_joints)))
+    status = np.empty(point.total, np.uint8)
     inst.core.answer(point.held, point.strokes, point.load, axes == "stem", out, status, threads())
     _check(inst, "rates", point, status)
     parts = [point.shaped(part) for part in np.split(out, ends, axis=2)]
@@ -168,7 +169,7 @@ def handle_angles(
             allowed="an instrument with as many joints at the handle as at the tip",
         )
     inst, point = _prepare(inst, output_angles, wrench, grip_force, strokes, axes, "output_angles", joints)
-    out, status = np.empty((point.count, joints)), np.empty(point.count, np.uint8)
+    out, status = np.empty((point.total, joints)), np.empty(point.total, np.uint8)
     inst.core.handle_angles(point.held, point.strokes, point.load, axes == "stem", out, status, threads())
     _check(inst, "handle_angles", point, status)
     return point.shaped(out)
@@ -189,10 +190,8 @@ def compensation_strokes(
     the rest as in :func:`equilibrium`. Raises NoSolutionError also if the tendons with motors cannot carry the load.
     """
     inst = load(inst)
-    inst, point = _prepare(
-        inst, output_angles, wrench, grip_force, 0.0, axes, "output_angles", len(inst.tip_joints)
-    )
-    out, status = np.empty((point.count, len(inst.tendons))), np.empty(point.count, np.uint8)
+    inst, point = _prepare(inst, output_angles, wrench, grip_force, 0.0, axes, "output_angles", len(inst.tip_joints))
+    out, status = np.empty((point.total, len(inst.tendons))), np.empty(point.total, np.uint8)
     inst.core.compensation_strokes(point.held, point.load, axes == "stem", out, status, threads())
     _check(inst, "compensation_strokes", point, status)
     return point.shaped(out)
@@ -217,7 +216,7 @@ class _Point(NamedTuple):
     strokes: Array
     load: Array
     shape: tuple[int, ...]
-    count: int
+    total: int
     key: str
 
     def shaped(self, values: Array) -> Array:
@@ -268,12 +267,13 @@ def _prepare(
             raise ArgumentError(
                 key=f"{key} of {joint.name}", value=angle, allowed=f"within its range of ±{limits[worst]:.4g} rad"
             )
+    total = math.prod(shape)
     flat = {
-        name: np.ascontiguousarray(np.broadcast_to(rows, (*shape, rows.shape[-1]))).reshape(-1, rows.shape[-1])
+        name: np.ascontiguousarray(np.broadcast_to(rows, (*shape, rows.shape[-1]))).reshape(total, rows.shape[-1])
         for name, rows in (given | {"grip_force": grip[..., np.newaxis]}).items()
     }
     load_rows = np.ascontiguousarray(np.concatenate([flat["wrench"], flat["grip_force"]], axis=1))
-    return inst, _Point(flat[key], flat["strokes"], load_rows, shape, len(load_rows), key)
+    return inst, _Point(flat[key], flat["strokes"], load_rows, shape, total, key)
 
 
 def _rows(key: str, value: ArrayLike, width: int) -> Array:
