@@ -35,8 +35,8 @@ _OURS = {
     "joints.range": "the larger of the file's limits, at most 179 deg; of a jaw, yaw's and half of the jaw's",
     "spool_radius": "ours: one for all disks; it follows from the pitch pulley's radius",
     "joints.end_effector_length": "ours: the file has none",
-    "tendon_stiffness": "ours: with pulleys of 2.5 mm, near the compliance of a da Vinci grasper, docs/identification.md",
-    "pretension": "ours: with pulleys of 2.5 mm, near that of a da Vinci grasper, docs/identification.md",
+    "tendon_stiffness": "ours: at 2.5 mm near the compliance of a da Vinci grasper, docs/identification.md",
+    "pretension": "ours: at 2.5 mm near the pretension of a da Vinci grasper, docs/identification.md",
 }
 
 
@@ -162,9 +162,7 @@ def _content(path: Path) -> dict[str, Any]:
 
 def _matrix(content: dict[str, Any], path: Path) -> Array:
     if content.get("snake-like"):
-        raise _refused(
-            path, "snake-like is true: its pitch and yaw are two joints each", True, "a wrist of one pitch and one yaw axis"
-        )
+        raise _refused(path, "snake-like is true: it has two joints of pitch and two of yaw", True, "one of each")
     coupling = content.get("coupling")
     key = "coupling.ActuatorToJointPosition"
     if not isinstance(coupling, dict) or "ActuatorToJointPosition" not in coupling:

@@ -58,16 +58,6 @@ def parse(text: str, source: str = "instrument") -> Instrument:
 
     Raises InstrumentError, whose message starts with `source`, if the text is not TOML or not a valid instrument.
     """
-    values = parse_toml(text, InstrumentError, source)
-    if {"joints", "tendons"} <= values.keys():
-        allowed = "an instrument of planar axes"
-        raise InstrumentError(
-            f"{source} lists joints and tendons: it is a coupled instrument; tenodesis.coupled.load reads it, and "
-            "`tenodesis check` takes it.",
-            key="file",
-            value=source,
-            allowed=allowed,
-        )
     values = parse_toml(text, InstrumentError, source, "an instrument")
     joint_type = values.get("joint_type")
     if not isinstance(joint_type, str) or joint_type not in JOINT_TYPES:
