@@ -88,7 +88,12 @@ SOURCE = Source(
 
 
 def load(path: Path) -> MeasuredRun:
-    """Return a recording of a da Vinci tool.
+    """Return a recording of a da Vinci tool, as :func:`read`."""
+    return read(path, SOURCE)
+
+
+def read(path: Path, source: Source) -> MeasuredRun:
+    """Return a recording of the bench.
 
     Columns: spindle_angle, jaw_angle (rad), spindle_torque, jaw_torque (N*m), by the signs of the file; the last is as
     it was measured, for no model takes it. The first seconds, in which the bench settles, are kept: a model with memory
@@ -125,7 +130,7 @@ def load(path: Path) -> MeasuredRun:
     raw.saturated("spindle_torque")
     raw.enough()
     raw.gaps()
-    return raw.done(SOURCE, checksum(path))
+    return raw.done(source, checksum(path))
 
 
 def _angle(counts: int) -> tuple[Unit, ...]:
@@ -217,6 +222,8 @@ class Series(ReferenceSeries):
     torque: Array
     """By the sign in which it mostly works against its load."""
     speed: Array
+    pitch: float = 0.0
+    """Of the wrist, rad."""
 
 
 class Signs(NamedTuple):
@@ -300,19 +307,23 @@ class Tool(ReferenceProblem[Series]):
         bearing: dict[str, Operand] = {"constant": given.get("spindle_friction", 0.0)}
         # the tendon reaches from the bearing to the last contact: a half of its pieces' length at either end
         passed = [_behind("coulomb", bearing, tension, given["start"], series.speed, slack=slack)]
-        along = self._along(given)
+        along = self._along(given, series)
         for _ in range(self.contacts):
             passed.append(_behind(self.law, along, passed[-1], given["start"], series.speed, slack=slack))
         pieces = [0.5 / self.contacts * (one + other) for one, other in pairwise(passed)]
         return sum(pieces[1:], pieces[0]) - pretension
 
-    def _along(self, given: Mapping[str, Dual]) -> dict[str, Operand]:
+    def _along(self, given: Mapping[str, Dual], series: Series) -> dict[str, Operand]:
         """Return the friction of a contact along the tendon, by the names of its law."""
         friction: dict[str, Operand] = {name: given[name] for name in _SHAPES if name in given}
-        for name, ours in (("exponent", "friction_exponent"), ("constant", "sliding_friction")):
-            if ours in given:
-                friction[name] = given[ours] * (1 / self.contacts)
+        for name, ours in (("exponent", self._exponent(given, series)), ("constant", given.get("sliding_friction"))):
+            if ours is not None:
+                friction[name] = ours * (1 / self.contacts)
         return friction
+
+    def _exponent(self, given: Mapping[str, Dual], series: Series) -> Dual | None:
+        """Return the friction exponent all along the tendon, if the law has one."""
+        return given.get("friction_exponent")
 
 
 def problem(
@@ -393,6 +404,7 @@ def _series(one: MeasuredRun, signs: Signs) -> Series:
         spindle=np.append(spindle[0], spindle),
         torque=np.append(level, _causal_mean(torque, window)),
         speed=np.append(0.0, (spindle - spindle[before]) / passed),
+        pitch=float(one.columns["wrist_pitch"][0]) if "wrist_pitch" in one.columns else 0.0,
     )
 
 
@@ -412,6 +424,7 @@ def _thinned(one: Series) -> Series:
         spindle=block(one.spindle),
         torque=np.append(one.torque[0], one.torque[step::step]),
         speed=np.append(one.speed[0], one.speed[step::step]),
+        pitch=one.pitch,
     )
 
 
