@@ -27,7 +27,8 @@ _LARGEST = 1_000_000
 _MOST = math.radians(179)
 """Largest range that a joint can have, rad."""
 _NAMES = ("roll", "pitch", "yaw")
-_LEAST_DETERMINANT = 1e-9
+_MOST_CONDITION = 1e6
+"""Condition number above which a matrix is singular, for the six digits that files have."""
 # Strings stay as they are: two slashes may stand in them.
 _COMMENT = re.compile(r'("(?:[^"\\\n]|\\.)*")|//[^\n]*|/\*.*?\*/', re.DOTALL)
 _OURS = {
@@ -66,7 +67,7 @@ def dvrk_text(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS) -> str:
     if limits[-1] is None:
         matrix, limits = _without_jaws(matrix, path), limits[:-1]
     size = len(matrix)
-    if abs(np.linalg.det(matrix / np.abs(matrix).max(axis=1, keepdims=True))) < _LEAST_DETERMINANT:
+    if np.linalg.cond(matrix) > _MOST_CONDITION:
         raise _refused(
             path, "coupling.ActuatorToJointPosition is singular: turns of the disks leave every angle unchanged", matrix
         )
@@ -196,10 +197,17 @@ def _dh_joint(content: dict[str, Any], place: int) -> Any:
 
 
 def _limit(joint: Any, key: str, path: Path) -> float:
-    values = [joint.get(bound) for bound in ("qmin", "qmax")] if isinstance(joint, dict) else [None]
-    if not all(_is_number(one) for one in values) or not any(values):
-        raise _refused(path, f"qmin and qmax of {key} are {values}", values, "two finite numbers, not both zero")
-    return max(abs(one) for one in values if one is not None)
+    values = [joint.get(bound) for bound in ("qmin", "qmax")] if isinstance(joint, dict) else []
+    if not (any(values) and all(_is_number(one) for one in values)):
+        found = values if values else "missing"
+        needed = "two finite numbers, not both zero"
+        raise InstrumentError(
+            f"{path}: qmin and qmax of {key} are {found}; they must be {needed}.",
+            key="path",
+            value=found,
+            allowed=needed,
+        )
+    return max(abs(float(one)) for one in values)
 
 
 def _is_number(value: Any) -> bool:

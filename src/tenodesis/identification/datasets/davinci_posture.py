@@ -3,20 +3,22 @@
 O'Neill, Stephens and Kowalewski, IEEE RA-L 3(4):3027-3034, 2018. Files as `davinci_tool` reads them, whose names have
 the pitch in degrees: pitch+60_000.TXT.
 
-The jaw's tendons run over pulleys on the pitch axis. Pitch draws them, so that the jaw's zero moves by the wrist's
-coupling, and bends them: the tendon that the load stretches runs on one side of the axis, where its bend grows to one
-side of pitch and falls to the other.
+The jaw's tendons run over pulleys on the pitch axis, on either side of it. Pitch draws them, so that the jaw's zero
+moves by the wrist's coupling. The sign of the coupling tells on which side the tendon runs that the load stretches: pitch to
+one side bends it over its pulley, to the other side the pulley is left. What drags on it and what gives way grow with
+the bend in the same proportion, g:
 
-    jaw      = offset + coupling pitch + own offset + the tool's model
-    exponent = friction_exponent + pitch_exponent pitch, not below 0
+    jaw  = offset + coupling pitch + own offset + the tool's model with g friction_exponent and g compliance
+    g    = e^(bend_growth bend)
+    bend = max(0, +- pitch)
 
-A recording starts at a stop of the jaw, which leaves it an offset of its own. It is taken out of the errors, and a small
+A recording starts at a stop of the jaw, which leaves it an offset of its own. That is taken out of its errors; a small
 share of it counts in the fit, by which offset and coupling are known.
 """
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +26,7 @@ import numpy as np
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.datasets import davinci_tool
 from tenodesis.identification.datasets.davinci_tool import DEFAULT_LAW, Series, Tool
-from tenodesis.identification.datasets.dual_numbers import Dual, unknowns
+from tenodesis.identification.datasets.dual_numbers import Dual
 from tenodesis.identification.datasets.reference import refuse_instrument
 from tenodesis.identification.formats.measured import MeasuredRun, Source
 from tenodesis.identification.problem import Parameter
@@ -64,7 +66,7 @@ OFFSET_SHARE = 0.03
 _PITCH = re.compile(r"pitch[\s_=]*([+-]?\d+(?:\.\d+)?)", re.IGNORECASE)
 _COUPLING = Parameter("coupling", "1", 0.0, -2.0, 2.0, "Jaw angle by pitch, the spindle held")
 _BEND = Parameter(
-    "pitch_exponent", "1/rad", 0.0, -1.0, 1.0, "Friction exponent by pitch, which bends the loaded tendon"
+    "bend_growth", "1/rad", 0.3, 0.0, 3.0, "Growth of friction exponent and compliance with the loaded tendon's bend"
 )
 
 
@@ -111,6 +113,8 @@ class Wrist(Tool):
         several = len({one.pitch for one in self.fitted[: len(train)]}) > 1
         own = (_COUPLING, _BEND) if several else ()
         starts = self._lines(self.fitted[: len(train)], several=several)
+        # Against the load the tendon pulls the jaw to -jaw * load; the pitch that draws it moves the jaw there too.
+        self._side = -self.signs.jaw * self.signs.load * math.copysign(1.0, starts["coupling"])
         parameters = [
             one
             if one.name not in starts
@@ -136,21 +140,24 @@ class Wrist(Tool):
     def modelled(self, values: Array, series: Series, *, exact: bool) -> Dual:
         """Return the jaw angle by the model without the recording's own offset, (1 + n,), rad."""
         jaw = super().modelled(values, series, exact=exact)
-        given = unknowns(self._names, values, exact=exact)
+        given = self._given(values, series, exact=exact)
         return jaw + given["coupling"] * series.pitch if "coupling" in given else jaw
 
     def advice(self, names: Sequence[str]) -> str | None:
         """Return which recording would make these parameters identifiable."""
-        if {"coupling", "pitch_exponent"} & set(names):
+        if {"coupling", "bend_growth"} & set(names):
             return "Record the same motion at three or more pitch angles, far apart to either side."
         return super().advice(names)
 
     def _errors(self, values: Array, series: Series) -> Array:
         return _without_mean(super()._errors(values, series), 0.0)
 
-    def _exponent(self, given: Mapping[str, Dual], series: Series) -> Dual | None:
-        exponent = given["friction_exponent"]
-        return (exponent + given["pitch_exponent"] * series.pitch).above(0.0) if "pitch_exponent" in given else exponent
+    def _given(self, values: Array, series: Series, *, exact: bool) -> dict[str, Dual]:
+        given = super()._given(values, series, exact=exact)
+        if "bend_growth" in given:
+            growth = (given["bend_growth"] * max(0.0, self._side * series.pitch)).exp()
+            given |= {name: given[name] * growth for name in ("friction_exponent", "compliance")}
+        return given
 
     def _lines(self, train: Sequence[Series], *, several: bool) -> dict[str, float]:
         """Return where the parameters that act without friction start: by a line for each run, side by side."""

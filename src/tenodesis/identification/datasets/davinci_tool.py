@@ -288,7 +288,7 @@ class Tool(ReferenceProblem[Series]):
 
     def modelled(self, values: Array, series: Series, *, exact: bool) -> Dual:
         """Return the jaw angle by the model, (1 + n,), rad."""
-        given = unknowns(self._names, values, exact=exact)
+        given = self._given(values, series, exact=exact)
         turned = given["ratio"] * series.spindle + self.signs.load * given["compliance"] * self._mean(given, series)
         return self.signs.jaw * turned + given["offset"]
 
@@ -307,23 +307,23 @@ class Tool(ReferenceProblem[Series]):
         bearing: dict[str, Operand] = {"constant": given.get("spindle_friction", 0.0)}
         # the tendon reaches from the bearing to the last contact: a half of its pieces' length at either end
         passed = [_behind("coulomb", bearing, tension, given["start"], series.speed, slack=slack)]
-        along = self._along(given, series)
+        along = self._along(given)
         for _ in range(self.contacts):
             passed.append(_behind(self.law, along, passed[-1], given["start"], series.speed, slack=slack))
         pieces = [0.5 / self.contacts * (one + other) for one, other in pairwise(passed)]
         return sum(pieces[1:], pieces[0]) - pretension
 
-    def _along(self, given: Mapping[str, Dual], series: Series) -> dict[str, Operand]:
+    def _along(self, given: Mapping[str, Dual]) -> dict[str, Operand]:
         """Return the friction of a contact along the tendon, by the names of its law."""
         friction: dict[str, Operand] = {name: given[name] for name in _SHAPES if name in given}
-        for name, ours in (("exponent", self._exponent(given, series)), ("constant", given.get("sliding_friction"))):
-            if ours is not None:
-                friction[name] = ours * (1 / self.contacts)
+        for name, ours in (("exponent", "friction_exponent"), ("constant", "sliding_friction")):
+            if ours in given:
+                friction[name] = given[ours] * (1 / self.contacts)
         return friction
 
-    def _exponent(self, given: Mapping[str, Dual], series: Series) -> Dual | None:
-        """Return the friction exponent all along the tendon, if the law has one."""
-        return given.get("friction_exponent")
+    def _given(self, values: Array, series: Series, *, exact: bool) -> dict[str, Dual]:
+        """Return the parameters by name as they are for a run."""
+        return unknowns(self._names, values, exact=exact)
 
 
 def problem(
