@@ -115,7 +115,10 @@ def test_recordings_at_one_pitch_have_neither_coupling_nor_growth() -> None:
 
 @pytest.mark.slow
 def test_simulated_postures_give_back_the_wrists_parameters() -> None:
-    found = fit(Wrist(simulated()), train=range(3), starts=1)
+    runs = [posture(pitch, level) for pitch in PITCHES for level in (0.04, 0.12)]
+    wrist = Wrist(runs)
+    exact = [with_jaw(run, wrist.predict(values(wrist), n)) for n, run in enumerate(runs)]
+    found = fit(Wrist(exact), train=range(6), starts=4)
     for name in ("coupling", "bend_growth", "compliance", "friction_exponent"):
         assert found.values[name] == pytest.approx(TRUTH[name], rel=0.02), name
 

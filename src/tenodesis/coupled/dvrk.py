@@ -8,8 +8,9 @@ matrix, with the angles of the two jaws, yaw + jaw/2 and yaw - jaw/2, in place o
 import json
 import math
 import re
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 import tomli_w
@@ -198,7 +199,8 @@ def _dh_joint(content: dict[str, Any], place: int) -> Any:
 
 def _limit(joint: Any, key: str, path: Path) -> float:
     values = [joint.get(bound) for bound in ("qmin", "qmax")] if isinstance(joint, dict) else []
-    if not (any(values) and all(_is_number(one) for one in values)):
+    numbers = [one for one in values if _is_number(one)]
+    if not any(numbers) or len(numbers) < len(values):
         found = values if values else "missing"
         needed = "two finite numbers, not both zero"
         raise InstrumentError(
@@ -207,16 +209,16 @@ def _limit(joint: Any, key: str, path: Path) -> float:
             value=found,
             allowed=needed,
         )
-    return max(abs(float(one)) for one in values)
+    return float(max(map(abs, numbers)))
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: Any) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _lengths(content: dict[str, Any]) -> tuple[float, float]:
     """Return the length of the stem and the distance from the pitch to the yaw axis, m; 0 where the file has none."""
-    found = (
+    found: Iterable[Any] = (
         joint.get(key) if isinstance(joint, dict) else None
         for joint, key in ((_dh_joint(content, 0), "D"), (_dh_joint(content, 2), "A"))
     )
