@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tenodesis.errors import IdentificationError
+from tenodesis.cli.identify import recordings_of
+from tenodesis.errors import CommandError, IdentificationError
 from tenodesis.identification import FORMATS, Fit, fit, jacobian_error
 from tenodesis.identification.datasets.davinci_posture import LAWS, Wrist, load
 from tenodesis.identification.formats.measured import MeasuredRun
@@ -126,6 +127,17 @@ def test_simulated_postures_give_back_the_wrists_parameters() -> None:
 def test_a_law_without_an_exponent_is_refused() -> None:
     with pytest.raises(IdentificationError, match="law is 'coulomb'; it must be one of capstan, capstan-constant"):
         FORMATS["davinci-posture"].problem([posture(0)], [], law="coulomb", instrument=None)
+
+
+def test_a_folder_stands_for_its_text_files_that_are_not_held_out(tmp_path: Path) -> None:
+    files = [tmp_path / name for name in ("pitch0_1.TXT", "pitch0_2.TXT", "README.md")]
+    for file in files:
+        file.write_text("")
+    assert recordings_of([tmp_path], [files[1]], "davinci-posture") == [files[0]]
+    assert recordings_of([tmp_path], [], "mcap") == [tmp_path]
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(CommandError, match=r"a folder without recordings; it must be a recording, or a folder with"):
+        recordings_of([tmp_path / "empty"], [], "davinci-posture")
 
 
 # --- a real grasper ------------------------------------------------------------------------------------------------

@@ -33,11 +33,12 @@ from tenodesis.identification.uncertainty import LossName
 from tenodesis.instrument import Instrument
 
 _BEND = "sheath_bend"
+_TEXTS = (".txt", ".csv")
 ArrangementChoice: TypeAlias = Literal["auto", "compare", "file"]
 
 
 def identify(  # noqa: PLR0917
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help="Recordings to fit.")],
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help="Recordings to fit, or folders of text files.")],
     format_name: Annotated[str, typer.Option("--format", help=f"{', '.join(FORMATS)}.")] = "mcap",
     test: Annotated[list[Path] | None, typer.Option(metavar="FILE", help="Recording held out; repeatable.")] = None,
     train_until: Annotated[
@@ -87,13 +88,13 @@ def identify(  # noqa: PLR0917
     overwrite: Overwrite = False,
 ) -> None:
     """Identify a model from recordings: parameters with intervals, errors on held-out runs, and the instrument file."""
-    tests = test or []
-    _check_files(logs, tests)
+    tests, given = test or [], logs
+    logs = recordings_of(logs, tests, format_name)
     outputs: list[tuple[str, Path | None]] = [
         ("--out", out / name) for name in (report.PAGE, report.NUMBERS, report.INSTRUMENT)
     ]
     outputs += [("--json-out", json_file)]
-    with writing(outputs, [*logs, *tests, instrument_file], overwrite=overwrite, folder=out):
+    with writing(outputs, [*given, *logs, *tests, instrument_file], overwrite=overwrite, folder=out):
         check_suffix("--json-out", json_file, JSON)
         check_choice("--format", format_name, FORMATS)
         if law is not None:
@@ -246,6 +247,26 @@ def _split(until: float | None, from_: float | None) -> tuple[float | None, Fitt
         allowed = f"between {LEAST_SHARE:g} and {1 - LEAST_SHARE:g}"
         raise CommandError(f"{option} is {share:g}; it must be {allowed}.", key=option, value=share, allowed=allowed)
     return share, "until" if from_ is None else "from"
+
+
+def recordings_of(logs: Sequence[Path], tests: Sequence[Path], format_name: str) -> list[Path]:
+    """Return the recordings, with the text files of each folder that are not held out in its place; raises as below."""
+    held_out = {path.resolve() for path in tests}
+    files: list[Path] = []
+    for path in logs:
+        # A folder of a bag is one recording.
+        if format_name == "mcap" or not path.is_dir():
+            files.append(path)
+            continue
+        texts = sorted(one for one in path.iterdir() if one.suffix.lower() in _TEXTS)
+        if not texts:
+            needed = f"a recording, or a folder with files that end in {' or '.join(_TEXTS)}"
+            raise CommandError(
+                f"LOG is {path}, a folder without recordings; it must be {needed}.", key="LOG", value=path
+            )
+        files += [one for one in texts if one.resolve() not in held_out]
+    _check_files(files, tests)
+    return files
 
 
 def _check_files(logs: Sequence[Path], tests: Sequence[Path]) -> None:
