@@ -64,9 +64,9 @@ def test_the_hybrid_instrument_without_grip_is_the_planar_file_with_two_axes(nam
 
 
 def test_the_trigger_closes_the_hybrid_instruments_jaw_and_its_spring_opens_it() -> None:
-    closed = coupled.equilibrium("hybrid-real-size", [0, 0, 0.2])
+    closed = coupled.equilibrium("hybrid-real-size", [0, 0, 0.4])
     assert closed.angles[2] < -0.3 and closed.tensions[4] > 0
-    opened = coupled.equilibrium("hybrid-real-size", [0, 0, -0.2])
+    opened = coupled.equilibrium("hybrid-real-size", [0, 0, -0.4])
     assert opened.angles[2] == pytest.approx(0, abs=1e-9) and opened.tensions[4] == 0
 
 

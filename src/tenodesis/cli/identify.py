@@ -88,13 +88,13 @@ def identify(  # noqa: PLR0917
     overwrite: Overwrite = False,
 ) -> None:
     """Identify a model from recordings: parameters with intervals, errors on held-out runs, and the instrument file."""
-    tests, given = test or [], logs
-    logs = recordings_of(logs, tests, format_name)
+    tests = test or []
+    _check_files(logs, tests)
     outputs: list[tuple[str, Path | None]] = [
-        ("--out", out / name) for name in (report.PAGE, report.NUMBERS, report.INSTRUMENT)
+        *(("--out", out / name) for name in (report.PAGE, report.NUMBERS, report.INSTRUMENT)),
+        ("--json-out", json_file),
     ]
-    outputs += [("--json-out", json_file)]
-    with writing(outputs, [*given, *logs, *tests, instrument_file], overwrite=overwrite, folder=out):
+    with writing(outputs, [*logs, *tests, instrument_file], overwrite=overwrite, folder=out):
         check_suffix("--json-out", json_file, JSON)
         check_choice("--format", format_name, FORMATS)
         if law is not None:
@@ -108,10 +108,11 @@ def identify(  # noqa: PLR0917
         kind = FORMATS[format_name]
         _check_arrangement(kind, format_name, arrangement)
         chosen = law or kind.law
-        measured = load_all(kind.load, [*logs, *tests])
+        files = recordings_of(logs, tests, format_name)
+        measured = load_all(kind.load, [*files, *tests])
         _check_different(measured)
 
-        count = len(logs)
+        count = len(files)
 
         def problem_of(inst: Instrument | None) -> Problem:
             def build(train: Sequence[MeasuredRun], held_out: Sequence[MeasuredRun]) -> Problem:
@@ -250,7 +251,7 @@ def _split(until: float | None, from_: float | None) -> tuple[float | None, Fitt
 
 
 def recordings_of(logs: Sequence[Path], tests: Sequence[Path], format_name: str) -> list[Path]:
-    """Return the recordings, with the text files of each folder that are not held out in its place; raises as below."""
+    """Return the recordings, with the text files of each folder that are not held out in its place."""
     held_out = {path.resolve() for path in tests}
     files: list[Path] = []
     for path in logs:
@@ -265,7 +266,6 @@ def recordings_of(logs: Sequence[Path], tests: Sequence[Path], format_name: str)
                 f"LOG is {path}, a folder without recordings; it must be {needed}.", key="LOG", value=path
             )
         files += [one for one in texts if one.resolve() not in held_out]
-    _check_files(files, tests)
     return files
 
 

@@ -38,3 +38,7 @@ __all__ = [
     "shipped",
     "tensions",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
