@@ -32,7 +32,8 @@ from tenodesis.identification.split import LEAST_SHARE, FittedPart, split
 from tenodesis.identification.uncertainty import LossName
 from tenodesis.instrument import Instrument
 
-_BEND = "sheath_bend"
+_HELD = {"sheath_bend": "sheath bend", "wrist_pitch": "pitch"}
+"""Angles that are held through a recording, by column."""
 _TEXTS = (".txt", ".csv")
 ArrangementChoice: TypeAlias = Literal["auto", "compare", "file"]
 
@@ -293,14 +294,15 @@ def _check_different(measured: Sequence[MeasuredRun]) -> None:
 
 
 def _extrapolated(one: MeasuredRun, trained: Sequence[MeasuredRun]) -> tuple[str, ...]:
-    """Return a note where a held-out recording has a sheath bend beyond those of the fitted recordings."""
-    if _BEND not in one.columns:
+    """Return a note where a held-out recording has a sheath bend or pitch beyond those of the fitted recordings."""
+    column = next((name for name in _HELD if name in one.columns), None)
+    if column is None:
         return ()
-    bend, bends = (float(np.degrees(one[_BEND][0])), [float(np.degrees(other[_BEND][0])) for other in trained])
-    if min(bends) <= bend <= max(bends):
+    angle, angles = (float(np.degrees(one[column][0])), [float(np.degrees(other[column][0])) for other in trained])
+    if min(angles) <= angle <= max(angles):
         return ()
-    fitted = f"{min(bends):.4g}" if min(bends) == max(bends) else f"{min(bends):.4g} to {max(bends):.4g}"
-    return (f"held out at a sheath bend of {bend:.4g} deg, fitted at {fitted} deg: extrapolation",)
+    fitted = f"{min(angles):.4g}" if min(angles) == max(angles) else f"{min(angles):.4g} to {max(angles):.4g}"
+    return (f"held out at a {_HELD[column]} of {angle:.4g} deg, fitted at {fitted} deg: extrapolation",)
 
 
 def _print_arrangements(compared: ArrangementComparison) -> None:
