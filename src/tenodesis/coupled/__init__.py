@@ -1,6 +1,7 @@
 """Instruments whose joints share tendons, in space: description, statics, stiffness and compensation."""
 
 from tenodesis.coupled.description import CoupledInstrument, Crossing, Grip, Joint, Tendon
+from tenodesis.coupled.dvrk import PULLEY_RADIUS, dvrk_text, from_dvrk
 from tenodesis.coupled.reading import load, of_planar, parse, shipped
 from tenodesis.coupled.statics import (
     Equilibrium,
@@ -15,6 +16,7 @@ from tenodesis.coupled.statics import (
 )
 
 __all__ = [
+    "PULLEY_RADIUS",
     "CoupledInstrument",
     "Crossing",
     "Equilibrium",
@@ -24,7 +26,9 @@ __all__ = [
     "Tendon",
     "compensation_strokes",
     "coupling",
+    "dvrk_text",
     "equilibrium",
+    "from_dvrk",
     "handle_angles",
     "load",
     "of_planar",
@@ -34,3 +38,7 @@ __all__ = [
     "shipped",
     "tensions",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
