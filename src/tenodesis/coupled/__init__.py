@@ -1,7 +1,7 @@
 """Instruments whose joints share tendons, in space: description, statics, stiffness and compensation."""
 
-from tenodesis.coupled.description import CoupledInstrument, Crossing, Grip, Joint, Tendon
-from tenodesis.coupled.reading import load, of_planar, parse, shipped
+from tenodesis.coupled.description import CoupledInstrument, Crossing, Grip, Joint, RouteError, Tendon
+from tenodesis.coupled.reading import is_coupled, load, misrouted, of_planar, parse, shipped
 from tenodesis.coupled.statics import (
     Equilibrium,
     Rates,
@@ -11,6 +11,7 @@ from tenodesis.coupled.statics import (
     handle_angles,
     output_angles,
     rates,
+    straight_arms,
     tensions,
 )
 
@@ -21,16 +22,20 @@ __all__ = [
     "Grip",
     "Joint",
     "Rates",
+    "RouteError",
     "Tendon",
     "compensation_strokes",
     "coupling",
     "equilibrium",
     "handle_angles",
+    "is_coupled",
     "load",
+    "misrouted",
     "of_planar",
     "output_angles",
     "parse",
     "rates",
     "shipped",
+    "straight_arms",
     "tensions",
 ]

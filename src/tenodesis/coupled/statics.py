@@ -1,12 +1,13 @@
 """Statics of instruments whose joints share tendons: all angles and tensions under a wrench and a grip force."""
 
+from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis._core import Status
-from tenodesis.coupled.description import CoupledInstrument
+from tenodesis.coupled.description import CoupledInstrument, Joint
 from tenodesis.coupled.reading import CoupledLike, load
 from tenodesis.errors import ArgumentError, NoSolutionError
 from tenodesis.statics.query import common_shape, numbers, place
@@ -189,13 +190,17 @@ def compensation_strokes(
     the rest as in :func:`equilibrium`. Raises NoSolutionError also if the tendons with motors cannot carry the load.
     """
     inst = load(inst)
-    inst, point = _prepare(
-        inst, output_angles, wrench, grip_force, 0.0, axes, "output_angles", len(inst.tip_joints)
-    )
+    inst, point = _prepare(inst, output_angles, wrench, grip_force, 0.0, axes, "output_angles", len(inst.tip_joints))
     out, status = np.empty((point.count, len(inst.tendons))), np.empty(point.count, np.uint8)
     inst.core.compensation_strokes(point.held, point.load, axes == "stem", out, status, threads())
     _check(inst, "compensation_strokes", point, status)
     return point.shaped(out)
+
+
+def straight_arms(inst: CoupledLike, place: Literal["tip", "handle"] = "tip") -> Array:
+    """Return the moment arms of the tendons about the straight joints at one end, (tendons, joints), m."""
+    inst = load(inst)
+    return inst.tendon_arms(place) * _turns(inst.tip_joints if place == "tip" else inst.handle_joints)
 
 
 def coupling(inst: CoupledLike) -> Array:
@@ -205,9 +210,12 @@ def coupling(inst: CoupledLike) -> Array:
     the matrix from actuators to joints that robots are delivered with.
     """
     inst = load(inst)
-    # A gear's coordinate is the sine of half its angle.
-    turns = np.array([0.5 if joint.mechanism == "tendon-gear" else 1.0 for joint in inst.tip_joints])
-    return np.asarray(np.linalg.pinv(inst.tendon_arms("tip")) / turns[:, np.newaxis])
+    return np.asarray(np.linalg.pinv(inst.tendon_arms("tip")) / _turns(inst.tip_joints)[:, np.newaxis])
+
+
+def _turns(joints: Sequence[Joint]) -> Array:
+    """Return the rate of the straight joints' coordinates by their angles, of which a gear's is the sine of half."""
+    return np.array([0.5 if joint.mechanism == "tendon-gear" else 1.0 for joint in joints])
 
 
 class _Point(NamedTuple):
