@@ -1,7 +1,9 @@
 """Instruments whose joints share tendons, in space: description, statics, stiffness and compensation."""
 
 from tenodesis.coupled.description import CoupledInstrument, Crossing, Grip, Joint, RouteError, Tendon
-from tenodesis.coupled.reading import is_coupled, load, misrouted, of_planar, parse, shipped
+from tenodesis.coupled.loss import Loss, hold, loss
+from tenodesis.coupled.plausibility import Doubt, implausible
+from tenodesis.coupled.reading import CoupledLike, is_coupled, load, misrouted, of_planar, parse, shipped
 from tenodesis.coupled.statics import (
     Equilibrium,
     Rates,
@@ -17,10 +19,13 @@ from tenodesis.coupled.statics import (
 
 __all__ = [
     "CoupledInstrument",
+    "CoupledLike",
     "Crossing",
+    "Doubt",
     "Equilibrium",
     "Grip",
     "Joint",
+    "Loss",
     "Rates",
     "RouteError",
     "Tendon",
@@ -28,8 +33,11 @@ __all__ = [
     "coupling",
     "equilibrium",
     "handle_angles",
+    "hold",
+    "implausible",
     "is_coupled",
     "load",
+    "loss",
     "misrouted",
     "of_planar",
     "output_angles",

@@ -1,5 +1,6 @@
 """Statics of instruments whose joints share tendons: all angles and tensions under a wrench and a grip force."""
 
+import math
 from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple, TypeAlias
 
@@ -232,7 +233,7 @@ class _Point(NamedTuple):
         return values.reshape(*self.shape, *values.shape[1:])
 
 
-def _prepare(
+def _prepare(  # noqa: PLR0917
     inst: CoupledLike,
     held: ArrayLike,
     wrench: ArrayLike,
@@ -277,7 +278,9 @@ def _prepare(
                 key=f"{key} of {joint.name}", value=angle, allowed=f"within its range of ±{limits[worst]:.4g} rad"
             )
     flat = {
-        name: np.ascontiguousarray(np.broadcast_to(rows, (*shape, rows.shape[-1]))).reshape(-1, rows.shape[-1])
+        name: np.ascontiguousarray(np.broadcast_to(rows, (*shape, rows.shape[-1]))).reshape(
+            math.prod(shape), rows.shape[-1]
+        )
         for name, rows in (given | {"grip_force": grip[..., np.newaxis]}).items()
     }
     load_rows = np.ascontiguousarray(np.concatenate([flat["wrench"], flat["grip_force"]], axis=1))

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from math import degrees
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
@@ -120,7 +120,8 @@ def draw(inst: CoupledInstrument, problem: RouteError | None = None) -> Figure:
         for box in boxes:
             _draw_box(axis, box, colours, problem)
         for tendon, path, colour in zip(inst.tendons, paths, colours, strict=True):
-            _draw_tendon(axis, tendon, path, colour, left, problem)
+            wrong_here = problem is not None and tendon.name == problem.tendon
+            _draw_tendon(axis, tendon, path, left, colour=colour, wrong=wrong_here)
         corner = (right + _GAP, centre + rows / 2) if beside else (_MARGIN, foot + rows)
         _draw_table(axis, inst, colours, *corner)
         lines = [(line, style.MUTED, "normal") for line in notes] + [(line, _WRONG, "bold") for line in wrong]
@@ -250,7 +251,9 @@ def _draw_box(axis: Axes, box: _Box, colours: Sequence[str], problem: RouteError
     for band, height in box.band_heights.items():
         axis.add_patch(Rectangle((box.left, upper - height), _BOX, height, fc=_TINTS[band], ec="none", zorder=1))
         upper -= height
-    edge = {"ec": _WRONG, "lw": 2.5, "ls": "-" if box.joint else "--"} if wrong else {"ec": style.MUTED, "lw": 0.9}
+    edge: dict[str, Any] = (
+        {"ec": _WRONG, "lw": 2.5, "ls": "-" if box.joint else "--"} if wrong else {"ec": style.MUTED, "lw": 0.9}
+    )
     axis.add_patch(Rectangle((box.left, bottom), _BOX, top - bottom, fill=False, zorder=4, **edge))
     centre = box.left + _BOX / 2
     name = "\n".join(textwrap.wrap(box.name.replace("_", "_ "), 17)).replace("_ ", "_")
@@ -269,20 +272,13 @@ def _draw_box(axis: Axes, box: _Box, colours: Sequence[str], problem: RouteError
 
 
 def _draw_tendon(
-    axis: Axes,
-    tendon: Tendon,
-    path: Sequence[tuple[_Box, int]],
-    colour: str,
-    left: float,
-    problem: RouteError | None,
+    axis: Axes, tendon: Tendon, path: Sequence[tuple[_Box, int]], left: float, *, colour: str, wrong: bool
 ) -> None:
     """Draw a tendon from its start through its lanes to its end."""
-    wrong = problem is not None and tendon.name == problem.tendon
     line, width = (_WRONG, 2.4) if wrong else (colour, 1.4)
     box, place = path[0]
     at = (left, box.lanes[place])
-    marker, face = ("o", "white") if tendon.start == "spool" else ("s", "white")
-    axis.plot(*at, marker, color=line, mfc=face, ms=5, zorder=3)
+    axis.plot(*at, "o" if tendon.start == "spool" else "s", color=line, mfc="white", ms=5, zorder=3)
     axis.text(left - 0.1, at[1], tendon.name, ha="right", va="center", fontsize=8, color=line)
     for box, place in path:
         height = box.lanes[place]
