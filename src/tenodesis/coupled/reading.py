@@ -105,10 +105,10 @@ def of_planar(inst: Instrument) -> CoupledInstrument:
     tendons = []
     for i, (axis, planar) in enumerate(zip(inst.axes, inst.planar, strict=True)):
         for side in ("agonist", "antagonist"):
-            passed = [{"joint": f"handle_{other}", "side": "middle"} for other in reversed(inst.axes[:i])]
+            passed = [{"joint": f"handle_{other}", "side": "middle"} for other in inst.axes[:i]]
             beyond = [{"joint": other, "side": "middle"} for other in inst.axes[:i]]
-            route = [{"joint": f"handle_{axis}", "side": side}, *passed, *beyond, {"joint": axis, "side": side}]
-            tendon = {"name": f"{axis}_{side}", "route": route, "stiffness": planar.tendon_stiffness}
+            own = [{"joint": f"handle_{axis}", "side": side}, *beyond, {"joint": axis, "side": side}]
+            tendon = {"name": f"{axis}_{side}", "route": [*passed, *own], "stiffness": planar.tendon_stiffness}
             tendons.append(tendon | {"pretension": planar.pretension})
     values = {
         "name": inst.name,

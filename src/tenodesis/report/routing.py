@@ -158,6 +158,9 @@ def _boxes(inst: CoupledInstrument) -> tuple[list[_Box], list[list[tuple[_Box, i
 def _path(inst: CoupledInstrument, boxes: dict[str, _Box], n: int, tendon: Tendon) -> Iterator[tuple[_Box, int]]:
     """Yield the boxes that a tendon runs through and its passage in each, joints that it only passes included."""
     crossed = [(boxes[crossing.joint], crossing) for crossing in tendon.route]
+    # Files may name the handle's joints in either order.
+    handles = [(box, crossing) for box, crossing in crossed if box.column < len(inst.handle_joints)]
+    crossed = [*sorted(handles, key=lambda one: one[0].column), *(one for one in crossed if one not in handles)]
     end = max((box for box, _ in crossed if box.joint is not None), key=lambda box: box.column, default=None)
     chain = [box for box in boxes.values() if box.joint is not None and box.joint.place == "handle"]
     tips = [joint.name for joint in inst.tip_joints]
