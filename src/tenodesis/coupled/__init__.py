@@ -1,7 +1,8 @@
 """Instruments whose joints share tendons, in space: description, statics, stiffness and compensation."""
 
 from tenodesis.coupled.description import CoupledInstrument, Crossing, Grip, Joint, RouteError, Tendon
-from tenodesis.coupled.loss import Loss, hold, loss
+from tenodesis.coupled.dvrk import PULLEY_RADIUS, dvrk_text, from_dvrk
+from tenodesis.coupled.losses import Loss, hold, loss
 from tenodesis.coupled.plausibility import Doubt, implausible
 from tenodesis.coupled.reading import CoupledLike, is_coupled, load, misrouted, of_planar, parse, shipped
 from tenodesis.coupled.statics import (
@@ -18,6 +19,7 @@ from tenodesis.coupled.statics import (
 )
 
 __all__ = [
+    "PULLEY_RADIUS",
     "CoupledInstrument",
     "CoupledLike",
     "Crossing",
@@ -31,7 +33,9 @@ __all__ = [
     "Tendon",
     "compensation_strokes",
     "coupling",
+    "dvrk_text",
     "equilibrium",
+    "from_dvrk",
     "handle_angles",
     "hold",
     "implausible",

@@ -127,7 +127,7 @@ class Crossing(FileTable):
 
     joint: str = Field(description="Name of the joint")
     side: Side = Field(description="Side of the joint: agonist bends it to positive angles, middle does not bend it")
-    radius: Length | None = Field(default=None, description="Distance from the joint's middle; by default its radius")
+    radius: Spacing | None = Field(default=None, description="Distance from the joint's middle; by default its radius")
     base_wrap: SheathBend = Field(default=0.0, description="Bend of the tendon over the straight joint")
 
 
@@ -199,6 +199,11 @@ class CoupledInstrument(FileTable):
         return tuple(i for i in range(len(self.tip_joints)) if i not in self.parents)
 
     @property
+    def bearing(self) -> tuple[int, ...]:
+        """Places of the joints among the tip's at whose ends the wrench acts: those with an end_effector_length."""
+        return tuple(i for i, joint in enumerate(self.tip_joints) if joint.end_effector_length is not None)
+
+    @property
     def jaws(self) -> tuple[int, ...]:
         """Places of the jaws among the tip's joints; empty if nothing grips."""
         names = [joint.name for joint in self.tip_joints]
@@ -232,11 +237,11 @@ class CoupledInstrument(FileTable):
     @cached_property
     def core(self) -> _core.Wrist:
         """The instrument in the core's form."""
-        joints, ends = self.tip_joints, self.ends
+        joints, bearing = self.tip_joints, self.bearing
         numbers = np.zeros((len(joints), 9))
         for i, joint in enumerate(joints):
             length = joint.end_effector_length or 0.0
-            share = 1 / len(ends) if i in ends else 0.0
+            share = 1 / len(bearing) if i in bearing else 0.0
             sign = {0: 1.0, 1: -1.0}[self.jaws.index(i)] if i in self.jaws else 0.0
             grip = sign * ((self.grip.length if self.grip else None) or length)
             numbers[i] = (*joint.axis_vector, joint.offset, joint.chord, length, joint.own_stiffness, share, grip)
@@ -312,8 +317,9 @@ class CoupledInstrument(FileTable):
             if joint.on is not None and joint.on not in before:
                 raise ValueError(f"joint {joint.name}: on = {joint.on!r}; it must be one of {', '.join(before)}")
             before.append(joint.name)
+        held = self.grip.jaws if self.grip is not None and self.grip.length is not None and self.bearing else ()
         for i in self.ends:
-            if tips[i].end_effector_length is None:
+            if tips[i].end_effector_length is None and tips[i].name not in held:
                 raise ValueError(f"joint {tips[i].name} is the last; its end_effector_length must be given")
         if self.grip is not None:
             names = [tips[i].name for i in self.ends]

@@ -277,14 +277,14 @@ def _prepare(  # noqa: PLR0917
             raise ArgumentError(
                 key=f"{key} of {joint.name}", value=angle, allowed=f"within its range of ±{limits[worst]:.4g} rad"
             )
+    # An instrument without a handle has rows of no angles.
+    count = math.prod(shape)
     flat = {
-        name: np.ascontiguousarray(np.broadcast_to(rows, (*shape, rows.shape[-1]))).reshape(
-            math.prod(shape), rows.shape[-1]
-        )
+        name: np.ascontiguousarray(np.broadcast_to(rows, (*shape, rows.shape[-1]))).reshape(count, rows.shape[-1])
         for name, rows in (given | {"grip_force": grip[..., np.newaxis]}).items()
     }
     load_rows = np.ascontiguousarray(np.concatenate([flat["wrench"], flat["grip_force"]], axis=1))
-    return inst, _Point(flat[key], flat["strokes"], load_rows, shape, len(load_rows), key)
+    return inst, _Point(flat[key], flat["strokes"], load_rows, shape, count, key)
 
 
 def _rows(key: str, value: ArrayLike, width: int) -> Array:
