@@ -52,7 +52,7 @@ def print_coupled(inst: CoupledInstrument, *, as_json: bool) -> None:
     tip_names = [joint.name for joint in inst.tip_joints]
     _print("Moment arms of the straight joints [mm]", _matrix(names, [j.name for j in joints], 1e3 * arms))
     per_mm = np.degrees(coupled.coupling(inst)) * 1e-3
-    _print("Coupling: angles by drawn tendon, without stretch [°/mm]", _matrix(tip_names, names, per_mm))
+    _print("Coupling: angles by drawn tendon, without stretch [°/mm]", _matrix(names, tip_names, per_mm.T))
     if (rates := _rates(inst)) is not None:
         _print("Stiffness at rest: moment by angle [N·m/rad]", _matrix(tip_names, tip_names, rates.stiffness))
         if handles:
@@ -104,14 +104,19 @@ def losses(
 
 
 def _usual_states(inst: CoupledInstrument) -> list[Array]:
-    """Return the straight instrument and, if it can be held there, all joints at half of their range."""
+    """Return the straight instrument, and one bent by half of its range at the tip, or else at the handle."""
     straight = np.zeros(len(inst.tip_joints))
-    half = np.array([_HALF * joint.range for joint in inst.tip_joints])
-    try:
-        coupled.hold(inst, half)
-    except NoSolutionError:
-        return [straight]
-    return [straight, half]
+    for place in ("tip", "handle"):
+        try:
+            if place == "tip":
+                bent = np.array([_HALF * joint.range for joint in inst.tip_joints])
+            else:
+                bent = coupled.output_angles(inst, [_HALF * joint.range for joint in inst.handle_joints])
+            coupled.hold(inst, bent)
+        except NoSolutionError:
+            continue
+        return [straight, bent]
+    return [straight]
 
 
 def _rates(inst: CoupledInstrument) -> coupled.Rates | None:
@@ -167,15 +172,14 @@ def route(inst: CoupledInstrument, tendon: Tendon) -> str:
     return f"{' → '.join(words)} → end"
 
 
-def _matrix(rows: Sequence[str], columns: Sequence[str], values: Array) -> Table:
+def _matrix(rows: Sequence[str], columns: Sequence[str], values: Array, corner: str = "") -> Table:
     shown = _table()
-    shown.add_column("", no_wrap=True)
+    shown.add_column(escape(corner), no_wrap=True)
     for heading in columns:
         shown.add_column(escape(heading), justify="right", overflow="fold")
-    largest = np.abs(values).max(initial=0.0)
+    none = 1e-9 * np.nanmax(np.abs(values), initial=0.0)
     for name, row in zip(rows, values, strict=True):
-        cells = ["·" if abs(value) <= 1e-9 * largest else f"{value:.3g}" for value in row]
-        shown.add_row(escape(name), *cells)
+        shown.add_row(escape(name), *("–" if np.isnan(v) else "·" if abs(v) <= none else f"{v:.3g}" for v in row))
     return shown
 
 
@@ -192,12 +196,9 @@ def _print_losses(inst: CoupledInstrument, found: Sequence[Loss], *, restored: b
             shown.add_row(_components(one.wrench[:3]), *lost, factor, escape(one.slack_tendon))
         _print(f"Lost at {_at(inst, rows[0])}", shown)
         if restored:
-            shown = _table()
-            for heading in ("load [N]", *(tendon.name for tendon in inst.tendons)):
-                shown.add_column(escape(heading), justify="right", overflow="fold")
-            for one in rows:
-                shown.add_row(_components(one.wrench[:3]), *(_fixed(1e3 * stroke, 3) for stroke in one.strokes))
-            _print(_RESTORED, shown)
+            strokes = 1e3 * np.array([one.strokes for one in rows]).T
+            loads = [_components(one.wrench[:3]) for one in rows]
+            _print(_RESTORED, _matrix([tendon.name for tendon in inst.tendons], loads, strokes, "load [N]"))
     note(_LEGEND)
     if any(not isfinite(value) for one in found for value in (*one.lost, *one.strokes)):
         note("–: the tip cannot be held under that load.")

@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 
 _LARGEST = 1e4
 _REFINED = 9
+_WEIGHT = 1e4
 _ROUNDS = 6
 
 
@@ -37,7 +38,7 @@ class Loss(NamedTuple):
     handle_corrections: Array
     """By which the hand would have to move the handle instead, (handle joints,), rad"""
     slack_factor: float
-    """Multiple of the load from which on a tendon is slack; 0 if one is slack without a load"""
+    """Multiple of the load from which on a tendon is slack that is taut without it"""
     slack_tendon: str
     """Its name, empty if there is none"""
 
@@ -67,6 +68,8 @@ def hold(inst: CoupledLike, output_angles: ArrayLike) -> tuple[Array, Array]:
     NoSolutionError
         The handle cannot hold these angles.
     """
+    from scipy.optimize import nnls  # noqa: PLC0415 - takes long to load
+
     inst = load(inst)
     angles = np.asarray(output_angles, float)
     if angles.shape != (len(inst.tip_joints),):
@@ -82,8 +85,14 @@ def hold(inst: CoupledLike, output_angles: ArrayLike) -> tuple[Array, Array]:
     arms = inst.tendon_arms("tip")
     motors = np.array([tendon.start == "spool" for tendon in inst.tendons])
     springs = np.array([joint.own_stiffness for joint in inst.tip_joints]) * angles / turns
-    change = np.linalg.pinv(arms[motors].T) @ (springs - arms.T @ inst.pretensions)
-    strokes[motors] = arms[motors] @ coordinates + change / inst.stiffnesses[motors]
+    drawn, rest = arms @ coordinates, inst.pretensions
+    fixed = rest[~motors] - inst.stiffnesses[~motors] * drawn[~motors]
+    needed = springs - arms[~motors].T @ np.maximum(fixed, 0.0)
+    # Tensions nearest to those at rest, none negative; the balance outweighs their change.
+    weight = _WEIGHT / np.abs(arms).max()
+    rows = np.vstack([weight * arms[motors].T, np.eye(motors.sum())])
+    tensions, _ = nnls(rows, np.concatenate([weight * needed, rest[motors]]))
+    strokes[motors] = drawn[motors] + (tensions - rest[motors]) / inst.stiffnesses[motors]
     return handle, strokes
 
 
@@ -124,11 +133,13 @@ def loss(inst: CoupledLike, output_angles: ArrayLike, wrench: ArrayLike, grip_fo
 
 
 def _slack(inst: CoupledInstrument, handle: Array, strokes: Array, wrench: Array, grip: float) -> tuple[float, str]:
-    """Return the multiple of a load at which the first tendon goes slack, and its name."""
+    """Return the multiple of a load at which the first of the taut tendons goes slack, and its name."""
+    taut = equilibrium(inst, handle, 0.0, strokes=strokes).tensions > 0
 
     def tensions(factors: Array) -> Array:
         loads = factors[:, np.newaxis] * wrench
-        return equilibrium(inst, handle, loads, grip_force=factors * grip, strokes=strokes).tensions
+        found = equilibrium(inst, handle, loads, grip_force=factors * grip, strokes=strokes).tensions
+        return np.where(taut | np.isnan(found), found, np.inf)
 
     if not (wrench.any() or grip):
         return np.nan, ""
@@ -142,8 +153,6 @@ def _slack(inst: CoupledInstrument, handle: Array, strokes: Array, wrench: Array
         if not ends.any():
             return np.nan, ""
         first = int(np.argmax(ends))
-        low, high = float(factors[max(first - 1, 0)]), float(factors[first])
-        if first == 0:
-            break
+        low, high = float(factors[first - 1]), float(factors[first])
     slack = np.flatnonzero(found[first] == 0)
     return (high, inst.tendons[slack[0]].name) if slack.size else (np.nan, "")

@@ -43,7 +43,7 @@ def _rest(inst: CoupledInstrument) -> Iterator[str]:
         if abs(angle) > _FROM_STRAIGHT
     ]
     if off:
-        yield f"the pretensions do not balance: with the handle straight, the joints rest off straight, {', '.join(off)}."
+        yield f"the pretensions do not balance: with a straight handle, joints rest off straight, {', '.join(off)}."
 
 
 def _slack(inst: CoupledInstrument) -> Iterator[str]:
@@ -76,7 +76,7 @@ def _disturbing(inst: CoupledInstrument) -> Iterator[str]:
         ends = np.array([tendon.route[-1].joint for tendon in inst.tendons])
         alone = [np.where(ends == j.name, a, 0.0) for j, a in zip(inst.tip_joints, straight_arms(inst).T, strict=True)]
         moves = [
-            (f"the tendons that end at {joint.name}", found.by_stroke[0] @ drawn)
+            (f"the tendons that end at joint {joint.name}", found.by_stroke[0] @ drawn)
             for joint, drawn in zip(inst.tip_joints, alone, strict=True)
         ]
     for what, turned in moves:

@@ -241,8 +241,9 @@ def _draw_links(axis: Axes, inst: CoupledInstrument, boxes: Sequence[_Box], left
         box = tips[i]
         x, end = box.left + _BOX, box.left + _BOX + _GAP
         axis.fill([x, x, end, end], [box.middle + y for y in (0.12, -0.12, -0.03, 0.03)], color=style.GRID, zorder=0)
-        length = f"{_mm(box.joint.end_effector_length or 0)} mm" if box.joint is not None else ""
-        axis.text(end, box.middle + box.height / 2 + 0.08, f"{'jaw' if i in inst.jaws else 'end'}\n{length}",
+        long = inst.tip_joints[i].end_effector_length
+        length = "" if long is None else f"\n{_mm(long)} mm"
+        axis.text(end, box.middle + box.height / 2 + 0.08, f"{'jaw' if i in inst.jaws else 'end'}{length}",
                   ha="right", va="bottom", color=style.MUTED, fontsize=8)  # fmt: skip
 
 
