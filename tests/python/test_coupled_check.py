@@ -79,7 +79,8 @@ WRONG = {
     "singular": (
         'side = "agonist" }]\n[[tendons]]\nname = "p_down"\nroute = [{ joint = "pitch", side = "antagonist" }]',
         'side = "agonist", radius = "1.5 mm" }, { joint = "jaw_1", side = "agonist" }]\n[[tendons]]\nname = "p_down"\n'
-        'route = [{ joint = "pitch", side = "antagonist", radius = "1.5 mm" }, { joint = "jaw_1", side = "antagonist" }]',
+        'route = [{ joint = "pitch", side = "antagonist", radius = "1.5 mm" }, '
+        '{ joint = "jaw_1", side = "antagonist" }]',
         "the coupling matrix of pitch, jaw_1, jaw_2 is singular",
     ),
 }

@@ -51,3 +51,7 @@ __all__ = [
     "straight_arms",
     "tensions",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
