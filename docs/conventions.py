@@ -42,8 +42,9 @@ def _axes(axis: Axes) -> None:
         axis.add_patch(Circle(tuple(at), 0.16, fc="white", ec=style.ACCENT, lw=1.2, zorder=4))
         axis.plot(*at, ".", color=style.ACCENT, ms=3, zorder=5)
         axis.text(*(at - 0.42 * across + 0.15 * along), "y", color=style.ACCENT, ha="center", va="center")
-        axis.text(*(at - [0.35, 0.25] if turn else at + [0.3, 0.6]), name, color=style.MUTED, fontsize=8.5,
-                  ha="right" if turn else "left", va="bottom" if turn else "center")  # fmt: skip
+        beside = np.array([-0.35, -0.25] if turn else [0.3, 0.6])
+        axis.text(*(at + beside), name, color=style.MUTED, fontsize=8.5, ha="right" if turn else "left",
+                  va="bottom" if turn else "center")  # fmt: skip
     axis.text(-2.5, -0.75, "stem", color=style.MUTED, ha="center")
     axis.text(-5, -1.6, "y points at the reader; a positive pitch bends the tip toward y", color=style.MUTED,
               fontsize=8.5)  # fmt: skip
