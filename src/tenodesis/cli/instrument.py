@@ -25,19 +25,20 @@ from tenodesis.instrument.listing import Listed, listed
 _WIDTH = 24
 """Width of a list of values in a table."""
 
-Kind: TypeAlias = Literal["instrument", "protocol", "catalogue", "tolerances"]
+Kind: TypeAlias = Literal["instrument", "coupled", "protocol", "catalogue", "tolerances"]
 
 
 def schema(
-    kind: Annotated[Kind, typer.Argument(metavar="KIND", help="instrument, protocol, catalogue or tolerances.")] = (
-        "instrument"
-    ),
+    kind: Annotated[
+        Kind, typer.Argument(metavar="KIND", help="instrument, coupled, protocol, catalogue or tolerances.")
+    ] = ("instrument"),
 ) -> None:
     """Print the JSON schema of a kind of file, for editors that complete and check TOML."""
     from tenodesis import scaling, simulate, tolerance  # noqa: PLC0415 - instrument files do without them
 
     schemas = {
         "instrument": instrument.json_schema,
+        "coupled": coupled.json_schema,
         "protocol": simulate.json_schema,
         "catalogue": scaling.json_schema,
         "tolerances": tolerance.json_schema,

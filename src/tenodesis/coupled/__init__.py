@@ -4,7 +4,7 @@ from tenodesis.coupled.description import CoupledInstrument, Crossing, Grip, Joi
 from tenodesis.coupled.dvrk import PULLEY_RADIUS, dvrk_text, from_dvrk
 from tenodesis.coupled.losses import Loss, hold, loss
 from tenodesis.coupled.plausibility import Doubt, implausible
-from tenodesis.coupled.reading import CoupledLike, is_coupled, load, misrouted, of_planar, parse, shipped
+from tenodesis.coupled.reading import CoupledLike, is_coupled, json_schema, load, misrouted, of_planar, parse, shipped
 from tenodesis.coupled.statics import (
     Equilibrium,
     Rates,
@@ -40,6 +40,7 @@ __all__ = [
     "hold",
     "implausible",
     "is_coupled",
+    "json_schema",
     "load",
     "loss",
     "misrouted",

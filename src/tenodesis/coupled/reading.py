@@ -52,6 +52,16 @@ def parse(text: str, source: str = "instrument") -> CoupledInstrument:
     return validated(CoupledInstrument, values, InstrumentError, source, context={"file": True}, entries=ENTRIES)
 
 
+def json_schema() -> dict[str, Any]:
+    """Return the JSON schema of coupled instruments' files, for editors that complete and check TOML."""
+    schema = CoupledInstrument.model_json_schema()
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **schema,
+        "title": "Tenodesis coupled instrument",
+    }
+
+
 def is_coupled(name_or_path: str | Path) -> bool:
     """Return whether this is the name of a shipped coupled instrument, or a file that lists joints and tendons."""
     if str(name_or_path) in shipped():
