@@ -147,4 +147,4 @@ def test_schemas_of_every_kind_of_file_are_printed(tenodesis: Command) -> None:
     assert "olerance" in json.loads(tenodesis("schema", "tolerances")[1])["title"]
     code, _, wrong = tenodesis("schema", "car")
     assert code == 2
-    assert "'car' is not one of 'instrument', 'protocol', 'catalogue', 'tolerances'" in wrong
+    assert "'car' is not one of 'instrument', 'coupled', 'protocol', 'catalogue', 'tolerances'" in wrong
