@@ -8,8 +8,9 @@ matrix, with the angles of the two jaws, yaw + jaw/2 and yaw - jaw/2, in place o
 import json
 import math
 import re
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 import tomli_w
@@ -27,7 +28,8 @@ _LARGEST = 1_000_000
 _MOST = math.radians(179)
 """Largest range that a joint can have, rad."""
 _NAMES = ("roll", "pitch", "yaw")
-_LEAST_DETERMINANT = 1e-9
+_MOST_CONDITION = 1e6
+"""Condition number above which a matrix is singular, for the six digits that files have."""
 # Strings stay as they are: two slashes may stand in them.
 _COMMENT = re.compile(r'("(?:[^"\\\n]|\\.)*")|//[^\n]*|/\*.*?\*/', re.DOTALL)
 _OURS = {
@@ -66,7 +68,7 @@ def dvrk_text(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS) -> str:
     if limits[-1] is None:
         matrix, limits = _without_jaws(matrix, path), limits[:-1]
     size = len(matrix)
-    if abs(np.linalg.det(matrix / np.abs(matrix).max(axis=1, keepdims=True))) < _LEAST_DETERMINANT:
+    if np.linalg.cond(matrix) > _MOST_CONDITION:
         raise _refused(
             path, "coupling.ActuatorToJointPosition is singular: turns of the disks leave every angle unchanged", matrix
         )
@@ -196,19 +198,27 @@ def _dh_joint(content: dict[str, Any], place: int) -> Any:
 
 
 def _limit(joint: Any, key: str, path: Path) -> float:
-    values = [joint.get(bound) for bound in ("qmin", "qmax")] if isinstance(joint, dict) else [None]
-    if not all(_is_number(one) for one in values) or not any(values):
-        raise _refused(path, f"qmin and qmax of {key} are {values}", values, "two finite numbers, not both zero")
-    return max(abs(one) for one in values if one is not None)
+    values = [joint.get(bound) for bound in ("qmin", "qmax")] if isinstance(joint, dict) else []
+    numbers = [one for one in values if _is_number(one)]
+    if not any(numbers) or len(numbers) < len(values):
+        found = values if values else "missing"
+        needed = "two finite numbers, not both zero"
+        raise InstrumentError(
+            f"{path}: qmin and qmax of {key} are {found}; they must be {needed}.",
+            key="path",
+            value=found,
+            allowed=needed,
+        )
+    return float(max(map(abs, numbers)))
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: Any) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _lengths(content: dict[str, Any]) -> tuple[float, float]:
     """Return the length of the stem and the distance from the pitch to the yaw axis, m; 0 where the file has none."""
-    found = (
+    found: Iterable[Any] = (
         joint.get(key) if isinstance(joint, dict) else None
         for joint, key in ((_dh_joint(content, 0), "D"), (_dh_joint(content, 2), "A"))
     )
