@@ -284,15 +284,21 @@ def _draw_tendon(
     at = (left, box.lanes[place])
     axis.plot(*at, "o" if tendon.start == "spool" else "s", color=line, mfc="white", ms=5, zorder=3)
     axis.text(left - 0.1, at[1], tendon.name, ha="right", va="center", fontsize=8, color=line)
-    for box, place in path:
+    into = at
+    for n, (box, place) in enumerate(path):
         height = box.lanes[place]
         dashed = "--" if box.passes[place].crossing is None else "-"
+        before = path[n - 1][0] if n else box
+        if before is not box and before.column == box.column:
+            # Joints side by side are all reached from what they stand on.
+            at = into
+        into = at
         axis.plot([at[0], box.left], [at[1], height], color=line, lw=width, zorder=2)
         axis.plot([box.left, box.left + _BOX], [height, height], color=line, lw=width, ls=dashed, zorder=2)
         at = (box.left + _BOX, height)
-    end = at[0] + 0.14
-    axis.plot([at[0], end], [at[1], at[1]], color=line, lw=width, zorder=2)
-    axis.plot(end, at[1], "s", color=line, ms=4.5, zorder=3)
+        if n + 1 == len(path) or path[n + 1][0].column == box.column:
+            axis.plot([at[0], at[0] + 0.14], [height, height], color=line, lw=width, zorder=2)
+            axis.plot(at[0] + 0.14, height, "s", color=line, ms=4.5, zorder=3)
 
 
 def _draw_table(axis: Axes, inst: CoupledInstrument, colours: Sequence[str], left: float, top: float) -> None:
