@@ -1,8 +1,10 @@
 """Instruments whose joints share tendons, in space: description, statics, stiffness and compensation."""
 
-from tenodesis.coupled.description import CoupledInstrument, Crossing, Grip, Joint, Tendon
+from tenodesis.coupled.description import CoupledInstrument, Crossing, Grip, Joint, RouteError, Tendon
 from tenodesis.coupled.dvrk import PULLEY_RADIUS, dvrk_text, from_dvrk
-from tenodesis.coupled.reading import load, of_planar, parse, shipped
+from tenodesis.coupled.losses import Loss, hold, loss
+from tenodesis.coupled.plausibility import Doubt, implausible
+from tenodesis.coupled.reading import CoupledLike, is_coupled, json_schema, load, misrouted, of_planar, parse, shipped
 from tenodesis.coupled.statics import (
     Equilibrium,
     Rates,
@@ -12,17 +14,22 @@ from tenodesis.coupled.statics import (
     handle_angles,
     output_angles,
     rates,
+    straight_arms,
     tensions,
 )
 
 __all__ = [
     "PULLEY_RADIUS",
     "CoupledInstrument",
+    "CoupledLike",
     "Crossing",
+    "Doubt",
     "Equilibrium",
     "Grip",
     "Joint",
+    "Loss",
     "Rates",
+    "RouteError",
     "Tendon",
     "compensation_strokes",
     "coupling",
@@ -30,12 +37,19 @@ __all__ = [
     "equilibrium",
     "from_dvrk",
     "handle_angles",
+    "hold",
+    "implausible",
+    "is_coupled",
+    "json_schema",
     "load",
+    "loss",
+    "misrouted",
     "of_planar",
     "output_angles",
     "parse",
     "rates",
     "shipped",
+    "straight_arms",
     "tensions",
 ]
 

@@ -50,6 +50,26 @@ ShortName = Annotated[str, Field(min_length=1), AfterValidator(_short)]
 """Name of a joint or a tendon, as recordings and exported models have it."""
 
 
+class RouteError(ValueError):
+    """What is wrong with the routes of an instrument, and where: a tendon, joints, or both.
+
+    Parameters
+    ----------
+    sentence
+        What is wrong.
+    inst
+        The instrument, whose tables are valid one by one.
+    tendon, joints
+        Their names, empty if it is not about one.
+    """
+
+    def __init__(
+        self, sentence: str, inst: "CoupledInstrument", *, tendon: str = "", joints: Sequence[str] = ()
+    ) -> None:
+        super().__init__(sentence)
+        self.inst, self.tendon, self.joints = inst, tendon, tuple(joints)
+
+
 class Joint(FileTable):
     """A joint at the tip or at the handle."""
 
@@ -281,9 +301,8 @@ class CoupledInstrument(FileTable):
     @model_validator(mode="after")
     def _coherent(self) -> Self:
         self._check_joints()
-        known = [joint.name for joint in self.joints]
         for tendon in self.tendons:
-            _check_route(tendon, known)
+            _check_route(self, tendon)
             self._stiffness(tendon)
         _check_distinct("tendons", [tendon.name for tendon in self.tendons])
         self._check_held()
@@ -320,17 +339,21 @@ class CoupledInstrument(FileTable):
         for joint, column, spring in zip(self.tip_joints, arms.T, sprung, strict=True):
             missing = [side for side, pulls in (("agonist", column > 0), ("antagonist", column < 0)) if not pulls.any()]
             if missing and not spring:
-                raise ValueError(
+                raise RouteError(
                     f"joint {joint.name} has no {' and no '.join(missing)}: no tendon crosses it on that side; give it "
-                    "one, or a spring by its stiffness"
+                    "one, or a spring by its stiffness",
+                    self,
+                    joints=[joint.name],
                 )
         scale = np.abs(arms).max(axis=0)
         held = np.vstack([arms / np.where(scale > 0, scale, 1.0), np.diag(sprung.astype(float))])
         if np.linalg.matrix_rank(held) < len(self.tip_joints):
-            names = ", ".join(joint.name for joint in self.tip_joints)
-            raise ValueError(
-                f"the coupling matrix of {names} is singular: a motion of several joints draws no tendon; it must have "
-                "full rank"
+            names = [joint.name for joint in self.tip_joints]
+            raise RouteError(
+                f"the coupling matrix of {', '.join(names)} is singular: a motion of several joints draws no tendon; "
+                "it must have full rank",
+                self,
+                joints=names,
             )
 
 
@@ -344,14 +367,16 @@ def _check_distinct(key: str, names: Sequence[str]) -> None:
         raise ValueError(f"{key} has {double} twice; names must differ")
 
 
-def _check_route(tendon: Tendon, known: Sequence[str]) -> None:
-    sides: dict[str, str] = {}
+def _check_route(inst: CoupledInstrument, tendon: Tendon) -> None:
+    known, sides = [joint.name for joint in inst.joints], dict[str, str]()
     for crossing in tendon.route:
         name = crossing.joint
         if name not in known:
-            raise ValueError(f"tendon {tendon.name}: joint = {name!r}; it must be one of {', '.join(known)}")
+            sentence = f"tendon {tendon.name}: joint = {name!r}; it must be one of {', '.join(known)}"
+            raise RouteError(sentence, inst, tendon=tendon.name, joints=[name])
         if name in sides:
             contradiction = sides[name] != crossing.side
-            how = f", as {sides[name]} and as {crossing.side}," if contradiction else ""
-            raise ValueError(f"tendon {tendon.name} crosses joint {name} twice{how}; it must cross a joint once")
+            how = f", as {sides[name]} and as {crossing.side}" if contradiction else ""
+            sentence = f"tendon {tendon.name} crosses joint {name} twice{how}; it must cross a joint once"
+            raise RouteError(sentence, inst, tendon=tendon.name, joints=[name])
         sides[name] = crossing.side

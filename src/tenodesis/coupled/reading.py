@@ -5,7 +5,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from tenodesis.coupled.description import ENTRIES, CoupledInstrument
+from pydantic import ValidationError
+
+from tenodesis.coupled.description import ENTRIES, CoupledInstrument, RouteError
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import Instrument
 from tenodesis.kinematics import dimensions
@@ -50,6 +52,41 @@ def parse(text: str, source: str = "instrument") -> CoupledInstrument:
     return validated(CoupledInstrument, values, InstrumentError, source, context={"file": True}, entries=ENTRIES)
 
 
+def json_schema() -> dict[str, Any]:
+    """Return the JSON schema of coupled instruments' files, for editors that complete and check TOML."""
+    schema = CoupledInstrument.model_json_schema()
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **schema,
+        "title": "Tenodesis coupled instrument",
+    }
+
+
+def is_coupled(name_or_path: str | Path) -> bool:
+    """Return whether this is the name of a shipped coupled instrument, or a file that lists joints and tendons."""
+    if str(name_or_path) in shipped():
+        return True
+    try:
+        values = parse_toml(read_text(Path(name_or_path), InstrumentError), InstrumentError, str(name_or_path))
+    except InstrumentError:
+        return False
+    return "joint_type" not in values and not {"joints", "tendons"}.isdisjoint(values)
+
+
+def misrouted(name_or_path: str | Path) -> RouteError | None:
+    """Return what is wrong with the routes in a file that :func:`load` refuses, with what its tables describe.
+
+    None if something else is wrong.
+    """
+    values = parse_toml(read_text(Path(name_or_path), InstrumentError), InstrumentError, str(name_or_path))
+    try:
+        CoupledInstrument.model_validate(values, context={"file": True})
+    except ValidationError as invalid:
+        problem = invalid.errors(include_url=False)[0].get("ctx", {}).get("error")
+        return problem if isinstance(problem, RouteError) else None
+    return None
+
+
 def of_planar(inst: Instrument) -> CoupledInstrument:
     """Return an instrument of one or two planar axes as joints and tendons: what its file is short for.
 
@@ -78,10 +115,11 @@ def of_planar(inst: Instrument) -> CoupledInstrument:
     tendons = []
     for i, (axis, planar) in enumerate(zip(inst.axes, inst.planar, strict=True)):
         for side in ("agonist", "antagonist"):
-            passed = [{"joint": f"handle_{other}", "side": "middle"} for other in inst.axes[:i]]
+            passed = [{"joint": f"handle_{other}", "side": "middle"} for other in reversed(inst.axes[:i])]
             beyond = [{"joint": other, "side": "middle"} for other in inst.axes[:i]]
-            own = [{"joint": f"handle_{axis}", "side": side}, *beyond, {"joint": axis, "side": side}]
-            tendon = {"name": f"{axis}_{side}", "route": [*passed, *own], "stiffness": planar.tendon_stiffness}
+            # A handle's tendon starts at its own joint and passes those that stand nearer to the stem.
+            route = [{"joint": f"handle_{axis}", "side": side}, *passed, *beyond, {"joint": axis, "side": side}]
+            tendon = {"name": f"{axis}_{side}", "route": route, "stiffness": planar.tendon_stiffness}
             tendons.append(tendon | {"pretension": planar.pretension})
     values = {
         "name": inst.name,

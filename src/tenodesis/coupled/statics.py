@@ -1,13 +1,14 @@
 """Statics of instruments whose joints share tendons: all angles and tensions under a wrench and a grip force."""
 
 import math
+from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis._core import Status
-from tenodesis.coupled.description import CoupledInstrument
+from tenodesis.coupled.description import CoupledInstrument, Joint
 from tenodesis.coupled.reading import CoupledLike, load
 from tenodesis.errors import ArgumentError, NoSolutionError
 from tenodesis.statics.query import common_shape, numbers, place
@@ -177,24 +178,30 @@ def handle_angles(
 
 def compensation_strokes(
     inst: CoupledLike,
-    output_angles: ArrayLike,
+    handle_angles: ArrayLike,
     wrench: ArrayLike = 0.0,
     *,
     grip_force: ArrayLike = 0.0,
+    strokes: ArrayLike = 0.0,
     axes: Axes = "tip",
 ) -> Array:
-    """Return the lengths to wind so that the joints keep their unloaded angles under a load, (..., tendons), m.
+    """Return the lengths to wind so that all joints keep their unloaded angles under a load, (..., tendons), m.
 
-    Every motor winds what its own tendon is stretched by more than at rest, for the smallest change of the tensions
-    that carries the load; no tendon below zero tension. `output_angles` (..., joints), rad, are the angles to keep;
-    the rest as in :func:`equilibrium`. Raises NoSolutionError also if the tendons with motors cannot carry the load.
+    The tensions change by as little as carries the load, in the sum of their squares, none below zero; every motor winds
+    what its own tendon is stretched by more, beyond the strokes given. Arguments and errors as :func:`equilibrium`; NoSolutionError also if the
+    tendons with motors cannot carry the load.
     """
-    inst = load(inst)
-    inst, point = _prepare(inst, output_angles, wrench, grip_force, 0.0, axes, "output_angles", len(inst.tip_joints))
+    inst, point = _prepare(inst, handle_angles, wrench, grip_force, strokes, axes)
     out, status = np.empty((point.total, len(inst.tendons))), np.empty(point.total, np.uint8)
-    inst.core.compensation_strokes(point.held, point.load, axes == "stem", out, status, threads())
+    inst.core.compensation_strokes(point.held, point.strokes, point.load, axes == "stem", out, status, threads())
     _check(inst, "compensation_strokes", point, status)
     return point.shaped(out)
+
+
+def straight_arms(inst: CoupledLike, place: Literal["tip", "handle"] = "tip") -> Array:
+    """Return the moment arms of the tendons about the straight joints at one end, (tendons, joints), m."""
+    inst = load(inst)
+    return inst.tendon_arms(place) * _turns(inst.tip_joints if place == "tip" else inst.handle_joints)
 
 
 def coupling(inst: CoupledLike) -> Array:
@@ -204,9 +211,12 @@ def coupling(inst: CoupledLike) -> Array:
     the matrix from actuators to joints that robots are delivered with.
     """
     inst = load(inst)
-    # A gear's coordinate is the sine of half its angle.
-    turns = np.array([0.5 if joint.mechanism == "tendon-gear" else 1.0 for joint in inst.tip_joints])
-    return np.asarray(np.linalg.pinv(inst.tendon_arms("tip")) / turns[:, np.newaxis])
+    return np.asarray(np.linalg.pinv(inst.tendon_arms("tip")) / _turns(inst.tip_joints)[:, np.newaxis])
+
+
+def _turns(joints: Sequence[Joint]) -> Array:
+    """Return the rate of the straight joints' coordinates by their angles, of which a gear's is the sine of half."""
+    return np.array([0.5 if joint.mechanism == "tendon-gear" else 1.0 for joint in joints])
 
 
 class _Point(NamedTuple):
@@ -223,7 +233,7 @@ class _Point(NamedTuple):
         return values.reshape(*self.shape, *values.shape[1:])
 
 
-def _prepare(
+def _prepare(  # noqa: PLR0917
     inst: CoupledLike,
     held: ArrayLike,
     wrench: ArrayLike,
