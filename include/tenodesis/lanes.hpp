@@ -33,7 +33,7 @@ struct Lanes {
   Vector v{};
 
   constexpr Lanes() = default;
-  constexpr Lanes(Vector of) : v(of) {}             // NOLINT(misc-explicit-constructor)
+  constexpr Lanes(Vector of) : v(of) {}            // NOLINT(misc-explicit-constructor)
   constexpr Lanes(S same) : v(Vector{} + same) {}  // NOLINT(misc-explicit-constructor): a constant in all lanes
   constexpr explicit Lanes(int same) : Lanes(S(same)) {}
 

@@ -4,7 +4,8 @@
 // Every joint turns by half its angle, moves along its chord, and turns by the other half, as in kinematics.hpp. Its
 // coordinate x is the one of joint.hpp, in which the excursion of every tendon is linear: what a tendon is drawn by is
 // the sum of arm times x over the joints that it crosses. A gear's coordinate is the sine of half its angle, and a
-// tendon at a distance a from its middle plane has the arm 2 a there; elsewhere x is the angle and the arm the distance.
+// tendon at a distance a from its middle plane has the arm 2 a there; elsewhere x is the angle and the arm the
+// distance.
 
 #include <cstdint>
 
@@ -57,8 +58,8 @@ struct Wrench {
 template <class S>
 struct WristLoad {
   Wrench<S> wrench{};
-  S grip{};                ///< force that presses the jaws apart, as an object between them does, N
-  bool in_stem_axes{};     ///< whether the wrench keeps its direction while the tip turns
+  S grip{};             ///< force that presses the jaws apart, as an object between them does, N
+  bool in_stem_axes{};  ///< whether the wrench keeps its direction while the tip turns
 };
 
 /// A joint bent to a coordinate.

@@ -13,7 +13,7 @@
 namespace tenodesis {
 
 /// Newton's steps of a block.
-inline constexpr int wrist_block_steps = 6;
+inline constexpr int wrist_block_steps = 5;
 
 /// Coordinates and whether each lane is decided: 1 or 0.
 template <class L, int N>
@@ -24,23 +24,17 @@ struct WristLanes {
 
 /// Solves all lanes; those that are not decided are left to solve().
 template <class W, class S, int K>
-[[gnu::always_inline]] inline WristLanes<Lanes<S, K>, W::joints> solve_lanes(const W& wrist,
-                                                                           const Lanes<S, K>* wound,
-                                                                           const WristLoad<Lanes<S, K>>& load) {
+[[gnu::always_inline]] inline WristLanes<Lanes<S, K>, W::joints> solve_lanes(const W& wrist, const Lanes<S, K>* wound,
+                                                                             const WristLoad<Lanes<S, K>>& load) {
   using L = Lanes<S, K>;
   constexpr int N = W::joints, M = W::tendons;
   WristLanes<L, N> at;
-  Square<S, N> spring{};
+  const Square<S, N> spring = detail::unloaded_stiffness(wrist);
   L pull[N];
   for (int i = 0; i < N; ++i) {
     pull[i] = L(S(0));
     for (int m = 0; m < M; ++m)
       pull[i] = pull[i] + L(wrist.arm[m][i]) * (L(wrist.pretension[m]) + L(wrist.stiffness[m]) * wound[m]);
-    for (int j = 0; j < N; ++j)
-      for (int m = 0; m < M; ++m)
-        spring.at[i][j] = spring.at[i][j] + wrist.stiffness[m] * wrist.arm[m][i] * wrist.arm[m][j];
-    const S turn = Bend<S>(wrist.joint[i], S(0)).turn;
-    spring.at[i][i] = spring.at[i][i] + wrist.joint[i].stiffness / (turn * turn);
   }
   // The unloaded coordinates are linear in what is wound.
   for (int i = 0; i < N; ++i) at.x[i] = L(S(0));

@@ -125,21 +125,30 @@ template <class W, class T>
 
 namespace detail {
 
+/// Slopes of the balance without a load, all tendons taken as taut, the other way round.
+template <class W, class S = W::S>
+Square<S, W::joints> unloaded_stiffness(const W& wrist) {
+  constexpr int N = W::joints, M = W::tendons;
+  Square<S, N> stiffness{};
+  for (int i = 0; i < N; ++i) {
+    for (int j = 0; j < N; ++j)
+      for (int m = 0; m < M; ++m)
+        stiffness.at[i][j] = stiffness.at[i][j] + wrist.stiffness[m] * wrist.arm[m][i] * wrist.arm[m][j];
+    const S per_turn = Bend<S>(wrist.joint[i], S(0)).per_turn;
+    stiffness.at[i][i] = stiffness.at[i][i] + wrist.joint[i].stiffness * per_turn * per_turn;
+  }
+  return stiffness;
+}
+
 /// Coordinates at which all tendons, taken as taut, and springs balance without a load: the start of the search.
 template <class W, class S = W::S>
 int unloaded_start(const W& wrist, const S* wound, S* x) {
   constexpr int N = W::joints, M = W::tendons;
-  Square<S, N> stiffness{};
   for (int i = 0; i < N; ++i) {
     x[i] = S(0);
     for (int m = 0; m < M; ++m) x[i] = x[i] + wrist.arm[m][i] * (wrist.pretension[m] + wrist.stiffness[m] * wound[m]);
-    for (int j = 0; j < N; ++j)
-      for (int m = 0; m < M; ++m)
-        stiffness.at[i][j] = stiffness.at[i][j] + wrist.stiffness[m] * wrist.arm[m][i] * wrist.arm[m][j];
-    const S turn = Bend<S>(wrist.joint[i], S(0)).turn;
-    stiffness.at[i][i] = stiffness.at[i][i] + wrist.joint[i].stiffness / (turn * turn);
   }
-  return solve_linear(stiffness, x);
+  return solve_linear(unloaded_stiffness(wrist), x);
 }
 
 /// Newton's iteration from x; ok if it arrives at a stable equilibrium, unreachable if it leaves a joint's limits.
@@ -292,7 +301,7 @@ Status answer(const W& wrist, const S* wound, const WristLoad<S>& load, const S*
   const WristBalance<S, N> at = balance(wrist, wound, load, x, S(0));
   Square<S, N> stiffness{};
   for (int i = 0; i < N; ++i)
-    for (int j = 0; j < N; ++j) 
+    for (int j = 0; j < N; ++j)
       out.stiffness[i][j] = stiffness.at[i][j] = -bend[i].turn * at.slope.at[i][j] * bend[j].turn;
   Status found = Status::ok;
   const auto rates = [&](const S* moment, const auto& store) {
@@ -307,16 +316,16 @@ Status answer(const W& wrist, const S* wound, const WristLoad<S>& load, const S*
     Vector<S>& v = k < 3 ? unit.wrench.force : unit.wrench.moment;
     (k % 3 == 0 ? v.x : k % 3 == 1 ? v.y : v.z) = S(1);
     wrist.load_moments(bend, unit, moment, rate);
-    rates(moment, [&](int i, const S& rate) { out.by_wrench[i][k] = rate; });
+    rates(moment, [&](int i, const S& by) { out.by_wrench[i][k] = by; });
   }
   wrist.load_moments(bend, WristLoad<S>{{}, S(1), load.in_stem_axes}, moment, rate);
-  rates(moment, [&](int i, const S& rate) { out.by_grip[i] = rate; });
+  rates(moment, [&](int i, const S& by) { out.by_grip[i] = by; });
   S drawn[M];
   wrist.excursions(x, drawn);
   for (int m = 0; m < M; ++m) {
     const bool taut = wrist.stretched(m, wound[m], drawn[m]) > S(0);
     for (int i = 0; i < N; ++i) moment[i] = taut ? wrist.stiffness[m] * wrist.arm[m][i] * bend[i].turn : S(0);
-    rates(moment, [&](int i, const S& rate) { out.by_stroke[i][m] = rate; });
+    rates(moment, [&](int i, const S& by) { out.by_stroke[i][m] = by; });
   }
   for (int h = 0; h < wrist.handles; ++h) {
     const WristJoint<S> at_handle{wrist.handle[h]};

@@ -43,9 +43,15 @@ class AnyWrist {
           for (std::size_t i = 0; i < joints_; ++i) {
             const double* row = numbers.data() + i * joint_numbers;
             require(parent[i] < int(i), "a joint stands on one that comes after it");
-            wrist.joint[i] = {Mechanism(mechanism[i]), parent[i],      {row[axis_x], row[axis_y], row[axis_z]},
-                              row[offset],             row[chord],     row[length],
-                              row[stiffness],          row[share],     row[grip]};
+            wrist.joint[i] = {Mechanism(mechanism[i]),
+                              parent[i],
+                              {row[axis_x], row[axis_y], row[axis_z]},
+                              row[offset],
+                              row[chord],
+                              row[length],
+                              row[stiffness],
+                              row[share],
+                              row[grip]};
           }
           for (std::size_t m = 0; m < tendons_; ++m) {
             wrist.stiffness[m] = tendon.data()[2 * m];
@@ -116,8 +122,7 @@ class AnyWrist {
       const auto found = tenodesis::solve(wrist, at.wound, at.load);
       WristAnswer<W> rates{};
       Status status_of = found.status;
-      if (status_of == Status::ok)
-        status_of = tenodesis::answer(wrist, at.wound, at.load, at.handle, found.x, rates);
+      if (status_of == Status::ok) status_of = tenodesis::answer(wrist, at.wound, at.load, at.handle, found.x, rates);
       for (std::size_t i = 0; i < joints_; ++i) {
         double* to = out.data() + (p * joints_ + i) * width;
         if (status_of != Status::ok) {
@@ -272,8 +277,8 @@ void bind_wrist(nb::module_& m) {
            "threads"_a)
       .def("handle_angles", &AnyWrist::handle_angles, "angle"_a, "stroke"_a, "load"_a, "in_stem_axes"_a, "out"_a,
            "status"_a, "threads"_a)
-      .def("compensation_strokes", &AnyWrist::compensation_strokes, "handle"_a, "stroke"_a, "load"_a, "in_stem_axes"_a, "out"_a,
-           "status"_a, "threads"_a);
+      .def("compensation_strokes", &AnyWrist::compensation_strokes, "handle"_a, "stroke"_a, "load"_a, "in_stem_axes"_a,
+           "out"_a, "status"_a, "threads"_a);
 }
 
 }  // namespace tenodesis::bindings

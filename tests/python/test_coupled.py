@@ -127,9 +127,9 @@ def test_the_load_does_the_work_that_springs_and_tendons_take_up(inst: CoupledIn
     moments -= [joint.own_stiffness * angle for joint, angle in zip(inst.tip_joints, angles, strict=True)]
     for jaw, sign in zip(inst.jaws, (1, -1), strict=False):
         moments[jaw] += sign * point.grip * 5e-3
-    for end in inst.ends:
+    for end in inst.bearing:
         turned = place(inst, angles, end)[1] if axes == "tip" else Rotation.identity()
-        share = turned.apply(point.wrench.reshape(2, 3)).ravel() / len(inst.ends)
+        share = turned.apply(point.wrench.reshape(2, 3)).ravel() / len(inst.bearing)
         moments += velocity(inst, angles, end).T @ share
     assert moments == pytest.approx(0, abs=1e-7)
     wound = np.array([SIGNS[tendon.route[0].side] for tendon in inst.tendons]) * 4e-3 * np.repeat(point.handle, 2)
@@ -170,7 +170,7 @@ def test_without_a_load_the_compliance_of_the_tip_is_reciprocal(inst: CoupledIns
     at = coupled.equilibrium(inst, [point.handle], strokes=point.strokes)
     assume(at.status[0] == Status.OK)
     rates = coupled.rates(inst, point.handle, strokes=point.strokes, axes="stem")
-    moved = sum(velocity(inst, at.angles[0], end) for end in inst.ends) / len(inst.ends)
+    moved = sum(velocity(inst, at.angles[0], end) for end in inst.bearing) / len(inst.bearing)
     # Metres and radians by N and N m, made alike by a length.
     alike = np.repeat([1.0, 0.01], 3)
     compliance = (alike[:, np.newaxis] * moved) @ (rates.by_wrench * alike)

@@ -74,9 +74,9 @@ class CoupledPeer:
         model.tendon_lengthspring[:, 1] = self._rest - strokes
         steps = 0
         for share in (0.0, 1.0):
-            load = share * np.asarray(wrench, float) / len(inst.ends)
+            load = share * np.asarray(wrench, float) / len(inst.bearing)
             own, fixed = (load, 0 * load) if axes == "tip" else (0 * load, load)
-            data.ctrl[:] = np.tile(np.concatenate([own, fixed]), len(inst.ends))
+            data.ctrl[:] = np.tile(np.concatenate([own, fixed]), len(inst.bearing))
             for jaw, sign in zip(inst.jaws, (1.0, -1.0), strict=False):
                 length = (inst.grip and inst.grip.length) or inst.tip_joints[jaw].end_effector_length or 0.0
                 data.qfrc_applied[self._hinges[jaw]] = share * sign * length * grip_force
@@ -115,7 +115,7 @@ def coupled_xml(inst: CoupledInstrument) -> str:
         on = top if parent < 0 else links[inst.tip_joints[parent].name].far
         links[joint.name] = link = _Link(joint, on, 1.0)
         link.free(stiffness[place], ties)
-    for end in inst.ends:
+    for end in inst.bearing:
         joint = inst.tip_joints[end]
         SubElement(links[joint.name].far, "site", name=joint.name, pos=_vector((0, 0, joint.end_effector_length or 0)))
         for reference, gear in product(({}, {"refsite": "stem"}), _WRENCH):
