@@ -12,7 +12,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from tenodesis import instrument
+from tenodesis import coupled, instrument
 from tenodesis.control.resolution import sentences, warnings
 from tenodesis.errors import CommandError, Error, InstrumentError, ProtocolError
 from tenodesis.instrument import Instrument
@@ -52,7 +52,20 @@ def load_instrument(name_or_path: str) -> Instrument:
         return instrument.load(name_or_path)
     except InstrumentError:
         _refuse_name(name_or_path, "a protocol", InstrumentError, "an instrument")
+        if coupled.is_coupled(name_or_path):
+            raise InstrumentError(
+                f"{name_or_path} lists joints and tendons, and this command takes planar instruments; tenodesis check, "
+                "loss and import take such files, and tn.coupled in Python.",
+                key="file",
+                value=name_or_path,
+                allowed="a planar instrument",
+            ) from None
         raise
+
+
+def load_any_instrument(name_or_path: str) -> Instrument | coupled.CoupledInstrument:
+    """Return an instrument by its name or path, planar or coupled; errors as in :func:`load_instrument`."""
+    return coupled.load(name_or_path) if coupled.is_coupled(name_or_path) else load_instrument(name_or_path)
 
 
 def load_protocol(name_or_path: str) -> "simulate.Protocol":
