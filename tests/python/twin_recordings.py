@@ -1,13 +1,15 @@
 """Recordings of twins whose truth is known, for tests of identification."""
 
+import dataclasses
+
 import numpy as np
 
 import tenodesis as tn
-from tenodesis.identification import FORMATS, Fit, fit
-from tenodesis.identification.formats.instrument_run import InstrumentRun, checked
+from tenodesis.identification import FORMATS, Fit, fit, measured
+from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.identification.twin_model.problem import TwinProblem
 from tenodesis.instrument import Instrument
-from tenodesis.run import TENDONS, Array, Run
+from tenodesis.run import Array, Run
 
 STEP = 5e-4
 RADII = ("distal_gear_radius", "distal_pulley_radius")
@@ -51,22 +53,15 @@ def recorded(
 
 
 def columns(run: Run, *, distal: bool = True, commanded: bool = True) -> InstrumentRun:
-    found = {
-        "handle_angle": run["commanded_handle_angle" if commanded else "measured_handle_angle"],
-        "measured_handle_angle": run["measured_handle_angle"],
-        "measured_output_angle": run["measured_output_angle"],
-        "force": run["force"],
-    }
-    for n, tendon in enumerate(TENDONS):
-        found |= {
-            f"tension_{tendon}": run["measured_tension"][:, n],
-            f"spool_{tendon}": run["measured_spool_angle"][:, n],
-        }
+    """Return a run as a recording, without a distal encoder, or with the handle's encoder instead of the command."""
+    found = measured(run, name="recording")
+    columns = dict(found.columns)
+    del columns["radial_force"]
     if not distal:
-        del found["measured_output_angle"]
+        del columns["measured_output_angle"]
     if not commanded:
-        del found["measured_handle_angle"]
-    return checked("recording", run.time, found)
+        columns["handle_angle"] = columns.pop("measured_handle_angle")
+    return dataclasses.replace(found, columns=columns)
 
 
 def problem(runs: InstrumentRun | list[InstrumentRun], inst: Instrument, law: str = "capstan") -> TwinProblem:
