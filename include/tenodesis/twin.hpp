@@ -53,7 +53,7 @@ struct Twin {
       for (int i = 0; i <= tendon.contacts(); ++i) own.tension[i] = tendon.rest_tension;
     for (auto& own : state.drive) own.angle = drive.backlash * S(0.5);
     state.noise.seed = seed;
-    state.reading = read(state);
+    state.reading = readings(sensors, drive, state);
     state.until_sample = steps_per_sample;
     return state;
   }
@@ -75,7 +75,7 @@ struct Twin {
     next.handle_wanted = command.handle_angle;
     next.load = load;
     if (--next.until_sample <= 0) {
-      next.reading = read(next);
+      next.reading = readings(sensors, drive, next);
       next.until_sample = steps_per_sample;
     }
     state = next;
@@ -94,7 +94,7 @@ struct Twin {
   }
 
   /// Expected readings; in dual numbers without noise and steps.
-  Reading<S> expected(State state) const { return read(state); }
+  Reading<S> expected(State state) const { return readings(sensors, drive, state); }
 
   /// Largest violation of the friction law in a step, as a share of the tension scale.
   S residual(const State& before, const State& after) const {
@@ -489,17 +489,6 @@ struct Twin {
       angle = angle + correction;
     }
     return Status::no_equilibrium;
-  }
-
-  Reading<S> read(State& state) const {
-    Reading<S> reading{};
-    reading.handle_angle = sensors.handle_encoder.read(state.handle_angle, state.noise);
-    reading.output_angle = sensors.output_encoder.read(state.output_angle, state.noise);
-    for (int i = 0; i < 2; ++i) {
-      reading.tension[i] = sensors.load_cell[i].read(state.tendon[i].tension[0], state.noise);
-      reading.spool_angle[i] = sensors.motor_encoder.read(state.drive[i].angle - drive.backlash * S(0.5), state.noise);
-    }
-    return reading;
   }
 };
 

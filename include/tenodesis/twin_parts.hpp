@@ -99,4 +99,17 @@ struct TwinState {
   S residual_in_parts{-1};  ///< largest of the last step's parts; -1: it was not divided
 };
 
+/// Readings in a state, from which their noise is drawn.
+template <class S, class State>
+Reading<S> readings(const Sensors<S>& sensors, const Drive<S>& drive, State& state) {
+  Reading<S> reading{};
+  reading.handle_angle = sensors.handle_encoder.read(state.handle_angle, state.noise);
+  reading.output_angle = sensors.output_encoder.read(state.output_angle, state.noise);
+  for (int i = 0; i < 2; ++i) {
+    reading.tension[i] = sensors.load_cell[i].read(state.tendon[i].tension[0], state.noise);
+    reading.spool_angle[i] = sensors.motor_encoder.read(state.drive[i].angle - drive.backlash * S(0.5), state.noise);
+  }
+  return reading;
+}
+
 }  // namespace tenodesis
