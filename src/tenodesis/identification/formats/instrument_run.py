@@ -137,11 +137,9 @@ def columns_of(signals: Mapping[str, Array], where: str, notes: list[str]) -> di
     handle = next(
         (name for name in ("commanded_handle_angle", "measured_handle_angle") if _has_values(signals, name)), None
     )
-    has_tension = _has_values(signals, "measured_tension")
-    if handle is None or not has_tension:
-        lacking = ", ".join(
-            [*([] if has_tension else ["measured_tension"]), *([] if handle else ["measured_handle_angle"])]
-        )
+    lacking = [] if _has_values(signals, "measured_tension") else ["measured_tension"]
+    lacking += [] if handle else ["measured_handle_angle"]
+    if handle is None or lacking:
         raise IdentificationError(f"{where} lacks {', '.join(lacking)}; it has {', '.join(signals) or 'no signals'}.")
     if handle == "measured_handle_angle":
         notes.append("the handle angle is that of its encoder, for no commanded angle was recorded")
