@@ -53,10 +53,12 @@ def test_every_equation_and_care_point_is_implemented_and_tested() -> None:
 @pytest.mark.slow
 @pytest.mark.process
 @pytest.mark.parametrize("page", ["README.md", "docs/python.md", "docs/coupled.md", "docs/twin.md", "docs/scaling.md"])
-def test_the_python_examples_run_and_print_what_they_say(page: str) -> None:
+def test_the_python_examples_run_and_print_what_they_say(page: str, tmp_path: Path) -> None:
     code = "".join(re.findall(r"```python\n(.*?)```", (ROOT / page).read_text("utf-8"), re.S))
     assert code
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120, cwd=tmp_path
+    )
     said = [line.split("# ")[1].strip() for line in code.splitlines() if line.startswith("print")]
     assert done.stdout.splitlines() == said
 

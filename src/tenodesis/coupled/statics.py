@@ -187,9 +187,9 @@ def compensation_strokes(
 ) -> Array:
     """Return the lengths to wind so that all joints keep their unloaded angles under a load, (..., tendons), m.
 
-    The tensions change by as little as carries the load, in the sum of their squares, none below zero; every motor winds
-    what its own tendon is stretched by more, beyond the strokes given. Arguments and errors as :func:`equilibrium`; NoSolutionError also if the
-    tendons with motors cannot carry the load.
+    The tensions change by as little as carries the load, in the sum of their squares, none below zero; every motor
+    winds what its own tendon is stretched by more, beyond the strokes given. Arguments and errors as
+    :func:`equilibrium`; NoSolutionError also if the tendons with motors cannot carry the load.
     """
     inst, point = _prepare(inst, handle_angles, wrench, grip_force, strokes, axes)
     out, status = np.empty((point.total, len(inst.tendons))), np.empty(point.total, np.uint8)
