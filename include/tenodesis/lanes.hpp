@@ -17,11 +17,11 @@ template <Real S, int N>
 struct VectorOf;
 template <int N>
 struct VectorOf<double, N> {
-  typedef double Type __attribute__((vector_size(N * 8)));
+  using Type [[gnu::vector_size(N * 8)]] = double;
 };
 template <int N>
 struct VectorOf<float, N> {
-  typedef float Type __attribute__((vector_size(N * 4)));
+  using Type [[gnu::vector_size(N * 4)]] = float;
 };
 
 }  // namespace detail

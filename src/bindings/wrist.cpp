@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <utility>
 #include <variant>
 
 #include "evaluate.hpp"
@@ -42,7 +43,7 @@ class AnyWrist {
         [&](auto& wrist) {
           for (std::size_t i = 0; i < joints_; ++i) {
             const double* row = numbers.data() + i * joint_numbers;
-            require(parent[i] < int(i), "a joint stands on one that comes after it");
+            require(std::cmp_less(parent[i], i), "a joint stands on one that comes after it");
             wrist.joint[i] = {Mechanism(mechanism[i]),
                               parent[i],
                               {row[axis_x], row[axis_y], row[axis_z]},
@@ -146,7 +147,8 @@ class AnyWrist {
       const Point<W> at(wrist, nullptr, row(stroke, p), row(load, p), 0, tendons_, in_stem_axes);
       double handle[W::joints]{};
       const Status found = tenodesis::handle_angles(wrist, row(angle, p), at.load, at.stroke, handle);
-      for (std::size_t h = 0; h < handles_; ++h) out.data()[p * handles_ + h] = found == Status::ok ? handle[h] : nan;
+      for (std::size_t h = 0; h < W::joints; ++h)
+        if (h < handles_) out.data()[p * handles_ + h] = found == Status::ok ? handle[h] : nan;
       return found;
     });
   }

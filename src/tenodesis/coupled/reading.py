@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from tenodesis.coupled.description import ENTRIES, CoupledInstrument, RouteError
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument import Instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.kinematics import dimensions
 from tenodesis.toml import parse_toml, read_text, validated
 
@@ -87,11 +87,12 @@ def misrouted(name_or_path: str | Path) -> RouteError | None:
     return None
 
 
-def of_planar(inst: Instrument) -> CoupledInstrument:
+def of_planar(inst: InstrumentLike) -> CoupledInstrument:
     """Return an instrument of one or two planar axes as joints and tendons: what its file is short for.
 
     Tendons of the second axis pass the first joint in its middle plane, at the tip as at the handle.
     """
+    inst = as_instrument(inst)
     lengths = dimensions(inst)
     joints: list[dict[str, Any]] = []
     for place, radii in (("handle", lengths.proximal_radii), ("tip", lengths.distal_radii)):
