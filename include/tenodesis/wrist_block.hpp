@@ -3,7 +3,8 @@
 //
 // Newton's iteration as in wrist_statics.hpp, a fixed number of steps from the unloaded angles. A lane counts if the
 // scalar search would have gone the same way: no tendon slack before the load, every slope stable, no step shortened,
-// the last one below the tolerance, and no coordinate farther than a part of a load may move it.
+// and no coordinate farther than a part of a load may move it. The last step is so short that the next, of the order of
+// its square, would be rounding.
 
 #include "tenodesis/lanes.hpp"
 #include "tenodesis/wrist_statics.hpp"
@@ -13,12 +14,16 @@
 namespace tenodesis {
 
 /// Newton's steps of a block.
-inline constexpr int wrist_block_steps = 5;
+inline constexpr int wrist_block_steps = 4;
+/// Longest last step.
+template <Real S>
+inline constexpr S longest_last_step = sizeof(S) == 4 ? S(1e-3) : S(2e-7);
 
 /// Coordinates and whether each lane is decided: 1 or 0.
 template <class L, int N>
 struct WristLanes {
   L x[N];
+  L angle[N];  ///< rad
   L decided;
 };
 
@@ -80,11 +85,12 @@ template <class W, class S, int K>
     keep(last.v <= L(S(0.25)).v);
     for (int i = 0; i < N; ++i) at.x[i] = at.x[i] + right[i];
   }
-  keep(last.v <= L(settled<S>).v);
+  keep(last.v <= L(longest_last_step<S>).v);
   for (int i = 0; i < N; ++i) {
     keep(abs(at.x[i]).v < L(coordinate_limit<S>(wrist.joint[i].mechanism)).v);
     keep(abs(at.x[i] - start[i]).v <= L(S(detail::longest_part)).v);
   }
+  for (int i = 0; i < N; ++i) at.angle[i] = angle_at(wrist.joint[i].mechanism, at.x[i]);
   at.decided = worst;
   return at;
 }

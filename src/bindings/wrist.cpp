@@ -1,6 +1,7 @@
 // Wrists of joints that share tendons: statics over arrays.
 
 #include <algorithm>
+#include <cstring>
 #include <memory>
 #include <utility>
 #include <variant>
@@ -75,36 +76,21 @@ class AnyWrist {
     std::visit(
         [&](const auto& wrist) {
           using W = std::decay_t<decltype(wrist)>;
-          const auto point = [&](std::size_t p) {
-            return Point<W>(wrist, row(handle, p), row(stroke, p), row(load, p), handles_, tendons_, in_stem_axes);
-          };
-          const auto store = [&](std::size_t p, const Point<W>& at, const double* x, Status found) {
-            const bool ok = found == Status::ok;
-            double drawn[W::tendons];
-            wrist.excursions(x, drawn);
-            for (std::size_t i = 0; i < joints_; ++i)
-              angle.data()[p * joints_ + i] = ok ? angle_at(wrist.joint[i].mechanism, x[i]) : nan;
-            for (std::size_t m = 0; m < tendons_; ++m)
-              tension.data()[p * tendons_ + m] =
-                  ok ? std::max(wrist.stretched(int(m), at.wound[m], drawn[m]), 0.0) : nan;
-            status.data()[p] = static_cast<unsigned char>(found);
+          const Rows rows{handle, stroke, load, in_stem_axes};
+          const auto store = [&](std::size_t p, const Solved<W>& found, Status status_of) {
+            const bool ok = status_of == Status::ok;
+            for (std::size_t i = 0; i < joints_; ++i) angle.data()[p * joints_ + i] = ok ? found.angle[i] : nan;
+            for (std::size_t m = 0; m < tendons_; ++m) tension.data()[p * tendons_ + m] = ok ? found.tension[m] : nan;
+            status.data()[p] = static_cast<unsigned char>(status_of);
           };
           over_threads(status.shape(0), threads, 256, [&](std::size_t begin, std::size_t end) {
-            Point<W> at[lanes];
-            double x[lanes][W::joints];
+            Solved<W> found[lanes];
             for (std::size_t base = begin; base < end; base += lanes) {
               const std::size_t n = std::min(lanes, end - base);
-              for (std::size_t k = 0; k < n; ++k) at[k] = point(base + k);
-              // Lanes that are left over repeat the first point.
-              for (std::size_t k = n; k < lanes; ++k) at[k] = at[0];
-              const std::uint32_t decided = solve_block(wrist, at, in_stem_axes, x);
+              const std::uint32_t decided = solve_block(wrist, rows, base, n, found);
               for (std::size_t k = 0; k < n; ++k) {
-                if ((decided >> k & 1u) != 0) {
-                  store(base + k, at[k], x[k], Status::ok);
-                } else {
-                  const auto found = tenodesis::solve(wrist, at[k].wound, at[k].load);
-                  store(base + k, at[k], found.x, found.status);
-                }
+                const bool is_decided = (decided >> k & 1u) != 0;
+                store(base + k, found[k], is_decided ? Status::ok : solve_alone(wrist, rows, base + k, found[k]));
               }
             }
           });
@@ -191,35 +177,67 @@ class AnyWrist {
 
   static constexpr std::size_t lanes = 8;
 
-  // Bit k: whether lane k is decided. Without wide vectors all points are left to the scalar solver.
+  /// Angles (rad) and tensions (N) of a point.
   template <class W>
-  static std::uint32_t solve_block([[maybe_unused]] const W& wrist, [[maybe_unused]] const Point<W>* at,
-                                   [[maybe_unused]] bool in_stem_axes, [[maybe_unused]] double (*x)[W::joints]) {
+  struct Solved {
+    double angle[W::joints]{};
+    double tension[W::tendons]{};
+  };
+
+  /// Inputs of all points.
+  struct Rows {
+    const In<2>& handle;
+    const In<2>& stroke;
+    const In<2>& load;
+    bool in_stem_axes;
+  };
+
+  template <class W>
+  Status solve_alone(const W& wrist, const Rows& rows, std::size_t p, Solved<W>& out) const {
+    const Point<W> at(wrist, row(rows.handle, p), row(rows.stroke, p), row(rows.load, p), handles_, tendons_,
+                      rows.in_stem_axes);
+    const auto found = tenodesis::solve(wrist, at.wound, at.load);
+    if (found.status != Status::ok) return found.status;
+    double drawn[W::tendons];
+    wrist.excursions(found.x, drawn);
+    for (int i = 0; i < W::joints; ++i) out.angle[i] = angle_at(wrist.joint[i].mechanism, found.x[i]);
+    for (int m = 0; m < W::tendons; ++m) out.tension[m] = std::max(wrist.stretched(m, at.wound[m], drawn[m]), 0.0);
+    return Status::ok;
+  }
+
+  // Solves n points from a place on. Bit k: whether the k-th is decided. Without wide vectors none is.
+  template <class W>
+  std::uint32_t solve_block([[maybe_unused]] const W& wrist, [[maybe_unused]] const Rows& rows,
+                            [[maybe_unused]] std::size_t base, [[maybe_unused]] std::size_t n,
+                            [[maybe_unused]] Solved<W>* out) const {
     std::uint32_t decided = 0;
 #if defined(__GNUC__)
     // Other sizes would cost more time to compile than they save.
     if constexpr (W::joints == 2 && W::tendons == 4) {
       using L = Lanes<double, int(lanes)>;
       engine::in_wide_vectors([&] {
-        L wound[W::tendons];
-        WristLoad<L> load{};
-        load.in_stem_axes = in_stem_axes;
-        for (std::size_t k = 0; k < lanes; ++k) {
-          const auto put = [&](L& to, double value) { to.v[k] = value; };
-          for (int m = 0; m < W::tendons; ++m) put(wound[m], at[k].wound[m]);
-          const auto& wrench = at[k].load.wrench;
-          put(load.wrench.force.x, wrench.force.x);
-          put(load.wrench.force.y, wrench.force.y);
-          put(load.wrench.force.z, wrench.force.z);
-          put(load.wrench.moment.x, wrench.moment.x);
-          put(load.wrench.moment.y, wrench.moment.y);
-          put(load.wrench.moment.z, wrench.moment.z);
-          put(load.grip, at[k].load.grip);
-        }
-        const auto found = solve_lanes(wrist, wound, load);
-        for (std::size_t k = 0; k < lanes; ++k) {
+        L handle[W::joints], stroke[W::tendons], load[load_components], wound[W::tendons], drawn[W::tendons];
+        // One number after another into a register would take longer than all that follows.
+        const auto gather = [&](L* to, const In<2>& from, std::size_t count) {
+          for (std::size_t c = 0; c < count; ++c) {
+            double lane[lanes];
+            // Lanes that are left over repeat the first point.
+            for (std::size_t k = 0; k < lanes; ++k) lane[k] = row(from, base + (k < n ? k : 0))[c];
+            std::memcpy(&to[c].v, lane, sizeof lane);
+          }
+        };
+        gather(handle, rows.handle, std::min<std::size_t>(handles_, W::joints));
+        gather(stroke, rows.stroke, std::min<std::size_t>(tendons_, W::tendons));
+        gather(load, rows.load, load_components);
+        wrist.wind(handle, stroke, wound);
+        const WristLoad<L> all{{{load[0], load[1], load[2]}, {load[3], load[4], load[5]}}, load[6], rows.in_stem_axes};
+        const auto found = solve_lanes(wrist, wound, all);
+        wrist.excursions(found.x, drawn);
+        for (int m = 0; m < W::tendons; ++m) drawn[m] = larger(wrist.stretched(m, wound[m], drawn[m]), L(0.0));
+        for (std::size_t k = 0; k < n; ++k) {
           decided |= std::uint32_t(found.decided[int(k)] > 0) << k;
-          for (int i = 0; i < W::joints; ++i) x[k][i] = found.x[i][int(k)];
+          for (int i = 0; i < W::joints; ++i) out[k].angle[i] = found.angle[i][int(k)];
+          for (int m = 0; m < W::tendons; ++m) out[k].tension[m] = drawn[m][int(k)];
         }
       });
     }

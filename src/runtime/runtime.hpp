@@ -242,7 +242,7 @@ class Runtime {
     control_.note(answered - asked);
     Velocities speed{};
     const double silent = controller_.injector.silent();
-    if (!stopped_ && !(silent > 0 && controller_.watchdog(silent))) send_velocities(speed);
+    if (!stopped_ && (silent <= 0 || !controller_.watchdog(silent))) send_velocities(speed);
     if (controller_.last.cut_power) device_.cut_power();
     if (!device_.write(speed, bench_)) {
       report(Problem::tip_lost);
