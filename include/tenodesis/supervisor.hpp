@@ -209,7 +209,7 @@ struct Supervisor {
 
   // A tip that presses on something is let go of after a fault, by what the motors are told, unless they do not obey.
   bool relaxes(const State& state, const CommandState<S>& axis) const {
-    const S enough(1e-3);  // rad
+    const S enough = S(1e-3);  // rad
     return state.operating == OperatingState::fault && state.since >= hold_time && abs(axis.pressing) > enough &&
            (state.first & bit(Fault::motor_not_following)) == 0;
   }
