@@ -18,19 +18,24 @@ from tenodesis.coupled.statics import (
     tensions,
 )
 
+from tenodesis.coupled.twin import CoupledRun, Held, Twin
+
 __all__ = [
     "PULLEY_RADIUS",
     "CoupledInstrument",
     "CoupledLike",
+    "CoupledRun",
     "Crossing",
     "Doubt",
     "Equilibrium",
     "Grip",
+    "Held",
     "Joint",
     "Loss",
     "Rates",
     "RouteError",
     "Tendon",
+    "Twin",
     "compensation_strokes",
     "coupling",
     "dvrk_text",

@@ -11,19 +11,26 @@ from pydantic import AfterValidator, Field, model_validator
 
 from tenodesis import _core, notebook
 from tenodesis.errors import InstrumentError
+from tenodesis.instrument.hardware import Drives, Friction, Hand, Sensors
 from tenodesis.instrument.instrument import Name
 from tenodesis.toml import FileTable, validated
 from tenodesis.units import (
     AngleRange,
+    Coefficient,
+    Damping,
     FlexuralRigidity,
     Force,
     HandStiffness,
+    Inertia,
     Length,
+    Mass,
     Modulus,
     PositiveForce,
+    Rate,
     SheathBend,
     Spacing,
     Stiffness,
+    StopAngle,
 )
 
 Array = NDArray[np.float64]
@@ -36,6 +43,10 @@ AXES: Mapping[str, tuple[float, float, float]] = {"yaw": (0, 1, 0), "pitch": (-1
 
 _MECHANISMS: Mapping[str, int] = {"tendon-gear": 0, "pulley": 1, "continuum": 2}
 _SIGNS: Mapping[str, float] = {"agonist": 1.0, "antagonist": -1.0, "middle": 0.0}
+COUPLED_LAWS = ("none", "capstan", "capstan-constant")
+"""Friction laws that a coupled instrument may have."""
+_LAWS = ", ".join(COUPLED_LAWS)
+MOST_SHEATH_CONTACTS = 4
 MOST_JOINTS = 6
 MOST_TENDONS = 12
 
@@ -89,6 +100,17 @@ class Joint(FileTable):
     end_effector_length: Length | None = Field(
         default=None, description="From the far end of the last joint to where forces act; at the handle, the hand"
     )
+    mass: Mass | None = Field(default=None, description="Of the link beyond the joint")
+    centre_of_mass: Spacing | None = Field(
+        default=None, description="From the joint's far end along the link; by default its middle"
+    )
+    inertia: Inertia | None = Field(
+        default=None, description="About axes through the joint's far end across the link; by default that of a rod"
+    )
+    damping: Damping | None = Field(default=None, description="Viscous damping of the joint's angle")
+    stop: StopAngle | None = Field(
+        default=None, description="Angle of its mechanical stop; by default a third beyond its range"
+    )
 
     @property
     def axis_vector(self) -> tuple[float, float, float]:
@@ -127,6 +149,17 @@ class Joint(FileTable):
         return self
 
 
+class CoupledDynamics(Hand):
+    """Motion of the links, and of the hand on each joint of the handle."""
+
+    natural_frequency: Rate = Field(
+        default=20.0, description="Lowest of the unloaded wrist, from which the mass of links follows that is not given"
+    )
+    damping_ratio: Annotated[float, Field(ge=0, le=2)] = Field(
+        default=0.2, description="Share of critical damping of joints whose damping is not given"
+    )
+
+
 class Crossing(FileTable):
     """Passage of a tendon over a joint."""
 
@@ -134,6 +167,9 @@ class Crossing(FileTable):
     side: Side = Field(description="Side of the joint: agonist bends it to positive angles, middle does not bend it")
     radius: Spacing | None = Field(default=None, description="Distance from the joint's middle; by default its radius")
     base_wrap: SheathBend = Field(default=0.0, description="Bend of the tendon over the straight joint")
+    coefficient: Coefficient | None = Field(
+        default=None, description="Friction coefficient there; by default friction.vertex_coefficient"
+    )
 
 
 class Tendon(FileTable):
@@ -177,6 +213,10 @@ class CoupledInstrument(FileTable):
     joints: tuple[Joint, ...] = Field(min_length=1, description="From the stem outward at either end")
     tendons: tuple[Tendon, ...] = Field(min_length=1, max_length=MOST_TENDONS, description="All tendons")
     grip: Grip | None = Field(default=None, description="Jaws that grip")
+    friction: Friction = Friction()
+    dynamics: CoupledDynamics = CoupledDynamics()
+    drives: Drives = Drives()
+    sensors: Sensors = Sensors()
     sources: Mapping[str, str] = Field(default={}, description="Source of each value, by key")
 
     @property
@@ -306,6 +346,7 @@ class CoupledInstrument(FileTable):
             self._stiffness(tendon)
         _check_distinct("tendons", [tendon.name for tendon in self.tendons])
         self._check_held()
+        self._check_friction()
         return self
 
     def _check_joints(self) -> None:
@@ -331,6 +372,21 @@ class CoupledInstrument(FileTable):
             wrong = [jaw for jaw in self.grip.jaws if jaw not in names]
             if wrong:
                 raise ValueError(f"grip.jaws names {wrong[0]!r}; it must name the last joints: {', '.join(names)}")
+
+    def _check_friction(self) -> None:
+        friction = self.friction
+        if friction.law not in COUPLED_LAWS:
+            raise ValueError(f'friction.law is "{friction.law}"; of a coupled instrument it must be one of {_LAWS}')
+        if friction.sheath_contacts > MOST_SHEATH_CONTACTS:
+            given = friction.sheath_contacts
+            raise ValueError(f"friction.sheath_contacts is {given}; it must be at most {MOST_SHEATH_CONTACTS}")
+        for key in ("vertices_per_joint", "sheath_bend_per_handle_angle", "base_wrap", "tendon_bending_stiffness"):
+            given, default = getattr(friction, key), Friction.model_fields[key].default
+            if given != default:
+                instead = "; give base_wrap in a tendon's route" if key == "base_wrap" else ""
+                raise ValueError(f"friction.{key} is {given:g}, which a coupled instrument does not have{instead}")
+        if self.spool_radius is not None and "spool_radius" in self.drives.model_fields_set:
+            raise ValueError("spool_radius and drives.spool_radius are both given; give one of them")
 
     def _check_held(self) -> None:
         """Refuse joints that nothing holds, and tendons that leave a motion of several joints free."""

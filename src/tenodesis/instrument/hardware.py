@@ -167,7 +167,17 @@ class Friction(FileTable):
         return float(ratio ** (1 - self.load_index))
 
 
-class Dynamics(FileTable):
+class Hand(FileTable):
+    """The hand on the handle."""
+
+    hand_stiffness: HandStiffness = Field(
+        default=0.0, description="Stiffness of the hand on the handle; 0: the handle is at its commanded angle"
+    )
+    hand_damping: Damping = Field(default=0.05, description="Damping of the hand on the handle")
+    hand_inertia: Inertia = Field(default=2e-3, description="Inertia of hand and handle")
+
+
+class Dynamics(Hand):
     """Inertia and damping of tip and hand."""
 
     tip_inertia: Inertia | None = Field(
@@ -180,11 +190,6 @@ class Dynamics(FileTable):
     output_stop: StopAngle | None = Field(
         default=None, description="Output angle of the mechanical stop; without it a third beyond the working range"
     )
-    hand_stiffness: HandStiffness = Field(
-        default=0.0, description="Stiffness of the hand on the handle; 0: the handle is at its commanded angle"
-    )
-    hand_damping: Damping = Field(default=0.05, description="Damping of the hand on the handle")
-    hand_inertia: Inertia = Field(default=2e-3, description="Inertia of hand and handle")
 
 
 class Drives(FileTable):

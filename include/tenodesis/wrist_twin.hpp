@@ -1,0 +1,652 @@
+#pragma once
+// The twin of a wrist (wrist.hpp) in time: tendons with friction at every contact of their routes, links with inertia,
+// jaws that grip, motors, sensors and hand.
+//
+// Every tendon is the chain of tendon.hpp. Joints that it crosses draw it in segments of the chain, so that under a
+// guess of what slides and what is slack its tensions are linear in the joints' coordinates; the joints' own equations
+// follow with these, by Newton's iteration, and the guess is revised until nothing contradicts it. A joint at the
+// handle draws the segment before its contact, one at the tip the segment beyond.
+
+#include "tenodesis/tendon.hpp"
+#include "tenodesis/twin_parts.hpp"
+#include "tenodesis/wrist_inertia.hpp"
+#include "tenodesis/wrist_statics.hpp"
+
+namespace tenodesis {
+
+/// Up to Most values.
+template <class T, int Most>
+struct BoundedRow {
+  T at[Most]{};
+  int length{Most};
+
+  constexpr int size() const { return length; }
+  constexpr T& operator[](int i) { return at[i]; }
+  constexpr const T& operator[](int i) const { return at[i]; }
+};
+
+/// Rows of a tendon with at most so many contacts.
+template <int most>
+struct BoundedContacts {
+  template <class T>
+  using PerContact = Row<T, most>;
+  template <class T>
+  using PerSegment = BoundedRow<T, most + 1>;
+};
+
+/// A number that depends linearly on U others.
+template <class S, int U>
+struct Linear {
+  S value{};
+  S by[U]{};
+
+  constexpr Linear() = default;
+  constexpr explicit Linear(const S& constant) : value(constant) {}
+
+  /// With other operations on value and slopes.
+  friend constexpr Linear operator+(const Linear& a, const Linear& b) {
+    Linear sum(a.value + b.value);
+    for (int u = 0; u < U; ++u) sum.by[u] = a.by[u] + b.by[u];
+    return sum;
+  }
+  friend constexpr Linear operator-(const Linear& a, const Linear& b) {
+    Linear difference(a.value - b.value);
+    for (int u = 0; u < U; ++u) difference.by[u] = a.by[u] - b.by[u];
+    return difference;
+  }
+  friend constexpr Linear operator+(Linear a, const S& b) {
+    a.value = a.value + b;
+    return a;
+  }
+  friend constexpr Linear operator+(const S& a, Linear b) { return b + a; }
+  friend constexpr Linear operator*(const S& by, Linear a) {
+    a.value = by * a.value;
+    for (int u = 0; u < U; ++u) a.by[u] = by * a.by[u];
+    return a;
+  }
+  friend constexpr Linear operator*(const Linear& a, const S& by) { return by * a; }
+
+  S at(const S* x) const {
+    S sum = value;
+    for (int u = 0; u < U; ++u) sum = sum + by[u] * x[u];
+    return sum;
+  }
+};
+
+/// One contact of a tendon's route: in the sheath, or on a joint.
+template <class S>
+struct Passage {
+  int joint{-1};    ///< of the tip, or of the handle counted from N on; -1: the sheath
+  S coefficient{};  ///< of friction
+  S wrap{};         ///< of the sheath, or of the straight joint, rad
+  S arm{};          ///< by which a unit of the joint's coordinate lengthens the segment that it draws, m
+};
+
+/// An object between the jaws, as a spring that is pressed below an opening (m, by the arms of the grip).
+template <class S>
+struct Held {
+  S opening{};
+  S stiffness{};  ///< N/m; 0: there is none
+  S damping{};    ///< N s/m
+};
+
+template <class W>
+struct WristCommand {
+  using S = W::S;
+  S handle_angle[W::joints]{};     ///< of the handle's joints, or wanted by the hand, rad
+  S spool_velocity[W::tendons]{};  ///< rad/s
+  WristLoad<S> load{};
+  Held<S> held{};
+
+  bool finite() const {
+    bool all = all_finite(load.wrench.force.x, load.wrench.force.y, load.wrench.force.z, load.wrench.moment.x,
+                          load.wrench.moment.y, load.wrench.moment.z, load.grip) &&
+               all_finite(held.opening, held.stiffness, held.damping);
+    for (const S& angle : handle_angle) all = all && is_finite(angle);
+    for (const S& velocity : spool_velocity) all = all && is_finite(velocity);
+    return all;
+  }
+};
+
+/// Angles of all joints, of the tip first, then of the handle, with rates and moments.
+template <class W, int most_contacts>
+struct WristState {
+  using S = W::S;
+  static constexpr int N = W::joints, M = W::tendons;
+
+  S angle[2 * N]{};      ///< rad
+  S velocity[2 * N]{};   ///< rad/s
+  S moment[2 * N]{};     ///< of everything except inertia and what is gripped, N m
+  S handle_moment[N]{};  ///< of the tendons on the handle's joints, against positive angles, N m
+  S grip_force{};        ///< on what is gripped, mean of the last step, N
+  WristCommand<W> command{};
+  TendonState<S, BoundedContacts<most_contacts>> tendon[M]{};
+  DriveState<S> drive[M]{};
+  Noise noise{};
+  S measured_handle[N]{};
+  S measured_angle[N]{};
+  S measured_tension[M]{};
+  S measured_spool[M]{};
+  int until_sample{};
+  int sweeps{};
+};
+
+template <class W, int most>
+struct WristTwin {
+  using S = W::S;
+  using Wrist = W;
+  static constexpr int N = W::joints, M = W::tendons, joints = 2 * N;
+  using Rows = BoundedContacts<most>;
+  using State = WristState<W, most>;
+  using Command = WristCommand<W>;
+  using Rope = Tendon<S, Rows>;
+
+  W wrist{};
+  Rope tendon[M]{};
+  Passage<S> passage[M][most]{};
+  Link<S> link[N]{};
+  S damping[N]{};  ///< of the tip's joints, N m s/rad
+  S stop[N]{};     ///< angle of the mechanical stop, rad
+  S stop_stiffness[N]{};
+  S constant{};    ///< friction of each joint and of the sheath that does not depend on the load, N
+  S viscous{};     ///< likewise, N s/m
+  Hand<S> hand{};  ///< on each joint of the handle
+  Drive<S> drive{};
+  Sensor<S> encoder{};
+  Sensor<S> load_cell{};
+  Sensor<S> motor_encoder{};
+  S time_step{};
+  int steps_per_sample{1};
+  bool quasi_static{};
+
+  /// At rest, tendons at pretension and all else at zero.
+  State rest(std::uint64_t seed) const {
+    State state{};
+    for (int m = 0; m < M; ++m) {
+      for (int i = 0; i <= tendon[m].contacts(); ++i) state.tendon[m].tension[i] = tendon[m].rest_tension;
+      state.drive[m].angle = drive.backlash * S(0.5);
+    }
+    state.noise.seed = seed;
+    for (int i = 0; i < N; ++i) state.moment[i] = S(0);
+    read(state);
+    state.until_sample = steps_per_sample;
+    return state;
+  }
+
+  /// Advances the state by one step; it is unchanged unless the status is ok.
+  Status step(const Command& command, State& state) const {
+    if (!command.finite()) return Status::not_finite;
+    for (int h = 0; h < wrist.handles; ++h)
+      if (!(abs(coordinate_at(wrist.handle[h], command.handle_angle[h])) < coordinate_limit<S>(wrist.handle[h])))
+        return Status::out_of_range;
+    State next = state;
+    Status found = advance_to(command, time_step, state, next);
+    if (found == Status::no_equilibrium && quasi_static) found = in_parts(command, state, next);
+    if (found != Status::ok) return found;
+    next.command = command;
+    if (--next.until_sample <= 0) {
+      read(next);
+      next.until_sample = steps_per_sample;
+    }
+    state = next;
+    return Status::ok;
+  }
+
+  bool prescribed() const { return !(hand.stiffness > S(0)); }
+  S per_second() const { return S(1) / time_step; }
+
+  /// A typical tension, N.
+  S tension_scale(int m) const { return tendon[m].rest_tension + wrist.stiffness[m] * S(1e-3); }
+
+  /// Opening of the jaws by the arms of the grip, m.
+  S opening(const S* angle) const {
+    S sum(0);
+    for (int i = 0; i < N; ++i) sum = sum + wrist.joint[i].grip * angle[i];
+    return sum;
+  }
+
+  /// Bands of a tendon's contacts at given angles of all joints.
+  Rope::Bands bands(int m, const S* angle) const {
+    typename Rope::Bands band{};
+    int sheath = 0;
+    while (sheath < tendon[m].contacts() && passage[m][sheath].joint < 0) ++sheath;
+    for (int j = 0; j < tendon[m].contacts(); ++j) {
+      const Passage<S>& at = passage[m][j];
+      const S wrap = at.joint < 0 ? at.wrap : at.wrap + abs(angle[at.joint]);
+      const S share = at.joint < 0 ? S(1) / S(sheath) : S(1);
+      band[j] = {exp(at.coefficient * wrap), constant * share,
+                 viscous * share * per_second() + least_drag<ValueOf<S>> * wrist.stiffness[m]};
+    }
+    return band;
+  }
+
+  /// Largest violation of the friction law in a step, as a share of the tension scale.
+  S residual(const State& before, const State& after) const {
+    S worst(0);
+    S angle[joints];
+    band_angles(before, after.angle, angle);
+    for (int m = 0; m < M; ++m) {
+      if (!taut(m)) continue;
+      worst =
+          larger(worst, tendon[m].residual(bands(m, angle), before.tendon[m].slip, after.tendon[m]) / tension_scale(m));
+    }
+    return worst;
+  }
+
+ private:
+  bool taut(int m) const { return wrist.stiffness[m] > S(0); }
+  Mechanism mechanism(int g) const { return g < N ? wrist.joint[g].mechanism : wrist.handle[g - N]; }
+
+  void read(State& state) const {
+    for (int h = 0; h < wrist.handles; ++h) state.measured_handle[h] = encoder.read(state.angle[N + h], state.noise);
+    for (int i = 0; i < N; ++i) state.measured_angle[i] = encoder.read(state.angle[i], state.noise);
+    for (int m = 0; m < M; ++m) {
+      if (!taut(m)) continue;
+      state.measured_tension[m] = load_cell.read(state.tendon[m].tension[0], state.noise);
+      state.measured_spool[m] = motor_encoder.read(state.drive[m].angle - drive.backlash * S(0.5), state.noise);
+    }
+  }
+
+  // Divides a large quasi-static step: a guess within it may have no equilibrium although the wrist has one.
+  [[gnu::noinline, gnu::cold]] Status in_parts(const Command& command, const State& before, State& next) const {
+    Status found = Status::no_equilibrium;
+    for (int parts = 16; parts <= 1024 && found == Status::no_equilibrium; parts *= 8) {
+      State at = before;
+      found = Status::ok;
+      for (int k = 1; k <= parts && found == Status::ok; ++k) {
+        const S share = S(k) / S(parts);
+        const auto between = [&](const S& from, const S& to) { return from + (to - from) * share; };
+        Command part = command;
+        const Command& from = before.command;
+        for (int h = 0; h < N; ++h) part.handle_angle[h] = between(from.handle_angle[h], command.handle_angle[h]);
+        part.load = {{from.load.wrench.force + share * (command.load.wrench.force - from.load.wrench.force),
+                      from.load.wrench.moment + share * (command.load.wrench.moment - from.load.wrench.moment)},
+                     between(from.load.grip, command.load.grip),
+                     command.load.in_stem_axes};
+        if (from.held.stiffness > S(0) || command.held.stiffness > S(0))
+          part.held.stiffness = between(from.held.stiffness, command.held.stiffness);
+        State to = at;
+        found = advance_to(part, time_step / S(parts), at, to);
+        at = to;
+      }
+      if (found == Status::ok) {
+        at.until_sample = next.until_sample;
+        next = at;
+      }
+    }
+    return found;
+  }
+
+  Status advance_to(const Command& command, const S& duration, const State& before, State& next) const {
+    for (int m = 0; m < M; ++m)
+      if (wrist.motor[m] && taut(m))
+        next.drive[m] =
+            advance(drive, before.drive[m], command.spool_velocity[m], before.tendon[m].tension[0], duration);
+    return prescribed() ? Step<N>(*this, command, duration, before, next).solve()
+                        : Step<joints>(*this, command, duration, before, next).solve();
+  }
+
+  // Friction is that of the angles at the step's end at rest, in motion that of the first guess, which is close enough.
+  void band_angles(const State& before, const S* at_end, S* angle) const {
+    for (int g = 0; g < joints; ++g)
+      angle[g] =
+          quasi_static || (g >= N && prescribed()) ? at_end[g] : before.angle[g] + before.velocity[g] * time_step;
+  }
+
+  /// One step: U joints whose angles are unknown.
+  template <int U>
+  struct Step {
+    using Sum = Linear<S, U>;
+
+    const WristTwin& twin;
+    const Command& command;
+    const State& before;
+    State& next;
+    S duration;
+    S per_second;
+    typename Rope::Bands band[M]{};
+    typename Rope::template LineOf<Sum> line[M]{};
+    Reaction<Sum, S> spool[M]{};
+    Rows::template PerSegment<Sum> pull[M]{};
+    Sum moment[U]{};       // of the tendons by each coordinate, N m per unit
+    Square<S, U> heavy{};  // 2 M / h^2
+    S bias[U]{};
+    S angle[joints]{};
+
+    Step(const WristTwin& of, const Command& with, const S& lasting, const State& from, State& to)
+        : twin(of), command(with), before(from), next(to), duration(lasting), per_second(S(1) / lasting) {}
+
+    Status solve() {
+      for (int g = 0; g < joints; ++g) {
+        const bool is_given = g >= N && U == N;
+        angle[g] = is_given ? command.handle_angle[g - N]
+                            : before.angle[g] + (twin.quasi_static ? S(0) : before.velocity[g] * duration);
+      }
+      if (!twin.quasi_static) set_inertia();
+      set_pulls();
+      set_bands();
+      for (int m = 0; m < M; ++m) next.tendon[m] = before.tendon[m];
+      next.sweeps = 0;
+      Status found = settle();
+      // Quasi-static, friction is that of the step's end; in motion the first guess is close enough.
+      bool agreed = !twin.quasi_static;
+      for (int n = 0; n < most_corrections && !agreed && found == Status::ok; ++n) {
+        S was[joints];
+        for (int g = 0; g < joints; ++g) was[g] = angle[g];
+        set_bands();
+        found = settle();
+        agreed = true;
+        for (int g = 0; g < joints; ++g) agreed = agreed && abs(angle[g] - was[g]) <= settled<ValueOf<S>>;
+      }
+      if (found == Status::ok && !agreed) return Status::no_equilibrium;
+      if (found == Status::ok) finish();
+      return found;
+    }
+
+    static constexpr int most_corrections = 64;
+
+    void set_inertia() {
+      S x[N], speed[N], matrix[N][N];
+      for (int i = 0; i < N; ++i) {
+        speed[i] = before.velocity[i];
+        x[i] = coordinate_at(twin.mechanism(i), before.angle[i] + speed[i] * duration * S(0.5));
+      }
+      inertia(twin.wrist, twin.link, x, speed, matrix, bias);
+      const S twice = S(2) * per_second * per_second;
+      for (int i = 0; i < N; ++i)
+        for (int j = 0; j < N; ++j) heavy.at[i][j] = twice * matrix[i][j];
+      for (int h = N; h < U; ++h) heavy.at[h][h] = twice * twin.hand.inertia;
+    }
+
+    // What the joints, known or unknown, draw in each segment.
+    void set_pulls() {
+      for (int m = 0; m < M; ++m) {
+        if (!twin.taut(m)) continue;
+        const auto& tendon = twin.tendon[m];
+        const int n = tendon.contacts();
+        spool[m].stiffness = tendon.stiffness[0];
+        spool[m].at_rest =
+            Sum(tendon.rest_tension + tendon.stiffness[0] * twin.drive.spool_radius * next.drive[m].spool);
+        for (int j = 0; j < n; ++j) {
+          const Passage<S>& at = twin.passage[m][j];
+          if (at.joint < 0 || at.arm == S(0)) continue;
+          // The handle's joints draw the segment before their contact.
+          Sum add;
+          bool is_unknown = true;
+          if constexpr (U == N) is_unknown = at.joint < N;
+          if (is_unknown)
+            add.by[at.joint] = at.arm;
+          else
+            add.value = at.arm * coordinate_at(twin.mechanism(at.joint), angle[at.joint]);
+          const int segment = at.joint < N ? j + 1 : j;
+          if (segment == 0)
+            spool[m].at_rest = spool[m].at_rest + tendon.stiffness[0] * add;
+          else
+            pull[m][segment] = pull[m][segment] + add;
+        }
+      }
+    }
+
+    void set_bands() {
+      for (int m = 0; m < M; ++m)
+        if (twin.taut(m)) band[m] = twin.bands(m, angle);
+    }
+
+    S tolerance(int m) const { return friction_tolerance<ValueOf<S>> * twin.tension_scale(m); }
+
+    // Tensions of a tendon as functions of the coordinates under its guess, as moments on the joints.
+    void eliminate(int m) {
+      const auto& tendon = twin.tendon[m];
+      const int n = tendon.contacts();
+      auto& state = next.tendon[m];
+      tendon.eliminate(n, band[m], spool[m], pull[m], before.tendon[m].slip, state, line[m]);
+      Sum beyond;
+      for (int j = n - 1; j >= 0; --j) {
+        const Sum slip = line[m].at_rest[j] + line[m].rate[j] * beyond;
+        const Passage<S>& at = twin.passage[m][j];
+        if (at.joint >= 0 && at.joint < N && at.arm != S(0) && !state.slack[j + 1]) {
+          const S k = tendon.stiffness[j + 1];
+          const Sum tension = tendon.rest_tension + k * (pull[m][j + 1] + slip - beyond);
+          moment[at.joint] = moment[at.joint] - at.arm * tension;
+        }
+        line[m].at_rest[j] = slip;  // in terms of the coordinates alone
+        beyond = slip;
+        if constexpr (U > N) {
+          if (at.joint >= N && at.arm != S(0) && !state.slack[j]) {
+            const Sum held = j > 0 ? line[m].at_rest[j - 1] + line[m].rate[j - 1] * beyond : Sum{};
+            const Sum tension = j > 0 ? tendon.rest_tension + tendon.stiffness[j] * (pull[m][j] + held - beyond)
+                                      : spool[m].at_rest - spool[m].stiffness * beyond;
+            moment[at.joint] = moment[at.joint] - at.arm * tension;
+          }
+        }
+      }
+    }
+
+    // Slips and tensions at given coordinates.
+    void substitute(int m, const S* x) {
+      const auto& tendon = twin.tendon[m];
+      auto& state = next.tendon[m];
+      S beyond(0);
+      for (int j = tendon.contacts() - 1; j >= 0; --j) {
+        const S slip = line[m].at_rest[j].at(x);
+        state.tension[j + 1] = tendon.rest_tension + tendon.stiffness[j + 1] * (pull[m][j + 1].at(x) + slip - beyond);
+        state.slip[j] = slip;
+        beyond = slip;
+      }
+      state.tension[0] = spool[m].at_rest.at(x) - spool[m].stiffness * beyond;
+    }
+
+    void coordinates(S* x) const {
+      for (int u = 0; u < U; ++u) x[u] = coordinate_at(twin.mechanism(u), angle[u]);
+    }
+
+    // Guess, pass, revise (tendon.hpp), with the joints' own equations.
+    Status settle() {
+      S start[joints];
+      for (int g = 0; g < joints; ++g) start[g] = angle[g];
+      for (int sweep = 0; sweep < hasty_sweeps; ++sweep) {
+        ++next.sweeps;
+        for (int u = 0; u < U; ++u) moment[u] = Sum{};
+        for (int m = 0; m < M; ++m)
+          if (twin.taut(m)) eliminate(m);
+        if (newton() != Status::ok) break;
+        S x[U];
+        coordinates(x);
+        int revised = 0;
+        for (int m = 0; m < M; ++m) {
+          if (!twin.taut(m)) continue;
+          substitute(m, x);
+          revised += twin.tendon[m].revise(band[m], before.tendon[m].slip, tolerance(m), next.tendon[m]);
+        }
+        if (revised == 0) return Status::ok;
+      }
+      for (int g = 0; g < joints; ++g) angle[g] = start[g];
+      return settle_in_turn();
+    }
+
+    // Slower, but sure: the tendons are settled at given angles, and these are moved until the joints' equations hold.
+    [[gnu::noinline, gnu::cold]] Status settle_in_turn() {
+      S last[joints]{};
+      S share(1);
+      S smallest(-1);
+      S step[U]{};
+      for (int n = 0; n < 4 * most_corrections; ++n) {
+        S x[U];
+        coordinates(x);
+        for (int u = 0; u < U; ++u) moment[u] = Sum{};
+        for (int m = 0; m < M; ++m) {
+          if (!twin.taut(m)) continue;
+          settle_alone(m, x);
+          eliminate(m);
+        }
+        S off[U];
+        Square<S, U> slope{};
+        unbalanced(off, slope);
+        S size(0);
+        S scaled[U];
+        for (int u = 0; u < U; ++u) {
+          scaled[u] = off[u];
+        }
+        if (solve_linear(slope, scaled) == 0) return Status::no_equilibrium;
+        for (int u = 0; u < U; ++u) size = size + off[u] * off[u] / (slope.at[u][u] * slope.at[u][u]);
+        S largest(0);
+        for (int u = 0; u < U; ++u) largest = larger(largest, abs(scaled[u]));
+        if (largest <= settled<ValueOf<S>>) return Status::ok;
+        // A step that leads farther away is halved.
+        if (smallest >= S(0) && !(size < smallest) && share > S(1e-4)) {
+          share = share * S(0.5);
+        } else {
+          smallest = size;
+          share = S(1);
+          for (int g = 0; g < joints; ++g) last[g] = angle[g];
+          const S cut = largest > S(0.2) ? S(0.2) / largest : S(1);
+          for (int u = 0; u < U; ++u) step[u] = cut * scaled[u];
+        }
+        for (int u = 0; u < U; ++u) angle[u] = last[u] - share * step[u];
+        if (!within()) return Status::no_equilibrium;
+      }
+      return Status::no_equilibrium;
+    }
+
+    void settle_alone(int m, const S* x) {
+      typename Rope::Lengths drawn{};
+      drawn.length = twin.tendon[m].contacts() + 1;
+      for (int i = 1; i < drawn.length; ++i) drawn[i] = pull[m][i].at(x);
+      const Reaction<S> end{spool[m].at_rest.at(x), spool[m].stiffness};
+      typename Rope::Line own{};
+      next.tendon[m].slip = before.tendon[m].slip;
+      next.sweeps += tenodesis::settle(twin.tendon[m], band[m], drawn, end, tolerance(m), next.tendon[m], own);
+    }
+
+    bool within() const {
+      for (int u = 0; u < U; ++u) {
+        const S limit = coordinate_limit<S>(twin.mechanism(u));
+        const S x = coordinate_at(twin.mechanism(u), angle[u]);
+        if (!(abs(angle[u]) < S(pi)) || !(abs(x) < limit)) return false;
+      }
+      return true;
+    }
+
+    // The joints' equations under the present guess.
+    Status newton() {
+      for (int n = 0; n < most_corrections; ++n) {
+        S off[U];
+        Square<S, U> slope{};
+        unbalanced(off, slope);
+        if (solve_linear(slope, off) == 0) return Status::no_equilibrium;
+        S largest(0);
+        for (int u = 0; u < U; ++u) largest = larger(largest, abs(off[u]));
+        const S share = largest > S(0.25) ? S(0.25) / largest : S(1);
+        for (int u = 0; u < U; ++u) angle[u] = angle[u] - share * off[u];
+        if (!within()) return Status::no_equilibrium;
+        using V = ValueOf<S>;
+        // In motion the slopes neglect terms far below the inertia: the next correction would be rounding.
+        const V arrived = twin.quasi_static ? settled<V> : sizeof(V) == 4 ? V(1e-5) : V(1e-7);
+        if (largest <= arrived) return Status::ok;
+      }
+      return Status::no_equilibrium;
+    }
+
+    // What is left over about every unknown joint, N m, and its slopes by the angles, N m/rad; without slopes of rates.
+    void unbalanced(S* off, Square<S, U>& slope) {
+      moments(off, slope);
+      S x[U];
+      coordinates(x);
+      const S share = twin.quasi_static ? S(1) : S(0.5);
+      for (int u = 0; u < U; ++u) {
+        if (!twin.quasi_static) off[u] = (off[u] + before.moment[u]) * share - bias[u];
+        for (int v = 0; v < U; ++v) slope.at[u][v] = slope.at[u][v] * share;
+      }
+      if (!twin.quasi_static)
+        for (int u = 0; u < U; ++u)
+          for (int v = 0; v < U; ++v) {
+            const S turned = angle[v] - before.angle[v] - before.velocity[v] * duration;
+            off[u] = off[u] - heavy.at[u][v] * turned;
+            slope.at[u][v] = slope.at[u][v] - heavy.at[u][v];
+          }
+      const Held<S>& held = command.held;
+      const S pressed = held.opening - twin.opening(angle);
+      if (!(held.stiffness > S(0)) || !(pressed > S(0))) {
+        next.grip_force = S(0);
+        return;
+      }
+      const S drag = twin.quasi_static ? S(0) : held.damping * per_second;
+      const S force = held.stiffness * pressed + drag * (twin.opening(before.angle) - twin.opening(angle));
+      next.grip_force = larger(force, S(0));
+      if (!(force > S(0))) return;
+      for (int i = 0; i < N; ++i) {
+        off[i] = off[i] + twin.wrist.joint[i].grip * force;
+        for (int j = 0; j < N; ++j)
+          slope.at[i][j] =
+              slope.at[i][j] - (held.stiffness + drag) * twin.wrist.joint[i].grip * twin.wrist.joint[j].grip;
+      }
+    }
+
+    // Moments of everything but inertia and what is gripped at the step's end, and their slopes.
+    void moments(S* at, Square<S, U>& slope) {
+      S x[U];
+      coordinates(x);
+      Bend<S> bend[N];
+      for (int i = 0; i < N; ++i) bend[i] = Bend<S>(twin.wrist.joint[i], x[i]);
+      S load[N], rate[N][N];
+      twin.wrist.load_moments(bend, command.load, load, rate);
+      S turn[U];
+      for (int i = 0; i < N; ++i) turn[i] = bend[i].turn;
+      for (int h = N; h < U; ++h) turn[h] = Bend<S>(WristJoint<S>{twin.mechanism(h)}, x[h]).turn;
+      const S speed_rate = twin.quasi_static ? S(0) : S(2) * per_second;
+      for (int u = 0; u < U; ++u) {
+        const S pulled = moment[u].at(x);
+        at[u] = turn[u] * pulled;
+        for (int v = 0; v < U; ++v) slope.at[u][v] = turn[u] * moment[u].by[v] * turn[v];
+        // The rate of a gear's cos(half angle)/2.
+        if (twin.mechanism(u) == Mechanism::gear) slope.at[u][u] = slope.at[u][u] - S(0.25) * x[u] * pulled;
+        const S velocity = twin.quasi_static ? S(0) : speed_rate * (angle[u] - before.angle[u]) - before.velocity[u];
+        if (u < N) {
+          const int i = u < N ? u : 0;
+          const S beyond = angle[i] - clamp(angle[i], -twin.stop[i], twin.stop[i]);
+          const S spring = twin.wrist.joint[i].stiffness;
+          at[i] = at[i] + load[i] - spring * angle[i] - twin.damping[i] * velocity - twin.stop_stiffness[i] * beyond;
+          for (int j = 0; j < N; ++j) slope.at[i][j] = slope.at[i][j] + rate[i][j];
+          slope.at[i][i] =
+              slope.at[i][i] - spring - twin.damping[i] * speed_rate - (beyond == S(0) ? S(0) : twin.stop_stiffness[i]);
+          // A joint that nothing holds stays where it is.
+          if (twin.quasi_static) {
+            const S keep = detail::slack_stiffness<S> * twin.stop_stiffness[i];
+            at[i] = at[i] - keep * (angle[i] - before.angle[i]);
+            slope.at[i][i] = slope.at[i][i] - keep;
+          }
+        } else {
+          const S rest = twin.quasi_static ? S(0) : twin.hand.damping;
+          at[u] = at[u] + twin.hand.stiffness * (command.handle_angle[u - N] - angle[u]) - rest * velocity;
+          slope.at[u][u] = slope.at[u][u] - twin.hand.stiffness - rest * speed_rate;
+        }
+      }
+    }
+
+    void finish() {
+      S x[U];
+      coordinates(x);
+      Square<S, U> slope{};
+      S at[U];
+      moments(at, slope);
+      for (int g = 0; g < joints; ++g) {
+        const S turned = angle[g] - before.angle[g];
+        const bool is_free = g < U && !twin.quasi_static;
+        next.velocity[g] = is_free ? S(2) * per_second * turned - before.velocity[g] : turned * per_second;
+        next.angle[g] = angle[g];
+        next.moment[g] = g < U ? at[g < U ? g : 0] : S(0);
+      }
+      for (int h = 0; h < twin.wrist.handles; ++h) {
+        next.handle_moment[h] = S(0);
+        const WristJoint<S> joint{twin.wrist.handle[h]};
+        const S turn = Bend<S>(joint, coordinate_at(twin.wrist.handle[h], angle[N + h])).turn;
+        for (int m = 0; m < M; ++m)
+          for (int j = 0; j < twin.tendon[m].contacts() && twin.taut(m); ++j)
+            if (twin.passage[m][j].joint == N + h)
+              next.handle_moment[h] = next.handle_moment[h] + turn * twin.passage[m][j].arm * next.tendon[m].tension[j];
+      }
+    }
+  };
+};
+
+}  // namespace tenodesis

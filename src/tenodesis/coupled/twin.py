@@ -1,0 +1,342 @@
+"""The twin of a coupled instrument in time: friction at every bend of every tendon, links with inertia, jaws that grip."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tenodesis import _core, plant
+from tenodesis._core import Status
+from tenodesis.coupled.description import CoupledInstrument
+from tenodesis.coupled.reading import CoupledLike, load
+from tenodesis.coupled.rows import twin_rows
+from tenodesis.coupled.statics import Axes
+from tenodesis.errors import ArgumentError, NoSolutionError
+from tenodesis.run import SIGNALS as PLANAR_SIGNALS
+from tenodesis.run import Signal
+from tenodesis.statics.query import common_shape, numbers, place
+from tenodesis.twin.rows import check_seed
+from tenodesis.twin.twin import Energy
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = NDArray[np.float64]
+
+_OWN_SIGNALS = {
+    "wrench": Signal("N, N*m", False, "Force and moment on the tip: x, y, z of either"),
+    "applied_grip_force": Signal("N", False, "Force that presses the jaws apart, besides that of what they hold"),
+    "grip_force": Signal("N", False, "Force of the jaws on what they hold, mean of the step"),
+}
+
+
+class Held(NamedTuple):
+    """What the jaws hold: a spring that they press."""
+
+    opening: float
+    """Opening of the jaws, by the arms of the grip and their angles, below which they press it, m"""
+    stiffness: float
+    """N/m"""
+    damping: float = 0.0
+    """N s/m"""
+
+
+@dataclass(frozen=True)
+class CoupledRun:
+    """The signals of a run by name, one row per time step; columns are joints or tendons by :attr:`columns`.
+
+    Names and units are those of :class:`tenodesis.Run`, without its axes: `output_angle` has a column per joint of the
+    tip, `tension` one per tendon.
+    """
+
+    time: Array
+    joints: tuple[str, ...]
+    handle_joints: tuple[str, ...]
+    tendons: tuple[str, ...]
+    signals: dict[str, Array]
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a signal, (n, columns), or (n,) if it has one; ``run["output_angle.yaw"]`` is one of its columns.
+
+        Raises KeyError if it is unknown.
+        """
+        signal, _, column = name.partition(".")
+        if signal not in self.signals:
+            raise KeyError(f"{signal} is not among the signals; they are {', '.join(self.signals)}")
+        if not column:
+            return self.signals[signal]
+        names = self.columns(signal)
+        if column not in names:
+            raise KeyError(f"{column} is not among the columns of {signal}; they are {', '.join(names) or 'none'}")
+        return self.signals[signal][:, names.index(column)]
+
+    def columns(self, signal: str) -> tuple[str, ...]:
+        """Return the names of a signal's columns: joints, tendons, components; empty if it has one."""
+        if signal == "wrench":
+            return "fx", "fy", "fz", "mx", "my", "mz"
+        if self.signals[signal].ndim == 1:
+            return ()
+        if "handle" in signal:
+            return self.handle_joints
+        return self.joints if "output" in signal else self.tendons
+
+    def rows(self, first: int | None = None, last: int | None = None, step: int | None = None) -> "CoupledRun":
+        """Return every step-th row from the first on, before the last, as slices count."""
+        kept = {name: values[first:last:step] for name, values in self.signals.items()}
+        return replace(self, time=self.time[first:last:step], signals=kept)
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """Return a DataFrame over the time in s; columns as ``output_angle.yaw``.
+
+        Raises
+        ------
+        MissingExtraError
+            pandas is not installed.
+        """
+        from tenodesis.extras import require  # noqa: PLC0415 - pandas takes long to load
+
+        frame = {}
+        for name, values in self.signals.items():
+            columns = self.columns(name)
+            frame |= {f"{name}.{column}": values[:, n] for n, column in enumerate(columns)} if columns else {name: values}
+        pandas: Any = require("pandas", "tables")
+        return pandas.DataFrame(frame, index=pandas.Index(self.time, name="time"))  # type: ignore[no-any-return]
+
+    def __len__(self) -> int:
+        return int(self.time.size)
+
+    def __repr__(self) -> str:
+        span = f", {self.time[0]:.6g} to {self.time[-1]:.6g} s" if self.time.size else ""
+        return f"<CoupledRun of {self.time.size} rows{span}: {', '.join(self.joints)}, {len(self.signals)} signals>"
+
+
+def signal(name: str) -> Signal:
+    """Return unit and meaning of a signal of :class:`CoupledRun`; raises KeyError if it is unknown."""
+    return _OWN_SIGNALS[name] if name in _OWN_SIGNALS else PLANAR_SIGNALS[name]
+
+
+class Twin:
+    """The twin of a coupled instrument, at rest with straight joints and tendons at their pretension at first.
+
+    Time step in s; the sensors' noise has a seed from 0 to 2**64 - 1. A quasi-static twin leaves inertia and damping
+    out: every step ends at rest.
+
+    Raises
+    ------
+    ArgumentError
+        The time step is too long for the fastest oscillation or does not divide the sampling period, or the seed is
+        invalid.
+    """
+
+    def __init__(
+        self, inst: CoupledLike, *, time_step: float = plant.TIME_STEP, seed: int = 0, quasi_static: bool = False
+    ) -> None:
+        check_seed(seed)
+        self.inst: CoupledInstrument = load(inst)
+        self.time_step = time_step
+        self.quasi_static = quasi_static
+        rows = twin_rows(self.inst, time_step, quasi_static)
+        self.core = _core.WristTwin(
+            self.inst.core,
+            rows.passages,
+            rows.contacts,
+            rows.segments,
+            rows.links,
+            rows.parameters,
+            rows.steps_per_sample,
+            quasi_static,
+            int(seed),
+        )
+        self._steps = 0
+        joints, handles = len(self.inst.tip_joints), len(self.inst.handle_joints)
+        tendons = len(self.inst.tendons)
+        self._signals = (
+            ("output_angle", joints),
+            ("output_velocity", joints),
+            ("handle_angle", handles),
+            ("handle_torque", handles),
+            ("tension", tendons),
+            ("distal_tension", tendons),
+            ("spool_angle", tendons),
+            ("spool_velocity", tendons),
+            ("grip_force", 0),
+            ("measured_handle_angle", handles),
+            ("measured_output_angle", joints),
+            ("measured_tension", tendons),
+            ("measured_spool_angle", tendons),
+        )
+
+    @property
+    def time(self) -> float:
+        """Time simulated since the start, s."""
+        return self._steps * self.time_step
+
+    def __repr__(self) -> str:
+        kind = "quasi-static" if self.quasi_static else "dynamic"
+        return f"<Twin of {self.inst.name!r} at {self.time:.6g} s, {kind} steps of {self.time_step:g} s>"
+
+    def run(
+        self,
+        handle_angles: ArrayLike,
+        wrench: ArrayLike = 0.0,
+        *,
+        grip_force: ArrayLike = 0.0,
+        spool_velocity: ArrayLike = 0.0,
+        held: Held | None = None,
+        axes: Axes = "tip",
+    ) -> CoupledRun:
+        """Step over arrays of commands, from the present state, and return the signals, one row per step.
+
+        Parameters
+        ----------
+        handle_angles
+            Of the handle's joints, or the hand's aim if the hand has a stiffness, (n, handle joints), rad. An instrument
+            without a handle takes (n, 0), or has its steps from another argument.
+        wrench
+            Force (N) and moment (N m) on the tip, (n, 6) or (6,): x, y, z of either.
+        grip_force
+            Force that presses the jaws apart, N, (n,) or a number.
+        spool_velocity
+            Spool velocities commanded, rad/s, (n, tendons) or (tendons,).
+        held
+            What the jaws hold, for the whole call.
+        axes
+            "tip": the wrench turns with the end-effector, z along it; "stem": it keeps its direction.
+
+        Raises
+        ------
+        ArgumentError
+            A command is not finite or does not fit the instrument.
+        NoSolutionError
+            The load is more than the tendons can hold; the twin is then in its state before the call.
+        """
+        commands, given = self._commands(handle_angles, wrench, grip_force, spool_velocity, held, axes)
+        out = np.empty((len(commands), sum(width or 1 for _, width in self._signals) + 1))
+        self._advance(commands, out, None)
+        time = (np.arange(len(commands)) + 1 + self._steps - len(commands)) * self.time_step
+        signals = dict(given)
+        column = 0
+        for name, width in self._signals:
+            signals[name] = out[:, column : column + width] if width else out[:, column]
+            column += width or 1
+        names = [tuple(one.name for one in group) for group in (self.inst.tip_joints, self.inst.handle_joints)]
+        return CoupledRun(time, *names, tuple(tendon.name for tendon in self.inst.tendons), signals)
+
+    def energy(
+        self,
+        handle_angles: ArrayLike,
+        wrench: ArrayLike = 0.0,
+        *,
+        grip_force: ArrayLike = 0.0,
+        spool_velocity: ArrayLike = 0.0,
+        held: Held | None = None,
+        axes: Axes = "tip",
+    ) -> Energy:
+        """Step over arrays of commands and return the energy balance, J; otherwise as :meth:`run`."""
+        commands, _ = self._commands(handle_angles, wrench, grip_force, spool_velocity, held, axes)
+        out = np.empty((len(commands), sum(width or 1 for _, width in self._signals) + 1))
+        totals = np.zeros(len(_core.wrist_energies()))
+        self._advance(commands, out, totals)
+        return Energy(*map(float, totals), int(out[:, -1].max(initial=0)))
+
+    def _advance(self, commands: Array, out: Array, energy: Array | None) -> None:
+        before = self.core.copy()
+        steps, status = self.core.run(commands, out, energy)
+        if status:
+            self.core = before
+            raise _lost(self.inst, Status(status), f"step {steps} ({self.time + steps * self.time_step:.6g} s)")
+        self._steps += len(commands)
+
+    def _commands(
+        self,
+        handle_angles: ArrayLike,
+        wrench: ArrayLike,
+        grip_force: ArrayLike,
+        spool_velocity: ArrayLike,
+        held: Held | None,
+        axes: Axes,
+    ) -> tuple[Array, dict[str, Array]]:
+        """Return the core's rows of commands, and the signals that they are."""
+        inst = self.inst
+        if axes not in ("tip", "stem"):
+            raise ArgumentError(key="axes", value=axes, allowed="tip or stem")
+        grip = numbers("grip_force", grip_force)
+        if inst.grip is None and (np.any(grip) or held is not None):
+            key = "held" if held is not None else "grip_force"
+            raise ArgumentError(
+                f"{key} is given, but {inst.name} has nothing that grips; its file must have a table [grip] with the "
+                "jaws.",
+                key=key,
+                allowed="nothing without a table [grip]",
+            )
+        given = {
+            "handle_angles": _rows("handle_angles", handle_angles, len(inst.handle_joints)),
+            "wrench": _rows("wrench", wrench, 6),
+            "grip_force": grip[..., np.newaxis],
+            "spool_velocity": _rows("spool_velocity", spool_velocity, len(inst.tendons)),
+        }
+        for name, rows in given.items():
+            if not np.isfinite(rows).all():
+                first = int(np.argmin(np.isfinite(rows).ravel()))
+                shape = grip.shape if name == "grip_force" else rows.shape
+                at = place(first, shape)
+                raise ArgumentError(key=f"{name}{at}", value=float(rows.ravel()[first]), allowed="a finite number")
+        shape = common_shape({name: rows.shape[:-1] for name, rows in given.items()})
+        if len(shape) != 1:
+            raise ArgumentError(
+                f"the commands have shape {shape} without joints or tendons; it must be (n,), one row per step.",
+                key="handle_angles",
+                value=shape,
+                allowed="(n,)",
+            )
+        if not inst.dynamics.hand_stiffness:
+            _check_range(inst, given["handle_angles"])
+        pressed = Held(0.0, 0.0) if held is None else held
+        for name, value in pressed._asdict().items():
+            if not np.isfinite(value) or (name != "opening" and value < 0):
+                raise ArgumentError(key=f"held.{name}", value=value, allowed="finite, and not negative")
+        full = {name: np.broadcast_to(rows, (*shape, rows.shape[-1])) for name, rows in given.items()}
+        constant = np.broadcast_to([float(axes == "stem"), *pressed], (*shape, 4))
+        columns = (full["handle_angles"], full["spool_velocity"], full["wrench"], full["grip_force"], constant)
+        commanded = {
+            "commanded_handle_angle": full["handle_angles"],
+            "wrench": full["wrench"],
+            "applied_grip_force": full["grip_force"][:, 0],
+            "commanded_spool_velocity": full["spool_velocity"],
+        }
+        return np.ascontiguousarray(np.concatenate(columns, axis=1)), commanded
+
+
+def _rows(key: str, value: ArrayLike, width: int) -> Array:
+    """Return an argument with its last axis of a given length; a single 0 stands for all zeros."""
+    array = numbers(key, value)
+    if array.ndim == 0 and not array:
+        return np.zeros(width)
+    if array.ndim == 0 or array.shape[-1] != width:
+        allowed = f"of shape (n, {width}) or ({width},)"
+        raise ArgumentError(f"{key} has shape {array.shape}; it must be {allowed}.", key=key, value=array.shape)
+    return array
+
+
+def _check_range(inst: CoupledInstrument, angles: Array) -> None:
+    limits: Sequence[float] = [joint.range for joint in inst.handle_joints]
+    beyond = np.argwhere(np.abs(np.atleast_2d(angles)) > np.asarray(limits) + 1e-9)
+    if beyond.size:
+        row, column = map(int, beyond[0])
+        joint = inst.handle_joints[column]
+        raise ArgumentError(
+            key=f"handle_angles[{row}] of {joint.name}",
+            value=float(np.atleast_2d(angles)[row, column]),
+            allowed=f"within its range of ±{joint.range:.4g} rad",
+        )
+
+
+def _lost(inst: CoupledInstrument, status: Status, where: str) -> Exception:
+    if status == Status.OUT_OF_RANGE:
+        return NoSolutionError(f"at {where} the handle was pushed beyond its range; give a smaller load or angle.")
+    return NoSolutionError(
+        f"at {where} the joints of {inst.name} find no equilibrium: the load is more than the tendons can hold; give a "
+        "smaller load or more pretension."
+    )
