@@ -117,6 +117,7 @@ struct WristState {
   S angle[2 * N]{};      ///< rad
   S velocity[2 * N]{};   ///< rad/s
   S moment[2 * N]{};     ///< of everything except inertia and what is gripped, N m
+  S band_angle[2 * N]{};  ///< that the last step's friction is of, rad
   S handle_moment[N]{};  ///< of the tendons on the handle's joints, against positive angles, N m
   S grip_force{};        ///< on what is gripped, mean of the last step, N
   WristCommand<W> command{};
@@ -223,12 +224,10 @@ struct WristTwin {
   /// Largest violation of the friction law in a step, as a share of the tension scale.
   S residual(const State& before, const State& after) const {
     S worst(0);
-    S angle[joints];
-    band_angles(before, after.angle, angle);
     for (int m = 0; m < M; ++m) {
       if (!taut(m)) continue;
       worst =
-          larger(worst, tendon[m].residual(bands(m, angle), before.tendon[m].slip, after.tendon[m]) / tension_scale(m));
+          larger(worst, tendon[m].residual(bands(m, after.band_angle), before.tendon[m].slip, after.tendon[m]) / tension_scale(m));
     }
     return worst;
   }
@@ -286,13 +285,6 @@ struct WristTwin {
                         : Step<joints>(*this, command, duration, before, next).solve();
   }
 
-  // Friction is that of the angles at the step's end at rest, in motion that of the first guess, which is close enough.
-  void band_angles(const State& before, const S* at_end, S* angle) const {
-    for (int g = 0; g < joints; ++g)
-      angle[g] =
-          quasi_static || (g >= N && prescribed()) ? at_end[g] : before.angle[g] + before.velocity[g] * time_step;
-  }
-
   /// One step: U joints whose angles are unknown.
   template <int U>
   struct Step {
@@ -317,12 +309,11 @@ struct WristTwin {
         : twin(of), command(with), before(from), next(to), duration(lasting), per_second(S(1) / lasting) {}
 
     Status solve() {
-      for (int g = 0; g < joints; ++g) {
-        const bool is_given = g >= N && U == N;
-        angle[g] = is_given ? command.handle_angle[g - N]
-                            : before.angle[g] + (twin.quasi_static ? S(0) : before.velocity[g] * duration);
+      for (int g = 0; g < joints; ++g) angle[g] = g >= N && U == N ? command.handle_angle[g - N] : before.angle[g];
+      if (!twin.quasi_static) {
+        set_inertia();
+        guess();
       }
-      if (!twin.quasi_static) set_inertia();
       set_pulls();
       set_bands();
       for (int m = 0; m < M; ++m) next.tendon[m] = before.tendon[m];
@@ -358,6 +349,17 @@ struct WristTwin {
       for (int h = N; h < U; ++h) heavy.at[h][h] = twice * twin.hand.inertia;
     }
 
+    // Where rates and moments at the step's beginning lead.
+    void guess() {
+      S turned[U];
+      for (int u = 0; u < U; ++u) {
+        const S gripped = u < N ? twin.wrist.joint[u].grip * before.grip_force : S(0);
+        turned[u] = before.moment[u] + gripped - bias[u];
+      }
+      if (solve_linear(heavy, turned) == 0) return;
+      for (int u = 0; u < U; ++u) angle[u] = angle[u] + before.velocity[u] * duration + turned[u];
+    }
+
     // What the joints, known or unknown, draw in each segment.
     void set_pulls() {
       for (int m = 0; m < M; ++m) {
@@ -388,6 +390,7 @@ struct WristTwin {
     }
 
     void set_bands() {
+      for (int g = 0; g < joints; ++g) next.band_angle[g] = angle[g];
       for (int m = 0; m < M; ++m)
         if (twin.taut(m)) band[m] = twin.bands(m, angle);
     }
