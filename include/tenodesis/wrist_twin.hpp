@@ -78,7 +78,7 @@ template <class S>
 struct Passage {
   int joint{-1};    ///< of the tip, or of the handle counted from N on; -1: the sheath
   S coefficient{};  ///< of friction
-  S wrap{};         ///< of the sheath, or of the straight joint, rad
+  S ratio{1};       ///< of the tensions at which the sheath, or the straight joint, slips
   S arm{};          ///< by which a unit of the joint's coordinate lengthens the segment that it draws, m
 };
 
@@ -153,6 +153,7 @@ struct WristTwin {
   S viscous{};     ///< likewise, N s/m
   Hand<S> hand{};  ///< on each joint of the handle
   Drive<S> drive{};
+  int sheath_contacts{1};
   Sensor<S> encoder{};
   Sensor<S> load_cell{};
   Sensor<S> motor_encoder{};
@@ -206,17 +207,29 @@ struct WristTwin {
     return sum;
   }
 
-  /// Bands of a tendon's contacts at given angles of all joints.
-  Rope::Bands bands(int m, const S* angle) const {
-    typename Rope::Bands band{};
-    int sheath = 0;
-    while (sheath < tendon[m].contacts() && passage[m][sheath].joint < 0) ++sheath;
-    for (int j = 0; j < tendon[m].contacts(); ++j) {
+  /// Ratio of tensions that a joint's angle adds, which most tendons over it share.
+  struct Turned {
+    S coefficient{-1};
+    S ratio{};
+  };
+
+  /// Bands of a tendon's contacts at given angles of all joints; shared: of every joint, filled as needed.
+  Rope::Bands bands(int m, const S* angle, Turned* shared) const {
+    typename Rope::Bands band;
+    const int n = tendon[m].contacts();
+    const S drag = viscous * per_second();
+    const S least = least_drag<ValueOf<S>> * wrist.stiffness[m];
+    const S share = S(1) / S(sheath_contacts);
+    for (int j = 0; j < n; ++j) {
       const Passage<S>& at = passage[m][j];
-      const S wrap = at.joint < 0 ? at.wrap : at.wrap + abs(angle[at.joint]);
-      const S share = at.joint < 0 ? S(1) / S(sheath) : S(1);
-      band[j] = {exp(at.coefficient * wrap), constant * share,
-                 viscous * share * per_second() + least_drag<ValueOf<S>> * wrist.stiffness[m]};
+      if (at.joint < 0) {
+        band[j] = {at.ratio, constant * share, drag * share + least};
+        continue;
+      }
+      Turned& turned = shared[at.joint];
+      if (turned.coefficient != at.coefficient)
+        turned = {at.coefficient, exp(at.coefficient * abs(angle[at.joint]))};
+      band[j] = {at.ratio * turned.ratio, constant, drag + least};
     }
     return band;
   }
@@ -224,10 +237,11 @@ struct WristTwin {
   /// Largest violation of the friction law in a step, as a share of the tension scale.
   S residual(const State& before, const State& after) const {
     S worst(0);
+    Turned turned[joints];
     for (int m = 0; m < M; ++m) {
       if (!taut(m)) continue;
       worst =
-          larger(worst, tendon[m].residual(bands(m, after.band_angle), before.tendon[m].slip, after.tendon[m]) / tension_scale(m));
+          larger(worst, tendon[m].residual(bands(m, after.band_angle, turned), before.tendon[m].slip, after.tendon[m]) / tension_scale(m));
     }
     return worst;
   }
@@ -296,14 +310,21 @@ struct WristTwin {
     State& next;
     S duration;
     S per_second;
-    typename Rope::Bands band[M]{};
-    typename Rope::template LineOf<Sum> line[M]{};
-    Reaction<Sum, S> spool[M]{};
-    Rows::template PerSegment<Sum> pull[M]{};
-    Sum moment[U]{};       // of the tendons by each coordinate, N m per unit
-    Square<S, U> heavy{};  // 2 M / h^2
+    typename Rope::Bands band[M];
+    typename Rope::template LineOf<Sum> line[M];
+    Reaction<Sum, S> spool[M];
+    Rows::template PerSegment<Sum> pull[M];
+    Sum moment[U];          // of the tendons by each coordinate, N m per unit
+    Square<S, U> heavy{};   // 2 M / h^2
     S bias[U]{};
-    S angle[joints]{};
+    S angle[joints];
+    // Moments at the step's end and their slopes, as last computed, and the load's, which in motion changes little.
+    S pushed[U];
+    Square<S, U> yielding;
+    S load_angle[N];
+    S load_moment[N];
+    S load_rate[N][N];
+    bool is_loaded{};
 
     Step(const WristTwin& of, const Command& with, const S& lasting, const State& from, State& to)
         : twin(of), command(with), before(from), next(to), duration(lasting), per_second(S(1) / lasting) {}
@@ -316,7 +337,6 @@ struct WristTwin {
       }
       set_pulls();
       set_bands();
-      for (int m = 0; m < M; ++m) next.tendon[m] = before.tendon[m];
       next.sweeps = 0;
       Status found = settle();
       // Quasi-static, friction is that of the step's end; in motion the first guess is close enough.
@@ -335,6 +355,8 @@ struct WristTwin {
     }
 
     static constexpr int most_corrections = 64;
+    // Change of angles within which a load's moments are linear to rounding, rad.
+    static constexpr double near_angle = 1e-5;
 
     void set_inertia() {
       S x[N], speed[N], matrix[N][N];
@@ -362,10 +384,13 @@ struct WristTwin {
 
     // What the joints, known or unknown, draw in each segment.
     void set_pulls() {
+      S given[N];
+      for (int h = 0; h < twin.wrist.handles; ++h) given[h] = coordinate_at(twin.wrist.handle[h], angle[N + h]);
       for (int m = 0; m < M; ++m) {
         if (!twin.taut(m)) continue;
         const auto& tendon = twin.tendon[m];
         const int n = tendon.contacts();
+        for (int i = 1; i <= n; ++i) pull[m][i] = Sum{};
         spool[m].stiffness = tendon.stiffness[0];
         spool[m].at_rest =
             Sum(tendon.rest_tension + tendon.stiffness[0] * twin.drive.spool_radius * next.drive[m].spool);
@@ -379,7 +404,7 @@ struct WristTwin {
           if (is_unknown)
             add.by[at.joint] = at.arm;
           else
-            add.value = at.arm * coordinate_at(twin.mechanism(at.joint), angle[at.joint]);
+            add.value = at.arm * given[at.joint - N];
           const int segment = at.joint < N ? j + 1 : j;
           if (segment == 0)
             spool[m].at_rest = spool[m].at_rest + tendon.stiffness[0] * add;
@@ -391,8 +416,9 @@ struct WristTwin {
 
     void set_bands() {
       for (int g = 0; g < joints; ++g) next.band_angle[g] = angle[g];
+      Turned turned[joints];
       for (int m = 0; m < M; ++m)
-        if (twin.taut(m)) band[m] = twin.bands(m, angle);
+        if (twin.taut(m)) band[m] = twin.bands(m, angle, turned);
     }
 
     S tolerance(int m) const { return friction_tolerance<ValueOf<S>> * twin.tension_scale(m); }
@@ -540,7 +566,10 @@ struct WristTwin {
         S largest(0);
         for (int u = 0; u < U; ++u) largest = larger(largest, abs(off[u]));
         const S share = largest > S(0.25) ? S(0.25) / largest : S(1);
-        for (int u = 0; u < U; ++u) angle[u] = angle[u] - share * off[u];
+        for (int u = 0; u < U; ++u) {
+          angle[u] = angle[u] - share * off[u];
+          for (int v = 0; v < U; ++v) pushed[u] = pushed[u] - yielding.at[u][v] * share * off[v];
+        }
         if (!within()) return Status::no_equilibrium;
         using V = ValueOf<S>;
         // In motion the slopes neglect terms far below the inertia: the next correction would be rounding.
@@ -553,8 +582,8 @@ struct WristTwin {
     // What is left over about every unknown joint, N m, and its slopes by the angles, N m/rad; without slopes of rates.
     void unbalanced(S* off, Square<S, U>& slope) {
       moments(off, slope);
-      S x[U];
-      coordinates(x);
+      for (int u = 0; u < U; ++u) pushed[u] = off[u];
+      yielding = slope;
       const S share = twin.quasi_static ? S(1) : S(0.5);
       for (int u = 0; u < U; ++u) {
         if (!twin.quasi_static) off[u] = (off[u] + before.moment[u]) * share - bias[u];
@@ -585,17 +614,39 @@ struct WristTwin {
       }
     }
 
+    // Rate of a joint's coordinate by its angle.
+    S turn_at(int g, const S& x) const {
+      return twin.mechanism(g) == Mechanism::gear ? S(0.5) * sqrt((S(1) - x) * (S(1) + x)) : S(1);
+    }
+
+    // Moments of the load; near where they were last computed in motion, by their rates.
+    void set_load(const S* x, S* load) {
+      bool near = is_loaded && !twin.quasi_static;
+      for (int i = 0; i < N && near; ++i) near = abs(angle[i] - load_angle[i]) < S(near_angle);
+      if (!near) {
+        Bend<S> bend[N];
+        for (int i = 0; i < N; ++i) {
+          bend[i] = Bend<S>(twin.wrist.joint[i], x[i]);
+          load_angle[i] = angle[i];
+        }
+        twin.wrist.load_moments(bend, command.load, load_moment, load_rate);
+        is_loaded = true;
+      }
+      for (int i = 0; i < N; ++i) {
+        load[i] = load_moment[i];
+        for (int j = 0; j < N; ++j) load[i] = load[i] + load_rate[i][j] * (angle[j] - load_angle[j]);
+      }
+    }
+
     // Moments of everything but inertia and what is gripped at the step's end, and their slopes.
     void moments(S* at, Square<S, U>& slope) {
       S x[U];
       coordinates(x);
-      Bend<S> bend[N];
-      for (int i = 0; i < N; ++i) bend[i] = Bend<S>(twin.wrist.joint[i], x[i]);
-      S load[N], rate[N][N];
-      twin.wrist.load_moments(bend, command.load, load, rate);
+      S load[N];
+      set_load(x, load);
       S turn[U];
-      for (int i = 0; i < N; ++i) turn[i] = bend[i].turn;
-      for (int h = N; h < U; ++h) turn[h] = Bend<S>(WristJoint<S>{twin.mechanism(h)}, x[h]).turn;
+      for (int i = 0; i < N; ++i) turn[i] = turn_at(i, x[i]);
+      for (int h = N; h < U; ++h) turn[h] = turn_at(h, x[h]);
       const S speed_rate = twin.quasi_static ? S(0) : S(2) * per_second;
       for (int u = 0; u < U; ++u) {
         const S pulled = moment[u].at(x);
@@ -609,7 +660,7 @@ struct WristTwin {
           const S beyond = angle[i] - clamp(angle[i], -twin.stop[i], twin.stop[i]);
           const S spring = twin.wrist.joint[i].stiffness;
           at[i] = at[i] + load[i] - spring * angle[i] - twin.damping[i] * velocity - twin.stop_stiffness[i] * beyond;
-          for (int j = 0; j < N; ++j) slope.at[i][j] = slope.at[i][j] + rate[i][j];
+          for (int j = 0; j < N; ++j) slope.at[i][j] = slope.at[i][j] + load_rate[i][j];
           slope.at[i][i] =
               slope.at[i][i] - spring - twin.damping[i] * speed_rate - (beyond == S(0) ? S(0) : twin.stop_stiffness[i]);
           // A joint that nothing holds stays where it is.
@@ -627,22 +678,16 @@ struct WristTwin {
     }
 
     void finish() {
-      S x[U];
-      coordinates(x);
-      Square<S, U> slope{};
-      S at[U];
-      moments(at, slope);
       for (int g = 0; g < joints; ++g) {
         const S turned = angle[g] - before.angle[g];
         const bool is_free = g < U && !twin.quasi_static;
         next.velocity[g] = is_free ? S(2) * per_second * turned - before.velocity[g] : turned * per_second;
         next.angle[g] = angle[g];
-        next.moment[g] = g < U ? at[g < U ? g : 0] : S(0);
+        next.moment[g] = g < U ? pushed[g < U ? g : 0] : S(0);
       }
       for (int h = 0; h < twin.wrist.handles; ++h) {
         next.handle_moment[h] = S(0);
-        const WristJoint<S> joint{twin.wrist.handle[h]};
-        const S turn = Bend<S>(joint, coordinate_at(twin.wrist.handle[h], angle[N + h])).turn;
+        const S turn = turn_at(N + h, coordinate_at(twin.wrist.handle[h], angle[N + h]));
         for (int m = 0; m < M; ++m)
           for (int j = 0; j < twin.tendon[m].contacts() && twin.taut(m); ++j)
             if (twin.passage[m][j].joint == N + h)

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "tenodesis/wrist_energy.hpp"
 #include "wrist_spec.hpp"
@@ -75,6 +76,7 @@ struct WristTwinRows {
   const In<2>& segments;  // tendons, contacts + 1: stiffness
   const In<2>& links;
   const std::vector<double>& parameters;
+  int sheath_contacts;
   int steps_per_sample;
   bool quasi_static;
 };
@@ -115,7 +117,8 @@ class WristTwinOf final : public WristTwinBase {
         require(joint >= -1 && joint < int(joints_ + handles_), "a tendon crosses a joint that is not there");
         // Joints of the handle are counted from the room for the tip's on.
         const int place = std::cmp_less(joint, joints_) ? joint : joint - int(joints_) + W::joints;
-        twin_.passage[m][j] = {place, at[passage_coefficient], at[passage_wrap], at[passage_arm]};
+        const double ratio = std::exp(at[passage_coefficient] * at[passage_wrap]);
+        twin_.passage[m][j] = {place, at[passage_coefficient], ratio, at[passage_arm]};
       }
     }
     for (std::size_t i = 0; i < joints_; ++i) {
@@ -125,6 +128,7 @@ class WristTwinOf final : public WristTwinBase {
       twin_.stop[i] = at[link_stop];
       twin_.stop_stiffness[i] = at[link_stop_stiffness];
     }
+    twin_.sheath_contacts = rows.sheath_contacts;
     twin_.constant = p[constant];
     twin_.viscous = p[viscous];
     twin_.hand = {p[hand_stiffness], p[hand_damping], p[hand_inertia]};
@@ -214,8 +218,8 @@ class WristTwinOf final : public WristTwinBase {
 class AnyWristTwin {
  public:
   AnyWristTwin(const WristSpec& spec, const In<3>& passages, const std::vector<int>& contacts, const In<2>& segments,
-               const In<2>& links, const std::vector<double>& parameters, int steps_per_sample, bool quasi_static,
-               std::uint64_t seed)
+               const In<2>& links, const std::vector<double>& parameters, int sheath_contacts,
+               int steps_per_sample, bool quasi_static, std::uint64_t seed)
       : commands_(spec.handles() + spec.tendons() + load_components + 4),
         signals_(3 * spec.joints() + 3 * spec.handles() + 6 * spec.tendons() + 2) {
     require(passages.shape(0) == spec.tendons() && passages.shape(2) == passage_numbers &&
@@ -223,7 +227,7 @@ class AnyWristTwin {
                 segments.shape(1) == passages.shape(1) + 1 && links.shape(0) == spec.joints() &&
                 links.shape(1) == link_numbers && parameters.size() == wrist_twin_names.size(),
             "the twin's rows do not fit the wrist");
-    const WristTwinRows rows{passages, contacts, segments, links, parameters, steps_per_sample, quasi_static};
+    const WristTwinRows rows{passages, contacts, segments, links, parameters, sheath_contacts, steps_per_sample, quasi_static};
     twin_ = std::visit(
         [&]<class W>(const W& wrist) -> std::unique_ptr<WristTwinBase> {
           return std::make_unique<WristTwinOf<W>>(wrist, spec, rows, seed);
@@ -284,8 +288,8 @@ void wrist_inertia(const WristSpec& spec, const In<2>& links, const In<2>& angle
 void bind_wrist_twin(nb::module_& m) {
   nb::class_<AnyWristTwin>(m, "WristTwin")
       .def(nb::init<const WristSpec&, const In<3>&, const std::vector<int>&, const In<2>&, const In<2>&,
-                    const std::vector<double>&, int, bool, std::uint64_t>(),
-           "wrist"_a, "passages"_a, "contacts"_a, "segments"_a, "links"_a, "parameters"_a, "steps_per_sample"_a,
+                    const std::vector<double>&, int, int, bool, std::uint64_t>(),
+           "wrist"_a, "passages"_a, "contacts"_a, "segments"_a, "links"_a, "parameters"_a, "sheath_contacts"_a, "steps_per_sample"_a,
            "quasi_static"_a, "seed"_a)
       .def("copy", [](const AnyWristTwin& twin) { return AnyWristTwin(twin); })
       .def("run", &AnyWristTwin::run, "commands"_a, "out"_a, "energy"_a.none(),

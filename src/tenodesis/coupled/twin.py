@@ -145,6 +145,7 @@ class Twin:
             rows.segments,
             rows.links,
             rows.parameters,
+            self.inst.friction.sheath_contacts,
             rows.steps_per_sample,
             quasi_static,
             int(seed),
