@@ -116,8 +116,15 @@ struct Tendon {
   Reaction<A, S> eliminate(int n, const Bands& band, const Reaction<A, S>& spool,
                            const typename Rows::template PerSegment<A>& pull, const Slips& from, const State& state,
                            LineOf<A>& line) const {
-    Reaction<A, S> end = state.slack[0] ? Reaction<A, S>{} : spool;
-    for (int j = 0; j < n; ++j) {
+    return eliminate(0, n, band, state.slack[0] ? Reaction<A, S>{} : spool, pull, from, state, line);
+  }
+
+  /// The same from contact i on: end is how the segment before it reacts.
+  template <class A>
+  Reaction<A, S> eliminate(int i, int n, const Bands& band, Reaction<A, S> end,
+                           const typename Rows::template PerSegment<A>& pull, const Slips& from, const State& state,
+                           LineOf<A>& line) const {
+    for (int j = i; j < n; ++j) {
       const S k = state.slack[j + 1] ? S(0) : stiffness[j + 1];
       const S rest = state.slack[j + 1] ? S(0) : rest_tension;
       A slip(from[j]);

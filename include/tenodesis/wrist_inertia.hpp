@@ -103,15 +103,19 @@ void inertia(const W& wrist, const Link<S>* link, const S* x, const S* speed, S 
     motion[i] = Motion<S>(wrist.joint[i], x[i]);
     const Motion<S>& by = motion[i];
     const int on = wrist.joint[i].parent;
-    const Vector<S> before = on < 0 ? Vector<S>{} : turning[on];
-    const Vector<S> faster = on < 0 ? Vector<S>{} : turning_faster[on];
-    const Vector<S> carried = by.outward(before);
-    const Vector<S> base =
-        (on < 0 ? Vector<S>{} : accelerated[on]) + cross(faster, by.place) + cross(before, cross(before, by.place));
     const Vector<S> spin = speed[i] * by.axis;
-    turning[i] = carried + spin;
-    turning_faster[i] = by.outward(faster) + cross(turning[i], spin);
-    accelerated[i] = by.outward(base) + S(2) * speed[i] * cross(carried, by.rate) + speed[i] * speed[i] * by.curve;
+    if (on < 0) {
+      turning[i] = spin;
+      accelerated[i] = speed[i] * speed[i] * by.curve;
+    } else {
+      const Vector<S>& before = turning[on];
+      const Vector<S> carried = by.outward(before);
+      turning[i] = carried + spin;
+      turning_faster[i] = by.outward(turning_faster[on]) + cross(carried, spin);
+      const Vector<S> base =
+          accelerated[on] + cross(turning_faster[on], by.place) + cross(before, cross(before, by.place));
+      accelerated[i] = by.outward(base) + S(2) * speed[i] * cross(carried, by.rate) + speed[i] * speed[i] * by.curve;
+    }
 
     const Vector<S>& w = turning[i];
     const Vector<S> first{S(0), S(0), link[i].mass * link[i].centre};

@@ -37,20 +37,25 @@ struct BoundedContacts {
 /// A number that depends linearly on U others.
 template <class S, int U>
 struct Linear {
-  S value{};
-  S by[U]{};
+  S value;
+  S by[U];
 
-  constexpr Linear() = default;
-  constexpr explicit Linear(const S& constant) : value(constant) {}
+  /// Not initialised: a step makes many that it never reads.
+  Linear() = default;
+  constexpr explicit Linear(const S& constant) : value(constant) {
+    for (S& slope : by) slope = S(0);
+  }
 
   /// With other operations on value and slopes.
   friend constexpr Linear operator+(const Linear& a, const Linear& b) {
-    Linear sum(a.value + b.value);
+    Linear sum;
+    sum.value = a.value + b.value;
     for (int u = 0; u < U; ++u) sum.by[u] = a.by[u] + b.by[u];
     return sum;
   }
   friend constexpr Linear operator-(const Linear& a, const Linear& b) {
-    Linear difference(a.value - b.value);
+    Linear difference;
+    difference.value = a.value - b.value;
     for (int u = 0; u < U; ++u) difference.by[u] = a.by[u] - b.by[u];
     return difference;
   }
@@ -80,6 +85,14 @@ struct Passage {
   S coefficient{};  ///< of friction
   S ratio{1};       ///< of the tensions at which the sheath, or the straight joint, slips
   S arm{};          ///< by which a unit of the joint's coordinate lengthens the segment that it draws, m
+};
+
+/// A segment of a tendon that a joint draws.
+template <class S>
+struct Draw {
+  int segment{};
+  int joint{};
+  S arm{};
 };
 
 /// An object between the jaws, as a spring that is pressed below an opening (m, by the arms of the grip).
@@ -114,12 +127,12 @@ struct WristState {
   using S = W::S;
   static constexpr int N = W::joints, M = W::tendons;
 
-  S angle[2 * N]{};      ///< rad
-  S velocity[2 * N]{};   ///< rad/s
-  S moment[2 * N]{};     ///< of everything except inertia and what is gripped, N m
+  S angle[2 * N]{};       ///< rad
+  S velocity[2 * N]{};    ///< rad/s
+  S moment[2 * N]{};      ///< of everything except inertia and what is gripped, N m
   S band_angle[2 * N]{};  ///< that the last step's friction is of, rad
-  S handle_moment[N]{};  ///< of the tendons on the handle's joints, against positive angles, N m
-  S grip_force{};        ///< on what is gripped, mean of the last step, N
+  S handle_moment[N]{};   ///< of the tendons on the handle's joints, against positive angles, N m
+  S grip_force{};         ///< on what is gripped, mean of the last step, N
   WristCommand<W> command{};
   TendonState<S, BoundedContacts<most_contacts>> tendon[M]{};
   DriveState<S> drive[M]{};
@@ -145,6 +158,8 @@ struct WristTwin {
   W wrist{};
   Rope tendon[M]{};
   Passage<S> passage[M][most]{};
+  Draw<S> draw[M][joints]{};  ///< by the passages, see set_draws()
+  int draws[M]{};
   Link<S> link[N]{};
   S damping[N]{};  ///< of the tip's joints, N m s/rad
   S stop[N]{};     ///< angle of the mechanical stop, rad
@@ -160,6 +175,17 @@ struct WristTwin {
   S time_step{};
   int steps_per_sample{1};
   bool quasi_static{};
+
+  /// Lists what joints draw, the nearest to the spool first; to be called when all passages are there.
+  void set_draws() {
+    for (int m = 0; m < M; ++m) {
+      draws[m] = 0;
+      for (int j = 0; j < tendon[m].contacts(); ++j) {
+        const Passage<S>& at = passage[m][j];
+        if (at.joint >= 0 && at.arm != S(0)) draw[m][draws[m]++] = {at.joint < N ? j + 1 : j, at.joint, at.arm};
+      }
+    }
+  }
 
   /// At rest, tendons at pretension and all else at zero.
   State rest(std::uint64_t seed) const {
@@ -227,8 +253,7 @@ struct WristTwin {
         continue;
       }
       Turned& turned = shared[at.joint];
-      if (turned.coefficient != at.coefficient)
-        turned = {at.coefficient, exp(at.coefficient * abs(angle[at.joint]))};
+      if (turned.coefficient != at.coefficient) turned = {at.coefficient, exp(at.coefficient * abs(angle[at.joint]))};
       band[j] = {at.ratio * turned.ratio, constant, drag + least};
     }
     return band;
@@ -241,7 +266,8 @@ struct WristTwin {
     for (int m = 0; m < M; ++m) {
       if (!taut(m)) continue;
       worst =
-          larger(worst, tendon[m].residual(bands(m, after.band_angle, turned), before.tendon[m].slip, after.tendon[m]) / tension_scale(m));
+          larger(worst, tendon[m].residual(bands(m, after.band_angle, turned), before.tendon[m].slip, after.tendon[m]) /
+                            tension_scale(m));
     }
     return worst;
   }
@@ -311,11 +337,15 @@ struct WristTwin {
     S duration;
     S per_second;
     typename Rope::Bands band[M];
+    // Before the first segment that an unknown joint draws, numbers; from there on, linear in the unknown coordinates.
+    int first[M];
+    typename Rope::Line near[M];
     typename Rope::template LineOf<Sum> line[M];
-    Reaction<Sum, S> spool[M];
+    Reaction<S> spool[M];
+    Rope::Lengths known[M];
     Rows::template PerSegment<Sum> pull[M];
-    Sum moment[U];          // of the tendons by each coordinate, N m per unit
-    Square<S, U> heavy{};   // 2 M / h^2
+    Sum moment[U];         // of the tendons by each coordinate, N m per unit
+    Square<S, U> heavy{};  // 2 M / h^2
     S bias[U]{};
     S angle[joints];
     // Moments at the step's end and their slopes, as last computed, and the load's, which in motion changes little.
@@ -384,33 +414,28 @@ struct WristTwin {
 
     // What the joints, known or unknown, draw in each segment.
     void set_pulls() {
-      S given[N];
+      S given[N]{};
       for (int h = 0; h < twin.wrist.handles; ++h) given[h] = coordinate_at(twin.wrist.handle[h], angle[N + h]);
       for (int m = 0; m < M; ++m) {
         if (!twin.taut(m)) continue;
         const auto& tendon = twin.tendon[m];
         const int n = tendon.contacts();
-        for (int i = 1; i <= n; ++i) pull[m][i] = Sum{};
-        spool[m].stiffness = tendon.stiffness[0];
-        spool[m].at_rest =
-            Sum(tendon.rest_tension + tendon.stiffness[0] * twin.drive.spool_radius * next.drive[m].spool);
-        for (int j = 0; j < n; ++j) {
-          const Passage<S>& at = twin.passage[m][j];
-          if (at.joint < 0 || at.arm == S(0)) continue;
-          // The handle's joints draw the segment before their contact.
-          Sum add;
-          bool is_unknown = true;
-          if constexpr (U == N) is_unknown = at.joint < N;
-          if (is_unknown)
-            add.by[at.joint] = at.arm;
+        for (int i = 0; i <= n; ++i) known[m][i] = S(0);
+        first[m] = n;
+        for (int d = twin.draws[m] - 1; d >= 0; --d) {
+          const Draw<S>& by = twin.draw[m][d];
+          // The sheath comes before: no joint draws the first segment.
+          if (U > N || by.joint < N)
+            first[m] = by.segment - 1;
           else
-            add.value = at.arm * given[at.joint - N];
-          const int segment = at.joint < N ? j + 1 : j;
-          if (segment == 0)
-            spool[m].at_rest = spool[m].at_rest + tendon.stiffness[0] * add;
-          else
-            pull[m][segment] = pull[m][segment] + add;
+            known[m][by.segment] = known[m][by.segment] + by.arm * given[by.joint - N];
         }
+        for (int i = first[m] + 1; i <= n; ++i) pull[m][i] = Sum(known[m][i]);
+        for (int d = 0; d < twin.draws[m]; ++d) {
+          const Draw<S>& by = twin.draw[m][d];
+          if (U > N || by.joint < N) pull[m][by.segment].by[by.joint] = by.arm;
+        }
+        spool[m] = tendon.held_by_spool(twin.drive.spool_radius * next.drive[m].spool);
       }
     }
 
@@ -427,42 +452,43 @@ struct WristTwin {
     void eliminate(int m) {
       const auto& tendon = twin.tendon[m];
       const int n = tendon.contacts();
+      const auto& from = before.tendon[m].slip;
       auto& state = next.tendon[m];
-      tendon.eliminate(n, band[m], spool[m], pull[m], before.tendon[m].slip, state, line[m]);
-      Sum beyond;
-      for (int j = n - 1; j >= 0; --j) {
+      const Reaction<S> at_first = tendon.eliminate(first[m], band[m], spool[m], known[m], from, state, near[m]);
+      const Reaction<Sum, S> begin{Sum(at_first.at_rest), at_first.stiffness};
+      tendon.eliminate(first[m], n, band[m], begin, pull[m], from, state, line[m]);
+      Sum beyond(S(0));
+      for (int j = n - 1; j >= first[m]; --j) {
         const Sum slip = line[m].at_rest[j] + line[m].rate[j] * beyond;
         const Passage<S>& at = twin.passage[m][j];
-        if (at.joint >= 0 && at.joint < N && at.arm != S(0) && !state.slack[j + 1]) {
-          const S k = tendon.stiffness[j + 1];
-          const Sum tension = tendon.rest_tension + k * (pull[m][j + 1] + slip - beyond);
-          moment[at.joint] = moment[at.joint] - at.arm * tension;
-        }
+        const bool at_tip = at.joint >= 0 && at.joint < N;
+        if (at_tip && at.arm != S(0) && !state.slack[j + 1])
+          push(at, tendon.rest_tension + tendon.stiffness[j + 1] * (pull[m][j + 1] + slip - beyond));
         line[m].at_rest[j] = slip;  // in terms of the coordinates alone
-        beyond = slip;
         if constexpr (U > N) {
           if (at.joint >= N && at.arm != S(0) && !state.slack[j]) {
-            const Sum held = j > 0 ? line[m].at_rest[j - 1] + line[m].rate[j - 1] * beyond : Sum{};
-            const Sum tension = j > 0 ? tendon.rest_tension + tendon.stiffness[j] * (pull[m][j] + held - beyond)
-                                      : spool[m].at_rest - spool[m].stiffness * beyond;
-            moment[at.joint] = moment[at.joint] - at.arm * tension;
+            const Sum held = line[m].at_rest[j - 1] + line[m].rate[j - 1] * slip;
+            push(at, tendon.rest_tension + tendon.stiffness[j] * (pull[m][j] + held - slip));
           }
         }
+        beyond = slip;
       }
     }
+
+    void push(const Passage<S>& at, const Sum& tension) { moment[at.joint] = moment[at.joint] - at.arm * tension; }
 
     // Slips and tensions at given coordinates.
     void substitute(int m, const S* x) {
       const auto& tendon = twin.tendon[m];
       auto& state = next.tendon[m];
       S beyond(0);
-      for (int j = tendon.contacts() - 1; j >= 0; --j) {
+      for (int j = tendon.contacts() - 1; j >= first[m]; --j) {
         const S slip = line[m].at_rest[j].at(x);
         state.tension[j + 1] = tendon.rest_tension + tendon.stiffness[j + 1] * (pull[m][j + 1].at(x) + slip - beyond);
         state.slip[j] = slip;
         beyond = slip;
       }
-      state.tension[0] = spool[m].at_rest.at(x) - spool[m].stiffness * beyond;
+      tendon.substitute(first[m], spool[m], known[m], near[m], beyond, state);
     }
 
     void coordinates(S* x) const {
@@ -475,7 +501,7 @@ struct WristTwin {
       for (int g = 0; g < joints; ++g) start[g] = angle[g];
       for (int sweep = 0; sweep < hasty_sweeps; ++sweep) {
         ++next.sweeps;
-        for (int u = 0; u < U; ++u) moment[u] = Sum{};
+        for (int u = 0; u < U; ++u) moment[u] = Sum(S(0));
         for (int m = 0; m < M; ++m)
           if (twin.taut(m)) eliminate(m);
         if (newton() != Status::ok) break;
@@ -502,7 +528,7 @@ struct WristTwin {
       for (int n = 0; n < 4 * most_corrections; ++n) {
         S x[U];
         coordinates(x);
-        for (int u = 0; u < U; ++u) moment[u] = Sum{};
+        for (int u = 0; u < U; ++u) moment[u] = Sum(S(0));
         for (int m = 0; m < M; ++m) {
           if (!twin.taut(m)) continue;
           settle_alone(m, x);
@@ -540,11 +566,10 @@ struct WristTwin {
     void settle_alone(int m, const S* x) {
       typename Rope::Lengths drawn{};
       drawn.length = twin.tendon[m].contacts() + 1;
-      for (int i = 1; i < drawn.length; ++i) drawn[i] = pull[m][i].at(x);
-      const Reaction<S> end{spool[m].at_rest.at(x), spool[m].stiffness};
+      for (int i = 1; i < drawn.length; ++i) drawn[i] = i > first[m] ? pull[m][i].at(x) : known[m][i];
       typename Rope::Line own{};
       next.tendon[m].slip = before.tendon[m].slip;
-      next.sweeps += tenodesis::settle(twin.tendon[m], band[m], drawn, end, tolerance(m), next.tendon[m], own);
+      next.sweeps += tenodesis::settle(twin.tendon[m], band[m], drawn, spool[m], tolerance(m), next.tendon[m], own);
     }
 
     bool within() const {
@@ -572,8 +597,8 @@ struct WristTwin {
         }
         if (!within()) return Status::no_equilibrium;
         using V = ValueOf<S>;
-        // In motion the slopes neglect terms far below the inertia: the next correction would be rounding.
-        const V arrived = twin.quasi_static ? settled<V> : sizeof(V) == 4 ? V(1e-5) : V(1e-7);
+        // In motion inertia outweighs all else: the next correction would be of this one's square, and smaller still.
+        const V arrived = twin.quasi_static ? settled<V> : sizeof(V) == 4 ? V(1e-4) : V(3e-5);
         if (largest <= arrived) return Status::ok;
       }
       return Status::no_equilibrium;
@@ -689,9 +714,10 @@ struct WristTwin {
         next.handle_moment[h] = S(0);
         const S turn = turn_at(N + h, coordinate_at(twin.wrist.handle[h], angle[N + h]));
         for (int m = 0; m < M; ++m)
-          for (int j = 0; j < twin.tendon[m].contacts() && twin.taut(m); ++j)
-            if (twin.passage[m][j].joint == N + h)
-              next.handle_moment[h] = next.handle_moment[h] + turn * twin.passage[m][j].arm * next.tendon[m].tension[j];
+          for (int d = 0; d < twin.draws[m] && twin.taut(m); ++d)
+            if (twin.draw[m][d].joint == N + h)
+              next.handle_moment[h] =
+                  next.handle_moment[h] + turn * twin.draw[m][d].arm * next.tendon[m].tension[twin.draw[m][d].segment];
       }
     }
   };

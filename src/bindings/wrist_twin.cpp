@@ -141,6 +141,7 @@ class WristTwinOf final : public WristTwinBase {
     twin_.time_step = p[time_step];
     twin_.steps_per_sample = rows.steps_per_sample;
     twin_.quasi_static = rows.quasi_static;
+    twin_.set_draws();
     state_ = twin_.rest(seed);
   }
 
@@ -218,8 +219,8 @@ class WristTwinOf final : public WristTwinBase {
 class AnyWristTwin {
  public:
   AnyWristTwin(const WristSpec& spec, const In<3>& passages, const std::vector<int>& contacts, const In<2>& segments,
-               const In<2>& links, const std::vector<double>& parameters, int sheath_contacts,
-               int steps_per_sample, bool quasi_static, std::uint64_t seed)
+               const In<2>& links, const std::vector<double>& parameters, int sheath_contacts, int steps_per_sample,
+               bool quasi_static, std::uint64_t seed)
       : commands_(spec.handles() + spec.tendons() + load_components + 4),
         signals_(3 * spec.joints() + 3 * spec.handles() + 6 * spec.tendons() + 2) {
     require(passages.shape(0) == spec.tendons() && passages.shape(2) == passage_numbers &&
@@ -227,7 +228,8 @@ class AnyWristTwin {
                 segments.shape(1) == passages.shape(1) + 1 && links.shape(0) == spec.joints() &&
                 links.shape(1) == link_numbers && parameters.size() == wrist_twin_names.size(),
             "the twin's rows do not fit the wrist");
-    const WristTwinRows rows{passages, contacts, segments, links, parameters, sheath_contacts, steps_per_sample, quasi_static};
+    const WristTwinRows rows{passages,   contacts,        segments,         links,
+                             parameters, sheath_contacts, steps_per_sample, quasi_static};
     twin_ = std::visit(
         [&]<class W>(const W& wrist) -> std::unique_ptr<WristTwinBase> {
           return std::make_unique<WristTwinOf<W>>(wrist, spec, rows, seed);
@@ -289,8 +291,8 @@ void bind_wrist_twin(nb::module_& m) {
   nb::class_<AnyWristTwin>(m, "WristTwin")
       .def(nb::init<const WristSpec&, const In<3>&, const std::vector<int>&, const In<2>&, const In<2>&,
                     const std::vector<double>&, int, int, bool, std::uint64_t>(),
-           "wrist"_a, "passages"_a, "contacts"_a, "segments"_a, "links"_a, "parameters"_a, "sheath_contacts"_a, "steps_per_sample"_a,
-           "quasi_static"_a, "seed"_a)
+           "wrist"_a, "passages"_a, "contacts"_a, "segments"_a, "links"_a, "parameters"_a, "sheath_contacts"_a,
+           "steps_per_sample"_a, "quasi_static"_a, "seed"_a)
       .def("copy", [](const AnyWristTwin& twin) { return AnyWristTwin(twin); })
       .def("run", &AnyWristTwin::run, "commands"_a, "out"_a, "energy"_a.none(),
            nb::sig("def run(self, commands: NDArray[numpy.float64], out: NDArray[numpy.float64], energy: "

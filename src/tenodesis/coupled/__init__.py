@@ -17,7 +17,6 @@ from tenodesis.coupled.statics import (
     straight_arms,
     tensions,
 )
-
 from tenodesis.coupled.twin import CoupledRun, Held, Twin
 
 __all__ = [

@@ -254,6 +254,15 @@ class CoupledInstrument(FileTable):
         names = [joint.name for joint in self.tip_joints]
         return () if self.grip is None else tuple(names.index(jaw) for jaw in self.grip.jaws)
 
+    @property
+    def grip_arms(self) -> Array:
+        """Lengths by which the jaws open per angle of the tip's joints, (joints,), m: the first of them to the +."""
+        arms = np.zeros(len(self.tip_joints))
+        for sign, i in zip((1.0, -1.0), self.jaws, strict=False):
+            own = self.grip.length if self.grip is not None else None
+            arms[i] = sign * (own or self.tip_joints[i].end_effector_length or 0.0)
+        return arms
+
     def tendon_arms(self, place: Literal["tip", "handle"]) -> Array:
         """Return the arms of the tendons at one end, (tendons, joints), m per unit of the joints' coordinates."""
         joints = self.tip_joints if place == "tip" else self.handle_joints
@@ -287,9 +296,8 @@ class CoupledInstrument(FileTable):
         for i, joint in enumerate(joints):
             length = joint.end_effector_length or 0.0
             share = 1 / len(bearing) if i in bearing else 0.0
-            sign = {0: 1.0, 1: -1.0}[self.jaws.index(i)] if i in self.jaws else 0.0
-            grip = sign * ((self.grip.length if self.grip else None) or length)
-            numbers[i] = (*joint.axis_vector, joint.offset, joint.chord, length, joint.own_stiffness, share, grip)
+            arm = self.grip_arms[i]
+            numbers[i] = (*joint.axis_vector, joint.offset, joint.chord, length, joint.own_stiffness, share, arm)
         return _core.Wrist(
             [_MECHANISMS[joint.mechanism] for joint in joints],
             list(self.parents),

@@ -7,11 +7,11 @@ from typing import Any, TypeAlias
 
 from pydantic import ValidationError
 
-from tenodesis.coupled.description import ENTRIES, CoupledInstrument, RouteError
 from tenodesis import plant
+from tenodesis.coupled.description import ENTRIES, CoupledInstrument, RouteError
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument.hardware import Hand
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument.hardware import Hand
 from tenodesis.kinematics import dimensions
 from tenodesis.toml import parse_toml, read_text, validated
 
@@ -116,7 +116,11 @@ def of_planar(inst: InstrumentLike) -> CoupledInstrument:
                 joint |= {"backbone_length": planar.backbone_length, "backbone_rigidity": planar.backbone_rigidity}
             if at_tip:
                 motion = plant.parameters(planar)
-                joint |= {"inertia": motion["tip_inertia"], "damping": motion["tip_damping"], "stop": planar.output_stop}
+                joint |= {
+                    "inertia": motion["tip_inertia"],
+                    "damping": motion["tip_damping"],
+                    "stop": planar.output_stop,
+                }
             if is_last:
                 joint["end_effector_length"] = lengths.end_effector_length if at_tip else lengths.handle_length
             joints.append(joint)

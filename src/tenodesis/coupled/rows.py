@@ -42,8 +42,8 @@ def twin_rows(inst: CoupledInstrument, time_step: float, quasi_static: bool) -> 
         longest = plant.LARGEST_PHASE_STEP / fastest
         if time_step > longest:
             raise ArgumentError(
-                f"time_step is {time_step:g} s; it must be at most {longest:.3g} s, a twelfth of a period of the fastest "
-                f"oscillation of {inst.name} ({fastest / (2 * math.pi):.3g} Hz).",
+                f"time_step is {time_step:g} s; it must be at most {longest:.3g} s, a twelfth of a period of the "
+                f"fastest oscillation of {inst.name} ({fastest / (2 * math.pi):.3g} Hz).",
                 key="time_step",
                 value=time_step,
                 allowed=f"at most {longest:.3g} s",
@@ -184,7 +184,9 @@ def _frequencies(inst: CoupledInstrument, links: Array) -> Array:
     return np.asarray(np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(inertia, straight_stiffness(inst))).real)))
 
 
-def mass_matrix(inst: CoupledInstrument, links: Array, angles: Array, speeds: Array | None = None) -> tuple[Array, Array]:
+def mass_matrix(
+    inst: CoupledInstrument, links: Array, angles: Array, speeds: Array | None = None
+) -> tuple[Array, Array]:
     """Return the mass matrix of the tip's joints, kg m^2, and the moments that their rates take, N m.
 
     Links as :func:`link_rows` has them, their first five columns; angles (rad) and rates (rad/s) of shape (joints,).

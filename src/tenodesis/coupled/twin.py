@@ -1,4 +1,4 @@
-"""The twin of a coupled instrument in time: friction at every bend of every tendon, links with inertia, jaws that grip."""
+"""The twin of a coupled instrument in time: friction at every bend of its tendons, inertia of links, jaws that grip."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -97,12 +97,14 @@ class CoupledRun:
         """
         from tenodesis.extras import require  # noqa: PLC0415 - pandas takes long to load
 
-        frame = {}
+        frame: dict[str, Array] = {}
         for name, values in self.signals.items():
-            columns = self.columns(name)
-            frame |= {f"{name}.{column}": values[:, n] for n, column in enumerate(columns)} if columns else {name: values}
+            if values.ndim == 1:
+                frame[name] = values
+            else:
+                frame |= {f"{name}.{column}": values[:, n] for n, column in enumerate(self.columns(name))}
         pandas: Any = require("pandas", "tables")
-        return pandas.DataFrame(frame, index=pandas.Index(self.time, name="time"))  # type: ignore[no-any-return]
+        return pandas.DataFrame(frame, index=pandas.Index(self.time, name="time"))
 
     def __len__(self) -> int:
         return int(self.time.size)
@@ -151,9 +153,11 @@ class Twin:
             int(seed),
         )
         self._steps = 0
+        self._angles = np.zeros(len(self.inst.tip_joints))
+        self._held: Held | None = None
         joints, handles = len(self.inst.tip_joints), len(self.inst.handle_joints)
         tendons = len(self.inst.tendons)
-        self._signals = (
+        self._signals: tuple[tuple[str, int | None], ...] = (
             ("output_angle", joints),
             ("output_velocity", joints),
             ("handle_angle", handles),
@@ -162,12 +166,15 @@ class Twin:
             ("distal_tension", tendons),
             ("spool_angle", tendons),
             ("spool_velocity", tendons),
-            ("grip_force", 0),
+            ("grip_force", None),
             ("measured_handle_angle", handles),
             ("measured_output_angle", joints),
             ("measured_tension", tendons),
             ("measured_spool_angle", tendons),
         )
+
+        # The last column is the number of passes.
+        self._width = sum(1 if width is None else width for _, width in self._signals) + 1
 
     @property
     def time(self) -> float:
@@ -193,8 +200,7 @@ class Twin:
         Parameters
         ----------
         handle_angles
-            Of the handle's joints, or the hand's aim if the hand has a stiffness, (n, handle joints), rad. An instrument
-            without a handle takes (n, 0), or has its steps from another argument.
+            Of the handle's joints, or the hand's aim if the hand has a stiffness, (n, handle joints), rad; 0 for all.
         wrench
             Force (N) and moment (N m) on the tip, (n, 6) or (6,): x, y, z of either.
         grip_force
@@ -202,28 +208,32 @@ class Twin:
         spool_velocity
             Spool velocities commanded, rad/s, (n, tendons) or (tendons,).
         held
-            What the jaws hold, for the whole call.
+            What the jaws hold, for the whole call; it stays in place if the next call has the same.
         axes
             "tip": the wrench turns with the end-effector, z along it; "stem": it keeps its direction.
 
         Raises
         ------
         ArgumentError
-            A command is not finite or does not fit the instrument.
+            A command is not finite or does not fit the instrument, or the jaws are too narrow for what is put between.
         NoSolutionError
             The load is more than the tendons can hold; the twin is then in its state before the call.
         """
         commands, given = self._commands(handle_angles, wrench, grip_force, spool_velocity, held, axes)
-        out = np.empty((len(commands), sum(width or 1 for _, width in self._signals) + 1))
+        out = np.empty((len(commands), self._width))
         self._advance(commands, out, None)
-        time = (np.arange(len(commands)) + 1 + self._steps - len(commands)) * self.time_step
+        first = self._steps - len(commands) + 1
+        time = np.arange(first, first + len(commands), dtype=np.float64) * self.time_step
         signals = dict(given)
         column = 0
         for name, width in self._signals:
-            signals[name] = out[:, column : column + width] if width else out[:, column]
-            column += width or 1
-        names = [tuple(one.name for one in group) for group in (self.inst.tip_joints, self.inst.handle_joints)]
-        return CoupledRun(time, *names, tuple(tendon.name for tendon in self.inst.tendons), signals)
+            signals[name] = out[:, column] if width is None else out[:, column : column + width]
+            column += 1 if width is None else width
+        joints, handles, tendons = (
+            tuple(one.name for one in group)
+            for group in (self.inst.tip_joints, self.inst.handle_joints, self.inst.tendons)
+        )
+        return CoupledRun(time, joints, handles, tendons, signals)
 
     def energy(
         self,
@@ -237,10 +247,14 @@ class Twin:
     ) -> Energy:
         """Step over arrays of commands and return the energy balance, J; otherwise as :meth:`run`."""
         commands, _ = self._commands(handle_angles, wrench, grip_force, spool_velocity, held, axes)
-        out = np.empty((len(commands), sum(width or 1 for _, width in self._signals) + 1))
+        out = np.empty((len(commands), self._width))
         totals = np.zeros(len(_core.wrist_energies()))
         self._advance(commands, out, totals)
-        return Energy(*map(float, totals), int(out[:, -1].max(initial=0)))
+        stored_before, stored_after, handle, spools, load, friction, damping, gripped, least, residual = totals.tolist()
+        sweeps = int(out[:, -1].max(initial=0))
+        return Energy(
+            stored_before, stored_after, handle, spools, load, friction, damping, gripped, least, residual, sweeps
+        )
 
     def _advance(self, commands: Array, out: Array, energy: Array | None) -> None:
         before = self.core.copy()
@@ -249,8 +263,26 @@ class Twin:
             self.core = before
             raise _lost(self.inst, Status(status), f"step {steps} ({self.time + steps * self.time_step:.6g} s)")
         self._steps += len(commands)
+        if len(commands):
+            self._angles = out[-1, : len(self._angles)].copy()
 
-    def _commands(
+    def _place(self, held: Held | None) -> Held:
+        """Return what the jaws hold, put between them if it is new."""
+        if held is None:
+            self._held = None
+            return Held(0.0, 0.0)
+        for name, value in held._asdict().items():
+            if not np.isfinite(value) or (name != "opening" and value < 0):
+                allowed = "a finite number" if name == "opening" else "a finite number that is not negative"
+                raise ArgumentError(key=f"held.{name}", value=value, allowed=allowed)
+        opening = float(self.inst.grip_arms @ self._angles)
+        if held != self._held and held.opening > opening + 1e-12:
+            allowed = f"at most {opening:.4g} m, to which the jaws are open"
+            raise ArgumentError(key="held.opening", value=held.opening, allowed=allowed)
+        self._held = held
+        return held
+
+    def _commands(  # noqa: PLR0917
         self,
         handle_angles: ArrayLike,
         wrench: ArrayLike,
@@ -294,12 +326,8 @@ class Twin:
             )
         if not inst.dynamics.hand_stiffness:
             _check_range(inst, given["handle_angles"])
-        pressed = Held(0.0, 0.0) if held is None else held
-        for name, value in pressed._asdict().items():
-            if not np.isfinite(value) or (name != "opening" and value < 0):
-                raise ArgumentError(key=f"held.{name}", value=value, allowed="finite, and not negative")
         full = {name: np.broadcast_to(rows, (*shape, rows.shape[-1])) for name, rows in given.items()}
-        constant = np.broadcast_to([float(axes == "stem"), *pressed], (*shape, 4))
+        constant = np.broadcast_to([float(axes == "stem"), *self._place(held)], (*shape, 4))
         columns = (full["handle_angles"], full["spool_velocity"], full["wrench"], full["grip_force"], constant)
         commanded = {
             "commanded_handle_angle": full["handle_angles"],
