@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "engine/any_controller.hpp"
 #include "tenodesis/wrist_energy.hpp"
 #include "wrist_spec.hpp"
 
@@ -85,11 +86,27 @@ Link<double> link_of(const double* row) {
   return {row[link_mass], row[link_centre], {row[inertia_x], row[inertia_y], row[inertia_z]}};
 }
 
+/// A joint that a controller's axis compensates, with its joint of the handle and its pair of tendons.
+struct CompensatedAxis {
+  std::size_t handle, agonist, antagonist;
+};
+
+/// A controller in the loop of a run.
+struct Loop {
+  engine::AnyController& controller;
+  std::vector<CompensatedAxis> axes;
+  int steps_per_tick;
+  double time_step;
+  std::size_t started;
+  const std::uint8_t* requests;
+  double* control;  ///< by step and axis
+};
+
 class WristTwinBase {
  public:
   virtual ~WristTwinBase() = default;
-  virtual std::pair<std::size_t, Status> run(const double* commands, std::size_t count, double* out,
-                                             double* energy) = 0;
+  virtual std::pair<std::size_t, Status> run(const double* commands, std::size_t count, double* out, double* energy,
+                                             const Loop* loop) = 0;
   virtual std::unique_ptr<WristTwinBase> copy() const = 0;
 };
 
@@ -145,7 +162,8 @@ class WristTwinOf final : public WristTwinBase {
     state_ = twin_.rest(seed);
   }
 
-  std::pair<std::size_t, Status> run(const double* commands, std::size_t count, double* out, double* energy) override {
+  std::pair<std::size_t, Status> run(const double* commands, std::size_t count, double* out, double* energy,
+                                     const Loop* loop) override {
     const std::size_t columns = handles_ + tendons_ + load_components + 4;
     if (energy != nullptr) {
       std::fill_n(energy, wrist_energy_names.size(), 0.0);
@@ -160,6 +178,7 @@ class WristTwinOf final : public WristTwinBase {
       from += tendons_;
       command.load = {{{from[0], from[1], from[2]}, {from[3], from[4], from[5]}}, from[6], from[7] != 0};
       command.held = {from[8], from[9], from[10]};
+      if (loop != nullptr) close(*loop, i, command);
       const auto before = state_;
       const Status found = twin_.step(command, state_);
       if (found != Status::ok) return {i, found};
@@ -172,6 +191,33 @@ class WristTwinOf final : public WristTwinBase {
   std::unique_ptr<WristTwinBase> copy() const override { return std::make_unique<WristTwinOf>(*this); }
 
  private:
+  // A tick of the controller where one is due, and its velocities.
+  void close(const Loop& loop, std::size_t i, WristCommand<W>& command) const {
+    engine::AnyController& controller = loop.controller;
+    if (loop.requests != nullptr && loop.requests[i] != 0) controller.request = Request(loop.requests[i]);
+    const std::size_t step = loop.started + i;
+    if (step % std::size_t(loop.steps_per_tick) == 0) {
+      engine::AnyInput input{};
+      input.time = std::uint64_t(std::llround(double(step + 1) * loop.time_step * 1e9));
+      input.request = controller.request;
+      controller.request = Request::none;
+      for (std::size_t n = 0; n < loop.axes.size(); ++n) {
+        const CompensatedAxis& of = loop.axes[n];
+        input.axis[n] = {state_.measured_handle[of.handle],
+                         {state_.measured_tension[of.agonist], state_.measured_tension[of.antagonist]},
+                         {state_.measured_spool[of.agonist], state_.measured_spool[of.antagonist]}};
+      }
+      controller.step(input, controller.last);
+    }
+    double* to = loop.control + i * loop.axes.size() * engine::control_signal_count;
+    for (std::size_t n = 0; n < loop.axes.size(); ++n) {
+      const CompensatedAxis& of = loop.axes[n];
+      command.spool_velocity[of.agonist] = controller.last.axis[n].spool_velocity[0];
+      command.spool_velocity[of.antagonist] = controller.last.axis[n].spool_velocity[1];
+      to = std::ranges::copy(engine::control_signals(controller, n), to).out;
+    }
+  }
+
   void add(const Twin::State& before, double* energy) const {
     const auto of = wrist_energy(twin_, before, state_);
     energy[1] = of.stored;
@@ -221,7 +267,10 @@ class AnyWristTwin {
   AnyWristTwin(const WristSpec& spec, const In<3>& passages, const std::vector<int>& contacts, const In<2>& segments,
                const In<2>& links, const std::vector<double>& parameters, int sheath_contacts, int steps_per_sample,
                bool quasi_static, std::uint64_t seed)
-      : commands_(spec.handles() + spec.tendons() + load_components + 4),
+      : handles_(spec.handles()),
+        tendons_(spec.tendons()),
+        steps_per_sample_(steps_per_sample),
+        commands_(spec.handles() + spec.tendons() + load_components + 4),
         signals_(3 * spec.joints() + 3 * spec.handles() + 6 * spec.tendons() + 2) {
     require(passages.shape(0) == spec.tendons() && passages.shape(2) == passage_numbers &&
                 contacts.size() == spec.tendons() && segments.shape(0) == spec.tendons() &&
@@ -237,7 +286,12 @@ class AnyWristTwin {
         spec.any());
   }
   AnyWristTwin(const AnyWristTwin& other)
-      : commands_(other.commands_), signals_(other.signals_), twin_(other.twin_->copy()) {}
+      : handles_(other.handles_),
+        tendons_(other.tendons_),
+        steps_per_sample_(other.steps_per_sample_),
+        commands_(other.commands_),
+        signals_(other.signals_),
+        twin_(other.twin_->copy()) {}
 
   nb::tuple run(const In<2>& commands, const Out<2>& out, const nb::object& energy) {
     require(commands.shape(1) == commands_ && out.shape(1) == signals_ && out.shape(0) == commands.shape(0),
@@ -251,12 +305,35 @@ class AnyWristTwin {
     std::pair<std::size_t, Status> progress;
     {
       const nb::gil_scoped_release release;
-      progress = twin_->run(commands.data(), commands.shape(0), out.data(), totals);
+      progress = twin_->run(commands.data(), commands.shape(0), out.data(), totals, nullptr);
     }
     return nb::make_tuple(progress.first, int(progress.second));
   }
 
+  nb::tuple run_controlled(engine::AnyController& controller, const std::vector<std::array<int, 3>>& axes,
+                           const In<2>& commands, double time_step, std::size_t started,
+                           const Array<const std::uint8_t, 1>& requests, const Out<2>& out, const Out<3>& control) {
+    require(commands.shape(1) == commands_ && out.shape(1) == signals_ && out.shape(0) == commands.shape(0) &&
+                requests.shape(0) == commands.shape(0) && std::cmp_equal(axes.size(), controller.axes()) &&
+                control.shape(0) == commands.shape(0) && control.shape(1) == axes.size() &&
+                control.shape(2) == engine::control_signal_count,
+            "commands, requests, signals and axes do not fit the twin and its controller");
+    Loop loop{controller, {}, steps_per_sample_, time_step, started, requests.data(), control.data()};
+    for (const auto& [handle, agonist_at, antagonist_at] : axes) {
+      require(handle >= 0 && std::cmp_less(handle, handles_) && agonist_at >= 0 &&
+                  std::cmp_less(agonist_at, tendons_) && antagonist_at >= 0 && std::cmp_less(antagonist_at, tendons_),
+              "an axis names what is not there");
+      loop.axes.push_back({std::size_t(handle), std::size_t(agonist_at), std::size_t(antagonist_at)});
+    }
+    const nb::gil_scoped_release release;
+    const auto progress = twin_->run(commands.data(), commands.shape(0), out.data(), nullptr, &loop);
+    const nb::gil_scoped_acquire acquire;
+    return nb::make_tuple(progress.first, int(progress.second));
+  }
+
  private:
+  std::size_t handles_, tendons_;
+  int steps_per_sample_;
   std::size_t commands_, signals_;
   std::unique_ptr<WristTwinBase> twin_;
 };
@@ -296,7 +373,12 @@ void bind_wrist_twin(nb::module_& m) {
       .def("copy", [](const AnyWristTwin& twin) { return AnyWristTwin(twin); })
       .def("run", &AnyWristTwin::run, "commands"_a, "out"_a, "energy"_a.none(),
            nb::sig("def run(self, commands: NDArray[numpy.float64], out: NDArray[numpy.float64], energy: "
-                   "NDArray[numpy.float64] | None) -> tuple[int, int]"));
+                   "NDArray[numpy.float64] | None) -> tuple[int, int]"))
+      .def("run_controlled", &AnyWristTwin::run_controlled, "controller"_a, "axes"_a, "commands"_a, "time_step"_a,
+           "started"_a, "requests"_a, "out"_a, "control"_a,
+           nb::sig("def run_controlled(self, controller: Controller, axes: Sequence[Sequence[int]], commands: "
+                   "NDArray[numpy.float64], time_step: float, started: int, requests: NDArray[numpy.uint8], out: "
+                   "NDArray[numpy.float64], control: NDArray[numpy.float64]) -> tuple[int, int]"));
   m.def("wrist_inertia", &wrist_inertia, "wrist"_a, "links"_a, "angles"_a, "speeds"_a, "matrix"_a, "bias"_a);
   m.def("wrist_twin_parameters", [] { return list_of(wrist_twin_names); });
   m.def("wrist_energies", [] { return list_of(wrist_energy_names); });
