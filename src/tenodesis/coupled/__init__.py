@@ -20,6 +20,7 @@ from tenodesis.coupled.statics import (
     straight_arms,
     tensions,
 )
+from tenodesis.coupled.urdf import urdf
 
 __all__ = [
     "PULLEY_RADIUS",
@@ -59,6 +60,7 @@ __all__ = [
     "straight_arms",
     "tensions",
     "tip_pose",
+    "urdf",
 ]
 
 

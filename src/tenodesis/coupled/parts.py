@@ -12,7 +12,7 @@ from tenodesis.coupled.motion import STEM, Array, angle_rows, chord, end_length
 from tenodesis.coupled.reading import CoupledLike, load
 from tenodesis.kinematics.dimensions import STEM_PER_RADIUS
 from tenodesis.kinematics.parts import Joint as Hinge
-from tenodesis.kinematics.parts import Part, Z, cylinder
+from tenodesis.kinematics.parts import Part, cylinder
 
 Format: TypeAlias = Literal["urdf", "mjcf"]
 
@@ -50,7 +50,7 @@ def parts(inst: CoupledInstrument, format: Format) -> list[Part]:
             offset = start + side * (piece.offset + (joint.offset if place == 0 else 0.0))
             following = pieces[place + 1].offset if place + 1 < len(pieces) else beyond
             first = None if name == turning[0] else turning[0]
-            slide = Hinge(f"{joint.name}_chord", "slide", Z, -joint.chord, 0.0)
+            slide = Hinge(f"{joint.name}_chord", "slide", (0.0, 0.0, side), -joint.chord, 0.0)
             hinge = Hinge(name, "hinge", joint.axis_vector, -share, share, same_as=first)
             joints = ((slide,) if piece.slides else ()) + ((hinge,) if piece.hinges else ())
             is_far = piece.name == "far"
@@ -74,7 +74,7 @@ def joint_positions(
     Arguments and errors as :func:`frames`.
     """
     inst = load(inst)
-    given = {}
+    given: dict[str, tuple[Joint, Array]] = {}
     for key, value, joints in (
         ("angles", angles, inst.tip_joints),
         ("handle_angles", handle_angles, inst.handle_joints),
