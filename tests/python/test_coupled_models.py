@@ -105,6 +105,14 @@ def test_a_tendon_ends_where_it_meets_its_last_joint_whatever_the_angles() -> No
     assert coupled.tip_pose(driver, tip).position.shape == (5, 2, 3)
 
 
+@pytest.mark.parametrize(("name", "ends"), [("two-segment-continuum", 1), ("hybrid-real-size", 2)])
+def test_the_picture_in_space_shows_the_ends_that_have_joints_and_every_tendon(name: str, ends: int) -> None:
+    inst = coupled.load(name)
+    figure = tn.plot.posture(inst, *(angles[0] for angles in bent(inst, 1)))
+    assert [axis.get_title() for axis in figure.axes] == ["handle", "tip"][-ends:]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == [tendon.name for tendon in inst.tendons]
+
+
 @pytest.mark.parametrize("angles", [[0.0, 0.0, np.nan], [0.0, 0.0, 4.0], [0.0, 0.0]], ids=["nan", "wide", "two"])
 def test_angles_that_are_none_are_refused(angles: list[float]) -> None:
     with pytest.raises(tn.ArgumentError, match="angles"):

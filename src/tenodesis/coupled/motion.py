@@ -202,18 +202,26 @@ def _path(
 
 def _over(joint: Joint, offset: Array, bent: _Bent, angle: Array) -> Iterator[Array]:
     """Yield a tendon's points over a joint, outward."""
-    near, middle, far, _ = bent
-    if joint.mechanism != "continuum":
-        for frame in (near, far) if joint.mechanism == "tendon-gear" else (near, middle, far):
-            yield frame.position + rotated(frame.quaternion, offset)
+    if joint.mechanism == "continuum":
+        yield from arc(joint, bent.middle, angle, offset)
         return
+    near, middle, far, _ = bent
+    for frame in (near, far) if joint.mechanism == "tendon-gear" else (near, middle, far):
+        yield frame.position + rotated(frame.quaternion, offset)
+
+
+def arc(joint: Joint, carrier: Frame, angle: Array, offset: ArrayLike = 0.0) -> Iterator[Array]:
+    """Yield points along a bent backbone, outward, or at an offset from it (3,), m; angle (..., 1), rad."""
     axis, side = np.array(joint.axis_vector), 1.0 if joint.place == "tip" else -1.0
+
+    def turned(angle: Array) -> Array:
+        return np.concatenate([np.cos(angle / 2), np.sin(angle / 2) * axis], -1)
+
     for station in _STATIONS:
-        quarter = station * angle / 4
-        half = np.concatenate([np.cos(quarter), np.sin(quarter) * axis], -1)
-        toward = _product(near.quaternion, half)
+        toward = _product(carrier.quaternion, turned((station - 1) * angle / 2))
         along = side * station * chord(joint, station * angle)
-        yield near.position + along * rotated(toward, _Z) + rotated(_product(toward, half), offset)
+        there = _product(toward, turned(station * angle / 2))
+        yield carrier.position + along * rotated(toward, _Z) + rotated(there, np.broadcast_to(offset, 3))
 
 
 def angle_rows(key: str, value: ArrayLike, joints: Sequence[Joint]) -> Array:
