@@ -157,7 +157,7 @@ def _guides(joint: Joint, crossing: Crossing, tendon: Tendon, tree: Mapping[str,
         yield guide(chain[-1].name, chain[-1].name, out)
         return
     radius, axis = float(np.linalg.norm(out)), np.array(joint.axis_vector)
-    ahead = radius * np.cross(bend_side(joint), axis) * (1 if joint.place == "tip" else -1)
+    ahead = radius * np.cross(bend_side(joint.axis_vector), axis) * (1 if joint.place == "tip" else -1)
     for part in chain:
         near, centre = str(part.parent), _along(part.offset)
         # It comes along the link, wraps by a quarter turn, and leaves across the next one.

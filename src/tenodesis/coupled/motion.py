@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tenodesis.coupled.description import CoupledInstrument, Crossing, Joint, Tendon
+from tenodesis.coupled.description import SIGNS, CoupledInstrument, Crossing, Joint, Tendon
 from tenodesis.coupled.reading import CoupledLike, load
 from tenodesis.errors import ArgumentError
 from tenodesis.kinematics import Frame, Frames
@@ -22,7 +22,6 @@ Array: TypeAlias = NDArray[np.float64]
 
 STEM = 0.1
 """Length of the stem where a file gives none, m."""
-_SIGNS = {"agonist": 1.0, "antagonist": -1.0, "middle": 0.0}
 _STATIONS = np.linspace(0.0, 1.0, 9)  # along a backbone, of its tendons' points
 _Z = np.array([0.0, 0.0, 1.0])
 
@@ -126,9 +125,9 @@ def end_length(inst: CoupledInstrument, joint: Joint) -> float | None:
     return held if joint.end_effector_length is None else joint.end_effector_length
 
 
-def bend_side(joint: Joint) -> Array:
-    """Return the unit vector (3,) to which a positive angle bends, in the link before: that of the agonist."""
-    axis = np.array(joint.axis_vector)
+def bend_side(axis_vector: tuple[float, float, float]) -> Array:
+    """Return the unit vector (3,) to which a positive angle about an axis bends: that of the agonist."""
+    axis = np.array(axis_vector)
     along = _Z if abs(axis[2]) < 0.999 else np.array([1.0, 0.0, 0.0])
     side = np.cross(axis, along)
     return np.asarray(side / np.linalg.norm(side))
@@ -137,7 +136,7 @@ def bend_side(joint: Joint) -> Array:
 def crossing_offset(joint: Joint, crossing: Crossing) -> Array:
     """Return where a tendon passes a joint, from its middle, (3,), m, in the link before."""
     radius = joint.radius if crossing.radius is None else crossing.radius
-    return _SIGNS[crossing.side] * radius * bend_side(joint)
+    return SIGNS[crossing.side] * radius * bend_side(joint.axis_vector)
 
 
 def crossed(inst: CoupledInstrument, tendon: Tendon) -> list[tuple[Joint, Crossing]]:

@@ -2,7 +2,7 @@
 
 from math import pi
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import matplotlib as mpl
 import numpy as np
@@ -22,7 +22,7 @@ _THICK = 0.3  # wheels, over their radius
 _STUB = 0.25  # of the stem that is drawn, over the length of the joints at its end
 _METAL, _WHEEL, _BACKBONE = "#b0b8c2", "#c4a05a", "#7d8794"
 _VIEW = {"elev": 18.0, "azim": -62.0}
-_END = Literal["handle", "tip"]
+_End: TypeAlias = Literal["handle", "tip"]
 
 
 def draw(inst: CoupledInstrument, angles: ArrayLike = 0.0, handle_angles: ArrayLike = 0.0) -> Figure:
@@ -30,7 +30,7 @@ def draw(inst: CoupledInstrument, angles: ArrayLike = 0.0, handle_angles: ArrayL
 
     Each end has its own scale, and a piece of the stem.
     """
-    ends: list[_END] = ["handle", "tip"] if inst.handle_joints else ["tip"]
+    ends: list[_End] = ["handle", "tip"] if inst.handle_joints else ["tip"]
     bent = frames(inst, angles, handle_angles)
     joints = (*inst.handle_joints, *inst.tip_joints)
     rows = [
@@ -55,7 +55,7 @@ def write(path: Path, inst: CoupledInstrument, angles: ArrayLike, handle_angles:
         draw(inst, angles, handle_angles).savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
 
 
-def _draw_end(axis: Any, inst: CoupledInstrument, end: _END, bent: Frames, turned: dict[str, Array]) -> None:
+def _draw_end(axis: Any, inst: CoupledInstrument, end: _End, bent: Frames, turned: dict[str, Array]) -> None:
     tree = {part.name: part for part in parts(inst, "urdf")}
     joints = [joint for joint in inst.joints if joint.place == end]
     names = [name for joint in joints for name in tree if name.rpartition("_")[0] == joint.name]
@@ -74,16 +74,13 @@ def _draw_end(axis: Any, inst: CoupledInstrument, end: _END, bent: Frames, turne
         far, carrier = bent.bodies[f"{joint.name}_far"], bent.bodies.get(f"{joint.name}_carrier")
         if joint.mechanism == "continuum":
             assert carrier is not None
-            axis.plot(
-                *np.transpose(list(arc(joint, carrier, turned[joint.name], 0.0))), color=_BACKBONE, lw=5, zorder=1
-            )
+            along = np.array(list(arc(joint, carrier, turned[joint.name])))
+            axis.plot(*along.T, color=_BACKBONE, lw=5, zorder=1)
             continue
         solids += [(_wheel(joint, frame), _WHEEL) for frame in (carrier, far) if frame is not None]
     faces = [face for solid, _ in solids for face in solid]
     tints = [tint for solid, tint in solids for _ in solid]
-    axis.add_collection3d(
-        Poly3DCollection(faces, facecolors=tints, shade=True, alpha=0.55, lw=0, zorder=2), autolim=False
-    )
+    axis.add_collection3d(Poly3DCollection(faces, facecolors=tints, shade=True, alpha=0.55, lw=0, zorder=2))
     shown = [np.concatenate(faces)]
     for path, colour in zip(bent.tendons.values(), tendon_colours(len(inst.tendons)), strict=True):
         shown.append(_cut(path, end, cut, -length / 2))
@@ -98,7 +95,7 @@ def _draw_end(axis: Any, inst: CoupledInstrument, end: _END, bent: Frames, turne
     axis.set_title(end)
 
 
-def _cut(path: Array, end: _END, cut: float, middle: float) -> Array:
+def _cut(path: Array, end: _End, cut: float, middle: float) -> Array:
     """Return the part of a tendon (n, 3) at one end, from where it leaves the drawn piece of the stem."""
     beyond = int(np.argmax(path[:, 2] > middle))
     if not beyond:
@@ -122,7 +119,7 @@ def _cylinder(radius: float, start: float, end: float) -> list[Array]:
 def _wheel(joint: Joint, frame: Frame) -> list[Array]:
     """Return the faces of a gear or pulley about a joint's axis."""
     axis = np.array(joint.axis_vector)
-    side = bend_side(joint)
+    side = bend_side(joint.axis_vector)
     basis = np.stack([side, np.cross(axis, side), axis])
     half = _THICK * joint.radius / 2
     return _placed([face @ basis for face in _cylinder(joint.radius, -half, half)], frame)
