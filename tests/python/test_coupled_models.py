@@ -64,6 +64,27 @@ def test_bodies_of_the_mujoco_model_are_where_the_frames_are(inst: CoupledInstru
     assert apart(inst, coupled.mjcf(inst), "mjcf") < (2e-5 if has_row else 1e-12)
 
 
+def test_the_model_as_written_follows_its_controls_to_where_the_statics_are() -> None:
+    mujoco = pytest.importorskip("mujoco")
+    inst = coupled.load("hybrid-real-size")
+    handle, stroke, force = [0.2, -0.15, 0.3], 5e-4, 0.4
+    model = mujoco.MjModel.from_xml_string(coupled.mjcf(inst))
+    data = mujoco.MjData(model)
+    for joint, angle in zip(inst.handle_joints, handle, strict=True):
+        data.actuator(joint.name).ctrl[0] = angle / (2 if joint.mechanism == "tendon-gear" else 1)
+    data.actuator("yaw_agonist").ctrl[0] = stroke
+    data.actuator("pitch_force_y").ctrl[0] = force
+    mujoco.mj_step(model, data, 3000)
+    assert np.abs(data.qvel).max() < 1e-6
+    strokes = np.array([stroke if tendon.name == "yaw_agonist" else 0.0 for tendon in inst.tendons])
+    rest = coupled.equilibrium(inst, handle, [0, force, 0, 0, 0, 0], strokes=strokes)
+    positions = coupled.joint_positions(inst, rest.angles, handle, format="mjcf")
+    found = {name: float(data.joint(name).qpos[0]) for name in positions}
+    assert found == pytest.approx(positions, abs=np.radians(1e-3))
+    tensions = [-float(data.actuator(tendon.name).force[0]) for tendon in inst.tendons]
+    assert tensions == pytest.approx(list(rest.tensions), rel=1e-4)
+
+
 @every_sample
 def test_the_urdf_is_read_by_pinocchio_with_all_its_joints(inst: CoupledInstrument) -> None:
     pinocchio = pytest.importorskip("pinocchio")

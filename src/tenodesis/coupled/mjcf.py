@@ -18,7 +18,7 @@ from tenodesis.kinematics.mjcf import RATE, body, model, written
 from tenodesis.kinematics.parts import Part, text
 
 _LAG = 0.01  # s: all motions decay at this rate, since every spring has its damper
-_HOLD = 1e4  # stiffness of the hand, over that of the tendons about its joint
+_HOLD = 1e6  # stiffness of the hand, over that of the tendons about its joint
 _STRONGEST = 1e6  # N, beyond any tension
 _WRENCH = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
 

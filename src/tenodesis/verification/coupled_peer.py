@@ -40,6 +40,10 @@ class CoupledPeer:
         # The statics have no mechanical stops.
         self._model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
         self._data = mujoco.MjData(self._model)
+        # Nor inertia, without which it creeps to where it rests.
+        self._model.body_mass *= 1e-3
+        self._model.body_inertia *= 1e-3
+        mujoco.mj_setConst(self._model, self._data)
         self._hinges = {
             joint.name: [self._model.joint(name).qposadr[0] for name in coupled.parts.moving(joint, "mjcf")]
             for joint in inst.joints
