@@ -23,8 +23,8 @@ _STRONGEST = 1e6  # N, beyond any tension
 _WRENCH = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
 
 NOTE = """Written by tenodesis. Units: m, rad, kg, N. The stem's tip end is the origin; z points along it to the tip.
-Controls: half the angle of a handle's gear, the angle of its pulley (rad); the length that a motor winds of each tendon
-(m), without effect where it has none; force and moment at each end, in its axes (N, N m).
+Controls: the angle of each handle joint's first hinge (rad), the same as of its others; the length that each tendon's
+motor winds (m), without effect where it has none; force and moment at each end, in its axes (N, N m).
 What this format does not contain:
 - friction of the tendons on pulleys and in sheaths, with the bends that cause it; drives, sensors and the controller;
 - rolling contact: a gear pair is two hinges, half its angle each, tied by an equality constraint, which is soft; so is
@@ -32,7 +32,7 @@ What this format does not contain:
 - where tendons run between joints: one that passes a joint which its route does not name has a gap there;
 - masses and inertias: parts are drawn, and weigh, as solid steel, and joints have the inertia and damping that suit
   the time step, so that the model settles where the instrument does but not as fast;
-- contact: jaws pass through each other and grip no object; a grip force is a moment about the jaws' joints;
+- contact: jaws pass through each other and grip no object;
 - limits by tendons and loads: working ranges are mechanical stops.{more}"""
 _CONTINUUM = """
 - the arc of a backbone: it is a row of eight hinges tied to each other, which does not yield in other directions."""

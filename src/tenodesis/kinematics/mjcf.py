@@ -122,12 +122,12 @@ def _stiffness(inst: Instrument, joint: Joint) -> float:
 
 def body(parent: Element, part: Part, motion: Mapping[str, Mapping[str, str]]) -> Element:
     """Add a part to the one that it stands on, with attributes of how each of its joints moves."""
-    body = SubElement(parent, "body", name=part.name)
+    element = SubElement(parent, "body", name=part.name)
     if part.offset:
-        body.set("pos", f"0 0 {text(part.offset)}")
+        element.set("pos", f"0 0 {text(part.offset)}")
     for joint in part.joints:
         SubElement(
-            body,
+            element,
             "joint",
             name=joint.name,
             type=joint.kind,
@@ -136,12 +136,12 @@ def body(parent: Element, part: Part, motion: Mapping[str, Mapping[str, str]]) -
             attrib=dict(motion[joint.name]),
         )
     if part.cylinder is None:
-        SubElement(body, "inertial", pos="0 0 0", mass=_LEAST_MASS, diaginertia=_LEAST_INERTIA)
+        SubElement(element, "inertial", pos="0 0 0", mass=_LEAST_MASS, diaginertia=_LEAST_INERTIA)
     else:
         start, end, radius = (text(value) for value in part.cylinder)
-        SubElement(body, "geom", type="cylinder", fromto=f"0 0 {start} 0 0 {end}", size=radius)
-    SubElement(body, "site", name=f"{part.name}_force" if part.name == "tip" else f"{part.name}_origin")
-    return body
+        SubElement(element, "geom", type="cylinder", fromto=f"0 0 {start} 0 0 {end}", size=radius)
+    SubElement(element, "site", name=f"{part.name}_force" if part.name == "tip" else f"{part.name}_origin")
+    return element
 
 
 def _tie(ties: Element, inst: Instrument, joint: Joint) -> None:
