@@ -26,6 +26,7 @@ GENERATED = (
     "docs/dimensions.svg",
     "docs/conventions.svg",
     "docs/routing.svg",
+    "docs/posture.svg",
     "docs/keys.md",
     "src/tenodesis/_core.pyi",
 )

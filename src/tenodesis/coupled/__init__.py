@@ -3,6 +3,9 @@
 from tenodesis.coupled.description import CoupledInstrument, Crossing, Grip, Joint, RouteError, Tendon
 from tenodesis.coupled.dvrk import PULLEY_RADIUS, dvrk_text, from_dvrk
 from tenodesis.coupled.losses import Loss, hold, loss
+from tenodesis.coupled.mjcf import mjcf
+from tenodesis.coupled.motion import frames, jacobian, tip_pose
+from tenodesis.coupled.parts import joint_positions
 from tenodesis.coupled.plausibility import Doubt, implausible
 from tenodesis.coupled.reading import CoupledLike, is_coupled, json_schema, load, misrouted, of_planar, parse, shipped
 from tenodesis.coupled.statics import (
@@ -18,6 +21,7 @@ from tenodesis.coupled.statics import (
     tensions,
 )
 from tenodesis.coupled.twin import CoupledRun, Held, Twin
+from tenodesis.coupled.urdf import urdf
 
 __all__ = [
     "PULLEY_RADIUS",
@@ -39,15 +43,19 @@ __all__ = [
     "coupling",
     "dvrk_text",
     "equilibrium",
+    "frames",
     "from_dvrk",
     "handle_angles",
     "hold",
     "implausible",
     "is_coupled",
+    "jacobian",
+    "joint_positions",
     "json_schema",
     "load",
     "loss",
     "misrouted",
+    "mjcf",
     "of_planar",
     "output_angles",
     "parse",
@@ -55,6 +63,8 @@ __all__ = [
     "shipped",
     "straight_arms",
     "tensions",
+    "tip_pose",
+    "urdf",
 ]
 
 

@@ -42,11 +42,12 @@ AXES: Mapping[str, tuple[float, float, float]] = {"yaw": (0, 1, 0), "pitch": (-1
 """Axis about which a positive angle turns, by its name: yaw bends the tip toward x, pitch toward y."""
 
 _MECHANISMS: Mapping[str, int] = {"tendon-gear": 0, "pulley": 1, "continuum": 2}
-_SIGNS: Mapping[str, float] = {"agonist": 1.0, "antagonist": -1.0, "middle": 0.0}
 COUPLED_LAWS = ("none", "capstan", "capstan-constant")
 """Friction laws that a coupled instrument may have."""
 _LAWS = ", ".join(COUPLED_LAWS)
 MOST_SHEATH_CONTACTS = 4
+SIGNS: Mapping[str, float] = {"agonist": 1.0, "antagonist": -1.0, "middle": 0.0}
+"""Side of a joint to which a tendon bends it, by its name."""
 MOST_JOINTS = 6
 MOST_TENDONS = 12
 
@@ -274,7 +275,7 @@ class CoupledInstrument(FileTable):
                     joint = joints[index[crossing.joint]]
                     per_unit = 2.0 if joint.mechanism == "tendon-gear" else 1.0
                     radius = joint.radius if crossing.radius is None else crossing.radius
-                    row[index[crossing.joint]] += _SIGNS[crossing.side] * per_unit * radius
+                    row[index[crossing.joint]] += SIGNS[crossing.side] * per_unit * radius
         return arms
 
     @cached_property
