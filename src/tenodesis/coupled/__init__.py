@@ -1,5 +1,6 @@
 """Instruments whose joints share tendons, in space: description, statics, stiffness and compensation."""
 
+from tenodesis.coupled.axes import Pair, compensated, pairs
 from tenodesis.coupled.description import CoupledInstrument, Crossing, Grip, Joint, RouteError, Tendon
 from tenodesis.coupled.dvrk import PULLEY_RADIUS, dvrk_text, from_dvrk
 from tenodesis.coupled.losses import Loss, hold, loss
@@ -35,10 +36,12 @@ __all__ = [
     "Held",
     "Joint",
     "Loss",
+    "Pair",
     "Rates",
     "RouteError",
     "Tendon",
     "Twin",
+    "compensated",
     "compensation_strokes",
     "coupling",
     "dvrk_text",
@@ -58,6 +61,7 @@ __all__ = [
     "mjcf",
     "of_planar",
     "output_angles",
+    "pairs",
     "parse",
     "rates",
     "shipped",

@@ -11,7 +11,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from tenodesis import _core, notebook
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument.hardware import Drives, Friction, Hand, Sensors
+from tenodesis.instrument.hardware import Control, Drives, Friction, Hand, Sensors
 from tenodesis.instrument.instrument import Name
 from tenodesis.toml import FileTable, validated
 from tenodesis.units import (
@@ -218,6 +218,7 @@ class CoupledInstrument(FileTable):
     dynamics: CoupledDynamics = CoupledDynamics()
     drives: Drives = Drives()
     sensors: Sensors = Sensors()
+    control: Control = Control()
     sources: Mapping[str, str] = Field(default={}, description="Source of each value, by key")
 
     @property
