@@ -96,6 +96,8 @@ def compensated(inst: CoupledLike) -> Instrument:
     }
     if inst.spool_radius is not None:
         values["drives"]["spool_radius"] = inst.spool_radius
+    # Tendons of a farther joint bend over the nearer ones.
+    values["friction"]["passing_coefficient"] = inst.friction.vertex_coefficient if _passes(inst, axes) else 0.0
     # One table for all axes: the one that is slowest to turn decides how fast a law may be.
     values["dynamics"] = max(motions, key=lambda motion: motion["tip_inertia"]) | {
         name: getattr(inst.dynamics, name) for name in ("hand_stiffness", "hand_damping", "hand_inertia")
@@ -129,6 +131,13 @@ def _axis_values(inst: CoupledInstrument, joint_type: str, pair: Pair) -> dict[s
     if joint_type == "continuum":
         values |= {"backbone_length": joint.backbone_length, "backbone_rigidity": joint.backbone_rigidity}
     return values
+
+
+def _passes(inst: CoupledInstrument, axes: dict[str, Pair]) -> bool:
+    """Whether the second axis's tendons cross the first one's joint at the tip."""
+    first, *others = axes.values()
+    nearer = inst.tip_joints[first.joint].name
+    return any(nearer in (crossing.joint for crossing in inst.tendons[pair.agonist].route) for pair in others)
 
 
 def _motion(inst: CoupledInstrument, pair: Pair) -> dict[str, float]:
