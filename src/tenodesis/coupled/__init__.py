@@ -23,6 +23,7 @@ from tenodesis.coupled.statics import (
 )
 from tenodesis.coupled.twin import CoupledRun, Held, Twin
 from tenodesis.coupled.urdf import urdf
+from tenodesis.coupled.wrench import TipWrench, estimated_wrench, load_matrix, tip_wrench
 
 __all__ = [
     "PULLEY_RADIUS",
@@ -40,12 +41,14 @@ __all__ = [
     "Rates",
     "RouteError",
     "Tendon",
+    "TipWrench",
     "Twin",
     "compensated",
     "compensation_strokes",
     "coupling",
     "dvrk_text",
     "equilibrium",
+    "estimated_wrench",
     "frames",
     "from_dvrk",
     "handle_angles",
@@ -56,6 +59,7 @@ __all__ = [
     "joint_positions",
     "json_schema",
     "load",
+    "load_matrix",
     "loss",
     "misrouted",
     "mjcf",
@@ -68,6 +72,7 @@ __all__ = [
     "straight_arms",
     "tensions",
     "tip_pose",
+    "tip_wrench",
     "urdf",
 ]
 
