@@ -281,7 +281,7 @@ struct Controller {
     S wanted[2]{};
     if (readable) {
       if (needs_friction(own)) {
-        pass(n, state);
+        if (n > 0) pass(n, state);
         own.friction.update(measured, step, memory.friction);
       }
       if (state.supervisor.operating == OperatingState::enabled)
@@ -307,15 +307,16 @@ struct Controller {
   }
 
   // Tendons of an axis bend over the joints of the axes before.
-  static void pass(int n, State& state) {
+  void pass(int n, State& state) const {
+    const S& coefficient = axis[n].model().passing;
     S handle(0);
     S tip(0);
     for (int k = 0; k < n; ++k) {
       handle = handle + abs(state.axis[k].friction.smooth.handle_angle);
       tip = tip + abs(state.axis[k].friction.output_angle);
     }
-    state.axis[n].friction.passed[0] = handle;
-    state.axis[n].friction.passed[1] = tip;
+    state.axis[n].friction.passed[0] = coefficient * handle;
+    state.axis[n].friction.passed[1] = coefficient * tip;
   }
 
   static bool needs_friction(const AxisController<A>& own) {
