@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core, plant
 from tenodesis._core import Status
-from tenodesis.control import Controller
+from tenodesis.control import Controller, Request
 from tenodesis.coupled.axes import pairs
 from tenodesis.coupled.description import CoupledInstrument
 from tenodesis.coupled.reading import CoupledLike, load
@@ -265,7 +265,10 @@ class Twin:
                 "Controller(tn.coupled.compensated(inst)) is.",
                 key="controller",
             )
-        requests = np.array(np.broadcast_to(np.asarray(request, np.uint8), len(commands)))
+        asked = np.asarray(request)
+        if asked.dtype.kind not in "iu" or not np.isin(asked, list(Request)).all():
+            raise ArgumentError(key="request", value=request, allowed="values of Request, 0 to 6")
+        requests = np.array(np.broadcast_to(asked, len(commands)), np.uint8)
         controller.begin(self, self.time)
         pending = controller.take_request()
         if len(commands) and not requests[0]:
@@ -322,6 +325,8 @@ class Twin:
         if held is None:
             self._held = None
             return Held(0.0, 0.0)
+        if not isinstance(held, Held):
+            raise TypeError(f"held is {held!r}; it must be a Held.")
         for name, value in held._asdict().items():
             if not np.isfinite(value) or (name != "opening" and value < 0):
                 allowed = "a finite number" if name == "opening" else "a finite number that is not negative"
