@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import tenodesis as tn
 from tenodesis.instrument import Instrument
 from tenodesis.twin import TIME_STEP, Twin, run_many
-from tenodesis.verification import mujoco_dynamics
+from tenodesis.verification import coupled_dynamics, mujoco_dynamics
 
 Array = NDArray[np.float64]
 
@@ -29,6 +29,9 @@ RUNS = 10_000
 CHUNK = 500
 TARGET_STEPS = 5e6
 TARGET_RATIO = 15.0
+TARGET_COUPLED_STEPS = 1.5e6
+TARGET_COUPLED_RATIO = 8.0
+COUPLED_FRICTION = {"law": "capstan", "vertex_coefficient": 0.15, "sheath_coefficient": 0.1, "sheath_bend": 0.35}
 OUTPUTS = (0.0, 33.0, 67.0, 80.0)  # deg, Fig. 15
 WEIGHT = 10.0  # N on the rig's cable
 SIGNALS = ("output_angle", "tension.agonist", "tension.antagonist")
@@ -81,6 +84,31 @@ def single(inst: Instrument) -> None:
             f"  {'stepping alone over MuJoCo':<28} mean {mean:5.1f}x            worst {ratios.min():5.1f}x  "
             f"target {TARGET_RATIO:g}x {better}   (MuJoCo {np.mean(theirs) / 1e6:.2f} M steps/s)"
         )
+
+
+def coupled_axes() -> None:
+    """Steps per second of two axes that share tendons, on one core, against MuJoCo, alternately."""
+    smooth = tn.coupled.of_planar(tn.load("real-size").replace(axes=("yaw", "pitch")))
+    inst = smooth.replace(friction=COUPLED_FRICTION)
+    t = TIME_STEP * np.arange(1, STEPS // 10 + 1)[:, np.newaxis]
+    cycle = 2 / np.pi * np.arcsin(np.sin(2 * np.pi * t))
+    twin = tn.coupled.Twin(inst, time_step=TIME_STEP)
+    run = partial(twin.run, cycle * [0.4, -0.3], cycle * [0.3, 0.2, 0, 0, 0, 0])
+    run()
+    theirs, ours = [], []
+    for _ in range(ROUNDS):
+        theirs.append(coupled_dynamics.steps_per_second(smooth, [0.3, 0.2, 0, 0, 0, 0], seconds=0.2))
+        ours.append(t.size / timeit(run, number=1))
+    mean = np.mean(ours) / np.mean(theirs)
+    fast = "reached" if np.mean(ours) >= TARGET_COUPLED_STEPS else "MISSED"
+    better = "reached" if mean >= TARGET_COUPLED_RATIO else "MISSED"
+    print(
+        f"{inst.name}, two axes that share tendons, {inst.friction.law} friction, one core:\n"
+        f"  {'cycles under a varying load':<28} mean {np.mean(ours) / 1e6:5.2f} M steps/s   "
+        f"worst {min(ours) / 1e6:5.2f}   target {TARGET_COUPLED_STEPS / 1e6:g} {fast}   (every signal kept)\n"
+        f"  {'over MuJoCo':<28} mean {mean:5.1f}x            worst {(np.array(ours) / theirs).min():5.1f}x  "
+        f"target {TARGET_COUPLED_RATIO:g}x {better}   (MuJoCo {np.mean(theirs) / 1e6:.2f} M steps/s, handle held)"
+    )
 
 
 def sweeps(inst: Instrument) -> None:
@@ -195,6 +223,7 @@ def main() -> None:
         return
     for inst in (scaled, real):
         single(inst)
+    coupled_axes()
     print("frictionless, at equal accuracy or better:")
     for inst in (scaled, real):
         equal_accuracy(inst)
