@@ -76,6 +76,7 @@ def test_the_mass_matrix_and_what_rates_take_are_mujocos(inst: CoupledInstrument
 
 def test_mujocos_steps_are_counted_and_a_tip_without_a_place_to_start_is_refused() -> None:
     inst = coupled.load("hybrid-real-size")
-    assert coupled_dynamics.steps_per_second(inst, [0.2, 0.1, 0, 0, 0, 0], seconds=0.0) > 0
+    for as_exported in (True, False):
+        assert coupled_dynamics.steps_per_second(inst, [0.2, 0.1, 0, 0, 0, 0], seconds=0, as_exported=as_exported) > 0
     with pytest.raises(coupled_dynamics.NoSolutionError, match="no equilibrium"):
         coupled_dynamics.simulate(inst, 0.0, [[1e3, 0, 0, 0, 0, 0]], STEP)
