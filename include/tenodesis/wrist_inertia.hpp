@@ -1,6 +1,6 @@
 #pragma once
-// Inertia of a wrist's links: mass matrix and the moments of its motion, by the composite-rigid-body method and the
-// recursive Newton-Euler method (Featherstone 2008), for joints that turn, move along a chord and turn again.
+// Inertia of a wrist's links, by the twists that the rate of a joint gives itself and the links beyond it
+// (Featherstone 2008), for joints that turn, move along a chord and turn again.
 
 #include "tenodesis/wrist.hpp"
 
@@ -16,71 +16,46 @@ struct Link {
 
 namespace detail {
 
-/// Mass, first moment and symmetric inertia of links together, about a point.
-template <class S>
-struct Composite {
-  S mass{};
-  Vector<S> first{};    ///< mass times place of its centre, kg m
-  Vector<S> column[3];  ///< of the inertia, kg m^2
-
-  Vector<S> times(const Vector<S>& a) const { return a.x * column[0] + a.y * column[1] + a.z * column[2]; }
-
-  void add(const Composite& other) {
-    mass = mass + other.mass;
-    first = first + other.first;
-    for (int c = 0; c < 3; ++c) column[c] = column[c] + other.column[c];
-  }
-
-  /// In other axes, by a rotation of vectors.
-  template <class Turn>
-  Composite turned(const Turn& turn) const {
-    Composite to{mass, turn(first), {}};
-    // Rows and columns in turn: the transpose in between is its own, since the inertia is symmetric.
-    const Vector<S> half[3] = {turn(column[0]), turn(column[1]), turn(column[2])};
-    to.column[0] = turn(Vector<S>{half[0].x, half[1].x, half[2].x});
-    to.column[1] = turn(Vector<S>{half[0].y, half[1].y, half[2].y});
-    to.column[2] = turn(Vector<S>{half[0].z, half[1].z, half[2].z});
-    return to;
-  }
-
-  /// About another point, from which the present one is at r.
-  void move(const Vector<S>& r) {
-    const Vector<S> add = mass * r + S(2) * first;
-    const S trace = dot(r, add);
-    const auto crossed = [&](const S& on, const S& other) { return mass * on * r + on * first + other * r; };
-    column[0] = column[0] - crossed(r.x, first.x);
-    column[1] = column[1] - crossed(r.y, first.y);
-    column[2] = column[2] - crossed(r.z, first.z);
-    column[0].x = column[0].x + trace;
-    column[1].y = column[1].y + trace;
-    column[2].z = column[2].z + trace;
-    first = first + mass * r;
-  }
-};
-
 /// A joint at an angle, as a moving frame.
 template <class S>
 struct Motion {
-  Vector<S> axis{};
-  Bend<S> bend{};
+  Vector<S> row[3];   ///< of the rotation of vectors of the far side into the axes of the near side
   Vector<S> place{};  ///< of the far end, in the axes and from the end of what the joint stands on, m
   Vector<S> rate{};   ///< of that by the angle, in the axes of the far side, m
   Vector<S> curve{};  ///< second rate, likewise
 
-  Motion() = default;
-  Motion(const WristJoint<S>& joint, const S& x) : axis(joint.axis), bend(joint, x) {
-    const Vector<S> along{S(0), S(0), bend.chord};
-    const Vector<S> longer{S(0), S(0), bend.chord_rate};
-    place = bend.inward(axis, along);
-    place.z = place.z + joint.offset;
-    const Vector<S> swept = S(0.5) * cross(axis, along);
-    rate = bend.outward(axis, swept + longer);
-    curve =
-        bend.outward(axis, S(0.5) * cross(axis, swept) + cross(axis, longer) + Vector<S>{S(0), S(0), bend.chord_curve});
+  Motion(const WristJoint<S>& joint, const S& x) {
+    const Vector<S>& axis = joint.axis;
+    const Bend<S> bend(joint, x);
+    // A joint with a chord bends about an axis across z, in the plane of z and this.
+    const Vector<S> side{axis.y, -axis.x, S(0)};
+    const auto in_plane = [&](const S& across, const S& along) {
+      return Vector<S>{across * side.x, across * side.y, along};
+    };
+    const S& chord = bend.chord;
+    const S& longer = bend.chord_rate;
+    const S bow = bend.chord_curve - S(0.25) * chord;
+    place = in_plane(chord * bend.sine, joint.offset + chord * bend.cosine);
+    rate =
+        in_plane(S(0.5) * chord * bend.cosine - longer * bend.sine, S(0.5) * chord * bend.sine + longer * bend.cosine);
+    curve = in_plane(longer * bend.cosine - bow * bend.sine, longer * bend.sine + bow * bend.cosine);
+    const S versine = S(2) * bend.sine * bend.sine;
+    const S cosine = S(1) - versine;
+    const Vector<S> a = S(2) * bend.sine * bend.cosine * axis;
+    const Vector<S> b = versine * axis;
+    row[0] = {cosine + b.x * axis.x, b.x * axis.y - a.z, b.x * axis.z + a.y};
+    row[1] = {b.y * axis.x + a.z, cosine + b.y * axis.y, b.y * axis.z - a.x};
+    row[2] = {b.z * axis.x - a.y, b.z * axis.y + a.x, cosine + b.z * axis.z};
   }
 
-  Vector<S> inward(const Vector<S>& v) const { return bend.inward(axis, bend.inward(axis, v)); }
-  Vector<S> outward(const Vector<S>& v) const { return bend.outward(axis, bend.outward(axis, v)); }
+  Vector<S> outward(const Vector<S>& v) const { return v.x * row[0] + v.y * row[1] + v.z * row[2]; }
+};
+
+/// How a link moves: its joint's far end, and its turn, in its axes.
+template <class S>
+struct Twist {
+  Vector<S> moved{};
+  Vector<S> turned{};
 };
 
 }  // namespace detail
@@ -91,72 +66,61 @@ struct Motion {
 template <class W, class S = W::S>
 void inertia(const W& wrist, const Link<S>* link, const S* x, const S* speed, S (*matrix)[W::joints], S* bias) {
   constexpr int N = W::joints;
-  using detail::Composite;
-  using detail::Motion;
-  Motion<S> motion[N];
-  Composite<S> beyond[N];
-  Wrench<S> force[N];
+  detail::Twist<S> by[N][N];   // of every link, by the rates of its own joint and of those before it
+  detail::Twist<S> faster[N];  // accelerations at constant rates
   Vector<S> turning[N];
-  Vector<S> turning_faster[N];
-  Vector<S> accelerated[N];
   for (int i = 0; i < N; ++i) {
-    motion[i] = Motion<S>(wrist.joint[i], x[i]);
-    const Motion<S>& by = motion[i];
-    const int on = wrist.joint[i].parent;
-    const Vector<S> spin = speed[i] * by.axis;
-    if (on < 0) {
-      turning[i] = spin;
-      accelerated[i] = speed[i] * speed[i] * by.curve;
-    } else {
+    bias[i] = S(0);
+    for (int j = 0; j < N; ++j) matrix[i][j] = S(0);
+  }
+  for (int k = 0; k < N; ++k) {
+    const detail::Motion<S> motion(wrist.joint[k], x[k]);
+    const int on = wrist.joint[k].parent;
+    const Vector<S> spin = speed[k] * wrist.joint[k].axis;
+    by[k][k] = {motion.rate, wrist.joint[k].axis};
+    faster[k].moved = speed[k] * speed[k] * motion.curve;
+    turning[k] = spin;
+    if (on >= 0) {
+      for (int i = on; i >= 0; i = wrist.joint[i].parent) {
+        const detail::Twist<S>& before = by[on][i];
+        by[k][i] = {motion.outward(before.moved + cross(before.turned, motion.place)), motion.outward(before.turned)};
+      }
       const Vector<S>& before = turning[on];
-      const Vector<S> carried = by.outward(before);
-      turning[i] = carried + spin;
-      turning_faster[i] = by.outward(turning_faster[on]) + cross(carried, spin);
+      const Vector<S> carried = motion.outward(before);
       const Vector<S> base =
-          accelerated[on] + cross(turning_faster[on], by.place) + cross(before, cross(before, by.place));
-      accelerated[i] = by.outward(base) + S(2) * speed[i] * cross(carried, by.rate) + speed[i] * speed[i] * by.curve;
+          faster[on].moved + cross(faster[on].turned, motion.place) + cross(before, cross(before, motion.place));
+      turning[k] = turning[k] + carried;
+      faster[k].moved = faster[k].moved + motion.outward(base) + S(2) * speed[k] * cross(carried, motion.rate);
+      faster[k].turned = motion.outward(faster[on].turned) + cross(carried, spin);
     }
 
-    const Vector<S>& w = turning[i];
-    const Vector<S> first{S(0), S(0), link[i].mass * link[i].centre};
-    const Vector<S>& about = link[i].inertia;
+    // Momentum of a motion about the joint's far end; the centre of mass lies on the link's z axis.
+    const S first = link[k].mass * link[k].centre;
+    const Vector<S>& about = link[k].inertia;
     const auto times = [&](const Vector<S>& v) { return Vector<S>{about.x * v.x, about.y * v.y, about.z * v.z}; };
-    force[i].force = link[i].mass * accelerated[i] + cross(turning_faster[i], first) + cross(w, cross(w, first));
-    force[i].moment = cross(first, accelerated[i]) + times(turning_faster[i]) + cross(w, times(w));
-    beyond[i] = {link[i].mass, first, {{about.x, S(0), S(0)}, {S(0), about.y, S(0)}, {S(0), S(0), about.z}}};
-  }
-  const auto work = [&](int i, const Wrench<S>& w) {
-    return dot(motion[i].axis, w.moment) + dot(motion[i].rate, w.force);
-  };
-  const auto near = [&](int i, const Wrench<S>& far) {
-    Wrench<S> at{motion[i].inward(far.force), motion[i].inward(far.moment)};
-    at.moment = at.moment + cross(motion[i].place, at.force);
-    return at;
-  };
-  for (int i = 0; i < N; ++i)
-    for (int j = 0; j < N; ++j) matrix[i][j] = S(0);
-  for (int i = N - 1; i >= 0; --i) {
-    const Motion<S>& by = motion[i];
-    bias[i] = work(i, force[i]);
-    // Momentum of all beyond at a unit of the joint's rate.
-    Wrench<S> momentum{beyond[i].mass * by.rate + cross(by.axis, beyond[i].first),
-                       cross(beyond[i].first, by.rate) + beyond[i].times(by.axis)};
-    matrix[i][i] = work(i, momentum);
-    int at = i;
-    for (int on = wrist.joint[i].parent; on >= 0; on = wrist.joint[on].parent) {
-      momentum = near(at, momentum);
-      matrix[i][on] = matrix[on][i] = work(on, momentum);
-      at = on;
+    const auto momentum = [&](const detail::Twist<S>& of) {
+      Wrench<S> at{link[k].mass * of.moved, times(of.turned)};
+      at.force.x = at.force.x + first * of.turned.y;
+      at.force.y = at.force.y - first * of.turned.x;
+      at.moment.x = at.moment.x - first * of.moved.y;
+      at.moment.y = at.moment.y + first * of.moved.x;
+      return at;
+    };
+    const Vector<S>& w = turning[k];
+    Wrench<S> force = momentum(faster[k]);
+    force.force = force.force + first * Vector<S>{w.x * w.z, w.y * w.z, -(w.x * w.x + w.y * w.y)};
+    force.moment = force.moment + cross(w, times(w));
+    const auto work = [&](int i, const Wrench<S>& of) {
+      return dot(by[k][i].moved, of.force) + dot(by[k][i].turned, of.moment);
+    };
+    for (int i = k; i >= 0; i = wrist.joint[i].parent) {
+      bias[i] = bias[i] + work(i, force);
+      const Wrench<S> at = momentum(by[k][i]);
+      for (int j = i; j >= 0; j = wrist.joint[j].parent) matrix[i][j] = matrix[i][j] + work(j, at);
     }
-    const int on = wrist.joint[i].parent;
-    if (on < 0) continue;
-    const Wrench<S> passed = near(i, force[i]);
-    force[on].force = force[on].force + passed.force;
-    force[on].moment = force[on].moment + passed.moment;
-    Composite<S> moved = beyond[i].turned([&](const Vector<S>& v) { return by.inward(v); });
-    moved.move(by.place);
-    beyond[on].add(moved);
   }
+  for (int i = 0; i < N; ++i)
+    for (int j = wrist.joint[i].parent; j >= 0; j = wrist.joint[j].parent) matrix[j][i] = matrix[i][j];
 }
 
 }  // namespace tenodesis

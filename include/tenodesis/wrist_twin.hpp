@@ -25,15 +25,6 @@ struct BoundedRow {
   constexpr const T& operator[](int i) const { return at[i]; }
 };
 
-/// Rows of a tendon with at most so many contacts.
-template <int most>
-struct BoundedContacts {
-  template <class T>
-  using PerContact = Row<T, most>;
-  template <class T>
-  using PerSegment = BoundedRow<T, most + 1>;
-};
-
 /// A number that depends linearly on U others.
 template <class S, int U>
 struct Linear {
@@ -76,6 +67,35 @@ struct Linear {
     for (int u = 0; u < U; ++u) sum = sum + by[u] * x[u];
     return sum;
   }
+};
+
+/// Values that are not initialised.
+template <class T, int N>
+struct Unset {
+  T at[N];
+
+  Unset() {}  // NOLINT(modernize-use-equals-default): with that, {} would set them
+  T& operator[](int i) { return at[i]; }
+  const T& operator[](int i) const { return at[i]; }
+};
+
+/// Rows of a tendon with at most so many contacts.
+template <int most>
+struct BoundedContacts {
+  template <class T>
+  struct Of {
+    using PerContact = Row<T, most>;
+    using PerSegment = BoundedRow<T, most + 1>;
+  };
+  template <class S, int U>
+  struct Of<Linear<S, U>> {
+    using PerContact = Unset<Linear<S, U>, most>;
+    using PerSegment = Unset<Linear<S, U>, most + 1>;
+  };
+  template <class T>
+  using PerContact = Of<T>::PerContact;
+  template <class T>
+  using PerSegment = Of<T>::PerSegment;
 };
 
 /// One contact of a tendon's route: in the sheath, or on a joint.
@@ -239,8 +259,7 @@ struct WristTwin {
   };
 
   /// Bands of a tendon's contacts at given angles of all joints; shared: of every joint, filled as needed.
-  Rope::Bands bands(int m, const S* angle, Turned* shared) const {
-    typename Rope::Bands band;
+  void bands(int m, const S* angle, Turned* shared, Rope::Bands& band) const {
     const int n = tendon[m].contacts();
     const S drag = viscous * per_second();
     const S least = least_drag<ValueOf<S>> * wrist.stiffness[m];
@@ -255,7 +274,6 @@ struct WristTwin {
       if (turned.coefficient != at.coefficient) turned = {at.coefficient, exp(at.coefficient * abs(angle[at.joint]))};
       band[j] = {at.ratio * turned.ratio, constant, drag + least};
     }
-    return band;
   }
 
   /// Largest violation of the friction law in a step, as a share of the tension scale.
@@ -264,9 +282,9 @@ struct WristTwin {
     Turned turned[joints];
     for (int m = 0; m < M; ++m) {
       if (!taut(m)) continue;
-      worst =
-          larger(worst, tendon[m].residual(bands(m, after.band_angle, turned), before.tendon[m].slip, after.tendon[m]) /
-                            tension_scale(m));
+      typename Rope::Bands band;
+      bands(m, after.band_angle, turned, band);
+      worst = larger(worst, tendon[m].residual(band, before.tendon[m].slip, after.tendon[m]) / tension_scale(m));
     }
     return worst;
   }
@@ -347,6 +365,8 @@ struct WristTwin {
     Square<S, U> heavy{};  // 2 M / h^2
     S bias[U]{};
     S angle[joints];
+    S coordinate[U];  // of the unknown joints
+    S given[N];       // of the handle's joints, if they are known
     // Moments at the step's end and their slopes, as last computed, and the load's, which in motion changes little.
     S pushed[U];
     Square<S, U> yielding;
@@ -413,7 +433,6 @@ struct WristTwin {
 
     // What the joints, known or unknown, draw in each segment.
     void set_pulls() {
-      S given[N]{};
       for (int h = 0; h < twin.wrist.handles; ++h) given[h] = coordinate_at(twin.wrist.handle[h], angle[N + h]);
       for (int m = 0; m < M; ++m) {
         if (!twin.taut(m)) continue;
@@ -442,7 +461,7 @@ struct WristTwin {
       for (int g = 0; g < joints; ++g) next.band_angle[g] = angle[g];
       Turned turned[joints];
       for (int m = 0; m < M; ++m)
-        if (twin.taut(m)) band[m] = twin.bands(m, angle, turned);
+        if (twin.taut(m)) twin.bands(m, angle, turned, band[m]);
     }
 
     S tolerance(int m) const { return friction_tolerance<ValueOf<S>> * twin.tension_scale(m); }
@@ -477,39 +496,39 @@ struct WristTwin {
     void push(const Passage<S>& at, const Sum& tension) { moment[at.joint] = moment[at.joint] - at.arm * tension; }
 
     // Slips and tensions at given coordinates.
-    void substitute(int m, const S* x) {
+    void substitute(int m) {
       const auto& tendon = twin.tendon[m];
       auto& state = next.tendon[m];
       S beyond(0);
       for (int j = tendon.contacts() - 1; j >= first[m]; --j) {
-        const S slip = line[m].at_rest[j].at(x);
-        state.tension[j + 1] = tendon.rest_tension + tendon.stiffness[j + 1] * (pull[m][j + 1].at(x) + slip - beyond);
+        const S slip = line[m].at_rest[j].at(coordinate);
+        state.tension[j + 1] =
+            tendon.rest_tension + tendon.stiffness[j + 1] * (pull[m][j + 1].at(coordinate) + slip - beyond);
         state.slip[j] = slip;
         beyond = slip;
       }
       tendon.substitute(first[m], spool[m], known[m], near[m], beyond, state);
     }
 
-    void coordinates(S* x) const {
-      for (int u = 0; u < U; ++u) x[u] = coordinate_at(twin.mechanism(u), angle[u]);
+    void set_coordinates() {
+      for (int u = 0; u < U; ++u) coordinate[u] = coordinate_at(twin.mechanism(u), angle[u]);
     }
 
     // Guess, pass, revise (tendon.hpp), with the joints' own equations.
     Status settle() {
       S start[joints];
       for (int g = 0; g < joints; ++g) start[g] = angle[g];
+      set_coordinates();
       for (int sweep = 0; sweep < hasty_sweeps; ++sweep) {
         ++next.sweeps;
         for (int u = 0; u < U; ++u) moment[u] = Sum(S(0));
         for (int m = 0; m < M; ++m)
           if (twin.taut(m)) eliminate(m);
         if (newton() != Status::ok) break;
-        S x[U];
-        coordinates(x);
         int revised = 0;
         for (int m = 0; m < M; ++m) {
           if (!twin.taut(m)) continue;
-          substitute(m, x);
+          substitute(m);
           revised += twin.tendon[m].revise(band[m], before.tendon[m].slip, tolerance(m), next.tendon[m]);
         }
         if (revised == 0) return Status::ok;
@@ -524,13 +543,12 @@ struct WristTwin {
       S share(1);
       S smallest(-1);
       S step[U]{};
+      set_coordinates();
       for (int n = 0; n < 4 * most_corrections; ++n) {
-        S x[U];
-        coordinates(x);
         for (int u = 0; u < U; ++u) moment[u] = Sum(S(0));
         for (int m = 0; m < M; ++m) {
           if (!twin.taut(m)) continue;
-          settle_alone(m, x);
+          settle_alone(m);
           eliminate(m);
         }
         S off[U];
@@ -562,21 +580,20 @@ struct WristTwin {
       return Status::no_equilibrium;
     }
 
-    void settle_alone(int m, const S* x) {
+    void settle_alone(int m) {
       typename Rope::Lengths drawn{};
       drawn.length = twin.tendon[m].contacts() + 1;
-      for (int i = 1; i < drawn.length; ++i) drawn[i] = i > first[m] ? pull[m][i].at(x) : known[m][i];
+      for (int i = 1; i < drawn.length; ++i) drawn[i] = i > first[m] ? pull[m][i].at(coordinate) : known[m][i];
       typename Rope::Line own{};
       next.tendon[m].slip = before.tendon[m].slip;
       next.sweeps += tenodesis::settle(twin.tendon[m], band[m], drawn, spool[m], tolerance(m), next.tendon[m], own);
     }
 
-    bool within() const {
-      for (int u = 0; u < U; ++u) {
-        const S limit = coordinate_limit<S>(twin.mechanism(u));
-        const S x = coordinate_at(twin.mechanism(u), angle[u]);
-        if (!(abs(angle[u]) < S(pi)) || !(abs(x) < limit)) return false;
-      }
+    // Whether new angles are possible; sets their coordinates.
+    bool within() {
+      set_coordinates();
+      for (int u = 0; u < U; ++u)
+        if (!(abs(angle[u]) < S(pi)) || !(abs(coordinate[u]) < coordinate_limit<S>(twin.mechanism(u)))) return false;
       return true;
     }
 
@@ -664,20 +681,18 @@ struct WristTwin {
 
     // Moments of everything but inertia and what is gripped at the step's end, and their slopes.
     void moments(S* at, Square<S, U>& slope) {
-      S x[U];
-      coordinates(x);
       S load[N];
-      set_load(x, load);
+      set_load(coordinate, load);
       S turn[U];
-      for (int i = 0; i < N; ++i) turn[i] = turn_at(i, x[i]);
-      for (int h = N; h < U; ++h) turn[h] = turn_at(h, x[h]);
+      for (int i = 0; i < N; ++i) turn[i] = turn_at(i, coordinate[i]);
+      for (int h = N; h < U; ++h) turn[h] = turn_at(h, coordinate[h]);
       const S speed_rate = twin.quasi_static ? S(0) : S(2) * per_second;
       for (int u = 0; u < U; ++u) {
-        const S pulled = moment[u].at(x);
+        const S pulled = moment[u].at(coordinate);
         at[u] = turn[u] * pulled;
         for (int v = 0; v < U; ++v) slope.at[u][v] = turn[u] * moment[u].by[v] * turn[v];
         // The rate of a gear's cos(half angle)/2.
-        if (twin.mechanism(u) == Mechanism::gear) slope.at[u][u] = slope.at[u][u] - S(0.25) * x[u] * pulled;
+        if (twin.mechanism(u) == Mechanism::gear) slope.at[u][u] = slope.at[u][u] - S(0.25) * coordinate[u] * pulled;
         const S velocity = twin.quasi_static ? S(0) : speed_rate * (angle[u] - before.angle[u]) - before.velocity[u];
         if (u < N) {
           const int i = u < N ? u : 0;
@@ -709,15 +724,14 @@ struct WristTwin {
         next.angle[g] = angle[g];
         next.moment[g] = g < U ? pushed[g < U ? g : 0] : S(0);
       }
-      for (int h = 0; h < twin.wrist.handles; ++h) {
-        next.handle_moment[h] = S(0);
-        const S turn = turn_at(N + h, coordinate_at(twin.wrist.handle[h], angle[N + h]));
-        for (int m = 0; m < M; ++m)
-          for (int d = 0; d < twin.draws[m] && twin.taut(m); ++d)
-            if (twin.draw[m][d].joint == N + h)
-              next.handle_moment[h] =
-                  next.handle_moment[h] + turn * twin.draw[m][d].arm * next.tendon[m].tension[twin.draw[m][d].segment];
-      }
+      S pulled[joints]{};
+      for (int m = 0; m < M; ++m)
+        for (int d = 0; d < twin.draws[m] && twin.taut(m); ++d) {
+          const Draw<S>& by = twin.draw[m][d];
+          pulled[by.joint] = pulled[by.joint] + by.arm * next.tendon[m].tension[by.segment];
+        }
+      for (int h = 0; h < twin.wrist.handles; ++h)
+        next.handle_moment[h] = turn_at(N + h, U > N ? coordinate[U > N ? N + h : 0] : given[h]) * pulled[N + h];
     }
   };
 };
