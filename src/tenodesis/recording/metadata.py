@@ -7,9 +7,10 @@ from typing import Any
 import tomli_w
 
 from tenodesis.control import FAULTS, Controller
+from tenodesis.coupled import CoupledInstrument
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument, parse
-from tenodesis.instrument.text import to_toml
+from tenodesis.instrument.text import to_toml, with_units
 from tenodesis.recording.reader import Recording
 from tenodesis.simulate import Protocol
 from tenodesis.twin import TIME_STEP
@@ -25,7 +26,7 @@ QUASI_STATIC = "quasi-static"
 
 
 def metadata_of(
-    inst: Instrument,
+    inst: Instrument | CoupledInstrument,
     protocol: Protocol | None = None,
     *,
     seed: int = 0,
@@ -42,12 +43,16 @@ def metadata_of(
     seed, time_step, quasi_static
         Of the twin, as for :class:`tenodesis.twin.Twin`.
     """
+    if isinstance(inst, CoupledInstrument):
+        text, control = tomli_w.dumps(with_units(inst, unset=False)), {}
+    else:
+        text, control = to_toml(inst), {} if controller is None else _metadata_of_controller(controller, inst)
     return (
-        {"instrument": to_toml(inst)}
+        {"instrument": text}
         | ({} if protocol is None else {"protocol": protocol.to_toml()})
         | {"seed": str(seed), "time_step": repr(float(time_step))}
         | {"mode": QUASI_STATIC if quasi_static else DYNAMIC}
-        | ({} if controller is None else _metadata_of_controller(controller, inst))
+        | control
     )
 
 
