@@ -312,19 +312,16 @@ def coupled_signals(run: CoupledRun, names: Sequence[str] = ()) -> Chart:
         factor = in_unit(readable, unit) if readable != unit else 1.0
         parts = [one] if one else list(run.columns(signal))
         drawn = [part for part in parts if one or _moves(run, f"{signal}.{part}")] or parts[:1]
-        for heading, tone in zip([f"{signal}.{part}" for part in drawn] or [signal], _tones(len(drawn)), strict=True):
+        headings = [f"{signal}.{part}" for part in drawn] or [signal]
+        for heading, tone in zip(headings, style.colors(len(headings)), strict=True):
             label = heading.partition(".")[2] or signal.replace("_", " ")
             chart.curve(panel, time, f"{heading} [{readable}]", factor * thin[heading], color=tone, lw=1.2, label=label)
         panel.set_ylabel(f"{signal.replace('_', ' ')}\n[{unit_text(readable)}]")
-        style.legend_above(panel, 6)
+        style.legend_above(panel, 4)
     panels[-1].set_xlabel("time [s]")
     panels[-1].set_xlim(time[0], time[-1]) if len(time) > 1 else None
     figure.align_ylabels()
     return chart
-
-
-def _tones(count: int) -> list[str]:
-    return style.colors(max(count, 1))
 
 
 def _moves(run: CoupledRun, name: str) -> bool:
