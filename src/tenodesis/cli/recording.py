@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from tenodesis import simulate
+from tenodesis import coupled, simulate
 from tenodesis import twin as twins
 from tenodesis.cli.common import (
     InstrumentFile,
@@ -31,11 +31,12 @@ from tenodesis.control.controller import ActuationName, LawName, ObserverName
 from tenodesis.errors import CommandError, CommandInterruptedError, ProtocolError
 from tenodesis.instrument import Instrument
 from tenodesis.live import event_summary
-from tenodesis.recording import Recording, tables
+from tenodesis.recording import Recording, open_recording, tables
 from tenodesis.recording.replay import Replay
 from tenodesis.recording.replay import replay as run_again
 from tenodesis.recording.simulation import record as record_run
-from tenodesis.recording.summary import contents, describe, outcome
+from tenodesis.recording.simulation import record_coupled
+from tenodesis.recording.summary import contents, describe, outcome, tension_facts
 from tenodesis.run import Run
 from tenodesis.units import Duration, in_unit
 
@@ -45,7 +46,9 @@ def record(  # noqa: PLR0917
     protocol_file: Annotated[
         str | None,
         typer.Argument(
-            metavar="PROTOCOL", help="Protocol file, or the name of a shipped protocol.", show_default=False
+            metavar="PROTOCOL",
+            help="Protocol file, or the name of a shipped protocol; not needed for joints that share tendons.",
+            show_default=False,
         ),
     ] = None,
     out: Annotated[
@@ -79,9 +82,18 @@ def record(  # noqa: PLR0917
 ) -> None:
     """Run a protocol on the twin of an instrument and record it, with --law under a controller.
 
-    A protocol that begins with a pretension phase finds slack tendons, which a controller homes.
+    A protocol that begins with a pretension phase finds slack tendons, which a controller homes. Where joints share
+    tendons, the default protocol moves every joint in turn, loads the tip, and grips.
     """
     check_suffix("--out", out, RECORDING)
+    if coupled.is_coupled(instrument_file):
+        planar = {"--axis": axis, "--law": law, "--observer": observer, "--actuation": actuation}
+        _refuse_planar(instrument_file, planar | {"--controller-instrument": controller_instrument})
+        step = quantity("--time-step", time_step, Duration)
+        _record_coupled(
+            instrument_file, protocol_file, out, seed=seed, step=step, quasi_static=quasi_static, overwrite=overwrite
+        )
+        return
     inst, protocol = _inputs(instrument_file, protocol_file)
     assumed = inst if controller_instrument is None else load_instrument(controller_instrument)
     if axis is not None:
@@ -111,21 +123,66 @@ def record(  # noqa: PLR0917
     _print_outcome(run, inst)
 
 
+def _refuse_planar(instrument_file: str, options: dict[str, str | None]) -> None:
+    for option, value in options.items():
+        if value is not None:
+            raise CommandError(
+                f"{option} is {value!r}, but {instrument_file} lists joints and tendons; {option} is for planar "
+                "instruments.",
+                key=option,
+                value=value,
+            )
+
+
+def _record_coupled(
+    instrument_file: str,
+    protocol_file: str | None,
+    out: Path | None,
+    *,
+    seed: int,
+    step: float,
+    quasi_static: bool,
+    overwrite: bool,
+) -> None:
+    inst = coupled.load(instrument_file)
+    protocol = simulate.default_protocol(inst) if protocol_file is None else load_protocol(protocol_file)
+    protocol.plan(inst, step)
+    path = _default_path(protocol_file or "default", instrument_file, None) if out is None else out
+    with (
+        writing([("--out", path)], (instrument_file, protocol_file), overwrite=overwrite),
+        value_errors(),
+        _progress(path) as progress,
+    ):
+        run = record_coupled(
+            inst,
+            protocol,
+            path,
+            time_step=step,
+            seed=seed,
+            quasi_static=quasi_static,
+            overwrite=overwrite,
+            progress=progress,
+        )
+    say(f"{path}: {protocol.name} on {inst.name}, {run.time[-1]:.6g} s, {len(run)} rows, {file_size(path)}.")
+    for about, fact in tension_facts(run).items():
+        say(f"{about}: {fact}.")
+
+
 def info(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON: a list with one entry per recording.")] = False,
 ) -> None:
     """Print the contents of recordings: origin, topics, ranges of the signals, and events."""
     if as_json:
-        found = [{"file": str(file), **contents(Recording.open(file))} for file in files]
+        found = [{"file": str(file), **contents(open_recording(file))} for file in files]
         typer.echo(json.dumps(found, indent=1, ensure_ascii=False))
         return
     for file in files:
-        recording = Recording.open(file)
+        recording = open_recording(file)
         if files[1:]:
             console.rule(escape(str(file)))
         console.print(describe(recording))
-        events = event_summary.describe(recording)
+        events = event_summary.describe(recording) if isinstance(recording, Recording) else None
         if events is not None:
             console.print(events)
 
@@ -176,7 +233,7 @@ def export_recording(
     check_suffix("--out", path, TABLES)
     writer = {".csv": tables.to_csv, ".parquet": tables.to_parquet}[path.suffix]
     with writing([("--out", path)], [file], overwrite=overwrite):
-        recording = Recording.open(file)
+        recording = open_recording(file)
         writer(recording.run, path)
         if recording.damage is not None:
             say(recording.damage)
@@ -280,7 +337,7 @@ def _progress(path: Path) -> Iterator["_Interruptible"]:
 
 def _recorded(path: Path) -> str:
     """Return in words what an interrupted recording holds."""
-    run = Recording.open(path).run
+    run = open_recording(path).run
     return f"{path} holds the run up to there, {run.time[-1] if len(run) else 0:.6g} s, {len(run)} rows"
 
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from tenodesis.coupled import CoupledRun
+from tenodesis.coupled import CoupledInstrument, CoupledRun
 from tenodesis.coupled.twin import signal as coupled_signal
 from tenodesis.recording import cdr
 from tenodesis.run import SIGNALS, TENDONS, TISSUE, Array, Run, Signal
@@ -77,9 +77,10 @@ class CoupledNames:
     tendons: tuple[str, ...]
 
     @classmethod
-    def of(cls, has: Any) -> "CoupledNames":
-        """Return the names that a run has."""
-        return cls(has.joints, has.handle_joints, has.tendons)
+    def of_instrument(cls, inst: CoupledInstrument) -> "CoupledNames":
+        """Return the names of an instrument's joints and tendons."""
+        groups = (inst.tip_joints, inst.handle_joints, inst.tendons)
+        return cls(*(tuple(one.name for one in group) for group in groups))
 
     @classmethod
     def from_texts(cls, texts: Mapping[str, str]) -> "CoupledNames | None":
@@ -222,7 +223,9 @@ def signals_of(run: AnyRun) -> dict[str, Array]:
 
 def names_of(run: AnyRun) -> Names:
     """Return what the columns of a run are named after."""
-    return CoupledNames.of(run) if isinstance(run, CoupledRun) else tuple(run.axes)
+    if isinstance(run, CoupledRun):
+        return CoupledNames(run.joints, run.handle_joints, run.tendons)
+    return tuple(run.axes)
 
 
 def listed(names: Names) -> str:

@@ -381,7 +381,9 @@ class GrippedObject(OpenLoop):
     def segments(self, start: Start) -> Iterator[Segment]:
         """Yield the time with the object, and what follows it."""
         if start.coupled is None or not isinstance(start.command, CoupledCommand) or start.coupled.grip is None:
-            raise ProtocolError("there are no jaws that grip; the instrument's file must have a table [grip]", key="kind")
+            raise ProtocolError(
+                "there are no jaws that grip; the instrument's file must have a table [grip]", key="kind"
+            )
         between = Between(self.opening, self.stiffness, self.damping) if self.stiffness else None
         placed = start.command._replace(between=between)
         yield start.segment(placed, placed, self.duration or start.time_step)
