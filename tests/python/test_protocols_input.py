@@ -101,7 +101,7 @@ def test_a_bad_key_is_answered_with_the_known_ones(key: str) -> None:
     known = {
         "phases": "name, description, phases",
         "kind": "pretension, hold, cycles, step-load, ramp, motion",
-        "time": "axis, joint, kind, duration",
+        "time": "axis, kind, duration",
     }
     assert known[key] in str(problem.value)
 

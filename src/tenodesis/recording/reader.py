@@ -54,8 +54,9 @@ class RecordedFile:
     run
         Its signals; :class:`tenodesis.run.Run` and :class:`tenodesis.coupled.CoupledRun` give their shapes.
     metadata
-        Text by key: ``instrument``, ``axes`` (or ``joints``, ``handle_joints`` and ``tendons``), ``seed``, ``protocol``, ``time_step``, versions, and of a run with a
-        controller its choices; empty for a file of another program.
+        Text by key: ``instrument``, ``axes`` (or ``joints``, ``handle_joints`` and ``tendons``), ``seed``,
+        ``protocol``, ``time_step``, versions, and of a run with a controller its choices; empty for a file of another
+        program.
     topics
         Every topic of the file, by name.
     left_out
@@ -123,8 +124,8 @@ class Recording(RecordedFile):
         read = _read(Path(path))
         if isinstance(read[1], CoupledRun):
             raise RecordingError(
-                f"{path} is of an instrument whose joints share tendons, and this takes planar ones; tenodesis info and "
-                "export recording take it, and tn.recording.CoupledRecording in Python.",
+                f"{path} is of an instrument whose joints share tendons, and this takes planar ones; tenodesis info "
+                "and export recording take it, and tn.recording.CoupledRecording in Python.",
                 key="file",
                 value=str(path),
                 allowed="a recording of a planar instrument",

@@ -104,9 +104,11 @@ class Phase(ProtocolModel):
     """A part of a protocol, on one axis."""
 
     axis: AxisName | None = Field(default=None, description="Axis it acts on; the first if not given")
-    joint: str | None = Field(
-        default=None, description="Joint of the handle that it moves, where joints share tendons; the first by default"
-    )
+
+    @property
+    def acts_on(self) -> str | None:
+        """Name of the axis, or of the joint of the handle, that it acts on; None for the first."""
+        return self.axis
 
 
 class OpenLoop(Phase):
@@ -124,7 +126,15 @@ class OpenLoop(Phase):
 class Moving(OpenLoop):
     """A phase that begins at a handle angle of its own."""
 
+    joint: str | None = Field(
+        default=None, description="Joint of the handle that it moves, where joints share tendons; the first by default"
+    )
     approach: HandleSpeed = Field(default=math.radians(20), description="Largest handle speed on the way to its start")
+
+    @property
+    def acts_on(self) -> str | None:
+        """Name of the axis, or of the joint of the handle, that it acts on; None for the first."""
+        return self.axis or self.joint
 
     def approached(self, start: Start, angle: float, speed: float = 0.0) -> Iterator[Segment]:
         """Yield the smooth move (minimum jerk) to a handle angle (rad), if the handle is not there.
@@ -144,7 +154,7 @@ class Moving(OpenLoop):
             )
 
 
-class Loaded(Moving, NamedLoad):
+class Loaded(NamedLoad, Moving):
     """A phase that moves the handle under load."""
 
     force: SignedForce | None = Field(default=None, description="Tangential force at the tip; as it was if not given")
@@ -193,7 +203,7 @@ class Hold(OpenLoop):
         yield start.segment(start.command, start.command, self.duration)
 
 
-class Ramp(OpenLoop, NamedLoad):
+class Ramp(NamedLoad, OpenLoop):
     """The given commands change linearly to the given values; the others stay constant."""
 
     kind: Literal["ramp"] = "ramp"
@@ -214,22 +224,22 @@ class Ramp(OpenLoop, NamedLoad):
     @model_validator(mode="after")
     def _check_given(self) -> Self:
         planar = (self.handle_angle, self.force, self.radial_force, self.spool_velocity)
-        if planar + (self.wrench, self.grip_force) == (None,) * 6 and not (self.handle_angles or self.spool_velocities):
+        if (*planar, self.wrench, self.grip_force) == (None,) * 6 and not (self.handle_angles or self.spool_velocities):
             raise ValueError("nothing is ramped; give handle_angle, force, radial_force or spool_velocity")
         return self
 
     def edges(self, start: Start) -> tuple[Edge, Edge]:
         """Return the constant speed of the handle."""
         angle = self.handle_angle
-        if start.coupled is not None and start.coupled.handle_joints:
-            angle = self.handle_angles.get(start.coupled.handle_joints[start.axis].name, angle)
+        if isinstance(start.moved, Joint):
+            angle = self.handle_angles.get(start.moved.name)
         way = 0.0 if angle is None else angle - start.handle_angle
         return (Edge(way / self.duration),) * 2
 
     def segments(self, start: Start) -> Iterator[Segment]:
         """Yield its only segment."""
         if self.handle_angle is not None:
-            start.reached("handle_angle", self.handle_angle)
+            check_handle_angle(start.inst, "handle_angle", self.handle_angle)
         end = self.on_tip(start.command).on(
             start.axis,
             handle_angle=self.handle_angle,
@@ -318,7 +328,7 @@ class Cycles(Loaded):
         return start.steps(self.period / 2 if self.period is not None else abs(far - near) / (self.speed or 1.0))
 
 
-class StepLoad(Moving, AppliedLoad, NamedLoad):
+class StepLoad(NamedLoad, Moving, AppliedLoad):
     """The handle is held; after a delay a load is applied, held, and removed again if a release is given.
 
     After the release the force is what it was before; without a release the load stays for the phases that follow.
@@ -340,10 +350,7 @@ class StepLoad(Moving, AppliedLoad, NamedLoad):
         """Yield the move to the handle angle, the delay, the load, and its release."""
         angle = self._angle(start)
         free = start.command.on(start.axis, handle_angle=angle)
-        if self._named:
-            loaded = self.on_tip(free)
-        else:
-            loaded = free.on(start.axis, force=self.tip_force(start.inst))
+        loaded = self.on_tip(free) if self._named else free.on(start.axis, force=self.tip_force(start.inst))
         yield from self.approached(start, angle)
         yield start.segment(free, free, self.delay)
         yield start.segment(free, loaded, self.rise)

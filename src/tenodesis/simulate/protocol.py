@@ -127,9 +127,9 @@ class Protocol(ProtocolModel):
         before, before_axis = REST, ""
         for number, (phase, following) in enumerate(zip(self.phases, (*self.phases[1:], None), strict=True), 1):
             label = f"{self.name}: phase {number} ({phase.kind})"
-            axis = phase.axis or phase.joint or names[0]
+            axis = phase.acts_on or names[0]
             after = following if isinstance(following, OpenLoopPhase) else None
-            if after is not None and (after.axis or after.joint or names[0]) != axis:
+            if after is not None and (after.acts_on or names[0]) != axis:
                 after = None
             with errors_of(label):
                 _check_keys(phase, inst)
@@ -251,6 +251,8 @@ def _check_keys(phase: AnyPhase, inst: Instrument | CoupledInstrument) -> None:
             allowed=kinds[phase.kind],
         )
     instead = _OF_PLANAR if is_coupled else _OF_COUPLED
+    if is_coupled and phase.kind == "ramp":
+        instead = instead | {"handle_angle": "handle_angles"}
     for key in instead:
         if key in phase.model_fields_set and getattr(phase, key) not in (None, (), {}):
             raise ProtocolError(
@@ -275,8 +277,8 @@ def _rest(inst: Instrument | CoupledInstrument, *, tissue: bool) -> AnyCommand:
 
 
 def _check_axis(phase: AnyPhase, inst: Instrument | CoupledInstrument) -> None:
-    key = "axis" if phase.joint is None else "joint"
-    given, names = phase.axis or phase.joint, list(_moved(inst))
+    key = "joint" if phase.axis is None else "axis"
+    given, names = phase.acts_on, list(_moved(inst))
     if given is not None and given not in names:
         allowed = " or ".join(names) or "left out"
         raise ProtocolError(

@@ -17,7 +17,8 @@ _ROUNDING = 1 + 1e-9
 def check_handle_angles(inst: Instrument | Joint, names: Sequence[str], angles: Array) -> None:
     """Check that handle angles are within the handle's range and do not bend the unloaded tip to its stop.
 
-    The angles (rad, shape (n,)) are of one axis, or of a joint of the handle, and named in the error, a ProtocolError about the first that is not.
+    The angles (rad, shape (n,)) are of one axis, or of a joint of the handle, whose range alone counts. They are named
+    in the error, a ProtocolError about the first that is not.
     """
     for name, angle in zip(names, angles, strict=True):
         largest = inst.range if isinstance(inst, Joint) else inst.handle_range
