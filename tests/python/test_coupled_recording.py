@@ -57,7 +57,7 @@ def test_the_default_protocol_moves_loads_and_grips_and_comes_back_bit_by_bit(na
 
 
 def test_a_recording_names_joints_tendons_units_and_meanings(run: tn.coupled.CoupledRun, tmp_path: Path) -> None:
-    from mcap.reader import make_reader  # noqa: PLC0415
+    from mcap.reader import make_reader
 
     wrist = tn.coupled.load("hybrid-scaled-up")
     write_run(run, wrist, tmp_path / "run.mcap")
@@ -108,7 +108,7 @@ def test_planar_and_coupled_recordings_are_told_apart_in_a_sentence(run: tn.coup
     other = CoupledNames.of_instrument(tn.coupled.load("needle-driver"))
     with (
         Recorder(tmp_path / "other.mcap", axes=other) as recorder,
-        pytest.raises(RecordingError, match="joints and tendons are yaw.*they must be pitch, jaw_1"),
+        pytest.raises(RecordingError, match=r"joints and tendons are yaw.*they must be pitch, jaw_1"),
     ):
         recorder.write(run)
 
@@ -194,7 +194,7 @@ def test_a_figure_has_a_curve_for_each_joint_and_tendon(run: tn.coupled.CoupledR
     (panel,) = run.plot("tension.grip").axes
     (line,) = panel.lines
     assert np.array_equal(line.get_ydata(), run["tension.grip"])
-    with pytest.raises(KeyError, match="there is none|is not among"):
+    with pytest.raises(KeyError, match="temperature is not among"):
         run.plot("temperature")
 
 
