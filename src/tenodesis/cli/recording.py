@@ -47,7 +47,7 @@ def record(  # noqa: PLR0917
         str | None,
         typer.Argument(
             metavar="PROTOCOL",
-            help="Protocol file, or the name of a shipped protocol; not needed for joints that share tendons.",
+            help="Protocol file, or the name of a shipped protocol.",
             show_default=False,
         ),
     ] = None,
@@ -82,8 +82,9 @@ def record(  # noqa: PLR0917
 ) -> None:
     """Run a protocol on the twin of an instrument and record it, with --law under a controller.
 
-    A protocol that begins with a pretension phase finds slack tendons, which a controller homes. Where joints share
-    tendons, the default protocol moves every joint in turn, loads the tip, and grips.
+    A protocol that begins with a pretension phase finds slack tendons, which a controller homes.
+
+    Where joints share tendons, none is needed: by default every joint moves, the tip is loaded, and jaws grip.
     """
     check_suffix("--out", out, RECORDING)
     if coupled.is_coupled(instrument_file):

@@ -77,7 +77,7 @@ class RecordedFile:
 
     def __repr__(self) -> str:
         damage = ", damaged" if self.damage else ""
-        return f"<Recording {str(self.path)!r}: {self.run!r}, {len(self.topics)} topics{damage}>"
+        return f"<{type(self).__name__} {str(self.path)!r}: {self.run!r}, {len(self.topics)} topics{damage}>"
 
     @property
     def duration(self) -> float:
@@ -106,7 +106,7 @@ class RecordedFile:
         return self.metadata["instrument"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Recording(RecordedFile):
     """A recording of a planar instrument."""
 
@@ -147,7 +147,7 @@ class Recording(RecordedFile):
         return parse(self._instrument_text(), f"{self.path}: instrument")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class CoupledRecording(RecordedFile):
     """A recording of an instrument whose joints share tendons."""
 
