@@ -76,6 +76,7 @@ struct FrictionMemory {
   Measurement<S> smooth{};  ///< with play in the handle angle
   IntentState<S> intent{};
   S target{};            ///< of the tip's position, m: with inextensible tendons, or its stop
+  S passed[2]{};         ///< exponents of the joints of axes before, at the handle and at the tip, by the parameters
   S nominal[3]{};        ///< exponents of sheath, handle's joint and tip's joint by the parameters' friction
   S tip{};               ///< position of the tip as tendon length, m
   S output_angle{};      ///< at that position, rad
@@ -265,8 +266,10 @@ struct FrictionObserver {
   void set_exponents(Memory& memory) const {
     const S handle = memory.smooth.handle_angle;
     memory.nominal[0] = model.sheath * (model.sheath_bend + model.sheath_bend_rate * abs(handle));
-    memory.nominal[1] = model.vertex * (model.base_wrap + model.axis.proximal.wrap_angle(handle));
-    memory.nominal[2] = model.vertex * (model.base_wrap + model.axis.distal.wrap_angle(memory.output_angle));
+    memory.nominal[1] =
+        model.vertex * (model.base_wrap + model.axis.proximal.wrap_angle(handle)) + memory.passed[0];
+    memory.nominal[2] =
+        model.vertex * (model.base_wrap + model.axis.distal.wrap_angle(memory.output_angle)) + memory.passed[1];
   }
 
   // Stretch of a tendon per newton, m/N.

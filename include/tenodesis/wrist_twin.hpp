@@ -205,8 +205,7 @@ struct WristTwin {
   Status step(const Command& command, State& state) const {
     if (!command.finite()) return Status::not_finite;
     for (int h = 0; h < wrist.handles; ++h)
-      if (!(abs(coordinate_at(wrist.handle[h], command.handle_angle[h])) < coordinate_limit<S>(wrist.handle[h])))
-        return Status::out_of_range;
+      if (!(abs(command.handle_angle[h]) < S(pi))) return Status::out_of_range;
     State next = state;
     Status found = advance_to(command, time_step, state, next);
     if (found == Status::no_equilibrium && quasi_static) found = in_parts(command, state, next);
@@ -646,9 +645,9 @@ struct WristTwin {
 
     // Moments of the load; near where they were last computed in motion, by their rates.
     void set_load(const S* x, S* load) {
-      bool near = is_loaded && !twin.quasi_static;
-      for (int i = 0; i < N && near; ++i) near = abs(angle[i] - load_angle[i]) < S(near_angle);
-      if (!near) {
+      bool is_near = is_loaded && !twin.quasi_static;
+      for (int i = 0; i < N && is_near; ++i) is_near = abs(angle[i] - load_angle[i]) < S(near_angle);
+      if (!is_near) {
         Bend<S> bend[N];
         for (int i = 0; i < N; ++i) {
           bend[i] = Bend<S>(twin.wrist.joint[i], x[i]);

@@ -67,7 +67,7 @@ def test_a_hand_that_yields_moves_as_on_the_planar_twin() -> None:
 
 @pytest.mark.parametrize("name", tn.coupled.shipped())
 def test_without_friction_a_still_twin_is_where_the_statics_say(name: str) -> None:
-    inst = tn.coupled.load(name)
+    inst = tn.coupled.load(name).replace(friction={})
     handle, wrench, _ = motion(inst, 60, seed=3)
     run = tn.coupled.Twin(inst, quasi_static=True).run(handle, wrench)
     expected = tn.coupled.equilibrium(inst, handle, wrench)

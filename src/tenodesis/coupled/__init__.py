@@ -1,5 +1,6 @@
 """Instruments whose joints share tendons, in space: description, statics, stiffness and compensation."""
 
+from tenodesis.coupled.axes import Pair, compensated, pairs
 from tenodesis.coupled.description import CoupledInstrument, Crossing, Grip, Joint, RouteError, Tendon
 from tenodesis.coupled.dvrk import PULLEY_RADIUS, dvrk_text, from_dvrk
 from tenodesis.coupled.losses import Loss, hold, loss
@@ -22,6 +23,7 @@ from tenodesis.coupled.statics import (
 )
 from tenodesis.coupled.twin import CoupledRun, Held, Twin
 from tenodesis.coupled.urdf import urdf
+from tenodesis.coupled.wrench import TipWrench, estimated_wrench, load_matrix, tip_wrench
 
 __all__ = [
     "PULLEY_RADIUS",
@@ -35,14 +37,18 @@ __all__ = [
     "Held",
     "Joint",
     "Loss",
+    "Pair",
     "Rates",
     "RouteError",
     "Tendon",
+    "TipWrench",
     "Twin",
+    "compensated",
     "compensation_strokes",
     "coupling",
     "dvrk_text",
     "equilibrium",
+    "estimated_wrench",
     "frames",
     "from_dvrk",
     "handle_angles",
@@ -53,17 +59,20 @@ __all__ = [
     "joint_positions",
     "json_schema",
     "load",
+    "load_matrix",
     "loss",
     "misrouted",
     "mjcf",
     "of_planar",
     "output_angles",
+    "pairs",
     "parse",
     "rates",
     "shipped",
     "straight_arms",
     "tensions",
     "tip_pose",
+    "tip_wrench",
     "urdf",
 ]
 

@@ -11,7 +11,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from tenodesis import _core, notebook
 from tenodesis.errors import InstrumentError
-from tenodesis.instrument.hardware import Drives, Friction, Hand, Sensors
+from tenodesis.instrument.hardware import Control, Drives, Friction, Hand, Sensors
 from tenodesis.instrument.instrument import Name
 from tenodesis.toml import FileTable, validated
 from tenodesis.units import (
@@ -218,6 +218,7 @@ class CoupledInstrument(FileTable):
     dynamics: CoupledDynamics = CoupledDynamics()
     drives: Drives = Drives()
     sensors: Sensors = Sensors()
+    control: Control = Control()
     sources: Mapping[str, str] = Field(default={}, description="Source of each value, by key")
 
     @property
@@ -389,7 +390,8 @@ class CoupledInstrument(FileTable):
         if friction.sheath_contacts > MOST_SHEATH_CONTACTS:
             given = friction.sheath_contacts
             raise ValueError(f"friction.sheath_contacts is {given}; it must be at most {MOST_SHEATH_CONTACTS}")
-        for key in ("vertices_per_joint", "sheath_bend_per_handle_angle", "base_wrap", "tendon_bending_stiffness"):
+        planar = ("vertices_per_joint", "sheath_bend_per_handle_angle", "base_wrap", "tendon_bending_stiffness")
+        for key in (*planar, "passing_coefficient"):
             given, default = getattr(friction, key), Friction.model_fields[key].default
             if given != default:
                 instead = "; give base_wrap in a tendon's route" if key == "base_wrap" else ""

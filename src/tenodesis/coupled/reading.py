@@ -143,7 +143,10 @@ def of_planar(inst: InstrumentLike) -> CoupledInstrument:
         "joints": joints,
         "tendons": tendons,
     }
-    values |= {"drives": inst.drives.model_dump(), "sensors": inst.sensors.model_dump()}
+    values |= {
+        table: getattr(inst, table).model_dump(exclude_unset=True, exclude_none=True)
+        for table in ("drives", "sensors", "control")
+    }
     values["dynamics"] = {name: getattr(inst.dynamics, name) for name in Hand.model_fields}
     shares = plant.compliance_shares(inst.planar[0])
     values["friction"] = inst.friction.model_dump(exclude_none=True) | {

@@ -1,6 +1,6 @@
 """The twin of a coupled instrument in time: friction at every bend of its tendons, inertia of links, jaws that grip."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -9,15 +9,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core, plant
 from tenodesis._core import Status
+from tenodesis.control import Controller, Request
+from tenodesis.coupled.axes import pairs
 from tenodesis.coupled.description import CoupledInstrument
 from tenodesis.coupled.reading import CoupledLike, load
 from tenodesis.coupled.rows import twin_rows
 from tenodesis.coupled.statics import Axes
 from tenodesis.errors import ArgumentError, NoSolutionError
 from tenodesis.run import SIGNALS as PLANAR_SIGNALS
-from tenodesis.run import Signal
+from tenodesis.run import TENDONS, Signal
 from tenodesis.statics.query import common_shape, numbers, place
-from tenodesis.twin.rows import check_seed
+from tenodesis.twin.rows import CONTROL, check_seed
 from tenodesis.twin.twin import Energy
 
 if TYPE_CHECKING:
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+_OF_CONTROLLER = tuple(name for name in CONTROL if "." not in name)
 _OWN_SIGNALS = {
     "wrench": Signal("N, N*m", False, "Force and moment on the tip: x, y, z of either"),
     "applied_grip_force": Signal("N", False, "Force that presses the jaws apart, besides that of what they hold"),
@@ -57,6 +60,8 @@ class CoupledRun:
     handle_joints: tuple[str, ...]
     tendons: tuple[str, ...]
     signals: dict[str, Array]
+    compensated: tuple[str, ...] = ()
+    """Joints of the tip that a controller compensated: the columns of its signals"""
 
     def __getitem__(self, name: str) -> Array:
         """Return a signal, (n, columns), or (n,) if it has one; ``run["output_angle.yaw"]`` is one of its columns.
@@ -79,6 +84,8 @@ class CoupledRun:
             return "fx", "fy", "fz", "mx", "my", "mz"
         if self.signals[signal].ndim == 1:
             return ()
+        if signal in _OF_CONTROLLER:
+            return self.compensated
         if "handle" in signal:
             return self.handle_joints
         return self.joints if "output" in signal else self.tendons
@@ -165,6 +172,7 @@ class Twin:
             quasi_static,
             int(seed),
         )
+        self._pairs = pairs(self.inst)
         self._steps = 0
         self._angles = np.zeros(len(self.inst.tip_joints))
         self._held: Held | None = None
@@ -207,6 +215,8 @@ class Twin:
         spool_velocity: ArrayLike = 0.0,
         held: Held | None = None,
         axes: Axes = "tip",
+        controller: Controller | None = None,
+        request: ArrayLike = 0,
     ) -> CoupledRun:
         """Step over arrays of commands, from the present state, and return the signals, one row per step.
 
@@ -224,17 +234,27 @@ class Twin:
             What the jaws hold, for the whole call; it stays in place if the next call has the same.
         axes
             "tip": the wrench turns with the end-effector, z along it; "stem": it keeps its direction.
+        controller
+            Closes the loop over the joints with a pair of tendons of their own: a controller made for
+            :func:`compensated`. Other motors follow spool_velocity.
+        request
+            Request to the controller at each step, values of :class:`tenodesis.control.Request`; shape (n,).
 
         Raises
         ------
         ArgumentError
-            A command is not finite or does not fit the instrument, or the jaws are too narrow for what is put between.
+            A command is not finite or does not fit the instrument, the jaws are too narrow for what is put between, or
+            the controller is for another instrument, or has run elsewhere and was not reset.
         NoSolutionError
             The load is more than the tendons can hold; the twin is then in its state before the call.
         """
         commands, given = self._commands(handle_angles, wrench, grip_force, spool_velocity, held, axes)
         out = np.empty((len(commands), self._width))
-        self._advance(commands, out, None)
+        controlled: dict[str, Array] = {}
+        if controller is None:
+            self._advance(out, lambda: self.core.run(commands, out, None))
+        else:
+            controlled = self._closed(controller, request, commands, out)
         first = self._steps - len(commands) + 1
         time = np.arange(first, first + len(commands), dtype=np.float64) * self.time_step
         signals = dict(given)
@@ -246,7 +266,41 @@ class Twin:
             tuple(one.name for one in group)
             for group in (self.inst.tip_joints, self.inst.handle_joints, self.inst.tendons)
         )
-        return CoupledRun(time, joints, handles, tendons, signals)
+        own = tuple(self.inst.tip_joints[pair.joint].name for pair in self._pairs.values()) if controlled else ()
+        return CoupledRun(time, joints, handles, tendons, signals | controlled, own)
+
+    def _closed(self, controller: Controller, request: ArrayLike, commands: Array, out: Array) -> dict[str, Array]:
+        """Step with a controller in the loop and return its signals."""
+        if not self._pairs or set(controller.inst.axes) != set(self._pairs):
+            raise ArgumentError(
+                f"the controller is for {' and '.join(controller.inst.axes)}; it must be for "
+                f"{' and '.join(self._pairs) or 'nothing'} of {self.inst.name}, as one of "
+                "Controller(tn.coupled.compensated(inst)) is.",
+                key="controller",
+            )
+        asked = np.asarray(request)
+        if asked.dtype.kind not in "iu" or not np.isin(asked, list(Request)).all():
+            raise ArgumentError(key="request", value=request, allowed="values of Request, 0 to 6")
+        requests = np.array(np.broadcast_to(asked, len(commands)), np.uint8)
+        controller.begin(self, self.time)
+        pending = controller.take_request()
+        if len(commands) and not requests[0]:
+            requests[0] = pending
+        axes = [tuple(self._pairs[axis][1:]) for axis in controller.inst.axes]
+        control = np.empty((len(commands), len(axes), len(CONTROL)))
+        core, steps = controller.core, self._steps
+        self._advance(
+            out,
+            lambda: self.core.run_controlled(core, axes, commands, self.time_step, steps, requests, out, control),
+        )
+        controller.begin(self, self.time)
+        velocity = commands[:, len(self.inst.handle_joints) :][:, : len(self.inst.tendons)].copy()
+        for n, (_, *tendons) in enumerate(axes):
+            velocity[:, tendons] = control[
+                :, n, [CONTROL.index(f"commanded_spool_velocity.{side}") for side in TENDONS]
+            ]
+        named = {name: control[:, :, CONTROL.index(name)] for name in _OF_CONTROLLER}
+        return {"commanded_spool_velocity": velocity, **named}
 
     def energy(
         self,
@@ -262,21 +316,21 @@ class Twin:
         commands, _ = self._commands(handle_angles, wrench, grip_force, spool_velocity, held, axes)
         out = np.empty((len(commands), self._width))
         totals = np.zeros(len(_core.wrist_energies()))
-        self._advance(commands, out, totals)
+        self._advance(out, lambda: self.core.run(commands, out, totals))
         stored_before, stored_after, handle, spools, load, friction, damping, gripped, least, residual = totals.tolist()
         sweeps = int(out[:, -1].max(initial=0))
         return Energy(
             stored_before, stored_after, handle, spools, load, friction, damping, gripped, least, residual, sweeps
         )
 
-    def _advance(self, commands: Array, out: Array, energy: Array | None) -> None:
+    def _advance(self, out: Array, step: Callable[[], tuple[int, int]]) -> None:
         before = self.core.copy()
-        steps, status = self.core.run(commands, out, energy)
+        steps, status = step()
         if status:
             self.core = before
             raise _lost(self.inst, Status(status), f"step {steps} ({self.time + steps * self.time_step:.6g} s)")
-        self._steps += len(commands)
-        if len(commands):
+        self._steps += len(out)
+        if len(out):
             self._angles = out[-1, : len(self._angles)].copy()
 
     def _place(self, held: Held | None) -> Held:
@@ -284,6 +338,8 @@ class Twin:
         if held is None:
             self._held = None
             return Held(0.0, 0.0)
+        if not isinstance(held, Held):
+            raise TypeError(f"held is {held!r}; it must be a Held.")
         for name, value in held._asdict().items():
             if not np.isfinite(value) or (name != "opening" and value < 0):
                 allowed = "a finite number" if name == "opening" else "a finite number that is not negative"

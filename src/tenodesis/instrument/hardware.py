@@ -92,6 +92,10 @@ class Friction(FileTable):
     )
     constant: Force = Field(default=0.0, description="Load-independent friction of each joint and of the sheath")
     viscous: Viscosity = Field(default=0.0, description="Viscous friction of each joint and of the sheath")
+    passing_coefficient: Coefficient = Field(
+        default=0.0,
+        description="For a controller: friction coefficient where the second axis's tendons pass the first's joints",
+    )
     static_ratio: Annotated[float, Field(ge=1, le=10)] = Field(
         default=1.0, description="Static over kinetic coefficient of the Stribeck law"
     )
