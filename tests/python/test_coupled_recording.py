@@ -13,6 +13,7 @@ from tenodesis.errors import ProtocolError, RecordingError
 from tenodesis.recording import CoupledRecording, Recorder, Recording, open_recording, tables
 from tenodesis.recording.schemas import CoupledNames
 from tenodesis.recording.simulation import record_coupled, write_run
+from tenodesis.recording.summary import facts
 from tenodesis.simulate import Cycles, GrippedObject, Hold, Protocol, Ramp, StepLoad, Wrench
 
 from .conftest import EXAMPLES
@@ -72,6 +73,25 @@ def test_a_recording_names_joints_tendons_units_and_meanings(run: tn.coupled.Cou
     metadata = open_recording(tmp_path / "run.mcap").metadata
     assert metadata["joints"].split() == ["yaw", "pitch", "jaw"]
     assert metadata["tendons"].split()[-1] == "grip"
+
+
+def test_a_controllers_estimates_and_faults_are_recorded_by_joint(
+    wrist: tn.coupled.CoupledInstrument, tmp_path: Path
+) -> None:
+    controller = tn.control.Controller(tn.coupled.compensated(wrist))
+    load = StepLoad(wrench=Wrench(fy=0.5), duration=0.1)
+    run = record_coupled(wrist, protocol(load), tmp_path / "run.mcap", controller=controller)
+    recording = CoupledRecording.open(tmp_path / "run.mcap")
+    assert recording.run.columns("estimated_force") == run.compensated == ("yaw", "pitch")
+    assert recording.run.signals.keys() == run.signals.keys()
+    assert all(np.array_equal(recording.run[signal], run[signal], equal_nan=True) for signal in run.signals)
+    said = facts(recording)
+    assert said["controller"] == "robust law, friction observer, differential actuation, of yaw and pitch"
+    assert said["faults"] == "none"
+    winding = Ramp(duration=0.1, spool_velocities={"yaw_agonist": 0.1})
+    with pytest.raises(ProtocolError, match="spool_velocities names yaw_agonist; a phase must leave that motor"):
+        record_coupled(wrist, protocol(winding), tmp_path / "no.mcap", controller=controller)
+    assert not (tmp_path / "no.mcap").exists()
 
 
 def test_tables_have_a_column_for_each_joint_and_tendon(run: tn.coupled.CoupledRun, tmp_path: Path) -> None:
@@ -220,7 +240,8 @@ def test_record_info_and_export_take_a_coupled_instrument(tenodesis: Command, tm
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (("--law", "robust"), "--law is 'robust', but needle-driver lists joints and tendons; --law is for planar"),
+        (("--law", "robust"), "needle-driver has no joint that a controller can compensate"),
+        (("--axis", "yaw"), "--axis is 'yaw', but needle-driver lists joints and tendons; it is for planar"),
         (("cycles",), "cycles: phase 1 (cycles): output_amplitude is given, which needle-driver, whose joints share"),
         (("scaled-up",), "scaled-up is an instrument; it must be a protocol"),
     ],

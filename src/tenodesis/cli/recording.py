@@ -5,7 +5,7 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
@@ -36,7 +36,7 @@ from tenodesis.recording.replay import Replay
 from tenodesis.recording.replay import replay as run_again
 from tenodesis.recording.simulation import record as record_run
 from tenodesis.recording.simulation import record_coupled
-from tenodesis.recording.summary import contents, describe, outcome, tension_facts
+from tenodesis.recording.summary import contents, coupled_outcome, describe, outcome
 from tenodesis.run import Run
 from tenodesis.units import Duration, in_unit
 
@@ -88,12 +88,33 @@ def record(  # noqa: PLR0917
     """
     check_suffix("--out", out, RECORDING)
     if coupled.is_coupled(instrument_file):
-        planar = {"--axis": axis, "--law": law, "--observer": observer, "--actuation": actuation}
-        _refuse_planar(instrument_file, planar | {"--controller-instrument": controller_instrument})
+        if axis is not None:
+            raise CommandError(
+                f"--axis is {axis!r}, but {instrument_file} lists joints and tendons; it is for planar instruments.",
+                key="--axis",
+                value=axis,
+            )
         step = quantity("--time-step", time_step, Duration)
-        _record_coupled(
-            instrument_file, protocol_file, out, seed=seed, step=step, quasi_static=quasi_static, overwrite=overwrite
-        )
+        closed = None
+        if law is not None or observer or actuation or controller_instrument:
+            told = coupled.compensated(controller_instrument or instrument_file)
+            period = max(step, 1 / coupled.load(instrument_file).sensors.sampling_rate)
+            closed = _controller(
+                told, None, period, law=law, observer=observer, actuation=actuation, other=controller_instrument
+            )
+        path = _default_path(protocol_file or "default", instrument_file, law) if out is None else out
+        inputs = (instrument_file, protocol_file, controller_instrument)
+        with writing([("--out", path)], inputs, overwrite=overwrite):
+            _record_coupled(
+                instrument_file,
+                protocol_file,
+                path,
+                controller=closed,
+                seed=seed,
+                time_step=step,
+                quasi_static=quasi_static,
+                overwrite=overwrite,
+            )
         return
     inst, protocol = _inputs(instrument_file, protocol_file)
     assumed = inst if controller_instrument is None else load_instrument(controller_instrument)
@@ -102,9 +123,12 @@ def record(  # noqa: PLR0917
     step = quantity("--time-step", time_step, Duration)
     with value_errors():
         protocol.plan(inst, step)
+        period = max(step, 1 / inst.sensors.sampling_rate)
         controller = _controller(
-            assumed, inst, protocol, step, law=law, observer=observer, actuation=actuation, other=controller_instrument
+            assumed, protocol, period, law=law, observer=observer, actuation=actuation, other=controller_instrument
         )
+        if controller is not None:
+            controller.check_instrument(inst)
     path = _default_path(str(protocol_file), instrument_file, law) if out is None else out
     inputs = (instrument_file, protocol_file, controller_instrument)
     with writing([("--out", path)], inputs, overwrite=overwrite), value_errors(), _progress(path) as progress:
@@ -124,48 +148,13 @@ def record(  # noqa: PLR0917
     _print_outcome(run, inst)
 
 
-def _refuse_planar(instrument_file: str, options: dict[str, str | None]) -> None:
-    for option, value in options.items():
-        if value is not None:
-            raise CommandError(
-                f"{option} is {value!r}, but {instrument_file} lists joints and tendons; {option} is for planar "
-                "instruments.",
-                key=option,
-                value=value,
-            )
-
-
-def _record_coupled(
-    instrument_file: str,
-    protocol_file: str | None,
-    out: Path | None,
-    *,
-    seed: int,
-    step: float,
-    quasi_static: bool,
-    overwrite: bool,
-) -> None:
+def _record_coupled(instrument_file: str, protocol_file: str | None, path: Path, **choices: Any) -> None:
     inst = coupled.load(instrument_file)
     protocol = simulate.default_protocol(inst) if protocol_file is None else load_protocol(protocol_file)
-    protocol.plan(inst, step)
-    path = _default_path(protocol_file or "default", instrument_file, None) if out is None else out
-    with (
-        writing([("--out", path)], (instrument_file, protocol_file), overwrite=overwrite),
-        value_errors(),
-        _progress(path) as progress,
-    ):
-        run = record_coupled(
-            inst,
-            protocol,
-            path,
-            time_step=step,
-            seed=seed,
-            quasi_static=quasi_static,
-            overwrite=overwrite,
-            progress=progress,
-        )
+    with value_errors(), _progress(path) as progress:
+        run = record_coupled(inst, protocol, path, progress=progress, **choices)
     say(f"{path}: {protocol.name} on {inst.name}, {run.time[-1]:.6g} s, {len(run)} rows, {file_size(path)}.")
-    for about, fact in tension_facts(run).items():
+    for about, fact in coupled_outcome(run).items():
         say(f"{about}: {fact}.")
 
 
@@ -276,9 +265,8 @@ def _is_protocol(name_or_path: str) -> bool:
 
 def _controller(
     assumed: Instrument,
-    inst: Instrument,
-    protocol: simulate.Protocol,
-    time_step: float,
+    protocol: simulate.Protocol | None,
+    period: float,
     *,
     law: LawName | None,
     observer: ObserverName | None,
@@ -292,16 +280,14 @@ def _controller(
             if text is not None:
                 raise CommandError(f"{option} is {text!r}, but there is no controller without --law.", key=option)
         return None
-    controller = Controller(
+    return Controller(
         assumed,
         observer or "friction",
         law,
         actuation or "differential",
-        homed=not isinstance(protocol.phases[0], simulate.Pretension),
-        period=max(time_step, 1 / inst.sensors.sampling_rate),
+        homed=protocol is None or not isinstance(protocol.phases[0], simulate.Pretension),
+        period=period,
     )
-    controller.check_instrument(inst)
-    return controller
 
 
 def _print_outcome(run: Run, inst: Instrument) -> None:

@@ -11,7 +11,7 @@ from tenodesis.coupled import CoupledInstrument
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument, parse
 from tenodesis.instrument.text import to_toml, with_units
-from tenodesis.recording.reader import Recording
+from tenodesis.recording.reader import RecordedFile, Recording
 from tenodesis.simulate import Protocol
 from tenodesis.twin import TIME_STEP
 
@@ -43,17 +43,19 @@ def metadata_of(
     seed, time_step, quasi_static
         Of the twin, as for :class:`tenodesis.twin.Twin`.
     """
-    if isinstance(inst, CoupledInstrument):
-        text, control = tomli_w.dumps(with_units(inst, unset=False)), {}
-    else:
-        text, control = to_toml(inst), {} if controller is None else _metadata_of_controller(controller, inst)
     return (
-        {"instrument": text}
+        {"instrument": _text(inst)}
         | ({} if protocol is None else {"protocol": protocol.to_toml()})
         | {"seed": str(seed), "time_step": repr(float(time_step))}
         | {"mode": QUASI_STATIC if quasi_static else DYNAMIC}
-        | control
+        | ({} if controller is None else _metadata_of_controller(controller, inst))
     )
+
+
+def _text(inst: Instrument | CoupledInstrument) -> str:
+    if isinstance(inst, CoupledInstrument):
+        return tomli_w.dumps(with_units(inst, unset=False))
+    return to_toml(inst)
 
 
 def metadata_of_replay(recording: Recording, inst: Instrument) -> dict[str, str]:
@@ -64,7 +66,7 @@ def metadata_of_replay(recording: Recording, inst: Instrument) -> dict[str, str]
     return metadata
 
 
-def controller_choices(recording: Recording) -> dict[str, Any] | None:
+def controller_choices(recording: RecordedFile) -> dict[str, Any] | None:
     """Return the controller's choices in a recording's form, or None if there was no controller.
 
     Raises
@@ -120,7 +122,7 @@ def in_words(choices: Mapping[str, Any], controller_inst: Instrument, inst: Inst
     return words if controller_inst == inst else f"{words}, made for another instrument ({controller_inst.name})"
 
 
-def _metadata_of_controller(controller: Controller, inst: Instrument) -> dict[str, str]:
+def _metadata_of_controller(controller: Controller, inst: Instrument | CoupledInstrument) -> dict[str, str]:
     choices = {
         "law": controller.law,
         "observer": controller.observer,

@@ -2,7 +2,7 @@
 
 import json
 import struct
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeAlias
@@ -209,9 +209,11 @@ _Parts: TypeAlias = tuple[
 def _read(path: Path) -> _Parts:
     """Return the fields of a recording."""
     contents = container.scan(_bytes(path))
-    decoded, left_out = _decoded(contents)
     metadata = contents.metadata.get(schemas.METADATA, {})
-    names = CoupledNames.from_texts(metadata) or _axes(metadata, decoded)
+    by_name = CoupledNames.from_texts(metadata)
+    wanted = schemas.TOPICS if by_name is None else {topic.name for topic in schemas.topics(by_name)}
+    decoded, left_out = _decoded(contents, wanted)
+    names = by_name or _axes(metadata, decoded)
     if not names:
         raise RecordingError(f"{path} contains no topic of a recording: {_found(contents)}.")
     run, misfits = _run(names, decoded, _carried(contents))
@@ -263,14 +265,14 @@ def _found(contents: Contents) -> str:
     return f"its topics are {', '.join(names)}" if names else "it has no topics"
 
 
-def _decoded(contents: Contents) -> tuple[dict[str, Decoded], dict[str, LeftOut]]:
-    """Return the topics of recordings by name, and the reasons why others could not be decoded."""
+def _decoded(contents: Contents, wanted: Collection[str]) -> tuple[dict[str, Decoded], dict[str, LeftOut]]:
+    """Return the topics that are wanted by name, and the reasons why others of them could not be decoded."""
     decoded: dict[str, Decoded] = {}
     left_out: dict[str, LeftOut] = {}
     factory = DecoderFactory()
     for channel, messages in _channels(contents):
         schema = contents.schemas.get(channel.schema_id)
-        if channel.topic not in schemas.TOPICS or schema is None:
+        if channel.topic not in wanted or schema is None:
             continue
         found = decode(factory, schema, channel.message_encoding, messages)
         if isinstance(found, LeftOut):

@@ -2,13 +2,14 @@
 
 import json
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tenodesis import coupled
 from tenodesis.coupled import CoupledInstrument, CoupledRun
 from tenodesis.coupled.twin import signal as coupled_signal
 from tenodesis.recording import cdr
@@ -70,16 +71,21 @@ _FIELDS = {
 
 @dataclass(frozen=True)
 class CoupledNames:
-    """What the columns of a coupled run are named after: joints of the tip, of the handle, and tendons."""
+    """What the columns of a coupled run are named after: joints of the tip, of the handle, and tendons.
+
+    And the joints that a controller compensates, none without one.
+    """
 
     joints: tuple[str, ...]
     handle_joints: tuple[str, ...]
     tendons: tuple[str, ...]
+    compensated: tuple[str, ...] = ()
 
     @classmethod
-    def of_instrument(cls, inst: CoupledInstrument) -> "CoupledNames":
-        """Return the names of an instrument's joints and tendons."""
-        groups = (inst.tip_joints, inst.handle_joints, inst.tendons)
+    def of_instrument(cls, inst: CoupledInstrument, *, controlled: bool = False) -> "CoupledNames":
+        """Return the names of an instrument's joints and tendons; controlled: under a controller."""
+        pairs = [inst.tip_joints[pair.joint] for pair in coupled.pairs(inst).values()] if controlled else []
+        groups = (inst.tip_joints, inst.handle_joints, inst.tendons, pairs)
         return cls(*(tuple(one.name for one in group) for group in groups))
 
     @classmethod
@@ -132,12 +138,13 @@ def definition(message_type: str) -> str:
 def topics(names: Names) -> tuple[Topic, ...]:
     """Return every topic of an instrument with these axes, or these joints and tendons."""
     if isinstance(names, CoupledNames):
-        joints = _joint_topics(names.handle_joints, names.joints, names.tendons)
+        joints = _joint_topics(names.handle_joints, names.joints, names.tendons, names.compensated)
         return (
             Topic(TIME, FLOAT64, (), {"data": "time"}),
             *(topic for topic in joints if topic.joints),
             Topic(_rig(None), WRENCH, (), _WRENCH, frame="tip"),
             *(Topic(topic, FLOAT64, (), {"data": signal}) for topic, signal in _GRIP.items()),
+            *_number_topics("controller", _CONTROL_NUMBERS, names.compensated, always=True),
         )
     axes = names
     handle = tuple(f"handle_{axis}" for axis in axes)
@@ -146,27 +153,34 @@ def topics(names: Names) -> tuple[Topic, ...]:
     forces = {"force.x": "force", "force.z": "radial_force"}
     return (
         Topic(TIME, FLOAT64, (), {"data": "time"}),
-        *_joint_topics(handle, tip, tendons),
+        *_joint_topics(handle, tip, tendons, tip),
         *(
             Topic(_rig(axis if axes[1:] else None), WRENCH, (), forces, slice(i, i + 1), f"tip_{axis}")
             for i, axis in enumerate(axes)
         ),
-        *(
-            Topic(
-                f"/controller/{f'{axis}/' if axes[1:] else ''}{signal}", FLOAT64, (), {"data": signal}, slice(i, i + 1)
-            )
-            for signal in _CONTROL_NUMBERS
-            for i, axis in enumerate(axes)
-        ),
-        *(
-            Topic(f"/twin/{f'{axis}/' if axes[1:] else ''}{signal}", FLOAT64, (), {"data": signal}, slice(i, i + 1))
-            for signal in TISSUE
-            for i, axis in enumerate(axes)
-        ),
+        *_number_topics("controller", _CONTROL_NUMBERS, axes),
+        *_number_topics("twin", TISSUE, axes),
     )
 
 
-def _joint_topics(handle: tuple[str, ...], tip: tuple[str, ...], tendons: tuple[str, ...]) -> list[Topic]:
+def _number_topics(origin: str, signals: Sequence[str], axes: tuple[str, ...], *, always: bool = False) -> list[Topic]:
+    """Return a topic for each signal of each axis, whose name has the axis if there are several, or always."""
+    return [
+        Topic(
+            f"/{origin}/{f'{axis}/' if always or axes[1:] else ''}{signal}",
+            FLOAT64,
+            (),
+            {"data": signal},
+            slice(i, i + 1),
+        )
+        for signal in signals
+        for i, axis in enumerate(axes)
+    ]
+
+
+def _joint_topics(
+    handle: tuple[str, ...], tip: tuple[str, ...], tendons: tuple[str, ...], compensated: tuple[str, ...]
+) -> list[Topic]:
     joint_states = (
         ("/handle/measured_js", handle, {"position": "measured_handle_angle"}),
         ("/handle/setpoint_js", handle, {"position": "commanded_handle_angle"}),
@@ -183,10 +197,14 @@ def _joint_topics(handle: tuple[str, ...], tip: tuple[str, ...], tendons: tuple[
         ("/twin/tendons/measured_js", tendons, {"effort": "tension"}),
         ("/twin/tendons/distal/measured_js", tendons, {"effort": "distal_tension"}),
         ("/twin/motors/measured_js", tendons, {"position": "spool_angle", "velocity": "spool_velocity"}),
-        ("/controller/tip/measured_js", tip, {"position": "estimated_output_angle", "effort": "estimated_force"}),
+        (
+            "/controller/tip/measured_js",
+            compensated,
+            {"position": "estimated_output_angle", "effort": "estimated_force"},
+        ),
         (
             "/controller/tip/measured_js_std",
-            tip,
+            compensated,
             {"position": "estimated_output_angle_std", "effort": "estimated_force_std"},
         ),
     )
@@ -197,8 +215,8 @@ def _rig(axis: str | None) -> str:
     return "/rig/measured_cf" if axis is None else f"/rig/{axis}/measured_cf"
 
 
-TOPICS = frozenset(topic.name for axes in (("",), ("yaw", "pitch")) for topic in topics(axes)) | _GRIP.keys()
-"""Names of all topics that carry signals, of instruments with one axis, two, or joints that share tendons."""
+TOPICS = frozenset(topic.name for axes in (("",), ("yaw", "pitch")) for topic in topics(axes))
+"""Names of all topics that carry signals, of instruments with one axis or two."""
 
 
 def shape(signal: str, rows: int, axes: tuple[str, ...]) -> tuple[int, ...]:
@@ -224,7 +242,7 @@ def signals_of(run: AnyRun) -> dict[str, Array]:
 def names_of(run: AnyRun) -> Names:
     """Return what the columns of a run are named after."""
     if isinstance(run, CoupledRun):
-        return CoupledNames(run.joints, run.handle_joints, run.tendons)
+        return CoupledNames(run.joints, run.handle_joints, run.tendons, run.compensated)
     return tuple(run.axes)
 
 
@@ -248,10 +266,9 @@ def run_of(names: Names, time: Array, columns: Mapping[str, Array]) -> AnyRun:
         if name in signals:
             signals[name] = signals[name][:, 0]
     if not names.handle_joints:
-        topics = _joint_topics((), names.joints, names.tendons)
-        twin = [topic.signals.values() for topic in topics if not topic.joints]
-        signals |= {name: np.empty((rows, 0)) for named in twin for name in named}
-    return CoupledRun(time, names.joints, names.handle_joints, names.tendons, signals)
+        of_handle = [topic for topic in _joint_topics((), ("",), ("",), ("",)) if not topic.joints]
+        signals |= {name: np.empty((rows, 0)) for topic in of_handle for name in topic.signals.values()}
+    return CoupledRun(time, names.joints, names.handle_joints, names.tendons, signals, names.compensated)
 
 
 def axes_of(joints: Mapping[str, tuple[str, ...]]) -> tuple[str, ...] | None:

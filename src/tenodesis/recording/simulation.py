@@ -17,6 +17,7 @@ from tenodesis.recording.schemas import AnyRun
 from tenodesis.recording.writer import Recorder
 from tenodesis.run import CONTROL, TISSUE, Run, concatenate
 from tenodesis.simulate import Pretension, Protocol, execute, execute_coupled
+from tenodesis.simulate.coupled import check_coupled
 from tenodesis.simulate.execution import check_controllable
 from tenodesis.twin import TIME_STEP, Twin
 
@@ -101,19 +102,27 @@ def record_coupled(
     protocol: Protocol,
     path: str | Path,
     *,
+    controller: Controller | None = None,
     time_step: float = TIME_STEP,
     seed: int = 0,
     quasi_static: bool = False,
     overwrite: bool = False,
     progress: Callable[[float, float], object] | None = None,
 ) -> CoupledRun:
-    """Run a protocol on the twin of an instrument whose joints share tendons, and record it; otherwise as `record`."""
+    """Run a protocol on the twin of an instrument whose joints share tendons, and record it; otherwise as `record`.
+
+    The controller is one for :func:`tenodesis.coupled.compensated`.
+    """
     twin = coupled.Twin(inst, time_step=time_step, seed=seed, quasi_static=quasi_static)
-    protocol.plan(inst, time_step)
-    names = schemas.CoupledNames.of_instrument(inst)
-    metadata = metadata_of(inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static)
+    check_coupled(protocol.plan(inst, time_step), inst, controller)
+    if controller is not None:
+        controller.reset()
+    names = schemas.CoupledNames.of_instrument(inst, controlled=controller is not None)
+    metadata = metadata_of(
+        inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
+    )
     with Recorder(path, axes=names, metadata=metadata, overwrite=overwrite) as recorder:
-        return execute_coupled(twin, protocol, on_block=recorder.write, progress=progress)
+        return execute_coupled(twin, protocol, controller, on_block=recorder.write, progress=progress)
 
 
 def write_run(
@@ -149,8 +158,7 @@ def write_run(
     metadata = metadata_of(
         inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
     )
-    names = schemas.CoupledNames.of_instrument(inst) if isinstance(inst, CoupledInstrument) else inst.axes
-    with Recorder(path, axes=names, metadata=metadata, overwrite=overwrite) as recorder:
+    with Recorder(path, axes=schemas.names_of(run), metadata=metadata, overwrite=overwrite) as recorder:
         recorder.write(run)
 
 

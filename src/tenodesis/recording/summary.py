@@ -108,7 +108,7 @@ def _named(run: AnyRun) -> dict[str, str]:
 def _controller(recording: AnyRecording) -> dict[str, str]:
     """Return the controller's choices and the outcome of the run; empty without a controller."""
     if isinstance(recording, CoupledRecording):
-        return tension_facts(recording.run)
+        return _coupled_controller(recording) | coupled_outcome(recording.run)
     try:
         choices = controller_choices(recording)
         inst = recording.instrument()
@@ -119,6 +119,25 @@ def _controller(recording: AnyRecording) -> dict[str, str]:
         return {}
     names = [str(name) for name in choices.get("faults", [])]
     return {"controller": in_words(choices, controller_inst, inst), **outcome(recording.run, inst, names)}
+
+
+def _coupled_controller(recording: CoupledRecording) -> dict[str, str]:
+    try:
+        choices = controller_choices(recording)
+    except RecordingError as problem:
+        return {"controller": str(problem)}
+    if choices is None:
+        return {}
+    words = ", ".join(f"{choices.get(choice)} {choice}" for choice in ("law", "observer", "actuation"))
+    return {"controller": f"{words}, of {' and '.join(recording.run.compensated)}"}
+
+
+def coupled_outcome(run: CoupledRun) -> dict[str, str]:
+    """Return the outcome of a coupled run in words: a controller's state and faults, tensions, and slack."""
+    if "operating_state" not in run.signals or not len(run):
+        return tension_facts(run)
+    state = {"state": _states(run["operating_state"][:, 0], run.time)}
+    return state | {"faults": _faults(run["faults"], run.time, FAULTS)} | tension_facts(run)
 
 
 def _instrument(recording: AnyRecording) -> str:

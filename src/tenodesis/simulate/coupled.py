@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from tenodesis import coupled
+from tenodesis.control import Controller
 from tenodesis.coupled import CoupledInstrument, CoupledRun, Held
 from tenodesis.errors import ArgumentError, ProtocolError
 from tenodesis.run import Array
 from tenodesis.simulate.command import Between, sampled
 from tenodesis.simulate.loads import Wrench
 from tenodesis.simulate.phases import Cycles, GrippedObject, Hold, Ramp, StepLoad
-from tenodesis.simulate.protocol import AnyPhase, Protocol, block_size, errors_of
+from tenodesis.simulate.protocol import AnyPhase, Planned, Protocol, block_size, errors_of
 
 _BLOCK = 1.0
 """Longest block, s."""
@@ -34,6 +35,7 @@ _OBJECT = 2e3
 def execute_coupled(
     twin: coupled.Twin,
     protocol: Protocol,
+    controller: Controller | None = None,
     *,
     on_block: Callable[[CoupledRun], object] | None = None,
     progress: Callable[[float, float], object] | None = None,
@@ -46,6 +48,9 @@ def execute_coupled(
         The twin.
     protocol
         The protocol; all of it is checked before the first step.
+    controller
+        Closes the loop over the joints with a pair of tendons of their own, as for :meth:`tenodesis.coupled.Twin.run`;
+        it is homed. After a fault its motors hold and the protocol goes on.
     on_block
         Called with every block, 1 s of a run at most.
     progress
@@ -54,11 +59,13 @@ def execute_coupled(
     Raises
     ------
     ProtocolError
-        The instrument cannot run the protocol, or its jaws are too narrow for what is put between them.
+        The instrument cannot run the protocol, its jaws are too narrow for what is put between them, or the protocol
+        moves the spools of a controller.
     NoSolutionError
         The load is more than the tendons can hold.
     """
     plan = protocol.plan(twin.inst, twin.time_step)
+    check_coupled(plan, twin.inst, controller)
     total = sum(planned.seconds for planned in plan)
     runs: list[CoupledRun] = []
     angles = np.zeros(len(twin.inst.tip_joints))
@@ -70,7 +77,7 @@ def execute_coupled(
                 if block["between"] != between:
                     between = block["between"]
                     held = None if between is None else between.held(float(twin.inst.grip_arms @ angles))
-                runs.append(_continued(twin, block, held))
+                runs.append(_continued(twin, block, held, controller))
                 angles = runs[-1]["output_angle"][-1]
                 if on_block is not None:
                     on_block(runs[-1])
@@ -108,7 +115,23 @@ def default_protocol(inst: CoupledInstrument) -> Protocol:
     return Protocol(name="default", description=f"Motion, load and grip of {inst.name}"[:200], phases=tuple(phases))
 
 
-def _continued(twin: coupled.Twin, block: dict[str, Array], held: Held | None) -> CoupledRun:
+def check_coupled(plan: Sequence[Planned], inst: CoupledInstrument, controller: Controller | None) -> None:
+    """Raise ProtocolError if a phase moves the spools that a controller moves."""
+    own = [] if controller is None else [m for pair in coupled.pairs(inst).values() for m in pair[2:]]
+    for planned in plan:
+        moved = [m for m in own if any(part.end.spool_velocity[m] for part in planned.segments)]
+        if moved:
+            name = inst.tendons[moved[0]].name
+            raise ProtocolError(
+                f"{planned.label}: spool_velocities names {name}; a phase must leave that motor to the controller.",
+                key="spool_velocities",
+                value=name,
+            )
+
+
+def _continued(
+    twin: coupled.Twin, block: dict[str, Array], held: Held | None, controller: Controller | None
+) -> CoupledRun:
     try:
         return twin.run(
             block["handle_angle"],
@@ -116,6 +139,7 @@ def _continued(twin: coupled.Twin, block: dict[str, Array], held: Held | None) -
             grip_force=block["grip_force"][:, 0],
             spool_velocity=block["spool_velocity"],
             held=held,
+            controller=controller,
         )
     except ArgumentError as problem:
         if not problem.key.startswith("held."):
