@@ -153,12 +153,17 @@ def write_run(
     Raises
     ------
     RecordingError
-        The file cannot be written, or exists, or the run has other axes than the instrument.
+        The file cannot be written, or exists, or the run has other axes, joints or tendons than the instrument.
     """
     metadata = metadata_of(
         inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
     )
-    with Recorder(path, axes=schemas.names_of(run), metadata=metadata, overwrite=overwrite) as recorder:
+    if isinstance(inst, CoupledInstrument):
+        controlled = isinstance(run, CoupledRun) and bool(run.compensated)
+        names: schemas.Names = schemas.CoupledNames.of_instrument(inst, controlled=controlled)
+    else:
+        names = inst.axes
+    with Recorder(path, axes=names, metadata=metadata, overwrite=overwrite) as recorder:
         recorder.write(run)
 
 
