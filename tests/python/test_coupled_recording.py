@@ -33,7 +33,9 @@ def wrist() -> tn.coupled.CoupledInstrument:
 
 @pytest.fixture(scope="module")
 def run(wrist: tn.coupled.CoupledInstrument) -> tn.coupled.CoupledRun:
-    return tn.simulate.execute_coupled(tn.coupled.Twin(wrist, seed=3), tn.simulate.load(EXAMPLES / "coupled_protocol.toml"))
+    return tn.simulate.execute_coupled(
+        tn.coupled.Twin(wrist, seed=3), tn.simulate.load(EXAMPLES / "coupled_protocol.toml")
+    )
 
 
 @pytest.mark.parametrize("name", tn.coupled.shipped())
