@@ -42,7 +42,7 @@ def run(wrist: tn.coupled.CoupledInstrument) -> tn.coupled.CoupledRun:
 def test_the_default_protocol_moves_loads_and_grips_and_comes_back_bit_by_bit(name: str, tmp_path: Path) -> None:
     inst = tn.coupled.load(name)
     plan = tn.simulate.default_protocol(inst)
-    run = record_coupled(inst, plan, tmp_path / "run.mcap", seed=1, time_step=1e-3, quasi_static=True)
+    run = record_coupled(inst, plan, tmp_path / "run.mcap", seed=1, time_step=2e-3, quasi_static=True)
     assert (np.abs(run["output_angle"]).max(axis=0) > np.radians(8)).all()
     assert set(np.unique(np.sign(run["wrench"][:, :2]))) == {-1, 0, 1}
     assert inst.grip is None or run["grip_force"].max() > 0.1
@@ -54,7 +54,7 @@ def test_the_default_protocol_moves_loads_and_grips_and_comes_back_bit_by_bit(na
         there, again = ((one.time if signal == "time" else one[signal]) for one in (run, back.run))
         assert np.array_equal(there, again), signal
     again = tn.simulate.execute_coupled(
-        tn.coupled.Twin(inst, seed=1, time_step=1e-3, quasi_static=True), tn.simulate.parse(back.metadata["protocol"])
+        tn.coupled.Twin(inst, seed=1, time_step=2e-3, quasi_static=True), tn.simulate.parse(back.metadata["protocol"])
     )
     assert all(np.array_equal(again[signal], run[signal]) for signal in run.signals)
 
