@@ -24,6 +24,7 @@ from tenodesis.twin.twin import Energy
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -112,6 +113,18 @@ class CoupledRun:
                 frame |= {f"{name}.{column}": values[:, n] for n, column in enumerate(self.columns(name))}
         pandas: Any = require("pandas", "tables")
         return pandas.DataFrame(frame, index=pandas.Index(self.time, name="time"))
+
+    def plot(self, *signals: str) -> "Figure":
+        """Return a figure of signals over time: those named, or angles, tensions and loads; see :mod:`tenodesis.plot`.
+
+        Raises
+        ------
+        KeyError
+            A signal is unknown.
+        """
+        import tenodesis as tn  # noqa: PLC0415 - by the public name, since figures stand above runs
+
+        return tn.plot.run(self, signals)
 
     def __len__(self) -> int:
         return int(self.time.size)
