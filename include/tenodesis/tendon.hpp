@@ -114,7 +114,7 @@ struct Tendon {
   /// A is a number, or a linear function of what draws the tendon on its way (wrist_twin.hpp); so are its slips then.
   template <class A>
   Reaction<A, S> eliminate(int n, const Bands& band, const Reaction<A, S>& spool,
-                           const typename Rows::template PerSegment<A>& pull, const Slips& from, const State& state,
+                           const Rows::template PerSegment<A>& pull, const Slips& from, const State& state,
                            LineOf<A>& line) const {
     return eliminate(0, n, band, state.slack[0] ? Reaction<A, S>{} : spool, pull, from, state, line);
   }
@@ -122,7 +122,7 @@ struct Tendon {
   /// The same from contact i on: end is how the segment before it reacts.
   template <class A>
   Reaction<A, S> eliminate(int i, int n, const Bands& band, Reaction<A, S> end,
-                           const typename Rows::template PerSegment<A>& pull, const Slips& from, const State& state,
+                           const Rows::template PerSegment<A>& pull, const Slips& from, const State& state,
                            LineOf<A>& line) const {
     for (int j = i; j < n; ++j) {
       const S k = state.slack[j + 1] ? S(0) : stiffness[j + 1];

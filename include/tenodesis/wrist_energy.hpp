@@ -39,7 +39,7 @@ Energy<typename T::S> wrist_energy(const T& twin, const typename T::State& befor
   const auto mean = [](const S& a, const S& b) { return (a + b) * S(0.5); };
   Energy<S> energy{};
   energy.stored = wrist_stored_energy(twin, after);
-  for (int h = 0; h < twin.wrist.handles; ++h)
+  for (int h = 0; h < N; ++h)
     energy.handle = energy.handle +
                     mean(before.handle_moment[h], after.handle_moment[h]) * (after.angle[N + h] - before.angle[N + h]);
   S was[N], is[N], rate[N][N];

@@ -29,11 +29,11 @@ struct WristStep {
   State& next;
   S duration;
   S per_second;
-  typename Rope::Bands band[M];
+  Rope::Bands band[M];
   // Before the first segment that an unknown joint draws, numbers; from there on, linear in the unknown coordinates.
   int first[M];
-  typename Rope::Line near[M];
-  typename Rope::template LineOf<Sum> line[M];
+  Rope::Line near[M];
+  Rope::template LineOf<Sum> line[M];
   Reaction<S> spool[M];
   Rope::Lengths known[M];
   Rows::template PerSegment<Sum> pull[M];

@@ -271,7 +271,7 @@ class AnyWrist : public WristSpec {
 }  // namespace
 
 void bind_wrist(nb::module_& m) {
-  nb::class_<WristSpec>(m, "WristSpec");
+  const nb::class_<WristSpec> base(m, "WristSpec");
   nb::class_<AnyWrist, WristSpec>(m, "Wrist")
       .def(nb::init<const std::vector<int>&, const std::vector<int>&, const In<2>&, const In<2>&, const In<2>&,
                     const std::vector<int>&, const std::vector<int>&, const In<2>&>(),

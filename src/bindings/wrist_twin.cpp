@@ -240,7 +240,7 @@ class WristTwinOf final : public WristTwinBase {
     out = std::copy_n(s.angle, joints_, out);
     out = std::copy_n(s.velocity, joints_, out);
     out = std::copy_n(s.angle + N, handles_, out);
-    for (std::size_t h = 0; h < handles_; ++h)
+    for (std::size_t h = 0; h < std::min<std::size_t>(handles_, N); ++h)
       *out++ = twin_.prescribed() ? s.handle_moment[h]
                                   : twin_.hand.stiffness * (s.command.handle_angle[h] - s.angle[N + h]) -
                                         (twin_.quasi_static ? 0.0 : twin_.hand.damping * s.velocity[N + h]);
@@ -351,12 +351,13 @@ void wrist_inertia(const WristSpec& spec, const In<2>& links, const In<2>& angle
       [&]<class W>(const W& wrist) {
         constexpr int N = W::joints;
         Link<double> link[N]{};
-        for (std::size_t i = 0; i < n; ++i) link[i] = link_of(links.data() + i * link_numbers);
+        for (int i = 0; i < N; ++i) link[i] = link_of(links.data() + i * link_numbers);
         for (std::size_t p = 0; p < count; ++p) {
           double x[N], mass[N][N];
-          for (std::size_t i = 0; i < n; ++i) x[i] = coordinate_at(wrist.joint[i].mechanism, angles.data()[p * n + i]);
+          for (int i = 0; i < N; ++i)
+            x[i] = coordinate_at(wrist.joint[i].mechanism, angles.data()[p * n + std::size_t(i)]);
           inertia(wrist, link, x, speeds.data() + p * n, mass, bias.data() + p * n);
-          for (std::size_t i = 0; i < n; ++i) std::copy_n(mass[i], n, matrix.data() + (p * n + i) * n);
+          for (int i = 0; i < N; ++i) std::copy_n(mass[i], n, matrix.data() + (p * n + std::size_t(i)) * n);
         }
       },
       spec.any());
