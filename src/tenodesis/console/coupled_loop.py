@@ -173,7 +173,8 @@ class CoupledLoop:
                 controller=self.controller,
             )
         except (ArgumentError, NoSolutionError) as problem:
-            self.problem = f"{problem} The twin stays as it was until you ask for something else."
+            told = str(problem)
+            self.problem = f"{told[0].upper()}{told[1:]} The twin stays as it was until you ask for something else."
             if self.controller is not None:
                 # It has gone on while the twin has not.
                 self._make_controller(enabled=self.state == RuntimeState.ENABLED)
@@ -234,6 +235,7 @@ class CoupledLink(RestartableConnection):
         loop = self.loop
         with loop.lock:
             row, speed, problem = loop.rows[-1], loop.speed, loop.problem
+            ticks = round(row.time[-1] / plant.TIME_STEP)
             faults = 0 if loop.controller is None else int(row["faults"].max())
             if problem is None and speed < _LATE:
                 problem = f"This machine is late: the twin runs at {100 * speed:.0f} % of real time."
@@ -247,7 +249,7 @@ class CoupledLink(RestartableConnection):
                 law=loop.law,
                 actuation=loop.actuation,
                 operator=loop.operator,
-                timing=Timing(round(row.time[-1] / plant.TIME_STEP), 0, 0, 0, *[nan] * 7, 1 / plant.TIME_STEP),
+                timing=Timing(ticks, 0, 0, 0, nan, nan, nan, nan, nan, nan, nan, 1 / plant.TIME_STEP),
                 realtime=(),
                 protocol=None,
                 recording=None,

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _FRAME_RATE = 25.0
 """Frames that are sent to every browser, Hz."""
 _LAWS = ("robust", "off")
-_LARGEST_FORCE = 1 / 15
+_LARGEST_FORCE = 0.1
 """Largest force that the page offers, over the pretension."""
 _HELP = """
 **What you see.** A wrist whose tendons may cross several joints. Tendons have the colour of their tension, grey when
@@ -39,6 +39,10 @@ the tip.
 
 **What it is.** The twin of the instrument, in real time: friction at every bend of every tendon, inertia of the links,
 and what the jaws hold. If it cannot go on, it stays as it is and says why.
+
+**The motors.** Where a joint has a pair of tendons of its own, *Enable* lets the motors give back what it loses. With
+the law *off*, or disabled, they rest and keep what they have wound until *Reset*. Without a handle, the sliders are the
+set points of the motors: the angles of the joints if no tendon stretched.
 """
 
 
@@ -51,6 +55,19 @@ class CoupledShown(NamedTuple):
     asked: Asked
     frames: Frames | None
     """Where everything is, and where it would be at the target; None for curves"""
+
+
+def shown_rows(inst: CoupledInstrument, signals: Mapping[str, Any], drawn: CoupledInstrument) -> CoupledShown:
+    """Return what browsers show of a link's signals, with the instrument that is drawn."""
+    run = signals["run"]
+    # Without a handle, the lengths that the motors have wound are what the tip is asked for.
+    strokes = 0.0 if inst.handle_joints else run["spool_angle"] * spool_radius(inst)
+    target = coupled.output_angles(inst, run["handle_angle"], strokes=strokes)
+    frames = None
+    if "tension" in run.signals:
+        both = np.concatenate([run["output_angle"], np.nan_to_num(target)])
+        frames = coupled.frames(drawn, both, run["handle_angle"])
+    return CoupledShown(run, target, signals["asked"], frames)
 
 
 class CoupledPage(Page):
@@ -74,15 +91,7 @@ class CoupledPage(Page):
         return CoupledBrowser(session, self._loop, self._drawn)
 
     def _shown(self, inst: CoupledInstrument, signals: Mapping[str, Any]) -> CoupledShown:
-        run = signals["run"]
-        # Without a handle, the lengths that the motors have wound are what the tip is asked for.
-        strokes = 0.0 if inst.handle_joints else run["spool_angle"] * spool_radius(inst)
-        target = coupled.output_angles(inst, run["handle_angle"], strokes=strokes)
-        frames = None
-        if "tension" in run.signals:
-            both = np.concatenate([run["output_angle"], np.nan_to_num(target)])
-            frames = coupled.frames(self._drawn, both, run["handle_angle"])
-        return CoupledShown(run, target, signals["asked"], frames)
+        return shown_rows(inst, signals, self._drawn)
 
 
 class CoupledBrowser(Browser):
