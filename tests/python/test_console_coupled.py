@@ -175,17 +175,17 @@ def test_a_slider_moves_the_twin_and_the_view_while_others_watch(page: CoupledPa
             wait(lambda: second.property(YAW, "value") == pytest.approx(20))
             second.set("Take control", True)
             wait(lambda: operates(loop, second))
-        row = loop.rows[-1]
-        there = coupled.frames(with_short_stem(loop.inst), row["output_angle"][-1], row["handle_angle"][-1])
-        (browser,) = page._browsers.values()
-        scene = browser.scene
-        assert np.degrees(row["output_angle"][-1, 0]) > 30
-        wait(lambda: _near(scene._bodies["jaw_tip"].position, scene._scale * there.bodies["jaw_tip"].position))
+        scene = next(iter(page._browsers.values())).scene
+
+        def drawn_where_it_is() -> bool:
+            row = loop.rows[-1]
+            there = coupled.frames(with_short_stem(loop.inst), row["output_angle"][-1], row["handle_angle"][-1])
+            place = scene._scale * there.bodies["jaw_tip"].position
+            return bool(np.abs(scene._bodies["jaw_tip"].position - place).max() < 5e-3)
+
+        wait(drawn_where_it_is)
+        wait(lambda: np.degrees(loop.rows[-1]["output_angle"][-1, 0]) > 30)
         wait(lambda: first.sees("yaw</td>"))
-
-
-def _near(position: np.ndarray, other: np.ndarray) -> bool:
-    return bool(np.abs(np.asarray(position) - other).max() < 5e-3)
 
 
 @pytest.mark.process
