@@ -272,7 +272,7 @@ class CoupledScene(View):
             "tip": (-0.45 * scale * tip, 0.5 + 1.6 * scale * tip),
             "handle": (scale * (stem + 0.4 * handle), 1.9),
         }
-        turned = {f"{joint.name}_far" for joint in inst.tip_joints}
+        turned = {f"{joint.name}_{part}" for joint in inst.tip_joints for part in ("far", "tip")}
         solids = coupled_solids(inst)
         with client.atomic():
             super().__init__(client, scale, points, small=small)
