@@ -1,4 +1,4 @@
-"""Make the pictures of the console for the README and the documentation, from the page itself in a browser without a window.
+"""Make the pictures of the console for README and documentation, from the page itself in a browser without a window.
 
 A hand bends the tip, tissue pushes it out of place with the compensation off, and the robust law brings it back.
 """

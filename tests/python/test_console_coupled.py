@@ -140,6 +140,34 @@ def test_bad_values_and_those_of_a_watcher_change_nothing() -> None:
     assert link.status().law == "robust"
 
 
+def test_stop_holds_joints_that_motors_turn_until_they_are_enabled() -> None:
+    link = stepped("needle-driver")
+    link.hand(np.radians([30.0, 0.0, 0.0]))
+    go_on(link, 0.15)
+    link.loop.connect("anyone").stop()
+    go_on(link, 0.3)
+    held = angles(link)
+    assert 2 < held[0] < 25
+    assert link.status().state == "PAUSED"
+    link.hand(np.radians([30.0, 0.0, 0.0]))
+    go_on(link, 0.3)
+    assert angles(link) == pytest.approx(held, abs=0.05)
+    link.request("resume")
+    link.hand(np.radians([30.0, 0.0, 0.0]))
+    go_on(link, 1.0)
+    assert angles(link)[0] == pytest.approx(30, abs=0.6)
+    with pytest.raises(LiveError, match="has no joint that a controller can compensate"):
+        link.request("home")
+
+
+def test_a_machine_that_is_late_is_told_by_how_much() -> None:
+    link = stepped("needle-driver")
+    link.loop._times.clear()
+    assert link.status().problem is None
+    link.loop._times.extend([0.0, 0.02, 0.04])
+    assert link.status().problem == "This machine is late: the twin runs at 50 % of real time."
+
+
 @pytest.mark.parametrize("name", coupled.shipped())
 def test_a_stem_drawn_short_leaves_the_tip_as_it_is(name: str) -> None:
     inst = coupled.load(name)

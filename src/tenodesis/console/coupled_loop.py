@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tenodesis import plant
+from tenodesis.console.log import rare_log
 from tenodesis.control import Controller, OperatingState
 from tenodesis.control.controller import fault_names
 from tenodesis.coupled import CoupledInstrument, CoupledRun, Held, Twin, compensated
@@ -21,6 +22,7 @@ from tenodesis.live.commands import ControllerRequest, RestartableConnection
 from tenodesis.live.status import RuntimeState, Status, Timing
 from tenodesis.run import Array
 
+_log = rare_log(__name__)
 _STEPS = 20
 _BLOCK = _STEPS * plant.TIME_STEP
 """Time that the twin is stepped at once, s."""
@@ -146,7 +148,11 @@ class CoupledLoop:
         while not self._done.is_set():
             with self.lock:
                 if self.problem is None:
-                    self._advance()
+                    try:
+                        self._advance()
+                    except Exception:
+                        _log.exception("the twin could not go on")
+                        self.problem = "The twin failed; the log of the page shows where."
             now = time.monotonic()
             due = max(due + _BLOCK, now - _BEHIND)
             self._done.wait(due - now)

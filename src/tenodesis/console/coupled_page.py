@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 _FRAME_RATE = 25.0
 """Frames that are sent to every browser, Hz."""
 _LAWS = ("robust", "off")
+_HALF_TURN = 3.14  # rad
 _LARGEST_FORCE = 0.1
 """Largest force that the page offers, over the pretension."""
 _HELP = """
@@ -66,7 +67,8 @@ def shown_rows(inst: CoupledInstrument, signals: Mapping[str, Any], drawn: Coupl
     frames = None
     if "tension" in run.signals:
         both = np.concatenate([run["output_angle"], np.nan_to_num(target)])
-        frames = coupled.frames(drawn, both, run["handle_angle"])
+        # A joint that a load turns past its stop is drawn at half a turn.
+        frames = coupled.frames(drawn, both.clip(-_HALF_TURN, _HALF_TURN), run["handle_angle"])
     return CoupledShown(run, target, signals["asked"], frames)
 
 
@@ -142,7 +144,9 @@ class Controls:
                 gui.add_number("Opening, mm", 1.0, min=0.0, max=widest, step=0.1, hint="At which the jaws touch it."),
                 gui.add_number("Stiffness, N/mm", 5.0, min=0.0, max=1000.0, step=0.1),
             ]
-        self._law = gui.add_dropdown("Law", _LAWS, initial_value=link.status().law, visible=loop.controller is not None)
+        law = link.status().law
+        laws = _LAWS if law in _LAWS else (law, *_LAWS)
+        self._law = gui.add_dropdown("Law", laws, initial_value=law, visible=loop.controller is not None)
         if loop.refused is not None and inst.handle_joints:
             gui.add_markdown(as_plain(loop.refused))
         self._reset = gui.add_button("Reset: at rest, without load", color="gray")
