@@ -1,4 +1,4 @@
-"""Make the pictures of the console for the README, from the page itself in a browser without a window.
+"""Make the pictures of the console for README and documentation, from the page itself in a browser without a window.
 
 A hand bends the tip, tissue pushes it out of place with the compensation off, and the robust law brings it back.
 """
@@ -17,7 +17,7 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from tenodesis.console import serve
+from tenodesis.console import serve, serve_coupled
 from tenodesis.live.host import Host
 
 OUT = Path(__file__).parent / "console"
@@ -28,7 +28,7 @@ _STATES = re.compile("^(Enable|Resume|Pause|Take control)")
 
 
 def main() -> None:
-    """Write the sequence and the phone's picture."""
+    """Write the sequence and the pictures of a phone and of a coupled instrument."""
     chromium = shutil.which("chromium")
     if chromium is None:
         sys.exit("There is no chromium; install it first.")
@@ -43,6 +43,8 @@ def main() -> None:
         page.get_by_role("button", name="Take control").click()
         time.sleep(2)
         _picture(page).save(OUT / "phone.webp", quality=80, method=6)
+        with serve_coupled("hybrid-scaled-up", port=0) as coupled:
+            _narrow(_loaded(_opened(browser, coupled.url, DESKTOP))).save(OUT / "coupled.webp", quality=80, method=6)
         browser.close()
     for path in sorted(OUT.iterdir()):
         print(f"{path} {path.stat().st_size / 1000:.0f} kB")
@@ -97,6 +99,16 @@ def _sequence(page: Any) -> list[Image.Image]:
     do(lambda: tab("Law"), 1)
     do(lambda: law("robust"), 9)
     return frames
+
+
+def _loaded(page: Any) -> Image.Image:
+    """Return the picture of a coupled instrument, bent about both axes and pushed aside, motors off."""
+    page.get_by_text("tip", exact=True).first.click()
+    for label, value in (("Handle yaw, °", "15"), ("Handle pitch, °", "10"), ("Force x, N", "2")):
+        page.locator(f"xpath=(//label[.='{label}']/following::input[not(@type='hidden')])[1]").fill(value)
+        time.sleep(1)
+    time.sleep(2)
+    return _picture(page)
 
 
 def _picture(page: Any) -> Image.Image:

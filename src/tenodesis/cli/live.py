@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from tenodesis import coupled
 from tenodesis.cli.common import InstrumentFile, console, load_instrument, say, warn
 from tenodesis.control.controller import ActuationName, LawName
 from tenodesis.errors import CommandError, LiveError
@@ -61,6 +62,9 @@ def live_console(  # noqa: PLR0917
 
     if not 0 < port < 65536:
         raise CommandError(key="--port", value=port, allowed="between 1 and 65535")
+    if coupled.is_coupled(instrument_file):
+        _coupled_console(instrument_file, device, address, law, actuation, host, port, token, browser, seed, foxglove)
+        return
     load_instrument(instrument_file)
     ending = threading.Event()
     choices = Choices(device=device, address=address, law=law, actuation=actuation, seed=seed)
@@ -73,9 +77,7 @@ def live_console(  # noqa: PLR0917
             )
             try:
                 opener = folders.write_link(live.home, page.url, link_page(page.url))
-                say(f"Console: {page.url}   (Ctrl-C ends it)")
-                if browser and any(os.environ.get(name) for name in _DESKTOPS):
-                    webbrowser.open(opener.as_uri())
+                _open(page.url, opener, browser=browser)
                 say(f"Runtime: process {live.pid}, folder {live.folder}; recordings go to {recordings.absolute()}.")
                 if foxglove is not None:
                     with live_foxglove.Server(Reader(live.folder), "127.0.0.1", foxglove, folder=live.folder) as server:
@@ -86,6 +88,51 @@ def live_console(  # noqa: PLR0917
                 page.close()
         finally:
             live.close()
+
+
+def _coupled_console(  # noqa: PLR0917
+    instrument_file: str,
+    device: str,
+    address: str | None,
+    law: LawName,
+    actuation: ActuationName,
+    host: str,
+    port: int,
+    token: str | None,
+    browser: bool,
+    seed: int,
+    foxglove: int | None,
+) -> None:
+    """Open a coupled instrument, whose twin runs in the page's process."""
+    from tenodesis.console import link_page, serve_coupled  # noqa: PLC0415 - foxglove does without the page
+
+    for option, value in (
+        ("--device", None if device == "twin" else device),
+        ("--address", address),
+        ("--foxglove", foxglove),
+    ):
+        if value is not None:
+            raise CommandError(
+                f"{option} is {value}; it must be left out for {instrument_file}, whose twin runs in the page itself.",
+                key=option,
+                value=value,
+                allowed="left out",
+            )
+    ending = threading.Event()
+    with (
+        on_signal(ending.set),
+        tempfile.TemporaryDirectory(prefix="tenodesis-") as home,
+        serve_coupled(instrument_file, host, port, token, law=law, actuation=actuation, seed=seed) as page,
+    ):
+        _open(page.url, folders.write_link(Path(home), page.url, link_page(page.url)), browser=browser)
+        ending.wait()
+
+
+def _open(url: str, opener: Path, *, browser: bool) -> None:
+    """Print the link to the page and, on a desktop, open it by a file, for arguments are seen by every account."""
+    say(f"Console: {url}   (Ctrl-C ends it)")
+    if browser and any(os.environ.get(name) for name in _DESKTOPS):
+        webbrowser.open(opener.as_uri())
 
 
 def foxglove(

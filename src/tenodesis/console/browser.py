@@ -1,11 +1,11 @@
 """What a browser shows: panel, curves and view."""
 
 import time
-from typing import Any
+from typing import Any, Protocol
 
 from tenodesis.console.display import ShownSignals
 from tenodesis.console.plots import Plots
-from tenodesis.console.scene import Scene
+from tenodesis.console.scene import Scene, View
 from tenodesis.console.session import PageState, PanelSection, Session
 from tenodesis.console.status import StatusHeader
 from tenodesis.console.tab_files import FilesTab
@@ -42,8 +42,19 @@ at the handle; it needs no sensor at the tip.
 """
 
 
+class Curves(Protocol):
+    """The curves of a browser."""
+
+    def show(self, seconds: Any) -> None:
+        """Draw the last seconds."""
+        ...
+
+
 class Browser:
     """Builds what a browser shows for the instrument that runs, and keeps it up to date."""
+
+    plots: Curves
+    scene: View
 
     def __init__(self, session: Session) -> None:
         self.session = session
@@ -59,28 +70,36 @@ class Browser:
         session.reset()
         self._inst = inst
         with session.client.atomic():
-            header = StatusHeader(session, inst)
-            tabs = gui.add_tab_group()
-            with tabs.add_tab("Move"):
-                move = MoveTab(session, inst)
-                look = gui.add_button_group("Look at", ("whole", "tip", "handle"))
-            with tabs.add_tab("Law"):
-                law = LawTab(session)
-            with tabs.add_tab("Tests"):
-                protocols = ProtocolsTab(session)
-            with tabs.add_tab("Files"):
-                self._files = FilesTab(session, inst)
-            with tabs.add_tab("Setup"):
-                setup = SetupTab(session)
-            with tabs.add_tab("Help"):
-                gui.add_markdown(_HELP)
-            self._sections: tuple[PanelSection, ...] = (header, move, law, protocols, self._files, setup)
-            self.plots = Plots(gui, inst, measured=session.link.capabilities.distal_encoder)
-            self.scene = Scene(session.client, inst, largest_force(inst), small=session.small)
+            self._sections = self._fill(gui)
             self.scene.look("whole")
             gui.main_panel.dock_right()
             gui.main_panel.set_width(_WIDTH)
-        session.on(look, "look", lambda: self.scene.look(look.value))
+
+    def _fill(self, gui: Any) -> tuple[PanelSection, ...]:
+        """Add panel, curves and view, and return the sections of the panel."""
+        session, inst = self.session, self._inst
+        header = StatusHeader(session, inst)
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Move"):
+            move = MoveTab(session, inst)
+            self._add_look(gui)
+        with tabs.add_tab("Law"):
+            law = LawTab(session)
+        with tabs.add_tab("Tests"):
+            protocols = ProtocolsTab(session)
+        with tabs.add_tab("Files"):
+            self._files = FilesTab(session, inst)
+        with tabs.add_tab("Setup"):
+            setup = SetupTab(session)
+        with tabs.add_tab("Help"):
+            gui.add_markdown(_HELP)
+        self.plots = Plots(gui, inst, measured=session.link.capabilities.distal_encoder)
+        self.scene = Scene(session.client, inst, largest_force(inst), small=session.small)
+        return header, move, law, protocols, self._files, setup
+
+    def _add_look(self, gui: Any, names: tuple[str, ...] = ("whole", "tip", "handle")) -> None:
+        look = gui.add_button_group("Look at", names)
+        self.session.on(look, "look", lambda: self.scene.look(look.value))
 
     def operate(self) -> None:
         """Become the operator if there is none."""

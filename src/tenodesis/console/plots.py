@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tenodesis.console.display import ShownSignals
 from tenodesis.control.parameters import tension_limit
+from tenodesis.coupled import CoupledInstrument
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 
@@ -165,12 +166,12 @@ _SLACK_FRACTION = 0.01
 class TensionColours:
     """Colours of tension (N) for an instrument: grey when slack, from blue to red at the tension limit."""
 
-    def __init__(self, inst: Instrument) -> None:
-        planar = inst.planar
-        self.limit = min(tension_limit(axis) for axis in planar)
+    def __init__(self, inst: Instrument | CoupledInstrument) -> None:
+        wound: tuple[Any, ...] = (inst,) if isinstance(inst, CoupledInstrument) else inst.planar
+        self.limit = min(tension_limit(axis) for axis in wound)
         """Tension above which no tendon is wound, N."""
-        self.pretension = planar[0].pretension
-        self.slack = _SLACK_FRACTION * min(axis.pretension for axis in planar)
+        self.pretension = wound[0].pretension
+        self.slack = _SLACK_FRACTION * min(axis.pretension for axis in wound)
 
     def __call__(self, tension: Array) -> NDArray[np.uint8]:
         """Return colours, shape (..., 3), from 0 to 255; unknown tensions have the colour of slack tendons."""

@@ -79,7 +79,7 @@ def coupled_solids(inst: CoupledInstrument) -> list[Solid]:
                     f"{part.name}_rod",
                     part.name,
                     rod(radius, start, end),
-                    METAL,
+                    GRIP if part.name.endswith("_grip") else METAL,
                     0.35 if part is tree["stem"] else None,
                 )
             )

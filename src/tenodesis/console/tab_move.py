@@ -96,9 +96,9 @@ class MoveTab:
             self._enabled_at = time.monotonic()
         # They follow until the browser moves one: the other's value is sent with it.
         if self._session.changed_at(*self._hand) < self._enabled_at:
-            _follow(self._hand, np.degrees(state.shown.handle))
+            follow(self._hand, np.degrees(state.shown.handle))
         if self._session.changed_at(*self._force, self._step) < self._enabled_at:
-            _follow(self._force, state.shown.force)
+            follow(self._force, state.shown.force)
 
     @property
     def _step_slider(self) -> Any:
@@ -106,10 +106,10 @@ class MoveTab:
         return self._force[self._axis.options.index(self._axis.value)]
 
     def _move(self) -> None:
-        self._session.link.hand(np.radians(_values(self._hand)))
+        self._session.link.hand(np.radians(slider_values(self._hand)))
 
     def _load(self) -> None:
-        self._session.link.force(_values(self._force))
+        self._session.link.force(slider_values(self._force))
 
     def _toggle_load(self) -> None:
         self._step_slider.value = 0.0 if self._step_slider.value else self._size.value
@@ -149,7 +149,7 @@ def _usual_force(inst: Instrument, most: float) -> float:
     return round(forces[(len(forces) - 1) // 2], 3) if forces else most / 2
 
 
-def _values(sliders: list[Any]) -> Array:
+def slider_values(sliders: list[Any]) -> Array:
     """Return the values of sliders, clipped to their ranges: a browser may send anything."""
     values = np.array([float(slider.value) for slider in sliders])
     if not np.isfinite(values).all():
@@ -157,7 +157,7 @@ def _values(sliders: list[Any]) -> Array:
     return values.clip([slider.min for slider in sliders], [slider.max for slider in sliders])
 
 
-def _follow(sliders: list[Any], values: Array) -> None:
+def follow(sliders: list[Any], values: Array) -> None:
     """Set sliders to values, rounded to their steps; unknown values are left out."""
     for slider, value in zip(sliders, values, strict=True):
         if isfinite(value):

@@ -24,6 +24,7 @@ STEM = 0.1
 """Length of the stem where a file gives none, m."""
 _STATIONS = np.linspace(0.0, 1.0, 9)  # along a backbone, of its tendons' points
 _Z = np.array([0.0, 0.0, 1.0])
+_NEXT, _AFTER = [1, 2, 0], [2, 0, 1]
 
 
 class _Bent(NamedTuple):
@@ -149,8 +150,8 @@ def crossed(inst: CoupledInstrument, tendon: Tendon) -> list[tuple[Joint, Crossi
 def rotated(quaternion: Array, vector: Array) -> Array:
     """Return vectors (..., 3) turned by unit quaternions (..., 4)."""
     w, u = quaternion[..., :1], quaternion[..., 1:]
-    twice = 2 * np.cross(u, vector)
-    return np.asarray(vector + w * twice + np.cross(u, twice))
+    twice = 2 * _cross(u, vector)
+    return np.asarray(vector + w * twice + _cross(u, twice))
 
 
 def chord(joint: Joint, angle: Array) -> Array:
@@ -247,4 +248,10 @@ def _product(first: Array, then: Array) -> Array:
     """Return the product of quaternions."""
     w, u, x, v = first[..., :1], first[..., 1:], then[..., :1], then[..., 1:]
     scalar = w * x - (u * v).sum(-1, keepdims=True)
-    return np.concatenate([scalar, w * v + x * u + np.cross(u, v)], -1)
+    return np.concatenate([scalar, w * v + x * u + _cross(u, v)], -1)
+
+
+def _cross(first: Array, second: Array) -> Array:
+    """Return the cross product of vectors (..., 3); twice as fast as that of NumPy for a few of them."""
+    ahead, behind = first[..., _NEXT] * second[..., _AFTER], first[..., _AFTER] * second[..., _NEXT]
+    return np.asarray(ahead - behind)
