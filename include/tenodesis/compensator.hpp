@@ -258,6 +258,10 @@ struct Compensator {
       const S speed = observer.breakaway(memory, state.hand) / settings.breakaway_time;
       differential = differential + state.hand * authority * smaller(speed, settings.breakaway_speed * memory.arm);
     }
+    if (state.correcting) {
+      const S way = S(missing > S(0) ? 1 : -1);
+      differential = differential + way * authority / correction_time * observer.breakaway(memory, way);
+    }
     // Into what is left of the force as fast as the tip may break away, out of it as the lag is corrected.
     const S inward = S(1) / settings.breakaway_time;
     differential = clamp(differential, (room.least < S(0) ? inward : settings.gain) * room.least,
@@ -342,7 +346,7 @@ struct Compensator {
     state.near = abs(lag) < dead ? state.near + dt : S(0);
     const bool near = state.near > settings.settle_time;
     // What no stroke can tell must not keep the motors awake.
-    const bool sure = memory.deviation < S(5) * dead || state.turns > most_turns;
+    const bool sure = memory.deviation < S(3) * dead || state.turns > most_turns;
     const bool far = abs(lag) > settings.far * dead;
     const bool steady = Envelope<A>::steady(state.envelope);
     bool together = false;
