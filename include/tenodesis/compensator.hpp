@@ -260,7 +260,8 @@ struct Compensator {
     }
     if (state.correcting) {
       const S way = S(missing > S(0) ? 1 : -1);
-      differential = differential + way * authority / correction_time * observer.breakaway(memory, way);
+      differential =
+          differential + way * authority * settings.assistance / correction_time * observer.breakaway(memory, way);
     }
     // Into what is left of the force as fast as the tip may break away, out of it as the lag is corrected.
     const S inward = S(1) / settings.breakaway_time;
@@ -419,7 +420,7 @@ struct Compensator {
       state.reach = abs(missing) + dead;
     } else if (state.correcting) {
       const S way = S(missing > S(0) ? 1 : -1);
-      state.goal = stroke + missing + way * S(1.3) * observer.breakaway(memory, way);
+      state.goal = stroke + missing + way * S(1.3) * settings.assistance * observer.breakaway(memory, way);
       state.reach = S(0);
     }
   }
