@@ -267,7 +267,7 @@ struct Compensator {
     const S inward = S(1) / settings.breakaway_time;
     differential = clamp(differential, (room.least < S(0) ? inward : settings.gain) * room.least,
                          (room.most > S(0) ? inward : settings.gain) * room.most);
-    if (begins && (strokes || state.correcting)) begin(strokes, stroke, missing, dead, observer, memory, state);
+    if (begins) begin(strokes, stroke, missing, dead, observer, memory, state);
     if (state.since > S(0) && (strokes || state.correcting)) {
       const S least = state.goal - state.reach - stroke;
       const S most = state.goal + state.reach - stroke;
@@ -415,11 +415,15 @@ struct Compensator {
   void begin(bool stroke_begins, const S& stroke, const S& missing, const S& dead, const FrictionObserver<A>& observer,
              const FrictionMemory<S>& memory, State& state) const {
     const S way = S(missing > S(0) ? 1 : -1);
-    const S stuck = settings.assistance * observer.breakaway(memory, way);
-    // While friction holds the tip a stroke must not wind up more than is missing and half of what frees the tip, which
-    // would leap.
-    state.goal = stroke_begins ? stroke : stroke + missing + way * S(1.3) * stuck;
-    state.reach = stroke_begins ? abs(missing) + dead + S(0.5) * stuck : S(0);
+    if (stroke_begins) {
+      // While friction holds the tip a stroke must not wind up more than is missing and half of what frees the tip,
+      // which would leap.
+      state.goal = stroke;
+      state.reach = abs(missing) + dead + S(0.5) * observer.breakaway(memory, way);
+    } else if (state.correcting) {
+      state.goal = stroke + missing + way * S(1.3) * settings.assistance * observer.breakaway(memory, way);
+      state.reach = S(0);
+    }
   }
 
   static void turn(Phase phase, State& state) {
