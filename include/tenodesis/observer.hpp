@@ -75,21 +75,21 @@ struct FrictionMemory {
   S handle_angle{};         ///< smoothed, rad
   Measurement<S> smooth{};  ///< with play in the handle angle
   IntentState<S> intent{};
-  S target{};            ///< of the tip's position, m: with inextensible tendons, or its stop
-  S nominal[3]{};        ///< exponents of sheath, handle's joint and tip's joint by the parameters' friction
-  S ratio[3]{};          ///< of the tensions on either side of a slipping contact there
-  S tip{};               ///< position of the tip as tendon length, m
-  S output_angle{};      ///< at that position, rad
-  S x{};                 ///< the joint's coordinate there
-  S arm{};               ///< moment arm of the tendons there, m
-  S scale{1};            ///< of friction
-  S reference{};         ///< excess of both tendons' lengths over their references, m
-  S compliance{1};       ///< of the tendons, relative to the parameters
-  S unit{};              ///< stretch of a tendon per newton, m/N
-  S covariance[3][3]{};  ///< of scale, reference, compliance
-  Slip<S> tip_slip{};    ///< of the tendons at the tip's joint, as length of the agonist
-  S freedom[2]{};        ///< how far the tip may have moved unseen, toward flexion and extension, m
-  S deviation{};         ///< standard deviation of the tip's position, m
+  S target{};                    ///< of the tip's position, m: with inextensible tendons, or its stop
+  S nominal[3]{};                ///< exponents of sheath, handle's joint and tip's joint by the parameters' friction
+  S ratio[3]{S(1), S(1), S(1)};  ///< of the tensions on either side of a slipping contact there
+  S tip{};                       ///< position of the tip as tendon length, m
+  S output_angle{};              ///< at that position, rad
+  S x{};                         ///< the joint's coordinate there
+  S arm{};                       ///< moment arm of the tendons there, m
+  S scale{1};                    ///< of friction
+  S reference{};                 ///< excess of both tendons' lengths over their references, m
+  S compliance{1};               ///< of the tendons, relative to the parameters
+  S unit{};                      ///< stretch of a tendon per newton, m/N
+  S covariance[3][3]{};          ///< of scale, reference, compliance
+  Slip<S> tip_slip{};            ///< of the tendons at the tip's joint, as length of the agonist
+  S freedom[2]{};                ///< how far the tip may have moved unseen, toward flexion and extension, m
+  S deviation{};                 ///< standard deviation of the tip's position, m
   bool started{};
 };
 
@@ -198,7 +198,7 @@ struct FrictionObserver {
   /// Differential stroke needed before the tip breaks away toward flexion (direction 1) or extension (-1), m.
   S breakaway(const Memory& memory, const S& direction) const {
     const S at_tip = memory.ratio[2];
-    const S all = memory.ratio[0] * memory.ratio[1] * at_tip;
+    const S all = smaller(memory.ratio[0] * memory.ratio[1] * at_tip, S(1e9));
     const auto& pulled = memory.tendon[direction > S(0) ? agonist : antagonist];
     const auto& held = memory.tendon[direction > S(0) ? antagonist : agonist];
     const S needed = pulled.tension[3] - held.tension[3];
