@@ -82,7 +82,7 @@ format: build ## Format Python and C++
 	$(BIN)/clang-format -i $(CPP_FILES)
 
 docs: build ## Regenerate what is generated: tables in docs/, the C++ module's typed stub, the example's controller
-	$(BIN)/tenodesis export controller scaled-up --own-clock --overwrite --out examples/scaled_up.h
+	$(BIN)/tenodesis export controller scaled-up --homed --own-clock --overwrite --out examples/scaled_up.h
 	$(BIN)/python docs/generate.py
 
 site: build ## Build the documentation site, its tutorials executed, and check its links: build/site

@@ -37,6 +37,7 @@ SECONDS, NAMED_WITHIN = 8.0, 3.0  # s
 MORE_RMS, MORE_PEAK, MORE_IN_FAULT, MORE_THAN_BOUND = 0.1, 1.0, 2.0, 1.2  # deg, deg, deg, ratio
 # The supervisor's time until it has the supply cut, and a relay's, s.
 RELAY = 0.05 + 0.01
+RUN_ON = 1.0  # s, for which a motor that runs away is judged
 # Of 800 runs such as those of part 1, before the law had an envelope.
 BEFORE = "before the envelope: 133 of 800 runs worse, worst peak +27.8°, tips of 1800 °/s"
 
@@ -107,7 +108,8 @@ class Outcome(NamedTuple):
 
     @property
     def over_bound(self) -> float:
-        return max(self.before.hull, self.after.hull) / self.bound
+        # What any fault may do is no target of its own.
+        return max(self.before.hull, self.after.hull) / max(self.bound, MORE_IN_FAULT / MORE_THAN_BOUND)
 
     @property
     def words(self) -> str:
@@ -292,25 +294,49 @@ def try_fault(work: Work, kind: str) -> Outcome:
 
 def try_run_away(work: Work, relay: bool) -> Outcome:
     fault = RUN_AWAY(np.random.default_rng([*work.seed, 3]))
-    outcome = judge(work, f"with{'' if relay else 'out'} a relay", fault, relay, 1.0)
-    return outcome._replace(bound=bound_of(work.known, fault.value))
+    outcome = judge(work, f"with{'' if relay else 'out'} a relay", fault, relay, RUN_ON)
+    return outcome._replace(bound=bound_of(work, fault, relay))
 
 
-def bound_of(inst: Instrument, speed: float) -> float:
-    """Return how far (deg) a motor that runs away moves the tip before its partner can go along as fast.
+def bound_of(work: Work, fault: FaultInjection, relay: bool) -> float:
+    """Return how far (deg) physics lets a motor that runs away take the tip, with the best that its partner can do.
 
-    It must be told first; then the partner, with the same drive, is late by that time.
+    It must be told first; then the partner, with the same drive, goes along, late by that time. It must stop where the
+    other tendon gets slack, or its own gets to the limit. Where its own is slack, a load takes the tip as far as the
+    motor lets out; at the limit, the motor pulls it. The joint's stop ends this.
     """
-    own, limits = parameters(inst).axes[0], parameters(inst).limits[0]
+    own, limits = parameters(work.known).axes[0], parameters(work.known).limits[0]
+    common, speed = parameters(work.known).common, abs(fault.value)
     threshold, persistence = limits["motor_not_following"]
     # Unwound, since this has the drive alone.
-    run = Twin(inst).run(np.zeros(round(0.5 / TIME_STEP)), spool_velocity=np.array([-abs(speed), 0.0]))
-    path = -run["spool_angle"][:, 0]
+    alone = Twin(work.known).run(np.zeros(round((RUN_ON + 0.1) / TIME_STEP)), spool_velocity=np.array([-speed, 0.0]))
+    path = -alone["spool_angle"][:, 0]
     behind, kept = np.zeros(path.size), own["watch_window"] / (own["watch_window"] + TIME_STEP)
     for n in range(1, path.size):
         behind[n] = (behind[n - 1] + path[n] - path[n - 1]) * kept
     late = int(np.argmax(behind > threshold)) + round(persistence / TIME_STEP)
-    return float(np.degrees((path[late:] - path[:-late]).max() * own["spool_radius"] / 2 / own["distal_radius"]))
+    braking = speed**2 / (2 * common["acceleration_limit"])
+    end = path[late + round(RELAY / TIME_STEP)] + braking if relay else path[late + round(RUN_ON / TIME_STEP)]
+
+    side = ("spool_velocity.agonist", "spool_velocity.antagonist").index(fault.point)
+    healthy = run_on(work).between(FAULT, FAULT + RUN_ON)
+    tension, partner = healthy["tension"][:, side], healthy["tension"][:, 1 - side]
+    stiffness = work.plant.tendon_stiffness * work.plant.mismatch.stiffness_ratio * own["spool_radius"]
+    beyond = 0.0
+    if fault.value > 0:
+        # Friction adds to what winding raises.
+        free = (common["tension_limit"] - partner.max()) / (stiffness * (1 + own["mean_band"]))
+        beyond = max(end - free, 0.0) / 2
+    else:
+        free = tension.min() / stiffness
+        if (tension > partner).any():
+            free = partner.min() / stiffness
+            beyond = max(end - free, 0.0)
+    told = (path[late:] - path[:-late]).max() / 2
+    stopping = (braking + speed * own["drive_time_constant"]) / 2 if end > free else 0.0
+    toward = (1 if side == 0 else -1) * np.sign(fault.value)
+    stop = work.plant.output_stop - (toward * healthy["output_angle"]).min()
+    return float(np.degrees(min(max(told + stopping, beyond) * own["spool_radius"] / own["distal_radius"], stop)))
 
 
 def report(target: str, done: Sequence[Any], harm: Callable[[Any], float], most: float) -> None:

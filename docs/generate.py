@@ -9,13 +9,15 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
+import conventions
 import dimensions
 import keys
 import picture
 
-from tenodesis import instrument
+from tenodesis import coupled, instrument
 from tenodesis.paper import run
 from tenodesis.paper.context import Context
+from tenodesis.report import routing
 
 ROOT = Path(__file__).parents[1]
 EQUATIONS = range(1, 23)
@@ -31,6 +33,8 @@ def main(folder: Path = ROOT) -> None:
     (package / "_core.pyi").write_text(stub(), "utf-8")
     picture.draw(folder / "docs/picture.svg")
     dimensions.draw(folder / "docs/dimensions.svg")
+    conventions.draw(folder / "docs/conventions.svg")
+    routing.write(folder / "docs/routing.svg", coupled.load("maryland-dissector"))
 
 
 def traceability() -> str:

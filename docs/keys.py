@@ -13,6 +13,7 @@ from annotated_types import Ge, Gt, Le, Lt, MaxLen, MinLen
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from tenodesis.coupled import CoupledInstrument
 from tenodesis.instrument import JOINT_TYPES, Instrument
 from tenodesis.scaling.catalogue_file import CatalogueFile
 from tenodesis.simulate.protocol import Protocol
@@ -31,6 +32,7 @@ and check.
 | file | what it describes | example |
 |---|---|---|
 | [instrument](#instrument-file) | one instrument: its dimensions, and what else is known of it | [pulley.toml](../examples/pulley.toml) |
+| [coupled instrument](#coupled-instrument-file) | joints and tendons, each tendon with the joints that it crosses ([explained](coupled.md)) | [needle-driver.toml](../src/tenodesis/coupled/shipped/needle-driver.toml) |
 | [protocol](#protocol-file) | an experiment on the bench, phase by phase | [protocol.toml](../examples/protocol.toml) |
 | [motion](#motion-file) | a recorded motion of the handle, CSV | |
 | [catalogue](#catalogue-file) | parts and constraints for scale models | |
@@ -42,6 +44,10 @@ and check.
 
 What is *required* makes an instrument, with `tendon_diameter` and `tendon_modulus`, or with `tendon_stiffness`. All else has a default.
 In the names of tables `AXIS` is `yaw` or `pitch`.
+""",
+    "coupled": """## Coupled instrument file
+
+[Joints that share tendons](coupled.md) explains what they mean. A tendon must have a stiffness: `tendon_stiffness`, or `tendon_diameter`, `tendon_modulus` and `tendon_length`.
 """,
     "protocol": "## Protocol file\n",
     "motion": """## Motion file
@@ -73,6 +79,8 @@ def page() -> str:
             _PROSE["head"],
             _PROSE["instrument"],
             *_instrument(),
+            _PROSE["coupled"],
+            *_sections(CoupledInstrument, "the coupled instrument"),
             _PROSE["protocol"],
             *_sections(Protocol, "the protocol"),
             _PROSE["motion"],
@@ -86,7 +94,8 @@ def page() -> str:
 
 def models() -> list[type[BaseModel]]:
     """Return every model whose keys a file may have."""
-    found = [model for kind in (*JOINT_TYPES.values(), Protocol, CatalogueFile, Tolerances) for model in _below(kind)]
+    kinds = (*JOINT_TYPES.values(), CoupledInstrument, Protocol, CatalogueFile, Tolerances)
+    found = [model for kind in kinds for model in _below(kind)]
     return list(dict.fromkeys(found))
 
 

@@ -1,7 +1,7 @@
 /* The controller from C99: set it up with an exported header, run it against a made-up instrument, and have it refuse
  * a bad reading.
  *
- *   tenodesis export controller real-size --own-clock
+ *   tenodesis export controller real-size --homed --own-clock
  *   c++ -std=c++20 -O2 -fno-math-errno -Iinclude -c src/c/tenodesis.cpp
  *   cc -std=c99 -Iinclude -I. -DINSTRUMENT=real_size examples/controller.c tenodesis.o -lm
  *

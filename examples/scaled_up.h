@@ -2,7 +2,9 @@
  *
  * Written by tenodesis 0.1.0 from scaled-up,
  * for version 2 of the C interface:
- * observer friction, law robust, actuation differential, homed, its own clock.
+ * observer friction, law robust, actuation differential, its own clock.
+ *
+ * It starts as homed: only where both tendons have the pretension, and spool angles count from there.
  */
 #ifndef TENODESIS_PARAMETERS_SCALED_UP_H
 #define TENODESIS_PARAMETERS_SCALED_UP_H
@@ -134,7 +136,7 @@ static const tenodesis_parameters scaled_up = {
                         {TENODESIS_C(1.25), TENODESIS_C(0.5)}, /* load_cell_drift: N, s */
                         {TENODESIS_C(0.1), TENODESIS_C(0.005)}, /* encoder_dropout: rad, s */
                         {TENODESIS_C(30.0), TENODESIS_C(0.0006)}, /* encoder_jump: rad/s, s */
-                        {TENODESIS_C(3.0), TENODESIS_C(0.006)}, /* spool_slip: N, s */
+                        {TENODESIS_C(2.5), TENODESIS_C(0.006)}, /* spool_slip: N, s */
                         {TENODESIS_C(0.008), TENODESIS_C(0.005)}, /* motor_not_following: rad, s */
                         {TENODESIS_C(0.025), TENODESIS_C(0.0)}, /* tick_late: s, s */
                         {TENODESIS_C(0.0), TENODESIS_C(0.0)}, /* not_a_number: 1, s */

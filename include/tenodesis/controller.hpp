@@ -58,6 +58,7 @@ struct AxisMemory {
   S offset[2]{};                   ///< of the load cells, as homing has found it, N
   S correction[2]{S(1), S(1)};     ///< of their gains
   S unexplained{};                 ///< time for which the stroke has been beyond the envelope, s
+  S yielded{};                     ///< time for which the force limit has held the law back, s
   std::uint32_t failed{};          ///< faults to report with the next tick
 };
 
@@ -128,6 +129,13 @@ struct AxisController {
     wanted[agonist] = winding.agonist / model().spool_radius;
     wanted[antagonist] = winding.antagonist / model().spool_radius;
     judge_stroke(dt, memory);
+    // The tip presses on something if it has yielded for a while: a load that comes makes it yield for a moment.
+    // A fault may end that before it is named.
+    const S enough = S(0.3), most = S(0.4);  // s
+    S& yielded = memory.yielded;
+    yielded = clamp(yielded + (memory.compensator.yielding ? dt : -dt), S(0), most);
+    memory.command.pressing =
+        yielded >= enough ? (measured.spool_angle[agonist] - measured.spool_angle[antagonist]) * S(0.5) : S(0);
   }
 
   /// Whether the motors have been beyond the envelope for long: then a sensor, a rope or a motor is not what it seems.
@@ -197,7 +205,7 @@ struct Controller {
     change(before, was_homing, input, state);
 
     for (int n = 0; n < count(); ++n) {
-      const bool readable = is_readable(measured[n]);
+      const bool readable = (output.axis[n].faults & bit(Fault::not_a_number)) == 0;
       // An implausible reading is not used while the watch waits whether it lasts.
       if (readable) {
         measured[n] = state.axis[n].watch.trusted;
@@ -263,11 +271,6 @@ struct Controller {
       // Estimates made during a fault are not trusted.
       if (before == OperatingState::fault) state.axis[n].friction.started = false;
     }
-  }
-
-  static bool is_readable(const Measurement<S>& measured) {
-    return all_finite(measured.handle_angle, measured.tension[0], measured.tension[1], measured.spool_angle[0],
-                      measured.spool_angle[1]);
   }
 
   void run(int n, const Measurement<S>& measured, bool readable, const S& dt, State& state,

@@ -33,7 +33,7 @@ T::S stored_energy(const T& twin, const typename T::State& state) {
   for (const auto& tendon : state.tendon)
     for (int i = 0; i <= twin.tendon.contacts(); ++i)
       sum = sum + tendon.tension[i] * tendon.tension[i] / twin.tendon.stiffness[i];
-  return sum * S(0.5) + twin.stored_in(state.load.contact, state.output_angle);
+  return sum * S(0.5) + stored_in(twin.axis.distal, state.load.contact, state.output_angle);
 }
 
 /// The energies of a step between two states, with the loads at its two ends.
@@ -55,11 +55,12 @@ Energy<typename T::S> account(const T& twin, const typename T::State& before, co
     energy.damping = twin.body.damping * mean(before.output_velocity, after.output_velocity) * turned;
   // Placed or taken away while the tip is where it was, then pushed.
   const auto& contact = after.load.contact;
-  energy.tissue =
-      twin.stored_in(before.load.contact, before.output_angle) - twin.stored_in(contact, before.output_angle);
+  energy.tissue = stored_in(twin.axis.distal, before.load.contact, before.output_angle) -
+                  stored_in(twin.axis.distal, contact, before.output_angle);
   if (!twin.quasi_static)
-    energy.tissue = energy.tissue - after.contact_moment * turned + twin.stored_in(contact, before.output_angle) -
-                    twin.stored_in(contact, after.output_angle);
+    energy.tissue = energy.tissue - after.contact_moment * turned +
+                    stored_in(twin.axis.distal, contact, before.output_angle) -
+                    stored_in(twin.axis.distal, contact, after.output_angle);
   for (int k = 0; k < 2; ++k) {
     const auto& was = before.tendon[k];
     const auto& is = after.tendon[k];

@@ -143,6 +143,7 @@ bool configure(const P& p, Controller<A, most_axes>& controller) {
     if (!detail::plausible<S>(p.axis[n], continuum)) return false;
     AxisController<A>& axis = controller.axis[n];
     axis = detail::axis_controller<A>(p.axis[n]);
+    if (n == 0) controller.supervisor.stretch = S(1) / (axis.model().axis.stiffness * axis.model().spool_radius);
     axis.observer = ObserverKind(p.observer);
     axis.compensator.law = ControlLaw(p.law);
     axis.compensator.actuation = Actuation(p.actuation);

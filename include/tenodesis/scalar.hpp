@@ -74,6 +74,12 @@ constexpr S larger(const S& a, const S& b) {
   return a > b ? a : b;
 }
 
+/// One of two numbers, by whether a is above zero.
+template <class S>
+constexpr S if_above(const S& a, const S& above, const S& otherwise) {
+  return a > S(0) ? above : otherwise;
+}
+
 namespace detail {
 
 template <Real S, std::size_t N>

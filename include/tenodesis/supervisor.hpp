@@ -44,6 +44,7 @@ struct CommandState {
   S held[2]{};               ///< spool angles before a fault, rad
   S held_tension[2]{};       ///< tensions then, N
   S leaving[2]{};            ///< velocities sent then, rad/s
+  S pressing{};              ///< by how far the motors are across while the tip presses with its limit, rad
   S before[2]{};             ///< spool angles of the last tick, rad
   S speed[2]{};              ///< of the spools, smoothed, rad/s
   std::uint32_t withheld{};  ///< ticks in which a wanted velocity was not finite
@@ -63,12 +64,13 @@ struct Supervisor {
   S neutral_speed{};  ///< rad/s
   S relief{};         ///< unwinding past neutral allowed to a tendon above its limit, rad
   S period{};         ///< nominal, of ticks, s
+  S stretch{};        ///< of a tendon per its tension, as rotation of its spool, rad/N
 
   bool valid() const {
     return speed_limit > S(0) && acceleration_limit > S(0) && engage_time >= S(0) && tension_limit >= S(0) &&
-           hold_time >= S(0) && neutral_speed >= S(0) && relief >= S(0) && period > S(0) &&
+           hold_time >= S(0) && neutral_speed >= S(0) && relief >= S(0) && period > S(0) && stretch >= S(0) &&
            all_finite(speed_limit, acceleration_limit, engage_time, tension_limit, hold_time, neutral_speed, relief,
-                      period);
+                      period, stretch);
   }
 
   /// The state after one tick; faults: those present in any axis. A fault takes precedence over any request.
@@ -120,6 +122,7 @@ struct Supervisor {
       const S sent = clamp(ramped, -speed_limit, axis.over_tension[i] ? S(0) : speed_limit);
       axis.sent[i] = is_finite(sent) ? sent : S(0);
     }
+    if (relaxes(state, axis)) axis.pressing = axis.pressing - crept(axis.pressing) * usable(dt);
     return found;
   }
 
@@ -199,6 +202,18 @@ struct Supervisor {
     return S(0);
   }
 
+  S crept(const S& left) const {
+    const S rate(5);  // 1/s: slows down near the end
+    return clamp(rate * left, -neutral_speed, neutral_speed);
+  }
+
+  // A tip that presses on something is let go of after a fault, by what the motors are told, unless they do not obey.
+  bool relaxes(const State& state, const CommandState<S>& axis) const {
+    const S enough = S(1e-3);  // rad
+    return state.operating == OperatingState::fault && state.since >= hold_time && abs(axis.pressing) > enough &&
+           (state.first & bit(Fault::motor_not_following)) == 0;
+  }
+
   // A motor that runs away moves the tip, unless the other tendon goes along. The tensions tell whether it really runs:
   // where its encoder is what is wrong, they stay.
   S following_velocity(int i, const Measurement<S>& measured, const CommandState<S>& axis) const {
@@ -207,15 +222,21 @@ struct Supervisor {
     const S own = measured.spool_angle[i] - axis.held[i];
     // As far as it may take to stop, in its ramp and with its speed loop's lag, it has not run away.
     const S left = abs(axis.leaving[other]);
-    const S stopping = left * (left / acceleration_limit + S(0.05)) + S(0.02);
+    const S stopping = left * (left / acceleration_limit + S(0.05)) + S(0.01);
     const S before = (axis.held_tension[0] + axis.held_tension[1]) * S(0.5);
     const S mean = (measured.tension[0] + measured.tension[1]) * S(0.5);
     const S changed = moved > S(0) ? mean - before : before - mean;
     // With both tendons wound as far, the mean changes by the pretension over twice the relief.
     const bool runs = changed > S(0.2) * before * smaller(abs(moved) / (S(2) * relief), S(1));
     if (!(abs(moved) > abs(own) && abs(moved) > stopping && runs)) return S(0);
-    const S rate(40);  // 1/s
-    const S speed = axis.speed[other] + rate * (moved - own);
+    // A slack tendon lets nothing more out.
+    if (moved < S(0) && measured.tension[i] < S(0.05) * before) return S(0);
+    // Where the other tendon gets slack, this one alone holds the tip, which is where its own stretch says.
+    const S tight = moved < S(0) ? clamp(measured.tension[other] / (S(0.3) * before), S(0), S(1)) : S(1);
+    const S drawn = own - (measured.tension[i] - axis.held_tension[i]) * stretch;
+    // The tip swings on a single tendon, which a fast loop would make grow.
+    const S rate(40), rate_alone(10);  // 1/s
+    const S speed = tight * (axis.speed[other] + rate * (moved - own)) - (S(1) - tight) * rate_alone * drawn;
     return is_finite(speed) && !(speed > S(0) && axis.over_tension[i]) ? speed : S(0);
   }
 
@@ -225,14 +246,14 @@ struct Supervisor {
     const Distrust otherwise = distrusted(state.faults & ~bit(Fault::motor_not_following));
     if (state.first == bit(Fault::motor_not_following) && !otherwise.spool && !otherwise.tension)
       return following_velocity(i, measured, axis);
+    if (relaxes(state, axis)) return i == agonist ? -crept(axis.pressing) : crept(axis.pressing);
     if (distrust.spool || !is_finite(angle)) return S(0);
     // Bounded, since a wrong load cell would have it unwound without end.
     if (axis.over_tension[i]) return !distrust.tension && angle > -relief ? -neutral_speed : S(0);
     // Where a tendon hangs, the motors press the tip against something: they let go of it.
-    const bool relaxes = safe_state == SafeState::neutral || state.faults == bit(Fault::tendon_slack);
-    if (!relaxes || state.since < hold_time) return S(0);
-    const S rate(5);  // 1/s: slows down near neutral
-    const S creep = clamp(-rate * angle, -neutral_speed, neutral_speed);
+    const bool returns = safe_state == SafeState::neutral || state.faults == bit(Fault::tendon_slack);
+    if (!returns || state.since < hold_time) return S(0);
+    const S creep = -crept(angle);
     const bool loose = tension_limit > S(0) ? measured.tension[i] < relaxed() : is_finite(measured.tension[i]);
     return creep <= S(0) || (loose && !distrust.tension) ? creep : S(0);
   }

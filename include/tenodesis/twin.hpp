@@ -53,19 +53,14 @@ struct Twin {
       for (int i = 0; i <= tendon.contacts(); ++i) own.tension[i] = tendon.rest_tension;
     for (auto& own : state.drive) own.angle = drive.backlash * S(0.5);
     state.noise.seed = seed;
-    state.reading = read(state);
+    state.reading = readings(sensors, drive, state);
     state.until_sample = steps_per_sample;
     return state;
   }
 
   /// Advances the state by one step; it is unchanged unless the status is ok.
   Status step(const Command<S>& command, State& state) const {
-    if (!all_finite(value_of(command.handle_angle), value_of(command.force), value_of(command.radial_force),
-                    value_of(command.weight), value_of(command.spool_velocity[0]), value_of(command.spool_velocity[1]),
-                    value_of(command.sheath_bend), value_of(command.let_out[0]), value_of(command.let_out[1]),
-                    value_of(command.contact.angle), value_of(command.contact.stiffness),
-                    value_of(command.contact.damping)))
-      return Status::not_finite;
+    if (!command.finite()) return Status::not_finite;
     if (abs(command.contact.angle) > S(pi)) return Status::unreachable;
     State next = state;
     next.sheath_bend = command.sheath_bend;
@@ -80,7 +75,7 @@ struct Twin {
     next.handle_wanted = command.handle_angle;
     next.load = load;
     if (--next.until_sample <= 0) {
-      next.reading = read(next);
+      next.reading = readings(sensors, drive, next);
       next.until_sample = steps_per_sample;
     }
     state = next;
@@ -93,11 +88,13 @@ struct Twin {
 
   /// Torque that the hand holds the handle with, N m.
   S handle_torque(const Command<S>& command, const State& state) const {
-    return prescribed() ? state.handle_moment : hand_torque(command.handle_angle, state);
+    if (prescribed()) return state.handle_moment;
+    const S resistance = quasi_static ? S(0) : hand.damping * state.handle_velocity;
+    return hand.stiffness * (command.handle_angle - state.handle_angle) - resistance;
   }
 
   /// Expected readings; in dual numbers without noise and steps.
-  Reading<S> expected(State state) const { return read(state); }
+  Reading<S> expected(State state) const { return readings(sensors, drive, state); }
 
   /// Largest violation of the friction law in a step, as a share of the tension scale.
   S residual(const State& before, const State& after) const {
@@ -105,8 +102,7 @@ struct Twin {
     S worst(0);
     for (int i = 0; i < 2; ++i) {
       const S tip_angle = quasi_static ? after.output_angle : first_guess(before).angle;
-      const Bands band =
-          bands(after.handle_angle, tip_angle, after.sheath_bend, before.slip_speed[i], before.tendon[i].tension);
+      const Bands band = bands_of(i, after.handle_angle, tip_angle, before, after);
       worst = larger(worst, tendon.residual(band, before.tendon[i].slip, after.tendon[i]));
     }
     return worst / tension_scale();
@@ -122,25 +118,16 @@ struct Twin {
            body.damping * velocity - body.stop_stiffness * beyond_stop(angle);
   }
 
-  /// How far the tip has come into tissue along its path, m; negative outside.
-  S depth(const Contact<S>& contact, const S& angle, const S& x) const {
-    const S touching = axis.distal.tip_path(contact.angle, axis.distal.coordinate(contact.angle));
-    const S way = axis.distal.tip_path(angle, x) - touching;
-    return contact.stiffness < S(0) ? -way : way;
+  // A single division per step, since the compiler sees that all uses are the same.
+  S per_second() const { return S(1) / time_step; }
+  /// Contacts of a joint.
+  int vertices() const {
+    if constexpr (requires { Rows::vertices_per_joint; })
+      return Rows::vertices_per_joint;
+    else
+      return joint_vertices;
   }
-
-  /// Whether the tip is within tissue.
-  bool inside(const Contact<S>& contact, const State& state) const {
-    const S& angle = state.output_angle;
-    return contact.present() && depth(contact, angle, axis.distal.coordinate(angle)) > S(0);
-  }
-
-  /// Energy stored in tissue, J.
-  S stored_in(const Contact<S>& contact, const S& angle) const {
-    if (!contact.present()) return S(0);
-    const S deep = larger(depth(contact, angle, axis.distal.coordinate(angle)), S(0));
-    return abs(contact.stiffness) * deep * deep * S(0.5);
-  }
+  int sheath_contacts() const { return tendon.contacts() - tendon_joints * vertices(); }
 
   /// The segment in which the tip's joint draws a tendon.
   int tip_segment() const { return tendon.contacts() + 1 - vertices(); }
@@ -150,59 +137,10 @@ struct Twin {
 
  private:
   bool prescribed() const { return !(hand.stiffness > S(0)); }
-  // A single division per step, since the compiler sees that all uses are the same.
-  S per_second() const { return S(1) / time_step; }
-  int vertices() const {
-    if constexpr (requires { Rows::vertices_per_joint; })
-      return Rows::vertices_per_joint;
-    else
-      return joint_vertices;
-  }
-  int sheath_contacts() const { return tendon.contacts() - tendon_joints * vertices(); }
   // Where the handle's joint draws.
   int handle_segment() const { return sheath_contacts() + vertices() - 1; }
-
-  S hand_torque(const S& wanted, const State& state) const {
-    const S resistance = quasi_static ? S(0) : hand.damping * state.handle_velocity;
-    return hand.stiffness * (wanted - state.handle_angle) - resistance;
-  }
-
-  Bands bands(const S& handle_angle, const S& tip_angle, const S& more_bend,
-              const Rows::template PerContact<S>& slip_speed, const Rows::template PerSegment<S>& tension) const {
-    const int n = tendon.contacts();
-    const int sheath = sheath_contacts();
-    const S bend = larger(friction.sheath_bend + friction.sheath_bend_rate * abs(handle_angle) + more_bend, S(0));
-    const S per_vertex = S(1) / S(vertices());
-    const S wraps[2] = {(axis.proximal.wrap_angle(handle_angle) + friction.base_wrap) * per_vertex,
-                        (axis.distal.wrap_angle(tip_angle) + friction.base_wrap) * per_vertex};
-    const S exponents[3] = {friction.sheath * bend / S(sheath), friction.vertex * wraps[0], friction.vertex * wraps[1]};
-    const auto place = [&](int j) { return j < sheath ? 0 : j < sheath + vertices() ? 1 : 2; };
-    Bands band{};
-    if constexpr (Law::depends_on_tension) {
-      for (int j = 0; j < n; ++j) {
-        // The held side is the slacker one.
-        const S held = smaller(tension[j], tension[j + 1]);
-        const int at = place(j);
-        band[j] = law.band(at == 0 ? exponents[0] : friction.vertex_factor * exponents[at], held);
-        if (at > 0) band[j] = law.bend(wraps[at - 1], held, band[j]);
-      }
-    } else if constexpr (Law::depends_on_speed) {
-      for (int j = 0; j < n; ++j) band[j] = law.band(exponents[place(j)], slip_speed[j]);
-    } else {
-      const Band<S> places[3] = {law.band(exponents[0], S(0)), law.band(exponents[1], S(0)),
-                                 law.band(exponents[2], S(0))};
-      for (int j = 0; j < n; ++j) band[j] = places[place(j)];
-    }
-    for (int j = 0; j < n; ++j) {
-      // The contacts of the sheath, and those of a joint, share its constant and viscous friction.
-      const S share = place(j) == 0 ? S(1) / S(sheath) : per_vertex;
-      if constexpr (Law::depends_on_tension)
-        band[j].constant = band[j].constant - law.constant * (S(1) - share);
-      else
-        band[j].constant = band[j].constant * share;
-      band[j].drag = friction.viscous * per_second() * share + least_drag<ValueOf<S>> * axis.stiffness;
-    }
-    return band;
+  static S difference_in(int segment, const State& state) {
+    return state.tendon[agonist].tension[segment] - state.tendon[antagonist].tension[segment];
   }
 
   // Both tendons in a pass: bands, spool ends and lengths drawn by the handle.
@@ -224,13 +162,14 @@ struct Twin {
     return both;
   }
 
+  Bands bands_of(int i, const S& handle_angle, const S& tip_angle, const State& before, const State& next) const {
+    return bands(*this, handle_angle, tip_angle, next.sheath_bend, before.slip_speed[i], before.tendon[i].tension);
+  }
+
   void set_bands(const S& handle_angle, const S& tip_angle, const State& before, const State& next, Chain& both) const {
-    const S& bend = next.sheath_bend;
-    const auto bands_of = [&](int i) {
-      return bands(handle_angle, tip_angle, bend, before.slip_speed[i], before.tendon[i].tension);
-    };
-    both.band[0] = bands_of(0);
-    both.band[1] = Law::depends_on_speed || Law::depends_on_tension ? bands_of(1) : both.band[0];
+    both.band[0] = bands_of(0, handle_angle, tip_angle, before, next);
+    both.band[1] = Law::depends_on_speed || Law::depends_on_tension ? bands_of(1, handle_angle, tip_angle, before, next)
+                                                                    : both.band[0];
   }
 
   Status move(const S& handle_angle, const TipLoad<S>& load, const State& before, State& next) const {
@@ -282,7 +221,7 @@ struct Twin {
   // Moves the tip to the step's end at a given handle angle.
   Status move_tip(const S& handle_angle, const TipLoad<S>& load, const State& before, State& next) const {
     if (check_handle(axis, handle_angle) != Status::ok) return Status::out_of_range;
-    Tip tip = first_guess(before);
+    Tip<S> tip = first_guess(before);
     Chain both = chain(handle_angle, tip.angle, before, next);
     next.handle_angle = handle_angle;
     next.handle_velocity = (handle_angle - before.handle_angle) * per_second();
@@ -304,11 +243,13 @@ struct Twin {
     next.output_angle = tip.angle;
     next.output_velocity =
         quasi_static ? (tip.angle - before.output_angle) * per_second() : velocity(before, tip.angle);
-    const S difference = next.tendon[agonist].tension[tip_segment()] - next.tendon[antagonist].tension[tip_segment()];
+    const S difference = difference_in(tip_segment(), next);
     next.tip_moment = tip_moment(tip.angle, next.output_velocity, tip.x, difference, load);
-    set_contact(before, tip, load.contact, next);
-    const S drawn = next.tendon[agonist].tension[handle_segment()] - next.tendon[antagonist].tension[handle_segment()];
-    next.handle_moment = drawn * axis.proximal.moment_arm(axis.proximal.coordinate(handle_angle));
+    const Resistance<S> tissue = resistance_of(load.contact, before, tip);
+    next.contact_force = tissue.force;
+    next.contact_moment = tissue.moment;
+    next.handle_moment =
+        difference_in(handle_segment(), next) * axis.proximal.moment_arm(axis.proximal.coordinate(handle_angle));
     if constexpr (Law::depends_on_speed)
       for (int i = 0; i < 2; ++i)
         for (int j = 0; j < tendon.contacts(); ++j)
@@ -317,20 +258,11 @@ struct Twin {
     return Status::ok;
   }
 
-  struct Tip {
-    S angle{};
-    S x{};
-  };
-
-  Tip first_guess(const State& before) const {
-    if (quasi_static) return {before.output_angle, axis.distal.coordinate(before.output_angle)};
+  Tip<S> first_guess(const State& before) const {
+    if (quasi_static) return tip_at(axis.distal, before.output_angle);
     const S moment = before.tip_moment + before.contact_moment;
     const S velocity = before.output_velocity + moment / body.inertia * time_step * S(0.5);
     return {before.output_angle + velocity * time_step, S(0)};
-  }
-
-  Status correct_tip(const Reaction<S>* end, const TipLoad<S>& load, const State& before, Tip& tip) const {
-    return quasi_static ? balance_tip(end, load, tip) : push_tip(end, load, before, tip);
   }
 
   S tolerance() const { return friction_tolerance<ValueOf<S>> * tension_scale(); }
@@ -346,8 +278,8 @@ struct Twin {
   }
 
   // Guess, pass, revise (tendon.hpp), with the tip's own equation at the tendons' end.
-  Status settle(Chain& both, const TipLoad<S>& load, const State& before, Tip& tip, State& next) const {
-    const Tip start = tip;
+  Status settle(Chain& both, const TipLoad<S>& load, const State& before, Tip<S>& tip, State& next) const {
+    const Tip<S> start = tip;
     for (int sweep = 1; sweep <= hasty_sweeps; ++sweep) {
       ++next.sweeps;
       Reaction<S> end[2];
@@ -372,7 +304,7 @@ struct Twin {
   // Between two slack tendons, a tip without load and spring stays where it is, or is moved by the tendon that becomes
   // tight. Friction may keep parts of a loose tendon tight, which then move it.
   [[gnu::noinline, gnu::cold]] bool stays_loose(Chain& both, const TipLoad<S>& load, const State& before, State& next,
-                                                Tip& tip) const {
+                                                Tip<S>& tip) const {
     if (load.force != S(0) || load.radial_force != S(0) || axis.distal.passive_stiffness() > S(0)) return false;
     S length[2];
     for (int i = 0; i < 2; ++i)
@@ -381,8 +313,8 @@ struct Twin {
     if (!(length[agonist] + length[antagonist] < S(0))) return false;
     const S slope = axis.distal.excursion_slope();
     const S x = clamp(tip.x, length[agonist] / slope, -length[antagonist] / slope);
-    const Tip resting{axis.distal.angle(x), x};
-    if (load.contact.present() && depth(load.contact, resting.angle, x) > S(0)) return false;
+    const Tip<S> resting{axis.distal.angle(x), x};
+    if (touches(axis.distal, load.contact, resting)) return false;
     set_bands(next.handle_angle, resting.angle, before, next, both);
     S tightest(0);
     for (int i = 0; i < 2; ++i) {
@@ -399,7 +331,7 @@ struct Twin {
   }
 
   // Solves one tendon with the tip held.
-  int settle_alone(Chain& both, int i, const State& before, const Tip& tip, State& next) const {
+  int settle_alone(Chain& both, int i, const State& before, const Tip<S>& tip, State& next) const {
     const S y = axis.distal.excursion_slope() * tip.x;
     Lengths pull = both.pull[i];
     pull[tip_segment()] = pull[tip_segment()] + (i == agonist ? -y : y);
@@ -410,7 +342,7 @@ struct Twin {
   // Solves the tip's equation by bracketing, with both tendons solved for every trial: slower, but up to a fold the
   // moment falls with the tip's angle, so that its sign shows on which side the solution lies.
   [[gnu::noinline, gnu::cold]] Status settle_by_bracketing(Chain& both, const TipLoad<S>& load, const State& before,
-                                                           Tip& tip, State& next) const {
+                                                           Tip<S>& tip, State& next) const {
     S low = -axis.distal.angle(axis.distal.limit());
     S high = -low;
     for (int turn = 0; turn < most_corrections; ++turn) {
@@ -422,7 +354,7 @@ struct Twin {
       }
       const S push = unbalanced_at(load, before, next, tip);
       if (push == S(0)) return held_at(tip);
-      Tip better = tip;
+      Tip<S> better = tip;
       const bool corrected = correct_tip(end, load, before, better) == Status::ok && better.angle != tip.angle;
       if (corrected && abs(better.angle - tip.angle) <= settled<ValueOf<S>>) return held_at(tip);
       (push > S(0) ? low : high) = tip.angle;
@@ -434,72 +366,31 @@ struct Twin {
   }
 
   // At the end of the joint's range tendons have no moment arm: a load that gets there is not held.
-  Status held_at(const Tip& tip) const {
+  Status held_at(const Tip<S>& tip) const {
     return abs(tip.x) < axis.distal.limit() * S(0.999) ? Status::ok : Status::no_equilibrium;
   }
 
   // Unbalanced moment on the tip with the present tensions.
-  S unbalanced_at(const TipLoad<S>& load, const State& before, const State& next, const Tip& tip) const {
-    const S difference = next.tendon[agonist].tension[tip_segment()] - next.tendon[antagonist].tension[tip_segment()];
+  S unbalanced_at(const TipLoad<S>& load, const State& before, const State& next, const Tip<S>& tip) const {
+    const S difference = difference_in(tip_segment(), next);
     if (quasi_static) {
       const Demand<S> demand = demand_at(tip.x, load);
       return difference * demand.weight - demand.value;
     }
-    return unbalanced(tip, difference, load, before) + resistance(load.contact, before, tip).moment;
+    return unbalanced(tip, difference, load, before) + resistance_of(load.contact, before, tip).moment;
   }
 
   // Mean moment of the step's two ends, without tissue's, less the moment that accelerates the tip this far.
-  S unbalanced(const Tip& tip, const S& difference, const Load<S>& load, const State& before) const {
+  S unbalanced(const Tip<S>& tip, const S& difference, const Load<S>& load, const State& before) const {
     const S moment = tip_moment(tip.angle, velocity(before, tip.angle), tip.x, difference, load);
     const S turned = tip.angle - before.output_angle;
     return (moment + before.tip_moment) * S(0.5) - inertial() * (turned - before.output_velocity * time_step);
   }
 
-  // Mean force of tissue in a step: its size, its moment on the tip, and how that falls with the tip's angle.
-  struct Resistance {
-    S force{};
-    S moment{};
-    S stiffness{};
-  };
-
-  Resistance resistance(const Contact<S>& contact, const State& before, const Tip& tip) const {
-    return contact.present() ? resistance_within(contact, before, tip) : Resistance{};
-  }
-
-  // The mean force times the way is what the spring stores, also in a step that enters or leaves, and what its damping
-  // loses: whatever the step, tissue gives back no more than it took (Gonzalez 1996,
-  // https://doi.org/10.1007/BF02440162).
-  [[gnu::noinline, gnu::cold]] Resistance resistance_within(const Contact<S>& contact, const State& before,
-                                                            const Tip& tip) const {
-    const S x = axis.distal.coordinate(before.output_angle);
-    const S was = depth(contact, before.output_angle, x);
-    const S is = depth(contact, tip.angle, tip.x);
-    const S inside = larger(is, S(0)) - larger(was, S(0));
-    // The share of the way that lies within, unless there is no way.
-    const bool crosses = (was > S(0)) != (is > S(0));
-    const S share = crosses ? inside / (is - was) : S(1);
-    const S mean = (larger(is, S(0)) + larger(was, S(0))) * S(0.5) * share;
-    const S size = abs(contact.stiffness);
-    const S force = size * mean + contact.damping * per_second() * inside;
-    if (!(force > S(0))) return {};
-    const S shift = is > S(0) ? share * (S(1) - share * S(0.5)) : share * share * S(0.5);
-    const S slope = size * shift + (is > S(0) ? contact.damping * per_second() : S(0));
-    const S arm = (axis.distal.tangential_arm(x) + axis.distal.tangential_arm(tip.x)) * S(0.5);
-    const S against = contact.stiffness < S(0) ? -force : force;
-    return {against, -against * arm, slope * arm * arm};
-  }
-
-  // Tissue's force in the step that has been solved, at rest without its damping.
-  void set_contact(const State& before, const Tip& tip, const Contact<S>& contact, State& next) const {
-    Resistance found{};
-    if (!quasi_static) {
-      found = resistance(contact, before, tip);
-    } else if (contact.present()) {
-      found.force = contact.stiffness * larger(depth(contact, tip.angle, tip.x), S(0));
-      found.moment = -found.force * axis.distal.tangential_arm(tip.x);
-    }
-    next.contact_force = found.force;
-    next.contact_moment = found.moment;
+  Resistance<S> resistance_of(const Contact<S>& contact, const State& before, const Tip<S>& tip) const {
+    if (!contact.present()) return {};
+    if (quasi_static) return resistance_at_rest(axis.distal, contact, tip);
+    return resistance(axis.distal, contact, per_second(), before.output_angle, tip);
   }
 
   S inertial() const { return S(2) * body.inertia * per_second() * per_second(); }
@@ -509,7 +400,7 @@ struct Twin {
   }
 
   // The trapezoidal rule: the mean moment of the step's two ends accelerates the tip, and tissue's over the step.
-  Status push_tip(const Reaction<S>* end, const TipLoad<S>& load, const State& before, Tip& tip) const {
+  Status push_tip(const Reaction<S>* end, const TipLoad<S>& load, const State& before, Tip<S>& tip) const {
     const S slope = axis.distal.excursion_slope();
     const S pull = end[agonist].at_rest - end[antagonist].at_rest;
     const S springs = end[agonist].stiffness + end[antagonist].stiffness;
@@ -519,7 +410,7 @@ struct Twin {
       tip.x = axis.distal.coordinate(tip.angle);
       const S arm = axis.distal.moment_arm(tip.x);
       const S stop = beyond_stop(tip.angle) == S(0) ? S(0) : body.stop_stiffness;
-      const Resistance tissue = resistance(load.contact, before, tip);
+      const Resistance<S> tissue = resistance_of(load.contact, before, tip);
       const S stiffness = (springs * arm * arm + spring + stop) * S(0.5) + inertial() + tissue.stiffness;
       const S correction = (unbalanced(tip, pull - rate * tip.x, load, before) + tissue.moment) / stiffness;
       tip.angle = tip.angle + correction;
@@ -535,25 +426,16 @@ struct Twin {
     return Status::no_equilibrium;
   }
 
-  // The demand on the tendons at rest, with the force of tissue, which grows along the tip's path.
   Demand<S> demand_at(const S& x, const TipLoad<S>& load) const {
-    return load.contact.present() ? demand_within(x, load) : axis.distal.demand(x, load);
+    return load.contact.present() ? demand_in_tissue(axis.distal, x, load) : axis.distal.demand(x, load);
   }
 
-  [[gnu::noinline, gnu::cold]] Demand<S> demand_within(const S& x, const TipLoad<S>& load) const {
-    const auto& joint = axis.distal;
-    const S deep = depth(load.contact, joint.angle(x), x);
-    if (!(deep > S(0))) return joint.demand(x, load);
-    const Load<S> all{load.force + load.contact.stiffness * deep, load.radial_force};
-    Demand<S> demand = joint.demand(x, all);
-    const S by_force = joint.demand(x, Load<S>{S(1), S(0)}).value - joint.demand(x, Load<S>{}).value;
-    const S turn = joint.excursion_slope() / joint.moment_arm(x);
-    demand.slope = demand.slope + by_force * abs(load.contact.stiffness) * joint.tangential_arm(x) * turn;
-    return demand;
+  Status correct_tip(const Reaction<S>* end, const TipLoad<S>& load, const State& before, Tip<S>& tip) const {
+    return quasi_static ? balance_tip(end, load, tip) : push_tip(end, load, before, tip);
   }
 
   // Newton's iteration on the moment balance at rest (eq. 1), in the joint's own coordinate.
-  Status balance_tip(const Reaction<S>* end, const TipLoad<S>& load, Tip& tip) const {
+  Status balance_tip(const Reaction<S>* end, const TipLoad<S>& load, Tip<S>& tip) const {
     const S pull = end[agonist].at_rest - end[antagonist].at_rest;
     const S rate = (end[agonist].stiffness + end[antagonist].stiffness) * axis.distal.excursion_slope();
     const S longest = axis.distal.limit() * S(0.2);
@@ -607,17 +489,6 @@ struct Twin {
       angle = angle + correction;
     }
     return Status::no_equilibrium;
-  }
-
-  Reading<S> read(State& state) const {
-    Reading<S> reading{};
-    reading.handle_angle = sensors.handle_encoder.read(state.handle_angle, state.noise);
-    reading.output_angle = sensors.output_encoder.read(state.output_angle, state.noise);
-    for (int i = 0; i < 2; ++i) {
-      reading.tension[i] = sensors.load_cell[i].read(state.tendon[i].tension[0], state.noise);
-      reading.spool_angle[i] = sensors.motor_encoder.read(state.drive[i].angle - drive.backlash * S(0.5), state.noise);
-    }
-    return reading;
   }
 };
 

@@ -1,24 +1,12 @@
 #pragma once
 // The parts of the twin beside its axis and its tendons, and its commands, readings and state.
 
+#include "tenodesis/bands.hpp"
 #include "tenodesis/drive.hpp"
 #include "tenodesis/sensor.hpp"
-#include "tenodesis/statics.hpp"
-#include "tenodesis/tendon.hpp"
+#include "tenodesis/tissue.hpp"
 
 namespace tenodesis {
-
-/// Friction coefficients and bends, from which a friction law makes bands.
-template <class S>
-struct Friction {
-  S vertex{};            ///< friction coefficient at the joints' vertices
-  S sheath{};            ///< friction coefficient in the sheath
-  S sheath_bend{};       ///< total bend of the sheath, rad
-  S sheath_bend_rate{};  ///< bend added per radian of |handle angle|: the sheath bends as the hand moves
-  S viscous{};           ///< of each joint and of the sheath, N s/m
-  S base_wrap{};         ///< wrap angle of a joint when it is straight, rad
-  S vertex_factor{1};    ///< of the coefficient at the vertices, for their radius
-};
 
 /// The tip as a rigid body that rotates by the output angle.
 template <class S>
@@ -27,23 +15,6 @@ struct Body {
   S damping{};         ///< N m s/rad
   S stop{};            ///< output angle at the mechanical stop, rad
   S stop_stiffness{};  ///< N m/rad
-};
-
-/// Tissue at the tip: beyond a place it pushes back against the tip's path square to the end-effector, and never pulls.
-template <class S>
-struct Contact {
-  S angle{};      ///< output angle at which the tip touches it, rad
-  S stiffness{};  ///< N/m; positive: it lies in flexion from there, negative: in extension; 0: there is none
-  S damping{};    ///< N s/m
-
-  constexpr bool present() const { return stiffness != S(0); }
-  friend constexpr bool operator==(const Contact&, const Contact&) = default;
-};
-
-/// What acts on the tip.
-template <class S>
-struct TipLoad : Load<S> {
-  Contact<S> contact{};
 };
 
 /// The hand on the handle; without stiffness the handle angle is prescribed.
@@ -82,6 +53,13 @@ struct Command {
   S sheath_bend{};        ///< added to the sheath's own, rad
   S let_out[2]{};         ///< tendon length that has come off the spool, or is torn, m
   Contact<S> contact{};
+
+  bool finite() const {
+    return all_finite(value_of(handle_angle), value_of(force), value_of(radial_force), value_of(weight),
+                      value_of(spool_velocity[0]), value_of(spool_velocity[1]), value_of(sheath_bend),
+                      value_of(let_out[0]), value_of(let_out[1]), value_of(contact.angle), value_of(contact.stiffness),
+                      value_of(contact.damping));
+  }
 };
 
 /// Readings of the sensors of one axis.
@@ -120,5 +98,18 @@ struct TwinState {
   int sweeps{};             ///< of the last step
   S residual_in_parts{-1};  ///< largest of the last step's parts; -1: it was not divided
 };
+
+/// Readings in a state, from which their noise is drawn.
+template <class S, class State>
+Reading<S> readings(const Sensors<S>& sensors, const Drive<S>& drive, State& state) {
+  Reading<S> reading{};
+  reading.handle_angle = sensors.handle_encoder.read(state.handle_angle, state.noise);
+  reading.output_angle = sensors.output_encoder.read(state.output_angle, state.noise);
+  for (int i = 0; i < 2; ++i) {
+    reading.tension[i] = sensors.load_cell[i].read(state.tendon[i].tension[0], state.noise);
+    reading.spool_angle[i] = sensors.motor_encoder.read(state.drive[i].angle - drive.backlash * S(0.5), state.noise);
+  }
+  return reading;
+}
 
 }  // namespace tenodesis

@@ -10,8 +10,12 @@
 // cell is wrong. A broken tendon cannot be distinguished from a slack one only while a load, or the tip's stop, makes
 // the other carry both shares.
 //
-// Within that band, timing distinguishes them: hand and tip have inertia, so that they lower the mean over
-// milliseconds, while a tendon that breaks or a spool that slips lowers it at once.
+// Within that band, timing distinguishes them: hand and tip have inertia, so that they change the mean over
+// milliseconds, while a tendon that breaks or a spool that slips lowers it at once. Nothing but a load cell raises it
+// at once, and only two cells that are exchanged reverse the difference of the tensions at once.
+//
+// The mean cannot tell a tendon's change from an encoder's. What a motor was commanded can: its encoder must turn by as
+// much, over a moment and in the long run.
 
 #include "tenodesis/control.hpp"
 #include "tenodesis/drive.hpp"
@@ -42,6 +46,8 @@ struct Following {
   S speed{};    ///< of the model, rad/s
   S fastest{};  ///< recent largest speed of the model, rad/s
   S behind{};   ///< recent excess of the spool's rotation over the model's, rad
+  S astray{};   ///< the same over a longer time, rad
+  S path{};     ///< of the model in that time, either way, rad
 };
 
 template <class S>
@@ -56,6 +62,7 @@ struct WatchState {
   S usual_shortfall{};                   ///< recent shortfall of the mean tension, N
   S level{};                             ///< shortfall a moment ago, or before a sudden fall, N
   bool leveled{};                        ///< whether level is known
+  S reversed{};  ///< difference of the tensions before it was reversed at once; 0: it was not, N
   Following<S> following[2]{};
   std::uint32_t count[fault_count]{};          ///< how often each fault was confirmed
   std::uint32_t bad_samples[channel_count]{};  ///< implausible readings
@@ -114,17 +121,19 @@ struct Watch {
       if (!state.started) start(measured, state);
       found |= check_handle(measured.handle_angle, step, state);
       bool cells_in_range = true;
+      const S difference = state.trusted.tension[0] - state.trusted.tension[1];
       for (int i = 0; i < 2; ++i) {
         found |= check_spool(i, measured.spool_angle[i], step, state, moved[i]);
         found |= check_cell(i, measured.tension[i], step, state, cells_in_range);
       }
       if (!(state.homed && cells_in_range && elapsed < S(1.5) * moment)) state.leveled = false;
-      if (state.homed && cells_in_range) found |= check_pair(measured.tension, step, state);
+      if (state.homed && cells_in_range) found |= check_pair(measured.tension, difference, step, state);
     }
     found |= lasting(Fault::tick_late, 0, late, step, state);
     for (int i = 0; i < 2; ++i) found |= check_motor(i, commanded[i], moved[i], late, elapsed, step, state);
-    for (int n = 0; n < fault_count; ++n)
-      if ((found & ~state.confirmed & (std::uint32_t(1) << static_cast<std::uint32_t>(n))) != 0) count(state.count[n]);
+    std::uint32_t fresh = found & ~state.confirmed;
+    for (int n = 0; fresh != 0; ++n, fresh >>= 1U)
+      if ((fresh & 1U) != 0) count(state.count[n]);
     state.confirmed = found;
     return found;
   }
@@ -151,6 +160,10 @@ struct Watch {
   // Time in which hand and tip cannot, because of their inertia, lower the mean tension as a slip does, s.
   static constexpr S moment = S(1e-3);
 
+  // Windows after which a motor and its encoder must agree in the long run, and share of its path by which they need
+  // not.
+  static constexpr S long_run = S(40), drive_gain_error = S(0.01);
+
   // N or rad; smaller readings keep every sum finite.
   static constexpr S beyond_any_sensor = S(1e6);
 
@@ -162,9 +175,12 @@ struct Watch {
 
   static std::uint32_t lasting(Fault fault, int place, const Limit<S>& by, bool holds, const S& step, State& state) {
     S& lasted = state.lasted[static_cast<int>(fault)][place];
-    const bool counts = holds && by.on();
-    lasted = counts ? smaller(lasted + step, longest) : S(0);
-    return counts && lasted >= by.persistence ? bit(fault) : 0U;
+    if (!holds || !by.on()) {
+      lasted = S(0);
+      return 0;
+    }
+    lasted = smaller(lasted + step, longest);
+    return lasted >= by.persistence ? bit(fault) : 0U;
   }
   std::uint32_t lasting(Fault fault, int place, bool holds, const S& step, State& state) const {
     return lasting(fault, place, of(fault), holds, step, state);
@@ -245,7 +261,8 @@ struct Watch {
     return found;
   }
 
-  std::uint32_t check_pair(const S (&tension)[2], const S& step, State& state) const {
+  // difference: of the tensions a tick ago, N.
+  std::uint32_t check_pair(const S (&tension)[2], const S& difference, const S& step, State& state) const {
     const auto& spool = state.trusted.spool_angle;
     const S wound = drive.spool_radius * (spool[0] + spool[1]) * S(0.5);
     const S mean = larger(pretension + stiffness * wound, S(0));
@@ -261,7 +278,9 @@ struct Watch {
     // A fallen mean is compared with the one before until it comes back or is a fault. A mean that a slack tendon had
     // raised, and that comes down again, has lost nothing.
     const bool fell = of(Fault::spool_slip).on() && fallen > limit_of_slip && shortfall > -band;
-    if (!fell) state.level = state.level + fallen * smaller(step / moment, S(1));
+    const bool taut = looser >= larger(empty, slack);
+    const bool rose = taut && limit_of_slip > S(0) && -fallen > limit_of_slip;
+    if (!fell && !rose) state.level = state.level + fallen * smaller(step / moment, S(1));
     const bool gone = fell || shortfall > band + empty;
 
     std::uint32_t found = 0;
@@ -275,7 +294,19 @@ struct Watch {
     found |= lasting(Fault::spool_slip, 0, slipped && looser >= empty, step, state);
     const S off = abs(shortfall) - band;
     // A slack tendon may raise the mean; a mean far too low, with a tendon without tension, is a fault of its own.
-    const bool judged = looser >= (shortfall > S(0) ? empty : larger(empty, slack));
+    const S now = tension[0] - tension[1];
+    if (state.reversed != S(0) || abs(now - difference) > limit_of_slip) {
+      const auto opposite = [&](const S& before) {
+        return abs(before) > limit_of_slip && abs(now + before) < S(0.5) * abs(before);
+      };
+      if (opposite(difference))
+        state.reversed = difference;
+      else if (!opposite(state.reversed))
+        state.reversed = S(0);
+    }
+    const Limit<S> at_once{limit_of_slip, of(Fault::spool_slip).persistence};
+    found |= lasting(Fault::load_cell_drift, 1, at_once, rose || (taut && state.reversed != S(0)), step, state);
+    const bool judged = shortfall > S(0) ? looser >= empty : taut;
     found |= lasting(Fault::load_cell_drift, 0, judged && off > of(Fault::load_cell_drift).threshold, step, state);
     return found;
   }
@@ -286,18 +317,30 @@ struct Watch {
                             State& state) const {
     Following<S>& following = state.following[i];
     // After a gap the watchdog may have stopped the motor.
-    if (late) following = {};
+    if (late) {
+      following = {};
+      return lasting(Fault::motor_not_following, i, false, step, state);
+    }
     const S taut(1);
     const DriveState<S> before{following.speed, S(0), S(0)};
-    const DriveState<S> model =
-        late ? before : advance(drive, before, is_finite(commanded) ? commanded : S(0), taut, elapsed);
+    const DriveState<S> model = advance(drive, before, is_finite(commanded) ? commanded : S(0), taut, elapsed);
     const S kept = window / (window + elapsed);
+    const S kept_longer = long_run * window / (long_run * window + elapsed);
     following.speed = model.speed;
     following.fastest = larger(abs(model.speed), following.fastest * kept);
-    following.behind = late ? S(0) : (following.behind + moved - model.angle) * kept;
+    const S ahead = moved - model.angle;
+    following.behind = (following.behind + ahead) * kept;
+    following.astray = (following.astray + ahead) * kept_longer;
+    following.path = (following.path + abs(model.angle)) * kept_longer;
     // After a change of speed a loop is behind by the error of its time constant; half of that constant is tolerated.
-    const S allowed = of(Fault::motor_not_following).threshold + S(0.5) * drive.time_constant * following.fastest;
-    return lasting(Fault::motor_not_following, i, abs(following.behind) > allowed, step, state);
+    const S lag = S(0.5) * drive.time_constant * following.fastest;
+    const S threshold = of(Fault::motor_not_following).threshold;
+    const bool strays = abs(following.astray) > S(2) * threshold + lag + drive_gain_error * following.path;
+    const bool off = strays || abs(following.behind) > threshold + lag;
+    const std::uint32_t found = lasting(Fault::motor_not_following, i, off, step, state);
+    // A motor that obeys from now on must not seem to go astray for as long again.
+    if (found != 0) following.astray = S(0);
+    return found;
   }
 };
 

@@ -166,6 +166,7 @@ NB_MODULE(_core, m) {
         "Write the derivatives, by output, variable and point, and the status of every point.");
 
   bind_tendon(m);
+  bind_wrist(m);
   bind_twin(m);
   bind_twin_gradient(m);
   bind_control(m);

@@ -172,7 +172,9 @@ class TwinOf final : public AnyTwin {
 
   Contact<double> contact() const override { return state_.load.contact; }
 
-  bool inside(const Contact<double>& contact) const override { return twin_.inside(contact, state_); }
+  bool inside(const Contact<double>& contact) const override {
+    return touches(twin_.axis.distal, contact, tip_at(twin_.axis.distal, state_.output_angle));
+  }
 
   std::array<double, signal_count> signals(const Command<double>& command) const override {
     return signals_of(command);

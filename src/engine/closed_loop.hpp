@@ -36,12 +36,14 @@ class ClosedLoop {
     for (std::size_t i = 0; i < count; ++i) {
       if (injected.request != nullptr && injected.request[i] != 0) controller_.request = Request(injected.request[i]);
       if ((started + i) % std::size_t(steps_per_tick_) == 0) tick(i, count, started, injected);
+      // Without ticks the motors are stopped by their own watchdogs.
+      const bool silent = controller_.injector.silent() > 0 && controller_.watchdog(controller_.injector.silent());
       for (std::size_t n = 0; n < twins_.size(); ++n) {
         Command<double> command = commands[n][i];
         const auto velocity =
             controller_.injector.pass_pair(n, at_velocity, controller_.last.axis[n].spool_velocity,
                                            [&](std::size_t point) { return injected.at(n, i, count, point); });
-        for (std::size_t k = 0; k < 2; ++k) command.spool_velocity[k] = velocity[k];
+        for (std::size_t k = 0; k < 2; ++k) command.spool_velocity[k] = silent ? 0.0 : velocity[k];
         progress.status = twins_[n]->step(command);
         if (progress.status != Status::ok) return progress;
         keep(i, n, command);
@@ -54,7 +56,7 @@ class ClosedLoop {
  private:
   void tick(std::size_t i, std::size_t count, std::size_t started, const InjectedSteps& injected) {
     double time = double(started + i + 1) * time_step_ * 1e9;
-    if (!FaultInjector::pass_tick(injected.at(0, i, count, at_tick), time)) return;
+    if (!controller_.injector.pass_tick(injected.at(0, i, count, at_tick), time)) return;
     AnyInput input{};
     input.time = static_cast<std::uint64_t>(std::llround(time));
     input.request = controller_.request;

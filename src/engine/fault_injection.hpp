@@ -70,13 +70,20 @@ class FaultInjector {
   }
 
   /// Shifts the time of a tick, ns; false where the tick is left out.
-  static bool pass_tick(const Injection& fault, double& time) {
+  bool pass_tick(const Injection& fault, double& time) {
+    const bool given = fault.mode != InjectionMode::hold;
+    if (given) given_at_ = time;
+    silent_ = (time - given_at_) * 1e-9;
     if (fault.mode == InjectionMode::add) time = std::max(0.0, time + fault.value * 1e9);
     if (fault.mode == InjectionMode::set) time = std::max(0.0, fault.value * 1e9);
-    return fault.mode != InjectionMode::hold;
+    return given;
   }
 
+  /// Time since the last tick that was not left out, s.
+  double silent() const { return silent_; }
+
  private:
+  double given_at_{}, silent_{};
   double last_[most_axes][injection_point_count]{};
 };
 

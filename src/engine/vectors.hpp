@@ -42,11 +42,25 @@ void in_widest_vectors(const Work& work) {
   run_plain(work);
 }
 
+/// Runs work that needs wide vectors to be worth it; false, and nothing is done, where this processor has none.
+template <class Work>
+bool in_wide_vectors(const Work& work) {
+  static const Vectors widest = widest_vectors();
+  if (widest == Vectors::avx512) return run_avx512(work), true;
+  if (widest == Vectors::avx2) return run_avx2(work), true;
+  return false;
+}
+
 #else
 
 template <class Work>
 void in_widest_vectors(const Work& work) {
   run_plain(work);
+}
+
+template <class Work>
+bool in_wide_vectors(const Work&) {
+  return false;
 }
 
 #endif

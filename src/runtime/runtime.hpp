@@ -241,7 +241,8 @@ class Runtime {
     const std::uint64_t answered = now();
     control_.note(answered - asked);
     Velocities speed{};
-    if (!stopped_) send_velocities(speed);
+    const double silent = controller_.injector.silent();
+    if (!stopped_ && (silent <= 0 || !controller_.watchdog(silent))) send_velocities(speed);
     if (controller_.last.cut_power) device_.cut_power();
     if (!device_.write(speed, bench_)) {
       report(Problem::tip_lost);
@@ -275,10 +276,9 @@ class Runtime {
   /// False where the tick is left out.
   bool inject_into_tick() {
     const engine::Injection fault = injected(0, engine::at_tick);
-    if (fault.mode == engine::InjectionMode::none) return true;
     auto time = double(input_.time);
-    const bool given = engine::FaultInjector::pass_tick(fault, time);
-    input_.time = static_cast<std::uint64_t>(time);
+    const bool given = controller_.injector.pass_tick(fault, time);
+    if (fault.mode != engine::InjectionMode::none) input_.time = static_cast<std::uint64_t>(time);
     return given;
   }
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tenodesis import (
         control,
+        coupled,
         errors,
         identification,
         instrument,
@@ -67,6 +68,7 @@ __all__ = [
     "TendonPulley",
     "__version__",
     "control",
+    "coupled",
     "errors",
     "get_cmake_dir",
     "get_include",

@@ -118,7 +118,7 @@ class MissingExtraError(Error, ImportError):
     def __init__(self, module: str, extra: str, cause: str = "") -> None:
         problem = f"cannot be imported ({cause})" if cause else "is not installed"
         super().__init__(
-            f"{module} {problem}; it needs the extra [{extra}]: pip install 'tenodesis[{extra}]'.",
+            f"{module} {problem}: pip install 'tenodesis[{extra}]'.",
             key="module",
             value=module,
             allowed=f"installed with the extra [{extra}]",

@@ -1,4 +1,4 @@
-"""The curves of the report as matplotlib figures: of an instrument's statics, and of runs.
+"""The curves of the report as matplotlib figures: of an instrument's statics and routing, and of runs.
 
 Every function returns a figure in the report's style, which notebooks show and ``savefig`` writes. Instruments are
 given as such, by name or by path; of two axes, the first is drawn. Forces are tangential at the tip, in N; by default
@@ -11,14 +11,16 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tenodesis import statics
+from tenodesis.coupled import CoupledLike, load
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.report import curves, style
+from tenodesis.report import routing as routes
 from tenodesis.report.content import Chart
 from tenodesis.report.curves import Loop, Step
 from tenodesis.run import Run
 
-__all__ = ["hysteresis", "input_output", "loss", "run", "step_response", "tension", "transmissibility"]
+__all__ = ["hysteresis", "input_output", "loss", "routing", "run", "step_response", "tension", "transmissibility"]
 
 _MOST_POINTS = 20_000
 
@@ -81,7 +83,7 @@ def step_response(run: Run, inst: InstrumentLike) -> Figure:
     if not changed.size:
         raise ArgumentError("run has a constant force; it must have a load that comes.", key="run")
     first = int(changed[0]) + 1
-    run = run[: _end_of_load(run, first)]
+    run = run.rows(0, _end_of_load(run, first))
     handle = run["measured_handle_angle" if run.handle_angle is None else "handle_angle"][first]
     held = np.clip([handle], -inst.handle_range, inst.handle_range)
     theory = float(np.asarray(statics.output_angle(inst, held, float(run["force"][-1])))[0])
@@ -99,6 +101,11 @@ def run(run: Run, signals: Sequence[str] = ()) -> Figure:
         return curves.signals(run, signals).figure
 
 
+def routing(inst: CoupledLike) -> Figure:
+    """Draw the tendons' routes over the joints, unrolled from handle to tip, and the moment arms as a table."""
+    return routes.draw(load(inst))
+
+
 def _end_of_load(run: Run, first: int) -> int:
     """Return the row at which the load that comes at a row is taken off, or the handle moves."""
     for name in ("force", "commanded_handle_angle"):
@@ -108,7 +115,7 @@ def _end_of_load(run: Run, first: int) -> int:
         resting = int(np.argmax(rate == 0)) if name == "force" else 0
         moving = np.flatnonzero(rate[resting:])
         if moving.size:
-            run = run[: first + resting + int(moving[0]) + 1]
+            run = run.rows(0, first + resting + int(moving[0]) + 1)
     return len(run)
 
 

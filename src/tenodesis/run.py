@@ -105,20 +105,29 @@ class Run:
     @overload
     def __getitem__(self, key: slice) -> "Run": ...
     def __getitem__(self, key: str | slice) -> "Array | Run":
-        """Return a signal by name, or the rows of a slice as a run of their own: ``run[:100]``, ``run[1.0:2.5]``.
+        """Return a signal by name, or what lies between two times, s, both included: ``run[1.0:2.5]``, ``run[2.0:]``.
 
-        Bounds with a decimal point are times, s, both included, as of :meth:`between`.
+        A step is a number of rows: ``run[::20]``. For rows by number see :meth:`rows`.
 
         Raises
         ------
         KeyError
             The signal is unknown or was not recorded.
+        ArgumentError
+            The bounds are whole numbers, which could be seconds or rows.
         """
         if isinstance(key, slice):
-            if isinstance(key.start, float) or isinstance(key.stop, float):
-                start, stop = -np.inf if key.start is None else key.start, np.inf if key.stop is None else key.stop
-                return self.between(start, stop)[:: key.step]
-            return self._map(lambda values: values[key])
+            bounds = [bound for bound in (key.start, key.stop) if bound is not None]
+            if bounds and not any(isinstance(bound, float) for bound in bounds):
+                first, last = ("" if bound is None else bound for bound in (key.start, key.stop))
+                raise ArgumentError(
+                    f"run[{first}:{last}] could be rows or seconds; it must be run.rows({key.start}, {key.stop}) for "
+                    "rows, or have a decimal point for seconds.",
+                    key="run",
+                    value=key,
+                )
+            start, stop = -np.inf if key.start is None else key.start, np.inf if key.stop is None else key.stop
+            return (self.between(start, stop) if bounds else self).rows(step=key.step)
         values = getattr(self, key) if key in SIGNALS else None
         if values is None:
             raise KeyError(f"{key} is not among the signals; they are {', '.join(self.signals())}")
@@ -127,7 +136,11 @@ class Run:
     def between(self, start: float = -np.inf, stop: float = np.inf) -> "Run":
         """Return the rows between two times, s, both included."""
         first, last = np.searchsorted(self.time, start, "left"), np.searchsorted(self.time, stop, "right")
-        return self[int(first) : int(last)]
+        return self.rows(int(first), int(last))
+
+    def rows(self, first: int | None = None, last: int | None = None, step: int | None = None) -> "Run":
+        """Return every step-th row from the first on, before the last, as slices count: ``run.rows(-100)``."""
+        return self._map(lambda values: values[first:last:step])
 
     @property
     def fault_times(self) -> dict[str, float]:

@@ -16,11 +16,16 @@ _LARGEST = 16_000_000
 _MCAP = b"\x89MCAP"
 _MARKS = {
     "an instrument": {"joint_type"},
+    "a coupled instrument": {"joints", "tendons"},
     "a protocol": {"phases"},
     "tolerances": {"parameters"},
     "a catalogue": {"gears", "pulleys", "ropes", "rods", "load_cells", "encoders", "spools", "weights", "constraints"},
 }
 """Keys that only one kind of file has."""
+_TAKEN = {
+    "a coupled instrument": ", which lists joints and tendons: tenodesis.coupled.load and `tenodesis check` take it"
+}
+"""What takes a file of another kind instead, where that is not plain from its name."""
 
 
 class FileTable(BaseModel):
@@ -119,7 +124,12 @@ def parse_toml(text: str, error: type[Error], source: str, kind: str = "") -> di
         found = next((other for other, keys in _MARKS.items() if keys & values.keys()), kind)
         if found == kind:
             return values
-        raise error(f"{source} describes {found}; it must describe {kind}.", key="file", value=source, allowed=kind)
+        raise error(
+            f"{source} describes {found}{_TAKEN.get(found, '')}; it must describe {kind}.",
+            key="file",
+            value=source,
+            allowed=kind,
+        )
     raise error(problem, key="file", value=source, allowed="a TOML file")
 
 
@@ -200,7 +210,8 @@ def _mistake(model: type[BaseModel], values: Mapping[str, Any], error: Any, entr
         return _Mistake(sentence, key, value, f"one of {known}")
     if kind.startswith("union_tag"):
         key = error["ctx"]["discriminator"].strip("'")
-        found = "is missing" if kind == "union_tag_not_found" else f"is {value[key]!r}"
+        missing = kind == "union_tag_not_found"
+        found = "is missing" if missing else f"is {value[key]!r}{did_you_mean(str(value[key]), place.tables)}"
         allowed = f"one of {', '.join(place.tables)}"
         return _Mistake(f"{place.entry}{key} {found}; it must be {allowed}.", key, value.get(key), allowed)
     problem = str(error["msg"]).removeprefix("Value error, ").removeprefix("Input should be ").rstrip(".")

@@ -468,7 +468,38 @@ void a_partner_goes_along_with_a_motor_that_runs_away_and_the_supply_is_cut() {
   CLAIM(!state.cut_power);
 }
 
+/// Stroke that is given back across, rad, after a fault while the motors are so far across and press.
+double given_back(Fault fault, double across) {
+  const Supervisor<double> over = supervisor<double>();
+  SupervisorState<double> state{};
+  CommandState<double> axis{};
+  Measurement<double> measured{0, {pretension, pretension}, {across, -across}};
+  const double rest[2] = {0, 0};
+  over.advance(Request::enable, 0, period, state);
+  over.command(rest, measured, period, state, axis);
+  axis.pressing = across;
+  over.advance(Request::none, bit(fault), period, state);
+  double moved = 0;
+  for (double time = 0; time < over.hold_time + 3; time += period) {
+    over.advance(Request::none, 0, period, state);
+    over.command(rest, measured, period, state, axis);
+    CLAIM_NEAR(axis.sent[agonist], -axis.sent[antagonist], 1e-12);
+    CLAIM(time < over.hold_time - 2 * period ? axis.sent[agonist] == 0 : abs(axis.sent[agonist]) <= over.neutral_speed);
+    moved -= axis.sent[agonist] * period;
+  }
+  return moved;
+}
+
+void a_tip_that_presses_is_let_go_of_after_a_fault_unless_a_motor_does_not_obey() {
+  for (const double across : {-0.2, 0.2}) {
+    for (const Fault fault : {Fault::load_cell_stuck, Fault::encoder_jump, Fault::tick_late})
+      CLAIM_NEAR(given_back(fault, across), across, 0.003);
+    CLAIM(given_back(Fault::motor_not_following, across) == 0);
+  }
+}
+
 int main() {
+  a_tip_that_presses_is_let_go_of_after_a_fault_unless_a_motor_does_not_obey();
   a_partner_goes_along_with_a_motor_that_runs_away_and_the_supply_is_cut();
   in_one_precision<double>();
   in_one_precision<float>();

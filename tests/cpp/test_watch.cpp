@@ -82,6 +82,14 @@ constexpr Case cases[] = {
      }},
     {Fault::load_cell_drift, 1.2, 0.5, 1.5,
      [](double time, double strength, Bench&, auto& seen) { seen.tension[1] += strength * std::min(30.0, 40 * time); }},
+    // A cell's gain that changes at once, and two cells that are exchanged under a load.
+    {Fault::load_cell_drift, 0.01, 0.5, 0.5,
+     [](double, double strength, Bench&, auto& seen) { seen.tension[0] += 10 * strength; }},
+    {Fault::load_cell_drift, 0.2, 0.1, 0.5,
+     [](double time, double strength, Bench& bench, auto& seen) {
+       bench.load = 20 * strength * std::min(1.0, time / 0.1);
+       if (time > 0.19) std::swap(seen.tension[0], seen.tension[1]);
+     }},
     {Fault::encoder_dropout, 0.006, 0.27, 0.5,
      [](double, double strength, Bench& bench, auto& seen) {
        if (strength < 1)
@@ -98,19 +106,22 @@ constexpr Case cases[] = {
        bench.lost[0] = strength * 0.5 * std::min(1.0, time / 0.005);
      }},
     // A motor that stands still; slow ones take longer to distinguish from an encoder's steps.
-    {Fault::motor_not_following, 0.030, 0.06, 0.5,
+    {Fault::motor_not_following, 0.030, 0.03, 0.5,
      [](double, double strength, Bench& bench, auto&) {
        bench.command[0] = strength;
        bench.stalled[0] = true;
      }},
-    {Fault::motor_not_following, 0.050, 0.15, 0.5,
+    {Fault::motor_not_following, 0.050, 0.07, 0.5,
      [](double, double strength, Bench& bench, auto&) {
        bench.command[1] = -0.4 * strength;
        bench.stalled[1] = true;
      }},
     // A motor that runs away.
-    {Fault::motor_not_following, 0.030, 0.06, 0.5,
+    {Fault::motor_not_following, 0.030, 0.03, 0.5,
      [](double, double strength, Bench& bench, auto&) { bench.spool[1].angle += strength * period / 2; }},
+    // An encoder that loses counts.
+    {Fault::motor_not_following, 0.4, 0.06, 6.0,
+     [](double time, double strength, Bench&, auto& seen) { seen.spool_angle[0] -= 0.05 * strength * time; }},
     {Fault::not_a_number, 0, 0, 0.1,
      [](double, double strength, Bench&, auto& seen) {
        if (strength > 0) seen.spool_angle[0] = NAN;

@@ -2,6 +2,7 @@ import importlib.util
 import signal
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -147,3 +148,10 @@ def start_command(folder: Path, *words: str, python: tuple[str, ...] = ()) -> "s
         # A shell lets its background jobs, these tests among them, ignore Ctrl-C, and they pass that on.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
     )
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files that take longest, so that no worker is left with one of them at the end."""
+    slow = Counter(item.path for item in items if item.get_closest_marker("slow") or item.get_closest_marker("process"))
+    longest = ("test_paper.py", "test_package.py", "test_identification_twin.py", "test_consumers.py")
+    items.sort(key=lambda item: (item.path.name not in longest, -slow[item.path]))

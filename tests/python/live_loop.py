@@ -38,7 +38,7 @@ class Played:
         assert rows <= most
         start = self._row + lost
         self._row = start + rows
-        return self._run[start : self._row], lost
+        return self._run.rows(start, self._row), lost
 
 
 class LiveLoop:

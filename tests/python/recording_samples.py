@@ -23,7 +23,7 @@ def a_run(rows: int, axes: tuple[str, ...] = ("yaw",), start: int = 0, names: An
 
 
 def bits(run: Run, rows: int | None = None) -> dict[str, tuple[tuple[int, ...], bytes]]:
-    arrays = {"time": run.time[:rows]} | run[:rows].signals()
+    arrays = {"time": run.time[:rows]} | run.rows(0, rows).signals()
     return {name: (values.shape, values.tobytes()) for name, values in arrays.items()}
 
 

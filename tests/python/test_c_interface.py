@@ -70,7 +70,7 @@ def interfaces(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Interface]
     folder = tmp_path_factory.mktemp("c")
     source = ['#include "tenodesis/tenodesis.h"']
     for name, inst in _instruments().items():
-        control.export_header(inst, folder / f"{name}.h", name)
+        control.export_header(inst, folder / f"{name}.h", name, homed=True)
         source += [f'#include "{name}.h"', f"extern const tenodesis_parameters exported_{name};"]
         source += [f"const tenodesis_parameters exported_{name} = {name};"]
     (folder / "exported.cpp").write_text('extern "C" {\n' + "\n".join(source) + "\n}\n")

@@ -215,13 +215,14 @@ def test_version_and_short_help_are_there_by_every_way(tenodesis: Run) -> None:
 def test_quiet_leaves_only_what_a_command_is_for(tenodesis: Run, tmp_path: Path) -> None:
     (tmp_path / "short.toml").write_text('name = "short"\n[[phases]]\nkind = "hold"\nduration = "0.05 s"\n')
     words = ("record", "scaled-up", "short.toml", "--out", "x.mcap", "--overwrite")
-    assert "The sensors resolve" in tenodesis(*words)[1]
     for quiet in ((*words, "--quiet"), (*words, "-q"), ("--quiet", *words)):
         code, said, wrong = tenodesis(*quiet)
         assert (code, wrong) == (0, "")
-        assert said.splitlines() == [line for line in said.splitlines() if line.startswith("x.mcap: short on")]
+        assert [line.partition(":")[0] for line in said.splitlines()] == ["x.mcap", "tip", "tensions", "slack"]
     assert "No such" in tenodesis("record", "absent", "short.toml", "--quiet")[2].replace("there is no such", "No such")
-    assert "The sensors resolve" in tenodesis(*words)[1]
+    file = ("new", "mine", "--defaults", "--overwrite")
+    assert "Next: tenodesis check" in tenodesis(*file)[1]
+    assert "Next: " not in tenodesis(*file, "--quiet")[1]
 
 
 @pytest.mark.parametrize(

@@ -55,8 +55,8 @@ def test_a_header_names_unit_and_meaning_of_each_parameter(scaled: Instrument) -
 
 
 def test_the_example_has_the_header_that_is_exported_today(tenodesis: Command, tmp_path: Path) -> None:
-    assert tenodesis("export", "controller", "scaled-up", "--own-clock", "--out", "scaled_up.h")[0] == 0
-    command = "tenodesis export controller scaled-up --own-clock --overwrite --out examples/scaled_up.h"
+    assert tenodesis("export", "controller", "scaled-up", "--homed", "--own-clock", "--out", "scaled_up.h")[0] == 0
+    command = "tenodesis export controller scaled-up --homed --own-clock --overwrite --out examples/scaled_up.h"
     assert (tmp_path / "scaled_up.h").read_text() == (EXAMPLES / "scaled_up.h").read_text(), f"run: {command}"
 
 
@@ -70,12 +70,13 @@ def test_an_export_says_what_it_wrote(tenodesis: Command, tmp_path: Path) -> Non
     assert f"Written by tenodesis {tn.__version__} from real-size," in text
     assert "static const tenodesis_parameters real_size = {" in text
     assert ".axes = 2," in text
+    assert ".homed = 0," in text and "request TENODESIS_REQUEST_HOME" in text
     assert '#include "tenodesis/tenodesis.h"' in text
 
 
 def test_options_choose_what_the_controller_is(tenodesis: Command, tmp_path: Path) -> None:
     options = ("--axis", "pitch", "--observer", "exact", "--law", "paper-feedback", "--actuation", "agonist")
-    more = ("--not-homed", "--own-clock", "--name", "mine", "--out", "x.h")
+    more = ("--own-clock", "--name", "mine", "--out", "x.h")
     assert tenodesis("export", "controller", "real-size", *options, *more)[0] == 0
     text = (tmp_path / "x.h").read_text()
     for line in (

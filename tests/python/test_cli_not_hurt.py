@@ -65,6 +65,7 @@ def desk(tmp_path: Path, recording: Path, monkeypatch: pytest.MonkeyPatch) -> Pa
     (tmp_path / "parts.toml").write_text('[[ropes]]\nname = "cord"\n')
     (tmp_path / "widths.toml").write_text('[[parameters]]\nkey = "pretension"\n')
     (tmp_path / "notes.txt").write_text("mine\n")
+    (tmp_path / "data.csv").write_text("time [s]\n0\n")
     (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe\x00")
     (tmp_path / "folder.mcap").mkdir()
     return tmp_path
@@ -264,6 +265,7 @@ def test_what_cannot_be_written_is_refused_at_once(tenodesis: Command, desk: Pat
         (f"{IDENTIFY} --instrument short.toml", "short.toml describes a protocol; it must describe an instrument."),
         ("info own.toml", "own.toml is no MCAP file"),
         ("info notes.txt", "notes.txt is no MCAP file"),
+        ("info data.csv", "data.csv is a CSV table; it must be an MCAP recording"),
         ("replay own.toml", "own.toml is no MCAP file"),
         ("replay run.mcap --instrument cycles", "cycles is a protocol; it must be an instrument"),
         ("export recording own.toml", "own.toml is no MCAP file"),

@@ -120,6 +120,17 @@ def test_answers_are_asked_for_again_until_they_are_right(tenodesis: Run, monkey
     assert inst.sources["overall_length"] == "yours"
 
 
+def test_an_implausible_answer_is_asked_for_once_more(tenodesis: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    for again, kept in (("0.4", 0.4e-3), ("", 3e-3)):
+        answering(monkeypatch, *[""] * 5, "3", "", again)
+        code, said, wrong = tenodesis("new", "mine", "--overwrite")
+        assert (code, wrong) == (0, "")
+        assert said.count("(tendon_diameter) [") == 2
+        assert said.count("warning: tendon_diameter is 3 mm") == (1 if again else 2)
+        inst = tn.load("mine.toml")
+        assert (inst.tendon_diameter, inst.sources["tendon_diameter"]) == (pytest.approx(kept), "yours")
+
+
 def test_loads_and_ranges_of_ones_own_are_taken(tenodesis: Run) -> None:
     more = ("--load", "3 N", "--load", "0.2 N", "--handle-range", "60 deg", "--output-range", "70 deg")
     assert tenodesis("new", "mine", "--defaults", *more, "--stem-diameter", "8 mm", "--handle-length", "9 cm")[0] == 0

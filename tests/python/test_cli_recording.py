@@ -45,9 +45,11 @@ def protocol(tmp_path: Path) -> None:
 def test_record_info_replay_export(tenodesis: Command, tmp_path: Path) -> None:
     code, out, _ = tenodesis("record", "scaled-up", "short.toml", "--seed", "7")
     assert code == 0
-    resolved, said = out.splitlines()
-    assert resolved.startswith("The sensors resolve ")
+    said, tip, tensions, slack = out.splitlines()
     assert said == f"recordings/short-scaled-up.mcap: short on scaled-up, 0.3 s, 600 rows, {said.split(', ')[-1]}"
+    assert tip.startswith("tip: yaw ") and "unloaded angle" in tip
+    assert tensions.startswith("tensions: agonist ")
+    assert slack == "slack: no tendon."
     file = "recordings/short-scaled-up.mcap"
     code, out, _ = tenodesis("info", file, file)
     assert (code, out.count("scaled-up  ")) == (0, 2)
@@ -100,12 +102,12 @@ def test_a_controller_is_recorded_shown_and_replayed(tenodesis: Command, tmp_pat
     choices = ("--law", "robust", "--observer", "friction", "--actuation", "differential")
     code, out, _ = tenodesis("record", "scaled-up", "slack.toml", *choices, "--out", "run.mcap")
     assert code == 0
-    said = out.splitlines()[1:]
+    said = out.splitlines()
     assert said[0].startswith("run.mcap: short on scaled-up, ")
     assert said[1].startswith("state: ENABLED at the end (ENABLED ")
     assert said[2] == "faults: none."
     assert said[3].startswith("tip: yaw ")
-    assert "deg off eq. 18 at the end" in said[3]
+    assert "deg off the unloaded angle (eq. 18 of the paper) at the end" in said[3]
     out = tenodesis("info", "run.mcap")[1]
     assert "robust law, friction observer, differential actuation " in out
     for line in said[1:]:

@@ -70,7 +70,7 @@ def prefixes(tmp_path_factory: pytest.TempPathFactory) -> Prefixes:
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("exported")
-    control.export_header(tn.load("scaled-up"), folder / "scaled_up.h")
+    control.export_header(tn.load("scaled-up"), folder / "scaled_up.h", homed=True)
     return folder
 
 
@@ -226,14 +226,14 @@ def test_the_example_controls_the_exported_instrument(
     name: str,
     said: str,
 ) -> None:
-    assert tenodesis("export", "controller", source, "--own-clock")[0] == 0
+    assert tenodesis("export", "controller", source, "--homed", "--own-clock")[0] == 0
     assert run_example(tmp_path, c_interface, f"-DINSTRUMENT={name}").splitlines()[0] == said
 
 
 def test_the_exported_header_wins_over_the_one_beside_the_example(
     tmp_path: Path, tenodesis: Callable[..., tuple[int, str, str]], c_interface: Path
 ) -> None:
-    assert tenodesis("export", "controller", "real-size", "--own-clock", "--name", "scaled_up")[0] == 0
+    assert tenodesis("export", "controller", "real-size", "--homed", "--own-clock", "--name", "scaled_up")[0] == 0
     assert run_example(tmp_path, c_interface).startswith("scaled_up: radii 4.5 and 2 mm, pretension 30 N")
 
 

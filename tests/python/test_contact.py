@@ -147,7 +147,7 @@ def test_against_tissue_the_tip_settles_without_chatter(
 ) -> None:
     inst = alone(request.getfixturevalue(name))
     run = pressed(inst, Contact(math.radians(place), stiffness, relaxation * stiffness), rest=2.0)
-    late = run[-round(0.5 / TIME_STEP) :]
+    late = run.rows(-round(0.5 / TIME_STEP))
     assert late["contact_force"][-1] > 0.05
     assert np.ptp(late["contact_force"]) < 1e-3 * late["contact_force"][-1]
     assert np.degrees(np.ptp(late["output_angle"])) < 1e-3
@@ -257,7 +257,7 @@ def test_it_stays_in_place_from_call_to_call_and_with_a_stored_state(scaled: Ins
     for _ in range(2):
         twin.state = state
         late = twin.run(np.full(round(1.5 / TIME_STEP), goal), contact=contact)
-        same(late, whole[round(1.0 / TIME_STEP) :])
+        same(late, whole.rows(round(1.0 / TIME_STEP)))
     away = twin.run(np.full(2000, goal))
     assert (away["contact_force"] == 0).all()
     assert away["output_angle"][-1] > late["output_angle"][-1] + 0.01

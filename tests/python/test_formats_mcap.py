@@ -10,9 +10,11 @@ from mcap_ros2.writer import Writer
 
 import tenodesis as tn
 from tenodesis.errors import IdentificationError
+from tenodesis.identification import measured
 from tenodesis.identification.formats.instrument_run import InstrumentRun
 from tenodesis.recording import Recording, container, schemas
 from tenodesis.recording.simulation import record
+from tenodesis.run import Run
 
 from .recording_files import PROTOCOL, read, same
 
@@ -36,6 +38,16 @@ def test_a_recording_has_every_column_and_its_instrument(recorded: InstrumentRun
     assert recorded.instrument == tn.load("scaled-up")
     assert recorded.notes == ()
     assert recorded.time[0] == 0
+
+
+def test_a_run_needs_no_file(recorded: InstrumentRun, log: Path) -> None:
+    run = measured(Recording.open(log).run, "scaled-up", name="run.mcap")
+    assert (run.notes, run.instrument) == (recorded.notes, recorded.instrument)
+    assert np.array_equal(run.time, recorded.time)
+    assert run.columns.keys() == recorded.columns.keys()
+    assert all(np.array_equal(run[name], recorded[name]) for name in run.columns)
+    with pytest.raises(IdentificationError, match="lacks measured_tension, measured_handle_angle"):
+        measured(Run(run.time, ("yaw",)))
 
 
 def test_what_a_real_instrument_lacks_is_left_out(log: Path, tmp_path: Path) -> None:

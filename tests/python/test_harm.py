@@ -13,7 +13,7 @@ from tenodesis.control import Controller
 from tenodesis.instrument import Instrument
 from tenodesis.run import Run
 from tenodesis.simulate import FaultInjection
-from tenodesis.twin import TIME_STEP
+from tenodesis.twin import TIME_STEP, Contact, Twin
 
 from .conftest import load_benchmark
 
@@ -115,6 +115,53 @@ def test_the_partner_of_a_motor_that_runs_away_goes_along(inst: Instrument, side
     assert moved[1 - SIDES.index(side)] / np.sign(speed) > 0.1
 
 
+def test_a_partner_stops_where_the_tendon_of_the_motor_that_runs_away_gets_slack(inst: Instrument) -> None:
+    # The load is on the partner's tendon: alone, it holds the tip.
+    fault = FaultInjection("spool_velocity.antagonist", "set", -3.0, start=harm.FAULT)
+    case = work(inst, 33, steady)
+    run = harm.run_on(case, (fault,)).between(harm.FAULT, harm.FAULT + 0.5)
+    assert run["tension"][-1, 1] < 0.1 * inst.pretension
+    assert run["spool_angle"][-1, 1] < -1
+    _, target = harm.run_off(case)
+    assert np.abs(np.degrees(run["output_angle"]) - target[-1]).max() < 6
+
+
+def test_after_a_fault_on_a_wall_the_motors_let_go(inst: Instrument) -> None:
+    case = work(inst, 67, np.zeros_like)
+    wall = Contact(np.radians(60), 1e4, 50.0)
+    frozen = FaultInjection("tension.agonist", "hold", start=3.0)
+    runs = [
+        Twin(inst).run(case.handle, case.force, contact=wall, controller=law, fault_injection=(frozen,) * bool(law))
+        for law in (None, Controller(inst))
+    ]
+    off, on = (np.abs(run["contact_force"]) for run in runs)
+    assert runs[1].fault_times == {"load_cell_stuck": pytest.approx(3.04, abs=0.01)}
+    # Friction holds some of it.
+    assert on[-1] - off[-1] < 0.5 * (on[runs[1].time > 3].max() - off[-1])
+
+
+@pytest.mark.parametrize("gap", [0.004, 0.020])
+def test_ticks_that_are_missing_for_less_than_the_watchdog_are_no_fault(inst: Instrument, gap: float) -> None:
+    case = work(inst, 33, steady, sway=3)
+    lost = tuple(
+        FaultInjection("tick", "hold", start=start, stop=start + gap) for start in np.arange(1.0, harm.SECONDS, 0.25)
+    )
+    assert not harm.faults_in(harm.run_on(case, lost))
+    assert beyond_off(case, harm.run_on(case, lost), harm.FAULT) < 0
+
+
+def test_without_ticks_the_motors_are_stopped_by_their_watchdogs(inst: Instrument) -> None:
+    # While the law answers the load.
+    start = harm.LOADED + 0.02
+    lost = FaultInjection("tick", "hold", start=start, stop=start + 0.2)
+    run = harm.run_on(work(inst, 33, steady), (lost,))
+    spools, last = run["spool_angle"], run.time - start
+    assert np.ptp(spools[(last > 0) & (last < inst.control.watchdog)], axis=0).max() > 0.005
+    # Ten time constants of the drives later.
+    assert np.ptp(spools[(last > inst.control.watchdog + 0.1) & (last < 0.2)], axis=0).max() < 1e-4
+    assert run.fault_times == {"tick_late": pytest.approx(start + 0.2, abs=0.001)}
+
+
 @pytest.mark.parametrize("obeys", [True, False])
 def test_a_motor_that_does_not_obey_demands_that_the_supply_be_cut(inst: Instrument, obeys: bool) -> None:
     controller = Controller(inst)
@@ -135,10 +182,13 @@ def test_a_motor_that_does_not_obey_demands_that_the_supply_be_cut(inst: Instrum
 @pytest.mark.parametrize(
     "kind",
     [
+        "cell gain",
         "cell frozen",
+        "cells swapped",
         "handle steps",
         "spool encoder frozen",
         "spool encoder reversed",
+        "spool encoder loses",
         "spool encoder gain",
         "spool encoders swapped",
         "motors swapped",

@@ -31,7 +31,7 @@ def estimate_after_homing(name: str, faults: list[FaultInjection], slack: float,
     force = np.where(np.arange(10 * SECOND) < 3 * SECOND, 0.0, INSTRUMENTS[name])
     run = twin.run(handle * rise, force, controller=controller, fault_injection=faults)
     assert not run["faults"][-1]
-    last = run[-SECOND:]
+    last = run.rows(-SECOND)
     error = last["output_angle"].mean() - np.radians(67)
     off = (last["estimated_output_angle"] - last["output_angle"]).mean()
     return float(np.degrees(error)), float(np.degrees(off))

@@ -60,7 +60,12 @@ def test_similarity_compares(real: Instrument, scaled: Instrument) -> None:
 def test_a_twin_runs_alone_with_a_controller_and_many_at_once(scaled: Instrument) -> None:
     run = tn.twin.Twin(scaled).run(np.zeros(20), force=0.1)
     assert isinstance(run, tn.Run) and len(run) == 20
-    assert len(run[5:10]) == 5 and len(run.between(0.002, 0.004)) == 5 and run.axis("yaw") is run
+    assert len(run.rows(5, 10)) == 5 and len(run.between(0.002, 0.004)) == 5 and run.axis("yaw") is run
+    assert len(run[0.002:0.004]) == len(run[0:0.0025]) == 5 and len(run[::4]) == 5
+    with pytest.raises(
+        tn.errors.ArgumentError, match=r"run\[2:3\] could be rows or seconds; it must be run.rows\(2, 3\)"
+    ):
+        run[2:3]
     controller = tn.control.Controller(scaled, observer="friction", law="robust", actuation="differential")
     controlled = tn.twin.Twin(scaled).run(np.zeros(20), force=0.1, controller=controller)
     assert controlled["estimated_output_angle"].shape == (20,)

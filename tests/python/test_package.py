@@ -161,7 +161,7 @@ def test_the_installed_package_works_from_an_empty_folder(wheel: Path, install: 
     packages = uv("pip", "list", "--python", installed.python, "--format", "freeze").split()
     assert len([name for name in packages if not name.startswith("tenodesis")]) <= PACKAGES_OF_THE_CORE
     use(installed, "loss", "slack", "workspace", "checks")  # the last two compare with MuJoCo where it is
-    assert "needs the extra [design]" in installed.run("scale", "real-size", code=1)
+    assert "pip install 'tenodesis[design]'" in installed.run("scale", "real-size", code=1)
 
 
 @pytest.mark.slow
@@ -202,7 +202,7 @@ def test_the_console_names_its_extra_and_serves_its_page_with_it(
     wheel: Path, install: Callable[..., Installation]
 ) -> None:
     refusal = install(wheel).run("console", "--no-browser", code=1)
-    assert "needs the extra [live]" in refusal
+    assert "pip install 'tenodesis[live]'" in refusal
     assert len(refusal.strip().splitlines()) == 1
     with serving(install(wheel, sys.executable, "[live]")) as page:
         assert b"<html" in page

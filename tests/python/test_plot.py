@@ -74,7 +74,7 @@ def test_a_step_response_ends_with_its_load(run: Run, scaled: Instrument) -> Non
 
 def test_a_run_without_a_step_has_no_step_response(run: Run, scaled: Instrument) -> None:
     with pytest.raises(ArgumentError, match="run has a constant force; it must have a load that comes"):
-        tn.plot.step_response(run[:50], scaled)
+        tn.plot.step_response(run.rows(0, 50), scaled)
 
 
 def test_a_run_draws_its_angles_tensions_and_forces(run: Run) -> None:

@@ -143,7 +143,7 @@ def test_a_file_of_samples_that_is_bad_or_not_there_is_refused(tmp_path: Path) -
         (".", "there is no such file"),
         ("c.csv", "c.csv has no column 'angle'"),
     ):
-        with pytest.raises(ValidationError, match=start):
+        with pytest.raises(ProtocolError, match=rf"^Motion: .*{start}"):
             Motion(file=tmp_path / name, angle_unit="deg")
 
 

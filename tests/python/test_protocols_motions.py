@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tenodesis import simulate
+from tenodesis import simulate, statics
 from tenodesis.control import Controller
 from tenodesis.errors import ProtocolError
 from tenodesis.instrument import Instrument
@@ -52,6 +52,16 @@ def test_a_chirp_crosses_its_middle_at_every_half_period(scaled: Instrument, swe
     cycles = chirp.cycles(crossings / 20.0, 20.0)
     np.testing.assert_allclose(2 * cycles, np.round(2 * cycles), atol=1e-2)
     assert abs(angle).max() == pytest.approx(10 * DEG, rel=1e-3)
+
+
+def test_a_chirp_of_an_output_angle_is_one_of_the_handle_angle_that_gives_it(scaled: Instrument) -> None:
+    frequencies = {"start_frequency": 0.5, "end_frequency": 4.0, "duration": 5.0}
+    handle = float(statics.handle_angle(scaled, 20 * DEG))
+    one, other = (
+        commands(scaled, Chirp(**size, **frequencies))["handle_angle"]
+        for size in ({"amplitude": handle}, {"output_amplitude": 20 * DEG})
+    )
+    np.testing.assert_allclose(one, other, atol=1e-12)
 
 
 @pytest.mark.parametrize("sweep", SWEEPS)
@@ -158,7 +168,10 @@ def test_a_file_with_chirp_and_load_steps_is_the_protocol_written_in_python(scal
     [
         (("0.5 Hz", "3 rad/s"), "phase 1 (chirp): start_frequency = '3 rad/s': it is measured by angle; write a freq"),
         (("0.5 Hz", "0 Hz"), "phase 1 (chirp): start_frequency = '0 Hz': it must be a frequency above 1e-06 Hz"),
-        (('amplitude = "10 deg"', ""), "phase 1 (chirp): none of amplitude and force_amplitude is given"),
+        (
+            ('amplitude = "10 deg"', ""),
+            "phase 1 (chirp): none of amplitude, output_amplitude and force_amplitude is given",
+        ),
         (('"linear"', '"square"'), "phase 1 (chirp): sweep = 'square': it must be 'linear' or 'logarithmic'"),
         (('force = "1 N", ', ""), "load_steps 1: none of force, weight and moment is given; give exactly one of them"),
         (('after = "2 s"', 'since = "2 s"'), "load_steps 2: since is not a known key; it must be one of force, weight"),

@@ -207,7 +207,7 @@ def test_a_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="no MCAP file: it is empty"):
         Recording.open(path)
     path.write_text("time,force\n0,1\n")
-    with pytest.raises(RecordingError, match="no MCAP file: it begins with b'time,for'"):
+    with pytest.raises(RecordingError, match="no MCAP file: it begins with 'time,for'"):
         Recording.open(path)
     with pytest.raises(RecordingError, match="cannot be read"):
         Recording.open(tmp_path)

@@ -165,7 +165,6 @@ def test_a_recording_without_a_controller_is_as_it_was(scaled: Instrument, tmp_p
     assert not [name for name in recording.topics if name.startswith("/controller")]
     assert not [key for key in recording.metadata if key.startswith("controller")]
     assert restored_controller(recording) is None
-    assert outcome(run, scaled) == {}
     assert "eq. 18" not in shown(recording)
     assert replay(recording).exact
 
@@ -246,7 +245,7 @@ def test_the_summary_has_state_faults_and_tip(scaled: Instrument, tmp_path: Path
     off = np.degrees(tip_error(run, scaled)[-1, 0])
     assert facts["state"].startswith("ENABLED at the end (ENABLED ")
     assert facts["faults"] == "none"
-    assert facts["tip"].startswith(f"yaw {off:+.2f} deg off eq. 18 at the end, ")
+    assert facts["tip"].startswith(f"yaw {off:+.2f} deg off the unloaded angle (eq. 18 of the paper) at the end, ")
     text = shown(Recording.open(path))
     for words in (
         "robust law, friction observer, differential actuation, made for another instrument (scaled-up)",
@@ -255,6 +254,22 @@ def test_the_summary_has_state_faults_and_tip(scaled: Instrument, tmp_path: Path
         "estimated_output_angle.yaw",
     ):
         assert words in text
+
+
+def test_without_a_controller_the_summary_has_what_the_load_took(scaled: Instrument) -> None:
+    run = simulate.execute(Twin(scaled), PROTOCOL)
+    facts = outcome(run, scaled)
+    off = np.degrees(tip_error(run, scaled)[:, 0])
+    worst = np.abs(off).argmax()
+    assert facts["tip"] == (
+        f"yaw {off[worst]:+.2f} deg off the unloaded angle (eq. 18 of the paper) at most, at {run.time[worst]:.4g} s, "
+        f"{off[-1]:+.2f} deg at the end"
+    )
+    least = run["tension"].min(axis=0)
+    assert facts["tensions"].startswith(f"agonist {least[0]:.3g} to ")
+    assert facts["slack"] == "no tendon"
+    slack = outcome(replace(run, distal_tension=run["distal_tension"] - [0.0, 1e3]), scaled)["slack"]
+    assert slack.startswith("antagonist for ")
 
 
 class Stuck(Twin):
@@ -286,7 +301,7 @@ def test_a_run_into_a_fault_is_recorded_to_its_end_and_replays(scaled: Instrumen
 def test_the_summary_of_a_run_of_sensors_alone_takes_the_sensors(scaled: Instrument) -> None:
     run = simulate.execute(Twin(scaled), PROTOCOL, Controller(scaled))
     bench = replace(run, handle_angle=None, output_angle=None)
-    assert "deg off eq. 18" in outcome(bench, scaled)["tip"]
+    assert "deg off the unloaded angle (eq. 18 of the paper)" in outcome(bench, scaled)["tip"]
     assert "tip" not in outcome(replace(bench, measured_output_angle=None), scaled)
 
 

@@ -164,7 +164,7 @@ def test_on_a_full_disk_the_chunks_before_remain(
         RecordingError, match=r"No space left on device; .* remains readable: at least \d+ rows"
     ) as problem:
         for start in range(0, 60, 10):
-            recorder.write(run[start : start + 10])
+            recorder.write(run.rows(start, start + 10))
         recorder.close()
     recording = Recording.open(path)
     promised = int(str(problem.value).split("at least ")[1].split()[0])

@@ -154,7 +154,7 @@ def test_faults_are_named_with_their_time(scaled: Instrument) -> None:
 
 def test_a_run_is_sliced_by_rows_and_by_times(scaled: Instrument) -> None:
     run = tn.twin.Twin(scaled).run(np.zeros(100))
-    assert len(run[10:20]) == 10
+    assert len(run.rows(10, 20)) == 10
     by_time = run[0.01:0.02]
     assert (by_time.time[0], by_time.time[-1]) == pytest.approx((0.01, 0.02))
     assert len(run[:0.02]) == 40

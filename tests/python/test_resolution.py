@@ -13,7 +13,7 @@ import tenodesis as tn
 from tenodesis.console.session import as_plain
 from tenodesis.console.tab_setup import SetupTab
 from tenodesis.control import Controller, header, parameters, resolution
-from tenodesis.control.resolution import sentences, warnings
+from tenodesis.control.resolution import sentences, shares, warnings
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import Instrument
 from tenodesis.paper.context import Context
@@ -134,6 +134,12 @@ def test_one_sentence_says_what_the_sensors_resolve_and_a_load_takes(scaled: Ins
     worst, loss = (np.degrees(angle) for angle in (resolution(scaled).worst.total, resolution(scaled).loss))
     assert sentence.startswith(f"The sensors resolve {worst:.2g}° and ")
     assert sentence.endswith(f"a load of 1.5 N takes {loss:.2g}°.")
+    assert len(sentence) < 100
+    (split,) = shares(scaled)
+    assert split.startswith(
+        f"Standard deviations: handle encoder {np.degrees(resolution(scaled).worst.handle_encoder):.2g}°, "
+    )
+    assert shares(scaled.replace(pretension=0.0)) == ()
     assert warnings(scaled) == ()
     assert sentences(scaled.replace(pretension=0.0)) == ("Without pretension the sensors resolve nothing at the tip.",)
     assert sentences(scaled.replace(**{"conditions.forces": [500.0]}))[0].endswith("is more than the tip can hold.")

@@ -14,8 +14,8 @@ from tenodesis.instrument.text import to_file
 from tenodesis.paper.published import SCALE_FACTORS, STIFFNESS
 from tenodesis.scaling.catalogue import Catalogue
 from tenodesis.scaling.costs import FINDINGS, working_range
-from tenodesis.scaling.design import weights_for
 from tenodesis.scaling.limits import forces_of, limits
+from tenodesis.scaling.scale_model import weights_for
 from tenodesis.scaling.sweep import ERROR_STEP, RELATIVE_STEP, exact_costs, levels
 
 PAPER = {

@@ -10,15 +10,16 @@ import typer
 from pydantic import TypeAdapter, ValidationError
 from rich import box
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from tenodesis import instrument
+from tenodesis import coupled, instrument
 from tenodesis.control.resolution import sentences, warnings
 from tenodesis.errors import CommandError, Error, InstrumentError, ProtocolError
 from tenodesis.instrument import Instrument
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
+
     from tenodesis import simulate
 
 console = Console()
@@ -51,7 +52,20 @@ def load_instrument(name_or_path: str) -> Instrument:
         return instrument.load(name_or_path)
     except InstrumentError:
         _refuse_name(name_or_path, "a protocol", InstrumentError, "an instrument")
+        if coupled.is_coupled(name_or_path):
+            raise InstrumentError(
+                f"{name_or_path} lists joints and tendons, and this command takes planar instruments; tenodesis check, "
+                "loss and import take such files, and tn.coupled in Python.",
+                key="file",
+                value=name_or_path,
+                allowed="a planar instrument",
+            ) from None
         raise
+
+
+def load_any_instrument(name_or_path: str) -> Instrument | coupled.CoupledInstrument:
+    """Return an instrument by its name or path, planar or coupled; errors as in :func:`load_instrument`."""
+    return coupled.load(name_or_path) if coupled.is_coupled(name_or_path) else load_instrument(name_or_path)
 
 
 def load_protocol(name_or_path: str) -> "simulate.Protocol":
@@ -104,13 +118,6 @@ def say_resolution(inst: Instrument) -> None:
     warn_resolution(inst)
 
 
-def note_resolution(inst: Instrument) -> None:
-    """Print the same where it is no result."""
-    for sentence in sentences(inst):
-        note(sentence)
-    warn_resolution(inst)
-
-
 def warn_resolution(inst: Instrument) -> None:
     """Warn where an instrument's sensors do not suffice."""
     for sentence in warnings(inst):
@@ -134,32 +141,35 @@ class ProgressBar:
     """
 
     def __init__(self, description: str, unit: str | None = "") -> None:
-        columns = [TextColumn("{task.description}"), BarColumn()]
-        if unit is not None:
-            columns.append(TextColumn(f"{{task.completed:.0f}}/{{task.total:.0f}}{unit}"))
-        self._bar = Progress(*columns, TimeElapsedColumn(), console=console, transient=True)
-        self._task = self._bar.add_task(description, total=1)
+        self._description, self._unit = description, unit
+        self._bar: Progress | None = None
         self._begun = time.monotonic()
-        self._shown = False
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._shown:
+        if self._bar is not None:
             self._bar.stop()
 
     def __call__(self, done: float, total: float, description: str | None = None) -> None:
         """Show how much is done, and what is being done if that changed."""
-        if (
-            not self._shown
-            and not Settings.quiet
-            and console.is_interactive
-            and time.monotonic() > self._begun + PATIENCE
-        ):
-            self._bar.start()
-            self._shown = True
-        self._bar.update(self._task, completed=done, total=max(total, 1), description=description)
+        if self._bar is None:
+            if Settings.quiet or not console.is_interactive or time.monotonic() <= self._begun + PATIENCE:
+                return
+            self._bar = self._started()
+        self._bar.update(self._bar.task_ids[0], completed=done, total=max(total, 1), description=description)
+
+    def _started(self) -> "Progress":
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415 - slow to load
+
+        columns = [TextColumn("{task.description}"), BarColumn()]
+        if self._unit is not None:
+            columns.append(TextColumn(f"{{task.completed:.0f}}/{{task.total:.0f}}{self._unit}"))
+        bar = Progress(*columns, TimeElapsedColumn(), console=console, transient=True)
+        bar.add_task(self._description, total=1)
+        bar.start()
+        return bar
 
 
 def quantity(option: str, text: str, kind: Any) -> float:

@@ -21,7 +21,12 @@ def export_controller(  # noqa: PLR0917
     observer: Annotated[ObserverName, typer.Option(help="Observer that estimates the tip angle.")] = "friction",
     law: Annotated[LawName, typer.Option(help="Compensation law.")] = "robust",
     actuation: Annotated[ActuationName, typer.Option(help="Motors that act.")] = "differential",
-    not_homed: Annotated[bool, typer.Option("--not-homed", help="The spools' zero is unknown: home first.")] = False,
+    homed: Annotated[
+        bool,
+        typer.Option(
+            "--homed/--not-homed", help="Spools start at the pretension, or at unknown angles, and home first."
+        ),
+    ] = False,
     own_clock: Annotated[bool, typer.Option("--own-clock", help="Ticks count as one period each.")] = False,
     name: Annotated[
         str | None, typer.Option(help="Of the constant in C. Default: the instrument's.", show_default=False)
@@ -44,7 +49,7 @@ def export_controller(  # noqa: PLR0917
             observer=observer,
             law=law,
             actuation=actuation,
-            homed=not not_homed,
+            homed=homed,
             own_clock=own_clock,
             source=instrument_file,
         )

@@ -10,7 +10,7 @@ import numpy as np
 import typer
 from rich.markup import escape
 
-from tenodesis.cli.common import ProgressBar, check_choice, console, load_instrument, say, table, warn
+from tenodesis.cli.common import ProgressBar, check_choice, console, load_instrument, note, say, table, warn
 from tenodesis.cli.outputs import JSON, Overwrite, check_suffix, write_text, writing
 from tenodesis.errors import CommandError
 from tenodesis.identification import report
@@ -32,12 +32,14 @@ from tenodesis.identification.split import LEAST_SHARE, FittedPart, split
 from tenodesis.identification.uncertainty import LossName
 from tenodesis.instrument import Instrument
 
-_BEND = "sheath_bend"
+_HELD = {"sheath_bend": "sheath bend", "wrist_pitch": "pitch"}
+"""Angles that are held through a recording, by column."""
+_TEXTS = (".txt", ".csv")
 ArrangementChoice: TypeAlias = Literal["auto", "compare", "file"]
 
 
 def identify(  # noqa: PLR0917
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help="Recordings to fit.")],
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help="Recordings to fit, or folders of text files.")],
     format_name: Annotated[str, typer.Option("--format", help=f"{', '.join(FORMATS)}.")] = "mcap",
     test: Annotated[list[Path] | None, typer.Option(metavar="FILE", help="Recording held out; repeatable.")] = None,
     train_until: Annotated[
@@ -90,9 +92,9 @@ def identify(  # noqa: PLR0917
     tests = test or []
     _check_files(logs, tests)
     outputs: list[tuple[str, Path | None]] = [
-        ("--out", out / name) for name in (report.PAGE, report.NUMBERS, report.INSTRUMENT)
+        *(("--out", out / name) for name in (report.PAGE, report.NUMBERS, report.INSTRUMENT)),
+        ("--json-out", json_file),
     ]
-    outputs += [("--json-out", json_file)]
     with writing(outputs, [*logs, *tests, instrument_file], overwrite=overwrite, folder=out):
         check_suffix("--json-out", json_file, JSON)
         check_choice("--format", format_name, FORMATS)
@@ -107,10 +109,11 @@ def identify(  # noqa: PLR0917
         kind = FORMATS[format_name]
         _check_arrangement(kind, format_name, arrangement)
         chosen = law or kind.law
-        measured = load_all(kind.load, [*logs, *tests])
+        files = recordings_of(logs, tests, format_name)
+        measured = load_all(kind.load, [*files, *tests])
         _check_different(measured)
 
-        count = len(logs)
+        count = len(files)
 
         def problem_of(inst: Instrument | None) -> Problem:
             def build(train: Sequence[MeasuredRun], held_out: Sequence[MeasuredRun]) -> Problem:
@@ -164,9 +167,10 @@ def identify(  # noqa: PLR0917
         _print_arrangements(compared)
     elif arrangement == "compare":
         warn("these recordings and this instrument leave one arrangement of contacts; none was compared.")
+    for word in (word.strip() for word in (parameters or "").split(",")):
+        if len(problem.groups.get(word, ())) > 1:
+            note(f"{word}: {', '.join(problem.groups[word])}.")
     _print_fit(found, written if json_file is None else [*written, json_file], notes)
-    if parameters is not None and inst is not None:
-        _warn_of_mismatch(inst)
 
 
 def _arranged(
@@ -248,6 +252,25 @@ def _split(until: float | None, from_: float | None) -> tuple[float | None, Fitt
     return share, "until" if from_ is None else "from"
 
 
+def recordings_of(logs: Sequence[Path], tests: Sequence[Path], format_name: str) -> list[Path]:
+    """Return the recordings, with the text files of each folder that are not held out in its place."""
+    held_out = {path.resolve() for path in tests}
+    files: list[Path] = []
+    for path in logs:
+        # A folder of a bag is one recording.
+        if format_name == "mcap" or not path.is_dir():
+            files.append(path)
+            continue
+        texts = sorted(one for one in path.iterdir() if one.suffix.lower() in _TEXTS)
+        if not texts:
+            needed = f"a recording, or a folder with files that end in {' or '.join(_TEXTS)}"
+            raise CommandError(
+                f"LOG is {path}, a folder without recordings; it must be {needed}.", key="LOG", value=path
+            )
+        files += [one for one in texts if one.resolve() not in held_out]
+    return files
+
+
 def _check_files(logs: Sequence[Path], tests: Sequence[Path]) -> None:
     seen: dict[Path, str] = {}
     for what, paths in (("LOG", logs), ("--test", tests)):
@@ -272,14 +295,15 @@ def _check_different(measured: Sequence[MeasuredRun]) -> None:
 
 
 def _extrapolated(one: MeasuredRun, trained: Sequence[MeasuredRun]) -> tuple[str, ...]:
-    """Return a note where a held-out recording has a sheath bend beyond those of the fitted recordings."""
-    if _BEND not in one.columns:
+    """Return a note where a held-out recording has a sheath bend or pitch beyond those of the fitted recordings."""
+    column = next((name for name in _HELD if name in one.columns), None)
+    if column is None:
         return ()
-    bend, bends = (float(np.degrees(one[_BEND][0])), [float(np.degrees(other[_BEND][0])) for other in trained])
-    if min(bends) <= bend <= max(bends):
+    angle, angles = (float(np.degrees(one[column][0])), [float(np.degrees(other[column][0])) for other in trained])
+    if min(angles) <= angle <= max(angles):
         return ()
-    fitted = f"{min(bends):.4g}" if min(bends) == max(bends) else f"{min(bends):.4g} to {max(bends):.4g}"
-    return (f"held out at a sheath bend of {bend:.4g} deg, fitted at {fitted} deg: extrapolation",)
+    fitted = f"{min(angles):.4g}" if min(angles) == max(angles) else f"{min(angles):.4g} to {max(angles):.4g}"
+    return (f"held out at a {_HELD[column]} of {angle:.4g} deg, fitted at {fitted} deg: extrapolation",)
 
 
 def _print_arrangements(compared: ArrangementComparison) -> None:
@@ -327,14 +351,6 @@ def _check_arrangement(kind: Format, format_name: str, arrangement: str) -> None
     if arrangement == "compare" and kind.arrangements is None:
         allowed = f"auto or file with the format {format_name}, which has one arrangement"
         raise CommandError(key="--arrangement", value=arrangement, allowed=allowed)
-
-
-def _warn_of_mismatch(inst: Instrument) -> None:
-    if inst.mismatch != inst.replace(mismatch=None).mismatch:
-        warn(
-            "the table [mismatch] of the instrument file is what is identified, not a start: what of it is not fitted "
-            "is held at its nominal value. Name it in --fit, or leave --fit out."
-        )
 
 
 def _print_parameters(found: Fit) -> None:

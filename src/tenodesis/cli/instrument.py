@@ -3,36 +3,42 @@
 import json
 from collections.abc import Sequence
 from math import isfinite
+from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
 import typer
 from rich.markup import escape
 from rich.table import Table
 
-from tenodesis import instrument
-from tenodesis.cli.common import InstrumentFile, console, load_instrument, say, table, warn
+from tenodesis import coupled, instrument
+from tenodesis.cli.common import InstrumentFile, console, load_any_instrument, note, say, table, warn
+from tenodesis.cli.coupled import print_coupled
+from tenodesis.cli.outputs import FIGURE, Overwrite, check_suffix, write_errors, writing
 from tenodesis.control.derived import Derived, derive
 from tenodesis.control.plausibility import Implausible, implausible
-from tenodesis.control.resolution import sentences
+from tenodesis.control.resolution import sentences, shares
+from tenodesis.errors import InstrumentError
+from tenodesis.files import atomic_file
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.listing import Listed, listed
 
 _WIDTH = 24
 """Width of a list of values in a table."""
 
-Kind: TypeAlias = Literal["instrument", "protocol", "catalogue", "tolerances"]
+Kind: TypeAlias = Literal["instrument", "coupled", "protocol", "catalogue", "tolerances"]
 
 
 def schema(
-    kind: Annotated[Kind, typer.Argument(metavar="KIND", help="instrument, protocol, catalogue or tolerances.")] = (
-        "instrument"
-    ),
+    kind: Annotated[
+        Kind, typer.Argument(metavar="KIND", help="instrument, coupled, protocol, catalogue or tolerances.")
+    ] = ("instrument"),
 ) -> None:
     """Print the JSON schema of a kind of file, for editors that complete and check TOML."""
     from tenodesis import scaling, simulate, tolerance  # noqa: PLC0415 - instrument files do without them
 
     schemas = {
         "instrument": instrument.json_schema,
+        "coupled": coupled.json_schema,
         "protocol": simulate.json_schema,
         "catalogue": scaling.json_schema,
         "tolerances": tolerance.json_schema,
@@ -45,9 +51,48 @@ def check(
     as_json: Annotated[
         bool, typer.Option("--json", help="Print JSON: values in SI units, and as in the file.")
     ] = False,
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Draw the tendons' routes over the joints here: .svg, .png or .pdf.",
+            show_default=False,
+        ),
+    ] = None,
+    overwrite: Overwrite = False,
 ) -> None:
-    """Check an instrument file; print its values, what follows from them, and what is implausible about it."""
-    inst: Instrument = load_instrument(instrument_file)
+    """Check an instrument file; print its values, what follows from them, and what is implausible about it.
+
+    Of joints that share tendons: routes, moment arms, coupling, and what loads take. A picture marks a wrong route.
+    """
+    check_suffix("--picture", picture, FIGURE)
+    with writing([("--picture", picture)], [instrument_file], overwrite=overwrite):
+        try:
+            inst = load_any_instrument(instrument_file)
+        except InstrumentError:
+            wrong = coupled.misrouted(instrument_file) if picture and coupled.is_coupled(instrument_file) else None
+            if picture and wrong:
+                _draw(picture, wrong.inst, wrong)
+                note(f"{picture} is written, with what is wrong in red.")
+            raise
+        if isinstance(inst, coupled.CoupledInstrument):
+            print_coupled(inst, as_json=as_json)
+        else:
+            _print_planar(instrument_file, inst, as_json=as_json)
+        if picture:
+            _draw(picture, coupled.load(inst))
+            if not as_json:
+                note(f"{picture} is written.")
+
+
+def _draw(path: Path, inst: coupled.CoupledInstrument, problem: coupled.RouteError | None = None) -> None:
+    from tenodesis.report import routing  # noqa: PLC0415 - loads matplotlib
+
+    with write_errors(path), atomic_file(path) as new:
+        routing.write(new, inst, problem)
+
+
+def _print_planar(instrument_file: str, inst: Instrument, *, as_json: bool) -> None:
     values, derived, found = listed(instrument_file, inst), tuple(derive(inst)), implausible(inst)
     if as_json:
         typer.echo(json.dumps(_as_json(inst, values, derived, found), indent=1, ensure_ascii=False))
@@ -59,7 +104,7 @@ def check(
     console.print(_table(values, derived))
     if inst.devices.model_fields_set:
         say(f"Devices: {', '.join(sorted(inst.devices.model_fields_set))}.")
-    for sentence in sentences(inst):
+    for sentence in (*sentences(inst), *shares(inst)):
         say(sentence)
     for one in found:
         warn(one.sentence)
@@ -78,7 +123,7 @@ def _as_json(
             one.key: {"value": one.value if isfinite(one.value) else None, "unit": one.unit, "meaning": one.meaning}
             for one in derived
         },
-        "resolution": sentences(inst),
+        "resolution": [*sentences(inst), *shares(inst)],
         "warnings": [one._asdict() for one in found],
     }
 

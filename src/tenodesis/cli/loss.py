@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table
 
-from tenodesis import statics
-from tenodesis.cli.common import InstrumentFile, console, load_instrument, note, quantity, table
+from tenodesis import coupled, statics
+from tenodesis.cli.common import InstrumentFile, console, load_any_instrument, note, quantity, table
+from tenodesis.cli.coupled import print_coupled_losses
 from tenodesis.errors import CommandError
 from tenodesis.instrument import Instrument
 from tenodesis.statics.stroke import settled_stroke
@@ -50,17 +51,31 @@ class Loss(NamedTuple):
 _UNITS = ("rad", "N", "rad", "rad", "rad", "m", "N", "N", "N")
 
 
-def loss(
+def loss(  # noqa: PLR0917
     instrument_file: InstrumentFile,
     load: Annotated[
         list[str] | None,
-        typer.Option(help="Load at the tip, like '2 N', repeatable. Default: conditions.forces, or 1 N."),
+        typer.Option(
+            help="Load at the tip, like '2 N', repeatable. Default: conditions.forces, or 1 N. Of joints that share "
+            "tendons: x, y and z in the tip's axes, like '0 0 -1 N'. Default: 1 N along each."
+        ),
     ] = None,
     angle: Annotated[
         list[str] | None,
         typer.Option(
-            help="Unloaded output angle, like '60 deg', repeatable. Default: straight, half and end of the range."
+            help="Unloaded output angle, like '60 deg', repeatable. Default: straight, half and end of the range. Of "
+            "joints that share tendons: one each, like '30 0 15 deg'. Default: straight and half."
         ),
+    ] = None,
+    moment: Annotated[
+        str | None,
+        typer.Option(
+            help="Moment on the tip beside each load, like '0 0 5 N*mm', of joints that share tendons. Default: none."
+        ),
+    ] = None,
+    grip: Annotated[
+        str | None,
+        typer.Option(help="Force by which an object presses the jaws apart, like '2 N'. Default: none."),
     ] = None,
     axis: Annotated[
         str | None,
@@ -69,7 +84,15 @@ def loss(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, in SI units.")] = False,
 ) -> None:
     """Print the angle that loads take at the tip, what restores it, and the load at which a tendon goes slack."""
-    inst = load_instrument(instrument_file)
+    inst = load_any_instrument(instrument_file)
+    if isinstance(inst, coupled.CoupledInstrument):
+        if axis is not None:
+            raise _no_option("--axis", inst.name, "has joints that share tendons", "left out")
+        print_coupled_losses(inst, load or (), angle or (), moment=moment, grip=grip, as_json=as_json)
+        return
+    for option, given in (("--moment", moment), ("--grip", grip)):
+        if given is not None:
+            raise _no_option(option, inst.name, "is planar", "left out, or the instrument list joints and tendons")
     inst = inst.planar[0] if axis is None else inst.axis(axis)
     forces = [quantity("--load", text, PositiveForce) for text in load or ()]
     forces = forces or sorted(inst.conditions.forces) or [_USUAL_LOAD]
@@ -90,6 +113,10 @@ def loss(
         note("The stroke also gives back what the backbone's own moment takes without a load.")
     if any(not isfinite(value) for one in found for value in one):
         note(f"–: beyond the handle's ±{degrees(inst.handle_range):.4g}°, or the tip cannot be held under that load.")
+
+
+def _no_option(option: str, name: str, reason: str, allowed: str) -> CommandError:
+    return CommandError(f"{option} is given, but {name} {reason}; it must be {allowed}.", key=option, allowed=allowed)
 
 
 def losses(inst: Instrument, angles: Sequence[float], forces: Sequence[float]) -> list[Loss]:
@@ -143,7 +170,7 @@ def _table(inst: Instrument, found: Sequence[Loss]) -> Table:
         "antago-\nnist [N]",
         "slack\nfrom [N]",
     ):
-        shown.add_column(heading, justify="right", no_wrap=True)
+        shown.add_column(escape(heading), justify="right", no_wrap=True)
     for n, one in enumerate(found):
         last = n + 1 == len(found) or found[n + 1].force != one.force
         cells = (

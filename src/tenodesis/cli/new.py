@@ -3,7 +3,7 @@
 import math
 import shlex
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
@@ -56,7 +56,9 @@ def new(  # noqa: PLR0917
         list[str] | None, typer.Option(help="Load at the tip, repeatable. Default: 0.5 N, 1 N and 2 N.")
     ] = None,
     stem_diameter: Annotated[Answer, _option("Outer diameter of the stem. Default: around the distal radius.")] = None,
-    handle_length: Annotated[Answer, _option("From the joint's moving part to the hand. Default: 120 mm.")] = None,
+    handle_length: Annotated[
+        Answer, _option("From the joint's moving part to the hand. Default: 120 mm at most.")
+    ] = None,
     output_range: Annotated[Answer, _option("Working range of the tip to either side. Default: 80 deg.")] = None,
     handle_range: Annotated[
         Answer, _option("Largest handle angle to either side. Default: what the tip needs and a quarter more.")
@@ -88,18 +90,26 @@ def new(  # noqa: PLR0917
     with writing([("NAME", path)], overwrite=overwrite):
         joint_type = _mechanism(mechanism, defaults)
         answers = _answers(joint_type, given, defaults)
-        draft = _Draft(path.stem, joint_type, {}, {})
-        for key, answer in answers.items():
-            draft.put(key, answer.text, "" if answer.given else f"{ASSUMED}, as offered")
         for key, value in more.items():
             if value is not None:
                 _check(f"--{key.replace('_', '-')}", joint_type, key, value)
-                draft.put(key, value)
         for force in load or ():
             quantity("--load", force, PositiveForce)
-        if load:
-            draft.put("conditions.forces", tuple(load))
-        inst = _complete(draft, ROPES[rope.lower()], rope.lower())
+
+        def drafted() -> tuple[_Draft, Instrument]:
+            draft = _Draft(path.stem, joint_type, {}, {})
+            for key, answer in answers.items():
+                draft.put(key, answer.text, "" if answer.given else f"{ASSUMED}, as offered")
+            for key, value in more.items():
+                if value is not None:
+                    draft.put(key, value)
+            if load:
+                draft.put("conditions.forces", tuple(load))
+            return draft, _complete(draft, ROPES[rope.lower()], rope.lower())
+
+        asked = [one for one in QUESTIONS[joint_type] if not defaults and given[one.option] is None]
+        _ask_again(joint_type, asked, answers, drafted)
+        draft, inst = drafted()
         write_text(path, draft.text())
     assumed = sum(source.startswith(ASSUMED) for source in draft.sources.values())
     say(f"{path}: {inst.name}, {joint_type}; yours: {len(draft.sources) - assumed} values, assumed: {assumed}.")
@@ -195,6 +205,32 @@ def _answers(joint_type: str, given: Mapping[str, Answer], defaults: bool) -> di
         else:
             found[one.key] = _ask(joint_type, one)
     return found
+
+
+def _ask_again(
+    joint_type: str,
+    asked: Sequence[Question],
+    answers: dict[str, _Answer],
+    drafted: Callable[[], tuple[_Draft, Instrument]],
+) -> None:
+    """Ask once more for each answer that is refused or implausible; Enter keeps it."""
+    by_key = {one.key: one for one in asked}
+    while by_key:
+        try:
+            doubts = {one.key: one.sentence for one in implausible(drafted()[1])}
+        except InstrumentError as problem:
+            doubts = {problem.key: str(problem)}
+        key = next((key for key in by_key if key in doubts), None)
+        if key is None:
+            return
+        warn(doubts[key])
+        question = by_key.pop(key)
+        try:
+            again = _ask(joint_type, question._replace(default=answers[key].text))
+        except CommandError:  # there is nobody to answer
+            return
+        if again.text != answers[key].text:
+            answers[key] = again
 
 
 def _names(questions: tuple[Question, ...]) -> set[str]:

@@ -19,11 +19,11 @@ from tenodesis.cli.common import (
     file_size,
     load_instrument,
     load_protocol,
-    note_resolution,
     quantity,
     say,
     table,
     value_errors,
+    warn_resolution,
 )
 from tenodesis.cli.outputs import FIGURE, RECORDING, TABLES, Overwrite, check_suffix, write_errors, writing
 from tenodesis.control import Controller
@@ -95,7 +95,7 @@ def record(  # noqa: PLR0917
     path = _default_path(str(protocol_file), instrument_file, law) if out is None else out
     inputs = (instrument_file, protocol_file, controller_instrument)
     with writing([("--out", path)], inputs, overwrite=overwrite), value_errors(), _progress(path) as progress:
-        note_resolution(assumed)
+        warn_resolution(assumed)
         run = record_run(
             inst,
             protocol,
@@ -247,7 +247,7 @@ def _controller(
 
 
 def _print_outcome(run: Run, inst: Instrument) -> None:
-    """Print what came of a run if it had a controller."""
+    """Print what came of a run."""
     for about, fact in outcome(run, inst).items():
         say(f"{about}: {fact}.")
 

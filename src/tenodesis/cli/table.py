@@ -39,6 +39,12 @@ EXPORTS = {
         "export.export_mjcf",
     ),
 }
+IMPORTS = {
+    "dvrk": Command(
+        "Write a coupled instrument from a tool file of the da Vinci Research Kit, with the file's coupling matrix.",
+        "import_tool.import_dvrk",
+    ),
+}
 DEVICES = {
     "test": Command(
         "Measure a device's rate, jitter and losses, with the motors at rest; exit code 1 if the controller needs "
@@ -114,6 +120,7 @@ COMMANDS: dict[str, Command | Group] = {
         "live.foxglove",
     ),
     "export": Group("Write what other programs read.", EXPORTS),
+    "import": Group("Read what other programs describe.", IMPORTS),
     "devices": Group(
         "List devices, or test a device.",
         DEVICES,

@@ -42,8 +42,8 @@ ADVICE = {
         "Check its cable and calibration, then clear.",
     ),
     "load_cell_drift": Advice(
-        "The load cells do not agree with the length that the motors have wound.",
-        "Take the load off, let the cells warm up, set their zero again. Then home, then enable.",
+        "The load cells do not agree with the length that the motors have wound, or were exchanged.",
+        "Check their cables, take the load off, let the cells warm up, set their zero again. Then home, then enable.",
     ),
     "encoder_dropout": Advice(
         "The handle's encoder shows an angle beyond the handle's range.",
@@ -58,8 +58,8 @@ ADVICE = {
         "Tighten it. Then home, then enable.",
     ),
     "motor_not_following": Advice(
-        "A spool does not turn as commanded.",
-        "Check whether something blocks it and whether its drive has power, then clear.",
+        "A spool does not turn as commanded, or its encoder loses counts.",
+        "Check whether something blocks it, its drive's power and its encoder's cable, then clear, and home.",
     ),
     "tick_late": Advice(
         "The controller got no tick for too long, or the measurements are not updated.",

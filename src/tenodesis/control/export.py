@@ -19,6 +19,10 @@ _COMMON, _AXIS = (
     {name: f"{unit}: {meaning}" for name, unit, meaning in rows}
     for rows in (_core.control_parameters(), _core.control_axis_parameters())
 )
+_HOMED = "It starts as homed: only where both tendons have the pretension, and spool angles count from there."
+_NOT_HOMED = (
+    "It starts as not homed: request TENODESIS_REQUEST_HOME, with a free tip and a still hand, before it compensates."
+)
 _LIMIT_UNITS = {name: unit for name, unit, _ in _core.faults()} | {"spool_jump": _core.SPOOL_JUMP_UNIT}
 
 # Words of C99 and C++20 that are no keywords in Python.
@@ -44,7 +48,7 @@ def header(
     observer: ObserverName = "friction",
     law: LawName = "robust",
     actuation: ActuationName = "differential",
-    homed: bool = True,
+    homed: bool = False,
     own_clock: bool = False,
     source: str | None = None,
 ) -> str:
@@ -58,8 +62,11 @@ def header(
         The instrument; all of its axes.
     name
         Of the constant; by default the instrument's, with underscores.
-    observer, law, actuation, homed, own_clock
+    observer, law, actuation, own_clock
         As of :class:`~tenodesis.control.Controller`.
+    homed
+        Whether the program starts with both tendons at the pretension and spool angles counted from there; otherwise
+        its controller compensates nothing until it has homed.
     source
         The source that the header names; by default the instrument's name.
 
@@ -79,7 +86,6 @@ def header(
             f"observer {observer}",
             f"law {law}",
             f"actuation {actuation}",
-            "homed" if homed else "not homed",
             "its own clock" if own_clock else "the input's clock",
         ]
     )
@@ -89,6 +95,8 @@ def header(
         f" * Written by tenodesis {_version()} from {_comment(inst.name if source is None else source)},",
         f" * for version {INTERFACE_VERSION} of the C interface:",
         f" * {choices}.",
+        " *",
+        f" * {_HOMED if homed else _NOT_HOMED}",
         " */",
         f"#ifndef {guard}",
         f"#define {guard}",
@@ -137,7 +145,7 @@ def export_header(
     observer: ObserverName = "friction",
     law: LawName = "robust",
     actuation: ActuationName = "differential",
-    homed: bool = True,
+    homed: bool = False,
     own_clock: bool = False,
     source: str | None = None,
 ) -> None:

@@ -235,7 +235,7 @@ def _limits(inst: Instrument, period: float) -> dict[str, tuple[float, float]]:
         "load_cell_drift": (0.05 * pretension, 0.5),
         "encoder_dropout": (0.1, 0.005),
         "encoder_jump": (30.0, 1.2 * period),
-        "spool_slip": (max(0.12 * pretension, 15 * sensors.load_cell_noise), 0.006),
+        "spool_slip": (max(0.1 * pretension, 15 * sensors.load_cell_noise), 0.006),
         "motor_not_following": (0.008, 0.005),
         "tick_late": (inst.control.watchdog, 0.0),
         "not_a_number": (0.0, 0.0),

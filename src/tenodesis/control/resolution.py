@@ -116,6 +116,23 @@ def sentences(inst: Instrument) -> tuple[str, ...]:
     return tuple(sentence[0].upper() + sentence[1:] for sentence in found)
 
 
+def shares(inst: Instrument) -> tuple[str, ...]:
+    """Return in a sentence how much each kind of sensor takes of that angle, for each axis that has its own values."""
+    found = []
+    for prefix, axis in _different_axes(inst):
+        worst = resolution(axis).worst
+        parts = {
+            "handle encoder": worst.handle_encoder,
+            "spool encoders": worst.spool_encoders,
+            "load cells": worst.load_cells,
+            "calibration": worst.calibration,
+        }
+        if isfinite(worst.total):
+            listed = ", ".join(f"{name} {_degrees(part)}" for name, part in parts.items())
+            found.append(f"{prefix}standard deviations: {listed}.")
+    return tuple(sentence[0].upper() + sentence[1:] for sentence in found)
+
+
 def warnings(inst: Instrument) -> tuple[str, ...]:
     """Return in sentences where the sensors do not suffice for compensation, or for the limit of the tip force."""
     found = []
@@ -173,17 +190,10 @@ def _sentence(known: Resolution) -> str:
     worst = known.worst
     if not isfinite(worst.total):
         return "without pretension the sensors resolve nothing at the tip."
-    parts = {
-        "handle encoder": worst.handle_encoder,
-        "spool encoders": worst.spool_encoders,
-        "load cells": worst.load_cells,
-        "calibration": worst.calibration,
-    }
-    listed = ", ".join(f"{name} {_degrees(part)}" for name, part in parts.items())
     takes = f"takes {_degrees(known.loss)}" if isfinite(known.loss) else "is more than the tip can hold"
     return (
-        f"the sensors resolve {_degrees(worst.total)} and {known.tip_force:.2g} N at the tip ({listed}; standard "
-        f"deviations); a load of {known.load:g} N {takes}."
+        f"the sensors resolve {_degrees(worst.total)} and {known.tip_force:.2g} N at the tip; a load of "
+        f"{known.load:g} N {takes}."
     )
 
 

@@ -2,6 +2,7 @@
 
 from tenodesis.identification.differences import jacobian_error
 from tenodesis.identification.fit import fit
+from tenodesis.identification.formats.instrument_run import measured
 from tenodesis.identification.identifiability import Combination, Identifiability
 from tenodesis.identification.problem import Parameter, Problem, Trace
 from tenodesis.identification.registry import FORMATS, Format
@@ -21,6 +22,7 @@ __all__ = [
     "Whiteness",
     "fit",
     "jacobian_error",
+    "measured",
     "to_json",
 ]
 

@@ -50,11 +50,21 @@ def run_figure(problem: Problem, found: Fit, run: int) -> Figure:
             axis.set_ylabel(axis_label(key))
             style.legend_above(axis, 2)
         else:
-            same = key in traces and traces[key].time.size == error.size
-            time = traces[key].time if same else np.arange(error.size) * problem.sample_time(run)
-            axis.plot(time, error, color=style.MUTED, lw=0.8, rasterized=True)
+            signal, _, unit = key.rpartition("_")
+            # an error may be of several signals, one after the other: of both tendons
+            names = [name for name in traces if name == key or (name.startswith(f"{signal}_") and name.endswith(unit))]
+            sizes = [traces[name].time.size for name in names]
+            if names and sum(sizes) == error.size:
+                colours = [style.MUTED] if len(names) == 1 else style.colors(len(names) + 1)[1:]
+                for name, part, colour in zip(names, np.split(error, np.cumsum(sizes)[:-1]), colours, strict=True):
+                    label = name.removeprefix(f"{signal}_").removesuffix(f"_{unit}")
+                    axis.plot(traces[name].time, part, color=colour, lw=0.8, label=label, rasterized=True)
+                if len(names) > 1:
+                    style.legend_above(axis, len(names))
+            else:
+                time = np.arange(error.size) * problem.sample_time(run)
+                axis.plot(time, error, color=style.MUTED, lw=0.8, rasterized=True)
             axis.axhline(0, color=style.INK, lw=0.8)
-            unit = key.rpartition("_")[2]
             axis.set_ylabel(f"residual [{unit}]" if key in traces else f"residual of\n{axis_label(key)}")
     axes[-1].set_xlabel("time [s]")
     fig.align_ylabels()
@@ -66,7 +76,7 @@ def autocorrelation(found: Fit) -> Figure:
     fig, (axis,) = style.figure(1, width=8.6, height=3.6)
     several = any(one.channel for one in found.whiteness)
     for colour, one in zip(style.colors(len(found.whiteness)), found.whiteness, strict=True):
-        label = f"{one.run}, sensor {one.channel + 1}" if several else one.run
+        label = f"{one.run}, {one.sensor}" if several else one.run
         lags = np.arange(one.autocorrelation.size) * one.sample_time
         axis.plot(lags, one.autocorrelation, color=colour, lw=1.3, label=label)
     band = 1.96 / np.sqrt(min(one.samples for one in found.whiteness))

@@ -144,7 +144,7 @@ def fit(
         loss=loss,
         seed=seed,
         bootstrap=bootstrap,
-        samples=search.samples,
+        samples=base.size,
         evaluations=search.evaluations,
         jacobians=search.jacobians,
         warnings=(
@@ -254,8 +254,12 @@ def _centred(one: Linearised) -> Array:
 
 def _noises(problem: Problem, run: int, one: Linearised) -> list[Whiteness]:
     return [
-        whiteness.examine(series, run=problem.runs[run], channel=channel, sample_time=problem.sample_time(run))
-        for channel, series in enumerate(one.residuals.reshape(one.channels, -1))
+        whiteness.examine(
+            series, run=problem.runs[run], channel=channel, sensor=sensor, sample_time=problem.sample_time(run)
+        )
+        for channel, (series, sensor) in enumerate(
+            zip(one.residuals.reshape(one.channels, -1), problem.sensors(run), strict=True)
+        )
     ]
 
 

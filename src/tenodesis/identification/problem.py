@@ -60,6 +60,10 @@ class Problem(ABC):
         """Return how many sensors of equal length the residuals of a run hold."""
         return 1
 
+    def sensors(self, run: int) -> tuple[str, ...]:
+        """Return what these sensors are called."""
+        return tuple(f"sensor {number + 1}" for number in range(self.channels(run)))
+
     def plain_residuals(self, values: Array, run: int) -> Array:
         """Return the residuals before any whitening, (n,)."""
         return self.residuals(values, run)

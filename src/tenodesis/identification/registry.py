@@ -20,6 +20,7 @@ GROUP = "tenodesis.formats"
 
 OURS = {
     "davinci-tool": "tenodesis.identification.datasets.davinci_tool:FORMAT",
+    "davinci-posture": "tenodesis.identification.datasets.davinci_posture:FORMAT",
     "endoscope-pair": "tenodesis.identification.datasets.endoscope_pair:FORMAT",
     "tendon-sheath": "tenodesis.identification.datasets.tendon_sheath:FORMAT",
     "csv": "tenodesis.identification.twin_model.formats:CSV",

@@ -227,6 +227,7 @@ def _whiteness(one: Whiteness) -> dict[str, Any]:
     return {
         "run": one.run,
         "channel": one.channel,
+        "sensor": one.sensor,
         "white": one.white,
         "p_value": json_number(one.p_value),
         "ljung_box": json_number(one.statistic),

@@ -111,6 +111,10 @@ class Windowed(Problem):
         """Return how many sensors the residuals of a run hold."""
         return self._problem.channels(run)
 
+    def sensors(self, run: int) -> tuple[str, ...]:
+        """Return what these sensors are called."""
+        return self._problem.sensors(run)
+
     def plain_residuals(self, values: Array, run: int) -> Array:
         """Return the residuals within the window before any whitening, (n,)."""
         return self._counted(self._problem.plain_residuals(values, run), run)

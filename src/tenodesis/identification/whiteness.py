@@ -19,6 +19,7 @@ class Whiteness:
 
     run: str
     channel: int
+    sensor: str
     samples: int
     sample_time: float
     """s."""
@@ -60,7 +61,7 @@ def correlation_samples(correlations: Array) -> float:
     return max(1.0, float(times[end]))
 
 
-def examine(series: Array, *, run: str, channel: int, sample_time: float) -> Whiteness:
+def examine(series: Array, *, run: str, channel: int, sample_time: float, sensor: str = "") -> Whiteness:
     """Return autocorrelation and Ljung-Box test of the residuals of one sensor, shape (n,)."""
     correlations = autocorrelation(series)
     time = correlation_samples(correlations)
@@ -71,6 +72,7 @@ def examine(series: Array, *, run: str, channel: int, sample_time: float) -> Whi
     return Whiteness(
         run=run,
         channel=channel,
+        sensor=sensor,
         samples=count,
         sample_time=sample_time,
         correlation_time=time * sample_time,

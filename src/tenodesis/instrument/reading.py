@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument.instrument import Instrument
 from tenodesis.instrument.mechanisms import ANY_INSTRUMENT, JOINT_TYPES
-from tenodesis.toml import parse_toml, read_text, validated
+from tenodesis.toml import did_you_mean, parse_toml, read_text, validated
 
 InstrumentLike: TypeAlias = Instrument | str | Path
 """An instrument, the name of one that comes with the package, or the path of an instrument file."""
@@ -61,7 +61,7 @@ def parse(text: str, source: str = "instrument") -> Instrument:
     values = parse_toml(text, InstrumentError, source, "an instrument")
     joint_type = values.get("joint_type")
     if not isinstance(joint_type, str) or joint_type not in JOINT_TYPES:
-        found = "is missing" if joint_type is None else f"is {joint_type!r}"
+        found = "is missing" if joint_type is None else f"is {joint_type!r}{did_you_mean(str(joint_type), JOINT_TYPES)}"
         allowed = f"one of {', '.join(JOINT_TYPES)}"
         raise InstrumentError(
             f"{source}: joint_type {found}; it must be {allowed}.", key="joint_type", value=joint_type, allowed=allowed

@@ -349,8 +349,8 @@ def _text(context: Context, main: Sequence[Trial], missed: Sequence[str], lost: 
         f"<p>Each run: handle to its angle, the load at {_BEFORE:g} s, {_AFTER:g} s under it, the controller enabled "
         "from the start. Every run is made twice: with the motors enabled, and with the motors stopped when the load "
         "comes, which shows the load’s own effect. The excursion is the largest error of the first run minus that of "
-        "the second, negative if the first stays nearer to eq. 18. The time is the last moment at which the tip is 1° "
-        f"off. The tension is the true tension at the spools{limit}.</p>"
+        "the second, negative if the first stays nearer to the unloaded angle. The time is the last moment at which "
+        f"the tip is 1° off. The tension is the true tension at the spools{limit}.</p>"
     )
     moving = sum(np.isinf(trial.response.rest_time) for trial in main)
     if moving:

@@ -43,7 +43,9 @@ def section(context: Context) -> Section:
     table.row("no compensation", *lost, key="none", left="", by=" without compensation", without="")
     remaining = [("no compensation", style.REFERENCE, lost)]
     for printed, actuation, law, color in _LAWS:
-        name = printed.replace(" as printed", "") if context.is_own else printed
+        name = (
+            printed.replace("eq. 22", "law “paper” (eq. 22)").replace(" as printed", "") if context.is_own else printed
+        )
         stroke = settled_stroke(inst, handle, force, actuation, law)
         output = statics.output_angle(inst, handle, force, wound=wound(np.nan_to_num(stroke), actuation))
         lost = np.degrees(states - np.where(np.isfinite(stroke), output, np.nan))
@@ -68,9 +70,9 @@ def section(context: Context) -> Section:
     )
     experiments = "" if context.is_own else ", which limited the paper's experiments"
     text = (
-        "<p>Eq. 22 turns measured tensions into a motor angle. How much of the loss it restores depends on how many "
-        "motors act on it; the exact law takes this into account, and slack. These results are without friction"
-        f"{experiments}.</p>"
+        "<p>The law “paper” (eq. 22) turns measured tensions into a motor angle. How much of the loss it restores "
+        "depends on how many motors act on it; the exact law takes this into account, and slack. These results are "
+        f"without friction{experiments}.</p>"
     )
     if inst.joint_type == "continuum":
         text += (

@@ -92,6 +92,10 @@ class Context:
             return ""
         return f" (paper: {name}{rest})" if self.is_paper else f" (as {name} of the paper{rest})"
 
+    def file_name(self, figure: str, name: str) -> str:
+        """Return the name of a file: with its figure of the paper before it, unless the instrument is one's own."""
+        return name if self.is_own else f"{figure}_{name}"
+
     def has_chapter(self, name: str) -> bool:
         """Return whether the report has a chapter."""
         return not self.chapters or name in self.chapters

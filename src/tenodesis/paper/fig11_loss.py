@@ -12,6 +12,9 @@ from tenodesis.report import style
 from tenodesis.report.content import Chart, Column, Section, fixed, named
 from tenodesis.report.curves import draw_losses, forces, load_name
 
+_SEEN = 0.05
+"""Difference of two curves that can be seen, deg"""
+
 
 def section(context: Context) -> Section:
     """Compute the loss by the full model and by eq. 17, and the compensation angle."""
@@ -37,10 +40,12 @@ def section(context: Context) -> Section:
             for angle in (f"{np.degrees(state):.4g}" for state in states)
         ),
     )
+    apart = 0.0
     for load in forces(inst)[1:]:
         lost = states - statics.output_angle(inst, handles, load)
         first_order = statics.loss_of_dexterity(inst, states, load)
         compensation = statics.handle_angle(inst, states, load) - handles
+        apart = max(apart, float(np.nanmax(np.abs(np.degrees(lost - first_order)), initial=0.0)))
         table.row(load_name(load), *np.degrees([*lost, *first_order, *compensation]), force=load)
     stiffness = context.add(
         "loss.flexural_stiffness.straight",
@@ -58,9 +63,10 @@ def section(context: Context) -> Section:
     _construction(chart, left, inst, force)
     draw_losses(chart, right, inst, forces(inst)[1:])
     plot = chart.plot(
-        "fig11_loss",
+        context.file_name("fig11", "loss"),
         f"Left: loss and compensation angle at {force:g} N, {named(inst)}{context.figure_of('Fig. 11')}. "
-        "Right: the loss by the full model (solid) and by eq. 17 (dotted).",
+        "Right: the loss by the full model (solid) and to first order (eq. 17, dotted)"
+        f"{', which coincide here' if apart < _SEEN else ''}.",
     )
     text = (
         "<p>The loss is the output angle that a load at the tip takes: θ<sub>e</sub>* − θ<sub>e</sub>. To first order "

@@ -146,8 +146,9 @@ def _cycles(context: Context, loads: Sequence[float], found: Found) -> tuple[Tab
         BOTH_MOTORS: ("eq. 22 by both motors", "vs both", RATIO_TO_PAPER),
     }
     table = context.table(
-        f"RMSE of the tip against eq. 18 [°] over cycles 2 to {_CYCLES} of 0–{degrees}° at {_FREQUENCY:g} Hz, the "
-        "robust law’s largest error, by how many times its RMSE is smaller, and the mean tension of both tendons",
+        f"RMSE of the tip against its unloaded angle (eq. 18) [°] over cycles 2 to {_CYCLES} of 0–{degrees}° at "
+        f"{_FREQUENCY:g} Hz, the robust law’s largest error, by how many times its RMSE is smaller, and the mean "
+        "tension of both tendons",
         "force",
         *(
             Column(
@@ -193,8 +194,8 @@ def _cycles(context: Context, loads: Sequence[float], found: Found) -> tuple[Tab
     text = (
         "<p>The handle moves back and forth under a constant force with the controller enabled. The robust law’s RMSE "
         f"is {_span(ratios[OFF])} times smaller than without compensation, {_span(ratios[ONE_MOTOR])} times "
-        f"smaller than with eq. 22{as_printed} by the agonist’s motor, and {_span(ratios[BOTH_MOTORS])} times "
-        "smaller than with eq. 22 by both motors.</p>"
+        f"smaller than with the law “paper” (eq. 22){as_printed} by the agonist’s motor, and "
+        f"{_span(ratios[BOTH_MOTORS])} times smaller than with it by both motors.</p>"
     )
     if has_friction(context.tested) and (
         context.is_own or any(min(ratios[rival]) < least for rival, (_, _, least) in rivals.items())
@@ -287,11 +288,12 @@ def _plot(context: Context, loads: Sequence[float], found: Found) -> Plot:
             chart.curve(axis, handle, f"error {at}", np.degrees(done.error[last][_EVERY]), color=each.color, lw=1.2)
         axis.axhline(0, color=style.INK, ls="--", lw=0.8)
         axis.set(title=f"{force:g} N", xlabel="handle angle $\\theta_h$ [deg]")
-    axes[0].set_ylabel("output angle − eq. 18 [deg]")
+    axes[0].set_ylabel("off the unloaded angle [deg]")
     style.legend_outside(chart.figure, *((each.name, each.color, "-") for each in COMPENSATIONS))
     return chart.plot(
-        "fig14_compensated",
-        f"Error of the tip against eq. 18 over the handle’s angle, {named(inst)}, T<sub>o</sub> = "
-        f"{inst.pretension:g} N, the last of {_CYCLES} cycles of 0–{np.degrees(amplitude(inst)):.3g}° at "
-        f"{_FREQUENCY:g} Hz{context.figure_of('Fig. 14', ' without compensation')}.",
+        context.file_name("fig14", "compensated" + "_cycles" * context.is_own),
+        f"Error of the tip against its unloaded angle (eq. 18) over the handle’s angle, {named(inst)}, "
+        f"T<sub>o</sub> = {inst.pretension:g} N, the last of {_CYCLES} cycles of "
+        f"0–{np.degrees(amplitude(inst)):.3g}° at {_FREQUENCY:g} Hz"
+        f"{context.figure_of('Fig. 14', ' without compensation')}.",
     )

@@ -65,7 +65,7 @@ def cycle(inst: Instrument, force: float) -> Cycles | None:
         recorded = RecordedRun(inst, done, _SEED, simulate.execute(twin.Twin(inst, seed=_SEED), done))
     except NoSolutionError:
         return None
-    run = recorded.run[int(np.searchsorted(recorded.run.time, _LOADING + _RESTING, "right")) :]
+    run = recorded.run.rows(int(np.searchsorted(recorded.run.time, _LOADING + _RESTING, "right")))
     estimate = estimated_output_angle(inst, run)
     error = float(np.sqrt(_mean((estimate - run["measured_output_angle"]) ** 2)))
     return Cycles(force, recorded, run, estimate, error, *_widths(inst, force, run, estimate))
@@ -111,7 +111,9 @@ def section(context: Context) -> Section:
     if not cycles:
         text = f"<p>Not run: {named(inst)} holds none of the forces while its handle moves.</p>"
         return Section("hysteresis", title, text)
-    context.recordings |= {f"fig14_{done.force:g}N": done.recorded for done in cycles}
+    context.recordings |= {
+        context.file_name("fig14", "cycles_" * context.is_own + f"{done.force:g}N"): done.recorded for done in cycles
+    }
     plots = [_angles(context, inst, cycles), _tensions(context, inst, cycles)]
     return Section("hysteresis", title, _text(context, inst), plots, [_table(context, cycles), *_parameters(inst)])
 
@@ -121,8 +123,9 @@ def _table(context: Context, cycles: list[Cycles]) -> Table:
         return Column(heading, f"hysteresis.{name}.at_{{force:g}}N", unit, f"{description}, {{force:g}} N")
 
     table = context.table(
-        "Error of eq. 19's estimate against the distal encoder; how far the tip stays behind theory at flexion and "
-        "is ahead of it at extension, and the loops' widths, means over the last cycle; difference of the tensions",
+        "Error of the estimate from the tensions (eq. 19) against the distal encoder; how far the tip stays behind "
+        "theory at flexion and is ahead of it at extension, and the loops' widths, means over the last cycle; "
+        "difference of the tensions",
         "force",
         column("rms error [°]", "estimation_error", "deg", "RMS error of eq. 19's estimate on the twin"),
         *(["published [°]"] if context.is_paper else []),
@@ -186,8 +189,8 @@ def _text(context: Context, inst: Instrument) -> str:
     text = (
         "<p>The twin takes the place of the test bench: elastic tendons with capstan friction, drives, and sensors "
         "with noise and 12 bits. Friction holds the tip back at flexion and forward at extension, and shifts the "
-        "tensions that the load cells measure; eq. 19 reads both as load. The runs are recorded, in "
-        "<code>recordings/</code>.</p>"
+        "tensions that the load cells measure; the estimate from the tensions (eq. 19) reads both as load. The "
+        "runs are recorded, in <code>recordings/</code>.</p>"
     )
     if context.is_paper:
         offset = fixed(float(np.degrees(inst.mismatch.output_encoder_offset)), 1)
@@ -210,7 +213,7 @@ def _loops(cycles: list[Cycles]) -> list[Loop]:
 def _angles(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
     chart = hysteresis(inst, _loops(cycles), "twin, measured")
     return chart.plot(
-        "fig14a_cycles",
+        context.file_name("fig14a", "cycles"),
         f"Input and output over flexion and extension, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N, "
         f"{inst.conditions.cycles or 2} cycles at {np.degrees(SPEED):.0f}°/s{context.figure_of('Fig. 14(a)')}. "
         "Dotted: no load; dashed: theory.",
@@ -232,7 +235,7 @@ def _tensions(context: Context, inst: Instrument, cycles: list[Cycles]) -> Plot:
     lines = [(side, color, "-") for side, color in sides]
     style.legend_outside(chart.figure, *lines, ("pretension", style.MUTED, ":"), ("theory", style.INK, "--"))
     return chart.plot(
-        "fig14b_tensions",
+        context.file_name("fig14b", "cycles_" * context.is_own + "tensions"),
         f"Tendon tensions beside the spools over the same cycles{context.figure_of('Fig. 14(b)')}. "
         "Dotted: pretension; dashed: theory.",
     )

@@ -30,7 +30,7 @@ _FROM, _UNTIL = BEFORE - 1, BEFORE + 6  # s
 _LAWS: tuple[LawName, ...] = ("off", "paper", "exact")
 _DRAWN: dict[LawName, tuple[str, str, str]] = {
     "off": ("no compensation", style.MUTED, ":"),
-    "paper": ("eq. 22, both motors", style.ANTAGONIST, "-"),
+    "paper": ("law “paper” (eq. 22), both motors", style.ANTAGONIST, "-"),
     "robust": ("robust law", style.AGONIST, "-"),
 }
 _SLOW = 1e-4  # m/s
@@ -91,8 +91,9 @@ def section(context: Context) -> Section:
         _table(context, held, {case: response for case, (response, _) in found.items() if case.state in held})
     ]
     text = (
-        "<p>The handle is moved to the angle that by eq. 18 gives the desired output angle, with the controller "
-        "enabled from the start, and held; the load comes at 10 s. Errors are against eq. 18"
+        "<p>The handle is moved to the angle that without load and friction gives the desired output angle "
+        "(eq. 18), with the controller enabled from the start, and held; the load comes at 10 s. Errors are against "
+        "that output angle"
     )
     if has_friction(inst):
         text += (
@@ -100,7 +101,7 @@ def section(context: Context) -> Section:
             "stiffness; the table says where it assumes a wrong friction, which the laws from theory without friction "
             "do not use"
         )
-    text += ". Without a slack tendon the exact law with both motors is eq. 22.</p>"
+    text += ". Without a slack tendon the exact law with both motors is the law “paper” (eq. 22).</p>"
     text += step_response.caveat(inst)
     if context.is_paper:
         more, table = readings(context, inst, held, force)
@@ -125,7 +126,7 @@ def _table(context: Context, held: Sequence[float], responses: dict[_Case, Respo
         )
         rows.setdefault(label, []).append(fixed(error) + (" (fault)" if response.faulted else ""))
     return Table(
-        "Tip error against eq. 18 after 10 s under the load [°], by state"
+        "Tip error against the unloaded angle (eq. 18) after 10 s under the load [°], by state"
         + (", law and the friction that the controller assumes" if rough else " and law"),
         ["law", *(f"{np.degrees(state):.4g}°" for state in held)],
         [[label, *cells] for label, cells in rows.items()],
@@ -149,14 +150,14 @@ def _plot(context: Context, held: Sequence[float], force: float, runs: dict[tupl
         tip.axhline(0, color=style.INK, ls="--", lw=0.8)
         tip.set(title=f"{np.degrees(state):.4g}°")
         tension.set(xlabel="time [s]", xlim=(_FROM, _UNTIL))
-    axes[0, 0].set_ylabel("output angle − eq. 18 [deg]")
+    axes[0, 0].set_ylabel("off the unloaded angle [deg]")
     axes[1, 0].set_ylabel("agonist tension [N]")
     style.legend_outside(chart.figure, *_DRAWN.values())
     return chart.plot(
-        "fig15_compensated",
+        context.file_name("fig15", "compensated" + "_step_load" * context.is_own),
         f"Output angle and agonist tension when {force:.3g} N at the tip are applied suddenly while the handle is "
         f"held, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N{context.figure_of('Fig. 15(a)–(d)')}. The same "
-        "twin and seed three times; dashed: the angle of eq. 18.",
+        "twin and seed three times; dashed: no error.",
     )
 
 

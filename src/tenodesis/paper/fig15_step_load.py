@@ -153,14 +153,14 @@ def section(context: Context) -> Section:
             "deg",
             f"Output angle that the step load of {applied:.3g} N takes on the twin, held at {{angle}} deg",
         ),
-        *(["lost without friction [°]"] if rough else []),
+        *(["above theory [°]"] if rough else []),
         Column("agonist before [N]", digits=1),
         Column("after [N]", digits=1),
     )
     printed = {output.value: handle for handle, output in published.STATES} if context.is_paper else {}
     for state in states:
         angle = f"{np.degrees(state.desired):.4g}"
-        context.recordings[f"fig15_{angle}deg"] = state.recorded
+        context.recordings[context.file_name("fig15", "step_load_" * context.is_own + f"{angle}deg")] = state.recorded
         handle = printed.get(round(float(np.degrees(state.desired)), 6))
         table.row(
             f"{angle}°",
@@ -175,8 +175,9 @@ def section(context: Context) -> Section:
     text = "<p>As on the bench, the handle is moved until the tip reaches the desired angle"
     if rough:
         text += (
-            ", which with friction takes more handle angle than without. “Without friction” is the difference from "
-            "there to the theory's angle under the load"
+            ", which with friction takes more handle angle than without. “Above theory” is how far it is then above "
+            "the angle that theory without friction gives under the load: less than what is lost without friction, "
+            "since friction has already held the tip back"
         )
     text += "."
     if context.has_chapter("compensated-step-load"):
@@ -193,7 +194,7 @@ def _plot(context: Context, states: list[State], rig: str) -> Plot:
         [Step(f"{np.degrees(state.desired):.4g} deg", state.run[_EVERY], BEFORE, state.theory) for state in states]
     )
     return chart.plot(
-        "fig15_step_load",
+        context.file_name("fig15", "step_load"),
         f"Output angle and agonist tension when a load, {rig}, is applied suddenly while the handle is held, "
         f"{named(inst)}, T<sub>o</sub> = {inst.pretension:g} N, no "
         f"compensation{context.figure_of('Fig. 15', ', dotted lines')}.",

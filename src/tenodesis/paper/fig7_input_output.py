@@ -55,25 +55,30 @@ def section(context: Context) -> Section:
         "antagonist slack",
     )
 
+    slackens = False
     for force in loads:
         output = np.degrees(statics.output_angle(inst, np.array([0.0, end]), force))
         straight, flexed = (float(angle) for angle in output)
         slack = slack_range(inst, force, curves.slack_onset(inst, force)[0])
+        slackens |= slack != "nowhere"
         table.row(load_name(force), straight, flexed, unloaded - flexed, slack, force=force)
     chart = curves.input_output(inst, loads)
     plot = chart.plot(
-        "fig7_input_output",
+        context.file_name("fig7", "input_output"),
         f"Input–output relationship under load, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N"
-        f"{context.figure_of('Fig. 7')}. The dashed line is linear.",
+        f"{context.figure_of('Fig. 7')}.",
     )
-    return Section("input_output", "Input and output under load", _text(inst, ratio, end, gap), [plot], [table])
+    return Section(
+        "input_output", "Input and output under load", _text(inst, ratio, end, gap, slackens=slackens), [plot], [table]
+    )
 
 
-def _text(inst: Instrument, ratio: float, end: float, gap: float) -> str:
+def _text(inst: Instrument, ratio: float, end: float, gap: float, *, slackens: bool) -> str:
     if inst.joint_type != "tendon-gear":
+        steeper = ", and more steeply once the antagonist is slack and only one tendon resists" if slackens else ""
         return (
             f"<p>The unloaded tip turns {number(ratio, 4)} times as far as the handle. A load reduces the output "
-            "angle, and more steeply once the antagonist is slack and only one tendon resists.</p>"
+            f"angle{steeper}.</p>"
         )
     return (
         f"<p>The unloaded tip follows the exact geometry, not the ratio {number(ratio, 3)}: at a handle angle of "

@@ -46,13 +46,18 @@ def section(context: Context) -> Section:
         )
     )
     chart = curves.tension(inst, loads[1:])
+    takes = (
+        f"{fixed(straight)} N at the straight tip and {fixed(flexed)} N at {np.degrees(inst.output_range):.0f}°; below "
+        "the smaller"
+        if fixed(straight) != fixed(flexed)
+        else f"{fixed(straight)} N at every angle; below"
+    )
     text = (
         f"<p>Both tensions vary by the same amount until the antagonist is slack. With T<sub>o</sub> = "
-        f"{inst.pretension:g} N this takes {fixed(straight)} N at the straight tip and {fixed(flexed)} N at "
-        f"{np.degrees(inst.output_range):.0f}°; below the smaller, no tendon goes slack in the working range.</p>"
+        f"{inst.pretension:g} N this takes {takes}, no tendon goes slack in the working range.</p>"
     )
     plot = chart.plot(
-        "fig8_tension",
+        context.file_name("fig8", "tension"),
         f"Variation of tendon tension, {named(inst)}, T<sub>o</sub> = {inst.pretension:g} N"
         f"{context.figure_of('Fig. 8')}.",
     )

@@ -49,7 +49,10 @@ def section(context: Context) -> Section:
             " Flexion costs more than load does: the tendons' moment arm shrinks faster at the small distal joint than "
             "at the proximal joint."
         )
-    plot = chart.plot("fig9_transmissibility", f"Torque transmissibility, {named(inst)}{context.figure_of('Fig. 9')}.")
+    plot = chart.plot(
+        context.file_name("fig9", "transmissibility"),
+        f"Torque transmissibility, {named(inst)}{context.figure_of('Fig. 9')}.",
+    )
     return Section("transmissibility", "Torque transmissibility", text + "</p>", [plot], [table])
 
 

@@ -45,7 +45,7 @@ CHAPTERS = {
     "compensated-step-load": Chapter("fig15_compensated"),
     "compensated-cycles": Chapter("fig14_compensated"),
     "campaign": Chapter("campaign"),
-    "unlike-model": Chapter("unlike_model"),
+    "unlike-model": Chapter("unlike_model", lambda context: context.inst.friction.law != "none"),
     "checks": Chapter("checks", lambda context: isinstance(context.inst, TendonGear)),
 }
 """The chapters of the report in order, by name."""

@@ -73,6 +73,8 @@ def section(context: Context) -> Section:
     ):
         area, wide_area = 1e4 * space.area, 1e4 * space.area_with(WIDE)
         table.row(shown, np.degrees(space.bend), area, wide_area, np.degrees(space.mean_span), name=name, load=load)
+    # what is checked is the tool, not the instrument
+    check = "" if context.is_own else f" {_check(context)}"
     chain = "a chain" if context.is_own else "the chain of Fig. 1"
     text = (
         f"<p>{named(inst)} as {chain}: spherical and prismatic joint at the port, then yaw, pitch and roll "
@@ -80,7 +82,7 @@ def section(context: Context) -> Section:
         "place; the bending joints set the directions from which the end-effector can work there. A load reduces the "
         "span of these directions, since the handle reaches the end of its range before the output angle does: "
         f"{force:.3g} N {_taken(free, loaded)}. Compensation by the motors restores this, as far as their stroke "
-        f"allows. Limits of pan and insertion are our choice where the file has none. {_check(context)}</p>"
+        f"allows. Limits of pan and insertion are our choice where the file has none.{check}</p>"
     )
     return Section("workspace", _TITLE, text, [_plot(inst, force, free, loaded)], [table])
 
@@ -90,7 +92,11 @@ def _taken(free: Workspace, loaded: Workspace) -> str:
     span, area = (
         100 * (1 - after / before) for before, after in ((free.mean_span, loaded.mean_span), (free.area, loaded.area))
     )
-    return f"takes {span:.0f} % of the mean span of directions and {area:.0f} % of the area that the tip reaches"
+    return f"takes {_share(span)} of the mean span of directions and {_share(area)} of the area that the tip reaches"
+
+
+def _share(percent: float) -> str:
+    return f"{percent:.0f} %" if round(percent) else "hardly any"
 
 
 def _check(context: Context) -> str:

@@ -154,7 +154,14 @@ def _bytes(path: Path) -> bytes:
     except OSError as problem:
         raise RecordingError(f"{path} cannot be read: {problem.strerror}.") from None
     if not container.is_mcap(data):
-        found = "it is empty" if not data else f"it begins with {data[:8]!r}"
+        if path.suffix.lower() == ".csv":
+            raise RecordingError(
+                f"{path} is a CSV table; it must be an MCAP recording (tenodesis identify --format csv reads tables).",
+                key="file",
+                value=str(path),
+                allowed="an MCAP recording",
+            )
+        found = "it is empty" if not data else f"it begins with {data[:8].decode(errors='replace')!r}"
         raise RecordingError(f"{path} is no MCAP file: {found}.")
     return data
 
@@ -253,7 +260,7 @@ def _without_gap(run: Run, contents: Contents) -> tuple[Run, str | None]:
         sequence = np.array([message.sequence for message in messages[: len(run)]], np.int64)
         missing = np.flatnonzero(sequence != np.arange(sequence.size) % 2**32)
         if missing.size:
-            return run[: int(missing[0])], "rows are missing after that"
+            return run.rows(0, int(missing[0])), "rows are missing after that"
     return run, None
 
 

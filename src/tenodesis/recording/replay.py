@@ -134,9 +134,9 @@ def replay(recording: Recording, inst: Instrument | None = None) -> Replay:
         run = _run(twin, recorded)
     else:
         started = _uncontrolled(recorded)
-        runs = [without_control(_run(twin, recorded[:started]))] if started else []
+        runs = [without_control(_run(twin, recorded.rows(0, started)))] if started else []
         if started < len(recorded):
-            runs.append(_run(twin, recorded[started:], controller))
+            runs.append(_run(twin, recorded.rows(started), controller))
         run = concatenate(runs)
     return Replay(recording, inst, run, _same_bits(recording.run, run))
 
@@ -149,7 +149,9 @@ def _run(twin: Twin, recorded: Run, controller: Controller | None = None) -> Run
     changes = np.flatnonzero((tissue[1:] != tissue[:-1]).any(axis=(1, 2))) + 1
     return concatenate(
         [
-            _run_in(twin, recorded[first:last], controller, [Contact.of_row(*row) for row in tissue[first].tolist()])
+            _run_in(
+                twin, recorded.rows(first, last), controller, [Contact.of_row(*row) for row in tissue[first].tolist()]
+            )
             for first, last in pairwise([0, *changes.tolist(), len(recorded)])
         ]
     )

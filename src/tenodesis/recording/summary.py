@@ -1,4 +1,4 @@
-"""Summaries: the contents of a recording, and the outcome of a run with a controller."""
+"""Summaries: the contents of a recording, and the outcome of a run."""
 
 import tomllib
 from collections.abc import Iterator, Sequence
@@ -19,7 +19,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.recording.metadata import CONTROLLER, controller_choices, controller_instrument, in_words
 from tenodesis.recording.reader import Recording
 from tenodesis.recording.tables import columns
-from tenodesis.run import COMMANDS, CONTROL, MEASURED, Array, Run
+from tenodesis.run import COMMANDS, CONTROL, MEASURED, TENDONS, Array, Run
 
 _RANGED = {**COMMANDS, **MEASURED, **CONTROL}.keys() - {
     "operating_state",
@@ -189,7 +189,9 @@ def tip_error(run: Run, inst: Instrument) -> Array:
 
 
 def outcome(run: Run, inst: Instrument, names: Sequence[str] = FAULTS) -> dict[str, str]:
-    """Return the outcome of a run with a controller in words: state, faults and tip; empty without a controller.
+    """Return the outcome of a run in words: its controller's state and faults, and the tip's deviation.
+
+    Without a controller it is what the load took: the tip's largest and last deviation, tensions, and slack.
 
     Parameters
     ----------
@@ -200,12 +202,16 @@ def outcome(run: Run, inst: Instrument, names: Sequence[str] = FAULTS) -> dict[s
     names
         Names of the faults, in the order of their bits.
     """
-    if run.operating_state is None or run.faults is None or not len(run):
+    if not len(run):
         return {}
+    signals = run.signals().keys()
+    angles = {"handle_angle", "measured_handle_angle"} & signals and {"output_angle", "measured_output_angle"} & signals
+    if run.operating_state is None or run.faults is None:
+        tip = {"tip": _deviation(run, tip_error(run, inst))} if angles else {}
+        return tip | _tensions(run)
     state = run.operating_state.reshape(len(run), -1)[:, 0]
     facts = {"state": _states(state, run.time), "faults": _faults(run.faults, run.time, names)}
-    signals = run.signals().keys()
-    if {"handle_angle", "measured_handle_angle"} & signals and {"output_angle", "measured_output_angle"} & signals:
+    if angles:
         facts["tip"] = _tip(run, tip_error(run, inst), _compensating(run, state))
     return facts
 
@@ -224,8 +230,42 @@ def _tip(run: Run, error: Array, during: NDArray[np.bool_]) -> str:
     parts = []
     for name, off in zip(run.axes, error.T, strict=True):
         rms = f", {degrees(np.sqrt(np.mean(off[during] ** 2))):.2f} deg RMS while enabled" if during.any() else ""
-        parts.append(f"{name} {degrees(off[-1]):+.2f} deg off eq. 18 at the end{rms}")
+        parts.append(f"{name} {degrees(off[-1]):+.2f} deg off the unloaded angle (eq. 18 of the paper) at the end{rms}")
     return "; ".join(parts)
+
+
+def _deviation(run: Run, error: Array) -> str:
+    parts = []
+    for name, off in zip(run.axes, error.T, strict=True):
+        if np.isnan(off).all():
+            continue
+        worst = int(np.nanargmax(np.abs(off)))
+        parts.append(
+            f"{name} {degrees(off[worst]):+.2f} deg off the unloaded angle (eq. 18 of the paper) at most, at "
+            f"{run.time[worst]:.4g} s, {degrees(off[-1]):+.2f} deg at the end"
+        )
+    return "; ".join(parts)
+
+
+def _tensions(run: Run) -> dict[str, str]:
+    """Return the ranges of the tensions beside the spools, and for how long tendons were slack at the tip."""
+    tension = run.measured_tension if run.tension is None else run.tension
+    if tension is None:
+        return {}
+    names = [f"{axis} {tendon}" if len(run.axes) > 1 else tendon for axis in run.axes for tendon in TENDONS]
+    rows = tension.reshape(len(run), -1).T
+    ranges = (f"{name} {np.nanmin(row):.3g} to {np.nanmax(row):.3g} N" for name, row in zip(names, rows, strict=True))
+    facts = {"tensions": ", ".join(ranges)}
+    if run.distal_tension is not None:
+        step = float(np.median(np.diff(run.time))) if len(run) > 1 else 0.0
+        loose = (run.distal_tension <= 0).reshape(len(run), -1).T
+        slack = [
+            f"{name} for {np.count_nonzero(row) * step:.3g} s, first at {run.time[row.argmax()]:.4g} s"
+            for name, row in zip(names, loose, strict=True)
+            if row.any()
+        ]
+        facts["slack"] = ", ".join(slack) or "no tendon"
+    return facts
 
 
 def _states(state: Array, time: Array) -> str:

@@ -25,8 +25,10 @@ _MOST_POINTS = 20_000
 _BEFORE_STEP, _AFTER_STEP = 2.0, 6.0
 """Time that is shown before and after a step load, s."""
 _ANGLES_SHOWN, _TENSIONS_SHOWN = 12.0, 15.0
-"""What is shown to either side of the middle between before and after, deg and N."""
+"""Half of what is shown about the middle between before and after, deg and N."""
 _AVERAGED = 0.2  # s
+_SEEN = 0.05
+"""Difference of two curves that can be seen, deg"""
 _NARROWEST = 7.0
 """Width, inches, that a legend above the panels needs."""
 
@@ -64,7 +66,10 @@ def input_output(inst: Instrument, loads: Sequence[float]) -> Chart:
     ratio = linear_ratio(inst)
     line = chart.keep("gear ratio line [deg]", ratio * handle)
     inside = line <= np.degrees(inst.output_range)
-    axis.plot(handle[inside], line[inside], "--", color=style.REFERENCE, lw=1.3, label=f"ratio {ratio:.3g} (linear)")
+    if np.abs(np.degrees(statics.output_angle(inst, angles)) - line)[inside].max() > _SEEN:
+        label = f"ratio {ratio:.3g} (linear)"
+        axis.plot(handle[inside], line[inside], "--", color=style.REFERENCE, lw=1.3, label=label)
+    slackens = False
     for force, color in zip(loads, style.colors(len(loads)), strict=True):
         output = np.degrees(statics.output_angle(inst, angles, force))
         output[output > np.degrees(inst.output_range) + 1e-9] = np.nan
@@ -73,7 +78,9 @@ def input_output(inst: Instrument, loads: Sequence[float]) -> Chart:
         onset, onset_handle = slack_onset(inst, force)
         if np.isfinite(onset_handle):
             axis.plot(np.degrees(onset_handle), np.degrees(onset), "o", color=color, ms=5.5, mec="white")
-    axis.plot([], [], "o", color=style.MUTED, mec="white", label="antagonist goes slack")
+            slackens = True
+    if slackens:
+        axis.plot([], [], "o", color=style.MUTED, mec="white", label="antagonist goes slack")
     axis.set(xlabel="handle angle $\\theta_h$ [deg]", ylabel="output angle $\\theta_e$ [deg]", xlim=(0, handle[-1]))
     style.legend_above(axis, 4)
     return chart
@@ -197,7 +204,7 @@ def hysteresis(inst: Instrument, loops: Sequence[Loop], measured_by: str = "meas
     style.legend_outside(
         chart.figure,
         (measured_by, style.AGONIST, "-"),
-        ("estimate, eq. 19", style.ANTAGONIST, "-"),
+        ("estimate from the tensions (eq. 19)", style.ANTAGONIST, "-"),
         ("theory, no load", style.MUTED, ":"),
         ("theory", style.INK, "--"),
     )
@@ -245,7 +252,8 @@ def step_response(steps: Sequence[Step]) -> Chart:
         agonist = chart.keep(f"agonist {at} [N]", run["measured_tension"][:, 0])
         right.plot(time, agonist, color=style.ANTAGONIST, lw=1.0)
         middle = (float(agonist[before].mean()) + float(agonist[after].mean())) / 2
-        right.set_ylim(middle - _TENSIONS_SHOWN, middle + _TENSIONS_SHOWN)
+        # in the lower half, where it does not run over the angle
+        right.set_ylim(middle - _TENSIONS_SHOWN / 2, middle + 3 * _TENSIONS_SHOWN / 2)
         right.spines["right"].set_visible(True)
     axes[0].set_ylabel("output angle $\\theta_e$ [deg]")
     right.set_ylabel("agonist tension [N]")

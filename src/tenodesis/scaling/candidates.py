@@ -236,7 +236,9 @@ def _pairs(real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any])
             )
         raise DesignError(
             f"no two wheels of catalogue {catalogue.name} have R/r = {large / small:.6g} of {real_size.name} within "
-            f"ratio_tolerance = {tolerance:g}; the nearest have {nearest[1]:.6g} ({100 * nearest[0]:.2g} % off)."
+            f"ratio_tolerance = {tolerance:g}; the nearest have {nearest[1]:.6g} ({100 * nearest[0]:.2g} % off): to "
+            f"take them, give a file with [constraints] ratio_tolerance = {math.ceil(100 * nearest[0]) / 100:g} as a "
+            "further --catalogue."
         )
     return tuple(pairs[size] for size in sorted(pairs))
 

@@ -17,7 +17,8 @@ from tenodesis.run import Array
 from tenodesis.similarity import SimilarityError
 
 if TYPE_CHECKING:
-    from tenodesis.scaling.design import Design, Front, Objectives, TestLoad
+    from tenodesis.scaling.design import Front
+    from tenodesis.scaling.scale_model import Design, Objectives, TestLoad
 
 MOST_CURVES = 4
 """Largest number of test loads with curves; more would overlap."""

@@ -26,7 +26,7 @@ from tenodesis.scaling.plan_text import angle, falling_short, plain, quantity, s
 from tenodesis.similarity import SimilarityError
 
 if TYPE_CHECKING:
-    from tenodesis.scaling.design import Design
+    from tenodesis.scaling.scale_model import Design
 
 _LONG = 120  # characters; a longer name of a catalogue, made of many names, is shortened
 _SYMBOL = r"([^\W\d_]+)_(\w+)"

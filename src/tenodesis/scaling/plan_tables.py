@@ -25,7 +25,7 @@ from tenodesis.scaling.plan_text import (
 from tenodesis.similarity import GRID, Comparison, Group, SimilarityError
 
 if TYPE_CHECKING:
-    from tenodesis.scaling.design import Design, TestLoad
+    from tenodesis.scaling.scale_model import Design, TestLoad
 
 SNAPPED = "a snapped tip at its stop"
 """How a tip that snaps through counts in a design's objectives."""

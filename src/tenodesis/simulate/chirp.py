@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from tenodesis.errors import ProtocolError
+from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.simulate.command import SMOOTH, Segment
 from tenodesis.simulate.model import check_choice
 from tenodesis.simulate.phases import Loaded, Start
-from tenodesis.simulate.reach import check_handle_angles
+from tenodesis.simulate.reach import check_handle_angles, unloaded_handle_angle
 from tenodesis.units import Angle, Duration, Frequency, HandleSpeed, SignedForce
 
 Sweep: TypeAlias = Literal["linear", "logarithmic"]
@@ -32,6 +33,9 @@ class Chirp(Loaded):
 
     kind: Literal["chirp"] = "chirp"
     amplitude: Angle | None = Field(default=None, description="Amplitude of the handle angle")
+    output_amplitude: Angle | None = Field(
+        default=None, description="The same, as output angle without load about the straight tip"
+    )
     force_amplitude: SignedForce | None = Field(
         default=None, description="Amplitude of the tangential force at the tip instead, while the handle is held"
     )
@@ -46,13 +50,14 @@ class Chirp(Loaded):
 
     @model_validator(mode="after")
     def _check_choices(self) -> Self:
-        check_choice(self, "amplitude", "force_amplitude")
+        check_choice(self, "amplitude", "output_amplitude", "force_amplitude")
         return self
 
     def segments(self, start: Start) -> Iterator[Segment]:
         """Yield the move to the middle, and the chirp."""
         middle = start.handle_angle if self.handle_angle is None else self.handle_angle
-        size = abs(self.amplitude or 0.0)
+        angle = self._handle_amplitude(start.inst)
+        size = abs(angle)
         names = ["handle_angle", "handle_angle + amplitude", "handle_angle - amplitude"]
         check_handle_angles(start.inst, names, middle + np.array([0.0, size, -size]))
         steps = start.steps(self.duration)
@@ -62,13 +67,18 @@ class Chirp(Loaded):
         def wave(done: NDArray[np.int64]) -> Array:
             return self._wave(done / steps, steps * start.time_step)
 
-        if self.amplitude is not None:
-            angle = self.amplitude
+        if self.force_amplitude is None:
             yield self.moved(start, (middle, middle), steps, lambda done: middle + angle * wave(done))
             return
-        size = self.force_amplitude or 0.0
+        size = self.force_amplitude
         held = partial(np.full_like, fill_value=middle, dtype=np.float64)
         yield self.moved(start, (middle, middle), steps, held, lambda done: size * wave(done))
+
+    def _handle_amplitude(self, inst: Instrument) -> float:
+        """Return the amplitude of the handle angle, rad; raises ProtocolError if no handle angle gives it."""
+        if self.output_amplitude is None:
+            return self.amplitude or 0.0
+        return unloaded_handle_angle(inst, "output_amplitude", self.output_amplitude)
 
     def cycles(self, share: Array, seconds: float) -> Array:
         """Return the periods done (n,) after shares of a duration (s); its derivative by time is the frequency."""
@@ -89,7 +99,8 @@ class Chirp(Loaded):
         key = "end_frequency" if self.end_frequency == most else "start_frequency"
         least = 1 / self.start_frequency + 1 / self.end_frequency
         finest = 1 / (_LEAST_STEPS * start.time_step)
-        speed = 2 * math.pi * most * abs(self.amplitude or 0.0)
+        amplitude = self._handle_amplitude(start.inst)
+        speed = 2 * math.pi * most * abs(amplitude)
         if steps * start.time_step < least * (1 - 1e-9):
             raise ProtocolError(
                 f"duration is {self.duration:g} s; it must be at least {least:g} s, one period of start_frequency and "
@@ -109,10 +120,10 @@ class Chirp(Loaded):
         if speed > self.speed_limit * (1 + 1e-9):
             allowed = math.degrees(self.speed_limit / (2 * math.pi * most))
             raise ProtocolError(
-                f"amplitude is {math.degrees(self.amplitude or 0.0):.6g} deg, which at {most:g} Hz needs "
+                f"amplitude is {math.degrees(amplitude):.6g} deg, which at {most:g} Hz needs "
                 f"{math.degrees(speed):.4g} deg/s; it must be at most {allowed:.4g} deg with a speed_limit of "
                 f"{math.degrees(self.speed_limit):.4g} deg/s",
                 key="amplitude",
-                value=self.amplitude,
+                value=amplitude,
                 allowed=f"at most {allowed:.4g} deg",
             )

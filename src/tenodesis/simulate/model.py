@@ -1,10 +1,35 @@
 """What all parts of a protocol file have in common."""
 
-from pydantic import BaseModel, ConfigDict
+from typing import TYPE_CHECKING, Any
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from tenodesis.errors import ProtocolError
+from tenodesis.toml import validated
+
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass
+else:
+    ModelMetaclass = type(BaseModel)
 
 
-class ProtocolModel(BaseModel):
-    """Part of a protocol file: immutable, and unknown keys are errors."""
+class _Sentences(ModelMetaclass):
+    """Models whose errors are sentences in Python as well: files are read without a call of the class."""
+
+    def __call__(self, *arguments: Any, **values: Any) -> Any:
+        try:
+            return super().__call__(*arguments, **values)
+        except ValidationError:
+            pass
+        model: Any = self
+        return validated(model, values, ProtocolError, self.__name__, entries={"phases": "phase"})
+
+
+class ProtocolModel(BaseModel, metaclass=_Sentences):
+    """Part of a protocol file: immutable, and unknown keys are errors.
+
+    Raises ProtocolError if a value is not valid.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
 

@@ -1,5 +1,6 @@
 """Calls of the core by the statics: arguments checked and broadcast, points solved, errors explained."""
 
+import sys
 from collections.abc import Mapping
 from math import degrees, prod
 from typing import Any, NamedTuple, TypeAlias
@@ -113,7 +114,9 @@ def numbers(key: str, value: ArrayLike) -> NDArray[np.float64]:
         array = np.asarray(value)
     except ValueError:
         array = np.array(None)
-    if array.dtype.kind not in "buif" or np.ma.isMaskedArray(value):
+    # numpy.ma takes long to import, and without it no array is masked
+    masked = "numpy.ma" in sys.modules and np.ma.isMaskedArray(value)
+    if array.dtype.kind not in "buif" or masked:
         raise ArgumentError(key=key, value=value, allowed="a number or an array of numbers")
     return array.astype(np.float64, copy=False)
 

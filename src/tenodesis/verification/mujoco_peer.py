@@ -8,7 +8,6 @@ pitch toward y.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from itertools import product
 from math import asin, cos, hypot, inf, isnan, nan, pi, sin
 from typing import Any
@@ -17,10 +16,10 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 from tenodesis.extras import require
 from tenodesis.instrument import TendonGear
 
-_TIME_STEP = 1e-3  # s
+TIME_STEP = 1e-3  # s
 # The straight joint, at its stiffest, is overdamped at this rate (rad/s): it then creeps to the nearest
 # equilibrium without overshoot, so that a load close to the fold is not carried over it by momentum.
-_RATE, _DAMPING_RATIO = 200.0, 1.2
+RATE, _DAMPING_RATIO = 200.0, 1.2
 _STILL = 1e-10  # rad: how far velocity and acceleration may still carry a joint that is called settled
 _BATCH = 10  # steps between two looks at the state
 _MAX_STEPS = 60_000  # only within a few parts in 100 000 of the fold does creeping there take longer
@@ -64,11 +63,15 @@ class Coupling:
 
 @dataclass(frozen=True)
 class Independence:
-    """The largest coupling between the axes, without and with loads, and the cases that never settled."""
+    """The largest coupling between the axes, without and with loads, the cases that never settled, and all of them.
+
+    Each of `cases` has the unloaded output angles (rad) and the forces (N) of yaw and pitch.
+    """
 
     unloaded: Coupling
     loaded: Coupling
     unsettled: int
+    cases: Mapping[tuple[float, ...], TwoAxis]
 
 
 def settle(inst: TendonGear, handle_angle: float, force: float, radial_force: float = 0.0) -> Settled:
@@ -113,20 +116,24 @@ def axis_independence(
     output_angles: Sequence[float],
     forces: Sequence[float],
     progress: Callable[[], None] | None = None,
+    *,
+    gap: float | None = None,
 ) -> Independence:
     """Find how far the settled angle of an axis changes because the other is moved and loaded.
 
     Every pair of unloaded output angles (rad) meets every pair of tip forces (N); each axis is compared with itself in
-    the same model while the other is held straight and free of force. `progress` is called after every load case.
+    the same model while the other is held straight and free of force. `progress` is called after every load case; `gap`
+    as in :func:`settle_two_axis`.
     """
+    settled: dict[tuple[float, ...], TwoAxis] = {}
 
-    @cache
-    def case(yaw: float, pitch: float, force_yaw: float, force_pitch: float) -> TwoAxis:
-        handles = _handle_angle(inst, yaw), _handle_angle(inst, pitch)
-        settled = settle_two_axis(inst, *handles, force_yaw, force_pitch)
-        if progress is not None:
-            progress()
-        return settled
+    def case(*where: float) -> TwoAxis:
+        if where not in settled:
+            handles = _handle_angle(inst, where[0]), _handle_angle(inst, where[1])
+            settled[where] = settle_two_axis(inst, *handles, *where[2:], gap=gap)
+            if progress is not None:
+                progress()
+        return settled[where]
 
     def couplings(yaw: float, pitch: float, force_yaw: float, force_pitch: float) -> list[Coupling]:
         where = yaw, pitch, force_yaw, force_pitch
@@ -140,7 +147,7 @@ def axis_independence(
     cases = product(output_angles, output_angles, forces, forces)
     loaded = [found for where in cases for found in couplings(*where)]
     unsettled = sum(isnan(found.change) for found in unloaded + loaded)
-    return Independence(max(unloaded, key=_size), max(loaded, key=_size), unsettled)
+    return Independence(max(unloaded, key=_size), max(loaded, key=_size), unsettled, settled)
 
 
 def planar_xml(inst: TendonGear, handle_angle: float) -> str:
@@ -161,7 +168,7 @@ def _settle(xml: str, loads: tuple[float, ...]) -> list[Settled]:
     steps = 0
     for share in (0.0, 1.0):
         data.ctrl[:] = [share * load for load in loads]
-        taken, resting = _relax(mujoco, model, data)
+        taken, resting = relax(mujoco, model, data)
         steps += taken
         if not resting:
             return [Settled(nan, nan, nan, steps)] * model.neq
@@ -171,14 +178,14 @@ def _settle(xml: str, loads: tuple[float, ...]) -> list[Settled]:
     return [Settled(angle, agonist, antagonist, steps) for angle, agonist, antagonist in axes]
 
 
-def _relax(mujoco: Any, model: Any, data: Any) -> tuple[int, bool]:
+def relax(mujoco: Any, model: Any, data: Any) -> tuple[int, bool]:
     """Step until the joints rest, snap through or run out of steps: steps taken, and whether they rest."""
     for steps in range(_BATCH, _MAX_STEPS + 1, _BATCH):
         mujoco.mj_step(model, data, _BATCH)
         # A carrier turned by a right angle lines up with its tendons, which then have no lever to hold it.
         if not abs(data.qpos).max() < pi / 2:
             return steps, False
-        if abs(data.qvel).max() < _STILL * _RATE and abs(data.qacc).max() < _STILL * _RATE**2:
+        if abs(data.qvel).max() < _STILL * RATE and abs(data.qacc).max() < _STILL * RATE**2:
             return steps, True
     return _MAX_STEPS, False
 
@@ -203,14 +210,14 @@ def mechanism_xml(inst: TendonGear, held: Mapping[str, float | None], gap: float
 
     root = Element("mujoco", model="tendon-driven rolling joint")
     SubElement(root, "compiler", angle="radian")
-    SubElement(root, "option", timestep=f"{_TIME_STEP}", integrator="implicitfast", gravity="0 0 0")
+    SubElement(root, "option", timestep=f"{TIME_STEP}", integrator="implicitfast", gravity="0 0 0")
     default = SubElement(root, "default")
     # Inertia has no part in an equilibrium, so it is chosen to suit the time step; each pair has two joints.
     stiffness = 8 * inst.tendon_stiffness * small**2
-    armature, damping = stiffness / _RATE**2 / 2, _DAMPING_RATIO * stiffness / _RATE
+    armature, damping = stiffness / RATE**2 / 2, _DAMPING_RATIO * stiffness / RATE
     SubElement(default, "joint", armature=f"{armature}", damping=f"{damping}")
     # The stiffest tie MuJoCo allows: the two angles of a pair then agree to about 1e-6 rad.
-    SubElement(default, "equality", solref=f"{2 * _TIME_STEP} 1", solimp="0.9999 0.9999 0.001 0.5 2")
+    SubElement(default, "equality", solref=f"{2 * TIME_STEP} 1", solimp="0.9999 0.9999 0.001 0.5 2")
     SubElement(default, "tendon", stiffness=f"{inst.tendon_stiffness}")
 
     world = SubElement(root, "worldbody")

@@ -88,7 +88,12 @@ SOURCE = Source(
 
 
 def load(path: Path) -> MeasuredRun:
-    """Return a recording of a da Vinci tool.
+    """Return a recording of a da Vinci tool, as :func:`read`."""
+    return read(path, SOURCE)
+
+
+def read(path: Path, source: Source) -> MeasuredRun:
+    """Return a recording of the bench.
 
     Columns: spindle_angle, jaw_angle (rad), spindle_torque, jaw_torque (N*m), by the signs of the file; the last is as
     it was measured, for no model takes it. The first seconds, in which the bench settles, are kept: a model with memory
@@ -125,7 +130,7 @@ def load(path: Path) -> MeasuredRun:
     raw.saturated("spindle_torque")
     raw.enough()
     raw.gaps()
-    return raw.done(SOURCE, checksum(path))
+    return raw.done(source, checksum(path))
 
 
 def _angle(counts: int) -> tuple[Unit, ...]:
@@ -217,6 +222,8 @@ class Series(ReferenceSeries):
     torque: Array
     """By the sign in which it mostly works against its load."""
     speed: Array
+    pitch: float = 0.0
+    """Of the wrist, rad."""
 
 
 class Signs(NamedTuple):
@@ -281,7 +288,7 @@ class Tool(ReferenceProblem[Series]):
 
     def modelled(self, values: Array, series: Series, *, exact: bool) -> Dual:
         """Return the jaw angle by the model, (1 + n,), rad."""
-        given = unknowns(self._names, values, exact=exact)
+        given = self._given(values, series, exact=exact)
         turned = given["ratio"] * series.spindle + self.signs.load * given["compliance"] * self._mean(given, series)
         return self.signs.jaw * turned + given["offset"]
 
@@ -313,6 +320,10 @@ class Tool(ReferenceProblem[Series]):
             if ours in given:
                 friction[name] = given[ours] * (1 / self.contacts)
         return friction
+
+    def _given(self, values: Array, series: Series, *, exact: bool) -> dict[str, Dual]:
+        """Return the parameters by name as they are for a run."""
+        return unknowns(self._names, values, exact=exact)
 
 
 def problem(
@@ -393,6 +404,7 @@ def _series(one: MeasuredRun, signs: Signs) -> Series:
         spindle=np.append(spindle[0], spindle),
         torque=np.append(level, _causal_mean(torque, window)),
         speed=np.append(0.0, (spindle - spindle[before]) / passed),
+        pitch=float(one.columns["wrist_pitch"][0]) if "wrist_pitch" in one.columns else 0.0,
     )
 
 
@@ -412,6 +424,7 @@ def _thinned(one: Series) -> Series:
         spindle=block(one.spindle),
         torque=np.append(one.torque[0], one.torque[step::step]),
         speed=np.append(one.speed[0], one.speed[step::step]),
+        pitch=one.pitch,
     )
 
 

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tenodesis.errors import IdentificationError
 from tenodesis.identification.formats.measured import MeasuredRun
 from tenodesis.identification.formats.raw import CLOCKS, Raw, spread_of
-from tenodesis.instrument import Instrument
-from tenodesis.run import TENDONS, Array
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.run import TENDONS, Array, Run
 
 COLUMNS = {
     "handle_angle": "rad",
@@ -22,6 +23,20 @@ COLUMNS = {
     "spool_antagonist": "rad",
 }
 """Every column that a run may have, with its SI unit."""
+
+USED = (
+    "commanded_handle_angle",
+    "measured_handle_angle",
+    "measured_output_angle",
+    "measured_tension",
+    "measured_spool_angle",
+    "force",
+    "radial_force",
+)
+"""The signals of a run that become columns."""
+
+SECONDS = CLOCKS[:1]
+"""The clock of a run and of stamps in nanoseconds, whatever their magnitude."""
 
 LEAST_EXCITATION = float(np.radians(2))
 """Spread of the handle's angle below which nothing can be identified, rad."""
@@ -82,3 +97,61 @@ def checked(
     raw.frozen(tensions, "handle_angle", may_rest_at_zero=True)
     done = raw.done(checksum=checksum)
     return InstrumentRun(done.name, done.time, done.columns, done.notes, None, done.checksum, instrument)
+
+
+def measured(run: Run, instrument: InstrumentLike | None = None, *, name: str = "run") -> InstrumentRun:
+    """Return the first axis of a run as a recording to identify from.
+
+    Parameters
+    ----------
+    instrument
+        Where the search starts; by default it has to be given with the problem.
+    name
+        The run's name in results and messages.
+
+    Raises
+    ------
+    IdentificationError
+        The run lacks a handle angle or the tensions, is too short, or its handle does not move.
+    """
+    notes: list[str] = []
+    columns = columns_of(first_axis(run), name, notes)
+    notes += first_alone(run.axes)
+    inst = None if instrument is None else as_instrument(instrument).planar[0]
+    return checked(name, run.time, columns, notes=notes, instrument=inst, clocks=SECONDS)
+
+
+def first_axis(run: Run) -> dict[str, Array]:
+    """Return the signals of a run's first axis, each (n,) or per tendon (n, 2)."""
+    found = {name: values for name, values in run.signals().items() if name in USED}
+    return {name: values[:, 0] if run.axes[1:] else values for name, values in found.items()}
+
+
+def first_alone(axes: Sequence[str]) -> list[str]:
+    """Return a note if there are more axes than the first."""
+    return [f"of the axes {' and '.join(axes)} the first is taken"] if axes[1:] else []
+
+
+def columns_of(signals: Mapping[str, Array], where: str, notes: list[str]) -> dict[str, Array]:
+    """Return the columns of one axis's signals; raises IdentificationError if handle angle or tension are missing."""
+    handle = next(
+        (name for name in ("commanded_handle_angle", "measured_handle_angle") if _has_values(signals, name)), None
+    )
+    lacking = [] if _has_values(signals, "measured_tension") else ["measured_tension"]
+    lacking += [] if handle else ["measured_handle_angle"]
+    if handle is None or lacking:
+        raise IdentificationError(f"{where} lacks {', '.join(lacking)}; it has {', '.join(signals) or 'no signals'}.")
+    if handle == "measured_handle_angle":
+        notes.append("the handle angle is that of its encoder, for no commanded angle was recorded")
+    columns = {"handle_angle": signals[handle]}
+    for name in ("measured_handle_angle", "measured_output_angle", "force", "radial_force"):
+        if _has_values(signals, name):
+            columns[name] = signals[name]
+    for name, column in (("measured_tension", "tension"), ("measured_spool_angle", "spool")):
+        if _has_values(signals, name):
+            columns |= {f"{column}_{tendon}": signals[name][:, n] for n, tendon in enumerate(TENDONS)}
+    return columns
+
+
+def _has_values(signals: Mapping[str, Array], name: str) -> bool:
+    return name in signals and bool(np.isfinite(signals[name]).any())

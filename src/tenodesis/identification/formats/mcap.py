@@ -14,9 +14,17 @@ from numpy.typing import NDArray
 from tenodesis.errors import IdentificationError, InstrumentError, RecordingError
 from tenodesis.files import read_regular
 from tenodesis.identification.formats import bag
-from tenodesis.identification.formats.instrument_run import InstrumentRun, checked
+from tenodesis.identification.formats.instrument_run import (
+    SECONDS,
+    USED,
+    InstrumentRun,
+    checked,
+    columns_of,
+    first_alone,
+    first_axis,
+)
 from tenodesis.identification.formats.measured import checksum
-from tenodesis.identification.formats.raw import CLOCKS, WIDE, Raw
+from tenodesis.identification.formats.raw import WIDE, Raw
 from tenodesis.instrument import Instrument
 from tenodesis.recording import Recording, cdr, container, schemas
 from tenodesis.recording.decode import Decoded, LeftOut, Misfit, decode
@@ -24,20 +32,7 @@ from tenodesis.run import SIGNALS, TENDONS, Array
 
 __all__ = ["TENDONS", "InstrumentRun", "load"]
 
-_SIGNALS = (
-    "commanded_handle_angle",
-    "measured_handle_angle",
-    "measured_output_angle",
-    "measured_tension",
-    "measured_spool_angle",
-    "force",
-    "radial_force",
-)
-
-
 _CLOCK = "/tendons/measured_js"
-_SECONDS = CLOCKS[:1]
-"""Stamps count nanoseconds, whatever their magnitude."""
 
 
 class _Signals(NamedTuple):
@@ -75,12 +70,11 @@ def load(path: Path) -> InstrumentRun:
     except RecordingError as problem:
         raise IdentificationError(str(problem)) from None
     notes = list(read.notes)
-    columns = _columns(read.signals, path, notes)
-    if read.axes[1:]:
-        notes.append(f"of the axes {' and '.join(read.axes)} the first is taken")
+    columns = columns_of(read.signals, str(path), notes)
+    notes += first_alone(read.axes)
     digest = checksum(files[0]) if len(files) == 1 else ""
     name = path.resolve().name
-    return checked(name, read.time, columns, notes=notes, checksum=digest, instrument=read.instrument, clocks=_SECONDS)
+    return checked(name, read.time, columns, notes=notes, checksum=digest, instrument=read.instrument, clocks=SECONDS)
 
 
 def _files(path: Path) -> list[Path]:
@@ -113,9 +107,7 @@ def _recorded(path: Path) -> _Signals | None:
     longest = max((info.messages for name, info in recording.topics.items() if name in schemas.TOPICS), default=0)
     if recording.damage is None and longest > len(run):
         notes.append(f"topics do not end together: the first {len(run)} of up to {longest} rows are taken")
-    found = {name: run.signals()[name] for name in _SIGNALS if name in run.signals()}
-    first = {name: values[:, 0] if run.axes[1:] else values for name, values in found.items()}
-    return _Signals(run.time, run.axes, first, tuple(notes), _instrument(recording))
+    return _Signals(run.time, run.axes, first_axis(run), tuple(notes), _instrument(recording))
 
 
 def _merged(path: Path, files: Sequence[Path]) -> _Signals:
@@ -137,7 +129,7 @@ def _merged(path: Path, files: Sequence[Path]) -> _Signals:
     for topic in schemas.topics(axes):
         own = series.get(topic.name)
         for field, signal in topic.signals.items() if own is not None else ():
-            if own is None or signal not in _SIGNALS or signal in found or field not in own.numbers:
+            if own is None or signal not in USED or signal in found or field not in own.numbers:
                 continue
             at = _first_axis(topic.joints, own, field, 2 if SIGNALS[signal].per_tendon else 1)
             if at is None:
@@ -226,30 +218,6 @@ def _known(time: Array, own: Array) -> NDArray[np.bool_]:
         at_message = np.isin(time, own)
         inside &= at_message | (step[after] <= WIDE * np.median(step))
     return inside
-
-
-def _columns(signals: Mapping[str, Array], path: Path, notes: list[str]) -> dict[str, Array]:
-    handle = next(
-        (name for name in ("commanded_handle_angle", "measured_handle_angle") if _has_values(signals, name)), None
-    )
-    missing = [name for name in ("measured_tension",) if not _has_values(signals, name)]
-    if missing or handle is None:
-        lacking = ", ".join([*missing, *([] if handle else ["measured_handle_angle"])])
-        raise IdentificationError(f"{path} lacks {lacking}; it has {', '.join(signals) or 'no signals'}.")
-    if handle == "measured_handle_angle":
-        notes.append("the handle angle is that of its encoder, for no commanded angle was recorded")
-    columns = {"handle_angle": signals[handle]}
-    for name in ("measured_handle_angle", "measured_output_angle", "force", "radial_force"):
-        if _has_values(signals, name):
-            columns[name] = signals[name]
-    for name, column in (("measured_tension", "tension"), ("measured_spool_angle", "spool")):
-        if _has_values(signals, name):
-            columns |= {f"{column}_{tendon}": signals[name][:, n] for n, tendon in enumerate(TENDONS)}
-    return columns
-
-
-def _has_values(signals: Mapping[str, Array], name: str) -> bool:
-    return name in signals and bool(np.isfinite(signals[name]).any())
 
 
 def _instrument(recording: Recording) -> Instrument | None:

@@ -48,8 +48,9 @@ class TwinProblem(Problem):
             raise IdentificationError(
                 key="law", value=law, allowed=f"one of {', '.join(LAWS)} for recordings of an instrument"
             )
-        # The file's own mismatch is what is to be identified.
+        # What is identified stands in a mismatch of its own; the file's is where the search starts.
         self._inst = _under(law, inst.replace(mismatch=None))
+        self._starts = plant.parameters(inst)
         self._nominal = plant.parameters(self._inst) | {"hand_stiffness": 0.0}
         for run in runs:
             self._check_range(run)
@@ -67,14 +68,19 @@ class TwinProblem(Problem):
             and (name != "friction.base_wrap" or self._inst.friction.base_wrap > 0)
         ]
         self._variables = [_ROW.index(UNKNOWNS[name].number) for name in self._names]
-        stride = min(self._stride(run, fine) for run, fine in zip(runs, finest, strict=True))
-        self._runs = finest if stride == 1 else [in_steps(run, self._inst, stride) for run in runs]
-        self._known: dict[int, dict[bytes, Marginalisation]] = {}
-        self._held: dict[int, Marginalisation] = {}
+        self._measured, self._swiftness = runs, 1.0
+        self._step(finest, [self._nominal[name] for name in _ROW])
         self.parameters = self._parameters()
         self.runs = tuple(run.name for run in self._runs)
         groups = dict.fromkeys(UNKNOWNS[name].group for name in self._names)
         self.groups = {group: tuple(name for name in self._names if UNKNOWNS[name].group == group) for group in groups}
+
+    def _step(self, finest: list[SteppedRun], numbers: list[float]) -> None:
+        """Put the recordings into steps that suit a twin."""
+        stride = min(self._stride(run, fine, numbers) for run, fine in zip(self._measured, finest, strict=True))
+        self._runs = finest if stride == 1 else [in_steps(run, self._inst, stride) for run in self._measured]
+        self._known: dict[int, dict[bytes, Marginalisation]] = {}
+        self._held: dict[int, Marginalisation] = {}
 
     def _check_range(self, run: MeasuredRun) -> None:
         # an encoder with an offset may show a handle beyond its range
@@ -99,13 +105,12 @@ class TwinProblem(Problem):
                 value=run.sample_time,
             )
 
-    def _stride(self, run: MeasuredRun, finest: SteppedRun) -> int:
+    def _stride(self, run: MeasuredRun, finest: SteppedRun, numbers: list[float]) -> int:
         """Return how many samples make the longest steps that hardly move the parameters of a fit."""
-        longest = min(tuning.LONGEST_STEP, plant.longest_step(self._inst))
+        longest = min(tuning.LONGEST_STEP, plant.longest_step(self._inst) / self._swiftness)
         stride = max(1, int(longest / run.sample_time * (1 + 1e-6)))
         if stride == 1:
             return 1
-        numbers = [self._nominal[name] for name in _ROW]
         fine = self._run(finest, numbers, [])[:, 0, finest.lead :]
         while stride > 1:
             coarse = in_steps(run, self._inst, stride)
@@ -133,7 +138,8 @@ class TwinProblem(Problem):
         out = []
         for name in self._names:
             one = UNKNOWNS[name]
-            upper = one.upper
+            lower, upper = one.lower, one.upper
+            start = (self._starts if _of_mismatch(name) else self._nominal)[one.number]
             if name == "handle_length_share":
                 shares = plant.compliance_shares(self._inst)
                 upper = min(
@@ -142,13 +148,18 @@ class TwinProblem(Problem):
             if name == "dynamics.tip_damping":
                 critical = 2 * plant.natural_frequency(self._inst) * self._nominal["tip_inertia"]
                 upper = tuning.MOST_DAMPING * max(critical, self._nominal["tip_damping"])
-            start = float(np.clip(self._nominal[one.number], one.lower, upper))
-            out.append(Parameter(name, one.unit, start, one.lower, upper, one.meaning))
+            if name == "dynamics.tip_inertia":
+                lower, upper = start / tuning.INERTIA_RATIO, start * tuning.INERTIA_RATIO
+            out.append(Parameter(name, one.unit, float(np.clip(start, lower, upper)), lower, upper, one.meaning))
         return tuple(out)
 
     def channels(self, run: int) -> int:
         """Return how many sensors the residuals of a run hold."""
         return len(self._runs[run].measured)
+
+    def sensors(self, run: int) -> tuple[str, ...]:
+        """Return what these sensors are called."""
+        return tuple(name.removeprefix("measured_").replace("_", " ") for name in self._runs[run].measured)
 
     def plain_residuals(self, values: Array, run: int) -> Array:
         """Return measured minus model in standard deviations, (n,), errors of commands included."""
@@ -156,16 +167,26 @@ class TwinProblem(Problem):
 
     def residuals_near(self, values: Array, run: int, other: Problem, there: Array) -> Array:
         """Return the residuals, (n,), whitened as those of another model of the same recordings are near its values."""
-        if not isinstance(other, TwinProblem):
+        if not isinstance(other, TwinProblem) or other._runs[run].stride != self._runs[run].stride:
             return self.residuals(values, run)
         return other._whitened(self.plain_residuals(values, run), other.plain_residuals(there, run), there, run)
 
     def refine(self, values: Array, runs: Sequence[int]) -> bool:
-        """Marginalise errors of commands near some values where residuals are too large to have done so before."""
+        """Marginalise errors of commands near some values where residuals are too large to have done so before.
+
+        Where the tip turns out to swing faster, steps are shortened as well.
+        """
+        given = dict(zip(self._names, values.tolist(), strict=True))
+        inertia = given["dynamics.tip_inertia"] / self._nominal["tip_inertia"]
+        swiftness = sqrt(given["stiffness_ratio"] / inertia)
+        finer = swiftness > tuning.SWIFTER * self._swiftness and any(one.stride > 1 for one in self._runs)
+        if finer:
+            self._swiftness = swiftness
+            self._step([in_steps(run, self._inst, 1) for run in self._measured], self._numbers(values))
         for run in runs:
             if self._runs[run].input_errors and self._far(self.plain_residuals(values, run), run):
                 self._held[run] = self._marginalised(values, run)
-        return any(run in self._held for run in runs)
+        return finer or any(run in self._held for run in runs)
 
     def sensor_noise(self, run: int) -> tuple[float, ...]:
         """Return the standard deviation of the residuals of each sensor of a perfect model."""
@@ -236,11 +257,12 @@ class TwinProblem(Problem):
 
     def instrument(self, values: Array) -> Instrument:
         """Return the instrument with these values in place, those that differ from its own."""
-        # inertia and damping, which follow from the stiffness by default, were not fitted and stay
+        # by default inertia and damping follow from the stiffness, which may change here
         inst = self._inst.replace(**{"dynamics.tip_inertia": self._nominal["tip_inertia"]})
         inst = inst.replace(**{"dynamics.tip_damping": self._nominal["tip_damping"]})
         for one, value in zip(self.parameters, values, strict=True):
-            if value != one.start:
+            own = self._nominal[UNKNOWNS[one.name].number] if _of_mismatch(one.name) else one.start
+            if value != own:
                 inst = inst.replace(**UNKNOWNS[one.name].changes(inst, float(value)))
         return inst
 
@@ -338,17 +360,19 @@ def problem(
 
 
 def instrument_of(runs: Sequence[MeasuredRun], given: Instrument | None) -> Instrument:
-    """Return the given instrument, or that of the first recording that contains one.
+    """Return the given instrument, or that of the first recording that contains one, without its mismatch.
 
     Raises IdentificationError if none does.
     """
+    if given is not None:
+        return given
     known = [run.instrument for run in runs if isinstance(run, InstrumentRun) and run.instrument is not None]
-    inst = given or (known[0] if known else None)
-    if inst is None:
+    if not known:
         raise IdentificationError(
             f"{runs[0].name} does not contain its instrument; give --instrument.", key="instrument"
         )
-    return inst
+    # that of a recorded twin is the truth
+    return known[0].replace(mismatch=None)
 
 
 def _applies(name: str, law: str, given: set[str], *, spooled: bool, handle_as_read: bool) -> bool:
@@ -360,6 +384,11 @@ def _applies(name: str, law: str, given: set[str], *, spooled: bool, handle_as_r
     if name == "mismatch.handle_encoder_offset":
         return handle_as_read or "measured_handle_angle" in given
     return name != "drives.backlash" or spooled
+
+
+def _of_mismatch(name: str) -> bool:
+    """Return whether an instrument file has a parameter in its table [mismatch]."""
+    return name.startswith("mismatch.") or name in {"stiffness_ratio", "pretension_ratio"}
 
 
 def _under(law: str, inst: Instrument) -> Instrument:

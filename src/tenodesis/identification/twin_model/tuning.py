@@ -73,6 +73,8 @@ COARSE_STEP = 0.5
 """RMS error, in deviations of a step's mean reading, above which a step is too long without asking for its bias."""
 UNSEEN_DIRECTION = 1e-8
 """Share of the largest singular value below which a direction of the parameters is not seen."""
+SWIFTER = 1.1
+"""Ratio of the tip's frequency to that of before above which steps are chosen anew."""
 LOST_RESIDUAL = 1e3
 """Standard deviations assigned to a sample where the model's tip is lost: finite, but large."""
 CELL = 5e-3
@@ -87,3 +89,5 @@ MOST_HANDLE_SHARE = 0.9
 """Of the compliance that the joints leave over, between spool and handle joint."""
 MOST_DAMPING = 2.0
 """Times the critical damping of the tip: beyond it nothing swings, and more changes nothing."""
+INERTIA_RATIO = 50.0
+"""Of the tip's inertia over the file's, up or down: where none is given the file's is a guess, of a tip of 20 Hz."""

@@ -55,6 +55,7 @@ _KEYS = (
     ("friction.stribeck_speed", "m/s", 1e-5, 0.1, "slip speed at which static friction has vanished", "friction"),
     ("friction.viscous", "N*s/m", 0.0, 100.0, "viscous friction of each joint and of the sheath", "viscous"),
     ("dynamics.tip_damping", "N*m*s", 0.0, 1.0, "viscous damping of the tip", "viscous"),
+    ("dynamics.tip_inertia", "kg*m^2", 1e-12, 1e3, "inertia about the output angle", "inertia"),
     ("drives.backlash", "rad", 0.0, 0.5, "backlash of the gearbox, at the spool", "drives"),
     ("mismatch.handle_encoder_offset", "rad", -0.3, 0.3, "offset of the handle's encoder", "sensors"),
     ("mismatch.output_encoder_offset", "rad", -0.3, 0.3, "offset of the distal encoder", "sensors"),

@@ -1,0 +1,113 @@
+#pragma once
+// Tissue at the tip: how deep the tip is in it, what it stores, and the force with which it resists.
+
+#include "tenodesis/statics.hpp"
+
+namespace tenodesis {
+
+/// Tissue at the tip: beyond a place it pushes back against the tip's path square to the end-effector, and never pulls.
+template <class S>
+struct Contact {
+  S angle{};      ///< output angle at which the tip touches it, rad
+  S stiffness{};  ///< N/m; positive: it lies in flexion from there, negative: in extension; 0: there is none
+  S damping{};    ///< N s/m
+
+  constexpr bool present() const { return stiffness != S(0); }
+  friend constexpr bool operator==(const Contact&, const Contact&) = default;
+};
+
+/// What acts on the tip.
+template <class S>
+struct TipLoad : Load<S> {
+  Contact<S> contact{};
+};
+
+/// An output angle, and the joint's coordinate there.
+template <class S>
+struct Tip {
+  S angle{};
+  S x{};
+};
+
+template <class J, class S>
+Tip<S> tip_at(const J& joint, const S& angle) {
+  return {angle, joint.coordinate(angle)};
+}
+
+/// How far the tip has come into tissue along its path, m; negative outside.
+template <class J, class S>
+S depth(const J& joint, const Contact<S>& contact, const Tip<S>& tip) {
+  const S touching = joint.tip_path(contact.angle, joint.coordinate(contact.angle));
+  const S way = joint.tip_path(tip.angle, tip.x) - touching;
+  return contact.stiffness < S(0) ? -way : way;
+}
+
+/// Whether the tip is within tissue.
+template <class J, class S>
+bool touches(const J& joint, const Contact<S>& contact, const Tip<S>& tip) {
+  return contact.present() && depth(joint, contact, tip) > S(0);
+}
+
+/// Energy stored in tissue, J.
+template <class J, class S>
+S stored_in(const J& joint, const Contact<S>& contact, const S& angle) {
+  if (!contact.present()) return S(0);
+  const S deep = larger(depth(joint, contact, tip_at(joint, angle)), S(0));
+  return abs(contact.stiffness) * deep * deep * S(0.5);
+}
+
+/// Mean force of tissue in a step: its size, its moment on the tip, and how that falls with the tip's angle.
+template <class S>
+struct Resistance {
+  S force{};
+  S moment{};
+  S stiffness{};
+};
+
+/// Resistance in a step from one output angle to a tip; without tissue there is none.
+///
+/// The mean force times the way is what the spring stores, also in a step that enters or leaves, and what its damping
+/// loses: whatever the step, tissue gives back no more than it took (Gonzalez 1996,
+/// https://doi.org/10.1007/BF02440162). Kept out of line, where it costs the common step no registers.
+template <class J, class S>
+[[gnu::noinline, gnu::cold]] Resistance<S> resistance(const J& joint, const Contact<S>& contact, const S& per_second,
+                                                      const S& from, const Tip<S>& tip) {
+  const S x = joint.coordinate(from);
+  const S was = depth(joint, contact, Tip<S>{from, x});
+  const S is = depth(joint, contact, tip);
+  const S inside = larger(is, S(0)) - larger(was, S(0));
+  // The share of the way that lies within, unless there is no way.
+  const bool crosses = (was > S(0)) != (is > S(0));
+  const S share = crosses ? inside / (is - was) : S(1);
+  const S mean = (larger(is, S(0)) + larger(was, S(0))) * S(0.5) * share;
+  const S size = abs(contact.stiffness);
+  const S force = size * mean + contact.damping * per_second * inside;
+  if (!(force > S(0))) return {};
+  const S shift = is > S(0) ? share * (S(1) - share * S(0.5)) : share * share * S(0.5);
+  const S slope = size * shift + (is > S(0) ? contact.damping * per_second : S(0));
+  const S arm = (joint.tangential_arm(x) + joint.tangential_arm(tip.x)) * S(0.5);
+  const S against = contact.stiffness < S(0) ? -force : force;
+  return {against, -against * arm, slope * arm * arm};
+}
+
+/// Resistance to a tip that rests in tissue.
+template <class J, class S>
+Resistance<S> resistance_at_rest(const J& joint, const Contact<S>& contact, const Tip<S>& tip) {
+  const S force = contact.stiffness * larger(depth(joint, contact, tip), S(0));
+  return {force, -force * joint.tangential_arm(tip.x), S(0)};
+}
+
+/// The demand on the tendons at rest, with the force of tissue, which grows along the tip's path.
+template <class J, class S>
+[[gnu::noinline, gnu::cold]] Demand<S> demand_in_tissue(const J& joint, const S& x, const TipLoad<S>& load) {
+  const S deep = depth(joint, load.contact, Tip<S>{joint.angle(x), x});
+  if (!(deep > S(0))) return joint.demand(x, load);
+  const Load<S> all{load.force + load.contact.stiffness * deep, load.radial_force};
+  Demand<S> demand = joint.demand(x, all);
+  const S by_force = joint.demand(x, Load<S>{S(1), S(0)}).value - joint.demand(x, Load<S>{}).value;
+  const S turn = joint.excursion_slope() / joint.moment_arm(x);
+  demand.slope = demand.slope + by_force * abs(load.contact.stiffness) * joint.tangential_arm(x) * turn;
+  return demand;
+}
+
+}  // namespace tenodesis

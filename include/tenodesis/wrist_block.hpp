@@ -1,0 +1,100 @@
+#pragma once
+// Equilibria of a wrist at several points at once, in the lanes of vector registers.
+//
+// Newton's iteration as in wrist_statics.hpp, a fixed number of steps from the unloaded angles. A lane counts if the
+// scalar search would have gone the same way: no tendon slack before the load, every slope stable, no step shortened,
+// and no coordinate farther than a part of a load may move it. The last step is so short that the next, of the order of
+// its square, would be rounding.
+
+#include "tenodesis/lanes.hpp"
+#include "tenodesis/wrist_statics.hpp"
+
+#if defined(__GNUC__)
+
+namespace tenodesis {
+
+/// Newton's steps of a block.
+inline constexpr int wrist_block_steps = 4;
+/// Longest last step.
+template <Real S>
+inline constexpr S longest_last_step = sizeof(S) == 4 ? S(1e-3) : S(2e-7);
+
+/// Coordinates and whether each lane is decided: 1 or 0.
+template <class L, int N>
+struct WristLanes {
+  L x[N];
+  L angle[N];  ///< rad
+  L decided;
+};
+
+/// Solves all lanes; those that are not decided are left to solve().
+template <class W, class S, int K>
+[[gnu::always_inline]] inline WristLanes<Lanes<S, K>, W::joints> solve_lanes(const W& wrist, const Lanes<S, K>* wound,
+                                                                             const WristLoad<Lanes<S, K>>& load) {
+  using L = Lanes<S, K>;
+  constexpr int N = W::joints, M = W::tendons;
+  WristLanes<L, N> at;
+  const Square<S, N> spring = detail::unloaded_stiffness(wrist);
+  L pull[N];
+  for (int i = 0; i < N; ++i) {
+    pull[i] = L(S(0));
+    for (int m = 0; m < M; ++m)
+      pull[i] = pull[i] + L(wrist.arm[m][i]) * (L(wrist.pretension[m]) + L(wrist.stiffness[m]) * wound[m]);
+  }
+  // The unloaded coordinates are linear in what is wound.
+  for (int i = 0; i < N; ++i) at.x[i] = L(S(0));
+  L worst(S(1));
+  for (int j = 0; j < N; ++j) {
+    S column[N]{};
+    column[j] = S(1);
+    if (solve_linear(spring, column) == 0) worst = L(S(0));
+    for (int i = 0; i < N; ++i) at.x[i] = at.x[i] + L(column[i]) * pull[j];
+  }
+  const auto keep = [&](const auto& condition) { worst.v = condition ? worst.v : L(S(0)).v; };
+  L drawn[M];
+  wrist.excursions(at.x, drawn);
+  for (int m = 0; m < M; ++m)
+    if (wrist.stiffness[m] > S(0)) keep(wrist.stretched(m, wound[m], drawn[m]).v >= L(S(0)).v);
+  L start[N];
+  for (int i = 0; i < N; ++i) start[i] = at.x[i];
+  L last(S(0));
+  for (int step = 0; step < wrist_block_steps; ++step) {
+    const WristBalance<L, N> of = balance(wrist, wound, load, at.x, S(0));
+    // Elimination without pivots: all pivots of a stable slope are positive, or the lane is not decided.
+    L matrix[N][N], right[N];
+    for (int i = 0; i < N; ++i) {
+      right[i] = of.residual[i];
+      for (int j = 0; j < N; ++j) matrix[i][j] = -of.slope.at[i][j];
+    }
+    for (int k = 0; k < N; ++k) {
+      keep(matrix[k][k].v > L(S(0)).v);
+      const L inverse = L(S(1)) / matrix[k][k];
+      for (int i = k + 1; i < N; ++i) {
+        const L by = matrix[i][k] * inverse;
+        for (int j = k + 1; j < N; ++j) matrix[i][j] = matrix[i][j] - by * matrix[k][j];
+        right[i] = right[i] - by * right[k];
+      }
+      matrix[k][k] = inverse;
+    }
+    last = L(S(0));
+    for (int k = N - 1; k >= 0; --k) {
+      for (int j = k + 1; j < N; ++j) right[k] = right[k] - matrix[k][j] * right[j];
+      right[k] = right[k] * matrix[k][k];
+      last = larger(last, abs(right[k]));
+    }
+    keep(last.v <= L(S(0.25)).v);
+    for (int i = 0; i < N; ++i) at.x[i] = at.x[i] + right[i];
+  }
+  keep(last.v <= L(longest_last_step<S>).v);
+  for (int i = 0; i < N; ++i) {
+    keep(abs(at.x[i]).v < L(coordinate_limit<S>(wrist.joint[i].mechanism)).v);
+    keep(abs(at.x[i] - start[i]).v <= L(S(detail::longest_part)).v);
+  }
+  for (int i = 0; i < N; ++i) at.angle[i] = angle_at(wrist.joint[i].mechanism, at.x[i]);
+  at.decided = worst;
+  return at;
+}
+
+}  // namespace tenodesis
+
+#endif

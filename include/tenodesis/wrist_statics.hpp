@@ -1,0 +1,451 @@
+#pragma once
+// Statics of a wrist (wrist.hpp): all angles and tensions under a wrench at the tip and a grip force.
+//
+// Without a load the balance is that of springs, linear in the coordinates while the same tendons are taut. A load is
+// raised from zero and the angles follow by Newton's iteration, so that the solution lies on the branch that starts
+// unloaded; where the stiffness matrix loses its sign on the way, the branch has ended in a fold.
+
+#include "tenodesis/equilibrium.hpp"
+#include "tenodesis/wrist.hpp"
+
+namespace tenodesis {
+
+/// A square matrix of N rows.
+template <class S, int N>
+struct Square {
+  S at[N][N]{};
+};
+
+/// Solves rows x = right by elimination with pivots; returns the determinant's sign, 0 if it is singular or a pivot is
+/// not larger than none.
+template <class S, int N>
+int solve_linear(Square<S, N> matrix, S* right, ValueOf<S> none = ValueOf<S>(0)) {
+  int sign = 1;
+  for (int k = 0; k < N; ++k) {
+    int best = k;
+    for (int i = k + 1; i < N; ++i)
+      if (abs(value_of(matrix.at[i][k])) > abs(value_of(matrix.at[best][k]))) best = i;
+    if (best != k) {
+      for (int j = 0; j < N; ++j) {
+        const S held = matrix.at[k][j];
+        matrix.at[k][j] = matrix.at[best][j];
+        matrix.at[best][j] = held;
+      }
+      const S held = right[k];
+      right[k] = right[best];
+      right[best] = held;
+      sign = -sign;
+    }
+    const S pivot = matrix.at[k][k];
+    if (!(abs(value_of(pivot)) > none)) return 0;
+    if (pivot < S(0)) sign = -sign;
+    for (int i = k + 1; i < N; ++i) {
+      const S by = matrix.at[i][k] / pivot;
+      for (int j = k + 1; j < N; ++j) matrix.at[i][j] = matrix.at[i][j] - by * matrix.at[k][j];
+      right[i] = right[i] - by * right[k];
+    }
+  }
+  for (int k = N - 1; k >= 0; --k) {
+    for (int j = k + 1; j < N; ++j) right[k] = right[k] - matrix.at[k][j] * right[j];
+    right[k] = right[k] / matrix.at[k][k];
+  }
+  return sign;
+}
+
+/// Where a wrist comes to rest.
+template <class S, int N>
+struct WristEquilibrium {
+  S x[N]{};  ///< coordinates
+  Status status{Status::ok};
+  int iterations{};
+};
+
+/// Balance at given coordinates, as work by each coordinate: what is left over, N m, and its slopes by the coordinates.
+template <class S, int N>
+struct WristBalance {
+  S residual[N]{};
+  Square<S, N> slope{};
+};
+
+/// Most parts of a load that is raised from zero.
+inline constexpr int most_load_parts = 4096;
+
+namespace detail {
+
+/// Stiffness of a slack tendon as a share of a taut one's, in Newton's slope alone: a loose joint moves until a tendon
+/// tightens.
+template <Real S>
+inline constexpr S slack_stiffness = sizeof(S) == 4 ? S(1e-4) : S(1e-8);
+
+}  // namespace detail
+
+/// What is left of the balance at coordinates x, and its slopes.
+///
+/// T is a number, or several in lanes. slack: share of their stiffness that slack tendons keep in the slopes.
+template <class W, class T>
+[[gnu::always_inline]] constexpr WristBalance<T, W::joints> balance(const W& wrist, const T* wound,
+                                                                    const WristLoad<T>& load, const T* x,
+                                                                    const typename W::S& slack) {
+  constexpr int N = W::joints, M = W::tendons;
+  WristBalance<T, N> at{};
+  Bend<T> bend[N];
+  for (int i = 0; i < N; ++i) bend[i] = Bend<T>(wrist.joint[i], x[i]);
+  T moment[N], rate[N][N], drawn[M];
+  wrist.load_moments(bend, load, moment, rate);
+  wrist.excursions(x, drawn);
+  for (int m = 0; m < M; ++m) {
+    const T tension = wrist.stretched(m, wound[m], drawn[m]);
+    const T pull = larger(tension, T(0));
+    const T stiffness = if_above(tension, T(wrist.stiffness[m]), T(wrist.stiffness[m] * slack));
+    for (int i = 0; i < N; ++i) {
+      const T arm(wrist.arm[m][i]);
+      at.residual[i] = at.residual[i] + arm * pull;
+      for (int j = 0; j <= i; ++j)
+        at.slope.at[i][j] = at.slope.at[i][j] - stiffness * T(wrist.arm[m][i] * wrist.arm[m][j]);
+    }
+  }
+  for (int i = 0; i < N; ++i) {
+    for (int j = 0; j < i; ++j) at.slope.at[j][i] = at.slope.at[i][j];
+    const auto& joint = wrist.joint[i];
+    if (joint.stiffness > typename W::S(0)) {
+      moment[i] = moment[i] - T(joint.stiffness) * angle_at(joint.mechanism, x[i]);
+      rate[i][i] = rate[i][i] - T(joint.stiffness);
+    }
+  }
+  for (int i = 0; i < N; ++i) {
+    const T& per = bend[i].per_turn;
+    at.residual[i] = at.residual[i] + moment[i] * per;
+    for (int j = 0; j < N; ++j) at.slope.at[i][j] = at.slope.at[i][j] + rate[i][j] * per * bend[j].per_turn;
+    // The rate of a gear's 2/sqrt(1 - x^2).
+    if (wrist.joint[i].mechanism == Mechanism::gear)
+      at.slope.at[i][i] = at.slope.at[i][i] + moment[i] * x[i] * T(0.25) * per * per * per;
+  }
+  return at;
+}
+
+namespace detail {
+
+/// Slopes of the balance without a load, all tendons taken as taut, the other way round.
+template <class W, class S = W::S>
+Square<S, W::joints> unloaded_stiffness(const W& wrist) {
+  constexpr int N = W::joints, M = W::tendons;
+  Square<S, N> stiffness{};
+  for (int i = 0; i < N; ++i) {
+    for (int j = 0; j < N; ++j)
+      for (int m = 0; m < M; ++m)
+        stiffness.at[i][j] = stiffness.at[i][j] + wrist.stiffness[m] * wrist.arm[m][i] * wrist.arm[m][j];
+    const S per_turn = Bend<S>(wrist.joint[i], S(0)).per_turn;
+    stiffness.at[i][i] = stiffness.at[i][i] + wrist.joint[i].stiffness * per_turn * per_turn;
+  }
+  return stiffness;
+}
+
+/// Coordinates at which all tendons, taken as taut, and springs balance without a load: the start of the search.
+template <class W, class S = W::S>
+int unloaded_start(const W& wrist, const S* wound, S* x) {
+  constexpr int N = W::joints, M = W::tendons;
+  for (int i = 0; i < N; ++i) {
+    x[i] = S(0);
+    for (int m = 0; m < M; ++m) x[i] = x[i] + wrist.arm[m][i] * (wrist.pretension[m] + wrist.stiffness[m] * wound[m]);
+  }
+  return solve_linear(unloaded_stiffness(wrist), x);
+}
+
+/// Newton's iteration from x; ok if it arrives at a stable equilibrium, unreachable if it leaves a joint's limits.
+///
+/// Where joints are loose, the slopes leave out the load's own change, which would outweigh what little holds them.
+template <class W, class S = W::S>
+Status newton(const W& wrist, const S* wound, const WristLoad<S>& load, S* x, int& iterations, bool are_loose = false) {
+  constexpr int N = W::joints;
+  // Residuals fall with the coordinates: all signs of a stable slope are negative.
+  constexpr int stable = N % 2 == 0 ? 1 : -1;
+  for (int n = 0; n < most_iterations; ++n) {
+    ++iterations;
+    WristBalance<S, N> at = balance(wrist, wound, load, x, slack_stiffness<S>);
+    if (are_loose) at.slope = balance(wrist, wound, WristLoad<S>{}, x, slack_stiffness<S>).slope;
+    S step[N];
+    for (int i = 0; i < N; ++i) step[i] = at.residual[i];
+    if (solve_linear(at.slope, step) != stable) return Status::no_equilibrium;
+    S largest(0);
+    for (int i = 0; i < N; ++i) largest = larger(largest, abs(step[i]));
+    // Where tendons tighten and slacken in turn, shorter steps end the cycle.
+    const S longest = S(n < most_iterations / 2 ? 0.25 : 0.02);
+    const S share = largest > longest ? longest / largest : S(1);
+    for (int i = 0; i < N; ++i) {
+      x[i] = x[i] - share * step[i];
+      // Beyond a gear's limit there is only its fold.
+      const Mechanism mechanism = wrist.joint[i].mechanism;
+      if (!(abs(x[i]) < coordinate_limit<S>(mechanism)))
+        return mechanism == Mechanism::gear ? Status::no_equilibrium : Status::unreachable;
+    }
+    if (largest <= settled<S>) return Status::ok;
+  }
+  return Status::no_equilibrium;
+}
+
+template <class S>
+WristLoad<S> part_of(const WristLoad<S>& load, S share) {
+  return {{share * load.wrench.force, share * load.wrench.moment}, share * load.grip, load.in_stem_axes};
+}
+
+/// Farthest that a coordinate may move while a part of the load is added: a solution farther off is another branch.
+inline constexpr double longest_part = 0.3;
+/// Part of a load that is added first where a joint is loose without one.
+inline constexpr double first_part = 1.0 / 64;
+/// Rounding by which a stiffness of a loose joint may differ from none, as a share of a taut one's.
+template <Real S>
+inline constexpr S no_stiffness = sizeof(S) == 4 ? S(1e-5) : S(1e-11);
+
+/// Whether joints can move without a change of the balance: tendons are slack, and no spring holds what they held.
+template <class W, class S = W::S>
+bool loose(const W& wrist, const S* wound, const WristLoad<S>& load, const S* x) {
+  constexpr int N = W::joints, M = W::tendons;
+  S drawn[M];
+  wrist.excursions(x, drawn);
+  bool slack = false;
+  S taut[N];
+  for (int i = 0; i < N; ++i) taut[i] = wrist.joint[i].stiffness;
+  for (int m = 0; m < M; ++m) {
+    if (!(wrist.stiffness[m] > S(0))) continue;
+    slack = slack || !(wrist.stretched(m, wound[m], drawn[m]) > S(0));
+    for (int i = 0; i < N; ++i) taut[i] = taut[i] + wrist.stiffness[m] * wrist.arm[m][i] * wrist.arm[m][i];
+  }
+  if (!slack) return false;
+  Square<S, N> slope = balance(wrist, wound, load, x, S(0)).slope;
+  S none[N]{};
+  for (int i = 0; i < N; ++i)
+    for (int j = 0; j < N; ++j) slope.at[i][j] = slope.at[i][j] / sqrt(taut[i] * taut[j]);
+  return solve_linear(slope, none, no_stiffness<S>) == 0;
+}
+
+}  // namespace detail
+
+/// Equilibrium on the branch that starts unloaded.
+///
+/// wound: length wound in by handle and motors on each tendon, m.
+template <class W, class S = W::S>
+WristEquilibrium<S, W::joints> solve(const W& wrist, const S* wound, const WristLoad<S>& load) {
+  constexpr int N = W::joints, M = W::tendons;
+  WristEquilibrium<S, N> at{};
+  const Vector<S>& f = load.wrench.force;
+  const Vector<S>& moment = load.wrench.moment;
+  bool finite = all_finite(f.x, f.y, f.z, moment.x, moment.y, moment.z, load.grip);
+  for (int m = 0; m < M; ++m) finite = finite && is_finite(wound[m]);
+  if (!finite) {
+    at.status = Status::not_finite;
+    return at;
+  }
+  if (detail::unloaded_start(wrist, wound, at.x) == 0) {
+    at.status = Status::both_slack;
+    return at;
+  }
+  for (int i = 0; i < N; ++i)
+    if (!(abs(at.x[i]) < coordinate_limit<S>(wrist.joint[i].mechanism))) at.status = Status::unreachable;
+  if (at.status != Status::ok) return at;
+  at.status = detail::newton(wrist, wound, detail::part_of(load, S(0)), at.x, at.iterations);
+  if (at.status != Status::ok) return at;
+  // What no tendon holds moves freely, until a little more of the load presses it against its tendons.
+  bool may_jump = detail::loose(wrist, wound, WristLoad<S>{}, at.x);
+  S raised(0);
+  S part = may_jump ? S(detail::first_part) : S(1);
+  while (raised < S(1)) {
+    const S next = smaller(S(1), raised + part);
+    const WristLoad<S> more = detail::part_of(load, next);
+    S x[N];
+    Status found = Status::no_equilibrium;
+    for (int way = 0; way <= int(may_jump) && found != Status::ok; ++way) {
+      for (int i = 0; i < N; ++i) x[i] = at.x[i];
+      found = way > 0 ? detail::newton(wrist, wound, more, x, at.iterations, true) : Status::ok;
+      if (found == Status::ok) found = detail::newton(wrist, wound, more, x, at.iterations);
+    }
+    for (int i = 0; i < N && found == Status::ok && !may_jump; ++i)
+      if (!(abs(x[i] - at.x[i]) <= S(detail::longest_part))) found = Status::no_equilibrium;
+    if (found == Status::ok) {
+      for (int i = 0; i < N; ++i) at.x[i] = x[i];
+      raised = next;
+      part = part + part;
+      may_jump = detail::loose(wrist, wound, WristLoad<S>{}, at.x);
+    } else {
+      part = part * S(0.5);
+      if (part < S(1) / S(most_load_parts)) {
+        at.status = found;
+        return at;
+      }
+    }
+  }
+  // A joint that no tendon or spring holds rests anywhere.
+  if (detail::loose(wrist, wound, load, at.x)) at.status = Status::both_slack;
+  return at;
+}
+
+/// How a wrist at rest answers: rates of its angles, and its stiffness.
+template <class W>
+struct WristAnswer {
+  using S = W::S;
+  static constexpr int N = W::joints, M = W::tendons;
+
+  S stiffness[N][N]{};  ///< moment by angle, the load's own change included, N m/rad
+  S by_wrench[N][6]{};  ///< angles by force (rad/N) and moment (rad/(N m))
+  S by_grip[N]{};       ///< by the grip force, rad/N
+  S by_stroke[N][M]{};  ///< by the motors, rad/m
+  S by_handle[N][N]{};  ///< by the handle's angles
+};
+
+/// Rates at an equilibrium, exact by the implicit function theorem; not ok where the stiffness is singular.
+template <class W, class S = W::S>
+Status answer(const W& wrist, const S* wound, const WristLoad<S>& load, const S* handle_angle, const S* x,
+              WristAnswer<W>& out) {
+  constexpr int N = W::joints, M = W::tendons;
+  Bend<S> bend[N];
+  for (int i = 0; i < N; ++i) bend[i] = Bend<S>(wrist.joint[i], x[i]);
+  const WristBalance<S, N> at = balance(wrist, wound, load, x, S(0));
+  Square<S, N> stiffness{};
+  for (int i = 0; i < N; ++i)
+    for (int j = 0; j < N; ++j)
+      out.stiffness[i][j] = stiffness.at[i][j] = -bend[i].turn * at.slope.at[i][j] * bend[j].turn;
+  Status found = Status::ok;
+  const auto rates = [&](const S* moment, const auto& store) {
+    S angle[N];
+    for (int i = 0; i < N; ++i) angle[i] = moment[i];
+    if (solve_linear(stiffness, angle) == 0) found = Status::both_slack;
+    for (int i = 0; i < N; ++i) store(i, angle[i]);
+  };
+  S moment[N], rate[N][N];
+  for (int k = 0; k < 6; ++k) {
+    WristLoad<S> unit{{}, S(0), load.in_stem_axes};
+    Vector<S>& v = k < 3 ? unit.wrench.force : unit.wrench.moment;
+    (k % 3 == 0 ? v.x : k % 3 == 1 ? v.y : v.z) = S(1);
+    wrist.load_moments(bend, unit, moment, rate);
+    rates(moment, [&](int i, const S& by) { out.by_wrench[i][k] = by; });
+  }
+  wrist.load_moments(bend, WristLoad<S>{{}, S(1), load.in_stem_axes}, moment, rate);
+  rates(moment, [&](int i, const S& by) { out.by_grip[i] = by; });
+  S drawn[M];
+  wrist.excursions(x, drawn);
+  for (int m = 0; m < M; ++m) {
+    const bool taut = wrist.stretched(m, wound[m], drawn[m]) > S(0);
+    for (int i = 0; i < N; ++i) moment[i] = taut ? wrist.stiffness[m] * wrist.arm[m][i] * bend[i].turn : S(0);
+    rates(moment, [&](int i, const S& by) { out.by_stroke[i][m] = by; });
+  }
+  for (int h = 0; h < wrist.handles; ++h) {
+    const WristJoint<S> at_handle{wrist.handle[h]};
+    const S turn = Bend<S>(at_handle, coordinate_at(wrist.handle[h], handle_angle[h])).turn;
+    for (int i = 0; i < N; ++i) {
+      out.by_handle[i][h] = S(0);
+      for (int m = 0; m < M; ++m)
+        out.by_handle[i][h] = out.by_handle[i][h] + out.by_stroke[i][m] * wrist.handle_arm[m][h] * turn;
+    }
+  }
+  return found;
+}
+
+/// Handle angles at which the wrist holds given angles under a load; as many of the handle's joints as of the tip's.
+template <class W, class S = W::S>
+Status handle_angles(const W& wrist, const S* angle, const WristLoad<S>& load, const S* stroke, S* handle_angle) {
+  constexpr int N = W::joints, M = W::tendons;
+  if (wrist.handles != N) return Status::unreachable;
+  S x[N], y[N];
+  for (int i = 0; i < N; ++i) {
+    if (!is_finite(angle[i])) return Status::not_finite;
+    if (!(abs(angle[i]) < S(pi))) return Status::unreachable;
+    x[i] = coordinate_at(wrist.joint[i].mechanism, angle[i]);
+    y[i] = S(0);
+  }
+  Bend<S> bend[N];
+  for (int i = 0; i < N; ++i) bend[i] = Bend<S>(wrist.joint[i], x[i]);
+  S moment[N], rate[N][N], drawn[M];
+  wrist.load_moments(bend, load, moment, rate);
+  wrist.excursions(x, drawn);
+  for (int i = 0; i < N; ++i) moment[i] = moment[i] - wrist.joint[i].stiffness * angle[i];
+  bool arrived = false;
+  for (int n = 0; n < most_iterations && !arrived; ++n) {
+    Square<S, N> slope{};
+    S step[N];
+    for (int i = 0; i < N; ++i) step[i] = moment[i] / bend[i].turn;
+    for (int m = 0; m < M; ++m) {
+      S wound = stroke[m];
+      for (int h = 0; h < N; ++h) wound = wound + wrist.handle_arm[m][h] * y[h];
+      const S tension = wrist.stretched(m, wound, drawn[m]);
+      const S share = tension > S(0) ? S(1) : detail::slack_stiffness<S>;
+      for (int i = 0; i < N; ++i) {
+        step[i] = step[i] + wrist.arm[m][i] * larger(tension, S(0));
+        for (int h = 0; h < N; ++h)
+          slope.at[i][h] = slope.at[i][h] + share * wrist.stiffness[m] * wrist.arm[m][i] * wrist.handle_arm[m][h];
+      }
+    }
+    if (solve_linear(slope, step) == 0) return Status::both_slack;
+    arrived = true;
+    for (int h = 0; h < N; ++h) {
+      y[h] = y[h] - clamp(step[h], S(-0.5), S(0.5));
+      arrived = arrived && abs(step[h]) <= settled<S>;
+      if (!(abs(y[h]) < S(2) * coordinate_limit<S>(wrist.handle[h]))) return Status::unreachable;
+    }
+  }
+  if (!arrived) return Status::no_equilibrium;
+  for (int h = 0; h < N; ++h) {
+    if (!(abs(y[h]) < coordinate_limit<S>(wrist.handle[h]))) return Status::unreachable;
+    handle_angle[h] = angle_at(wrist.handle[h], y[h]);
+  }
+  // The balance may have other branches: the handle's angles must lead back.
+  S wound[M];
+  wrist.wind(handle_angle, stroke, wound);
+  const WristEquilibrium<S, N> back = solve(wrist, wound, load);
+  if (back.status != Status::ok) return back.status;
+  constexpr S near = sizeof(S) == 4 ? S(1e-2) : S(1e-5);
+  for (int i = 0; i < N; ++i)
+    if (!(abs(back.x[i] - x[i]) <= near)) return Status::no_equilibrium;
+  return Status::ok;
+}
+
+/// Strokes of the motors with which the wrist under a load takes the angles that it has without one.
+///
+/// wound: length wound in by the handle, m. The change of the tensions that carries the load is the smallest in the sum
+/// of its squares, no tendon below zero; every motor winds what its own tendon is stretched by more.
+template <class W, class S = W::S>
+Status compensation_strokes(const W& wrist, const S* wound, const WristLoad<S>& load, S* stroke) {
+  constexpr int N = W::joints, M = W::tendons;
+  const WristEquilibrium<S, N> at = solve(wrist, wound, WristLoad<S>{});
+  if (at.status != Status::ok) return at.status;
+  Bend<S> bend[N];
+  for (int i = 0; i < N; ++i) bend[i] = Bend<S>(wrist.joint[i], at.x[i]);
+  S moment[N], rate[N][N], drawn[M], before[M];
+  wrist.load_moments(bend, load, moment, rate);
+  wrist.excursions(at.x, drawn);
+  for (int m = 0; m < M; ++m) before[m] = wrist.stretched(m, wound[m], drawn[m]);
+  const auto held = [&](int m) { return larger(before[m], S(0)); };
+  bool slack[M]{};
+  S change[M]{};
+  // A tendon without a motor keeps its tension, since the angles are kept.
+  const auto acts = [&](int m) { return wrist.motor[m] && !slack[m]; };
+  for (int round = 0; round <= M; ++round) {
+    // Least squares over the tendons that act: change = arm (arm^T arm)^-1 moment.
+    Square<S, N> normal{};
+    S dual[N];
+    for (int i = 0; i < N; ++i) {
+      dual[i] = -moment[i] * bend[i].per_turn;
+      for (int m = 0; m < M; ++m) {
+        if (slack[m]) dual[i] = dual[i] + wrist.arm[m][i] * held(m);
+        for (int j = 0; j < N && acts(m); ++j) normal.at[i][j] = normal.at[i][j] + wrist.arm[m][i] * wrist.arm[m][j];
+      }
+    }
+    if (solve_linear(normal, dual) == 0) return Status::no_authority;
+    bool again = false;
+    for (int m = 0; m < M; ++m) {
+      change[m] = slack[m] ? -held(m) : S(0);
+      if (!acts(m)) continue;
+      for (int i = 0; i < N; ++i) change[m] = change[m] + wrist.arm[m][i] * dual[i];
+      if (change[m] < -held(m)) slack[m] = again = true;
+    }
+    if (again) continue;
+    for (int m = 0; m < M; ++m) {
+      // A slack tendon is wound in only if it has to pull.
+      const S wanted = held(m) + change[m];
+      const bool moves = wrist.stiffness[m] > S(0) && (wanted > S(0) || before[m] > S(0)) && change[m] != S(0);
+      stroke[m] = moves ? (wanted - before[m]) / wrist.stiffness[m] : S(0);
+    }
+    return Status::ok;
+  }
+  return Status::no_authority;
+}
+
+}  // namespace tenodesis

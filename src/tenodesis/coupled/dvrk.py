@@ -1,0 +1,242 @@
+"""Tool files of the da Vinci Research Kit (dVRK): a wrist as joints and tendons, from its matrix of couplings.
+
+A tool file has the angles of roll, pitch, yaw and jaw by the turns of four disks. Every disk winds a pair of tendons on
+spools of one radius; the arms of a pair about the joints are the spool's radius times the disk's row of the inverse
+matrix, with the angles of the two jaws, yaw + jaw/2 and yaw - jaw/2, in place of yaw and jaw.
+"""
+
+import json
+import math
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, TypeGuard
+
+import numpy as np
+import tomli_w
+
+from tenodesis.coupled.description import Array, CoupledInstrument
+from tenodesis.coupled.reading import parse
+from tenodesis.errors import InstrumentError
+from tenodesis.files import read_regular
+
+PULLEY_RADIUS = 2.5e-3
+"""Radius of the largest pulley about the pitch axis that is assumed, m: it fits into a stem of 8 mm."""
+
+_LARGEST = 1_000_000
+"""Largest tool file, bytes."""
+_MOST = math.radians(179)
+"""Largest range that a joint can have, rad."""
+_NAMES = ("roll", "pitch", "yaw")
+_MOST_CONDITION = 1e6
+"""Condition number above which a matrix is singular, for the six digits that files have."""
+# Strings stay as they are: two slashes may stand in them.
+_COMMENT = re.compile(r'("(?:[^"\\\n]|\\.)*")|//[^\n]*|/\*.*?\*/', re.DOTALL)
+_OURS = {
+    "joints.radius": "ours: the file has ratios of radii only; the largest one about the pitch axis is given",
+    "joints.range": "the larger of the file's limits, at most 179 deg; of a jaw, yaw's and half of the jaw's",
+    "spool_radius": "ours: one for all disks; it follows from the pitch pulley's radius",
+    "joints.end_effector_length": "ours: the file has none",
+    "tendon_stiffness": "ours: at 2.5 mm near the compliance of a da Vinci grasper, docs/identification.md",
+    "pretension": "ours: at 2.5 mm near the pretension of a da Vinci grasper, docs/identification.md",
+}
+
+
+def from_dvrk(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS) -> CoupledInstrument:
+    """Read a tool file of the da Vinci Research Kit as a coupled instrument.
+
+    Parameters
+    ----------
+    path
+        The file, JSON with comments.
+    pulley_radius
+        Radius of the largest pulley about the pitch axis, m; all others, and the spools', scale with it.
+
+    Raises
+    ------
+    InstrumentError
+        It cannot be read, is no tool file, or its wrist is none of pitch, yaw and jaws on one axis.
+    """
+    return parse(dvrk_text(path, pulley_radius=pulley_radius), str(path))
+
+
+def dvrk_text(path: str | Path, *, pulley_radius: float = PULLEY_RADIUS) -> str:
+    """Return the text of the instrument file that :func:`from_dvrk` reads; arguments and errors as there."""
+    path = Path(path)
+    content = _content(path)
+    matrix, limits, lengths = _matrix(content, path), _limits(content, path), _lengths(content)
+    if limits[-1] is None:
+        matrix, limits = _without_jaws(matrix, path), limits[:-1]
+    size = len(matrix)
+    if np.linalg.cond(matrix) > _MOST_CONDITION:
+        raise _refused(
+            path, "coupling.ActuatorToJointPosition is singular: turns of the disks leave every angle unchanged", matrix
+        )
+    names = ("roll", "pitch", "jaw_1", "jaw_2") if size == len(_NAMES) + 1 else _NAMES
+    angles = np.eye(size)
+    if size > len(_NAMES):
+        angles[2:, 2:] = [[1, 0.5], [1, -0.5]]
+    turns = np.linalg.inv(angles @ matrix)
+    pulleys = np.abs(turns).max(axis=0)
+    spool = pulley_radius / pulleys[1]
+    ranges = [min(limit, _MOST) for limit in limits if limit is not None]
+    if size > len(_NAMES):
+        ranges[2:] = [min(ranges[2] + ranges[3] / 2, _MOST)] * 2
+    values: dict[str, Any] = {
+        "name": path.stem.lower().replace("_", "-"),
+        "description": "Imported from a tool file of the da Vinci Research Kit",
+        "stem_diameter": "8 mm",
+        "spool_radius": _mm(spool),
+        "pretension": "20 N",
+        "tendon_stiffness": "100 N/mm",
+        "joints": [_joint(name, spool * pulleys[i], ranges[i], lengths) for i, name in enumerate(names)],
+        "tendons": [
+            {"name": f"disk_{disk}_{way}", "route": _route(names, sign * spool * row)}
+            for disk, row in enumerate(turns, 1)
+            for way, sign in (("wound", 1), ("unwound", -1))
+        ],
+    }
+    if lengths[0] > 0:
+        values["stem_length"] = _mm(lengths[0])
+    if size > len(_NAMES):
+        values["grip"] = {"jaws": list(names[2:])}
+    values["sources"] = {
+        "joints": f"coupling, limits and DH parameters of {path.name}",
+        **_OURS,
+        "stem_diameter": "ours: of the da Vinci S and Si tools",
+    }
+    head = (
+        f"# {path.name} of the da Vinci Research Kit: roll, pitch, and "
+        f"{'two jaws on the yaw axis' if size > len(_NAMES) else 'yaw'}.\n"
+        "# Turns of its disks, each of which winds a pair of tendons on spools of one radius, give the file's angles.\n"
+        "# [sources] lists what is not in the file.\n\n"
+    )
+    return head + tomli_w.dumps(dict(sorted(values.items(), key=lambda one: isinstance(one[1], list | dict))))
+
+
+def _joint(name: str, radius: float, limit: float, lengths: tuple[float, float]) -> dict[str, Any]:
+    jaws = name.startswith("jaw")
+    joint = {
+        "name": name,
+        "mechanism": "pulley",
+        "axis": "yaw" if jaws else name,
+        "on": "pitch" if jaws else None,
+        "radius": _mm(radius),
+        "offset": _mm(lengths[1]) if jaws or name == "yaw" else None,
+        "range": f"{math.degrees(limit):.9g} deg",
+        "end_effector_length": "10 mm" if jaws or name == "yaw" else None,
+    }
+    return {key: value for key, value in joint.items() if value is not None}
+
+
+def _route(names: tuple[str, ...], arms: Array) -> list[dict[str, str]]:
+    return [
+        {"joint": name, "side": "agonist" if arm > 0 else "antagonist", "radius": _mm(abs(arm))}
+        for name, arm in zip(names, arms.tolist(), strict=True)
+        # what is left of zeros by the inversion
+        if abs(arm) > 1e-14
+    ]
+
+
+def _mm(length: float) -> str:
+    return f"{1e3 * length:.15g} mm"
+
+
+def _content(path: Path) -> dict[str, Any]:
+    needed = "a tool file of the da Vinci Research Kit, JSON"
+    try:
+        text = read_regular(path, _LARGEST).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InstrumentError(f"{path} is not UTF-8 text; it must be {needed}.", key="path", value=path) from None
+    except (OSError, ValueError) as failure:
+        reason = getattr(failure, "strerror", None) or failure
+        raise InstrumentError(f"{path} cannot be read: {reason}.", key="path", value=path) from None
+    try:
+        content = json.loads(_COMMENT.sub(lambda found: found[1] or " ", text))
+    except (ValueError, RecursionError) as failure:
+        raise InstrumentError(
+            f"{path} is not JSON: {failure}; it must be {needed}.", key="path", value=path, allowed=needed
+        ) from None
+    if not isinstance(content, dict):
+        raise _refused(path, "is no object of keys", content, needed)
+    return content
+
+
+def _matrix(content: dict[str, Any], path: Path) -> Array:
+    if content.get("snake-like"):
+        raise _refused(path, "snake-like is true: it has two joints of pitch and two of yaw", True, "one of each")
+    coupling = content.get("coupling")
+    key = "coupling.ActuatorToJointPosition"
+    if not isinstance(coupling, dict) or "ActuatorToJointPosition" not in coupling:
+        raise _refused(path, f"{key} is missing", None, "given")
+    needed = "4 rows of 4 finite numbers"
+    try:
+        matrix = np.array(coupling["ActuatorToJointPosition"], dtype=np.float64)
+    except (TypeError, ValueError):
+        raise _refused(path, f"{key} is no matrix of numbers", None, needed) from None
+    if matrix.shape != (4, 4):
+        raise _refused(path, f"{key} has the shape {matrix.shape}", matrix.shape, needed)
+    if not np.isfinite(matrix).all():
+        raise _refused(path, f"{key} has a number that is not finite", matrix, needed)
+    return matrix
+
+
+def _limits(content: dict[str, Any], path: Path) -> list[float | None]:
+    """Return the larger limits of roll, pitch, yaw and jaw, rad; None for jaws that no torque moves."""
+    limits: list[float | None] = []
+    for place, name in enumerate(_NAMES):
+        limits.append(_limit(_dh_joint(content, place), f"DH.joints, {name}", path))
+    jaw = content.get("jaw")
+    limits.append(None if isinstance(jaw, dict) and jaw.get("ftmax") == 0 else _limit(jaw, "jaw", path))
+    return limits
+
+
+def _dh_joint(content: dict[str, Any], place: int) -> Any:
+    dh = content.get("DH")
+    joints = dh.get("joints") if isinstance(dh, dict) else None
+    return joints[place] if isinstance(joints, list) and len(joints) > place else None
+
+
+def _limit(joint: Any, key: str, path: Path) -> float:
+    values = [joint.get(bound) for bound in ("qmin", "qmax")] if isinstance(joint, dict) else []
+    numbers = [one for one in values if _is_number(one)]
+    if not any(numbers) or len(numbers) < len(values):
+        found = values if values else "missing"
+        needed = "two finite numbers, not both zero"
+        raise InstrumentError(
+            f"{path}: qmin and qmax of {key} are {found}; they must be {needed}.",
+            key="path",
+            value=found,
+            allowed=needed,
+        )
+    return float(max(map(abs, numbers)))
+
+
+def _is_number(value: Any) -> TypeGuard[float]:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _lengths(content: dict[str, Any]) -> tuple[float, float]:
+    """Return the length of the stem and the distance from the pitch to the yaw axis, m; 0 where the file has none."""
+    found: Iterable[Any] = (
+        joint.get(key) if isinstance(joint, dict) else None
+        for joint, key in ((_dh_joint(content, 0), "D"), (_dh_joint(content, 2), "A"))
+    )
+    stem, spacing = (abs(float(value)) if _is_number(value) else 0.0 for value in found)
+    return stem, spacing
+
+
+def _without_jaws(matrix: Array, path: Path) -> Array:
+    """Return the matrix of a tool without jaws, whose last disk is not used."""
+    if matrix[3, :3].any() or matrix[:3, 3].any():
+        raise _refused(
+            path,
+            "jaw.ftmax is 0, but coupling.ActuatorToJointPosition couples the jaw with other angles",
+            matrix,
+            "zero beside the diagonal in its last row and column",
+        )
+    return matrix[:3, :3]
+
+
+def _refused(path: Path, problem: str, value: object, allowed: str = "regular") -> InstrumentError:
+    return InstrumentError(f"{path}: {problem}; it must be {allowed}.", key="path", value=value, allowed=allowed)

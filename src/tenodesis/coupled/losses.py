@@ -1,0 +1,158 @@
+"""What loads take from the joints of a held instrument, what gives it back, and from where on a tendon is slack."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tenodesis.coupled.description import CoupledInstrument
+from tenodesis.coupled.reading import CoupledLike, load
+from tenodesis.coupled.statics import compensation_strokes, equilibrium, handle_angles
+from tenodesis.errors import ArgumentError
+
+Array = NDArray[np.float64]
+
+_LARGEST = 1e4
+_REFINED = 9
+_WEIGHT = 1e4
+_ROUNDS = 6
+
+
+class Loss(NamedTuple):
+    """What a load takes at a held handle, and what gives it back; SI, NaN where there is none."""
+
+    wrench: Array
+    """Force and moment at the tip, (6,), N and N m"""
+    grip_force: float
+    """N"""
+    output_angles: Array
+    """Without the load, (joints,), rad"""
+    loaded_angles: Array
+    """(joints,), rad"""
+    lost: Array
+    """The unloaded minus the loaded angles, (joints,), rad"""
+    tensions: Array
+    """Under the load, (tendons,), N"""
+    strokes: Array
+    """Lengths that the motors wind besides to bring all joints back, (tendons,), m"""
+    handle_corrections: Array
+    """By which the hand would have to move the handle instead, (handle joints,), rad"""
+    slack_factor: float
+    """Multiple of the load from which on a tendon is slack that is taut without it"""
+    slack_tendon: str
+    """Its name, empty if there is none"""
+
+
+def hold(inst: CoupledLike, output_angles: ArrayLike) -> tuple[Array, Array]:
+    """Return the handle's angles and the motors' strokes at which an unloaded instrument takes given angles.
+
+    By the handle if it has as many joints as the tip, otherwise by the motors, with the smallest change of tensions;
+    joints that neither can turn stay where they are.
+
+    Parameters
+    ----------
+    inst
+        The instrument.
+    output_angles
+        Of the tip's joints, (joints,), rad.
+
+    Returns
+    -------
+    tuple
+        Handle angles (handle joints,), rad, and strokes (tendons,), m.
+
+    Raises
+    ------
+    ArgumentError
+        They are not as many as the joints.
+    NoSolutionError
+        The handle cannot hold these angles.
+    """
+    from scipy.optimize import nnls  # noqa: PLC0415 - takes long to load
+
+    inst = load(inst)
+    angles = np.asarray(output_angles, float)
+    if angles.shape != (len(inst.tip_joints),):
+        raise ArgumentError(key="output_angles", value=output_angles, allowed=f"{len(inst.tip_joints)} numbers, rad")
+    handle, strokes = np.zeros(len(inst.handle_joints)), np.zeros(len(inst.tendons))
+    if not angles.any():
+        return handle, strokes
+    if len(handle) == len(angles):
+        return handle_angles(inst, angles), strokes
+    gears = np.array([joint.mechanism == "tendon-gear" for joint in inst.tip_joints])
+    coordinates = np.where(gears, np.sin(angles / 2), angles)
+    turns = np.where(gears, np.cos(angles / 2) / 2, 1.0)
+    arms = inst.tendon_arms("tip")
+    motors = np.array([tendon.start == "spool" for tendon in inst.tendons])
+    springs = np.array([joint.own_stiffness for joint in inst.tip_joints]) * angles / turns
+    drawn, rest = arms @ coordinates, inst.pretensions
+    fixed = rest[~motors] - inst.stiffnesses[~motors] * drawn[~motors]
+    needed = springs - arms[~motors].T @ np.maximum(fixed, 0.0)
+    # Tensions nearest to those at rest, none negative; the balance outweighs their change.
+    weight = _WEIGHT / np.abs(arms).max()
+    rows = np.vstack([weight * arms[motors].T, np.eye(motors.sum())])
+    tensions, _ = nnls(rows, np.concatenate([weight * needed, rest[motors]]))
+    strokes[motors] = drawn[motors] + (tensions - rest[motors]) / inst.stiffnesses[motors]
+    return handle, strokes
+
+
+def loss(inst: CoupledLike, output_angles: ArrayLike, wrench: ArrayLike, grip_force: float = 0.0) -> Loss:
+    """Return what a load takes from an instrument that is held at given angles of its unloaded joints.
+
+    Parameters
+    ----------
+    inst
+        The instrument.
+    output_angles
+        Of the tip's joints, (joints,), rad, as :func:`hold` holds them.
+    wrench
+        Force (N) and moment (N m) on the tip, (6,), in its axes.
+    grip_force
+        Force with which an object presses the jaws apart, N.
+
+    Raises
+    ------
+    ArgumentError
+        An argument does not fit the instrument.
+    NoSolutionError
+        The unloaded instrument cannot be held at these angles.
+    """
+    inst = load(inst)
+    handle, strokes = hold(inst, output_angles)
+    free = equilibrium(inst, handle, 0.0, strokes=strokes).angles
+    # Of arrays, points without an equilibrium are NaN.
+    row = np.atleast_2d(np.asarray(wrench, float))
+    under = equilibrium(inst, handle, row, grip_force=grip_force, strokes=strokes)
+    restoring = compensation_strokes(inst, handle, row, grip_force=grip_force, strokes=strokes)[0]
+    correction = np.full(len(handle), np.nan)
+    if len(handle) == len(free):
+        correction = handle_angles(inst, free, row, grip_force=grip_force, strokes=strokes)[0] - handle
+    factor, tendon = _slack(inst, handle, strokes, row, grip_force)
+    return Loss(row[0], grip_force, free, under.angles[0], free - under.angles[0], under.tensions[0], restoring,
+                correction, factor, tendon)  # fmt: skip
+
+
+def _slack(inst: CoupledInstrument, handle: Array, strokes: Array, wrench: Array, grip: float) -> tuple[float, str]:
+    """Return the multiple of a load at which the first of the taut tendons goes slack, and its name."""
+    taut = equilibrium(inst, handle, 0.0, strokes=strokes).tensions > 0
+
+    def tensions(factors: Array) -> Array:
+        loads = factors[:, np.newaxis] * wrench
+        found = equilibrium(inst, handle, loads, grip_force=factors * grip, strokes=strokes).tensions
+        return np.where(taut | np.isnan(found), found, np.inf)
+
+    if not (wrench.any() or grip):
+        return np.nan, ""
+    low, high = 0.0, 0.25
+    while high < _LARGEST and (tensions(np.array([high])) > 0).all():
+        low, high = high, 2 * high
+    for _ in range(_ROUNDS):
+        factors = np.linspace(low, high, _REFINED)
+        found = tensions(factors)
+        ends = ~(found > 0).all(axis=1)
+        if not ends.any():
+            return np.nan, ""
+        first = int(np.argmax(ends))
+        low, high = float(factors[first - 1]), float(factors[first])
+    slack = np.flatnonzero(found[first] == 0)
+    return (high, inst.tendons[slack[0]].name) if slack.size else (np.nan, "")

@@ -1,0 +1,198 @@
+"""The da Vinci tool on the same bench with its wrist held at several pitch angles: one model of the whole wrist.
+
+O'Neill, Stephens and Kowalewski, IEEE RA-L 3(4):3027-3034, 2018. Files as `davinci_tool` reads them, whose names have
+the pitch in degrees: pitch+60_000.TXT.
+
+The jaw's tendons run over pulleys on the pitch axis, on either side of it. Pitch draws them, so that the jaw's zero
+moves by the wrist's coupling. The sign of the coupling tells on which side the tendon runs that the load stretches:
+pitch to one side bends it over its pulley, to the other side it leaves the pulley. What drags on it and what gives way
+grow with the bend in the same proportion, g:
+
+    jaw  = offset + coupling pitch + own offset + the tool's model with g friction_exponent and g compliance
+    g    = e^(bend_growth bend)
+    bend = max(0, +- pitch)
+
+A recording starts at a stop of the jaw, which leaves it an offset of its own. That is taken out of its errors; a small
+share of it counts in the fit, by which offset and coupling are known.
+"""
+
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tenodesis.errors import IdentificationError
+from tenodesis.identification.datasets import davinci_tool
+from tenodesis.identification.datasets.davinci_tool import DEFAULT_LAW, Series, Tool
+from tenodesis.identification.datasets.dual_numbers import Dual
+from tenodesis.identification.datasets.reference import refuse_instrument
+from tenodesis.identification.formats.measured import MeasuredRun, Source
+from tenodesis.identification.problem import Parameter
+from tenodesis.identification.registry import Format
+from tenodesis.instrument import Instrument
+from tenodesis.run import Array
+
+SOURCE = Source(
+    repository=davinci_tool.SOURCE.repository,
+    commit=davinci_tool.SOURCE.commit,
+    folder="data/Tool_4_Maryland_L_Pitch_1, _3 and _5",
+    licence=davinci_tool.SOURCE.licence,
+    citation=davinci_tool.SOURCE.citation,
+    checksums={
+        "pitch+60_000.TXT": "edd6dd7e569c537fff04117bb2804000dce7d928b11824fb6540db3f051df993",
+        "pitch+60_001.TXT": "95dd4351a04829b8ec7a8c622af722b22a6b4b2dd440ff47e50bb8f923e1c1b0",
+        "pitch+60_002.TXT": "88943dd64cb0fd22184163ea453152a1bae6412d76c9d619a7c79c64a02f6431",
+        "pitch+60_003.TXT": "2a25e790ecf3cbcfe24e043d18d225d43dd7e74d11011f91f7ebd4d5890be7a3",
+        "pitch-60_000.TXT": "744a6011bd4fb7296ee040bc912a7b6a2b9ef75b940a708bb6f721aa1a7e64d6",
+        "pitch-60_001.TXT": "b790213742311b54acdb0f7e76124e9df01edc158536113e522f37eda045e45c",
+        "pitch-60_002.TXT": "65b6b3787d160e2b4a0ec273920e11c69ab56d1cdaf4ac581060fca2473c6451",
+        "pitch-60_003.TXT": "6dcbcc60125d6ea0142f8927179037c41d5915b1c0f010b2837d0af1685c1309",
+        "pitch0_000.TXT": "81d63fdaabdb4b5a3f7c7baf2dc8a41759dfaef2cf8c9a879a2f4d8697bbb2bc",
+        "pitch0_001.TXT": "d315c52d6a5500119600639d7820545ff3c37e562b2547ff8b833f1a888f85dd",
+        "pitch0_002.TXT": "e788d40ac059404b984ad0713fbda6733b0c0790ed46c8f023b1e34e3d75cc77",
+        "pitch0_003.TXT": "20dc842ba6642f9da3dd646c0bf60fbe470627fea844d19411553a923a4518a5",
+    },
+)
+MOST_PITCH = 90
+"""Largest pitch that a file's name may have, deg."""
+LAWS = tuple(
+    name for name, unknown in davinci_tool.LAWS.items() if any(one.name == "friction_exponent" for one in unknown)
+)
+OFFSET_SHARE = 0.03
+"""Share of a recording's mean error that counts: what the model leaves of a mean, over the spread of own offsets."""
+
+_PITCH = re.compile(r"pitch[\s_=]*([+-]?\d+(?:\.\d+)?)", re.IGNORECASE)
+_COUPLING = Parameter("coupling", "1", 0.0, -2.0, 2.0, "Jaw angle by pitch, the spindle held")
+_BEND = Parameter(
+    "bend_growth", "1/rad", 0.3, 0.0, 3.0, "Growth of friction exponent and compliance with the loaded tendon's bend"
+)
+
+
+def load(path: Path) -> MeasuredRun:
+    """Return a recording of the tool at a pitch; columns as of `davinci_tool.read`, and wrist_pitch (rad).
+
+    Raises IdentificationError as `davinci_tool.read`, and if the file's name has no pitch.
+    """
+    found = _PITCH.findall(path.stem)
+    if len(found) != 1 or abs(float(found[0])) > MOST_PITCH:
+        raise IdentificationError(
+            f"{path.name}: the name {path.stem!r} is no pitch angle; it must hold one from -{MOST_PITCH} to "
+            f"{MOST_PITCH}, in degrees, such as pitch-30_001.TXT"
+        )
+    run = davinci_tool.read(path, SOURCE)
+    pitch = np.full(len(run), math.radians(float(found[0])))
+    return MeasuredRun(
+        run.name,
+        run.time,
+        {**run.columns, "wrist_pitch": pitch},
+        (*run.notes, f"pitch {float(found[0]):g} deg, from the file's name"),
+        run.source,
+        run.checksum,
+    )
+
+
+class Wrist(Tool):
+    """The tool's model with its wrist, for recordings that have a constant wrist_pitch as well; raises as `Tool`.
+
+    Errors are those beyond each recording's own offset.
+    """
+
+    def __init__(
+        self,
+        train: Sequence[MeasuredRun],
+        test: Sequence[MeasuredRun] = (),
+        *,
+        law: str = DEFAULT_LAW,
+        contacts: int = davinci_tool.CONTACTS,
+    ) -> None:
+        if law not in LAWS:
+            raise IdentificationError(key="law", value=law, allowed=f"one of {', '.join(LAWS)}")
+        super().__init__(train, test, law=law, contacts=contacts)
+        several = len({one.pitch for one in self.fitted[: len(train)]}) > 1
+        own = (_COUPLING, _BEND) if several else ()
+        starts = self._lines(self.fitted[: len(train)], several=several)
+        # Against the load the tendon pulls the jaw to -jaw * load; the pitch that draws it moves the jaw there too.
+        self._side = -self.signs.jaw * self.signs.load * math.copysign(1.0, starts["coupling"])
+        parameters = [
+            one
+            if one.name not in starts
+            else one._replace(start=float(np.clip(starts[one.name], one.lower, one.upper)))
+            for one in (*_wide(self.parameters), *own)
+        ]
+        self.parameters = tuple(parameters)
+        self._names = tuple(one.name for one in parameters)
+        self.groups = {
+            "friction": (*self.groups["friction"], *(one.name for one in own[1:])),
+            "stiffness": self.groups["stiffness"],
+            "kinematics": (*self.groups["kinematics"], *(one.name for one in own[:1])),
+        }
+
+    def residuals(self, values: Array, run: int) -> Array:
+        """Return measured minus modelled jaw angle, (n,), with a share of its mean, in deviations of its encoder."""
+        return _without_mean(super()._errors(values, self.fitted[run]), OFFSET_SHARE) / self.noise
+
+    def jacobian(self, values: Array, run: int) -> Array:
+        """Return the derivatives of the residuals, (n, parameters)."""
+        return _without_mean(super().jacobian(values, run), OFFSET_SHARE)
+
+    def modelled(self, values: Array, series: Series, *, exact: bool) -> Dual:
+        """Return the jaw angle by the model without the recording's own offset, (1 + n,), rad."""
+        jaw = super().modelled(values, series, exact=exact)
+        given = self._given(values, series, exact=exact)
+        return jaw + given["coupling"] * series.pitch if "coupling" in given else jaw
+
+    def advice(self, names: Sequence[str]) -> str | None:
+        """Return which recording would make these parameters identifiable."""
+        if {"coupling", "bend_growth"} & set(names):
+            return "Record the same motion at three or more pitch angles, far apart to either side."
+        return super().advice(names)
+
+    def _errors(self, values: Array, series: Series) -> Array:
+        return _without_mean(super()._errors(values, series), 0.0)
+
+    def _given(self, values: Array, series: Series, *, exact: bool) -> dict[str, Dual]:
+        given = super()._given(values, series, exact=exact)
+        if "bend_growth" in given:
+            growth = (given["bend_growth"] * max(0.0, self._side * series.pitch)).exp()
+            given |= {name: given[name] * growth for name in ("friction_exponent", "compliance")}
+        return given
+
+    def _lines(self, train: Sequence[Series], *, several: bool) -> dict[str, float]:
+        """Return where the parameters that act without friction start: by a line for each run, side by side."""
+        sign, load = self.signs.jaw, self.signs.load
+        runs = [(one, np.column_stack([sign * one.spindle, sign * load * one.torque])[one.first :]) for one in train]
+        ratio, compliance = np.linalg.lstsq(
+            np.vstack([_without_mean(columns, 0.0) for _, columns in runs]),
+            np.concatenate([_without_mean(one.reference[one.first :], 0.0) for one, _ in runs]),
+        )[0].tolist()
+        offsets = [float(np.mean(one.reference[one.first :] - columns @ [ratio, compliance])) for one, columns in runs]
+        pitches = [one.pitch for one, _ in runs]
+        coupling, offset = np.polyfit(pitches, offsets, 1).tolist() if several else (0.0, float(np.mean(offsets)))
+        return {"offset": offset, "ratio": ratio, "compliance": compliance, "coupling": coupling}
+
+
+def problem(
+    train: Sequence[MeasuredRun], test: Sequence[MeasuredRun], *, law: str, instrument: Instrument | None
+) -> Wrist:
+    """Return the model with its recordings, those of train first; raises as `Wrist`, and for an instrument."""
+    refuse_instrument(instrument, "a davinci-posture recording is of a tool without instrument file")
+    return Wrist(train, test, law=law)
+
+
+def _wide(parameters: Sequence[Parameter]) -> list[Parameter]:
+    """Return parameters with bounds that do not depend on a plane through runs at several pitches."""
+    bounds = {"offset": (-2 * math.pi, 2 * math.pi), "ratio": (0.1, 5.0), "compliance": (0.0, 10.0)}
+    return [
+        one._replace(lower=bounds[one.name][0], upper=bounds[one.name][1]) if one.name in bounds else one
+        for one in parameters
+    ]
+
+
+def _without_mean(values: Array, share: float) -> Array:
+    """Return columns less their means, of which a share stays."""
+    return np.asarray(values - (1 - share) * values.mean(axis=0), dtype=np.float64)
+
+
+FORMAT = Format(load, problem, laws=LAWS, law=DEFAULT_LAW)

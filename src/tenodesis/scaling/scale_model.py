@@ -1,0 +1,250 @@
+"""One scale model: its parts, objectives and test loads, and the instrument file that they make."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tenodesis.errors import DesignError, InstrumentError
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.run import Array
+from tenodesis.scaling.candidates import Wheel
+from tenodesis.scaling.catalogue import Catalogue
+from tenodesis.scaling.costs import tip_force
+from tenodesis.scaling.parts import Encoder, LoadCell, Rod, Rope, Spool
+from tenodesis.scaling.sweep import Sweep
+from tenodesis.scaling.transfer_friction import carry_friction
+from tenodesis.scaling.weights import WeightSelection, select_weights
+from tenodesis.similarity import Comparison, compare
+from tenodesis.similarity.parameters import field_of, value_of
+
+OBJECTIVES = (
+    ("similarity error", " deg"),
+    ("force resolution", " N"),
+    ("overall length", " m"),
+    ("tension margin", ""),
+)
+
+
+def shown(value: float) -> str:
+    """Return an objective's value as text."""
+    return "below 0.001" if value < 1e-3 else f"{value:.4g}"
+
+
+class Objectives(NamedTuple):
+    """Objectives of a design; for the tension margin larger is better, for the others smaller is better."""
+
+    similarity_error: float
+    """Largest error over the working range, without friction, deg; a tip that snaps through counts as at its stop."""
+    force_resolution: float
+    """Smallest force on the real-size instrument, N, that weights can set and load cells can resolve."""
+    overall_length: float
+    """Length, m."""
+    tension_margin: float
+    """Breaking load over the largest tension."""
+
+    @classmethod
+    def of_costs(cls, costs: Array) -> "Objectives":
+        """Return the objectives of costs as in :class:`Sweep`, shape (4,)."""
+        error, resolution, length, inverse = costs.tolist()
+        return cls(error, resolution, length, 1 / inverse)
+
+    @property
+    def costs(self) -> Array:
+        """Their costs as in :class:`Sweep`, shape (4,)."""
+        return np.array([*self[:3], 1 / self.tension_margin])
+
+    def __str__(self) -> str:
+        named = zip(OBJECTIVES, self, strict=True)
+        return ", ".join(f"{name} {shown(value)}{unit}" for (name, unit), value in named)
+
+
+class Choice(NamedTuple):
+    """The parts a design is made of."""
+
+    distal: Wheel
+    proximal: Wheel
+    rope: Rope
+    rod: Rod | None
+    load_cell: LoadCell
+    encoder: Encoder | None
+    spool: Spool
+
+
+class TestLoad(NamedTuple):
+    """A force on the real-size instrument (N), that on the scaled-up tip (N), and the weights for it."""
+
+    real_force: float
+    force: float
+    weights: WeightSelection
+    error: float
+    """Force by the weights minus the wanted force, N on the real-size instrument."""
+
+
+@dataclass(frozen=True)
+class Design:
+    """A scaled-up instrument with its parts, objectives, test loads and resolutions."""
+
+    real_size: Instrument
+    scaled_up: Instrument
+    choice: Choice
+    catalogue: Catalogue
+    objectives: Objectives
+    comparison: Comparison
+    tests: tuple[TestLoad, ...]
+    largest_tension: float
+    """Largest tension over the working range, N."""
+    angle_resolution: float
+    """Resolution of the distal encoder, deg, the same for both instruments."""
+    tension_resolution: float
+    """Resolution of the load cells, N of real-size tension."""
+    force_resolution: float
+    """Resolution of the load cells, N at the real-size tip."""
+
+    def __repr__(self) -> str:
+        return f"<Design of {self.scaled_up.name!r}: {self.objectives}>"
+
+
+def name_of(real_size: InstrumentLike) -> str:
+    """Return the name of an instrument's scale model."""
+    real_size = as_instrument(real_size, "real_size")
+    return f"{real_size.name[:50]}-scaled-up"
+
+
+def make(found: Sweep, number: int) -> Design:
+    """Return a scale model of a sweep, by its number.
+
+    Raises DesignError if its weights cannot set a test force precisely enough.
+    """
+    judge = found.judge(found.stages[-1])
+    columns = judge.columns(np.array([number]), fine=True)
+    values = {name: float(column[0]) for name, column in columns.items()}
+    wheels, rope, rod = found.candidates.parts(number)
+    choice = Choice(
+        *wheels,
+        rope,
+        rod,
+        judge.load_cell(values["largest_tension"]),
+        _encoder(found.catalogue, values["distal_radius"]),
+        judge.spool(number),
+    )
+    tests = tuple(weights_for(found.catalogue, force, values) for force in found.forces.tests)
+    scaled_up = _scaled_up(found, choice, values, tests)
+    comparison = compare(found.real_size, scaled_up, largest_force=found.forces.largest)
+    return Design(
+        found.real_size,
+        scaled_up,
+        choice,
+        found.catalogue,
+        Objectives.of_costs(judge.costs(columns)[0]),
+        comparison,
+        tests,
+        values["largest_tension"],
+        math.degrees(scaled_up.sensors.encoder_range / 2**scaled_up.sensors.encoder_bits),
+        choice.load_cell.resolution / comparison.tension_factor,
+        float(tip_force(choice.load_cell.resolution, values)),
+    )
+
+
+def _encoder(catalogue: Catalogue, radius: float) -> Encoder | None:
+    """Return the finest encoder that fits."""
+    fitting = [encoder for encoder in catalogue.encoders if encoder.least_distal_radius <= radius * (1 + 1e-9)]
+    return min(fitting, key=lambda one: (one.range / 2**one.bits, one.noise), default=None)
+
+
+def weights_for(catalogue: Catalogue, force: float, values: Mapping[str, float]) -> TestLoad:
+    """Return the weights for a force (N) on the real-size instrument, from the rig arm (m) and force factor by name.
+
+    Raises DesignError, which names the closest set, if the weights do not come close enough.
+    """
+    constraints = catalogue.constraints
+    lever = constraints.cable_pulley_radius / values["rig_arm"]
+    wanted = force * values["force_factor"]
+    weights = select_weights(wanted / lever, catalogue.weights, cable_mass=constraints.cable_mass)
+    error = weights.error * lever / values["force_factor"]
+    if abs(error) > constraints.force_tolerance * force:
+        raise DesignError(
+            f"the weights of catalogue {catalogue.name} cannot set {force:g} N on the real-size instrument to "
+            f"force_tolerance = {100 * constraints.force_tolerance:g} %: the nearest is {weights.sentence}, "
+            f"{100 * error / force:+.2g} % or {error:+.2g} N on the real-size instrument."
+        )
+    return TestLoad(force, weights.weight * lever, weights, error)
+
+
+def _scaled_up(found: Sweep, choice: Choice, values: Mapping[str, float], tests: Sequence[TestLoad]) -> Instrument:
+    real_size, constraints = found.real_size, found.catalogue.constraints
+    changes: dict[str, Any] = {
+        field: values[parameter] for field, parameter in real_size.parameter_fields.items() if parameter in values
+    }
+    length = changes.pop("tendon_length")
+    counts = 2 * choice.load_cell.range / choice.load_cell.resolution
+    factor = values["distal_radius"] / value_of(real_size, "distal_radius")
+    changes |= {
+        "name": name_of(real_size),
+        "description": f"Scale model of {real_size.name}, distal radius times {factor:.4g}"[:200],
+        "overall_length": length,
+        "tendon_length": None,
+        "tendon_stiffness": None,
+        "stem_diameter": real_size.stem_diameter and real_size.stem_diameter * factor,
+        "pretension": values["pretension"],
+        "breaking_load": choice.rope.breaking_load,
+        "overrides": None,
+        "dynamics": None,
+        "mismatch": None,
+        "control": None,
+        "conditions": {
+            "forces": tuple(test.force for test in tests if test.force > 0),
+            "cycles": real_size.conditions.cycles,
+            "sampling_rate": real_size.conditions.sampling_rate,
+            "cable_pulley_radius": constraints.cable_pulley_radius,
+        },
+        "sensors.load_cell_range": choice.load_cell.range,
+        "sensors.load_cell_bits": min(max(math.ceil(math.log2(counts)), 4), 32),
+    }
+    if choice.encoder is not None:
+        changes |= {
+            "sensors.encoder_bits": choice.encoder.bits,
+            "sensors.encoder_range": choice.encoder.range,
+            "sensors.encoder_noise": choice.encoder.noise,
+        }
+    changes["drives.spool_radius"] = choice.spool.radius
+    changes["sources"] = _sources(found, choice, changes)
+    try:
+        scaled_up = real_size.replace(**changes)
+        return carry_friction(real_size, scaled_up) if real_size.friction.law != "none" else scaled_up
+    except InstrumentError as problem:
+        raise DesignError(f"the scale model is not a valid instrument: {problem}") from None
+
+
+def _sources(found: Sweep, choice: Choice, changes: Mapping[str, Any]) -> dict[str, str]:
+    real_size, name = found.real_size, found.catalogue.name
+    sources = {
+        field_of(real_size, "distal_radius"): _made_of(choice.distal),
+        field_of(real_size, "proximal_radius"): _made_of(choice.proximal),
+        "tendon_diameter": choice.rope.name,
+        "tendon_modulus": f"{choice.rope.name}: {choice.rope.source}",
+        "breaking_load": f"{choice.rope.name}: {choice.rope.source}",
+        "pretension": "as pinned" if not math.isnan(found.candidates.pretension) else "scaled by k r",
+        "overall_length": f"tenodesis scale, catalogue {name}",
+        "end_effector_length": f"tenodesis scale, catalogue {name}",
+        "handle_length": f"tenodesis scale, catalogue {name}",
+        "conditions.forces": "equal loss of dexterity, as set by the weights",
+        "conditions.cable_pulley_radius": f"catalogue {name}",
+        "output_range": f"as {real_size.name}",
+        "handle_range": f"as {real_size.name}",
+        "sensors.load_cell_range": f"{choice.load_cell.name}: {choice.load_cell.source}",
+    }
+    if choice.rod is not None:
+        sources["backbone_rigidity"] = f"{choice.rod.name}: {choice.rod.source}"
+        sources["backbone_length"] = "scaled by r"
+    if choice.encoder is not None:
+        sources["sensors.encoder_bits"] = f"{choice.encoder.name}: {choice.encoder.source}"
+    if changes["stem_diameter"]:
+        sources["stem_diameter"] = "scaled by r"
+    return sources
+
+
+def _made_of(wheel: Wheel) -> str:
+    return "pulley" if wheel.module is None else f"module {1e3 * wheel.module:g} mm, {wheel.teeth} teeth"

@@ -1,0 +1,258 @@
+"""Coupled instruments that tests share: two axes of gears, jaws, a backbone in two segments, and random ones."""
+
+from typing import Any
+
+import numpy as np
+
+import tenodesis as tn
+from tenodesis import coupled
+from tenodesis.coupled import CoupledInstrument, of_planar, parse
+from tenodesis.statics import Status
+from tenodesis.toml import validated
+
+SIDES = ["agonist", "antagonist", "middle"]
+GENTLE = 0.05  # rad: what each component of a load costs, about
+
+
+def two_axes(name: str) -> CoupledInstrument:
+    """Yaw and pitch of the paper's gears."""
+    return of_planar(tn.load(name).replace(axes=("yaw", "pitch")))
+
+
+def jaws() -> CoupledInstrument:
+    """Pitch and two jaws on pulleys; the jaws' tendons cross the pitch pulleys on one side each."""
+    return parse(_JAWS)
+
+
+def backbone() -> CoupledInstrument:
+    """Two segments that bend at right angles; the tendons of the second pass the first out of its middle."""
+    return parse(_BACKBONE)
+
+
+def drawn(seed: int) -> CoupledInstrument:
+    """Return a wrist with joints of any mechanism and axis, every one held by a pair that crosses the ones before."""
+    random = np.random.default_rng(seed)
+    count = int(random.integers(1, 5))
+    has_jaws = count > 1 and random.random() < 0.4
+    joints: list[dict[str, Any]] = []
+    for i in range(count):
+        is_jaw = has_jaws and i >= count - 2
+        mechanism = "pulley" if is_jaw else str(random.choice(["tendon-gear", "pulley", "continuum"]))
+        axis: Any = "yaw" if is_jaw else str(random.choice(["yaw", "pitch"]))
+        if mechanism == "pulley" and not is_jaw and random.random() < 0.5:
+            axis = tuple(random.uniform(-1, 1, 3))
+        joint = {"name": f"j{i}", "mechanism": mechanism, "axis": axis, "radius": random.uniform(2e-3, 5e-3)}
+        joint["offset"] = random.uniform(0, 0.01)
+        if mechanism == "continuum":
+            joint |= {"backbone_length": random.uniform(0.01, 0.03), "backbone_rigidity": random.uniform(1e-4, 1e-3)}
+        if random.random() < 0.3:
+            joint["stiffness"] = random.uniform(0.01, 0.1)
+        if is_jaw:
+            joint["on"] = "stem" if count == 2 else f"j{count - 3}"
+        joint["end_effector_length"] = random.uniform(0.005, 0.03)
+        joints.append(joint)
+    tendons: list[dict[str, Any]] = []
+    for i in range(count):
+        crossed = range(min(i, count - 2) if has_jaws else i)
+        passage = [
+            {
+                "joint": f"j{k}",
+                "side": str(random.choice(SIDES)),
+                "radius": random.uniform(1e-3, 3e-3),
+            }
+            for k in crossed
+        ]
+        for side in ("agonist", "antagonist"):
+            route = [{"joint": f"h{i}", "side": side}, *passage, {"joint": f"j{i}", "side": side}]
+            tendons.append({"name": f"t{i}_{side}", "route": route, "stiffness": random.uniform(1e4, 4e4)})
+    wheels = [
+        {"name": f"h{i}", "place": "handle", "mechanism": "pulley", "axis": "yaw", "radius": 4e-3} for i in range(count)
+    ]
+    values: dict[str, Any] = {"name": "drawn", "pretension": random.uniform(1, 8), "joints": [*wheels, *joints]}
+    if has_jaws:
+        values["grip"] = {"jaws": [f"j{count - 2}", f"j{count - 1}"], "length": 5e-3}
+    return validated(CoupledInstrument, values | {"tendons": tendons}, tn.InstrumentError)
+
+
+def holds(inst: CoupledInstrument) -> bool:
+    """Whether all joints are held at rest; pretension that is not balanced may leave one loose."""
+    return bool(coupled.equilibrium(inst, np.zeros((1, len(inst.handle_joints)))).status[0] == Status.OK)
+
+
+class Point:
+    """Random handle angles of a wrist and a load that bends every joint a little."""
+
+    def __init__(self, inst: CoupledInstrument, seed: int, scale: float = GENTLE) -> None:
+        random = np.random.default_rng(seed)
+        self.inst = inst
+        rates = coupled.rates(inst, 0.0)
+        size = [np.abs(rates.by_wrench[:, part]).max() for part in (slice(0, 3), slice(3, 6))]
+        self.handle = random.uniform(-0.3, 0.3, len(inst.handle_joints))
+        self.wrench = scale * random.uniform(-1, 1, 6) / np.repeat(size, 3)
+        self.grip = scale * random.uniform(-1, 1) / np.abs(rates.by_grip).max() if inst.grip else 0.0
+        self.strokes = random.uniform(-1e-4, 1e-4, len(inst.tendons))
+
+    def load(self, **changes: Any) -> dict[str, Any]:
+        return {"wrench": self.wrench, "grip_force": self.grip, "strokes": self.strokes, **changes}
+
+
+_JAWS = """
+name = "jaws"
+stem_length = "300 mm"
+tendon_stiffness = "20 N/mm"
+pretension = "12 N"
+
+[[joints]]
+name = "handle_pitch"
+place = "handle"
+mechanism = "pulley"
+axis = "pitch"
+radius = "5 mm"
+
+[[joints]]
+name = "handle_a"
+place = "handle"
+mechanism = "pulley"
+axis = "yaw"
+radius = "6 mm"
+
+[[joints]]
+name = "handle_b"
+place = "handle"
+mechanism = "pulley"
+axis = "yaw"
+radius = "6 mm"
+
+[[joints]]
+name = "pitch"
+mechanism = "pulley"
+axis = "pitch"
+radius = "3 mm"
+
+[[joints]]
+name = "jaw_a"
+on = "pitch"
+mechanism = "pulley"
+axis = "yaw"
+radius = "3.2 mm"
+offset = "9 mm"
+end_effector_length = "10 mm"
+
+[[joints]]
+name = "jaw_b"
+on = "pitch"
+mechanism = "pulley"
+axis = "yaw"
+radius = "3.2 mm"
+offset = "9 mm"
+end_effector_length = "10 mm"
+
+[[tendons]]
+name = "pitch_up"
+route = [{ joint = "handle_pitch", side = "agonist" }, { joint = "pitch", side = "agonist" }]
+
+[[tendons]]
+name = "pitch_down"
+route = [{ joint = "handle_pitch", side = "antagonist" }, { joint = "pitch", side = "antagonist" }]
+
+[[tendons]]
+name = "a_open"
+route = [
+  { joint = "handle_a", side = "agonist" },
+  { joint = "handle_pitch", side = "agonist", radius = "4 mm" },
+  { joint = "pitch", side = "agonist", radius = "2.5 mm" },
+  { joint = "jaw_a", side = "agonist" },
+]
+
+[[tendons]]
+name = "a_close"
+route = [
+  { joint = "handle_a", side = "antagonist" },
+  { joint = "handle_pitch", side = "agonist", radius = "4 mm" },
+  { joint = "pitch", side = "agonist", radius = "2.5 mm" },
+  { joint = "jaw_a", side = "antagonist" },
+]
+
+[[tendons]]
+name = "b_close"
+route = [
+  { joint = "handle_b", side = "agonist" },
+  { joint = "handle_pitch", side = "antagonist", radius = "4 mm" },
+  { joint = "pitch", side = "antagonist", radius = "2.5 mm" },
+  { joint = "jaw_b", side = "agonist" },
+]
+
+[[tendons]]
+name = "b_open"
+route = [
+  { joint = "handle_b", side = "antagonist" },
+  { joint = "handle_pitch", side = "antagonist", radius = "4 mm" },
+  { joint = "pitch", side = "antagonist", radius = "2.5 mm" },
+  { joint = "jaw_b", side = "antagonist" },
+]
+
+[grip]
+jaws = ["jaw_a", "jaw_b"]
+length = "8 mm"
+"""
+
+_BACKBONE = """
+name = "backbone"
+tendon_stiffness = "8 N/mm"
+pretension = "6 N"
+
+[[joints]]
+name = "wheel_far"
+place = "handle"
+mechanism = "pulley"
+axis = "pitch"
+radius = "5 mm"
+
+[[joints]]
+name = "wheel_near"
+place = "handle"
+mechanism = "pulley"
+axis = "yaw"
+radius = "5 mm"
+
+[[joints]]
+name = "near"
+mechanism = "continuum"
+axis = "yaw"
+radius = "3 mm"
+backbone_length = "20 mm"
+backbone_rigidity = "300 N*mm^2"
+
+[[joints]]
+name = "far"
+mechanism = "continuum"
+axis = "pitch"
+radius = "3 mm"
+backbone_length = "15 mm"
+backbone_rigidity = "300 N*mm^2"
+end_effector_length = "12 mm"
+
+[[tendons]]
+name = "near_plus"
+route = [{ joint = "wheel_near", side = "agonist" }, { joint = "near", side = "agonist" }]
+
+[[tendons]]
+name = "near_minus"
+route = [{ joint = "wheel_near", side = "antagonist" }, { joint = "near", side = "antagonist" }]
+
+[[tendons]]
+name = "far_plus"
+route = [
+  { joint = "wheel_far", side = "agonist" },
+  { joint = "near", side = "agonist", radius = "1 mm" },
+  { joint = "far", side = "agonist" },
+]
+
+[[tendons]]
+name = "far_minus"
+route = [
+  { joint = "wheel_far", side = "antagonist" },
+  { joint = "near", side = "agonist", radius = "1 mm" },
+  { joint = "far", side = "antagonist" },
+]
+"""

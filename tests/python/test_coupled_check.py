@@ -1,0 +1,278 @@
+"""Claims about what `check` and `loss` say of instruments whose joints share tendons, and what `check` draws."""
+
+import json
+import re
+from collections.abc import Callable
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+import tenodesis as tn
+from tenodesis.cli import common
+
+Run = Callable[..., tuple[int, str, str]]
+
+DRIVER = """
+name = "driver"
+pretension = "20 N"
+tendon_stiffness = "100 N/mm"
+
+[[joints]]
+name = "pitch"
+mechanism = "pulley"
+axis = "pitch"
+radius = "2.5 mm"
+
+[[joints]]
+name = "jaw_1"
+mechanism = "pulley"
+axis = "yaw"
+on = "pitch"
+radius = "3 mm"
+offset = "9 mm"
+end_effector_length = "10 mm"
+
+[[joints]]
+name = "jaw_2"
+mechanism = "pulley"
+axis = "yaw"
+on = "pitch"
+radius = "3 mm"
+offset = "9 mm"
+end_effector_length = "10 mm"
+
+[[tendons]]
+name = "p_up"
+route = [{ joint = "pitch", side = "agonist" }]
+[[tendons]]
+name = "p_down"
+route = [{ joint = "pitch", side = "antagonist" }]
+[[tendons]]
+name = "one_up"
+route = [{ joint = "pitch", side = "agonist", radius = "1.5 mm" }, { joint = "jaw_1", side = "agonist" }]
+[[tendons]]
+name = "one_down"
+route = [{ joint = "pitch", side = "antagonist", radius = "1.5 mm" }, { joint = "jaw_1", side = "antagonist" }]
+[[tendons]]
+name = "two_up"
+route = [{ joint = "pitch", side = "agonist", radius = "1.5 mm" }, { joint = "jaw_2", side = "agonist" }]
+[[tendons]]
+name = "two_down"
+route = [{ joint = "pitch", side = "antagonist", radius = "1.5 mm" }, { joint = "jaw_2", side = "antagonist" }]
+
+[grip]
+jaws = ["jaw_1", "jaw_2"]
+"""
+LAST = '{ joint = "jaw_2", side = "antagonist" }'
+WRONG = {
+    "twice": (
+        LAST,
+        f'{LAST}, {{ joint = "pitch", side = "agonist" }}',
+        "tendon two_down crosses joint pitch twice, as antagonist and as agonist; it must cross a joint once",
+    ),
+    "unknown": (LAST, '{ joint = "claw", side = "antagonist" }', "tendon two_down: joint = 'claw'; it must be one of"),
+    "alone": (LAST, '{ joint = "jaw_2", side = "agonist" }', "joint jaw_2 has no antagonist"),
+    "singular": (
+        'side = "agonist" }]\n[[tendons]]\nname = "p_down"\nroute = [{ joint = "pitch", side = "antagonist" }]',
+        'side = "agonist", radius = "1.5 mm" }, { joint = "jaw_1", side = "agonist" }]\n[[tendons]]\nname = "p_down"\n'
+        'route = [{ joint = "pitch", side = "antagonist", radius = "1.5 mm" }, '
+        '{ joint = "jaw_1", side = "antagonist" }]',
+        "the coupling matrix of pitch, jaw_1, jaw_2 is singular",
+    ),
+}
+
+
+@pytest.fixture
+def driver(tmp_path: Path) -> tn.coupled.CoupledInstrument:
+    (tmp_path / "driver.toml").write_text(DRIVER, "utf-8")
+    return tn.coupled.parse(DRIVER)
+
+
+def rows(tenodesis: Run, *words: object) -> list[dict[str, Any]]:
+    code, said, wrong = tenodesis("loss", *words, "--json")
+    assert (code, wrong) == (0, "")
+    found: list[dict[str, Any]] = json.loads(said)["rows"]
+    return found
+
+
+# ---------------------------------------------------------------------- check
+
+
+@pytest.mark.usefixtures("driver")
+def test_check_prints_routes_arms_coupling_and_losses_in_80_columns(
+    tenodesis: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(common.console, "width", 80)
+    code, said, wrong = tenodesis("check", "driver.toml")
+    assert (code, wrong) == (0, "")
+    assert max(map(len, said.partition("warning:")[0].splitlines())) <= 80
+    assert "driver: 3 joints at the tip, none at the handle, 6 tendons" in said
+    assert re.search(r"jaw_2 +pitch +pulley +yaw +3 +±80", said)
+    assert "spool → pitch agonist at 1.5 mm → jaw_1" in said
+    assert re.search(r"one_down +-1\.5 +-3 +·", said)
+    assert re.search(r"p_up +11\.5 +-5\.73 +-5\.73", said)  # 1 mm over 2.5 mm; jaws by -1.5/3 of it
+    assert "turning pitch by the tendons that end at joint pitch also turns jaw_1 by -0.5, jaw_2 by -0.5" in said
+
+
+def test_check_as_json_is_what_python_computes(tenodesis: Run, driver: tn.coupled.CoupledInstrument) -> None:
+    found = json.loads(tenodesis("check", "driver.toml", "--json")[1])
+    np.testing.assert_array_equal(found["arms"], tn.coupled.straight_arms(driver))
+    np.testing.assert_array_equal(found["coupling"], tn.coupled.coupling(driver))
+    np.testing.assert_array_equal(found["stiffness"], tn.coupled.rates(driver, 0.0).stiffness)
+    assert found["tendons"][2]["in_words"] == "spool → pitch agonist at 1.5 mm → jaw_1 agonist at 3 mm → end"
+    assert len(found["losses"]["rows"]) == 6
+
+
+def test_arms_of_gears_are_their_radii(real: tn.Instrument) -> None:
+    inst = tn.coupled.of_planar(real.replace(axes=["yaw"]))
+    np.testing.assert_allclose(tn.coupled.straight_arms(inst), [[2e-3], [-2e-3]])
+    np.testing.assert_allclose(tn.coupled.straight_arms(inst, "handle"), [[4.5e-3], [-4.5e-3]])
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"name = \"p_up\"": 'name = "p_up"\npretension = "30 N"'}, "the pretensions do not balance: .* pitch at"),
+        ({"pretension = \"20 N\"": 'pretension = "0 N"'}, "the joints find no equilibrium under the pretension"),
+        ({"pretension = \"20 N\"": 'pretension = "20 N"\nstem_diameter = "5.5 mm"'}, "radius of joint jaw_1 is 3 mm"),
+        ({"pretension = \"20 N\"": 'pretension = "20 N"\ntendon_diameter = "1.3 mm"'}, "only 3.8 times"),
+        ({"pretension = \"20 N\"": 'pretension = "20 N"\nbreaking_load = "15 N"'}, "break at a breaking_load of 15 N"),
+    ],
+)  # fmt: skip
+def test_what_is_hardly_meant_is_said(changes: dict[str, str], sentence: str) -> None:
+    text = DRIVER
+    for old, new in changes.items():
+        text = text.replace(old, new, 1)
+    said = [doubt.sentence for doubt in tn.coupled.implausible(tn.coupled.parse(text))]
+    assert any(re.search(sentence, one) for one in said)
+
+
+def test_a_tendon_that_is_slack_at_rest_is_named() -> None:
+    said = [doubt.sentence for doubt in tn.coupled.implausible(tn.coupled.load("hybrid-real-size"))]
+    assert said == ["slack without a load: grip."]
+
+
+# ---------------------------------------------------------------------- loss
+
+
+def test_a_tendon_is_slack_from_the_printed_load_on_and_the_strokes_restore(
+    tenodesis: Run, driver: tn.coupled.CoupledInstrument
+) -> None:
+    (row,) = rows(
+        tenodesis, "driver.toml", "--load", "0.2 0.5 -1 N", "--moment", "0 0 5 N*mm", "--grip", "1 N", "--angle",
+        "20 30 -10 deg",
+    )  # fmt: skip
+    np.testing.assert_allclose(np.degrees(row["output_angles"]), (20, 30, -10), atol=1e-9)
+    handle, strokes = tn.coupled.hold(driver, np.radians([20, 30, -10]))
+    wrench, grip = np.array(row["wrench"]), row["grip_force"]
+    np.testing.assert_allclose(wrench, [0.2, 0.5, -1, 0, 0, 5e-3])
+    under = tn.coupled.output_angles(driver, handle, wrench, grip_force=grip, strokes=strokes)
+    np.testing.assert_allclose(row["lost"], np.array(row["output_angles"]) - under, atol=1e-12)
+    tendon = [one.name for one in driver.tendons].index(row["slack_tendon"])
+    for share, is_slack in ((0.999, False), (1.001, True)):
+        factor = share * row["slack_factor"]
+        held = tn.coupled.tensions(driver, handle, factor * wrench, grip_force=factor * grip, strokes=strokes)
+        assert (held[tendon] == 0) is np.bool_(is_slack)
+    wound = strokes + np.array(row["strokes"])
+    back = tn.coupled.output_angles(driver, handle, wrench, grip_force=grip, strokes=wound)
+    np.testing.assert_allclose(back, row["output_angles"], atol=1e-9)
+
+
+def test_a_planar_instrument_loses_the_same_in_either_form(real: tn.Instrument) -> None:
+    planar = real.replace(axes=["yaw"])
+    angle = np.radians(40)
+    lost = tn.coupled.loss(planar, [angle], [-0.5, 0, 0, 0, 0, 0]).lost[0]
+    handle = tn.statics.handle_angle(planar, angle)
+    assert lost == pytest.approx(angle - tn.statics.output_angle(planar, handle, 0.5), abs=1e-9)
+
+
+@pytest.mark.parametrize("name", tn.coupled.shipped())
+def test_every_shipped_instrument_is_held_and_has_losses(tenodesis: Run, name: str) -> None:
+    found = rows(tenodesis, name)
+    assert len(found) == 6
+    assert all(None not in row["lost"] for row in found)
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--load", "2 N"), "--load = '2 N': it must be 3 numbers and a unit, like '0 0 -1 N'"),
+        (("--load", "0 0 1 mm"), "--load = '0 mm': it is measured in mm"),
+        (("--angle", "10 deg"), "--angle = '10 deg': it must be 3 numbers and a unit, like '30 0 0 deg'"),
+        (("--angle", "10 90 0 deg"), "--angle of jaw_1 is '90 deg'; it must be within its range of ±80 deg"),
+        (("--axis", "yaw"), "--axis is given, but driver has joints that share tendons; it must be left out"),
+    ],
+)
+@pytest.mark.usefixtures("driver")
+def test_a_wrong_question_ends_in_one_sentence(tenodesis: Run, words: tuple[str, ...], sentence: str) -> None:
+    code, _, wrong = tenodesis("loss", "driver.toml", *words)
+    assert code == 1
+    assert sentence in wrong
+    assert len(wrong.strip().splitlines()) == 1
+
+
+def test_grip_and_moment_are_refused_where_there_is_none(tenodesis: Run, tmp_path: Path) -> None:
+    (tmp_path / "open.toml").write_text(DRIVER.partition("[grip]")[0], "utf-8")
+    assert "driver has nothing that grips" in tenodesis("loss", "open.toml", "--grip", "1 N")[2]
+    assert "--moment is given, but real-size is planar" in tenodesis("loss", "real-size", "--moment", "0 0 1 N*mm")[2]
+
+
+@pytest.mark.parametrize("words", [("record", "driver.toml", "cycles"), ("scale", "driver.toml")])
+@pytest.mark.usefixtures("driver")
+def test_other_commands_say_which_ones_take_such_files(tenodesis: Run, words: tuple[str, ...]) -> None:
+    code, _, wrong = tenodesis(*words)
+    assert code == 1
+    assert "takes planar instruments; tenodesis check, loss and import take such files" in wrong
+
+
+# ---------------------------------------------------------------------- picture
+
+
+@pytest.mark.usefixtures("driver")
+def test_the_picture_names_every_joint_tendon_and_radius(tenodesis: Run, tmp_path: Path) -> None:
+    code, said, _ = tenodesis("check", "driver.toml", "--picture", "driver.svg")
+    assert code == 0
+    assert "driver.svg is written." in said
+    texts = re.findall(r">([^<>]+)</text>", (tmp_path / "driver.svg").read_text("utf-8"))
+    assert {"pitch", "jaw_1", "jaw_2"} <= set(texts)
+    assert {"p_up", "p_down", "one_up", "one_down", "two_up", "two_down"} <= set(texts)
+    assert [texts.count(radius) for radius in ("2.5", "1.5", "3")] == [2, 4, 4]
+    assert "driver.svg exists already" in tenodesis("check", "driver.toml", "--picture", "driver.svg")[2]
+
+
+@pytest.mark.parametrize("name", [*tn.coupled.shipped(), "real-size"])
+def test_no_label_of_a_picture_covers_another(name: str) -> None:
+    figure = tn.plot.routing(tn.load(name) if name == "real-size" else name)
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    boxes = [text.get_window_extent(renderer).padded(-0.5) for axis in figure.axes for text in axis.texts]
+    assert len(boxes) > 20
+    assert not [pair for pair in combinations(boxes, 2) if pair[0].overlaps(pair[1])]
+    assert all(box.x0 > 0 and box.y0 > 0 and box.x1 < figure.bbox.x1 and box.y1 < figure.bbox.y1 for box in boxes)
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_a_wrong_route_ends_in_one_sentence_with_the_picture_of_it(tenodesis: Run, tmp_path: Path, kind: str) -> None:
+    old, new, sentence = WRONG[kind]
+    assert old in DRIVER
+    (tmp_path / "wrong.toml").write_text(DRIVER.replace(old, new), "utf-8")
+    code, said, wrong = tenodesis("check", "wrong.toml", "--picture", "wrong.svg")
+    assert code == 1
+    assert wrong.startswith(f"tenodesis: wrong.toml: {sentence}")
+    assert len(wrong.strip().splitlines()) == 1
+    assert "wrong.svg is written, with what is wrong in red." in said
+    picture = (tmp_path / "wrong.svg").read_text("utf-8")
+    assert "Wrong: " in picture
+    assert "#d00000" in picture
+    assert ("not listed" in picture) is (kind == "unknown")
+
+
+def test_what_is_no_route_error_is_not_drawn(tenodesis: Run, tmp_path: Path) -> None:
+    (tmp_path / "wrong.toml").write_text(DRIVER.replace('"2.5 mm"', '"2.5 N"'), "utf-8")
+    code, _, wrong = tenodesis("check", "wrong.toml", "--picture", "wrong.svg")
+    assert code == 1
+    assert "joint 1 (pitch): radius = '2.5 N'" in wrong
+    assert not (tmp_path / "wrong.svg").exists()

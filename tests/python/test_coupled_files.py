@@ -1,0 +1,129 @@
+"""Claims about the coupled instruments that come with the package."""
+
+import re
+import tomllib
+from importlib import resources
+
+import numpy as np
+import pytest
+
+import tenodesis as tn
+from tenodesis import coupled
+from tenodesis.coupled import CoupledInstrument
+from tenodesis.errors import InstrumentError
+from tenodesis.run import Array
+
+NAMES = ("hybrid-real-size", "hybrid-scaled-up", "maryland-dissector", "needle-driver", "two-segment-continuum")
+WRENCH = [0.3, -0.2, 0.1, 0.0, 0.01, 0.0]
+
+
+def text(name: str) -> str:
+    return (resources.files("tenodesis.coupled") / "shipped" / f"{name}.toml").read_text("utf-8")
+
+
+def keys(values: dict[str, object], prefix: str = "") -> set[str]:
+    """Return the keys of a file that hold quantities, lists of tables without their places."""
+    found = set()
+    for key, value in values.items():
+        for one in value if isinstance(value, list) else [value]:
+            if isinstance(one, dict):
+                found |= keys(one, f"{prefix}{key}.")
+            elif isinstance(one, str) and re.match(r"-?\d", one):
+                found.add(prefix + key)
+    return found
+
+
+def test_these_coupled_instruments_come_with_the_package() -> None:
+    assert coupled.shipped() == NAMES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_value_of_a_file_has_a_source(name: str) -> None:
+    values = tomllib.loads(text(name))
+    sources = values.pop("sources")
+    assert text(name).startswith("# ") and coupled.load(name).name == name
+    for key in keys(values):
+        parts = key.split(".")
+        assert any(".".join(parts[:n]) in sources for n in range(1, len(parts) + 1)) or "tendons.grip" in sources, key
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_file_at_rest_is_straight_and_moves_under_a_load(name: str) -> None:
+    inst = coupled.load(name)
+    assert coupled.output_angles(inst, 0) == pytest.approx(0, abs=1e-12)
+    assert np.abs(coupled.output_angles(inst, 0, WRENCH)).max() > 1e-4
+
+
+@pytest.mark.parametrize(("name", "planar"), [("hybrid-real-size", "real-size"), ("hybrid-scaled-up", "scaled-up")])
+def test_the_hybrid_instrument_without_grip_is_the_planar_file_with_two_axes(name: str, planar: str) -> None:
+    axes = coupled.of_planar(tn.load(planar).replace(axes=("yaw", "pitch")))
+    alone = coupled.equilibrium(axes, [0.2, -0.1], WRENCH, axes="stem")
+    found = coupled.equilibrium(name, [0.2, -0.1, 0.1], WRENCH, axes="stem", grip_force=0.5)
+    assert found.angles[:2] == pytest.approx(alone.angles, abs=1e-9)
+    assert found.tensions[:4] == pytest.approx(alone.tensions, rel=1e-9)
+
+
+def test_the_trigger_closes_the_hybrid_instruments_jaw_and_its_spring_opens_it() -> None:
+    closed = coupled.equilibrium("hybrid-real-size", [0, 0, 0.4])
+    assert closed.angles[2] < -0.3 and closed.tensions[4] > 0
+    opened = coupled.equilibrium("hybrid-real-size", [0, 0, -0.4])
+    assert opened.angles[2] == pytest.approx(0, abs=1e-9) and opened.tensions[4] == 0
+
+
+# jhu-dvrk/sawIntuitiveResearchKit, share/tool/LARGE_NEEDLE_DRIVER_400006.json and MARYLAND_BIPOLAR_FORCEPS_420172.json:
+# pitch, yaw and jaw by the turns of disks 2, 3 and 4, and how far the last row is from twice the one before.
+DVRK: dict[str, tuple[list[list[float]], float]] = {
+    "needle-driver": ([[1.0186, 0, 0], [-0.8306, 0.6089, 0.6089], [0, -1.2177, 1.2177]], 1.01e-4),
+    "maryland-dissector": ([[1, 0, 0], [-0.630273, 0.457982, 0.457982], [0, -0.915964, 0.915964]], 1e-9),
+}
+
+
+def drawn(inst: CoupledInstrument) -> Array:
+    """Return the lengths that the turns of disks 2, 3 and 4 draw: those of pitch, second and first jaw."""
+    assert inst.spool_radius is not None
+    names = [tendon.name for tendon in inst.tendons]
+    lengths = np.zeros((len(names), 3))
+    for disk, joint in enumerate(("pitch", "jaw_2", "jaw_1")):
+        lengths[names.index(f"{joint}_wound"), disk] = inst.spool_radius
+        lengths[names.index(f"{joint}_unwound"), disk] = -inst.spool_radius
+    return lengths
+
+
+@pytest.mark.parametrize("name", DVRK)
+def test_turns_of_an_endowrists_motors_give_the_angles_of_the_open_tool_file(name: str) -> None:
+    inst, (matrix, rounding) = coupled.load(name), DVRK[name]
+    pitch, one, other = coupled.coupling(inst) @ drawn(inst)
+    found = np.array([pitch, (one + other) / 2, one - other])
+    assert found[:2] == pytest.approx(np.array(matrix)[:2], abs=1e-9)
+    assert found[2] == pytest.approx(matrix[2], abs=rounding)
+
+
+@pytest.mark.parametrize("name", DVRK)
+def test_an_object_between_the_jaws_presses_them_apart_evenly(name: str) -> None:
+    pitch, one, other = coupled.output_angles(name, 0, grip_force=2.0)
+    assert one > 1e-3 and one == pytest.approx(-other, rel=1e-9) and pitch == pytest.approx(0, abs=1e-12)
+
+
+def test_the_far_segments_tendons_bend_the_near_one_too() -> None:
+    # Wound by one stroke, a rigid near segment would stay straight only if its own pair held it.
+    inst = coupled.load("two-segment-continuum")
+    near, far = coupled.output_angles(inst, 0, strokes=[0, 0, 1e-3, -1e-3])
+    assert near > 0.01 and far > near
+    arms = inst.tendon_arms("tip")
+    assert np.abs(arms) == pytest.approx(1.8e-3 * np.array([[1, 0], [1, 0], [1, 1], [1, 1]]))
+
+
+def test_the_reader_of_planar_files_names_what_takes_a_coupled_one() -> None:
+    path = str(resources.files("tenodesis.coupled") / "shipped" / "needle-driver.toml")
+    sentence = (
+        "lists joints and tendons: tenodesis.coupled.load and `tenodesis check` take it; it must describe an instr"
+    )
+    with pytest.raises(InstrumentError, match=sentence):
+        tn.load(path)
+
+
+def test_a_joint_that_no_force_reaches_must_be_a_jaw_of_known_length() -> None:
+    values = tomllib.loads(text("hybrid-real-size"))
+    del values["grip"]["length"]
+    with pytest.raises(InstrumentError, match="joint jaw is the last; its end_effector_length must be given"):
+        coupled.load("hybrid-real-size").replace(grip=values["grip"])

@@ -1,0 +1,49 @@
+"""The motion of handle and spools from their quantised encoders."""
+
+import numpy as np
+
+from tenodesis.identification.quantisation import QuantisedSensor
+from tenodesis.identification.twin_model.inputs import smoothed, unrounded
+
+from .twin_recordings import STEP
+
+
+def test_rounding_is_taken_off_a_turning_spool() -> None:
+    time = np.arange(0, 4, STEP)
+    angle = 0.3 * np.clip(time - 1, 0, 1) - 0.1 * np.clip(time - 3, 0, 0.5)
+    step = 2 * np.pi / 4096
+    plain = np.round(angle / step) * step
+    better = unrounded(plain, STEP, step).values
+    moving = (time > 1.05) & (time < 1.95)
+    assert np.abs(better - angle)[moving].max() < 0.15 * step
+    assert np.abs(better - plain).max() <= 0.51 * step
+    assert np.array_equal(unrounded(np.full(100, 3.0), STEP, step).values, np.full(100, 3.0))
+
+
+def test_smoothing_takes_noise_off_and_leaves_the_signal() -> None:
+    time = np.arange(0, 8, STEP)
+    angle = 0.4 * 2 / np.pi * np.arcsin(np.sin(np.pi * time))
+    noise = 7e-4
+    better = smoothed(
+        angle + np.random.default_rng(0).normal(0, noise, time.size), STEP, QuantisedSensor(noise, 1e-9)
+    ).values
+    assert np.sqrt(np.mean((better - angle) ** 2)) < 0.2 * noise
+
+
+def test_a_smoothed_path_keeps_its_kinks_and_knows_how_well() -> None:
+    time = np.arange(0, 4, STEP)
+    angle = 0.4 * 2 / np.pi * np.arcsin(np.sin(np.pi * time))
+    noise = 7e-4
+    ratios = []
+    for seed in range(4):
+        path = smoothed(
+            angle + np.random.default_rng(seed).normal(0, noise, time.size), STEP, QuantisedSensor(noise, 1e-9)
+        )
+        off = path.values - angle
+        assert np.abs(off).max() < 4 * noise
+        independent = np.zeros((time.size, len(path.errors)))
+        for column, error in enumerate(path.errors):
+            independent[error.first : error.first + error.shape.size, column] = error.shape
+        expected = np.sum((independent @ path.mixing) ** 2)
+        ratios.append(np.sum(off**2) / expected)
+    assert 0.5 < np.mean(ratios) < 1.5

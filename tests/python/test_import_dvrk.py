@@ -1,0 +1,182 @@
+"""Claims about tool files of the da Vinci Research Kit: what is read reproduces the file's matrix, or is refused."""
+
+import json
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import pytest
+
+import tenodesis as tn
+from tenodesis.coupled import CoupledInstrument, coupling, dvrk_text, from_dvrk, parse
+from tenodesis.errors import InstrumentError
+from tenodesis.run import Array
+
+Run: TypeAlias = Callable[..., tuple[int, str, str]]
+
+# jhu-dvrk/sawIntuitiveResearchKit, share/tool/NAME.json: coupling.ActuatorToJointPosition.
+MATRICES = {
+    "LARGE_NEEDLE_DRIVER_400006": [
+        [-1.5632, 0, 0, 0],
+        [0, 1.0186, 0, 0],
+        [0, -0.8306, 0.6089, 0.6089],
+        [0, 0, -1.2177, 1.2177],
+    ],
+    "MARYLAND_BIPOLAR_FORCEPS_420172": [
+        [-1.563233, 0, 0, 0],
+        [0, 1, 0, 0],
+        [0, -0.630273, 0.457982, 0.457982],
+        [0, 0, -0.915964, 0.915964],
+    ],
+    "PROGRASP_FORCEPS_420093": [
+        [-1.5631, 0, 0, 0],
+        [0, 1, 0, 0],
+        [0, -0.5068, -0.5135, -0.5135],
+        [0, 0, -0.5279, 0.5279],
+    ],
+}
+SPATULA = [[-1.5632, 0, 0, 0], [0, 1.1353, 0, 0], [0, 0.7827, -1.0582, 0], [0, 0, 0, 1]]
+"""PERMANENT_CAUTERY_SPATULA_400184 of the same place: no jaws, and a last disk that is not used."""
+
+
+def content(matrix: Any, **changes: Any) -> dict[str, Any]:
+    """Return what a tool file has, with the limits and lengths of LARGE_NEEDLE_DRIVER_400006."""
+    limits = {"qmin": -1.39626, "qmax": 1.39626}
+    return {
+        "DH": {"joints": [{"qmin": -4.53786, "qmax": 4.53786, "D": 0.4162}, limits, {**limits, "A": 0.0091}]},
+        "jaw": {"qmin": -0.698132, "qmax": 1.39626, "ftmax": 0.16},
+        "coupling": {"ActuatorToJointPosition": matrix},
+        **changes,
+    }
+
+
+def write(folder: Path, values: Any, name: str = "LARGE_NEEDLE_DRIVER_400006") -> Path:
+    """Write a tool file with the comments that such files have."""
+    path = folder / f"{name}.json"
+    path.write_text('/* -*- Mode: "x" -*- */ // {\n' + json.dumps(values, indent=1).replace(",\n", ", // a//b\n"))
+    return path
+
+
+def by_turns(inst: CoupledInstrument) -> Array:
+    """Return roll, pitch, yaw and jaw by the turns of the disks, each of which winds one tendon and unwinds another."""
+    assert inst.spool_radius is not None
+    drawn = np.kron(np.eye(len(inst.tip_joints)), [[inst.spool_radius], [-inst.spool_radius]])
+    angles = coupling(inst) @ drawn
+    if inst.grip is None:
+        return angles
+    return np.vstack([angles[:2], angles[2:].mean(axis=0), angles[2] - angles[3]])
+
+
+@pytest.mark.parametrize("name", MATRICES)
+def test_rigid_coupling_is_the_files_matrix(tmp_path: Path, name: str) -> None:
+    path = write(tmp_path, content(MATRICES[name]), name)
+    for radius in (2.5e-3, 4e-3):
+        inst = from_dvrk(path, pulley_radius=radius)
+        assert by_turns(inst) == pytest.approx(np.array(MATRICES[name]), abs=1e-9)
+        assert inst.tip_joints[1].radius == pytest.approx(radius)
+    assert inst.name == name.lower().replace("_", "-")
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_rigid_coupling_is_any_invertible_matrix(tmp_path: Path, seed: int) -> None:
+    matrix = np.random.default_rng(seed).normal(size=(4, 4))
+    assert by_turns(from_dvrk(write(tmp_path, content(matrix.tolist())))) == pytest.approx(matrix, abs=1e-9)
+
+
+def test_a_tool_without_jaws_has_three_angles(tmp_path: Path) -> None:
+    values = content(SPATULA, jaw={"qmin": 0.0, "qmax": 0.5, "ftmax": 0.0})
+    inst = from_dvrk(write(tmp_path, values))
+    assert by_turns(inst) == pytest.approx(np.array(SPATULA)[:3, :3], abs=1e-9)
+    assert inst.grip is None
+
+
+def test_unloaded_angles_under_strokes_of_the_motors_are_the_files_too(tmp_path: Path) -> None:
+    inst = from_dvrk(write(tmp_path, content(MATRICES["LARGE_NEEDLE_DRIVER_400006"])))
+    turns = np.array([0.1, 0.3, -0.2, 0.25])
+    roll, pitch, one, other = tn.coupled.output_angles(
+        inst, 0, strokes=np.kron(turns, [inst.spool_radius, -inst.spool_radius])
+    )
+    expected = np.array(MATRICES["LARGE_NEEDLE_DRIVER_400006"]) @ turns
+    assert np.array([roll, pitch, (one + other) / 2, one - other]) == pytest.approx(expected, abs=1e-9)
+
+
+def test_limits_and_lengths_are_the_files(tmp_path: Path) -> None:
+    inst = from_dvrk(write(tmp_path, content(MATRICES["LARGE_NEEDLE_DRIVER_400006"])))
+    roll, pitch, *jaws = inst.tip_joints
+    assert math.degrees(roll.range) == pytest.approx(179)
+    assert pitch.range == pytest.approx(1.39626)
+    assert all(jaw.range == pytest.approx(1.5 * 1.39626) and jaw.offset == pytest.approx(0.0091) for jaw in jaws)
+    assert inst.stem_length == pytest.approx(0.4162)
+
+
+def test_the_command_writes_what_the_function_reads(tmp_path: Path, tenodesis: Run) -> None:
+    path, out = write(tmp_path, content(MATRICES["LARGE_NEEDLE_DRIVER_400006"])), tmp_path / "driver.toml"
+    code, said, _ = tenodesis("import", "dvrk", path, "--out", out, "--pulley-radius", "3 mm")
+    assert code == 0 and "8 tendons, angles roll, pitch, jaw_1, jaw_2" in said
+    assert tn.coupled.load(out) == from_dvrk(path, pulley_radius=3e-3)
+    code, _, error = tenodesis("import", "dvrk", path, "--out", out)
+    assert code == 1 and "exists already" in error
+    assert tenodesis("import", "dvrk", path, "--out", out, "--overwrite")[0] == 0
+
+
+GOOD = MATRICES["LARGE_NEEDLE_DRIVER_400006"]
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ([], "is no object of keys; it must be a tool file of the da Vinci Research Kit, JSON."),
+        (content(GOOD, coupling={}), "coupling.ActuatorToJointPosition is missing; it must be given."),
+        (content(GOOD, coupling=3), "coupling.ActuatorToJointPosition is missing; it must be given."),
+        (content(np.eye(7).tolist()), "has the shape (7, 7); it must be 4 rows of 4 finite numbers."),
+        (content([[1, 2], [3]]), "is no matrix of numbers; it must be 4 rows of 4 finite numbers."),
+        (content([*GOOD[:3], ["a", 0, 0, 1]]), "is no matrix of numbers"),
+        (content([*GOOD[:3], [0, 0, 0, math.nan]]), "has a number that is not finite"),
+        (
+            content([*GOOD[:3], GOOD[2]]),
+            "is singular: turns of the disks leave every angle unchanged; it must be regular.",
+        ),
+        (content([*GOOD[:3], [0, 0, 0, 0]]), "is singular"),
+        (content(GOOD, **{"snake-like": True}), "snake-like is true: it has two joints of pitch and two of yaw"),
+        (
+            content(GOOD, DH={"joints": []}),
+            "qmin and qmax of DH.joints, roll are missing; they must be two finite numbers",
+        ),
+        (
+            content(GOOD, jaw={"qmin": "0", "qmax": 1}),
+            "qmin and qmax of jaw are ['0', 1]; they must be two finite numbers",
+        ),
+        (content(GOOD, jaw={"ftmax": 0}), "jaw.ftmax is 0, but coupling.ActuatorToJointPosition couples the jaw"),
+    ],
+)
+def test_a_malformed_file_is_refused_in_one_sentence(tmp_path: Path, values: Any, sentence: str) -> None:
+    path = write(tmp_path, values)
+    with pytest.raises(InstrumentError, match=re.escape(sentence)) as refused:
+        from_dvrk(path)
+    assert str(refused.value).startswith(f"{path}: ") and "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("data", "sentence"),
+    [
+        (b"<robot/>", "is not JSON: Expecting value"),
+        (b"[" * 100_000, "is not JSON"),
+        (b"\xff\xfe", "is not UTF-8 text; it must be a tool file"),
+    ],
+)
+def test_what_is_no_json_is_refused_in_one_sentence(tmp_path: Path, data: bytes, sentence: str) -> None:
+    path = tmp_path / "tool.json"
+    path.write_bytes(data)
+    with pytest.raises(InstrumentError, match=re.escape(sentence)):
+        from_dvrk(path)
+    with pytest.raises(InstrumentError, match="cannot be read: No such file"):
+        from_dvrk(tmp_path / "none.json")
+
+
+def test_the_text_names_what_it_assumes(tmp_path: Path) -> None:
+    text = dvrk_text(write(tmp_path, content(GOOD)))
+    assert parse(text).sources["joints.radius"].startswith("ours:")
+    assert "LARGE_NEEDLE_DRIVER_400006.json" in text.splitlines()[0]

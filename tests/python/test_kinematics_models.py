@@ -1,0 +1,136 @@
+"""The instrument's models for others, URDF and MJCF, as MuJoCo, Pinocchio and ROS read them."""
+
+import re
+import shutil
+import subprocess
+import sys
+from importlib import resources
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import tenodesis as tn
+from tenodesis import kinematics as km
+
+from .kinematic_instruments import INSTRUMENTS, REAL, every_instrument
+
+
+@every_instrument
+def test_the_urdf_is_a_tree_and_its_mimics_name_their_joints(inst):
+    text = km.urdf(inst)
+    root = ElementTree.fromstring(text)
+    links = [link.get("name") for link in root.findall("link")]
+    assert len(set(links)) == len(links)
+    children = [joint.find("child").get("link") for joint in root.findall("joint")]
+    parents = [joint.find("parent").get("link") for joint in root.findall("joint")]
+    assert sorted([*children, "port"]) == sorted(links)
+    assert set(parents) <= set(links)
+    names = {joint.get("name") for joint in root.findall("joint")}
+    mimics = {joint.get("name"): joint.find("mimic") for joint in root.findall("joint")}
+    mimics = {name: mimic.get("joint") for name, mimic in mimics.items() if mimic is not None}
+    assert set(mimics.values()) <= names
+    assert {name.rsplit("_", 1)[0] for name in mimics} == {
+        f"{end}{axis}" for end in ("", "handle_") for axis in inst.axes
+    }
+
+
+def test_what_a_format_does_not_carry_is_said_in_it():
+    assert re.search(r"does not contain.*tendons.*rolling contact.*friction", km.urdf(REAL), re.DOTALL)
+    assert re.search(r"does not contain.*rolling contact.*friction", km.mjcf(REAL), re.DOTALL)
+    for name, inst in INSTRUMENTS.items():
+        drawn = ElementTree.fromstring(km.mjcf(inst)).findall("tendon/spatial")
+        assert bool(drawn) != ("the path of the tendons" in km.mjcf(inst)), name
+        assert ("the arc of a backbone" in km.mjcf(inst)) == ("the arc of a backbone" in km.urdf(inst))
+
+
+@pytest.mark.parametrize(
+    "name", sorted(path.stem for path in resources.files("tenodesis").joinpath("instruments").glob("*.toml"))
+)
+@pytest.mark.parametrize("axes", [None, ("yaw",), ("pitch",), ("pitch", "yaw")])
+def test_every_instrument_that_is_shipped_makes_models_that_load(name, axes):
+    mujoco, pinocchio = pytest.importorskip("mujoco"), pytest.importorskip("pinocchio")
+    inst = tn.load(name) if axes is None else tn.load(name).replace(axes=axes)
+    joints = set(km.joint_positions(inst, km.Posture()))
+    model = mujoco.MjModel.from_xml_string(km.mjcf(inst))
+    assert {model.joint(n).name for n in range(model.njnt)} == joints
+    assert set(pinocchio.buildModelFromXML(km.urdf(inst)).names) - {"universe"} == joints
+
+
+@every_instrument
+def test_the_urdf_loads_in_mujoco_and_pinocchio_with_the_same_masses(inst):
+    mujoco, pinocchio = pytest.importorskip("mujoco"), pytest.importorskip("pinocchio")
+    text = km.urdf(inst)
+    theirs, other = mujoco.MjModel.from_xml_string(text), pinocchio.buildModelFromXML(text)
+    assert {theirs.joint(n).name for n in range(theirs.njnt)} == set(other.names) - {"universe"}
+    data = mujoco.MjData(theirs)
+    mujoco.mj_forward(theirs, data)
+    full = np.zeros((theirs.nv, theirs.nv))
+    mujoco.mj_fullM(theirs, data, full)
+    ours = pinocchio.crba(other, other.createData(), np.zeros(other.nq))
+    ours = np.triu(ours) + np.triu(ours, 1).T
+    order = [other.joints[other.getJointId(theirs.joint(n).name)].idx_v for n in range(theirs.njnt)]
+    np.testing.assert_allclose(full, ours[np.ix_(order, order)], rtol=1e-6, atol=1e-10)
+
+
+@pytest.mark.process
+@every_instrument
+def test_the_urdf_is_read_by_the_parser_of_ros(inst, tmp_path):
+    check = shutil.which("check_urdf", path=str(Path(sys.executable).parent)) or shutil.which("check_urdf")
+    if check is None:
+        pytest.skip("check_urdf is not installed")
+    (tmp_path / "inst.urdf").write_text(km.urdf(inst), "utf-8")
+    done = subprocess.run([check, tmp_path / "inst.urdf"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "Successfully Parsed XML" in done.stdout
+
+
+@every_instrument
+def test_the_tip_of_the_urdf_has_the_inertia_of_the_file(inst):
+    pinocchio = pytest.importorskip("pinocchio")
+    model = pinocchio.buildModelFromXML(km.urdf(inst.replace(**{"dynamics.tip_inertia": 3.3e-6})))
+    full = pinocchio.crba(model, model.createData(), np.zeros(model.nq))
+    full = np.triu(full) + np.triu(full, 1).T
+    turning = np.zeros(model.nv)
+    turning[[model.joints[model.getJointId(f"{inst.axes[-1]}_{half}")].idx_v for half in ("carrier", "far")]] = 0.5
+    assert turning @ full @ turning == pytest.approx(3.3e-6, rel=1e-2)
+
+
+@pytest.mark.parametrize("name", ["real-size", "scaled-up", "pulley"])
+def test_the_mujoco_model_settles_where_the_statics_tell(name):
+    mujoco = pytest.importorskip("mujoco")
+    inst = INSTRUMENTS[name]
+    model = mujoco.MjModel.from_xml_string(km.mjcf(inst))
+    # The second joint, straight, lengthens the arm of a force about the first.
+    arm = np.diff([km.frames(inst, km.Posture()).bodies[body].position[2] for body in ("yaw_far", "tip")])[0]
+    alone = inst.axis("yaw").replace(end_effector_length=arm)
+    for handle, force in ((0.3, 0.0), (0.3, 0.5)):
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        data.actuator("handle_yaw_carrier").ctrl[0] = handle / 2
+        data.actuator("force").ctrl[0] = force
+        mujoco.mj_step(model, data, 2000)
+        assert np.abs(data.qvel).max() < 1e-6
+        held, yaw = (
+            data.joint(f"{end}yaw_carrier").qpos[0] + data.joint(f"{end}yaw_far").qpos[0] for end in ("handle_", "")
+        )
+        assert held == pytest.approx(handle, abs=1e-3)
+        assert np.degrees(yaw) == pytest.approx(np.degrees(tn.statics.output_angle(alone, held, force)), abs=1e-4)
+
+
+def test_models_are_written_completely_by_the_command_line_and_not_over_others(tmp_path, monkeypatch):
+    from typer.testing import CliRunner
+
+    from tenodesis.cli.app import app
+
+    monkeypatch.chdir(tmp_path)
+    runner = CliRunner()
+    for kind, extension, root in (("urdf", ".urdf", "robot"), ("mjcf", ".xml", "mujoco")):
+        assert runner.invoke(app, ["export", kind, "real-size"]).exit_code == 0
+        assert ElementTree.parse(f"real-size{extension}").getroot().tag == root
+        again = runner.invoke(app, ["export", kind, "real-size"])
+        assert again.exit_code == 1
+        assert "exists already" in str(again.exception)
+        assert runner.invoke(app, ["export", kind, "real-size", "--overwrite"]).exit_code == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["real-size.urdf", "real-size.xml"]
