@@ -65,7 +65,7 @@ struct CompensatorState {
   S hand{};                   ///< direction of the handle's last motion
   S still{};                  ///< time since that motion, s
   S since{};                  ///< time in this phase, s
-  S near{};                   ///< time that the tip has been within the dead band, s
+  S near{};                   ///< time that the tip has been within the dead band, less three times that it has not, s
   Phase stroke{Phase::pull};  ///< the last stroke
   int turns{};                ///< reversals of strokes since the motors last rested
   S tolerance{1};             ///< factor by which the dead band has grown over strokes that did not end in it
@@ -338,16 +338,18 @@ struct Compensator {
   void choose(const Situation& now, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
               State& state) const {
     const auto& [lag, dead, moving, shaken, across_now, above] = now;
-    const S unseen = larger(memory.freedom[0], memory.freedom[1]);
+    // What the law would give back of it.
+    const S unseen = settings.assistance * larger(memory.freedom[0], memory.freedom[1]);
     const S stroke = settings.common_stroke + settings.stroke_share * wanted_common(memory);
     const bool loose =
         settings.least_tension > smaller(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]);
     const bool tight = larger(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]) >
                        S(0.94) * settings.tension_limit;
-    state.near = abs(lag) < dead ? state.near + dt : S(0);
+    // Noise that crosses the band's edge for a tick must not begin the time anew.
+    state.near = clamp(state.near + (abs(lag) < dead ? dt : S(-3) * dt), S(0), settings.settle_time + dt);
     const bool near = state.near > settings.settle_time;
     // What no stroke can tell must not keep the motors awake.
-    const bool sure = memory.deviation < S(3) * dead || state.turns > most_turns;
+    const bool sure = settings.assistance * memory.deviation < S(3) * dead || state.turns > most_turns;
     const bool far = abs(lag) > settings.far * dead;
     const bool steady = Envelope<A>::steady(state.envelope);
     bool together = false;
