@@ -289,7 +289,7 @@ struct Compensator {
   static constexpr S correction_time = S(1);  // s, at most
   // At which the differential stroke may approach its bounds, 1/s.
   static constexpr S approach_rate = S(30);
-  static constexpr int most_turns = 4;
+  static constexpr int most_turns = 4, few_turns = 2;
   static constexpr S growth = S(1.5), most_tolerance = S(3);
 
   // Largest share of the differential speed in the common one: neither tendon may reverse.
@@ -376,13 +376,13 @@ struct Compensator {
         if (near && (shaken || (sure && observer.slip_together(memory, S(1))))) return turn(Phase::rest, state);
         // Between slack and the limit there is no room for strokes: only tracking is left.
         if (loose && tight) return turn(Phase::track, state);
-        if (above > larger(stroke, state.short_of + stroke) || tight) turn_back(Phase::release, S(0), state);
+        if (above > larger(stroke, state.short_of + stroke) || tight) turn_back(Phase::release, S(0), abs(lag) < S(2) * dead, state);
         return;
       case Phase::release:
         together = observer.slip_together(memory, S(-1));
         if (near && (shaken || (sure && together))) return turn(Phase::rest, state);
         if (!(above < -stroke || loose)) return;
-        turn_back(Phase::pull, larger(above + stroke, S(0)), state);
+        turn_back(Phase::pull, larger(above + stroke, S(0)), abs(lag) < S(2) * dead, state);
         if (together && state.turns > 1) correct(state);
         return;
       case Phase::restrained:
@@ -399,11 +399,12 @@ struct Compensator {
     return above > S(0) ? Phase::release : Phase::pull;
   }
 
-  // Strokes that do not end within the dead band must not continue for ever: after some, it grows.
-  void turn_back(Phase phase, const S& short_of, State& state) const {
+  // Strokes that do not end within the dead band must not continue for ever: after some, it grows, and sooner where a
+  // wider one would have ended them.
+  void turn_back(Phase phase, const S& short_of, bool close, State& state) const {
     turn(phase, state);
     state.short_of = short_of;
-    if (++state.turns > most_turns) state.tolerance = smaller(state.tolerance * growth, most_tolerance);
+    if (++state.turns > (close ? few_turns : most_turns)) state.tolerance = smaller(state.tolerance * growth, most_tolerance);
   }
 
   // The tip is known, and friction at its joint is least at the end of a release: it is overcome without a stroke, and
