@@ -269,6 +269,8 @@ struct Compensator {
                          (room.most > S(0) ? inward : settings.gain) * room.most);
     if (begins) begin(strokes, stroke, missing, dead, observer, memory, state);
     if (state.since > S(0) && (strokes || state.correcting)) {
+      // A load may still grow.
+      if (strokes) state.reach = larger(state.reach, abs(missing) + dead);
       const S least = state.goal - state.reach - stroke;
       const S most = state.goal + state.reach - stroke;
       differential = clamp(differential, approach_rate * smaller(least, S(0)), approach_rate * larger(most, S(0)));
