@@ -249,7 +249,7 @@ struct Compensator {
     const bool strokes = state.phase != Phase::track;
     const S authority = state.envelope.authority;
     S differential = settings.gain * authority * (strokes ? missing : observer.certain(missing, memory));
-    if (!strokes && authority < S(1))
+    if (!strokes && !state.correcting && authority < S(1))
       differential =
           differential + (S(1) - authority) * envelope.returning(stroke, settings.assistance, observer, memory);
     if (moving && lag * state.hand > dead) {
@@ -385,7 +385,7 @@ struct Compensator {
         if (near && (shaken || (sure && together))) return turn(Phase::rest, state);
         if (!(above < -stroke || loose)) return;
         turn_back(Phase::pull, larger(above + stroke, S(0)), abs(lag) < S(2) * dead, state);
-        if (together && state.turns > 1) correct(state);
+        if (together && state.turns > 1 && state.envelope.authority > S(0)) correct(state);
         return;
       case Phase::restrained:
       case Phase::yielding:
