@@ -340,8 +340,9 @@ struct Compensator {
   void choose(const Situation& now, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
               State& state) const {
     const auto& [lag, dead, moving, shaken, across_now, above] = now;
-    // What the law would give back of it.
-    const S unseen = settings.assistance * larger(memory.freedom[0], memory.freedom[1]);
+    // What the law would give back.
+    const S share = settings.assistance;
+    const S unseen = share * larger(memory.freedom[0], memory.freedom[1]);
     const S stroke = settings.common_stroke + settings.stroke_share * wanted_common(memory);
     const bool loose =
         settings.least_tension > smaller(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]);
@@ -351,7 +352,7 @@ struct Compensator {
     state.near = clamp(state.near + (abs(lag) < dead ? dt : S(-3) * dt), S(0), settings.settle_time + dt);
     const bool near = state.near > settings.settle_time;
     // What no stroke can tell must not keep the motors awake.
-    const bool sure = settings.assistance * memory.deviation < S(3) * dead || state.turns > most_turns;
+    const bool sure = share * share * memory.doubt < S(9) * dead * dead || state.turns > most_turns;
     const bool far = abs(lag) > settings.far * dead;
     const bool steady = Envelope<A>::steady(state.envelope);
     bool together = false;

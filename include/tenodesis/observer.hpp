@@ -89,6 +89,7 @@ struct FrictionMemory {
   S covariance[3][3]{};          ///< of scale, reference, compliance
   Slip<S> tip_slip{};            ///< of the tendons at the tip's joint, as length of the agonist
   S freedom[2]{};                ///< how far the tip may have moved unseen, toward flexion and extension, m
+  S doubt{};                     ///< variance of the tip's position as far as strokes can lower it, m^2
   S deviation{};                 ///< standard deviation of the tip's position, m
   bool started{};
 };
@@ -136,7 +137,7 @@ struct FrictionObserver {
     if (calm(measured, memory)) learn(position, ratio, memory);
     memory.tip_slip = follow(memory.tip_slip, at_joint(memory), tip_plays * settings.play);
     for (int i = 0; i < 2; ++i) follow_to_tip(i, position[i], ratio, memory);
-    memory.deviation = deviation(memory);
+    doubt(memory);
   }
 
   /// Lag of the tip behind its target, as tendon length, m.
@@ -246,8 +247,8 @@ struct FrictionObserver {
   // A reversal that noise and the model's errors feign must not turn the friction at the tip's joint.
   static constexpr S tip_plays = S(3);
 
-  // Standard deviation of the tip's position, as tendon length, m.
-  S deviation(const Memory& memory) const {
+  // Standard deviation of the tip's position, as tendon length, and what of it strokes can lower.
+  void doubt(Memory& memory) const {
     const auto& tendon = memory.tendon;
     const S unit = memory.unit;
     S by_friction(0);
@@ -266,9 +267,10 @@ struct FrictionObserver {
     for (const auto& one : tendon) by_gain = by_gain + one.tension[0] * one.tension[0];
     by_gain = by_gain * S(0.25) * settings.gain_std * settings.gain_std * unit * unit;
     const auto& p = memory.covariance;
-    return sqrt(settings.bias_std * settings.bias_std + by_gain + shaken * shaken + unseen * unseen * S(1.0 / 3) +
-                by_friction * by_friction * p[0][0] + p[1][1] * S(0.25) + by_compliance * by_compliance * p[2][2] +
-                settings.play * settings.play * S(1.0 / 16));
+    memory.doubt = unseen * unseen * S(1.0 / 3) + by_friction * by_friction * p[0][0] + p[1][1] * S(0.25) +
+                   by_compliance * by_compliance * p[2][2];
+    memory.deviation = sqrt(settings.bias_std * settings.bias_std + by_gain + shaken * shaken + memory.doubt +
+                            settings.play * settings.play * S(1.0 / 16));
   }
 
   void set_exponents(Memory& memory) const {
@@ -314,7 +316,7 @@ struct FrictionObserver {
     set_exponents(memory);
     memory.target = clamp(drawn, -model.stop, model.stop);
     memory.tip_slip.dragged = at_joint(memory);
-    memory.deviation = deviation(memory);
+    doubt(memory);
   }
 
   void smooth(const Measurement<S>& measured, const S& dt, Memory& memory) const {
