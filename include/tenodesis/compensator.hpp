@@ -72,6 +72,7 @@ struct CompensatorState {
   bool correcting{};          ///< whether the tip, as a stroke has shown it, is corrected without a stroke
   S goal{};                   ///< differential stroke of that correction, or at the begin of a stroke, m
   S reach{};                  ///< how far a stroke may go from there, m
+  S push{};                   ///< what overcomes friction in a correction, m
   EnvelopeState<S> envelope{};
   S short_of{};     ///< by how much the last stroke ended early because a tendon got loose, m
   bool yielding{};  ///< whether the force limit has held the law back in this tick
@@ -244,7 +245,7 @@ struct Compensator {
     const S wanted = wanted_common(memory);
     // A tick later than it was chosen, when there is less to compute.
     const bool begins = state.since <= S(0);
-    choose({lag, dead, moving, shaken, stroke, common - wanted}, observer, memory, dt, state);
+    choose({lag, dead, moving, shaken, stroke, wanted, common - wanted}, observer, memory, dt, state);
     if (state.phase == Phase::rest) return {};
     const bool strokes = state.phase != Phase::track;
     const S authority = state.envelope.authority;
@@ -260,8 +261,7 @@ struct Compensator {
     }
     if (state.correcting) {
       const S way = S(missing > S(0) ? 1 : -1);
-      differential =
-          differential + way * authority * settings.assistance / correction_time * observer.breakaway(memory, way);
+      differential = differential + way * authority / correction_time * state.push;
     }
     // Into what is left of the force as fast as the tip may break away, out of it as the lag is corrected.
     const S inward = S(1) / settings.breakaway_time;
@@ -271,9 +271,9 @@ struct Compensator {
     if (state.since > S(0) && (strokes || state.correcting)) {
       // A load may still grow.
       if (strokes) state.reach = larger(state.reach, abs(missing) + dead);
-      const S least = state.goal - state.reach - stroke;
-      const S most = state.goal + state.reach - stroke;
-      differential = clamp(differential, approach_rate * smaller(least, S(0)), approach_rate * larger(most, S(0)));
+      const S left = state.goal - stroke;
+      differential = differential > S(0) ? smaller(differential, approach_rate * larger(left + state.reach, S(0)))
+                                         : larger(differential, approach_rate * smaller(left - state.reach, S(0)));
     }
     if (!strokes) {
       // A moving hand may need more tension to keep the looser tendon tight, and must not wait for it until it rests.
@@ -334,22 +334,24 @@ struct Compensator {
     bool moving{};
     bool shaken{};
     S stroke{};  ///< differential, m
-    S above{};   ///< common stroke above the one that keeps the tendons tight, m
+    S wanted{};  ///< common stroke that keeps the tendons tight, m
+    S above{};   ///< common stroke above that one, m
   };
 
   void choose(const Situation& now, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
               State& state) const {
-    const auto& [lag, dead, moving, shaken, across_now, above] = now;
+    const auto& [lag, dead, moving, shaken, across_now, wanted, above] = now;
     // What the law would give back.
     const S share = settings.assistance;
     const S unseen = share * larger(memory.freedom[0], memory.freedom[1]);
-    const S stroke = settings.common_stroke + settings.stroke_share * wanted_common(memory);
+    const S stroke = settings.common_stroke + settings.stroke_share * wanted;
     const bool loose =
         settings.least_tension > smaller(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]);
     const bool tight = larger(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]) >
                        S(0.94) * settings.tension_limit;
     // Noise that crosses the band's edge for a tick must not begin the time anew.
-    state.near = clamp(state.near + (abs(lag) < dead ? dt : S(-3) * dt), S(0), settings.settle_time + dt);
+    state.near =
+        abs(lag) < dead ? smaller(state.near + dt, settings.settle_time + dt) : larger(state.near - S(3) * dt, S(0));
     const bool near = state.near > settings.settle_time;
     // What no stroke can tell must not keep the motors awake.
     const bool sure = share * share * memory.doubt < S(9) * dead * dead || state.turns > most_turns;
@@ -379,7 +381,8 @@ struct Compensator {
         if (near && (shaken || (sure && observer.slip_together(memory, S(1))))) return turn(Phase::rest, state);
         // Between slack and the limit there is no room for strokes: only tracking is left.
         if (loose && tight) return turn(Phase::track, state);
-        if (above > larger(stroke, state.short_of + stroke) || tight) turn_back(Phase::release, S(0), abs(lag) < S(2) * dead, state);
+        if (above > larger(stroke, state.short_of + stroke) || tight)
+          turn_back(Phase::release, S(0), abs(lag) < S(2) * dead, state);
         return;
       case Phase::release:
         together = observer.slip_together(memory, S(-1));
@@ -407,13 +410,15 @@ struct Compensator {
   void turn_back(Phase phase, const S& short_of, bool close, State& state) const {
     turn(phase, state);
     state.short_of = short_of;
-    if (++state.turns > (close ? few_turns : most_turns)) state.tolerance = smaller(state.tolerance * growth, most_tolerance);
+    if (++state.turns > (close ? few_turns : most_turns))
+      state.tolerance = smaller(state.tolerance * growth, most_tolerance);
   }
 
   // The tip is known, and friction at its joint is least at the end of a release: it is overcome without a stroke, and
   // another stroke then shows the tip.
   static void correct(State& state) {
     state.short_of = S(0);
+    state.push = S(0);
     state.correcting = true;
     state.phase = Phase::track;
   }
@@ -427,7 +432,8 @@ struct Compensator {
       state.goal = stroke;
       state.reach = abs(missing) + dead + S(0.5) * observer.breakaway(memory, way);
     } else if (state.correcting) {
-      state.goal = stroke + missing + way * S(1.3) * settings.assistance * observer.breakaway(memory, way);
+      state.push = settings.assistance * observer.breakaway(memory, way);
+      state.goal = stroke + missing + way * S(1.3) * state.push;
       state.reach = S(0);
     }
   }

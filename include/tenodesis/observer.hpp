@@ -128,9 +128,8 @@ struct FrictionObserver {
     follow(settings.intent, memory.handle_angle, dt, memory.intent);
     memory.target = clamp(model.drawn(memory.intent.angle), -model.stop, model.stop);
     set_exponents(memory);
-    const S ratio[3] = {exp(memory.scale * memory.nominal[0]), exp(memory.scale * memory.nominal[1]),
-                        exp(memory.scale * memory.nominal[2])};
-    for (int j = 0; j < 3; ++j) memory.ratio[j] = ratio[j];
+    S* const ratio = memory.ratio;
+    for (int j = 0; j < 3; ++j) ratio[j] = exp(memory.scale * memory.nominal[j]);
     S position[2];
     for (int i = 0; i < 2; ++i) position[i] = follow_to_stem(i, drawn, ratio, memory);
     place_tip(position, ratio, memory);
