@@ -72,7 +72,6 @@ struct CompensatorState {
   bool correcting{};          ///< whether the tip, as a stroke has shown it, is corrected without a stroke
   S goal{};                   ///< differential stroke of that correction, or at the begin of a stroke, m
   S reach{};                  ///< how far a stroke may go from there, m
-  S push{};                   ///< what overcomes friction in a correction, m
   EnvelopeState<S> envelope{};
   S short_of{};     ///< by how much the last stroke ended early because a tendon got loose, m
   bool yielding{};  ///< whether the force limit has held the law back in this tick
@@ -259,10 +258,7 @@ struct Compensator {
       const S speed = observer.breakaway(memory, state.hand) / settings.breakaway_time;
       differential = differential + state.hand * authority * smaller(speed, settings.breakaway_speed * memory.arm);
     }
-    if (state.correcting) {
-      const S way = S(missing > S(0) ? 1 : -1);
-      differential = differential + way * authority / correction_time * state.push;
-    }
+    if (state.correcting) differential = differential + authority / correction_time * (state.goal - stroke);
     // Into what is left of the force as fast as the tip may break away, out of it as the lag is corrected.
     const S inward = S(1) / settings.breakaway_time;
     differential = clamp(differential, (room.least < S(0) ? inward : settings.gain) * room.least,
@@ -418,7 +414,6 @@ struct Compensator {
   // another stroke then shows the tip.
   static void correct(State& state) {
     state.short_of = S(0);
-    state.push = S(0);
     state.correcting = true;
     state.phase = Phase::track;
   }
@@ -432,8 +427,7 @@ struct Compensator {
       state.goal = stroke;
       state.reach = abs(missing) + dead + S(0.5) * observer.breakaway(memory, way);
     } else if (state.correcting) {
-      state.push = settings.assistance * observer.breakaway(memory, way);
-      state.goal = stroke + missing + way * S(1.3) * state.push;
+      state.goal = stroke + missing + way * S(1.3) * settings.assistance * observer.breakaway(memory, way);
       state.reach = S(0);
     }
   }
