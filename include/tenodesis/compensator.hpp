@@ -353,7 +353,6 @@ struct Compensator {
     const bool sure = share * share * memory.doubt < S(9) * dead * dead || state.turns > most_turns;
     const bool far = abs(lag) > settings.far * dead;
     const bool steady = Envelope<A>::steady(state.envelope);
-    bool together = false;
     state.since = smaller(state.since + dt, S(10));
     if (moving || (far && state.phase == Phase::rest)) return turn(Phase::track, state);
     switch (state.phase) {
@@ -381,11 +380,10 @@ struct Compensator {
           turn_back(Phase::release, S(0), abs(lag) < S(2) * dead, state);
         return;
       case Phase::release:
-        together = observer.slip_together(memory, S(-1));
-        if (near && (shaken || (sure && together))) return turn(Phase::rest, state);
+        if (near && (shaken || (sure && observer.slip_together(memory, S(-1))))) return turn(Phase::rest, state);
         if (!(above < -stroke || loose)) return;
         turn_back(Phase::pull, larger(above + stroke, S(0)), abs(lag) < S(2) * dead, state);
-        if (together && state.turns > 1 && state.envelope.authority > S(0)) correct(state);
+        if (state.turns > 1 && state.envelope.authority > S(0) && observer.slip_together(memory, S(-1))) correct(state);
         return;
       case Phase::restrained:
       case Phase::yielding:
