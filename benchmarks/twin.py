@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import tenodesis as tn
 from tenodesis.instrument import Instrument
 from tenodesis.twin import TIME_STEP, Twin, run_many
-from tenodesis.verification import mujoco_dynamics
+from tenodesis.verification import coupled_dynamics, mujoco_dynamics
 
 Array = NDArray[np.float64]
 
@@ -29,6 +29,9 @@ RUNS = 10_000
 CHUNK = 500
 TARGET_STEPS = 5e6
 TARGET_RATIO = 15.0
+TARGET_COUPLED_STEPS = 1.5e6
+TARGET_COUPLED_RATIO = 8.0
+COUPLED_FRICTION = {"law": "capstan", "vertex_coefficient": 0.15, "sheath_coefficient": 0.1, "sheath_bend": 0.35}
 OUTPUTS = (0.0, 33.0, 67.0, 80.0)  # deg, Fig. 15
 WEIGHT = 10.0  # N on the rig's cable
 SIGNALS = ("output_angle", "tension.agonist", "tension.antagonist")
@@ -80,6 +83,36 @@ def single(inst: Instrument) -> None:
             f"target {TARGET_STEPS / 1e6:g} {fast}   (every signal kept)\n"
             f"  {'stepping alone over MuJoCo':<28} mean {mean:5.1f}x            worst {ratios.min():5.1f}x  "
             f"target {TARGET_RATIO:g}x {better}   (MuJoCo {np.mean(theirs) / 1e6:.2f} M steps/s)"
+        )
+
+
+def coupled_axes() -> None:
+    """Steps per second of two axes that share tendons, on one core, against MuJoCo, alternately."""
+    smooth = tn.coupled.of_planar(tn.load("real-size").replace(axes=("yaw", "pitch")))
+    inst = smooth.replace(friction=COUPLED_FRICTION)
+    t = TIME_STEP * np.arange(1, STEPS // 10 + 1)[:, np.newaxis]
+    cycle = 2 / np.pi * np.arcsin(np.sin(2 * np.pi * t))
+    twin = tn.coupled.Twin(inst, time_step=TIME_STEP)
+    run = partial(twin.run, cycle * [0.4, -0.3], cycle * [0.3, 0.2, 0, 0, 0, 0])
+    run()
+    peers = {"as exported": True, "handle held, all else off": False}
+    peer = partial(coupled_dynamics.steps_per_second, smooth, [0.3, 0.2, 0, 0, 0, 0], time_step=TIME_STEP, seconds=0.2)
+    rounds = np.array(
+        [(t.size / timeit(run, number=1), *(peer(as_exported=one) for one in peers.values())) for _ in range(ROUNDS)]
+    )
+    ours, *theirs = rounds.T
+    fast = "reached" if ours.mean() >= TARGET_COUPLED_STEPS else "MISSED"
+    print(
+        f"{inst.name}, two axes that share tendons, {inst.friction.law} friction, one core:\n"
+        f"  {'cycles under a varying load':<28} mean {ours.mean() / 1e6:5.2f} M steps/s   "
+        f"worst {ours.min() / 1e6:5.2f}   target {TARGET_COUPLED_STEPS / 1e6:g} {fast}   (every signal kept)"
+    )
+    for name, steps in zip(peers, theirs, strict=True):
+        mean = ours.mean() / steps.mean()
+        better = "reached" if mean >= TARGET_COUPLED_RATIO else "MISSED"
+        print(
+            f"  {'over MuJoCo':<28} mean {mean:5.1f}x            worst {(ours / steps).min():5.1f}x  "
+            f"target {TARGET_COUPLED_RATIO:g}x {better}   (MuJoCo {steps.mean() / 1e6:.2f} M steps/s, {name})"
         )
 
 
@@ -195,6 +228,7 @@ def main() -> None:
         return
     for inst in (scaled, real):
         single(inst)
+    coupled_axes()
     print("frictionless, at equal accuracy or better:")
     for inst in (scaled, real):
         equal_accuracy(inst)

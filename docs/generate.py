@@ -12,12 +12,13 @@ from pathlib import Path
 import conventions
 import dimensions
 import keys
+import numpy as np
 import picture
 
 from tenodesis import coupled, instrument
 from tenodesis.paper import run
 from tenodesis.paper.context import Context
-from tenodesis.report import routing
+from tenodesis.report import routing, space
 
 ROOT = Path(__file__).parents[1]
 EQUATIONS = range(1, 23)
@@ -34,7 +35,9 @@ def main(folder: Path = ROOT) -> None:
     picture.draw(folder / "docs/picture.svg")
     dimensions.draw(folder / "docs/dimensions.svg")
     conventions.draw(folder / "docs/conventions.svg")
-    routing.write(folder / "docs/routing.svg", coupled.load("maryland-dissector"))
+    dissector = coupled.load("maryland-dissector")
+    routing.write(folder / "docs/routing.svg", dissector)
+    space.write(folder / "docs/posture.svg", dissector, np.radians([25, 50, 10]))
 
 
 def traceability() -> str:

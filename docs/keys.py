@@ -5,7 +5,7 @@
 import inspect
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -185,6 +185,7 @@ def _unit(field: FieldInfo) -> str:
     if quantity is None:
         return _kind(field.annotation)
     several = "list of " if _several(field.annotation) else ""
+    several = "table of " if get_origin(_bare(field.annotation)) is Mapping else several
     return f'{several}{quantity.name}, `"{quantity.example}"`'
 
 

@@ -57,6 +57,7 @@ static const tenodesis_parameters scaled_up = {
                 .sheath_coefficient = TENODESIS_C(0.1), /* 1: friction coefficient in the sheath */
                 .sheath_bend = TENODESIS_C(0.17453292519943295), /* rad: total bend of the sheath */
                 .sheath_bend_rate = TENODESIS_C(0.0), /* rad/rad: bend added per unit of absolute handle angle */
+                .passing_coefficient = TENODESIS_C(0.0), /* 1: friction coefficient at the joints of the axes before */
                 .spool_radius = TENODESIS_C(0.005), /* m: radius of a spool */
                 .drive_speed = TENODESIS_C(20.0), /* rad/s: largest speed at the spool */
                 .drive_acceleration = TENODESIS_C(400.0), /* rad/s^2: largest acceleration at the spool */

@@ -57,17 +57,24 @@ class Direct {
   Controller::State state_;
 };
 
-/// The same through the C interface, which chooses among mechanisms and has a flight recorder.
-class ThroughC {
+/// The same through the C interface, which chooses among mechanisms and has a flight recorder; with so many axes, all
+/// like the first and with its measurements.
+template <unsigned axes>
+class ThroughInterface {
  public:
-  ThroughC() : ready_(tenodesis_init(&controller_, &scaled_up) == TENODESIS_OK) {}
+  ThroughInterface() {
+    tenodesis_parameters parameters = scaled_up;
+    parameters.axes = axes;
+    for (unsigned n = 1; n < axes; ++n) parameters.axis[n] = parameters.axis[0];
+    ready_ = tenodesis_init(&controller_, &parameters) == TENODESIS_OK;
+  }
 
   bool ready() const { return ready_; }
 
   [[gnu::noinline]] Output step(const Input& measured) {
     tenodesis_input input{};
     input.request = started_ ? TENODESIS_REQUEST_NONE : TENODESIS_REQUEST_ENABLE;
-    input.axis[0] = measured;
+    for (unsigned n = 0; n < axes; ++n) input.axis[n] = measured;
     started_ = true;
     tenodesis_output got;
     tenodesis_step(&controller_, &input, &got);
@@ -79,5 +86,8 @@ class ThroughC {
   bool ready_;
   bool started_{};
 };
+
+using ThroughC = ThroughInterface<1>;
+using TwoAxes = ThroughInterface<2>;
 
 }  // namespace instrument

@@ -63,6 +63,7 @@ struct ControlModel {
   S sheath{};            ///< friction coefficient in the sheath
   S sheath_bend{};       ///< total bend of the sheath, rad
   S sheath_bend_rate{};  ///< added to it per radian of |handle angle|
+  S passing{};           ///< friction coefficient where the tendons pass the joints of axes before
   S stop{};              ///< tendon length that the tip takes at its mechanical stop, m
 
   /// Tendon length that the handle draws on the agonist and lets out on the antagonist, m.

@@ -280,7 +280,10 @@ struct Controller {
     const S step = dt > S(0) ? smaller(dt, S(4) * supervisor.period) : supervisor.period;
     S wanted[2]{};
     if (readable) {
-      if (needs_friction(own)) own.friction.update(measured, step, memory.friction);
+      if (needs_friction(own)) {
+        if (n > 0) pass(n, state);
+        own.friction.update(measured, step, memory.friction);
+      }
       if (state.supervisor.operating == OperatingState::enabled)
         own.want(measured, state.supervisor.homing, step, memory, wanted);
     }
@@ -301,6 +304,19 @@ struct Controller {
       memory.homing = {};
     }
     output.homing_failure = memory.homing_failure;
+  }
+
+  // Tendons of an axis bend over the joints of the axes before.
+  void pass(int n, State& state) const {
+    const S& coefficient = axis[n].model().passing;
+    S handle(0);
+    S tip(0);
+    for (int k = 0; k < n; ++k) {
+      handle = handle + abs(state.axis[k].friction.smooth.handle_angle);
+      tip = tip + abs(state.axis[k].friction.output_angle);
+    }
+    state.axis[n].friction.passed[0] = coefficient * handle;
+    state.axis[n].friction.passed[1] = coefficient * tip;
   }
 
   static bool needs_friction(const AxisController<A>& own) {

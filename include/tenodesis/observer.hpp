@@ -75,8 +75,9 @@ struct FrictionMemory {
   S handle_angle{};         ///< smoothed, rad
   Measurement<S> smooth{};  ///< with play in the handle angle
   IntentState<S> intent{};
-  S target{};                    ///< of the tip's position, m: with inextensible tendons, or its stop
-  S nominal[3]{};                ///< exponents of sheath, handle's joint and tip's joint by the parameters' friction
+  S target{};      ///< of the tip's position, m: with inextensible tendons, or its stop
+  S passed[2]{};   ///< exponents of the joints of axes before, at the handle and at the tip, by the parameters
+  S nominal[3]{};  ///< exponents of sheath, handle's joint and tip's joint by the parameters' friction
   S ratio[3]{S(1), S(1), S(1)};  ///< of the tensions on either side of a slipping contact there
   S tip{};                       ///< position of the tip as tendon length, m
   S output_angle{};              ///< at that position, rad
@@ -264,7 +265,8 @@ struct FrictionObserver {
     const S shaken = S(0.5) * tremor_length(memory);
     S by_gain(0);
     for (const auto& one : tendon) by_gain = by_gain + one.tension[0] * one.tension[0];
-    by_gain = by_gain * S(0.25) * settings.gain_std * settings.gain_std * unit * unit;
+    const S gain = S(0.5) * settings.gain_std * unit;
+    by_gain = by_gain * gain * gain;
     const auto& p = memory.covariance;
     memory.doubt = unseen * unseen * S(1.0 / 3) + by_friction * by_friction * p[0][0] + p[1][1] * S(0.25) +
                    by_compliance * by_compliance * p[2][2];
@@ -275,8 +277,9 @@ struct FrictionObserver {
   void set_exponents(Memory& memory) const {
     const S handle = memory.smooth.handle_angle;
     memory.nominal[0] = model.sheath * (model.sheath_bend + model.sheath_bend_rate * abs(handle));
-    memory.nominal[1] = model.vertex * (model.base_wrap + model.axis.proximal.wrap_angle(handle));
-    memory.nominal[2] = model.vertex * (model.base_wrap + model.axis.distal.wrap_angle(memory.output_angle));
+    memory.nominal[1] = model.vertex * (model.base_wrap + model.axis.proximal.wrap_angle(handle)) + memory.passed[0];
+    memory.nominal[2] =
+        model.vertex * (model.base_wrap + model.axis.distal.wrap_angle(memory.output_angle)) + memory.passed[1];
   }
 
   S stretch(const TendonMemory<S>& one, const S& unit) const {

@@ -54,6 +54,7 @@
   ROW(sheath_coefficient, "1", not_negative, "friction coefficient in the sheath")                              \
   ROW(sheath_bend, "rad", not_negative, "total bend of the sheath")                                             \
   ROW(sheath_bend_rate, "rad/rad", not_negative, "bend added per unit of absolute handle angle")                \
+  ROW(passing_coefficient, "1", not_negative, "friction coefficient at the joints of the axes before")          \
   /* drives */                                                                                                  \
   ROW(spool_radius, "m", positive, "radius of a spool")                                                         \
   ROW(drive_speed, "rad/s", positive, "largest speed at the spool")                                             \

@@ -48,6 +48,7 @@ constexpr ControlModel<A> control_model(const P& p) {
   model.sheath = S(p.sheath_coefficient);
   model.sheath_bend = S(p.sheath_bend);
   model.sheath_bend_rate = S(p.sheath_bend_rate);
+  model.passing = S(p.passing_coefficient);
   model.stop = model.taken(S(p.output_stop));
   return model;
 }
@@ -111,7 +112,8 @@ constexpr bool plausible(const P& p, bool continuum) {
   const auto not_negative = [](const S& v) { return v >= S(0) && is_finite(v); };
   const S shares = S(p.share_sheath) + S(p.share_handle) + S(p.share_stem) + S(p.share_tip);
   const S friction = S(p.sheath_coefficient) * (S(p.sheath_bend) + S(p.sheath_bend_rate) * S(p.handle_range)) +
-                     S(p.vertex_coefficient) * (S(2) * S(p.base_wrap) + S(p.handle_range) + S(pi));
+                     S(p.vertex_coefficient) * (S(2) * S(p.base_wrap) + S(p.handle_range) + S(pi)) +
+                     S(p.passing_coefficient) * (S(p.handle_range) + S(pi));
 #define TENODESIS_KEEPS_BOUND(name, unit, bound, meaning) bound(S(p.name)) &&
   return TENODESIS_AXIS_PARAMETERS(TENODESIS_KEEPS_BOUND) abs(shares - S(1)) < S(0.01) &&
          (!continuum || S(p.backbone_length) > S(0)) && S(p.handle_range) < S(pi) && friction <= most_friction<S> &&

@@ -52,9 +52,9 @@ struct TendonState {
 };
 
 /// How the end of a tendon reacts to a displacement y toward the spool: tension = at_rest - stiffness y.
-template <class S>
+template <class A, class S = A>
 struct Reaction {
-  S at_rest{};    ///< N
+  A at_rest{};    ///< N
   S stiffness{};  ///< N/m
 };
 
@@ -89,10 +89,12 @@ struct Tendon {
   int contacts() const { return int(stiffness.size()) - 1; }
 
   /// Slip of each contact as a linear function of the next contact's slip.
-  struct Line {
-    Slips at_rest{};
+  template <class A>
+  struct LineOf {
+    Rows::template PerContact<A> at_rest{};
     Slips rate{};
   };
+  using Line = LineOf<S>;
 
   /// Reaction of segment 0 to a spool that has drawn the tendon by pull, m.
   Reaction<S> held_by_spool(const S& pull) const { return {rest_tension + stiffness[0] * pull, stiffness[0]}; }
@@ -108,13 +110,24 @@ struct Tendon {
   }
 
   /// The same over the first n contacts only: how segment n reacts.
-  Reaction<S> eliminate(int n, const Bands& band, const Reaction<S>& spool, const Lengths& pull, const Slips& from,
-                        const State& state, Line& line) const {
-    Reaction<S> end = state.slack[0] ? Reaction<S>{} : spool;
-    for (int j = 0; j < n; ++j) {
+  ///
+  /// A is a number, or a linear function of what draws the tendon on its way (wrist_twin.hpp); so are its slips then.
+  template <class A>
+  Reaction<A, S> eliminate(int n, const Bands& band, const Reaction<A, S>& spool,
+                           const typename Rows::template PerSegment<A>& pull, const Slips& from, const State& state,
+                           LineOf<A>& line) const {
+    return eliminate(0, n, band, state.slack[0] ? Reaction<A, S>{} : spool, pull, from, state, line);
+  }
+
+  /// The same from contact i on: end is how the segment before it reacts.
+  template <class A>
+  Reaction<A, S> eliminate(int i, int n, const Bands& band, Reaction<A, S> end,
+                           const typename Rows::template PerSegment<A>& pull, const Slips& from, const State& state,
+                           LineOf<A>& line) const {
+    for (int j = i; j < n; ++j) {
       const S k = state.slack[j + 1] ? S(0) : stiffness[j + 1];
       const S rest = state.slack[j + 1] ? S(0) : rest_tension;
-      S slip = from[j];
+      A slip(from[j]);
       S rate(0);
       S stiffness_beyond = k;
       if (state.slide[j] != Slide::none) {
@@ -128,7 +141,7 @@ struct Tendon {
         // Between two slack segments nothing moves the tendon.
         if (resistance > S(0)) {
           const S inverse = S(1) / resistance;
-          const S tip = rest + k * pull[j + 1];
+          const A tip = rest + k * pull[j + 1];
           slip = (on_spool * end.at_rest - on_tip * tip + constant + band[j].drag * from[j]) * inverse;
           rate = on_tip * k * inverse;
           // k (1 - rate), without the cancellation that would give a loose tendon some stiffness.

@@ -55,5 +55,6 @@ void bind_serial(nb::module_& m);
 void bind_similarity(nb::module_& m);
 void bind_tendon(nb::module_& m);
 void bind_wrist(nb::module_& m);
+void bind_wrist_twin(nb::module_& m);
 
 }  // namespace tenodesis::bindings

@@ -2,71 +2,71 @@
 
 #include <algorithm>
 #include <cstring>
-#include <memory>
-#include <utility>
-#include <variant>
 
 #include "evaluate.hpp"
-#include "module.hpp"
 #include "tenodesis/wrist_block.hpp"
+#include "wrist_spec.hpp"
 
 namespace tenodesis::bindings {
+
+template <int... n>
+void WristSpec::make(std::integer_sequence<int, n...>) {
+  const bool paired = tendons_ <= 2 * joints_;
+  const auto pick = [&]<int N>() {
+    if (joints_ != std::size_t(N)) return;
+    if (paired) {
+      any_.template emplace<Paired<N>>();
+    } else if constexpr (2 * N < int(most_wrist_tendons)) {
+      any_.template emplace<Many<N>>();
+    }
+  };
+  (pick.template operator()<n + 1>(), ...);
+}
+
+WristSpec::WristSpec(const std::vector<int>& mechanism, const std::vector<int>& parent, const In<2>& numbers,
+                     const In<2>& arm, const In<2>& tendon, const std::vector<int>& motor,
+                     const std::vector<int>& handle, const In<2>& handle_arm)
+    : joints_(mechanism.size()), tendons_(arm.shape(0)), handles_(handle.size()) {
+  require(joints_ >= 1 && joints_ <= most_wrist_joints && tendons_ <= most_wrist_tendons && handles_ <= joints_ &&
+              parent.size() == joints_ && numbers.shape(0) == joints_ && numbers.shape(1) == joint_numbers &&
+              arm.shape(1) == joints_ && tendon.shape(0) == tendons_ && tendon.shape(1) == 2 &&
+              motor.size() == tendons_ && handle_arm.shape(0) == tendons_ && handle_arm.shape(1) == handles_,
+          "joints, tendons and handle do not fit each other");
+  make(std::make_integer_sequence<int, int(most_wrist_joints)>{});
+  std::visit(
+      [&](auto& wrist) {
+        for (std::size_t i = 0; i < joints_; ++i) {
+          const double* row = numbers.data() + i * joint_numbers;
+          require(std::cmp_less(parent[i], i), "a joint stands on one that comes after it");
+          wrist.joint[i] = {Mechanism(mechanism[i]),
+                            parent[i],
+                            {row[axis_x], row[axis_y], row[axis_z]},
+                            row[offset],
+                            row[chord],
+                            row[length],
+                            row[stiffness],
+                            row[share],
+                            row[grip]};
+        }
+        for (std::size_t m = 0; m < tendons_; ++m) {
+          wrist.stiffness[m] = tendon.data()[2 * m];
+          wrist.pretension[m] = tendon.data()[2 * m + 1];
+          wrist.motor[m] = motor[m] != 0;
+          for (std::size_t i = 0; i < joints_; ++i) wrist.arm[m][i] = arm.data()[m * joints_ + i];
+          for (std::size_t h = 0; h < handles_; ++h) wrist.handle_arm[m][h] = handle_arm.data()[m * handles_ + h];
+        }
+        wrist.handles = int(handles_);
+        for (std::size_t h = 0; h < handles_; ++h) wrist.handle[h] = Mechanism(handle[h]);
+      },
+      any_);
+}
+
 namespace {
 
-inline constexpr std::size_t most_wrist_joints = 6;
-inline constexpr std::size_t most_wrist_tendons = 12;
-/// Components of a load: force, moment, grip.
-inline constexpr std::size_t load_components = 7;
-
-/// Numbers of a joint, in this order.
-enum JointNumber { axis_x, axis_y, axis_z, offset, chord, length, stiffness, share, grip, joint_numbers };
-
-template <int N>
-using Paired = Wrist<double, N, 2 * N>;
-template <int N>
-using Many = Wrist<double, N, int(most_wrist_tendons)>;
-// Most wrists have two tendons a joint or fewer; their loops are short.
-using Any = std::variant<Paired<1>, Many<1>, Paired<2>, Many<2>, Paired<3>, Many<3>, Paired<4>, Many<4>, Paired<5>,
-                         Many<5>, Paired<6>>;
-
-class AnyWrist {
+/// Statics of a wrist over arrays.
+class AnyWrist : public WristSpec {
  public:
-  AnyWrist(const std::vector<int>& mechanism, const std::vector<int>& parent, const In<2>& numbers, const In<2>& arm,
-           const In<2>& tendon, const std::vector<int>& motor, const std::vector<int>& handle, const In<2>& handle_arm)
-      : joints_(mechanism.size()), tendons_(arm.shape(0)), handles_(handle.size()) {
-    require(joints_ >= 1 && joints_ <= most_wrist_joints && tendons_ <= most_wrist_tendons && handles_ <= joints_ &&
-                parent.size() == joints_ && numbers.shape(0) == joints_ && numbers.shape(1) == joint_numbers &&
-                arm.shape(1) == joints_ && tendon.shape(0) == tendons_ && tendon.shape(1) == 2 &&
-                motor.size() == tendons_ && handle_arm.shape(0) == tendons_ && handle_arm.shape(1) == handles_,
-            "joints, tendons and handle do not fit each other");
-    make(std::make_integer_sequence<int, int(most_wrist_joints)>{});
-    std::visit(
-        [&](auto& wrist) {
-          for (std::size_t i = 0; i < joints_; ++i) {
-            const double* row = numbers.data() + i * joint_numbers;
-            require(std::cmp_less(parent[i], i), "a joint stands on one that comes after it");
-            wrist.joint[i] = {Mechanism(mechanism[i]),
-                              parent[i],
-                              {row[axis_x], row[axis_y], row[axis_z]},
-                              row[offset],
-                              row[chord],
-                              row[length],
-                              row[stiffness],
-                              row[share],
-                              row[grip]};
-          }
-          for (std::size_t m = 0; m < tendons_; ++m) {
-            wrist.stiffness[m] = tendon.data()[2 * m];
-            wrist.pretension[m] = tendon.data()[2 * m + 1];
-            wrist.motor[m] = motor[m] != 0;
-            for (std::size_t i = 0; i < joints_; ++i) wrist.arm[m][i] = arm.data()[m * joints_ + i];
-            for (std::size_t h = 0; h < handles_; ++h) wrist.handle_arm[m][h] = handle_arm.data()[m * handles_ + h];
-          }
-          wrist.handles = int(handles_);
-          for (std::size_t h = 0; h < handles_; ++h) wrist.handle[h] = Mechanism(handle[h]);
-        },
-        any_);
-  }
+  using WristSpec::WristSpec;
 
   /// Angles, tensions and status of every point.
   void solve(const In<2>& handle, const In<2>& stroke, const In<2>& load, bool in_stem_axes, const Out<2>& angle,
@@ -79,8 +79,8 @@ class AnyWrist {
           const Rows rows{handle, stroke, load, in_stem_axes};
           const auto store = [&](std::size_t p, const Solved<W>& found, Status status_of) {
             const bool ok = status_of == Status::ok;
-            for (std::size_t i = 0; i < joints_; ++i) angle.data()[p * joints_ + i] = ok ? found.angle[i] : nan;
-            for (std::size_t m = 0; m < tendons_; ++m) tension.data()[p * tendons_ + m] = ok ? found.tension[m] : nan;
+            for (std::size_t i = 0; i < joints(); ++i) angle.data()[p * joints() + i] = ok ? found.angle[i] : nan;
+            for (std::size_t m = 0; m < tendons(); ++m) tension.data()[p * tendons() + m] = ok ? found.tension[m] : nan;
             status.data()[p] = static_cast<unsigned char>(status_of);
           };
           over_threads(status.shape(0), threads, 256, [&](std::size_t begin, std::size_t end) {
@@ -95,32 +95,32 @@ class AnyWrist {
             }
           });
         },
-        any_);
+        any());
   }
 
   /// Rates of the angles: rows of joints by stiffness, wrench, grip, stroke, handle.
   void answer(const In<2>& handle, const In<2>& stroke, const In<2>& load, bool in_stem_axes, const Out<3>& out,
               const Statuses& status, int threads) const {
-    const std::size_t width = joints_ + load_components + tendons_ + handles_;
-    require(out.shape(1) == joints_ && out.shape(2) == width, "rates do not fit the wrist");
+    const std::size_t width = joints() + load_components + tendons() + handles();
+    require(out.shape(1) == joints() && out.shape(2) == width, "rates do not fit the wrist");
     each(handle, stroke, load, status, threads, [&](const auto& wrist, std::size_t p) {
       using W = std::decay_t<decltype(wrist)>;
-      const Point<W> at(wrist, row(handle, p), row(stroke, p), row(load, p), handles_, tendons_, in_stem_axes);
+      const Point<W> at(wrist, row(handle, p), row(stroke, p), row(load, p), handles(), tendons(), in_stem_axes);
       const auto found = tenodesis::solve(wrist, at.wound, at.load);
       WristAnswer<W> rates{};
       Status status_of = found.status;
       if (status_of == Status::ok) status_of = tenodesis::answer(wrist, at.wound, at.load, at.handle, found.x, rates);
-      for (std::size_t i = 0; i < joints_; ++i) {
-        double* to = out.data() + (p * joints_ + i) * width;
+      for (std::size_t i = 0; i < joints(); ++i) {
+        double* to = out.data() + (p * joints() + i) * width;
         if (status_of != Status::ok) {
           std::fill_n(to, width, nan);
           continue;
         }
-        to = std::copy_n(rates.stiffness[i], joints_, to);
+        to = std::copy_n(rates.stiffness[i], joints(), to);
         to = std::copy_n(rates.by_wrench[i], 6, to);
         *to++ = rates.by_grip[i];
-        to = std::copy_n(rates.by_stroke[i], tendons_, to);
-        std::copy_n(rates.by_handle[i], handles_, to);
+        to = std::copy_n(rates.by_stroke[i], tendons(), to);
+        std::copy_n(rates.by_handle[i], handles(), to);
       }
       return status_of;
     });
@@ -130,11 +130,11 @@ class AnyWrist {
                      const Statuses& status, int threads) const {
     each(angle, stroke, load, status, threads, [&](const auto& wrist, std::size_t p) {
       using W = std::decay_t<decltype(wrist)>;
-      const Point<W> at(wrist, nullptr, row(stroke, p), row(load, p), 0, tendons_, in_stem_axes);
+      const Point<W> at(wrist, nullptr, row(stroke, p), row(load, p), 0, tendons(), in_stem_axes);
       double handle[W::joints]{};
       const Status found = tenodesis::handle_angles(wrist, row(angle, p), at.load, at.stroke, handle);
       for (std::size_t h = 0; h < W::joints; ++h)
-        if (h < handles_) out.data()[p * handles_ + h] = found == Status::ok ? handle[h] : nan;
+        if (h < handles()) out.data()[p * handles() + h] = found == Status::ok ? handle[h] : nan;
       return found;
     });
   }
@@ -143,10 +143,11 @@ class AnyWrist {
                             const Out<2>& out, const Statuses& status, int threads) const {
     each(handle, stroke, load, status, threads, [&](const auto& wrist, std::size_t p) {
       using W = std::decay_t<decltype(wrist)>;
-      const Point<W> at(wrist, row(handle, p), row(stroke, p), row(load, p), handles_, tendons_, in_stem_axes);
+      const Point<W> at(wrist, row(handle, p), row(stroke, p), row(load, p), handles(), tendons(), in_stem_axes);
       double strokes[W::tendons]{};
       const Status found = tenodesis::compensation_strokes(wrist, at.wound, at.load, strokes);
-      for (std::size_t m = 0; m < tendons_; ++m) out.data()[p * tendons_ + m] = found == Status::ok ? strokes[m] : nan;
+      for (std::size_t m = 0; m < tendons(); ++m)
+        out.data()[p * tendons() + m] = found == Status::ok ? strokes[m] : nan;
       return found;
     });
   }
@@ -194,7 +195,7 @@ class AnyWrist {
 
   template <class W>
   Status solve_alone(const W& wrist, const Rows& rows, std::size_t p, Solved<W>& out) const {
-    const Point<W> at(wrist, row(rows.handle, p), row(rows.stroke, p), row(rows.load, p), handles_, tendons_,
+    const Point<W> at(wrist, row(rows.handle, p), row(rows.stroke, p), row(rows.load, p), handles(), tendons(),
                       rows.in_stem_axes);
     const auto found = tenodesis::solve(wrist, at.wound, at.load);
     if (found.status != Status::ok) return found.status;
@@ -226,8 +227,8 @@ class AnyWrist {
             std::memcpy(&to[c].v, lane, sizeof lane);
           }
         };
-        gather(handle, rows.handle, std::min<std::size_t>(handles_, W::joints));
-        gather(stroke, rows.stroke, std::min<std::size_t>(tendons_, W::tendons));
+        gather(handle, rows.handle, std::min<std::size_t>(handles(), W::joints));
+        gather(stroke, rows.stroke, std::min<std::size_t>(tendons(), W::tendons));
         gather(load, rows.load, load_components);
         wrist.wind(handle, stroke, wound);
         const WristLoad<L> all{{{load[0], load[1], load[2]}, {load[3], load[4], load[5]}}, load[6], rows.in_stem_axes};
@@ -263,31 +264,15 @@ class AnyWrist {
             for (std::size_t p = begin; p < end; ++p) status.data()[p] = static_cast<unsigned char>(work(wrist, p));
           });
         },
-        any_);
+        any());
   }
-
-  template <int... n>
-  void make(std::integer_sequence<int, n...>) {
-    const bool paired = tendons_ <= 2 * joints_;
-    const auto pick = [&]<int N>() {
-      if (joints_ != std::size_t(N)) return;
-      if (paired) {
-        any_.template emplace<Paired<N>>();
-      } else if constexpr (2 * N < int(most_wrist_tendons)) {
-        any_.template emplace<Many<N>>();
-      }
-    };
-    (pick.template operator()<n + 1>(), ...);
-  }
-
-  std::size_t joints_, tendons_, handles_;
-  Any any_;
 };
 
 }  // namespace
 
 void bind_wrist(nb::module_& m) {
-  nb::class_<AnyWrist>(m, "Wrist")
+  nb::class_<WristSpec>(m, "WristSpec");
+  nb::class_<AnyWrist, WristSpec>(m, "Wrist")
       .def(nb::init<const std::vector<int>&, const std::vector<int>&, const In<2>&, const In<2>&, const In<2>&,
                     const std::vector<int>&, const std::vector<int>&, const In<2>&>(),
            "mechanism"_a, "parent"_a, "numbers"_a, "arm"_a, "tendon"_a, "motor"_a, "handle"_a, "handle_arm"_a)

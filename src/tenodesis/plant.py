@@ -9,20 +9,22 @@ import numpy as np
 from tenodesis import _core, statics
 from tenodesis.errors import ArgumentError, InstrumentError
 from tenodesis.instrument import PARAMETERS, Instrument
+from tenodesis.instrument.hardware import Drives, Hand, Sensors
 from tenodesis.run import TENDONS
 
 TIME_STEP = 5e-4
 """Default time step, s."""
 _TWIN_PARAMETERS = _core.twin_parameters()
-# A longer step would leave fewer than a dozen to a period of the tip, and the integration's error would not be small.
-_LARGEST_PHASE_STEP = 0.5  # rad
+LARGEST_PHASE_STEP = 0.5
+"""Phase of the fastest oscillation that a time step may take, rad: a twelfth of its period; beyond, errors grow."""
 _LONGEST_TICK = 1.0
 """Time between ticks that a controller allows without a watchdog, s."""
 _MOST_STEPS = 2**31 - 1
 _DIVISION_ERROR = 1e-6
 _DEFAULT_NATURAL_FREQUENCY = 2 * pi * 20.0  # rad/s
 _DEFAULT_DAMPING_RATIO = 0.2
-_STOP_STIFFNESS_RATIO = 20.0  # mechanical stop over tip
+STOP_STIFFNESS_RATIO = 20.0
+"""Stiffness of a mechanical stop over that of its joint."""
 
 
 class ComplianceShares(NamedTuple):
@@ -43,12 +45,12 @@ def natural_frequency(inst: Instrument) -> float:
 
 def longest_step(inst: Instrument) -> float:
     """Return the longest time step that the tip's natural frequency allows, s."""
-    return _LARGEST_PHASE_STEP / natural_frequency(inst)
+    return LARGEST_PHASE_STEP / natural_frequency(inst)
 
 
 def least_tip_inertia(inst: Instrument) -> float:
     """Return the smallest inertia of the tip that time steps of the default length can follow, kg m^2."""
-    return float(statics.flexural_stiffness(inst, 0.0)) * (TIME_STEP / _LARGEST_PHASE_STEP) ** 2
+    return float(statics.flexural_stiffness(inst, 0.0)) * (TIME_STEP / LARGEST_PHASE_STEP) ** 2
 
 
 def parameters(inst: Instrument, time_step: float = TIME_STEP) -> dict[str, float]:
@@ -89,32 +91,42 @@ def parameter_row(inst: Instrument, time_step: float) -> list[float]:
         "tip_inertia": inertia,
         "tip_damping": 2 * _DEFAULT_DAMPING_RATIO * sqrt(stiffness * inertia) if damping is None else damping,
         "output_stop": inst.output_stop,
-        "stop_stiffness": _STOP_STIFFNESS_RATIO * stiffness,
-        "hand_stiffness": dynamics.hand_stiffness,
-        "hand_damping": dynamics.hand_damping,
-        "hand_inertia": dynamics.hand_inertia,
-        "spool_radius": drives.spool_radius,
-        "spool_speed_limit": drives.motor_speed / drives.gear_ratio,
-        "spool_acceleration_limit": drives.motor_acceleration / drives.gear_ratio,
-        "drive_time_constant": drives.time_constant,
-        "backlash": drives.backlash,
+        "stop_stiffness": STOP_STIFFNESS_RATIO * stiffness,
+        **hand_parameters(dynamics),
         "rig_pulley_radius": inst.conditions.cable_pulley_radius or 0.0,
-        "encoder_noise": sensors.encoder_noise,
-        "encoder_range": sensors.encoder_range,
-        "encoder_resolution": sensors.encoder_range / 2**sensors.encoder_bits,
         "handle_encoder_offset": mismatch.handle_encoder_offset,
         "output_encoder_offset": mismatch.output_encoder_offset,
-        "motor_encoder_resolution": 2 * pi / drives.encoder_counts / drives.gear_ratio,
-        "load_cell_noise": sensors.load_cell_noise,
-        "load_cell_range": sensors.load_cell_range,
-        # The converter's range is to either side of 0.
-        "load_cell_resolution": 2 * sensors.load_cell_range / 2**sensors.load_cell_bits,
+        **hardware_parameters(drives, sensors),
         "time_step": time_step,
     }
     for n, tendon in enumerate(TENDONS):
         values[f"{tendon}_load_cell_gain"] = mismatch.load_cell_gain[n]
         values[f"{tendon}_load_cell_bias"] = mismatch.load_cell_bias[n]
     return [values[name] for name in _TWIN_PARAMETERS] + inst.spec.__getstate__()[1]
+
+
+def hand_parameters(hand: Hand) -> dict[str, float]:
+    """Return the parameters of the hand, SI units, by the core's names."""
+    return {name: getattr(hand, name) for name in Hand.model_fields}
+
+
+def hardware_parameters(drives: Drives, sensors: Sensors) -> dict[str, float]:
+    """Return the parameters of drives and sensors without their errors, SI units, by the core's names."""
+    return {
+        "spool_radius": drives.spool_radius,
+        "spool_speed_limit": drives.motor_speed / drives.gear_ratio,
+        "spool_acceleration_limit": drives.motor_acceleration / drives.gear_ratio,
+        "drive_time_constant": drives.time_constant,
+        "backlash": drives.backlash,
+        "encoder_noise": sensors.encoder_noise,
+        "encoder_range": sensors.encoder_range,
+        "encoder_resolution": sensors.encoder_range / 2**sensors.encoder_bits,
+        "motor_encoder_resolution": 2 * pi / drives.encoder_counts / drives.gear_ratio,
+        "load_cell_noise": sensors.load_cell_noise,
+        "load_cell_range": sensors.load_cell_range,
+        # The converter's range is to either side of 0.
+        "load_cell_resolution": 2 * sensors.load_cell_range / 2**sensors.load_cell_bits,
+    }
 
 
 def spec(inst: Instrument, time_step: float, quasi_static: bool) -> _core.TwinSpec:
@@ -233,17 +245,23 @@ def steps_per_sample(inst: Instrument, time_step: float, quasi_static: bool) -> 
             f"({natural_frequency(inst) / (2 * pi):.3g} Hz)."
         )
         raise ArgumentError(problem, key="time_step", value=time_step, allowed=allowed)
-    period = 1 / inst.sensors.sampling_rate
+    per_sample = steps_per_period(inst.sensors.sampling_rate, time_step)
+    _check_compliance(inst)
+    return per_sample
+
+
+def steps_per_period(rate: float, time_step: float) -> int:
+    """Return how many time steps (s) a sampling period takes; raises ArgumentError where they do not divide it."""
+    period = 1 / rate
     per_sample = max(1, round(period / time_step))
     if per_sample > _MOST_STEPS:
-        rate, allowed = inst.sensors.sampling_rate, f"at least {1 / (_MOST_STEPS * time_step):.3g} Hz"
+        allowed = f"at least {1 / (_MOST_STEPS * time_step):.3g} Hz"
         problem = f"sensors.sampling_rate is {rate:g} Hz; with time steps of {time_step:g} s it must be {allowed}."
         raise ArgumentError(problem, key="sensors.sampling_rate", value=rate, allowed=allowed)
     if period > time_step and abs(per_sample * time_step / period - 1) > _DIVISION_ERROR:
         allowed = f"an integer fraction of the sampling period of {period:g} s, or more"
         problem = f"time_step is {time_step:g} s; it must be {allowed}."
         raise ArgumentError(problem, key="time_step", value=time_step, allowed=allowed)
-    _check_compliance(inst)
     return per_sample
 
 

@@ -9,18 +9,29 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
 from tenodesis import statics
-from tenodesis.coupled import CoupledLike, load
+from tenodesis.coupled import CoupledLike, CoupledRun, load
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
-from tenodesis.report import curves, style
+from tenodesis.report import curves, space, style
 from tenodesis.report import routing as routes
 from tenodesis.report.content import Chart
 from tenodesis.report.curves import Loop, Step
 from tenodesis.run import Run
 
-__all__ = ["hysteresis", "input_output", "loss", "routing", "run", "step_response", "tension", "transmissibility"]
+__all__ = [
+    "hysteresis",
+    "input_output",
+    "loss",
+    "posture",
+    "routing",
+    "run",
+    "step_response",
+    "tension",
+    "transmissibility",
+]
 
 _MOST_POINTS = 20_000
 
@@ -92,18 +103,29 @@ def step_response(run: Run, inst: InstrumentLike) -> Figure:
         return curves.step_response([Step(heading, run, float(run.time[first]), theory)]).figure
 
 
-def run(run: Run, signals: Sequence[str] = ()) -> Figure:
+def run(run: Run | CoupledRun, signals: Sequence[str] = ()) -> Figure:
     """Draw signals of a run over time, a column for each axis: those named, or angles, tensions and forces.
 
+    A coupled run has a panel for each signal, with a curve per joint or tendon: ``output_angle``, ``tension.jaw_1``.
     Raises KeyError if a signal is unknown or was not recorded.
     """
     with style.applied():
+        if isinstance(run, CoupledRun):
+            return curves.coupled_signals(run, signals).figure
         return curves.signals(run, signals).figure
 
 
 def routing(inst: CoupledLike) -> Figure:
     """Draw the tendons' routes over the joints, unrolled from handle to tip, and the moment arms as a table."""
     return routes.draw(load(inst))
+
+
+def posture(inst: CoupledLike, angles: ArrayLike = 0.0, handle_angles: ArrayLike = 0.0) -> Figure:
+    """Draw an instrument in space, its tip and its handle, with all joints at angles (rad, each end's joints).
+
+    Raises ArgumentError if an angle is not finite, or half a turn or more, or their number is not that of the joints.
+    """
+    return space.draw(load(inst), angles, handle_angles)
 
 
 def _end_of_load(run: Run, first: int) -> int:

@@ -256,3 +256,17 @@ route = [
   { joint = "far", side = "antagonist" },
 ]
 """
+
+
+def in_a_plane(lengths: tuple[float, float], friction: dict[str, Any] | None = None) -> CoupledInstrument:
+    """Two pulleys of one axis in series; the second's tendons pass the first on one side each."""
+    near, far = ({"name": f"j{i}", "mechanism": "pulley", "axis": "yaw", "radius": 4e-3} for i in (1, 2))
+    far |= {"offset": lengths[0], "end_effector_length": lengths[1]}
+    routes = [[("j1", "agonist")], [("j1", "antagonist")], [("j1", "agonist"), ("j2", "agonist")]]
+    routes.append([("j1", "antagonist"), ("j2", "antagonist")])
+    tendons = [
+        {"name": f"t{m}", "route": [{"joint": joint, "side": side, "base_wrap": 0.3} for joint, side in route]}
+        for m, route in enumerate(routes)
+    ]
+    values = {"name": "in-a-plane", "pretension": 12.0, "tendon_stiffness": 2e4, "joints": [near, far]}
+    return validated(CoupledInstrument, values | {"tendons": tendons, "friction": friction or {}}, tn.InstrumentError)

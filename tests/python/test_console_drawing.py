@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import tenodesis as tn
-from tenodesis import kinematics
+from tenodesis import coupled, kinematics
 from tenodesis.console.display import shown_signals
 from tenodesis.console.plots import SLACK, TensionColours
 from tenodesis.console.scene import with_short_stem
-from tenodesis.console.solids import solids
+from tenodesis.console.solids import coupled_solids, solids
 from tenodesis.console.status import ADVICE, HOMING_REMEDIES
 from tenodesis.console.tab_files import compare, repeated
 from tenodesis.console.tab_law import ACTUATIONS, LAWS
@@ -33,6 +33,15 @@ def test_every_solid_lies_on_a_body_that_moves(any_inst: Instrument) -> None:
     bodies = kinematics.frames(any_inst, Posture()).bodies
     found = solids(any_inst, kinematics.dimensions(any_inst))
     assert {solid.body for solid in found} <= bodies.keys()
+    assert len(found) == len({solid.name for solid in found})
+
+
+@pytest.mark.parametrize("name", coupled.shipped())
+def test_solids_of_a_coupled_instrument_are_closed_and_lie_on_its_links(name: str) -> None:
+    inst = coupled.load(name)
+    found = coupled_solids(inst)
+    assert all(solid.mesh.is_volume for solid in found)
+    assert {solid.body for solid in found} <= coupled.frames(inst, 0.0).bodies.keys()
     assert len(found) == len({solid.name for solid in found})
 
 

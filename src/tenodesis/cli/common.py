@@ -55,7 +55,7 @@ def load_instrument(name_or_path: str) -> Instrument:
         if coupled.is_coupled(name_or_path):
             raise InstrumentError(
                 f"{name_or_path} lists joints and tendons, and this command takes planar instruments; tenodesis check, "
-                "loss and import take such files, and tn.coupled in Python.",
+                "loss, record, import, export urdf and export mjcf take such files, and tn.coupled in Python.",
                 key="file",
                 value=name_or_path,
                 allowed="a planar instrument",

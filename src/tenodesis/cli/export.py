@@ -6,10 +6,11 @@ from typing import Annotated
 
 import typer
 
-from tenodesis import control, kinematics
-from tenodesis.cli.common import InstrumentFile, load_instrument, value_errors
+from tenodesis import control, coupled, kinematics
+from tenodesis.cli.common import InstrumentFile, load_any_instrument, load_instrument, value_errors
 from tenodesis.cli.outputs import HEADER, MODELS, Overwrite, check_suffix, write_errors, write_text, writing
 from tenodesis.control.controller import ActuationName, LawName, ObserverName
+from tenodesis.coupled import CoupledInstrument
 from tenodesis.instrument import Instrument
 
 Out = Annotated[Path | None, typer.Option(help="The file. Default: by the instrument's name.", show_default=False)]
@@ -58,22 +59,30 @@ def export_controller(  # noqa: PLR0917
 
 
 def export_urdf(instrument_file: InstrumentFile, out: Out = None, overwrite: Overwrite = False) -> None:
-    """Write an instrument as a URDF robot: links, joints, mimics; no tendons. The file lists what is missing."""
-    _export(instrument_file, kinematics.urdf, ".urdf", out, overwrite)
+    """Write an instrument as a URDF robot: links, joints, mimics; no tendons. Says what is missing."""
+    _export(instrument_file, kinematics.urdf, coupled.urdf, ".urdf", out, overwrite)
 
 
 def export_mjcf(instrument_file: InstrumentFile, out: Out = None, overwrite: Overwrite = False) -> None:
-    """Write an instrument as a MuJoCo model: bodies, tied joints, tendons. The file lists what is missing."""
-    _export(instrument_file, kinematics.mjcf, ".xml", out, overwrite)
+    """Write an instrument as a MuJoCo model: bodies, tied joints, tendons. Says what is missing."""
+    _export(instrument_file, kinematics.mjcf, coupled.mjcf, ".xml", out, overwrite)
 
 
-def _export(
-    source: str, writer: Callable[[Instrument], str], extension: str, out: Path | None, overwrite: bool
+def _export(  # noqa: PLR0917
+    source: str,
+    of_planar: Callable[[Instrument], str],
+    of_coupled: Callable[[CoupledInstrument], str],
+    extension: str,
+    out: Path | None,
+    overwrite: bool,
 ) -> None:
-    inst = load_instrument(source)
+    inst = load_any_instrument(source)
     path = Path(f"{inst.name.replace(' ', '-').replace('/', '-')}{extension}") if out is None else out
     check_suffix("--out", path, MODELS[extension])
+    text = of_coupled(inst) if isinstance(inst, CoupledInstrument) else of_planar(inst)
     with writing([("--out", path)], [source], overwrite=overwrite):
-        write_text(path, writer(inst))
-    axes = " and ".join(inst.axes)
-    typer.echo(f"{path}: {inst.name} ({axes}); its first lines list what the format does not contain.")
+        write_text(path, text)
+    of = inst.axes if isinstance(inst, Instrument) else [joint.name for joint in inst.joints]
+    typer.echo(f"{path}: {inst.name} ({', '.join(of)}). Its first lines repeat what the format does not contain:")
+    note = text[: text.index("-->")]
+    typer.echo(note[note.index("\n- ") + 1 :].strip())

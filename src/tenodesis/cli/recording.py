@@ -5,12 +5,12 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
 
-from tenodesis import simulate
+from tenodesis import coupled, simulate
 from tenodesis import twin as twins
 from tenodesis.cli.common import (
     InstrumentFile,
@@ -31,11 +31,12 @@ from tenodesis.control.controller import ActuationName, LawName, ObserverName
 from tenodesis.errors import CommandError, CommandInterruptedError, ProtocolError
 from tenodesis.instrument import Instrument
 from tenodesis.live import event_summary
-from tenodesis.recording import Recording, tables
+from tenodesis.recording import Recording, open_recording, tables
 from tenodesis.recording.replay import Replay
 from tenodesis.recording.replay import replay as run_again
 from tenodesis.recording.simulation import record as record_run
-from tenodesis.recording.summary import contents, describe, outcome
+from tenodesis.recording.simulation import record_coupled
+from tenodesis.recording.summary import contents, coupled_outcome, describe, outcome
 from tenodesis.run import Run
 from tenodesis.units import Duration, in_unit
 
@@ -45,7 +46,9 @@ def record(  # noqa: PLR0917
     protocol_file: Annotated[
         str | None,
         typer.Argument(
-            metavar="PROTOCOL", help="Protocol file, or the name of a shipped protocol.", show_default=False
+            metavar="PROTOCOL",
+            help="Protocol file, or the name of a shipped protocol.",
+            show_default=False,
         ),
     ] = None,
     out: Annotated[
@@ -80,8 +83,39 @@ def record(  # noqa: PLR0917
     """Run a protocol on the twin of an instrument and record it, with --law under a controller.
 
     A protocol that begins with a pretension phase finds slack tendons, which a controller homes.
+
+    Where joints share tendons, none is needed: by default every joint moves, the tip is loaded, and jaws grip.
     """
     check_suffix("--out", out, RECORDING)
+    if coupled.is_coupled(instrument_file):
+        if axis is not None:
+            raise CommandError(
+                f"--axis is {axis!r}, but {instrument_file} lists joints and tendons; it is for planar instruments.",
+                key="--axis",
+                value=axis,
+            )
+        step = quantity("--time-step", time_step, Duration)
+        closed = None
+        if law is not None or observer or actuation or controller_instrument:
+            told = coupled.compensated(controller_instrument or instrument_file)
+            period = max(step, 1 / coupled.load(instrument_file).sensors.sampling_rate)
+            closed = _controller(
+                told, None, period, law=law, observer=observer, actuation=actuation, other=controller_instrument
+            )
+        path = _default_path(protocol_file or "default", instrument_file, law) if out is None else out
+        inputs = (instrument_file, protocol_file, controller_instrument)
+        with writing([("--out", path)], inputs, overwrite=overwrite):
+            _record_coupled(
+                instrument_file,
+                protocol_file,
+                path,
+                controller=closed,
+                seed=seed,
+                time_step=step,
+                quasi_static=quasi_static,
+                overwrite=overwrite,
+            )
+        return
     inst, protocol = _inputs(instrument_file, protocol_file)
     assumed = inst if controller_instrument is None else load_instrument(controller_instrument)
     if axis is not None:
@@ -89,9 +123,12 @@ def record(  # noqa: PLR0917
     step = quantity("--time-step", time_step, Duration)
     with value_errors():
         protocol.plan(inst, step)
+        period = max(step, 1 / inst.sensors.sampling_rate)
         controller = _controller(
-            assumed, inst, protocol, step, law=law, observer=observer, actuation=actuation, other=controller_instrument
+            assumed, protocol, period, law=law, observer=observer, actuation=actuation, other=controller_instrument
         )
+        if controller is not None:
+            controller.check_instrument(inst)
     path = _default_path(str(protocol_file), instrument_file, law) if out is None else out
     inputs = (instrument_file, protocol_file, controller_instrument)
     with writing([("--out", path)], inputs, overwrite=overwrite), value_errors(), _progress(path) as progress:
@@ -111,21 +148,31 @@ def record(  # noqa: PLR0917
     _print_outcome(run, inst)
 
 
+def _record_coupled(instrument_file: str, protocol_file: str | None, path: Path, **choices: Any) -> None:
+    inst = coupled.load(instrument_file)
+    protocol = simulate.default_protocol(inst) if protocol_file is None else load_protocol(protocol_file)
+    with value_errors(), _progress(path) as progress:
+        run = record_coupled(inst, protocol, path, progress=progress, **choices)
+    say(f"{path}: {protocol.name} on {inst.name}, {run.time[-1]:.6g} s, {len(run)} rows, {file_size(path)}.")
+    for about, fact in coupled_outcome(run).items():
+        say(f"{about}: {fact}.")
+
+
 def info(
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON: a list with one entry per recording.")] = False,
 ) -> None:
     """Print the contents of recordings: origin, topics, ranges of the signals, and events."""
     if as_json:
-        found = [{"file": str(file), **contents(Recording.open(file))} for file in files]
+        found = [{"file": str(file), **contents(open_recording(file))} for file in files]
         typer.echo(json.dumps(found, indent=1, ensure_ascii=False))
         return
     for file in files:
-        recording = Recording.open(file)
+        recording = open_recording(file)
         if files[1:]:
             console.rule(escape(str(file)))
         console.print(describe(recording))
-        events = event_summary.describe(recording)
+        events = event_summary.describe(recording) if isinstance(recording, Recording) else None
         if events is not None:
             console.print(events)
 
@@ -176,7 +223,7 @@ def export_recording(
     check_suffix("--out", path, TABLES)
     writer = {".csv": tables.to_csv, ".parquet": tables.to_parquet}[path.suffix]
     with writing([("--out", path)], [file], overwrite=overwrite):
-        recording = Recording.open(file)
+        recording = open_recording(file)
         writer(recording.run, path)
         if recording.damage is not None:
             say(recording.damage)
@@ -218,9 +265,8 @@ def _is_protocol(name_or_path: str) -> bool:
 
 def _controller(
     assumed: Instrument,
-    inst: Instrument,
-    protocol: simulate.Protocol,
-    time_step: float,
+    protocol: simulate.Protocol | None,
+    period: float,
     *,
     law: LawName | None,
     observer: ObserverName | None,
@@ -234,16 +280,14 @@ def _controller(
             if text is not None:
                 raise CommandError(f"{option} is {text!r}, but there is no controller without --law.", key=option)
         return None
-    controller = Controller(
+    return Controller(
         assumed,
         observer or "friction",
         law,
         actuation or "differential",
-        homed=not isinstance(protocol.phases[0], simulate.Pretension),
-        period=max(time_step, 1 / inst.sensors.sampling_rate),
+        homed=protocol is None or not isinstance(protocol.phases[0], simulate.Pretension),
+        period=period,
     )
-    controller.check_instrument(inst)
-    return controller
 
 
 def _print_outcome(run: Run, inst: Instrument) -> None:
@@ -280,7 +324,7 @@ def _progress(path: Path) -> Iterator["_Interruptible"]:
 
 def _recorded(path: Path) -> str:
     """Return in words what an interrupted recording holds."""
-    run = Recording.open(path).run
+    run = open_recording(path).run
     return f"{path} holds the run up to there, {run.time[-1] if len(run) else 0:.6g} s, {len(run)} rows"
 
 

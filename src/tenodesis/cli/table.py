@@ -31,11 +31,11 @@ EXPORTS = {
         "Write a controller's parameters as a C header, for tenodesis_init.", "export.export_controller"
     ),
     "urdf": Command(
-        "Write an instrument as a URDF robot: links, joints, mimics; no tendons. The file lists what is missing.",
+        "Write an instrument as a URDF robot: links, joints, mimics; no tendons. Says what is missing.",
         "export.export_urdf",
     ),
     "mjcf": Command(
-        "Write an instrument as a MuJoCo model: bodies, tied joints, tendons. The file lists what is missing.",
+        "Write an instrument as a MuJoCo model: bodies, tied joints, tendons. Says what is missing.",
         "export.export_mjcf",
     ),
 }

@@ -7,6 +7,10 @@ import numpy as np
 import trimesh
 from trimesh import Trimesh
 
+from tenodesis.coupled import CoupledInstrument
+from tenodesis.coupled.description import AXES
+from tenodesis.coupled.motion import bend_side
+from tenodesis.coupled.parts import moving, parts
 from tenodesis.instrument import Instrument
 from tenodesis.kinematics import Dimensions
 from tenodesis.run import Array
@@ -19,8 +23,6 @@ GEAR = (196, 160, 90)
 _TEETH = 16  # even, so that a gear looks the same from both ends of the stem
 _AXIS_ALONG_Y = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 """Turns a mesh along z to lie along y: x becomes z, y becomes x."""
-_QUARTER_TURN = np.array([[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-"""Turns a mesh about z from the plane of yaw to that of pitch."""
 
 
 class Solid(NamedTuple):
@@ -59,9 +61,33 @@ def solids(inst: Instrument, lengths: Dimensions) -> list[Solid]:
             if number:
                 strut = rod(0.5 * radius, min(0.0, at), max(0.0, at))
                 found.append(Solid(f"{end.prefix}{axis}_strut", body, strut, STEEL))
-            found += _joint(end, axis, end.radii[number], body, at)
+            found += _joint(f"{end.prefix}{axis}", end.kind, end.side * end.radii[number], AXES[axis], body, at)
             body, at = f"{end.prefix}{axis}_far", end.side * end.spacing
     return found + end_effector(lengths) + _grip(lengths)
+
+
+def coupled_solids(inst: CoupledInstrument) -> list[Solid]:
+    """Return all solids of a coupled instrument, on the bodies of :func:`tenodesis.coupled.frames`."""
+    tree = {part.name: part for part in parts(inst, "urdf")}
+    found = []
+    for part in tree.values():
+        # Carriers are the links between gears, and chords of backbones, which are drawn as lines.
+        if part.cylinder is not None and not part.name.endswith("_carrier"):
+            start, end, radius = part.cylinder
+            found.append(
+                Solid(
+                    f"{part.name}_rod",
+                    part.name,
+                    rod(radius, start, end),
+                    METAL,
+                    0.35 if part is tree["stem"] else None,
+                )
+            )
+    for joint in inst.joints:
+        first = tree[moving(joint, "urdf")[0]]
+        reach = joint.radius if joint.place == "tip" else -joint.radius
+        found += _joint(joint.name, joint.mechanism, reach, joint.axis_vector, str(first.parent), first.offset)
+    return found
 
 
 def end_effector(lengths: Dimensions) -> list[Solid]:
@@ -88,26 +114,35 @@ def _grip(lengths: Dimensions) -> list[Solid]:
     return [Solid("shaft", body, rod(0.7 * radius, -0.35 * length, 0), METAL), Solid("grip", body, grip, GRIP)]
 
 
-def _joint(end: _End, axis: str, radius: float, body: str, at: float) -> list[Solid]:
-    """Return the solids of a joint that begins on a body, at a place along it."""
-    if end.kind == "continuum":
+def _joint(  # noqa: PLR0917
+    name: str, kind: str, reach: float, axis: tuple[float, float, float], body: str, at: float
+) -> list[Solid]:
+    """Return the solids of a joint that begins on a body, at a place along it; a negative radius reaches to -z."""
+    if kind == "continuum":
         return []
+    radius, turned = abs(reach), _about(axis)
 
-    def placed(name: str, body: str, mesh: Trimesh, colour: tuple[int, int, int], along: float = 0.0) -> Solid:
-        if axis == "pitch":
-            mesh.apply_transform(_QUARTER_TURN)
-        return Solid(f"{end.prefix}{axis}_{name}", body, _moved(mesh, (0, 0, along)), colour)
+    def placed(part: str, body: str, mesh: Trimesh, colour: tuple[int, int, int], along: float = 0.0) -> Solid:
+        return Solid(f"{name}_{part}", body, _moved(mesh.apply_transform(turned), (0, 0, along)), colour)
 
-    if end.kind == "tendon-pulley":
+    if kind in ("tendon-pulley", "pulley"):
         pulley = rod(radius, -0.3 * radius, 0.3 * radius, 40)
         return [placed("pulley", body, pulley.apply_transform(_AXIS_ALONG_Y), GEAR, at)]
     apart = 0.75 * radius
-    links = _pair(_plate(0.6 * radius, 2 * radius, 0.12 * radius, end.side * radius), 1.05 * radius)
+    links = _pair(_plate(0.6 * radius, 2 * radius, 0.12 * radius, reach), 1.05 * radius)
     return [
         placed("near_gear", body, _pair(_gear(radius), apart), GEAR, at),
-        placed("far_gear", f"{end.prefix}{axis}_far", _pair(_gear(radius, shifted=True), apart), GEAR),
-        placed("link", f"{end.prefix}{axis}_carrier", links, STEEL),
+        placed("far_gear", f"{name}_far", _pair(_gear(radius, shifted=True), apart), GEAR),
+        placed("link", f"{name}_carrier", links, STEEL),
     ]
+
+
+def _about(axis: tuple[float, float, float]) -> Array:
+    """Return the transform of a mesh about y, agonist toward x, to a joint's axis."""
+    along, side = np.array(axis), bend_side(axis)
+    found = np.eye(4)
+    found[:3, :3] = np.column_stack([side, along, np.cross(side, along)])
+    return found
 
 
 def _pair(mesh: Trimesh, apart: float) -> Trimesh:

@@ -79,9 +79,8 @@ def parameters(inst: InstrumentLike, period: float | None = None) -> Parameters:
         "relief": first.pretension / (2 * first.tendon_stiffness * drives.spool_radius),
     }
     joint_type = int(_core.JointType[inst.joint_type.replace("-", "_").upper()].value)
-    return Parameters(
-        joint_type, common, tuple(_axis(one, tick) for one in single), tuple(_limits(one, tick) for one in single)
-    )
+    axes = tuple(_axis(one, tick, is_first=n == 0) for n, one in enumerate(single))
+    return Parameters(joint_type, common, axes, tuple(_limits(one, tick) for one in single))
 
 
 def tension_limit(inst: Instrument) -> float:
@@ -109,7 +108,7 @@ def _friction(inst: Instrument) -> float:
     return friction.sheath_coefficient * bend + friction.vertex_coefficient * wrap
 
 
-def _axis(inst: Instrument, period: float) -> dict[str, float]:
+def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float]:
     numbers = plant.parameters(inst, period)
     drives, sensors, control = inst.drives, inst.sensors, inst.control
     pretension, stiffness = inst.pretension, inst.tendon_stiffness
@@ -145,6 +144,7 @@ def _axis(inst: Instrument, period: float) -> dict[str, float]:
         "sheath_coefficient": inst.friction.sheath_coefficient * at_pretension,
         "sheath_bend": inst.friction.sheath_bend,
         "sheath_bend_rate": inst.friction.sheath_bend_per_handle_angle,
+        "passing_coefficient": 0.0 if is_first else inst.friction.passing_coefficient,
         "spool_radius": drives.spool_radius,
         "drive_speed": speed,
         "drive_acceleration": drives.motor_acceleration / drives.gear_ratio,

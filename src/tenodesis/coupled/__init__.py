@@ -1,8 +1,12 @@
 """Instruments whose joints share tendons, in space: description, statics, stiffness and compensation."""
 
+from tenodesis.coupled.axes import Pair, compensated, pairs
 from tenodesis.coupled.description import CoupledInstrument, Crossing, Grip, Joint, RouteError, Tendon
 from tenodesis.coupled.dvrk import PULLEY_RADIUS, dvrk_text, from_dvrk
 from tenodesis.coupled.losses import Loss, hold, loss
+from tenodesis.coupled.mjcf import mjcf
+from tenodesis.coupled.motion import frames, jacobian, tip_pose
+from tenodesis.coupled.parts import joint_positions
 from tenodesis.coupled.plausibility import Doubt, implausible
 from tenodesis.coupled.reading import CoupledLike, is_coupled, json_schema, load, misrouted, of_planar, parse, shipped
 from tenodesis.coupled.statics import (
@@ -17,40 +21,59 @@ from tenodesis.coupled.statics import (
     straight_arms,
     tensions,
 )
+from tenodesis.coupled.twin import CoupledRun, Held, Twin
+from tenodesis.coupled.urdf import urdf
+from tenodesis.coupled.wrench import TipWrench, estimated_wrench, load_matrix, tip_wrench
 
 __all__ = [
     "PULLEY_RADIUS",
     "CoupledInstrument",
     "CoupledLike",
+    "CoupledRun",
     "Crossing",
     "Doubt",
     "Equilibrium",
     "Grip",
+    "Held",
     "Joint",
     "Loss",
+    "Pair",
     "Rates",
     "RouteError",
     "Tendon",
+    "TipWrench",
+    "Twin",
+    "compensated",
     "compensation_strokes",
     "coupling",
     "dvrk_text",
     "equilibrium",
+    "estimated_wrench",
+    "frames",
     "from_dvrk",
     "handle_angles",
     "hold",
     "implausible",
     "is_coupled",
+    "jacobian",
+    "joint_positions",
     "json_schema",
     "load",
+    "load_matrix",
     "loss",
     "misrouted",
+    "mjcf",
     "of_planar",
     "output_angles",
+    "pairs",
     "parse",
     "rates",
     "shipped",
     "straight_arms",
     "tensions",
+    "tip_pose",
+    "tip_wrench",
+    "urdf",
 ]
 
 

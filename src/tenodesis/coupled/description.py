@@ -11,19 +11,26 @@ from pydantic import AfterValidator, Field, model_validator
 
 from tenodesis import _core, notebook
 from tenodesis.errors import InstrumentError
+from tenodesis.instrument.hardware import Control, Drives, Friction, Hand, Sensors
 from tenodesis.instrument.instrument import Name
 from tenodesis.toml import FileTable, validated
 from tenodesis.units import (
     AngleRange,
+    Coefficient,
+    Damping,
     FlexuralRigidity,
     Force,
     HandStiffness,
+    Inertia,
     Length,
+    Mass,
     Modulus,
     PositiveForce,
+    Rate,
     SheathBend,
     Spacing,
     Stiffness,
+    StopAngle,
 )
 
 Array = NDArray[np.float64]
@@ -35,7 +42,12 @@ AXES: Mapping[str, tuple[float, float, float]] = {"yaw": (0, 1, 0), "pitch": (-1
 """Axis about which a positive angle turns, by its name: yaw bends the tip toward x, pitch toward y."""
 
 _MECHANISMS: Mapping[str, int] = {"tendon-gear": 0, "pulley": 1, "continuum": 2}
-_SIGNS: Mapping[str, float] = {"agonist": 1.0, "antagonist": -1.0, "middle": 0.0}
+COUPLED_LAWS = ("none", "capstan", "capstan-constant")
+"""Friction laws that a coupled instrument may have."""
+_LAWS = ", ".join(COUPLED_LAWS)
+MOST_SHEATH_CONTACTS = 4
+SIGNS: Mapping[str, float] = {"agonist": 1.0, "antagonist": -1.0, "middle": 0.0}
+"""Side of a joint to which a tendon bends it, by its name."""
 MOST_JOINTS = 6
 MOST_TENDONS = 12
 
@@ -89,6 +101,17 @@ class Joint(FileTable):
     end_effector_length: Length | None = Field(
         default=None, description="From the far end of the last joint to where forces act; at the handle, the hand"
     )
+    mass: Mass | None = Field(default=None, description="Of the link beyond the joint")
+    centre_of_mass: Spacing | None = Field(
+        default=None, description="From the joint's far end along the link; by default its middle"
+    )
+    inertia: Inertia | None = Field(
+        default=None, description="About axes through the joint's far end across the link; by default that of a rod"
+    )
+    damping: Damping | None = Field(default=None, description="Viscous damping of the joint's angle")
+    stop: StopAngle | None = Field(
+        default=None, description="Angle of its mechanical stop; by default a third beyond its range"
+    )
 
     @property
     def axis_vector(self) -> tuple[float, float, float]:
@@ -127,6 +150,17 @@ class Joint(FileTable):
         return self
 
 
+class CoupledDynamics(Hand):
+    """Motion of the links, and of the hand on each joint of the handle."""
+
+    natural_frequency: Rate = Field(
+        default=20.0, description="Lowest of the unloaded wrist, from which the mass of links follows that is not given"
+    )
+    damping_ratio: Annotated[float, Field(ge=0, le=2)] = Field(
+        default=0.2, description="Share of critical damping of joints whose damping is not given"
+    )
+
+
 class Crossing(FileTable):
     """Passage of a tendon over a joint."""
 
@@ -134,6 +168,9 @@ class Crossing(FileTable):
     side: Side = Field(description="Side of the joint: agonist bends it to positive angles, middle does not bend it")
     radius: Spacing | None = Field(default=None, description="Distance from the joint's middle; by default its radius")
     base_wrap: SheathBend = Field(default=0.0, description="Bend of the tendon over the straight joint")
+    coefficient: Coefficient | None = Field(
+        default=None, description="Friction coefficient there; by default friction.vertex_coefficient"
+    )
 
 
 class Tendon(FileTable):
@@ -177,6 +214,11 @@ class CoupledInstrument(FileTable):
     joints: tuple[Joint, ...] = Field(min_length=1, description="From the stem outward at either end")
     tendons: tuple[Tendon, ...] = Field(min_length=1, max_length=MOST_TENDONS, description="All tendons")
     grip: Grip | None = Field(default=None, description="Jaws that grip")
+    friction: Friction = Friction()
+    dynamics: CoupledDynamics = CoupledDynamics()
+    drives: Drives = Drives()
+    sensors: Sensors = Sensors()
+    control: Control = Control()
     sources: Mapping[str, str] = Field(default={}, description="Source of each value, by key")
 
     @property
@@ -214,6 +256,15 @@ class CoupledInstrument(FileTable):
         names = [joint.name for joint in self.tip_joints]
         return () if self.grip is None else tuple(names.index(jaw) for jaw in self.grip.jaws)
 
+    @property
+    def grip_arms(self) -> Array:
+        """Lengths by which the jaws open per angle of the tip's joints, (joints,), m: the first of them to the +."""
+        arms = np.zeros(len(self.tip_joints))
+        for sign, i in zip((1.0, -1.0), self.jaws, strict=False):
+            own = self.grip.length if self.grip is not None else None
+            arms[i] = sign * (own or self.tip_joints[i].end_effector_length or 0.0)
+        return arms
+
     def tendon_arms(self, place: Literal["tip", "handle"]) -> Array:
         """Return the arms of the tendons at one end, (tendons, joints), m per unit of the joints' coordinates."""
         joints = self.tip_joints if place == "tip" else self.handle_joints
@@ -225,7 +276,7 @@ class CoupledInstrument(FileTable):
                     joint = joints[index[crossing.joint]]
                     per_unit = 2.0 if joint.mechanism == "tendon-gear" else 1.0
                     radius = joint.radius if crossing.radius is None else crossing.radius
-                    row[index[crossing.joint]] += _SIGNS[crossing.side] * per_unit * radius
+                    row[index[crossing.joint]] += SIGNS[crossing.side] * per_unit * radius
         return arms
 
     @cached_property
@@ -247,9 +298,8 @@ class CoupledInstrument(FileTable):
         for i, joint in enumerate(joints):
             length = joint.end_effector_length or 0.0
             share = 1 / len(bearing) if i in bearing else 0.0
-            sign = {0: 1.0, 1: -1.0}[self.jaws.index(i)] if i in self.jaws else 0.0
-            grip = sign * ((self.grip.length if self.grip else None) or length)
-            numbers[i] = (*joint.axis_vector, joint.offset, joint.chord, length, joint.own_stiffness, share, grip)
+            arm = self.grip_arms[i]
+            numbers[i] = (*joint.axis_vector, joint.offset, joint.chord, length, joint.own_stiffness, share, arm)
         return _core.Wrist(
             [_MECHANISMS[joint.mechanism] for joint in joints],
             list(self.parents),
@@ -306,6 +356,7 @@ class CoupledInstrument(FileTable):
             self._stiffness(tendon)
         _check_distinct("tendons", [tendon.name for tendon in self.tendons])
         self._check_held()
+        self._check_friction()
         return self
 
     def _check_joints(self) -> None:
@@ -331,6 +382,22 @@ class CoupledInstrument(FileTable):
             wrong = [jaw for jaw in self.grip.jaws if jaw not in names]
             if wrong:
                 raise ValueError(f"grip.jaws names {wrong[0]!r}; it must name the last joints: {', '.join(names)}")
+
+    def _check_friction(self) -> None:
+        friction = self.friction
+        if friction.law not in COUPLED_LAWS:
+            raise ValueError(f'friction.law is "{friction.law}"; of a coupled instrument it must be one of {_LAWS}')
+        if friction.sheath_contacts > MOST_SHEATH_CONTACTS:
+            given = friction.sheath_contacts
+            raise ValueError(f"friction.sheath_contacts is {given}; it must be at most {MOST_SHEATH_CONTACTS}")
+        planar = ("vertices_per_joint", "sheath_bend_per_handle_angle", "base_wrap", "tendon_bending_stiffness")
+        for key in (*planar, "passing_coefficient"):
+            given, default = getattr(friction, key), Friction.model_fields[key].default
+            if given != default:
+                instead = "; give base_wrap in a tendon's route" if key == "base_wrap" else ""
+                raise ValueError(f"friction.{key} is {given:g}, which a coupled instrument does not have{instead}")
+        if self.spool_radius is not None and "spool_radius" in self.drives.model_fields_set:
+            raise ValueError("spool_radius and drives.spool_radius are both given; give one of them")
 
     def _check_held(self) -> None:
         """Refuse joints that nothing holds, and tendons that leave a motion of several joints free."""

@@ -7,9 +7,11 @@ from typing import Any, TypeAlias
 
 from pydantic import ValidationError
 
+from tenodesis import plant
 from tenodesis.coupled.description import ENTRIES, CoupledInstrument, RouteError
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.instrument.hardware import Hand
 from tenodesis.kinematics import dimensions
 from tenodesis.toml import parse_toml, read_text, validated
 
@@ -90,7 +92,9 @@ def misrouted(name_or_path: str | Path) -> RouteError | None:
 def of_planar(inst: InstrumentLike) -> CoupledInstrument:
     """Return an instrument of one or two planar axes as joints and tendons: what its file is short for.
 
-    Tendons of the second axis pass the first joint in its middle plane, at the tip as at the handle.
+    Tendons of the second axis pass the first joint in its middle plane, at the tip as at the handle. The table mismatch
+    is left out: it is not of the instrument, but of a bench. Raises InstrumentError for friction that coupled
+    instruments do not have.
     """
     inst = as_instrument(inst)
     lengths = dimensions(inst)
@@ -110,6 +114,13 @@ def of_planar(inst: InstrumentLike) -> CoupledInstrument:
             }
             if joint["mechanism"] == "continuum":
                 joint |= {"backbone_length": planar.backbone_length, "backbone_rigidity": planar.backbone_rigidity}
+            if at_tip:
+                motion = plant.parameters(planar)
+                joint |= {
+                    "inertia": motion["tip_inertia"],
+                    "damping": motion["tip_damping"],
+                    "stop": planar.output_stop,
+                }
             if is_last:
                 joint["end_effector_length"] = lengths.end_effector_length if at_tip else lengths.handle_length
             joints.append(joint)
@@ -120,7 +131,8 @@ def of_planar(inst: InstrumentLike) -> CoupledInstrument:
             beyond = [{"joint": other, "side": "middle"} for other in inst.axes[:i]]
             # A handle's tendon starts at its own joint and passes those that stand nearer to the stem.
             route = [{"joint": f"handle_{axis}", "side": side}, *passed, *beyond, {"joint": axis, "side": side}]
-            tendon = {"name": f"{axis}_{side}", "route": route, "stiffness": planar.tendon_stiffness}
+            wrapped = [crossing | {"base_wrap": inst.friction.base_wrap} for crossing in route]
+            tendon = {"name": f"{axis}_{side}", "route": wrapped, "stiffness": planar.tendon_stiffness}
             tendons.append(tendon | {"pretension": planar.pretension})
     values = {
         "name": inst.name,
@@ -130,6 +142,18 @@ def of_planar(inst: InstrumentLike) -> CoupledInstrument:
         "pretension": inst.pretension,
         "joints": joints,
         "tendons": tendons,
+    }
+    values |= {
+        table: getattr(inst, table).model_dump(exclude_unset=True, exclude_none=True)
+        for table in ("drives", "sensors", "control")
+    }
+    values["dynamics"] = {name: getattr(inst.dynamics, name) for name in Hand.model_fields}
+    shares = plant.compliance_shares(inst.planar[0])
+    values["friction"] = inst.friction.model_dump(exclude_none=True) | {
+        "base_wrap": 0.0,
+        "handle_compliance_share": shares.handle,
+        "handle_joint_compliance_share": shares.handle_joint,
+        "tip_joint_compliance_share": shares.tip_joint,
     }
     if inst.breaking_load is not None:
         values["breaking_load"] = inst.breaking_load

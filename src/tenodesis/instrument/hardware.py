@@ -92,6 +92,10 @@ class Friction(FileTable):
     )
     constant: Force = Field(default=0.0, description="Load-independent friction of each joint and of the sheath")
     viscous: Viscosity = Field(default=0.0, description="Viscous friction of each joint and of the sheath")
+    passing_coefficient: Coefficient = Field(
+        default=0.0,
+        description="For a controller: friction coefficient where the second axis's tendons pass the first's joints",
+    )
     static_ratio: Annotated[float, Field(ge=1, le=10)] = Field(
         default=1.0, description="Static over kinetic coefficient of the Stribeck law"
     )
@@ -167,7 +171,17 @@ class Friction(FileTable):
         return float(ratio ** (1 - self.load_index))
 
 
-class Dynamics(FileTable):
+class Hand(FileTable):
+    """The hand on the handle."""
+
+    hand_stiffness: HandStiffness = Field(
+        default=0.0, description="Stiffness of the hand on the handle; 0: the handle is at its commanded angle"
+    )
+    hand_damping: Damping = Field(default=0.05, description="Damping of the hand on the handle")
+    hand_inertia: Inertia = Field(default=2e-3, description="Inertia of hand and handle")
+
+
+class Dynamics(Hand):
     """Inertia and damping of tip and hand."""
 
     tip_inertia: Inertia | None = Field(
@@ -180,11 +194,6 @@ class Dynamics(FileTable):
     output_stop: StopAngle | None = Field(
         default=None, description="Output angle of the mechanical stop; without it a third beyond the working range"
     )
-    hand_stiffness: HandStiffness = Field(
-        default=0.0, description="Stiffness of the hand on the handle; 0: the handle is at its commanded angle"
-    )
-    hand_damping: Damping = Field(default=0.05, description="Damping of the hand on the handle")
-    hand_inertia: Inertia = Field(default=2e-3, description="Inertia of hand and handle")
 
 
 class Drives(FileTable):

@@ -64,6 +64,8 @@ def with_units(model: BaseModel, *, unset: bool = True) -> dict[str, Any]:
 
 
 def _with_unit(value: Any, unit: str) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _with_unit(item, unit) for key, item in value.items()}
     if isinstance(value, tuple | list):
         return [_with_unit(item, unit) for item in value]
     return value if isinstance(value, str) else f"{float(value)!r} {unit}"

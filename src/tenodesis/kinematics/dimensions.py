@@ -9,7 +9,7 @@ from tenodesis.errors import InstrumentError
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 
 # Defaults of what a file leaves out, as shares. The first is the paper's (Table I), the others are our choice.
-_STEM_PER_GEAR_RADIUS = 2.5
+STEM_PER_RADIUS = 2.5
 _JAW_SHARE = 0.4
 _INSERTION_SHARES = 0.2, 0.5, 0.8  # least, at rest, most
 
@@ -129,7 +129,7 @@ def _dimensions(inst: Instrument) -> Dimensions:
     return Dimensions(
         axes=tuple(inst.axes),
         stem_length=stem,
-        stem_diameter=_STEM_PER_GEAR_RADIUS * distal[0] if inst.stem_diameter is None else inst.stem_diameter,
+        stem_diameter=STEM_PER_RADIUS * distal[0] if inst.stem_diameter is None else inst.stem_diameter,
         joint_spacing=spacing,
         handle_joint_spacing=handle_spacing,
         end_effector_length=effector,

@@ -11,16 +11,16 @@ from tenodesis.kinematics.dimensions import Dimensions, dimensions
 from tenodesis.kinematics.motion import Posture, frames
 from tenodesis.kinematics.parts import STEEL, TOWARD, Joint, Part, joint_positions, parts, text
 
-_TIME_STEP = 1e-3  # s
+TIME_STEP = 1e-3  # s
 # MuJoCo's softest tie that keeps the halves of a joint together to about 1e-6 rad at this time step.
-_TIE = {"solref": f"{2 * _TIME_STEP} 1", "solimp": "0.9999 0.9999 0.001 0.5 2"}
+_TIE = {"solref": f"{2 * TIME_STEP} 1", "solimp": "0.9999 0.9999 0.001 0.5 2"}
 _LEAST_MASS, _LEAST_INERTIA = "1e-6", "1e-9 1e-9 1e-9"
 _SIDES = {"agonist": 1.0, "antagonist": -1.0}
 # Inertia has no part in where the tip settles, so that it is chosen to suit the time step: every joint then moves at
 # this rate (rad/s), overdamped.
-_RATE, _DAMPING_RATIO = 200.0, 1.2
+RATE, _DAMPING_RATIO = 200.0, 1.2
 _HOLD_LENGTH = 2e4  # N/m, of the servo that holds the insertion
-_HOLD = 100.0  # stiffness of what the hand holds, over that of the handle's tendons
+HOLD = 100.0  # stiffness of what the hand holds, over that of the handle's tendons
 _FAR = 100.0  # m, beyond any length that is drawn
 
 NOTE = """Written by tenodesis. Units: m, rad, kg, N. The port is the origin; z points into the patient.
@@ -46,19 +46,15 @@ def mjcf(inst: InstrumentLike) -> str:
     """
     inst = as_instrument(inst)
     lengths, tree = dimensions(inst), parts(inst)
-    root = Element("mujoco", model=inst.name)
     more = "" if inst.joint_type == "tendon-gear" else _BY_WHAT_THEY_DRAW
     more += _CONTINUUM if inst.joint_type == "continuum" else ""
-    root.append(Comment(f"\n{NOTE.format(more=more)}\n"))
-    SubElement(root, "compiler", angle="radian", autolimits="true")
-    SubElement(root, "option", timestep=f"{_TIME_STEP}", integrator="implicitfast", gravity="0 0 0")
-    _defaults(root)
+    root = model(inst.name, NOTE.format(more=more))
     world = SubElement(root, "worldbody")
     SubElement(world, "site", name="port", size=text(lengths.stem_diameter))
     bodies: dict[str | None, Element] = {None: world}
     for part in tree:
-        bodies[part.name] = _body(
-            bodies[part.parent], part, {joint.name: _stiffness(inst, joint) for joint in part.joints}
+        bodies[part.name] = body(
+            bodies[part.parent], part, {joint.name: overdamped(_stiffness(inst, joint)) for joint in part.joints}
         )
     tendons, ties, servos = (SubElement(root, name) for name in ("tendon", "equality", "actuator"))
     joints = [joint for part in tree for joint in part.joints]
@@ -78,22 +74,38 @@ def mjcf(inst: InstrumentLike) -> str:
     key = SubElement(SubElement(root, "keyframe"), "key", name="rest")
     key.set("qpos", " ".join(text(rest[joint.name]) for joint in joints))
     key.set("ctrl", " ".join(text(value) for value in control))
+    return written(root)
+
+
+def model(name: str, note: str) -> Element:
+    """Return a model without bodies, in radians, whose first lines are a note; ties and strings have its defaults."""
+    root = Element("mujoco", model=name)
+    root.append(Comment(f"\n{note}\n"))
+    SubElement(root, "compiler", angle="radian", autolimits="true")
+    SubElement(root, "option", timestep=f"{TIME_STEP}", integrator="implicitfast", gravity="0 0 0")
+    default = SubElement(root, "default")
+    SubElement(default, "geom", contype="0", conaffinity="0", density=text(STEEL), rgba="0.7 0.73 0.76 1")
+    SubElement(default, "equality", _TIE)
+    SubElement(default, "tendon", width="2e-4", rgba="0.7 0.14 0.18 1")
+    SubElement(default, "site", size="2e-4", group="3")
+    return root
+
+
+def written(root: Element) -> str:
+    """Return a model as text."""
     indent(root)
     return tostring(root, encoding="unicode") + "\n"
+
+
+def overdamped(stiffness: float) -> dict[str, str]:
+    """Return inertia and damping of a joint that is held by a stiffness (N·m/rad or N/m), as attributes."""
+    return {"armature": text(stiffness / RATE**2), "damping": text(2 * _DAMPING_RATIO * stiffness / RATE)}
 
 
 def _held(inst: Instrument) -> set[str]:
     """Return the joints that hand and port hold; the bending joints of the tip hang on their tendons planar."""
     handles = {f"handle_{axis}_carrier" for axis in inst.axes}
     return {"pan", "tilt", "spin", "insertion", "roll", *handles}
-
-
-def _defaults(root: Element) -> None:
-    default = SubElement(root, "default")
-    SubElement(default, "geom", contype="0", conaffinity="0", density=text(STEEL), rgba="0.7 0.73 0.76 1")
-    SubElement(default, "equality", _TIE)
-    SubElement(default, "tendon", width="2e-4", rgba="0.7 0.14 0.18 1")
-    SubElement(default, "site", size="2e-4", group="3")
 
 
 def _stiffness(inst: Instrument, joint: Joint) -> float:
@@ -104,32 +116,32 @@ def _stiffness(inst: Instrument, joint: Joint) -> float:
     if joint.kind == "hinge" and joint.name.removesuffix("_carrier").removesuffix("_far") in inst.axes:
         return 8 * tendon * max(lengths.distal_radii) ** 2
     if joint.kind == "hinge":
-        return _HOLD * 8 * tendon * max(lengths.proximal_radii) ** 2
+        return HOLD * 8 * tendon * max(lengths.proximal_radii) ** 2
     return _HOLD_LENGTH
 
 
-def _body(parent: Element, part: Part, stiffness: Mapping[str, float]) -> Element:
-    body = SubElement(parent, "body", name=part.name)
+def body(parent: Element, part: Part, motion: Mapping[str, Mapping[str, str]]) -> Element:
+    """Add a part to the one that it stands on, with attributes of how each of its joints moves."""
+    element = SubElement(parent, "body", name=part.name)
     if part.offset:
-        body.set("pos", f"0 0 {text(part.offset)}")
+        element.set("pos", f"0 0 {text(part.offset)}")
     for joint in part.joints:
         SubElement(
-            body,
+            element,
             "joint",
             name=joint.name,
             type=joint.kind,
             axis=" ".join(text(component) for component in joint.axis),
             range=f"{text(joint.least)} {text(joint.most)}",
-            armature=text(stiffness[joint.name] / _RATE**2),
-            damping=text(2 * _DAMPING_RATIO * stiffness[joint.name] / _RATE),
+            attrib=dict(motion[joint.name]),
         )
     if part.cylinder is None:
-        SubElement(body, "inertial", pos="0 0 0", mass=_LEAST_MASS, diaginertia=_LEAST_INERTIA)
+        SubElement(element, "inertial", pos="0 0 0", mass=_LEAST_MASS, diaginertia=_LEAST_INERTIA)
     else:
         start, end, radius = (text(value) for value in part.cylinder)
-        SubElement(body, "geom", type="cylinder", fromto=f"0 0 {start} 0 0 {end}", size=radius)
-    SubElement(body, "site", name=f"{part.name}_force" if part.name == "tip" else f"{part.name}_origin")
-    return body
+        SubElement(element, "geom", type="cylinder", fromto=f"0 0 {start} 0 0 {end}", size=radius)
+    SubElement(element, "site", name=f"{part.name}_force" if part.name == "tip" else f"{part.name}_origin")
+    return element
 
 
 def _tie(ties: Element, inst: Instrument, joint: Joint) -> None:

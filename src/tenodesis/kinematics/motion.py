@@ -156,14 +156,14 @@ def inverse(
         The instrument's lengths leave no stem.
     """
     inst = as_instrument(inst)
-    places, turns = _finite("position", position, 3), _finite("quaternion", quaternion, 4)
+    places, turns = finite("position", position, 3), finite("quaternion", quaternion, 4)
     if places.size and not np.abs(places).max() <= _FARTHEST:
         worst = places.flat[int(np.abs(places).argmax())]
         raise ArgumentError(key="position", value=float(worst), allowed=f"from {-_FARTHEST:g} to {_FARTHEST:g} m")
     if near is not None:
         near = _posture("near", near)
-    start = [_finite("spin", spin)]
-    start += [np.full((), np.nan)] * 2 if near is None else [_finite("pan", near.pan), _finite("tilt", near.tilt)]
+    start = [finite("spin", spin)]
+    start += [np.full((), np.nan)] * 2 if near is None else [finite("pan", near.pan), finite("tilt", near.tilt)]
     angles = {key: angle.shape for key, angle in zip(("spin", "pan", "tilt"), start, strict=True)}
     shape = common_shape({"position[..., 0]": places.shape[:-1], "quaternion[..., 0]": turns.shape[:-1]} | angles)
     lengths = np.linalg.norm(turns, axis=-1, keepdims=True)
@@ -211,7 +211,7 @@ def _posture(key: str, value: Posture) -> Posture:
     return value
 
 
-def _finite(key: str, value: ArrayLike, length: int | None = None) -> _Array:
+def finite(key: str, value: ArrayLike, length: int | None = None) -> _Array:
     """Return an argument as finite float64, with its last dimension checked."""
     array = numbers(key, value)
     if length is not None and (array.ndim == 0 or array.shape[-1] != length):
@@ -228,7 +228,7 @@ def _rows(inst: Instrument, posture: Posture) -> tuple[_Array, tuple[int, ...]]:
     values: dict[str, Any] = _posture("posture", posture)._asdict()
     if values["insertion"] is None:
         values["insertion"] = rest
-    given = {key: _finite(key, value) for key, value in values.items() if value is not None}
+    given = {key: finite(key, value) for key, value in values.items() if value is not None}
     for axis in ("yaw", "pitch"):
         for key in (axis, f"handle_{axis}"):
             angle = given.get(key, np.zeros(()))

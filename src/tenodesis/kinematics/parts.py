@@ -133,8 +133,8 @@ def _stack(inst: Instrument, lengths: Dimensions, *, distal: bool) -> list[Part]
         slides = (Joint(f"{name}_chord", "slide", Z, -abs(chord), 0.0),) if bends_along else ()
         link = spacing if place + 1 < len(lengths.axes) else 0.0
         found += [
-            Part(carrier.name, on, offset, (carrier,), _cylinder(0.0, chord, 0.5 * radius)),
-            Part(far.name, carrier.name, chord, (*slides, far), _cylinder(-side * radius / 2, link, 0.7 * radius)),
+            Part(carrier.name, on, offset, (carrier,), cylinder(0.0, chord, 0.5 * radius)),
+            Part(far.name, carrier.name, chord, (*slides, far), cylinder(-side * radius / 2, link, 0.7 * radius)),
         ]
         on, offset = far.name, spacing
     return found
@@ -145,5 +145,6 @@ def text(value: float) -> str:
     return repr(float(value))
 
 
-def _cylinder(start: float, end: float, radius: float) -> tuple[float, float, float] | None:
+def cylinder(start: float, end: float, radius: float) -> tuple[float, float, float] | None:
+    """Return the cylinder of a part between two places along it, m; None if it has no length."""
     return None if start == end else (min(start, end), max(start, end), radius)

@@ -1,6 +1,7 @@
 """An instrument as a URDF robot description."""
 
 import math
+from collections.abc import Mapping, Sequence
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
@@ -22,7 +23,7 @@ What this format does not contain:
 - efforts and velocities: their values are there only because the format needs them;
 - masses: parts are drawn, and weighed, as solid steel; where the file has dynamics.tip_inertia, the parts that turn
   with the tip weigh what gives that inertia; links between a part's joints weigh 1 mg.{more}"""
-_CONTINUUM = """
+CONTINUUM = """
 - the arc of a backbone: it is its chord between two revolute joints; how much the chord shortens, the joint named
   chord, no mimic can express."""
 
@@ -35,12 +36,17 @@ def urdf(inst: InstrumentLike) -> str:
     """
     inst = as_instrument(inst)
     tree = parts(inst)
-    density = _densities(inst, tree)
-    root = Element("robot", name=inst.name.replace(" ", "_"))
-    root.append(Comment(f"\n{NOTE.format(more=_CONTINUUM if inst.joint_type == 'continuum' else '')}\n"))
-    SubElement(root, "link", name="port")
+    note = NOTE.format(more=CONTINUUM if inst.joint_type == "continuum" else "")
+    return robot(inst.name, note, "port", tree, _densities(inst, tree))
+
+
+def robot(name: str, note: str, base: str, tree: Sequence[Part], density: Mapping[str, float] | None = None) -> str:
+    """Return parts as the text of a URDF file, whose first lines are a note; density in kg/m³, by default steel."""
+    root = Element("robot", name=name.replace(" ", "_"))
+    root.append(Comment(f"\n{note}\n"))
+    SubElement(root, "link", name=base)
     for part in tree:
-        parent = part.parent or "port"
+        parent = part.parent or base
         # A link has one joint, so that those of one part stand on links of their own.
         for place, joint in enumerate(part.joints):
             last = place + 1 == len(part.joints)
@@ -52,7 +58,7 @@ def urdf(inst: InstrumentLike) -> str:
         if not part.joints:
             fixed = SubElement(root, "joint", name=f"{part.name}_fixed", type="fixed")
             _between(fixed, parent, part.name, part.offset)
-        _link(root, part, density[part.name])
+        _link(root, part, STEEL if density is None else density[part.name])
     indent(root)
     return '<?xml version="1.0"?>\n' + tostring(root, encoding="unicode") + "\n"
 

@@ -7,10 +7,11 @@ from typing import Any
 import tomli_w
 
 from tenodesis.control import FAULTS, Controller
+from tenodesis.coupled import CoupledInstrument
 from tenodesis.errors import RecordingError
 from tenodesis.instrument import Instrument, parse
-from tenodesis.instrument.text import to_toml
-from tenodesis.recording.reader import Recording
+from tenodesis.instrument.text import to_toml, with_units
+from tenodesis.recording.reader import RecordedFile, Recording
 from tenodesis.simulate import Protocol
 from tenodesis.twin import TIME_STEP
 
@@ -25,7 +26,7 @@ QUASI_STATIC = "quasi-static"
 
 
 def metadata_of(
-    inst: Instrument,
+    inst: Instrument | CoupledInstrument,
     protocol: Protocol | None = None,
     *,
     seed: int = 0,
@@ -43,12 +44,18 @@ def metadata_of(
         Of the twin, as for :class:`tenodesis.twin.Twin`.
     """
     return (
-        {"instrument": to_toml(inst)}
+        {"instrument": _text(inst)}
         | ({} if protocol is None else {"protocol": protocol.to_toml()})
         | {"seed": str(seed), "time_step": repr(float(time_step))}
         | {"mode": QUASI_STATIC if quasi_static else DYNAMIC}
         | ({} if controller is None else _metadata_of_controller(controller, inst))
     )
+
+
+def _text(inst: Instrument | CoupledInstrument) -> str:
+    if isinstance(inst, CoupledInstrument):
+        return tomli_w.dumps(with_units(inst, unset=False))
+    return to_toml(inst)
 
 
 def metadata_of_replay(recording: Recording, inst: Instrument) -> dict[str, str]:
@@ -59,7 +66,7 @@ def metadata_of_replay(recording: Recording, inst: Instrument) -> dict[str, str]
     return metadata
 
 
-def controller_choices(recording: Recording) -> dict[str, Any] | None:
+def controller_choices(recording: RecordedFile) -> dict[str, Any] | None:
     """Return the controller's choices in a recording's form, or None if there was no controller.
 
     Raises
@@ -115,7 +122,7 @@ def in_words(choices: Mapping[str, Any], controller_inst: Instrument, inst: Inst
     return words if controller_inst == inst else f"{words}, made for another instrument ({controller_inst.name})"
 
 
-def _metadata_of_controller(controller: Controller, inst: Instrument) -> dict[str, str]:
+def _metadata_of_controller(controller: Controller, inst: Instrument | CoupledInstrument) -> dict[str, str]:
     choices = {
         "law": controller.law,
         "observer": controller.observer,

@@ -2,21 +2,24 @@
 
 import json
 import struct
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeAlias
 
 import numpy as np
 from mcap.records import Channel
 from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
+from tenodesis.coupled import CoupledInstrument, CoupledRun
+from tenodesis.coupled import parse as parse_coupled
 from tenodesis.errors import RecordingError
 from tenodesis.files import read_regular
 from tenodesis.recording import cdr, container, schemas, tables
 from tenodesis.recording.container import Contents, Message
 from tenodesis.recording.decode import Decoded, LeftOut, Misfit, decode
+from tenodesis.recording.schemas import AnyRun, CoupledNames, Names
 from tenodesis.run import Array, Run
 
 if TYPE_CHECKING:
@@ -41,18 +44,19 @@ class Event(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Recording:
-    """A recording read from a file; use :meth:`open`.
+class RecordedFile:
+    """A recording read from a file; use :func:`open_recording`, or `open` of the kind that is wanted.
 
     Attributes
     ----------
     path
         The file.
     run
-        Its signals; :class:`tenodesis.run.Run` gives their shapes.
+        Its signals; :class:`tenodesis.run.Run` and :class:`tenodesis.coupled.CoupledRun` give their shapes.
     metadata
-        Text by key: ``instrument``, ``axes``, ``seed``, ``protocol``, ``time_step``, versions, and of a run with a
-        controller its choices; empty for a file of another program.
+        Text by key: ``instrument``, ``axes`` (or ``joints``, ``handle_joints`` and ``tendons``), ``seed``,
+        ``protocol``, ``time_step``, versions, and of a run with a controller its choices; empty for a file of another
+        program.
     topics
         Every topic of the file, by name.
     left_out
@@ -64,49 +68,16 @@ class Recording:
     """
 
     path: Path
-    run: Run = field(repr=False)
+    run: AnyRun = field(repr=False)
     metadata: Mapping[str, str] = field(repr=False)
     topics: Mapping[str, TopicInfo] = field(repr=False)
     left_out: Mapping[str, LeftOut]
     damage: str | None
     events: tuple[Event, ...] = field(default=(), repr=False)
 
-    @classmethod
-    def open(cls, path: str | Path) -> Self:
-        """Read a recording, up to the first damage if there is any.
-
-        Raises
-        ------
-        RecordingError
-            The file cannot be read, is no MCAP file, or contains no topic of a recording.
-        """
-        path = Path(path)
-        contents = container.scan(_bytes(path))
-        decoded, left_out = _decoded(contents)
-        metadata = contents.metadata.get(schemas.METADATA, {})
-        axes = schemas.axes_of({name: topic.joints for name, topic in decoded.items()})
-        axes = axes or tuple(metadata.get("axes", "").split()) or (("yaw",) if decoded else ())
-        if not axes:
-            raise RecordingError(f"{path} contains no topic of a recording: {_found(contents)}.")
-        run, misfits = _run(axes, decoded, _carried(contents))
-        left_out |= misfits
-        if left_out and not run.signals():
-            reasons = "; ".join(f"{topic}: {reason}" for topic, reason in left_out.items())
-            raise RecordingError(f"{path} contains no topic of a recording that can be used: {reasons}.")
-        damage = contents.damage
-        events: tuple[Event, ...] = ()
-        if schemas.METADATA in contents.metadata:
-            run, gap = _without_gap(run, contents)
-            events, torn = _events(contents)
-            damage = gap or damage or torn
-        if damage is not None:
-            until = f"{run.time[-1]:.6g} s ({len(run)} rows)" if len(run) else "before its first row"
-            damage = f"{path} is read up to {until} only: {damage}."
-        return cls(path, run, metadata, _infos(contents), left_out, damage, events)
-
     def __repr__(self) -> str:
         damage = ", damaged" if self.damage else ""
-        return f"<Recording {str(self.path)!r}: {self.run!r}, {len(self.topics)} topics{damage}>"
+        return f"<{type(self).__name__} {str(self.path)!r}: {self.run!r}, {len(self.topics)} topics{damage}>"
 
     @property
     def duration(self) -> float:
@@ -115,7 +86,7 @@ class Recording:
 
     def to_numpy(self) -> dict[str, Array]:
         """Return the time and the signals by name, in their shapes."""
-        return {"time": self.run.time, **self.run.signals()}
+        return {"time": self.run.time, **schemas.signals_of(self.run)}
 
     def to_pandas(self) -> "pd.DataFrame":
         """Return the signals as a DataFrame; see :func:`tenodesis.recording.tables.to_pandas`."""
@@ -129,6 +100,38 @@ class Recording:
         """Write the signals as Parquet; see :func:`tenodesis.recording.tables.to_parquet`."""
         tables.to_parquet(self.run, path)
 
+    def _instrument_text(self) -> str:
+        if "instrument" not in self.metadata:
+            raise RecordingError(f"{self.path} does not contain its instrument; only recordings of this package do.")
+        return self.metadata["instrument"]
+
+
+@dataclass(frozen=True, repr=False)
+class Recording(RecordedFile):
+    """A recording of a planar instrument."""
+
+    run: Run = field(repr=False)
+
+    @classmethod
+    def open(cls, path: str | Path) -> Self:
+        """Read a recording, up to the first damage if there is any.
+
+        Raises
+        ------
+        RecordingError
+            The file cannot be read, is no MCAP file, contains no topic of a recording, or is of a coupled instrument.
+        """
+        read = _read(Path(path))
+        if isinstance(read[1], CoupledRun):
+            raise RecordingError(
+                f"{path} is of an instrument whose joints share tendons, and this takes planar ones; tenodesis info "
+                "and export recording take it, and tn.recording.CoupledRecording in Python.",
+                key="file",
+                value=str(path),
+                allowed="a recording of a planar instrument",
+            )
+        return cls(*read)  # type: ignore[arg-type]
+
     def instrument(self) -> "Instrument":
         """Return the instrument that was recorded.
 
@@ -141,9 +144,98 @@ class Recording:
         """
         from tenodesis.instrument import parse  # noqa: PLC0415
 
-        if "instrument" not in self.metadata:
-            raise RecordingError(f"{self.path} does not contain its instrument; only recordings of this package do.")
-        return parse(self.metadata["instrument"], f"{self.path}: instrument")
+        return parse(self._instrument_text(), f"{self.path}: instrument")
+
+
+@dataclass(frozen=True, repr=False)
+class CoupledRecording(RecordedFile):
+    """A recording of an instrument whose joints share tendons."""
+
+    run: CoupledRun = field(repr=False)
+
+    @classmethod
+    def open(cls, path: str | Path) -> Self:
+        """Read a recording, up to the first damage if there is any.
+
+        Raises
+        ------
+        RecordingError
+            The file cannot be read, is no MCAP file, contains no topic of a recording, or is of a planar instrument.
+        """
+        read = _read(Path(path))
+        if not isinstance(read[1], CoupledRun):
+            raise RecordingError(
+                f"{path} is of a planar instrument; tn.Recording.open takes it.",
+                key="file",
+                value=str(path),
+                allowed="a recording of a coupled instrument",
+            )
+        return cls(*read)  # type: ignore[arg-type]
+
+    def instrument(self) -> CoupledInstrument:
+        """Return the instrument that was recorded.
+
+        Raises
+        ------
+        RecordingError
+            The file does not contain its instrument.
+        InstrumentError
+            The instrument it holds is not valid in this version.
+        """
+        return parse_coupled(self._instrument_text(), f"{self.path}: instrument")
+
+
+AnyRecording: TypeAlias = Recording | CoupledRecording
+
+
+def open_recording(path: str | Path) -> AnyRecording:
+    """Read a recording of a planar or a coupled instrument, up to the first damage if there is any.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be read, is no MCAP file, or contains no topic of a recording.
+    """
+    read = _read(Path(path))
+    kind = CoupledRecording if isinstance(read[1], CoupledRun) else Recording
+    return kind(*read)  # type: ignore[arg-type]
+
+
+_Parts: TypeAlias = tuple[
+    Path, AnyRun, Mapping[str, str], Mapping[str, TopicInfo], Mapping[str, LeftOut], str | None, tuple[Event, ...]
+]
+
+
+def _read(path: Path) -> _Parts:
+    """Return the fields of a recording."""
+    contents = container.scan(_bytes(path))
+    metadata = contents.metadata.get(schemas.METADATA, {})
+    by_name = CoupledNames.from_texts(metadata)
+    wanted = schemas.TOPICS if by_name is None else {topic.name for topic in schemas.topics(by_name)}
+    decoded, left_out = _decoded(contents, wanted)
+    names = by_name or _axes(metadata, decoded)
+    if not names:
+        raise RecordingError(f"{path} contains no topic of a recording: {_found(contents)}.")
+    run, misfits = _run(names, decoded, _carried(contents))
+    left_out |= misfits
+    if left_out and not schemas.signals_of(run):
+        reasons = "; ".join(f"{topic}: {reason}" for topic, reason in left_out.items())
+        raise RecordingError(f"{path} contains no topic of a recording that can be used: {reasons}.")
+    damage = contents.damage
+    events: tuple[Event, ...] = ()
+    if schemas.METADATA in contents.metadata:
+        run, gap = _without_gap(run, contents)
+        events, torn = _events(contents)
+        damage = gap or damage or torn
+    if damage is not None:
+        until = f"{run.time[-1]:.6g} s ({len(run)} rows)" if len(run) else "before its first row"
+        damage = f"{path} is read up to {until} only: {damage}."
+    return path, run, metadata, _infos(contents), left_out, damage, events
+
+
+def _axes(metadata: Mapping[str, str], decoded: Mapping[str, Decoded]) -> tuple[str, ...]:
+    axes = schemas.axes_of({name: topic.joints for name, topic in decoded.items()})
+    return axes or tuple(metadata.get("axes", "").split()) or (("yaw",) if decoded else ())
 
 
 def _bytes(path: Path) -> bytes:
@@ -173,14 +265,14 @@ def _found(contents: Contents) -> str:
     return f"its topics are {', '.join(names)}" if names else "it has no topics"
 
 
-def _decoded(contents: Contents) -> tuple[dict[str, Decoded], dict[str, LeftOut]]:
-    """Return the topics of recordings by name, and the reasons why others could not be decoded."""
+def _decoded(contents: Contents, wanted: Collection[str]) -> tuple[dict[str, Decoded], dict[str, LeftOut]]:
+    """Return the topics that are wanted by name, and the reasons why others of them could not be decoded."""
     decoded: dict[str, Decoded] = {}
     left_out: dict[str, LeftOut] = {}
     factory = DecoderFactory()
     for channel, messages in _channels(contents):
         schema = contents.schemas.get(channel.schema_id)
-        if channel.topic not in schemas.TOPICS or schema is None:
+        if channel.topic not in wanted or schema is None:
             continue
         found = decode(factory, schema, channel.message_encoding, messages)
         if isinstance(found, LeftOut):
@@ -208,43 +300,38 @@ def _carried(contents: Contents) -> dict[str, list[str]]:
 
 
 def _run(
-    axes: tuple[str, ...], decoded: Mapping[str, Decoded], carried: Mapping[str, list[str]]
-) -> tuple[Run, dict[str, LeftOut]]:
+    names: Names, decoded: Mapping[str, Decoded], carried: Mapping[str, list[str]]
+) -> tuple[AnyRun, dict[str, LeftOut]]:
     """Return the run of the topics that fit together, and the reasons why others do not."""
     left_out: dict[str, LeftOut] = {}
     stamps = max((topic.stamps for topic in decoded.values()), key=len, default=np.empty(0, np.int64))
     rows = stamps.size
     columns: dict[str, list[Array]] = {}
-    for topic in schemas.topics(axes):
+    for topic in schemas.topics(names):
         found = decoded.get(topic.name)
         if found is None:
             continue
         if (found.stamps != stamps[: found.stamps.size]).any():
             left_out[topic.name] = LeftOut(Misfit.STAMPS, "its stamps are not those of the other topics")
             continue
-        names = found.joints or topic.joints
-        if not set(topic.joints) <= set(names):
-            left_out[topic.name] = LeftOut(Misfit.JOINTS, f"its joints are {', '.join(names)}")
+        joints = found.joints or topic.joints
+        if not set(topic.joints) <= set(joints):
+            left_out[topic.name] = LeftOut(Misfit.JOINTS, f"its joints are {', '.join(joints)}")
             continue
-        order = [names.index(joint) for joint in topic.joints]
+        order = [joints.index(joint) for joint in topic.joints]
         for array, signal in topic.signals.items():
             values = found.numbers.get(array)
             if values is None or signal not in carried.get(topic.name, [signal]):
                 continue
-            if topic.joints and values.shape[1] != len(names):
-                why = f"it has {values.shape[1]} values of {array} for {len(names)} joints"
+            if topic.joints and values.shape[1] != len(joints):
+                why = f"it has {values.shape[1]} values of {array} for {len(joints)} joints"
                 left_out[topic.name] = LeftOut(Misfit.JOINTS, why)
                 continue
             columns.setdefault(signal, []).append(values[:, order] if topic.joints else values)
         rows = min(rows, found.stamps.size)
     signals = {signal: np.concatenate([part[:rows] for part in parts], axis=1) for signal, parts in columns.items()}
     time = signals.pop("time", None)
-    complete = {
-        signal: values.reshape(schemas.shape(signal, rows, axes))
-        for signal, values in signals.items()
-        if values.size == np.prod(schemas.shape(signal, rows, axes))
-    }
-    return Run(_seconds(stamps[:rows]) if time is None else time[:, 0], axes, **complete), left_out
+    return schemas.run_of(names, _seconds(stamps[:rows]) if time is None else time[:, 0], signals), left_out
 
 
 def _seconds(stamps: NDArray[np.int64]) -> Array:
@@ -252,7 +339,7 @@ def _seconds(stamps: NDArray[np.int64]) -> Array:
     return seconds
 
 
-def _without_gap(run: Run, contents: Contents) -> tuple[Run, str | None]:
+def _without_gap(run: AnyRun, contents: Contents) -> tuple[AnyRun, str | None]:
     """Return a run up to its first missing row, and whether a row is missing."""
     for channel, messages in _channels(contents):
         if channel.topic == schemas.EVENTS:

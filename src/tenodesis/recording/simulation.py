@@ -7,13 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from tenodesis import coupled
 from tenodesis.control import Controller
+from tenodesis.coupled import CoupledInstrument, CoupledRun
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.recording import schemas
 from tenodesis.recording.metadata import metadata_of
+from tenodesis.recording.schemas import AnyRun
 from tenodesis.recording.writer import Recorder
 from tenodesis.run import CONTROL, TISSUE, Run, concatenate
-from tenodesis.simulate import Pretension, Protocol, execute
+from tenodesis.simulate import Pretension, Protocol, execute, execute_coupled
+from tenodesis.simulate.coupled import check_coupled
 from tenodesis.simulate.execution import check_controllable
 from tenodesis.twin import TIME_STEP, Twin
 
@@ -93,9 +97,37 @@ def record(
     return concatenate(runs)
 
 
+def record_coupled(
+    inst: CoupledInstrument,
+    protocol: Protocol,
+    path: str | Path,
+    *,
+    controller: Controller | None = None,
+    time_step: float = TIME_STEP,
+    seed: int = 0,
+    quasi_static: bool = False,
+    overwrite: bool = False,
+    progress: Callable[[float, float], object] | None = None,
+) -> CoupledRun:
+    """Run a protocol on the twin of an instrument whose joints share tendons, and record it; otherwise as `record`.
+
+    The controller is one for :func:`tenodesis.coupled.compensated`.
+    """
+    twin = coupled.Twin(inst, time_step=time_step, seed=seed, quasi_static=quasi_static)
+    check_coupled(protocol.plan(inst, time_step), inst, controller)
+    if controller is not None:
+        controller.reset()
+    names = schemas.CoupledNames.of_instrument(inst, controlled=controller is not None)
+    metadata = metadata_of(
+        inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
+    )
+    with Recorder(path, axes=names, metadata=metadata, overwrite=overwrite) as recorder:
+        return execute_coupled(twin, protocol, controller, on_block=recorder.write, progress=progress)
+
+
 def write_run(
-    run: Run,
-    inst: Instrument,
+    run: AnyRun,
+    inst: Instrument | CoupledInstrument,
     path: str | Path,
     *,
     protocol: Protocol | None = None,
@@ -121,12 +153,17 @@ def write_run(
     Raises
     ------
     RecordingError
-        The file cannot be written, or exists, or the run has other axes than the instrument.
+        The file cannot be written, or exists, or the run has other axes, joints or tendons than the instrument.
     """
     metadata = metadata_of(
         inst, protocol, seed=seed, time_step=time_step, quasi_static=quasi_static, controller=controller
     )
-    with Recorder(path, axes=inst.axes, metadata=metadata, overwrite=overwrite) as recorder:
+    if isinstance(inst, CoupledInstrument):
+        controlled = isinstance(run, CoupledRun) and bool(run.compensated)
+        names: schemas.Names = schemas.CoupledNames.of_instrument(inst, controlled=controlled)
+    else:
+        names = inst.axes
+    with Recorder(path, axes=names, metadata=metadata, overwrite=overwrite) as recorder:
         recorder.write(run)
 
 

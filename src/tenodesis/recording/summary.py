@@ -14,14 +14,16 @@ from rich.text import Text
 
 from tenodesis import statics
 from tenodesis.control import FAULTS, OperatingState, Request
+from tenodesis.coupled import CoupledRun
 from tenodesis.errors import InstrumentError, RecordingError
 from tenodesis.instrument import Instrument
 from tenodesis.recording.metadata import CONTROLLER, controller_choices, controller_instrument, in_words
-from tenodesis.recording.reader import Recording
+from tenodesis.recording.reader import AnyRecording, CoupledRecording
+from tenodesis.recording.schemas import AnyRun, signals_of
 from tenodesis.recording.tables import columns
 from tenodesis.run import COMMANDS, CONTROL, MEASURED, TENDONS, Array, Run
 
-_RANGED = {**COMMANDS, **MEASURED, **CONTROL}.keys() - {
+_RANGED = ({**COMMANDS, **MEASURED, **CONTROL}.keys() | {"wrench", "applied_grip_force", "grip_force"}) - {
     "operating_state",
     "faults",
     "phase",
@@ -33,7 +35,7 @@ _RANGED = {**COMMANDS, **MEASURED, **CONTROL}.keys() - {
 _VERSIONS = ("tenodesis", "python", "numpy")
 
 
-def describe(recording: Recording) -> Group:
+def describe(recording: AnyRecording) -> Group:
     """Return a recording's contents, for a rich console: its origin, its topics, and the ranges of its signals."""
     parts: list[Text | Table] = []
     if recording.damage is not None:
@@ -42,7 +44,7 @@ def describe(recording: Recording) -> Group:
     return Group(*parts)
 
 
-def contents(recording: Recording) -> dict[str, Any]:
+def contents(recording: AnyRecording) -> dict[str, Any]:
     """Return a recording's contents as plain values: origin, topics, ranges of the signals, and number of events."""
     signals = {
         name: {"least": least, "greatest": greatest, "unit": unit}
@@ -68,13 +70,13 @@ def contents(recording: Recording) -> dict[str, Any]:
     }
 
 
-def facts(recording: Recording) -> dict[str, str]:
+def facts(recording: AnyRecording) -> dict[str, str]:
     """Return a recording's origin in words, by what is said; empty where nothing is recorded."""
     run, metadata = recording.run, recording.metadata
     steps = np.diff(run.time)
     return {
         "instrument": _instrument(recording),
-        "axes": ", ".join(run.axes),
+        **_named(run),
         "protocol": _protocol_name(metadata.get("protocol", "")),
         "seed": metadata.get("seed", ""),
         "made with": ", ".join(f"{name} {metadata[name]}" for name in _VERSIONS if name in metadata),
@@ -85,15 +87,28 @@ def facts(recording: Recording) -> dict[str, str]:
     }
 
 
-def _facts(recording: Recording) -> Table:
+def _facts(recording: AnyRecording) -> Table:
     table = Table.grid(padding=(0, 2))
     for name, fact in facts(recording).items():
         table.add_row(name, Text(fact or "not recorded"))
     return table
 
 
-def _controller(recording: Recording) -> dict[str, str]:
+def _named(run: AnyRun) -> dict[str, str]:
+    """Return the axes, or joints and tendons."""
+    if not isinstance(run, CoupledRun):
+        return {"axes": ", ".join(run.axes)}
+    return {
+        "joints": ", ".join(run.joints),
+        "handle": ", ".join(run.handle_joints) or "no joints",
+        "tendons": ", ".join(run.tendons),
+    }
+
+
+def _controller(recording: AnyRecording) -> dict[str, str]:
     """Return the controller's choices and the outcome of the run; empty without a controller."""
+    if isinstance(recording, CoupledRecording):
+        return _coupled_controller(recording) | coupled_outcome(recording.run)
     try:
         choices = controller_choices(recording)
         inst = recording.instrument()
@@ -106,7 +121,26 @@ def _controller(recording: Recording) -> dict[str, str]:
     return {"controller": in_words(choices, controller_inst, inst), **outcome(recording.run, inst, names)}
 
 
-def _instrument(recording: Recording) -> str:
+def _coupled_controller(recording: CoupledRecording) -> dict[str, str]:
+    try:
+        choices = controller_choices(recording)
+    except RecordingError as problem:
+        return {"controller": str(problem)}
+    if choices is None:
+        return {}
+    words = ", ".join(f"{choices.get(choice)} {choice}" for choice in ("law", "observer", "actuation"))
+    return {"controller": f"{words}, of {' and '.join(recording.run.compensated)}"}
+
+
+def coupled_outcome(run: CoupledRun) -> dict[str, str]:
+    """Return the outcome of a coupled run in words: a controller's state and faults, tensions, and slack."""
+    if "operating_state" not in run.signals or not len(run):
+        return tension_facts(run)
+    state = {"state": _states(run["operating_state"][:, 0], run.time)}
+    return state | {"faults": _faults(run["faults"], run.time, FAULTS)} | tension_facts(run)
+
+
+def _instrument(recording: AnyRecording) -> str:
     try:
         return recording.instrument().name
     except RecordingError:
@@ -124,7 +158,7 @@ def _protocol_name(protocol: str) -> str:
     return name if isinstance(name, str) else protocol.strip().partition("\n")[0]
 
 
-def _topics(recording: Recording) -> Table:
+def _topics(recording: AnyRecording) -> Table:
     # On 80 columns nothing is cut off.
     table = Table(
         Column("Topic", no_wrap=True),
@@ -143,14 +177,14 @@ def _topics(recording: Recording) -> Table:
     return table
 
 
-def _ranges(run: Run) -> Table:
+def _ranges(run: AnyRun) -> Table:
     table = Table("Signal", "Least", "Greatest", "Unit", box=box.SIMPLE_HEAD)
     for name, *ends, unit in _ends(run):
         table.add_row(name, *("" if end is None else f"{end:.4g}" for end in ends), unit)
     return table
 
 
-def _ends(run: Run) -> Iterator[tuple[str, float | None, float | None, str]]:
+def _ends(run: AnyRun) -> Iterator[tuple[str, float | None, float | None, str]]:
     """Yield signals with their smallest and largest value, None without one, and their unit; angles in deg."""
     for heading, values in columns(run).items():
         name, unit = heading.removesuffix("]").split(" [")
@@ -208,7 +242,7 @@ def outcome(run: Run, inst: Instrument, names: Sequence[str] = FAULTS) -> dict[s
     angles = {"handle_angle", "measured_handle_angle"} & signals and {"output_angle", "measured_output_angle"} & signals
     if run.operating_state is None or run.faults is None:
         tip = {"tip": _deviation(run, tip_error(run, inst))} if angles else {}
-        return tip | _tensions(run)
+        return tip | tension_facts(run)
     state = run.operating_state.reshape(len(run), -1)[:, 0]
     facts = {"state": _states(state, run.time), "faults": _faults(run.faults, run.time, names)}
     if angles:
@@ -247,18 +281,22 @@ def _deviation(run: Run, error: Array) -> str:
     return "; ".join(parts)
 
 
-def _tensions(run: Run) -> dict[str, str]:
+def tension_facts(run: AnyRun) -> dict[str, str]:
     """Return the ranges of the tensions beside the spools, and for how long tendons were slack at the tip."""
-    tension = run.measured_tension if run.tension is None else run.tension
-    if tension is None:
+    signals = signals_of(run)
+    tension = signals.get("tension", signals.get("measured_tension"))
+    if tension is None or not len(run):
         return {}
-    names = [f"{axis} {tendon}" if len(run.axes) > 1 else tendon for axis in run.axes for tendon in TENDONS]
+    if isinstance(run, CoupledRun):
+        names = list(run.tendons)
+    else:
+        names = [f"{axis} {tendon}" if len(run.axes) > 1 else tendon for axis in run.axes for tendon in TENDONS]
     rows = tension.reshape(len(run), -1).T
     ranges = (f"{name} {np.nanmin(row):.3g} to {np.nanmax(row):.3g} N" for name, row in zip(names, rows, strict=True))
     facts = {"tensions": ", ".join(ranges)}
-    if run.distal_tension is not None:
+    if "distal_tension" in signals:
         step = float(np.median(np.diff(run.time))) if len(run) > 1 else 0.0
-        loose = (run.distal_tension <= 0).reshape(len(run), -1).T
+        loose = (signals["distal_tension"] <= 0).reshape(len(run), -1).T
         slack = [
             f"{name} for {np.count_nonzero(row) * step:.3g} s, first at {run.time[row.argmax()]:.4g} s"
             for name, row in zip(names, loose, strict=True)

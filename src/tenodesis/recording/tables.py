@@ -12,6 +12,7 @@ import numpy as np
 from tenodesis.errors import RecordingError
 from tenodesis.extras import require
 from tenodesis.files import atomic_file
+from tenodesis.recording.schemas import AnyRun, described
 from tenodesis.run import SIGNALS, TENDONS, Array, Run
 
 if TYPE_CHECKING:
@@ -21,9 +22,14 @@ TIME = "time [s]"
 """Heading of the time."""
 
 
-def columns(run: Run) -> dict[str, Array]:
-    """Return a run's signals (n,) by heading, such as ``measured_tension.yaw.agonist [N]``."""
+def columns(run: AnyRun) -> dict[str, Array]:
+    """Return a run's signals (n,) by heading: ``measured_tension.yaw.agonist [N]``, ``tension.jaw_1_wound [N]``."""
     table: dict[str, Array] = {}
+    if not isinstance(run, Run):
+        for name in run.signals:
+            for heading in [f"{name}.{column}" for column in run.columns(name)] or [name] * (run[name].ndim == 1):
+                table[f"{heading} [{described(heading).unit}]"] = run[heading]
+        return table
     for name, values in run.signals().items():
         signal = SIGNALS[name]
         ends = TENDONS if signal.per_tendon else (None,)
@@ -34,8 +40,8 @@ def columns(run: Run) -> dict[str, Array]:
     return table
 
 
-def to_pandas(run: Run) -> "pd.DataFrame":
-    """Return a run as a DataFrame, a column per signal and axis or tendon, over the time in s.
+def to_pandas(run: AnyRun) -> "pd.DataFrame":
+    """Return a run as a DataFrame, a column per signal and axis, joint or tendon, over the time in s.
 
     Raises
     ------
@@ -47,7 +53,7 @@ def to_pandas(run: Run) -> "pd.DataFrame":
     return table
 
 
-def to_csv(run: Run, path: str | Path) -> None:
+def to_csv(run: AnyRun, path: str | Path) -> None:
     """Write a run as CSV, numbers to the last bit and NaN as an empty cell.
 
     Raises
@@ -63,7 +69,7 @@ def to_csv(run: Run, path: str | Path) -> None:
             writer.writerow("" if math.isnan(value) else value for value in row)
 
 
-def to_parquet(run: Run, path: str | Path) -> None:
+def to_parquet(run: AnyRun, path: str | Path) -> None:
     """Write a run as Parquet, with the columns of :func:`to_pandas`.
 
     Raises

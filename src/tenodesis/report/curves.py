@@ -7,6 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from tenodesis import statics
+from tenodesis.coupled import CoupledRun
+from tenodesis.coupled.twin import signal as coupled_signal
 from tenodesis.instrument import Instrument
 from tenodesis.report import style
 from tenodesis.report.content import Array, Chart, unit_text
@@ -19,7 +21,9 @@ _SHOWN = (
     ("force", "contact_force", "estimated_force"),
 )
 """Signals of a run that are drawn, a panel each, if nothing else is wanted."""
-_QUANTITIES = {"rad": "angle", "rad/s": "speed", "N": "force", "N*m": "moment"}
+_COUPLED_SHOWN = ("commanded_handle_angle", "output_angle", "tension", "wrench", "grip_force")
+"""Signals of a coupled run that are drawn, a panel each, where they are not zero throughout."""
+_QUANTITIES = {"N, N*m": "load", "rad": "angle", "rad/s": "speed", "N": "force", "N*m": "moment"}
 _READABLE = {"rad": "deg", "rad/s": "deg/s"}
 _MOST_POINTS = 20_000
 _BEFORE_STEP, _AFTER_STEP = 2.0, 6.0
@@ -287,6 +291,42 @@ def signals(run: Run, names: Sequence[str] = ()) -> Chart:
         axes[-1, column].set_xlim(time[0], time[-1]) if len(time) > 1 else None
     figure.align_ylabels()
     return chart
+
+
+def coupled_signals(run: CoupledRun, names: Sequence[str] = ()) -> Chart:
+    """Draw signals of a coupled run over time, a panel each with a curve per joint or tendon.
+
+    Those named, ``output_angle`` or ``output_angle.yaw``, or angles, tensions, loads and grip. Raises KeyError if a
+    signal is unknown or was not recorded.
+    """
+    shown = {name: run[name] for name in names or [name for name in _COUPLED_SHOWN if _moves(run, name)]}
+    figure = style.drawing(width=7.0, height=0.6 + 2.2 * len(shown))
+    chart = Chart(figure)
+    thin = run.rows(step=max(1, len(run) // _MOST_POINTS))
+    time = chart.keep("time [s]", thin.time)
+    panels = figure.subplots(len(shown), 1, squeeze=False, sharex=True)[:, 0]
+    for panel, name in zip(panels, shown, strict=True):
+        signal, _, one = name.partition(".")
+        unit = coupled_signal(signal).unit
+        readable = _READABLE.get(unit, unit)
+        factor = in_unit(readable, unit) if readable != unit else 1.0
+        parts = [one] if one else list(run.columns(signal))
+        drawn = [part for part in parts if one or _moves(run, f"{signal}.{part}")] or parts[:1]
+        headings = [f"{signal}.{part}" for part in drawn] or [signal]
+        for heading, tone in zip(headings, style.colors(len(headings)), strict=True):
+            label = heading.partition(".")[2] or signal.replace("_", " ")
+            chart.curve(panel, time, f"{heading} [{readable}]", factor * thin[heading], color=tone, lw=1.2, label=label)
+        panel.set_ylabel(f"{signal.replace('_', ' ')}\n[{unit_text(readable)}]")
+        style.legend_above(panel, 4)
+    panels[-1].set_xlabel("time [s]")
+    panels[-1].set_xlim(time[0], time[-1]) if len(time) > 1 else None
+    figure.align_ylabels()
+    return chart
+
+
+def _moves(run: CoupledRun, name: str) -> bool:
+    """Return whether a run has a signal, or a column of one, that is not zero throughout."""
+    return name.partition(".")[0] in run.signals and bool(np.nan_to_num(run[name]).any())
 
 
 def _recorded(run: Run, names: Sequence[str]) -> list[str]:

@@ -115,7 +115,7 @@ def draw(inst: CoupledInstrument, problem: RouteError | None = None) -> Figure:
         axis.set(xlim=(0, width), ylim=(0, height))
         axis.axis("off")
         axis.text(_MARGIN, height - _MARGIN, inst.name, weight="bold", va="top", fontsize=11)
-        colours = _colours(len(inst.tendons))
+        colours = tendon_colours(len(inst.tendons))
         _draw_links(axis, inst, boxes, left)
         for box in boxes:
             _draw_box(axis, box, colours, problem)
@@ -345,6 +345,7 @@ def _wrapped(sentence: str, width: float) -> list[str]:
     return textwrap.wrap(sentence, int((width - 2 * _MARGIN) / 0.068))
 
 
-def _colours(count: int) -> list[str]:
+def tendon_colours(count: int) -> list[str]:
+    """Return a colour for each tendon."""
     named = [*mpl.color_sequences["tab10"], *mpl.color_sequences["Dark2"]]
     return [mpl.colors.to_hex(colour) for colour in named[:count]]

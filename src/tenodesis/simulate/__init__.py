@@ -9,11 +9,12 @@ from tenodesis.errors import ProtocolError
 from tenodesis.run import concatenate
 from tenodesis.simulate.chirp import Chirp
 from tenodesis.simulate.command import Plant
+from tenodesis.simulate.coupled import default_protocol, execute_coupled
 from tenodesis.simulate.execution import execute
 from tenodesis.simulate.fault_injection import INJECTION_POINTS, FaultInjection
-from tenodesis.simulate.loads import LoadStep
+from tenodesis.simulate.loads import LoadStep, Wrench
 from tenodesis.simulate.motion import Motion
-from tenodesis.simulate.phases import Cycles, Hold, Ramp, StepLoad, TissueContact
+from tenodesis.simulate.phases import Cycles, GrippedObject, Hold, Ramp, StepLoad, TissueContact
 from tenodesis.simulate.pretension import Pretension
 from tenodesis.simulate.protocol import AnyPhase, Protocol, json_schema, load, parse, shipped
 
@@ -23,6 +24,7 @@ __all__ = [
     "Chirp",
     "Cycles",
     "FaultInjection",
+    "GrippedObject",
     "Hold",
     "LoadStep",
     "Motion",
@@ -33,8 +35,11 @@ __all__ = [
     "Ramp",
     "StepLoad",
     "TissueContact",
+    "Wrench",
     "concatenate",
+    "default_protocol",
     "execute",
+    "execute_coupled",
     "json_schema",
     "load",
     "parse",

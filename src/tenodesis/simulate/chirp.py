@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from tenodesis.errors import ProtocolError
-from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.simulate.command import SMOOTH, Segment
 from tenodesis.simulate.model import check_choice
 from tenodesis.simulate.phases import Loaded, Start
-from tenodesis.simulate.reach import check_handle_angles, unloaded_handle_angle
+from tenodesis.simulate.reach import unloaded_handle_angle
 from tenodesis.units import Angle, Duration, Frequency, HandleSpeed, SignedForce
 
 Sweep: TypeAlias = Literal["linear", "logarithmic"]
@@ -56,10 +55,11 @@ class Chirp(Loaded):
     def segments(self, start: Start) -> Iterator[Segment]:
         """Yield the move to the middle, and the chirp."""
         middle = start.handle_angle if self.handle_angle is None else self.handle_angle
-        angle = self._handle_amplitude(start.inst)
+        angle = self._handle_amplitude(start)
         size = abs(angle)
         names = ["handle_angle", "handle_angle + amplitude", "handle_angle - amplitude"]
-        check_handle_angles(start.inst, names, middle + np.array([0.0, size, -size]))
+        for name, reached in zip(names, middle + np.array([0.0, size, -size]), strict=True):
+            start.reached(name, float(reached))
         steps = start.steps(self.duration)
         self._check_rates(start, steps)
         yield from self.approached(start, middle)
@@ -74,11 +74,11 @@ class Chirp(Loaded):
         held = partial(np.full_like, fill_value=middle, dtype=np.float64)
         yield self.moved(start, (middle, middle), steps, held, lambda done: size * wave(done))
 
-    def _handle_amplitude(self, inst: Instrument) -> float:
+    def _handle_amplitude(self, start: Start) -> float:
         """Return the amplitude of the handle angle, rad; raises ProtocolError if no handle angle gives it."""
         if self.output_amplitude is None:
             return self.amplitude or 0.0
-        return unloaded_handle_angle(inst, "output_amplitude", self.output_amplitude)
+        return unloaded_handle_angle(start.inst, "output_amplitude", self.output_amplitude)
 
     def cycles(self, share: Array, seconds: float) -> Array:
         """Return the periods done (n,) after shares of a duration (s); its derivative by time is the frequency."""
@@ -99,7 +99,7 @@ class Chirp(Loaded):
         key = "end_frequency" if self.end_frequency == most else "start_frequency"
         least = 1 / self.start_frequency + 1 / self.end_frequency
         finest = 1 / (_LEAST_STEPS * start.time_step)
-        amplitude = self._handle_amplitude(start.inst)
+        amplitude = self._handle_amplitude(start)
         speed = 2 * math.pi * most * abs(amplitude)
         if steps * start.time_step < least * (1 - 1e-9):
             raise ProtocolError(

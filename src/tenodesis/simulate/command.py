@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tenodesis.control import Controller
+from tenodesis.coupled import CoupledInstrument, Held
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array, Run
 from tenodesis.twin import Contact
@@ -65,6 +66,11 @@ class Command(NamedTuple):
         """What may change along a segment, by name."""
         return {name: getattr(self, name) for name in VALUES}
 
+    @property
+    def constant(self) -> dict[str, Any]:
+        """What stays along a segment, by name."""
+        return {} if self.contact is None else {"contact": self.contact}
+
     def on(self, axis: int, **changes: float | Sequence[float] | Array | None) -> Self:
         """Return this command with values changed on an axis; None leaves a value unchanged."""
         changed = {}
@@ -83,6 +89,59 @@ class Command(NamedTuple):
 VALUES = ("handle_angle", "force", "radial_force", "spool_velocity")
 
 
+class Between(NamedTuple):
+    """What is between the jaws, as :class:`tenodesis.coupled.Held`; without an opening as far as they are open."""
+
+    opening: float | None
+    stiffness: float
+    damping: float
+
+    def held(self, opening: float) -> Held:
+        """Return it between jaws that are open by a length, m."""
+        return Held(opening if self.opening is None else self.opening, self.stiffness, self.damping)
+
+
+class CoupledCommand(NamedTuple):
+    """Command at an instant to an instrument whose joints share tendons.
+
+    Angles of the handle's joints (rad), wrench at the tip (6,), force that presses the jaws apart (1,), velocities of
+    the tendons' spools (rad/s), and what is between the jaws.
+    """
+
+    handle_angle: Array
+    wrench: Array
+    grip_force: Array
+    spool_velocity: Array
+    between: Between | None = None
+
+    @classmethod
+    def rest(cls, inst: CoupledInstrument) -> Self:
+        """Return the command of an instrument that is straight, unloaded and not driven."""
+        handles, tendons = len(inst.handle_joints), len(inst.tendons)
+        return cls(np.zeros(handles), np.zeros(6), np.zeros(1), np.zeros(tendons))
+
+    @property
+    def values(self) -> dict[str, Array]:
+        """What may change along a segment, by name."""
+        return {name: values for name, values in self._asdict().items() if name != "between"}
+
+    @property
+    def constant(self) -> dict[str, Any]:
+        """What stays along a segment, by name."""
+        return {"between": self.between}
+
+    def on(self, axis: int, **changes: float | Sequence[float] | Array | None) -> Self:
+        """Return this command with values changed, the handle's angle for one of its joints; None changes nothing."""
+        changed = {name: getattr(self, name).copy() for name, value in changes.items() if value is not None}
+        for name, values in changed.items():
+            if values.size:
+                values[axis if name == "handle_angle" else slice(None)] = changes[name]
+        return self._replace(**changed)
+
+
+AnyCommand: TypeAlias = Command | CoupledCommand
+
+
 @dataclass(frozen=True)
 class Segment:
     """A part of a phase: every command goes linearly from start to end, where the last step is.
@@ -90,8 +149,8 @@ class Segment:
     Where there is a path for a command, it gives that of one axis instead. Tissue is that of the start.
     """
 
-    start: Command
-    end: Command
+    start: AnyCommand
+    end: AnyCommand
     steps: int
     axis: int = 0
     paths: Mapping[Moved, PathByStep] = field(default_factory=dict)
@@ -105,7 +164,7 @@ class Segment:
         }
         for name, path in self.paths.items():
             columns[name][:, self.axis] = path(done)
-        single = self.start.handle_angle.size == 1
+        single = isinstance(self.start, Command) and self.start.handle_angle.size == 1
         return {name: values[:, 0] if single else values for name, values in columns.items()}
 
 
@@ -117,10 +176,10 @@ def between(start: float | Array, end: float | Array, fraction: Array) -> Array:
 
 
 def sampled(segments: Sequence[Segment], size: int) -> Iterator[dict[str, Any]]:
-    """Yield the commands of consecutive segments in blocks of at most `size` steps, each with the same tissue."""
-    for contact, same in groupby(segments, lambda segment: segment.start.contact):
+    """Yield the commands of consecutive segments in blocks of `size` steps at most; tissue or object stays in each."""
+    for constant, same in groupby(segments, lambda segment: segment.start.constant):
         for block in _blocks(same, size):
-            yield block if contact is None else {**block, "contact": contact}
+            yield {**block, **constant}
 
 
 def _blocks(segments: Iterable[Segment], size: int) -> Iterator[dict[str, Array]]:
@@ -141,7 +200,7 @@ def _blocks(segments: Iterable[Segment], size: int) -> Iterator[dict[str, Array]
 
 
 def _joined(pieces: Sequence[dict[str, Array]]) -> dict[str, Array]:
-    return {name: np.concatenate([piece[name] for piece in pieces]) for name in VALUES}
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
 
 
 class Plant(Protocol):

@@ -10,8 +10,37 @@ from pydantic import Field, model_validator
 from tenodesis.errors import ProtocolError
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
+from tenodesis.simulate.command import AnyCommand, CoupledCommand
 from tenodesis.simulate.model import ProtocolModel, check_choice
 from tenodesis.units import Delay, Duration, SignedForce, SignedMoment
+
+
+class Wrench(ProtocolModel):
+    """Force and moment on the tip, in the tip's axes; components that are not given stay as they were."""
+
+    fx: SignedForce | None = Field(default=None, description="Force to where positive yaw bends")
+    fy: SignedForce | None = Field(default=None, description="Force to where positive pitch bends")
+    fz: SignedForce | None = Field(default=None, description="Force along the tip, outward")
+    mx: SignedMoment | None = Field(default=None, description="Moment about x")
+    my: SignedMoment | None = Field(default=None, description="Moment about y")
+    mz: SignedMoment | None = Field(default=None, description="Moment about z")
+
+
+class NamedLoad(ProtocolModel):
+    """A load on an instrument whose joints share tendons."""
+
+    wrench: Wrench | None = Field(default=None, description="Load on the tip, where joints share tendons")
+    grip_force: SignedForce | None = Field(default=None, description="Force that presses the jaws apart")
+
+    def on_tip(self, command: AnyCommand) -> AnyCommand:
+        """Return a command with this load."""
+        if not isinstance(command, CoupledCommand):
+            return command
+        wrench = command.wrench.copy()
+        for n, name in enumerate(Wrench.model_fields):
+            component = getattr(self.wrench, name, None)
+            wrench[n] = wrench[n] if component is None else component
+        return command.on(0, wrench=wrench, grip_force=self.grip_force)
 
 
 class AppliedLoad(ProtocolModel):
@@ -24,8 +53,14 @@ class AppliedLoad(ProtocolModel):
 
     @model_validator(mode="after")
     def _check_form(self) -> Self:
-        check_choice(self, "force", "weight", "moment")
+        if not self._named:
+            check_choice(self, "force", "weight", "moment")
         return self
+
+    @property
+    def _named(self) -> bool:
+        """Whether the load is one of a coupled instrument instead."""
+        return False
 
     def tip_force(self, inst: Instrument) -> float:
         """Return the tangential force at the tip, N, for either form of the load.

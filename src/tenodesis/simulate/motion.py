@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from tenodesis import statics
+from tenodesis.coupled import Joint
 from tenodesis.errors import ProtocolError
 from tenodesis.files import read_regular
 from tenodesis.run import Array
@@ -127,12 +128,15 @@ class Motion(Loaded):
     def _handle_angles(self, start: Start) -> Array:
         """Return the handle angle at every sample, rad, shape (n,)."""
         angles = self.scale * _RADIANS[self.angle_unit] * self.samples.values + self.offset
-        return np.clip(angles, -statics.reach(start.inst), statics.reach(start.inst)) if self.limit else angles
+        if not self.limit:
+            return angles
+        reach = start.moved.range if isinstance(start.moved, Joint) else statics.reach(start.inst)
+        return np.clip(angles, -reach, reach)
 
     def _check_angles(self, start: Start, angles: Array) -> None:
         places = zip(self.samples.lines, self.samples.times, strict=True)
         names = [f"{self.file or 'data'}: line {line} ({time:g} s): the handle angle" for line, time in places]
-        check_handle_angles(start.inst, names, angles)
+        check_handle_angles(start.handle("file" if self.file else "data"), names, angles)
 
 
 def _opening_after(start: Start, angle: float) -> Edge:

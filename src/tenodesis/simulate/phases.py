@@ -2,19 +2,33 @@
 
 import math
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from tenodesis.coupled import CoupledInstrument, Joint
 from tenodesis.errors import ProtocolError
 from tenodesis.instrument import AxisName, Instrument
 from tenodesis.run import Array
-from tenodesis.simulate.command import SHAPES, SMOOTH, Command, Moved, PathByStep, Segment, ShapeName, arriving, between
+from tenodesis.simulate.command import (
+    SHAPES,
+    SMOOTH,
+    AnyCommand,
+    Between,
+    Command,
+    CoupledCommand,
+    Moved,
+    PathByStep,
+    Segment,
+    ShapeName,
+    arriving,
+    between,
+)
 from tenodesis.simulate.joint import REST, Edge
-from tenodesis.simulate.loads import AppliedLoad, LoadStep, check_load_steps, stepped_force
+from tenodesis.simulate.loads import AppliedLoad, LoadStep, NamedLoad, check_load_steps, stepped_force
 from tenodesis.simulate.model import ProtocolModel, check_choice
 from tenodesis.simulate.reach import check_handle_angle, unloaded_handle_angle
 from tenodesis.twin import Contact, Side
@@ -24,6 +38,7 @@ from tenodesis.units import (
     Duration,
     HandleSpeed,
     SignedForce,
+    Spacing,
     SpoolVelocity,
     TissueDamping,
     TissueStiffness,
@@ -37,19 +52,40 @@ class Start(NamedTuple):
     """The start of a phase: the instrument of its axis, the axis's index, the last command, the time step (s).
 
     And its neighbours: the end of the phase before, and the phase after if that is open-loop and of the same axis.
+    Where joints share tendons, the axis is a joint of the handle, and `coupled` the whole instrument.
     """
 
-    inst: Instrument
+    moved: Instrument | Joint | None
     axis: int
-    command: Command
+    command: AnyCommand
     time_step: float
     before: Edge = REST
     after: "OpenLoop | None" = None
+    coupled: CoupledInstrument | None = None
+
+    @property
+    def inst(self) -> Instrument:
+        """The planar instrument of the axis."""
+        if not isinstance(self.moved, Instrument):
+            raise ProtocolError("this is for planar instruments; the joints of this one share tendons")
+        return self.moved
 
     @property
     def handle_angle(self) -> float:
-        """The handle angle of the axis, rad."""
-        return float(self.command.handle_angle[self.axis])
+        """The handle angle of the axis, rad; 0 without a handle."""
+        return float(self.command.handle_angle[self.axis]) if self.command.handle_angle.size else 0.0
+
+    def handle(self, key: str) -> Instrument | Joint:
+        """Return what moves by a value given by a key; raises ProtocolError if there is no joint at the handle."""
+        if self.moved is None:
+            raise ProtocolError(
+                f"{key} is given, but there is no joint at the handle; give spool_velocities of a ramp", key=key
+            )
+        return self.moved
+
+    def reached(self, key: str, angle: float) -> float:
+        """Return a handle angle (rad), given by a key; raises ProtocolError if the handle does not reach it."""
+        return check_handle_angle(self.handle(key), key, angle)
 
     def at(self, angle: float) -> bool:
         """Return whether the handle is at an angle (rad), up to rounding."""
@@ -59,7 +95,7 @@ class Start(NamedTuple):
         """Return the number of time steps of a duration (s), rounded up."""
         return math.ceil(seconds / self.time_step * (1 - 1e-9))
 
-    def segment(self, first: Command, last: Command, seconds: float) -> Segment:
+    def segment(self, first: AnyCommand, last: AnyCommand, seconds: float) -> Segment:
         """Return the linear segment between two commands over a duration (s)."""
         return Segment(first, last, self.steps(seconds))
 
@@ -68,6 +104,11 @@ class Phase(ProtocolModel):
     """A part of a protocol, on one axis."""
 
     axis: AxisName | None = Field(default=None, description="Axis it acts on; the first if not given")
+
+    @property
+    def acts_on(self) -> str | None:
+        """Name of the axis, or of the joint of the handle, that it acts on; None for the first."""
+        return self.axis
 
 
 class OpenLoop(Phase):
@@ -85,7 +126,15 @@ class OpenLoop(Phase):
 class Moving(OpenLoop):
     """A phase that begins at a handle angle of its own."""
 
+    joint: str | None = Field(
+        default=None, description="Joint of the handle that it moves, where joints share tendons; the first by default"
+    )
     approach: HandleSpeed = Field(default=math.radians(20), description="Largest handle speed on the way to its start")
+
+    @property
+    def acts_on(self) -> str | None:
+        """Name of the axis, or of the joint of the handle, that it acts on; None for the first."""
+        return self.axis or self.joint
 
     def approached(self, start: Start, angle: float, speed: float = 0.0) -> Iterator[Segment]:
         """Yield the smooth move (minimum jerk) to a handle angle (rad), if the handle is not there.
@@ -105,7 +154,7 @@ class Moving(OpenLoop):
             )
 
 
-class Loaded(Moving):
+class Loaded(NamedLoad, Moving):
     """A phase that moves the handle under load."""
 
     force: SignedForce | None = Field(default=None, description="Tangential force at the tip; as it was if not given")
@@ -126,10 +175,12 @@ class Loaded(Moving):
         steps do not fit into the motion.
         """
         check_load_steps(self.load_steps, steps * start.time_step)
-        first = start.command.on(start.axis, handle_angle=angles[0], force=self.force, radial_force=self.radial_force)
+        first = self.on_tip(start.command).on(
+            start.axis, handle_angle=angles[0], force=self.force, radial_force=self.radial_force
+        )
         last = first.on(start.axis, handle_angle=angles[1], force=self.force_end)
         paths: dict[Moved, PathByStep] = {"handle_angle": path}
-        if self.load_steps or more is not None:
+        if isinstance(first, Command) and isinstance(last, Command) and (self.load_steps or more is not None):
             ends = float(first.force[start.axis]), float(last.force[start.axis])
 
             def force(done: NDArray[np.int64]) -> Array:
@@ -152,7 +203,7 @@ class Hold(OpenLoop):
         yield start.segment(start.command, start.command, self.duration)
 
 
-class Ramp(OpenLoop):
+class Ramp(NamedLoad, OpenLoop):
     """The given commands change linearly to the given values; the others stay constant."""
 
     kind: Literal["ramp"] = "ramp"
@@ -163,30 +214,55 @@ class Ramp(OpenLoop):
     spool_velocity: tuple[SpoolVelocity, SpoolVelocity] | None = Field(
         default=None, description="Spool velocities at the end, agonist's and antagonist's; positive winds"
     )
+    handle_angles: Mapping[str, Angle] = Field(
+        default={}, description="Handle angles at the end by joint, where joints share tendons"
+    )
+    spool_velocities: Mapping[str, SpoolVelocity] = Field(
+        default={}, description="Spool velocities at the end by tendon, where joints share tendons"
+    )
 
     @model_validator(mode="after")
     def _check_given(self) -> Self:
-        if (self.handle_angle, self.force, self.radial_force, self.spool_velocity) == (None,) * 4:
+        planar = (self.handle_angle, self.force, self.radial_force, self.spool_velocity)
+        if (*planar, self.wrench, self.grip_force) == (None,) * 6 and not (self.handle_angles or self.spool_velocities):
             raise ValueError("nothing is ramped; give handle_angle, force, radial_force or spool_velocity")
         return self
 
     def edges(self, start: Start) -> tuple[Edge, Edge]:
         """Return the constant speed of the handle."""
-        way = 0.0 if self.handle_angle is None else self.handle_angle - start.handle_angle
+        angle = self.handle_angle
+        if isinstance(start.moved, Joint):
+            angle = self.handle_angles.get(start.moved.name)
+        way = 0.0 if angle is None else angle - start.handle_angle
         return (Edge(way / self.duration),) * 2
 
     def segments(self, start: Start) -> Iterator[Segment]:
         """Yield its only segment."""
         if self.handle_angle is not None:
             check_handle_angle(start.inst, "handle_angle", self.handle_angle)
-        end = start.command.on(
+        end = self.on_tip(start.command).on(
             start.axis,
             handle_angle=self.handle_angle,
             force=self.force,
             radial_force=self.radial_force,
             spool_velocity=self.spool_velocity,
         )
+        if start.coupled is not None:
+            end = self._by_name(start.coupled, end)
         yield start.segment(start.command, end, self.duration)
+
+    def _by_name(self, inst: CoupledInstrument, end: AnyCommand) -> AnyCommand:
+        """Return a command with the values that are given by joint and tendon."""
+        joints = {joint.name: n for n, joint in enumerate(inst.handle_joints)}
+        for name, angle in self.handle_angles.items():
+            place = _place("handle_angles", name, joints, "joints of the handle")
+            check_handle_angle(inst.handle_joints[place], f"handle_angles.{name}", angle)
+            end = end.on(place, handle_angle=angle)
+        tendons = {tendon.name: n for n, tendon in enumerate(inst.tendons) if tendon.start == "spool"}
+        velocities = end.spool_velocity.copy()
+        for name, velocity in self.spool_velocities.items():
+            velocities[_place("spool_velocities", name, tendons, "tendons with a spool")] = velocity
+        return end.on(0, spool_velocity=velocities)
 
 
 class Cycles(Loaded):
@@ -213,23 +289,23 @@ class Cycles(Loaded):
             raise ValueError("from and symmetric are both given; give only one of them")
         return self
 
-    def ends(self, inst: Instrument) -> tuple[float, float]:
+    def ends(self, start: Start) -> tuple[float, float]:
         """Return the handle angles (rad) the cycles go from and to.
 
         Raises ProtocolError if an angle is out of range, or both are the same.
         """
         if self.amplitude is not None:
-            far = check_handle_angle(inst, "amplitude", self.amplitude)
+            far = start.reached("amplitude", self.amplitude)
         else:
-            far = unloaded_handle_angle(inst, "output_amplitude", self.output_amplitude or 0.0)
-        near = -far if self.symmetric else check_handle_angle(inst, "from", self.start)
+            far = unloaded_handle_angle(start.inst, "output_amplitude", self.output_amplitude or 0.0)
+        near = -far if self.symmetric else start.reached("from", self.start)
         if near == far:
             raise ProtocolError("the cycles start at their far end; give an amplitude that differs from the start")
         return near, far
 
     def segments(self, start: Start) -> Iterator[Segment]:
         """Yield the move to the first cycle, and the cycles."""
-        near, far = self.ends(start.inst)
+        near, far = self.ends(start)
         yield from self.approached(start, near)
         stroke = self._stroke(start, near, far)
 
@@ -243,7 +319,7 @@ class Cycles(Loaded):
         """Return the speed of a triangle's strokes; other shapes begin and end at rest, and so does an approach."""
         if self.shape != "triangle":
             return REST, REST
-        near, far = self.ends(start.inst)
+        near, far = self.ends(start)
         speed = (far - near) / (self._stroke(start, near, far) * start.time_step)
         return Edge(speed) if start.at(near) else REST, Edge(-speed)
 
@@ -252,7 +328,7 @@ class Cycles(Loaded):
         return start.steps(self.period / 2 if self.period is not None else abs(far - near) / (self.speed or 1.0))
 
 
-class StepLoad(Moving, AppliedLoad):
+class StepLoad(NamedLoad, Moving, AppliedLoad):
     """The handle is held; after a delay a load is applied, held, and removed again if a release is given.
 
     After the release the force is what it was before; without a release the load stays for the phases that follow.
@@ -274,7 +350,7 @@ class StepLoad(Moving, AppliedLoad):
         """Yield the move to the handle angle, the delay, the load, and its release."""
         angle = self._angle(start)
         free = start.command.on(start.axis, handle_angle=angle)
-        loaded = free.on(start.axis, force=self.tip_force(start.inst))
+        loaded = self.on_tip(free) if self._named else free.on(start.axis, force=self.tip_force(start.inst))
         yield from self.approached(start, angle)
         yield start.segment(free, free, self.delay)
         yield start.segment(free, loaded, self.rise)
@@ -287,8 +363,40 @@ class StepLoad(Moving, AppliedLoad):
         if self.output_angle is not None:
             return unloaded_handle_angle(start.inst, "output_angle", self.output_angle)
         if self.handle_angle is not None:
-            return check_handle_angle(start.inst, "handle_angle", self.handle_angle)
+            return start.reached("handle_angle", self.handle_angle)
         return start.handle_angle
+
+    @property
+    def _named(self) -> bool:
+        return self.wrench is not None or self.grip_force is not None
+
+
+class GrippedObject(OpenLoop):
+    """The jaws get an object between them, a spring that they press, or lose it; all else stays as it is.
+
+    Without a duration the phase takes one time step.
+    """
+
+    kind: Literal["object"] = "object"
+    stiffness: TissueStiffness = Field(description="Of the object; 0 N/m takes it away")
+    opening: Spacing | None = Field(
+        default=None, description="Opening of the jaws below which they press it; as far as they are open by default"
+    )
+    damping: TissueDamping = Field(default=0.0, description="Of the object")
+    duration: Duration | None = Field(default=None, description="How long; else it stays for the phases that follow")
+
+    def segments(self, start: Start) -> Iterator[Segment]:
+        """Yield the time with the object, and what follows it."""
+        if start.coupled is None or not isinstance(start.command, CoupledCommand) or start.coupled.grip is None:
+            raise ProtocolError(
+                "there are no jaws that grip; the instrument's file must have a table [grip]", key="kind"
+            )
+        between = Between(self.opening, self.stiffness, self.damping) if self.stiffness else None
+        placed = start.command._replace(between=between)
+        yield start.segment(placed, placed, self.duration or start.time_step)
+        if self.duration is not None:
+            free = placed._replace(between=None)
+            yield start.segment(free, free, 0.0)
 
 
 class TissueContact(OpenLoop):
@@ -313,7 +421,10 @@ class TissueContact(OpenLoop):
 
     def segments(self, start: Start) -> Iterator[Segment]:
         """Yield the time in contact, and what follows it."""
-        touching = start.command.touching(start.axis, self._contact(start.inst))
+        contact = self._contact(start.inst)
+        if not isinstance(start.command, Command):
+            raise TypeError("tissue touches planar instruments")
+        touching = start.command.touching(start.axis, contact)
         yield start.segment(touching, touching, self.duration or start.time_step)
         if self.duration is not None:
             free = touching.touching(start.axis, None)
@@ -331,3 +442,12 @@ class TissueContact(OpenLoop):
                 allowed=stop,
             )
         return Contact(self.angle, self.stiffness, self.damping, self.side)
+
+
+def _place(key: str, name: str, places: Mapping[str, int], what: str) -> int:
+    if name not in places:
+        allowed = ", ".join(places) or "none"
+        raise ProtocolError(
+            f"{key} names {name}; it must name {what}: {allowed}", key=f"{key}.{name}", value=name, allowed=allowed
+        )
+    return places[name]

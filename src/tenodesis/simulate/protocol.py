@@ -4,25 +4,26 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, TypeAlias
+from typing import Annotated, Any, NamedTuple, TypeAlias, cast
 
 import tomli_w
 from pydantic import Field, field_validator
 
+from tenodesis.coupled import CoupledInstrument, Joint
 from tenodesis.errors import ProtocolError
 from tenodesis.instrument import Instrument, InstrumentLike, Name, as_instrument
 from tenodesis.instrument.text import with_units
 from tenodesis.run import Array
 from tenodesis.simulate.chirp import Chirp
-from tenodesis.simulate.command import Command, Segment, sampled
+from tenodesis.simulate.command import AnyCommand, Command, CoupledCommand, Segment, sampled
 from tenodesis.simulate.joint import REST
 from tenodesis.simulate.model import ProtocolModel
 from tenodesis.simulate.motion import Motion
-from tenodesis.simulate.phases import Cycles, Hold, Ramp, Start, StepLoad, TissueContact
+from tenodesis.simulate.phases import Cycles, GrippedObject, Hold, Ramp, Start, StepLoad, TissueContact
 from tenodesis.simulate.pretension import Pretension
 from tenodesis.toml import parse_toml, read_text, validated
 
-OpenLoopPhase: TypeAlias = Hold | Cycles | StepLoad | Ramp | Motion | Chirp | TissueContact
+OpenLoopPhase: TypeAlias = Hold | Cycles | StepLoad | Ramp | Motion | Chirp | TissueContact | GrippedObject
 AnyPhase: TypeAlias = Pretension | OpenLoopPhase
 """A phase of any kind."""
 
@@ -35,7 +36,10 @@ _SHIPPED = Path(__file__).parent / "shipped"
 
 
 class Planned(NamedTuple):
-    """A phase on an instrument: its label in errors, its initial command, and its segments if it is open-loop."""
+    """A phase on an instrument: its label in errors, its initial command, and its segments if it is open-loop.
+
+    Where joints share tendons the initial command is a CoupledCommand, which nothing asks for.
+    """
 
     phase: AnyPhase
     label: str
@@ -71,7 +75,7 @@ class Protocol(ProtocolModel):
         tables = [{"kind": phase.kind} | with_units(phase, unset=False) for phase in phases]
         return tomli_w.dumps(with_units(self, unset=False) | {"phases": tables}, multiline_strings=True)
 
-    def duration(self, inst: InstrumentLike, time_step: float = 1e-3) -> float:
+    def duration(self, inst: InstrumentLike | CoupledInstrument, time_step: float = 1e-3) -> float:
         """Return the duration of a run, s; closed-loop phases count with their timeout.
 
         Every move is rounded up to full time steps (s). Raises ProtocolError if the instrument cannot run it, or not
@@ -109,31 +113,36 @@ class Protocol(ProtocolModel):
         """Whether the tip meets tissue in it."""
         return any(isinstance(phase, TissueContact) for phase in self.phases)
 
-    def plan(self, inst: InstrumentLike, time_step: float) -> list[Planned]:
+    def plan(self, inst: InstrumentLike | CoupledInstrument, time_step: float) -> list[Planned]:
         """Return the phases planned on an instrument, at a time step (s).
 
         Raises ProtocolError if the instrument cannot run it, or not within an hour.
         """
-        inst = as_instrument(inst)
+        inst = inst if isinstance(inst, CoupledInstrument) else as_instrument(inst)
         block_size(time_step, time_step)
+        moved = _moved(inst)
+        names = list(moved) or [""]
         plan: list[Planned] = []
-        command, total = Command.rest(len(inst.axes), tissue=self.has_tissue), 0.0
+        command, total = _rest(inst, tissue=self.has_tissue), 0.0
         before, before_axis = REST, ""
         for number, (phase, following) in enumerate(zip(self.phases, (*self.phases[1:], None), strict=True), 1):
             label = f"{self.name}: phase {number} ({phase.kind})"
-            axis = phase.axis or inst.axes[0]
+            axis = phase.acts_on or names[0]
             after = following if isinstance(following, OpenLoopPhase) else None
-            if after is not None and (after.axis or inst.axes[0]) != axis:
+            if after is not None and (after.acts_on or names[0]) != axis:
                 after = None
             with errors_of(label):
+                _check_keys(phase, inst)
                 _check_axis(phase, inst)
                 if isinstance(phase, Pretension):
-                    planned, before = Planned(phase, label, command, (), phase.timeout), REST
-                    command = phase.end(command, inst)
+                    initial = cast("Command", command)
+                    planned, before = Planned(phase, label, initial, (), phase.timeout), REST
+                    command = phase.end(initial, cast("Instrument", inst))
                 else:
-                    index = inst.axes.index(axis)
+                    index = names.index(axis)
                     edge = before if axis == before_axis else REST
-                    start = Start(inst.planar[index], index, command, time_step, edge, after)
+                    whole = inst if isinstance(inst, CoupledInstrument) else None
+                    start = Start(moved.get(axis), index, command, time_step, edge, after, whole)
                     planned, before = _planned(phase, label, start), phase.edges(start)[1]
                     command = planned.segments[-1].end
             before_axis = axis
@@ -202,13 +211,82 @@ def block_size(time_step: float, seconds: float) -> int:
     return max(1, math.floor(seconds / time_step * (1 + 1e-9)))
 
 
-def _check_axis(phase: AnyPhase, inst: Instrument) -> None:
-    if phase.axis is not None and phase.axis not in inst.axes:
-        allowed = " or ".join(inst.axes)
+_OF_PLANAR = {
+    "axis": "joint",
+    "force": "wrench",
+    "force_end": "wrench of a ramp",
+    "radial_force": "wrench",
+    "weight": "wrench",
+    "moment": "wrench",
+    "load_steps": "wrench of a step-load",
+    "force_amplitude": "amplitude",
+    "output_amplitude": "amplitude",
+    "output_angle": "handle_angle",
+    "spool_velocity": "spool_velocities",
+}
+"""Keys of planar instruments, and what takes their place where joints share tendons."""
+
+_OF_COUPLED = {
+    "joint": "axis",
+    "wrench": "force and radial_force",
+    "grip_force": "force",
+    "handle_angles": "handle_angle",
+    "spool_velocities": "spool_velocity",
+}
+"""The same the other way round."""
+
+_KINDS = {"pretension": "hold; its tendons are at their pretension at the start", "contact": "object"}
+
+
+def _check_keys(phase: AnyPhase, inst: Instrument | CoupledInstrument) -> None:
+    """Refuse a phase of a kind, or with a key, that this kind of instrument does not have."""
+    is_coupled = isinstance(inst, CoupledInstrument)
+    what = "whose joints share tendons" if is_coupled else "whose axes are planar"
+    kinds = _KINDS if is_coupled else {"object": "contact"}
+    if phase.kind in kinds:
         raise ProtocolError(
-            f"axis is {phase.axis}; it must be {allowed}, which {inst.name} has",
-            key="axis",
-            value=phase.axis,
+            f"kind is {phase.kind}, which {inst.name}, {what}, does not have; it must be {kinds[phase.kind]}",
+            key="kind",
+            value=phase.kind,
+            allowed=kinds[phase.kind],
+        )
+    instead = _OF_PLANAR if is_coupled else _OF_COUPLED
+    if is_coupled and phase.kind == "ramp":
+        instead = instead | {"handle_angle": "handle_angles"}
+    for key in instead:
+        if key in phase.model_fields_set and getattr(phase, key) not in (None, (), {}):
+            raise ProtocolError(
+                f"{key} is given, which {inst.name}, {what}, does not have; give {instead[key]}",
+                key=key,
+                value=getattr(phase, key),
+                allowed=instead[key],
+            )
+
+
+def _moved(inst: Instrument | CoupledInstrument) -> dict[str, Instrument | Joint]:
+    """Return what a phase may move by its name: axes, or joints of the handle."""
+    if isinstance(inst, CoupledInstrument):
+        return {joint.name: joint for joint in inst.handle_joints}
+    return dict(zip(inst.axes, inst.planar, strict=True))
+
+
+def _rest(inst: Instrument | CoupledInstrument, *, tissue: bool) -> AnyCommand:
+    if isinstance(inst, CoupledInstrument):
+        return CoupledCommand.rest(inst)
+    return Command.rest(len(inst.axes), tissue=tissue)
+
+
+def _check_axis(phase: AnyPhase, inst: Instrument | CoupledInstrument) -> None:
+    key = "joint" if phase.axis is None else "axis"
+    given, names = phase.acts_on, list(_moved(inst))
+    if given is not None and given not in names:
+        allowed = " or ".join(names) or "left out"
+        raise ProtocolError(
+            f"{key} is {given}; it must be {allowed}, which {inst.name} has"
+            if names
+            else f"{key} is {given}; it must be left out, since {inst.name} has no joint at its handle",
+            key=key,
+            value=given,
             allowed=allowed,
         )
 
@@ -216,4 +294,4 @@ def _check_axis(phase: AnyPhase, inst: Instrument) -> None:
 def _planned(phase: OpenLoopPhase, label: str, start: Start) -> Planned:
     segments = tuple(phase.segments(start))
     seconds = math.fsum(segment.steps * start.time_step for segment in segments)
-    return Planned(phase, label, start.command, segments, seconds)
+    return Planned(phase, label, cast("Command", start.command), segments, seconds)

@@ -6,6 +6,7 @@ from math import degrees
 import numpy as np
 
 from tenodesis import statics
+from tenodesis.coupled import Joint
 from tenodesis.errors import NoSolutionError, ProtocolError
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
@@ -13,14 +14,18 @@ from tenodesis.run import Array
 _ROUNDING = 1 + 1e-9
 
 
-def check_handle_angles(inst: Instrument, names: Sequence[str], angles: Array) -> None:
+def check_handle_angles(inst: Instrument | Joint, names: Sequence[str], angles: Array) -> None:
     """Check that handle angles are within the handle's range and do not bend the unloaded tip to its stop.
 
-    The angles (rad, shape (n,)) are of one axis, and named in the error, a ProtocolError about the first that is not.
+    The angles (rad, shape (n,)) are of one axis, or of a joint of the handle, whose range alone counts. They are named
+    in the error, a ProtocolError about the first that is not.
     """
     for name, angle in zip(names, angles, strict=True):
-        if abs(angle) > inst.handle_range:
-            raise _beyond(name, float(angle), f"within the handle's range of ±{degrees(inst.handle_range):.6g} deg")
+        largest = inst.range if isinstance(inst, Joint) else inst.handle_range
+        if abs(angle) > largest:
+            raise _beyond(name, float(angle), f"within the handle's range of ±{degrees(largest):.6g} deg")
+    if isinstance(inst, Joint):
+        return
     bent = np.asarray(statics.output_angle(inst, angles))
     beyond = np.flatnonzero(~(np.abs(bent) <= inst.output_stop * _ROUNDING))
     if beyond.size:
@@ -35,7 +40,7 @@ def check_handle_angles(inst: Instrument, names: Sequence[str], angles: Array) -
         )
 
 
-def check_handle_angle(inst: Instrument, key: str, angle: float) -> float:
+def check_handle_angle(inst: Instrument | Joint, key: str, angle: float) -> float:
     """Return a handle angle (rad), given by a key, that :func:`check_handle_angles` accepts; errors as there."""
     check_handle_angles(inst, [key], np.array([angle]))
     return angle

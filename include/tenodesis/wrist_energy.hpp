@@ -1,0 +1,87 @@
+#pragma once
+// The energy balance of a step of a wrist's twin, by the trapezoidal rule, as energy.hpp has it for one axis.
+
+#include "tenodesis/energy.hpp"
+#include "tenodesis/wrist_twin.hpp"
+
+namespace tenodesis {
+
+/// Energy stored in a state, J.
+template <class T>
+T::S wrist_stored_energy(const T& twin, const typename T::State& state) {
+  using S = T::S;
+  constexpr int N = T::N;
+  S twice(0);
+  for (int m = 0; m < T::M; ++m)
+    for (int i = 0; i <= twin.tendon[m].contacts() && twin.wrist.stiffness[m] > S(0); ++i)
+      twice = twice + state.tendon[m].tension[i] * state.tendon[m].tension[i] / twin.tendon[m].stiffness[i];
+  for (int i = 0; i < N; ++i) {
+    const S beyond = state.angle[i] - clamp(state.angle[i], -twin.stop[i], twin.stop[i]);
+    twice = twice + twin.wrist.joint[i].stiffness * state.angle[i] * state.angle[i] +
+            twin.stop_stiffness[i] * beyond * beyond;
+  }
+  if (!twin.quasi_static) {
+    S x[N], matrix[N][N], bias[N];
+    for (int i = 0; i < N; ++i) x[i] = coordinate_at(twin.wrist.joint[i].mechanism, state.angle[i]);
+    inertia(twin.wrist, twin.link, x, state.velocity, matrix, bias);
+    for (int i = 0; i < N; ++i)
+      for (int j = 0; j < N; ++j) twice = twice + state.velocity[i] * matrix[i][j] * state.velocity[j];
+  }
+  const S pressed = larger(state.command.held.opening - twin.opening(state.angle), S(0));
+  return S(0.5) * (twice + state.command.held.stiffness * pressed * pressed);
+}
+
+/// The energies of a step between two states; tissue is what is lost in what the jaws hold.
+template <class T>
+Energy<typename T::S> wrist_energy(const T& twin, const typename T::State& before, const typename T::State& after) {
+  using S = T::S;
+  constexpr int N = T::N;
+  const auto mean = [](const S& a, const S& b) { return (a + b) * S(0.5); };
+  Energy<S> energy{};
+  energy.stored = wrist_stored_energy(twin, after);
+  for (int h = 0; h < twin.wrist.handles; ++h)
+    energy.handle = energy.handle +
+                    mean(before.handle_moment[h], after.handle_moment[h]) * (after.angle[N + h] - before.angle[N + h]);
+  S was[N], is[N], rate[N][N];
+  const auto loads = [&](const T::State& state, S* moment) {
+    Bend<S> bend[N];
+    for (int i = 0; i < N; ++i)
+      bend[i] = Bend<S>(twin.wrist.joint[i], coordinate_at(twin.wrist.joint[i].mechanism, state.angle[i]));
+    twin.wrist.load_moments(bend, state.command.load, moment, rate);
+  };
+  loads(before, was);
+  loads(after, is);
+  for (int i = 0; i < N; ++i) {
+    const S turned = after.angle[i] - before.angle[i];
+    energy.load = energy.load + mean(was[i], is[i]) * turned;
+    if (!twin.quasi_static)
+      energy.damping = energy.damping + twin.damping[i] * mean(before.velocity[i], after.velocity[i]) * turned;
+  }
+  for (int m = 0; m < T::M; ++m) {
+    if (!(twin.wrist.stiffness[m] > S(0))) continue;
+    const auto& then = before.tendon[m];
+    const auto& now = after.tendon[m];
+    const S wound = twin.drive.spool_radius * (after.drive[m].spool - before.drive[m].spool);
+    energy.spools = energy.spools + mean(then.tension[0], now.tension[0]) * wound;
+    for (int j = 0; j < twin.tendon[m].contacts(); ++j) {
+      const S at_start = then.tension[j] - then.tension[j + 1];
+      const S at_end = now.tension[j] - now.tension[j + 1];
+      const S slipped = now.slip[j] - then.slip[j];
+      energy.friction = energy.friction + mean(at_start, at_end) * slipped;
+      energy.friction_at_end = energy.friction_at_end + at_end * slipped;
+    }
+  }
+  // Brought between the jaws while these are where they were, then pressed.
+  const auto stored = [&](const Held<S>& held, const S* angle) {
+    const S pressed = larger(held.opening - twin.opening(angle), S(0));
+    return S(0.5) * held.stiffness * pressed * pressed;
+  };
+  const auto& held = after.command.held;
+  energy.tissue = stored(before.command.held, before.angle) - stored(held, before.angle);
+  if (!twin.quasi_static)
+    energy.tissue = energy.tissue + after.grip_force * (twin.opening(before.angle) - twin.opening(after.angle)) +
+                    stored(held, before.angle) - stored(held, after.angle);
+  return energy;
+}
+
+}  // namespace tenodesis

@@ -1,0 +1,413 @@
+#pragma once
+// One step of a wrist's twin: guess what slides and what is slack, solve the joints' equations, revise the guess.
+//
+// Every tendon is the chain of tendon.hpp. Joints that it crosses draw it in segments of the chain, so that under a
+// guess its tensions are linear in the joints' coordinates; the joints' own equations follow with these, by Newton's
+// iteration, and the guess is revised until nothing contradicts it. A joint at the handle draws the segment before its
+// contact, one at the tip the segment beyond.
+
+#include "tenodesis/wrist_inertia.hpp"
+#include "tenodesis/wrist_state.hpp"
+#include "tenodesis/wrist_statics.hpp"
+
+namespace tenodesis {
+
+/// One step of a twin T, with U joints whose angles are unknown.
+template <class T, int U>
+struct WristStep {
+  using S = T::S;
+  using Rows = T::Rows;
+  using Rope = T::Rope;
+  using State = T::State;
+  using Command = T::Command;
+  static constexpr int N = T::N, M = T::M, joints = T::joints;
+  using Sum = Linear<S, U>;
+
+  const T& twin;
+  const Command& command;
+  const State& before;
+  State& next;
+  S duration;
+  S per_second;
+  typename Rope::Bands band[M];
+  // Before the first segment that an unknown joint draws, numbers; from there on, linear in the unknown coordinates.
+  int first[M];
+  typename Rope::Line near[M];
+  typename Rope::template LineOf<Sum> line[M];
+  Reaction<S> spool[M];
+  Rope::Lengths known[M];
+  Rows::template PerSegment<Sum> pull[M];
+  Sum moment[U];         // of the tendons by each coordinate, N m per unit
+  Square<S, U> heavy{};  // 2 M / h^2
+  S bias[U]{};
+  S angle[joints];
+  S coordinate[U];  // of the unknown joints
+  S given[N];       // of the handle's joints, if they are known
+  // Moments at the step's end and their slopes, as last computed, and the load's, which in motion changes little.
+  S pushed[U];
+  Square<S, U> yielding;
+  S load_angle[N];
+  S load_moment[N];
+  S load_rate[N][N];
+  bool is_loaded{};
+
+  WristStep(const T& of, const Command& with, const S& lasting, const State& from, State& to)
+      : twin(of), command(with), before(from), next(to), duration(lasting), per_second(S(1) / lasting) {}
+
+  Status solve() {
+    for (int g = 0; g < joints; ++g) angle[g] = g >= N && U == N ? command.handle_angle[g - N] : before.angle[g];
+    if (!twin.quasi_static) {
+      set_inertia();
+      guess();
+    }
+    set_pulls();
+    set_bands();
+    next.sweeps = 0;
+    Status found = settle();
+    // Quasi-static, friction is that of the step's end; in motion the first guess is close enough.
+    bool agreed = !twin.quasi_static;
+    for (int n = 0; n < most_corrections && !agreed && found == Status::ok; ++n) {
+      S was[joints];
+      for (int g = 0; g < joints; ++g) was[g] = angle[g];
+      set_bands();
+      found = settle();
+      agreed = true;
+      for (int g = 0; g < joints; ++g) agreed = agreed && abs(angle[g] - was[g]) <= settled<ValueOf<S>>;
+    }
+    if (found == Status::ok && !agreed) return Status::no_equilibrium;
+    if (found == Status::ok) finish();
+    return found;
+  }
+
+  static constexpr int most_corrections = 64;
+  // Change of angles within which a load's moments are linear to rounding, rad.
+  static constexpr double near_angle = 1e-5;
+
+  void set_inertia() {
+    S x[N], speed[N], matrix[N][N];
+    for (int i = 0; i < N; ++i) {
+      speed[i] = before.velocity[i];
+      x[i] = coordinate_at(twin.mechanism(i), before.angle[i] + speed[i] * duration * S(0.5));
+    }
+    inertia(twin.wrist, twin.link, x, speed, matrix, bias);
+    const S twice = S(2) * per_second * per_second;
+    for (int i = 0; i < N; ++i)
+      for (int j = 0; j < N; ++j) heavy.at[i][j] = twice * matrix[i][j];
+    for (int h = N; h < U; ++h) heavy.at[h][h] = twice * twin.hand.inertia;
+  }
+
+  // Where rates and moments at the step's beginning lead.
+  void guess() {
+    S turned[U];
+    for (int u = 0; u < U; ++u) {
+      const S gripped = u < N ? twin.wrist.joint[u].grip * before.grip_force : S(0);
+      turned[u] = before.moment[u] + gripped - bias[u];
+    }
+    if (solve_linear(heavy, turned) == 0) return;
+    for (int u = 0; u < U; ++u) angle[u] = angle[u] + before.velocity[u] * duration + turned[u];
+  }
+
+  // What the joints, known or unknown, draw in each segment.
+  void set_pulls() {
+    for (int h = 0; h < twin.wrist.handles; ++h) given[h] = coordinate_at(twin.wrist.handle[h], angle[N + h]);
+    for (int m = 0; m < M; ++m) {
+      if (!twin.taut(m)) continue;
+      const auto& tendon = twin.tendon[m];
+      const int n = tendon.contacts();
+      for (int i = 0; i <= n; ++i) known[m][i] = S(0);
+      first[m] = n;
+      for (int d = twin.draws[m] - 1; d >= 0; --d) {
+        const Draw<S>& by = twin.draw[m][d];
+        // The sheath comes before: no joint draws the first segment.
+        if (U > N || by.joint < N)
+          first[m] = by.segment - 1;
+        else
+          known[m][by.segment] = known[m][by.segment] + by.arm * given[by.joint - N];
+      }
+      for (int i = first[m] + 1; i <= n; ++i) pull[m][i] = Sum(known[m][i]);
+      for (int d = 0; d < twin.draws[m]; ++d) {
+        const Draw<S>& by = twin.draw[m][d];
+        if (U > N || by.joint < N) pull[m][by.segment].by[by.joint] = by.arm;
+      }
+      spool[m] = tendon.held_by_spool(twin.drive.spool_radius * next.drive[m].spool);
+    }
+  }
+
+  void set_bands() {
+    for (int g = 0; g < joints; ++g) next.band_angle[g] = angle[g];
+    typename T::Turned turned[joints];
+    for (int m = 0; m < M; ++m)
+      if (twin.taut(m)) twin.bands(m, angle, turned, band[m]);
+  }
+
+  S tolerance(int m) const { return friction_tolerance<ValueOf<S>> * twin.tension_scale(m); }
+
+  // Tensions of a tendon as functions of the coordinates under its guess, as moments on the joints.
+  void eliminate(int m) {
+    const auto& tendon = twin.tendon[m];
+    const int n = tendon.contacts();
+    const auto& from = before.tendon[m].slip;
+    auto& state = next.tendon[m];
+    const Reaction<S> at_first = tendon.eliminate(first[m], band[m], spool[m], known[m], from, state, near[m]);
+    const Reaction<Sum, S> begin{Sum(at_first.at_rest), at_first.stiffness};
+    tendon.eliminate(first[m], n, band[m], begin, pull[m], from, state, line[m]);
+    Sum beyond(S(0));
+    for (int j = n - 1; j >= first[m]; --j) {
+      const Sum slip = line[m].at_rest[j] + line[m].rate[j] * beyond;
+      const Passage<S>& at = twin.passage[m][j];
+      const bool at_tip = at.joint >= 0 && at.joint < N;
+      if (at_tip && at.arm != S(0) && !state.slack[j + 1])
+        push(at, tendon.rest_tension + tendon.stiffness[j + 1] * (pull[m][j + 1] + slip - beyond));
+      line[m].at_rest[j] = slip;  // in terms of the coordinates alone
+      if constexpr (U > N) {
+        if (at.joint >= N && at.arm != S(0) && !state.slack[j]) {
+          const Sum held = line[m].at_rest[j - 1] + line[m].rate[j - 1] * slip;
+          push(at, tendon.rest_tension + tendon.stiffness[j] * (pull[m][j] + held - slip));
+        }
+      }
+      beyond = slip;
+    }
+  }
+
+  void push(const Passage<S>& at, const Sum& tension) { moment[at.joint] = moment[at.joint] - at.arm * tension; }
+
+  // Slips and tensions at given coordinates.
+  void substitute(int m) {
+    const auto& tendon = twin.tendon[m];
+    auto& state = next.tendon[m];
+    S beyond(0);
+    for (int j = tendon.contacts() - 1; j >= first[m]; --j) {
+      const S slip = line[m].at_rest[j].at(coordinate);
+      state.tension[j + 1] =
+          tendon.rest_tension + tendon.stiffness[j + 1] * (pull[m][j + 1].at(coordinate) + slip - beyond);
+      state.slip[j] = slip;
+      beyond = slip;
+    }
+    tendon.substitute(first[m], spool[m], known[m], near[m], beyond, state);
+  }
+
+  void set_coordinates() {
+    for (int u = 0; u < U; ++u) coordinate[u] = coordinate_at(twin.mechanism(u), angle[u]);
+  }
+
+  // Guess, pass, revise (tendon.hpp), with the joints' own equations.
+  Status settle() {
+    S start[joints];
+    for (int g = 0; g < joints; ++g) start[g] = angle[g];
+    set_coordinates();
+    for (int sweep = 0; sweep < hasty_sweeps; ++sweep) {
+      ++next.sweeps;
+      for (int u = 0; u < U; ++u) moment[u] = Sum(S(0));
+      for (int m = 0; m < M; ++m)
+        if (twin.taut(m)) eliminate(m);
+      if (newton() != Status::ok) break;
+      int revised = 0;
+      for (int m = 0; m < M; ++m) {
+        if (!twin.taut(m)) continue;
+        substitute(m);
+        revised += twin.tendon[m].revise(band[m], before.tendon[m].slip, tolerance(m), next.tendon[m]);
+      }
+      if (revised == 0) return Status::ok;
+    }
+    for (int g = 0; g < joints; ++g) angle[g] = start[g];
+    return settle_in_turn();
+  }
+
+  // Slower, but sure: the tendons are settled at given angles, and these are moved until the joints' equations hold.
+  [[gnu::noinline, gnu::cold]] Status settle_in_turn() {
+    S last[joints]{};
+    S share(1);
+    S smallest(-1);
+    S step[U]{};
+    set_coordinates();
+    for (int n = 0; n < 4 * most_corrections; ++n) {
+      for (int u = 0; u < U; ++u) moment[u] = Sum(S(0));
+      for (int m = 0; m < M; ++m) {
+        if (!twin.taut(m)) continue;
+        settle_alone(m);
+        eliminate(m);
+      }
+      S off[U];
+      Square<S, U> slope{};
+      unbalanced(off, slope);
+      S size(0);
+      S scaled[U];
+      for (int u = 0; u < U; ++u) {
+        scaled[u] = off[u];
+      }
+      if (solve_linear(slope, scaled) == 0) return Status::no_equilibrium;
+      for (int u = 0; u < U; ++u) size = size + off[u] * off[u] / (slope.at[u][u] * slope.at[u][u]);
+      S largest(0);
+      for (int u = 0; u < U; ++u) largest = larger(largest, abs(scaled[u]));
+      if (largest <= settled<ValueOf<S>>) return Status::ok;
+      // A step that leads farther away is halved.
+      if (smallest >= S(0) && !(size < smallest) && share > S(1e-4)) {
+        share = share * S(0.5);
+      } else {
+        smallest = size;
+        share = S(1);
+        for (int g = 0; g < joints; ++g) last[g] = angle[g];
+        const S cut = largest > S(0.2) ? S(0.2) / largest : S(1);
+        for (int u = 0; u < U; ++u) step[u] = cut * scaled[u];
+      }
+      for (int u = 0; u < U; ++u) angle[u] = last[u] - share * step[u];
+      if (!within()) return Status::no_equilibrium;
+    }
+    return Status::no_equilibrium;
+  }
+
+  void settle_alone(int m) {
+    typename Rope::Lengths drawn{};
+    drawn.length = twin.tendon[m].contacts() + 1;
+    for (int i = 1; i < drawn.length; ++i) drawn[i] = i > first[m] ? pull[m][i].at(coordinate) : known[m][i];
+    typename Rope::Line own{};
+    next.tendon[m].slip = before.tendon[m].slip;
+    next.sweeps += tenodesis::settle(twin.tendon[m], band[m], drawn, spool[m], tolerance(m), next.tendon[m], own);
+  }
+
+  // Whether new angles are possible; sets their coordinates.
+  bool within() {
+    set_coordinates();
+    for (int u = 0; u < U; ++u)
+      if (!(abs(angle[u]) < S(pi)) || !(abs(coordinate[u]) < coordinate_limit<S>(twin.mechanism(u)))) return false;
+    return true;
+  }
+
+  // The joints' equations under the present guess.
+  Status newton() {
+    for (int n = 0; n < most_corrections; ++n) {
+      S off[U];
+      Square<S, U> slope{};
+      unbalanced(off, slope);
+      if (solve_linear(slope, off) == 0) return Status::no_equilibrium;
+      S largest(0);
+      for (int u = 0; u < U; ++u) largest = larger(largest, abs(off[u]));
+      const S share = largest > S(0.25) ? S(0.25) / largest : S(1);
+      for (int u = 0; u < U; ++u) {
+        angle[u] = angle[u] - share * off[u];
+        for (int v = 0; v < U; ++v) pushed[u] = pushed[u] - yielding.at[u][v] * share * off[v];
+      }
+      if (!within()) return Status::no_equilibrium;
+      using V = ValueOf<S>;
+      // In motion inertia outweighs all else: the next correction would be of this one's square, and smaller still.
+      const V arrived = twin.quasi_static ? settled<V> : sizeof(V) == 4 ? V(1e-4) : V(3e-5);
+      if (largest <= arrived) return Status::ok;
+    }
+    return Status::no_equilibrium;
+  }
+
+  // What is left over about every unknown joint, N m, and its slopes by the angles, N m/rad; without slopes of rates.
+  void unbalanced(S* off, Square<S, U>& slope) {
+    moments(off, slope);
+    for (int u = 0; u < U; ++u) pushed[u] = off[u];
+    yielding = slope;
+    const S share = twin.quasi_static ? S(1) : S(0.5);
+    for (int u = 0; u < U; ++u) {
+      if (!twin.quasi_static) off[u] = (off[u] + before.moment[u]) * share - bias[u];
+      for (int v = 0; v < U; ++v) slope.at[u][v] = slope.at[u][v] * share;
+    }
+    if (!twin.quasi_static)
+      for (int u = 0; u < U; ++u)
+        for (int v = 0; v < U; ++v) {
+          const S turned = angle[v] - before.angle[v] - before.velocity[v] * duration;
+          off[u] = off[u] - heavy.at[u][v] * turned;
+          slope.at[u][v] = slope.at[u][v] - heavy.at[u][v];
+        }
+    const Held<S>& held = command.held;
+    const S pressed = held.opening - twin.opening(angle);
+    if (!(held.stiffness > S(0)) || !(pressed > S(0))) {
+      next.grip_force = S(0);
+      return;
+    }
+    const S drag = twin.quasi_static ? S(0) : held.damping * per_second;
+    const S force = held.stiffness * pressed + drag * (twin.opening(before.angle) - twin.opening(angle));
+    next.grip_force = larger(force, S(0));
+    if (!(force > S(0))) return;
+    for (int i = 0; i < N; ++i) {
+      off[i] = off[i] + twin.wrist.joint[i].grip * force;
+      for (int j = 0; j < N; ++j)
+        slope.at[i][j] = slope.at[i][j] - (held.stiffness + drag) * twin.wrist.joint[i].grip * twin.wrist.joint[j].grip;
+    }
+  }
+
+  // Rate of a joint's coordinate by its angle.
+  S turn_at(int g, const S& x) const {
+    return twin.mechanism(g) == Mechanism::gear ? S(0.5) * sqrt((S(1) - x) * (S(1) + x)) : S(1);
+  }
+
+  // Moments of the load; near where they were last computed in motion, by their rates.
+  void set_load(const S* x, S* load) {
+    bool is_near = is_loaded && !twin.quasi_static;
+    for (int i = 0; i < N && is_near; ++i) is_near = abs(angle[i] - load_angle[i]) < S(near_angle);
+    if (!is_near) {
+      Bend<S> bend[N];
+      for (int i = 0; i < N; ++i) {
+        bend[i] = Bend<S>(twin.wrist.joint[i], x[i]);
+        load_angle[i] = angle[i];
+      }
+      twin.wrist.load_moments(bend, command.load, load_moment, load_rate);
+      is_loaded = true;
+    }
+    for (int i = 0; i < N; ++i) {
+      load[i] = load_moment[i];
+      for (int j = 0; j < N; ++j) load[i] = load[i] + load_rate[i][j] * (angle[j] - load_angle[j]);
+    }
+  }
+
+  // Moments of everything but inertia and what is gripped at the step's end, and their slopes.
+  void moments(S* at, Square<S, U>& slope) {
+    S load[N];
+    set_load(coordinate, load);
+    S turn[U];
+    for (int i = 0; i < N; ++i) turn[i] = turn_at(i, coordinate[i]);
+    for (int h = N; h < U; ++h) turn[h] = turn_at(h, coordinate[h]);
+    const S speed_rate = twin.quasi_static ? S(0) : S(2) * per_second;
+    for (int u = 0; u < U; ++u) {
+      const S pulled = moment[u].at(coordinate);
+      at[u] = turn[u] * pulled;
+      for (int v = 0; v < U; ++v) slope.at[u][v] = turn[u] * moment[u].by[v] * turn[v];
+      // The rate of a gear's cos(half angle)/2.
+      if (twin.mechanism(u) == Mechanism::gear) slope.at[u][u] = slope.at[u][u] - S(0.25) * coordinate[u] * pulled;
+      const S velocity = twin.quasi_static ? S(0) : speed_rate * (angle[u] - before.angle[u]) - before.velocity[u];
+      if (u < N) {
+        const int i = u < N ? u : 0;
+        const S beyond = angle[i] - clamp(angle[i], -twin.stop[i], twin.stop[i]);
+        const S spring = twin.wrist.joint[i].stiffness;
+        at[i] = at[i] + load[i] - spring * angle[i] - twin.damping[i] * velocity - twin.stop_stiffness[i] * beyond;
+        for (int j = 0; j < N; ++j) slope.at[i][j] = slope.at[i][j] + load_rate[i][j];
+        slope.at[i][i] =
+            slope.at[i][i] - spring - twin.damping[i] * speed_rate - (beyond == S(0) ? S(0) : twin.stop_stiffness[i]);
+        // A joint that nothing holds stays where it is.
+        if (twin.quasi_static) {
+          const S keep = detail::slack_stiffness<S> * twin.stop_stiffness[i];
+          at[i] = at[i] - keep * (angle[i] - before.angle[i]);
+          slope.at[i][i] = slope.at[i][i] - keep;
+        }
+      } else {
+        const S rest = twin.quasi_static ? S(0) : twin.hand.damping;
+        at[u] = at[u] + twin.hand.stiffness * (command.handle_angle[u - N] - angle[u]) - rest * velocity;
+        slope.at[u][u] = slope.at[u][u] - twin.hand.stiffness - rest * speed_rate;
+      }
+    }
+  }
+
+  void finish() {
+    for (int g = 0; g < joints; ++g) {
+      const S turned = angle[g] - before.angle[g];
+      const bool is_free = g < U && !twin.quasi_static;
+      next.velocity[g] = is_free ? S(2) * per_second * turned - before.velocity[g] : turned * per_second;
+      next.angle[g] = angle[g];
+      next.moment[g] = g < U ? pushed[g < U ? g : 0] : S(0);
+    }
+    S pulled[joints]{};
+    for (int m = 0; m < M; ++m)
+      for (int d = 0; d < twin.draws[m] && twin.taut(m); ++d) {
+        const Draw<S>& by = twin.draw[m][d];
+        pulled[by.joint] = pulled[by.joint] + by.arm * next.tendon[m].tension[by.segment];
+      }
+    for (int h = 0; h < twin.wrist.handles; ++h)
+      next.handle_moment[h] = turn_at(N + h, U > N ? coordinate[U > N ? N + h : 0] : given[h]) * pulled[N + h];
+  }
+};
+
+}  // namespace tenodesis

@@ -1,0 +1,170 @@
+"""The axes of a coupled instrument that a controller compensates: joints with a pair of tendons of their own.
+
+What such a joint loses is the stretch of its pair, whatever load or neighbour causes it, and the pair's proximal
+tensions and spool angles show that stretch. So each axis of the planar controller does for one joint of the wrist what
+it does for an instrument of one joint, on a microcontroller too.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tenodesis.coupled.description import CoupledInstrument, Joint
+from tenodesis.coupled.reading import CoupledLike, load
+from tenodesis.coupled.rows import link_rows, mass_matrix
+from tenodesis.errors import ArgumentError, InstrumentError
+from tenodesis.instrument import Instrument
+from tenodesis.instrument.mechanisms import JOINT_TYPES
+from tenodesis.toml import validated
+
+_JOINT_TYPES = {"tendon-gear": "tendon-gear", "pulley": "tendon-pulley", "continuum": "continuum"}
+_SHARED = ("friction", "drives", "sensors", "control")
+
+
+class Pair(NamedTuple):
+    """A joint of the tip with the joint of the handle and the two tendons that are its own, by their places."""
+
+    joint: int
+    handle: int
+    agonist: int
+    antagonist: int
+
+
+def pairs(inst: CoupledLike) -> dict[str, Pair]:
+    """Return the pairs of a coupled instrument by the axis (yaw, pitch) of their joint, in the order of the joints.
+
+    A joint has its own pair where one joint of the handle winds two tendons of the same stiffness and pretension on its
+    two sides, both from a spool, that pass all other joints in their middle.
+    """
+    inst = load(inst)
+    tips, handles = inst.tendon_arms("tip"), inst.tendon_arms("handle")
+    found: dict[str, Pair] = {}
+    for j, joint in enumerate(inst.tip_joints):
+        own = [m for m in range(len(inst.tendons)) if tips[m, j] and np.count_nonzero(tips[m]) == 1]
+        if len(own) != 2 or joint.axis not in ("yaw", "pitch") or joint.axis in found:
+            continue
+        agonist, antagonist = own if tips[own[0], j] > 0 else own[::-1]
+        wound = np.flatnonzero(handles[agonist])
+        alike = (
+            np.isclose(tips[agonist, j], -tips[antagonist, j], rtol=1e-6)
+            and np.allclose(handles[agonist], -handles[antagonist], rtol=1e-6)
+            and np.isclose(inst.stiffnesses[agonist], inst.stiffnesses[antagonist], rtol=1e-6)
+            and inst.pretensions[agonist] == inst.pretensions[antagonist]
+            and all(inst.tendons[m].start == "spool" for m in own)
+        )
+        if len(wound) == 1 and handles[agonist, wound[0]] > 0 and alike:
+            found[str(joint.axis)] = Pair(j, int(wound[0]), agonist, antagonist)
+    return found
+
+
+def compensated(inst: CoupledLike) -> Instrument:
+    """Return the instrument of one or two planar axes that a controller of a coupled instrument is made for.
+
+    Its axes are the joints with a pair of their own (:func:`pairs`): ``Controller(tn.coupled.compensated(inst))``.
+
+    Raises
+    ------
+    ArgumentError
+        No joint has a pair of its own, or their mechanisms differ.
+    """
+    inst = load(inst)
+    axes = pairs(inst)
+    if not axes:
+        raise ArgumentError(
+            f"{inst.name} has no joint that a controller can compensate; one joint of the handle must wind two tendons "
+            "on the two sides of a yaw or pitch joint at the tip, which pass all other joints in their middle.",
+            key="inst",
+            value=inst.name,
+        )
+    mechanisms = {inst.tip_joints[pair.joint].mechanism for pair in axes.values()}
+    if len(mechanisms) > 1:
+        raise ArgumentError(
+            f"{inst.name} has axes of {' and '.join(sorted(mechanisms))}; a controller takes joints of one mechanism.",
+            key="inst",
+            value=inst.name,
+        )
+    joint_type = _JOINT_TYPES[mechanisms.pop()]
+    by_axis = {axis: _axis_values(inst, joint_type, pair) for axis, pair in axes.items()}
+    motions = [_motion(inst, pair) for pair in axes.values()]
+    first, *others = by_axis.values()
+    values: dict[str, Any] = {
+        "name": inst.name,
+        "joint_type": joint_type,
+        "axes": list(axes),
+        **first,
+        **{table: getattr(inst, table).model_dump(exclude_none=True, exclude_unset=True) for table in _SHARED},
+    }
+    if inst.spool_radius is not None:
+        values["drives"]["spool_radius"] = inst.spool_radius
+    # Tendons of a farther joint bend over the nearer ones.
+    values["friction"]["passing_coefficient"] = inst.friction.vertex_coefficient if _passes(inst, axes) else 0.0
+    # One table for all axes: the one that is slowest to turn decides how fast a law may be.
+    values["dynamics"] = max(motions, key=lambda motion: motion["tip_inertia"]) | {
+        name: getattr(inst.dynamics, name) for name in ("hand_stiffness", "hand_damping", "hand_inertia")
+    }
+    differing = [{key: value for key, value in other.items() if value != first[key]} for other in others]
+    values["overrides"] = {axis: change for axis, change in zip(list(axes)[1:], differing, strict=True) if change}
+    return validated(JOINT_TYPES[joint_type], values, InstrumentError, inst.name)
+
+
+def _axis_values(inst: CoupledInstrument, joint_type: str, pair: Pair) -> dict[str, Any]:
+    joint, handle = inst.tip_joints[pair.joint], inst.handle_joints[pair.handle]
+    tendon = inst.tendons[pair.agonist]
+    beyond = _beyond(inst, pair.joint)
+    length = tendon.length or inst.tendon_length or (inst.stem_length or 0.0) + beyond + _held(inst)
+    names = {
+        "tendon-gear": ("distal_gear_radius", "proximal_gear_radius"),
+        "tendon-pulley": ("distal_pulley_radius", "proximal_pulley_radius"),
+        "continuum": ("distal_tendon_offset", "proximal_pulley_radius"),
+    }[joint_type]
+    values: dict[str, Any] = {
+        names[0]: _radius(inst, pair, joint),
+        names[1]: _radius(inst, pair, handle),
+        "overall_length": length,
+        "end_effector_length": beyond,
+        "handle_length": _held(inst),
+        "tendon_stiffness": float(inst.stiffnesses[pair.agonist]),
+        "pretension": float(inst.pretensions[pair.agonist]),
+        "handle_range": handle.range,
+        "output_range": joint.range,
+    }
+    if joint_type == "continuum":
+        values |= {"backbone_length": joint.backbone_length, "backbone_rigidity": joint.backbone_rigidity}
+    return values
+
+
+def _passes(inst: CoupledInstrument, axes: dict[str, Pair]) -> bool:
+    """Whether the second axis's tendons cross the first one's joint at the tip."""
+    first, *others = axes.values()
+    nearer = inst.tip_joints[first.joint].name
+    return any(nearer in (crossing.joint for crossing in inst.tendons[pair.agonist].route) for pair in others)
+
+
+def _motion(inst: CoupledInstrument, pair: Pair) -> dict[str, float]:
+    links = link_rows(inst)
+    inertia, _ = mass_matrix(inst, links, np.zeros(len(inst.tip_joints)))
+    return {"tip_inertia": float(inertia[pair.joint, pair.joint]), "tip_damping": float(links[pair.joint, 5])}
+
+
+def _radius(inst: CoupledInstrument, pair: Pair, joint: Joint) -> float:
+    """Radius at which the pair crosses a joint, m."""
+    route = inst.tendons[pair.agonist].route
+    own = next(crossing.radius for crossing in route if crossing.joint == joint.name)
+    return joint.radius if own is None else own
+
+
+def _beyond(inst: CoupledInstrument, joint: int) -> float:
+    """Length of the straight tip from the far end of a joint to the force, m."""
+    last = inst.tip_joints[inst.bearing[0]]
+    length = last.end_effector_length or 0.0
+    at = inst.bearing[0]
+    while at != joint and at >= 0:
+        length += inst.tip_joints[at].offset + inst.tip_joints[at].chord
+        at = inst.parents[at]
+    return length
+
+
+def _held(inst: CoupledInstrument) -> float:
+    """Length from the handle's last joint to the hand, m; a tenth of a metre where the file does not say."""
+    lengths = [joint.end_effector_length for joint in inst.handle_joints if joint.end_effector_length]
+    return max(lengths, default=0.1)

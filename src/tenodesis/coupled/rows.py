@@ -1,0 +1,201 @@
+"""Constants of a coupled instrument's twin in the core's form: routes, links, hand, drives and sensors."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tenodesis import _core, plant
+from tenodesis.coupled.description import CoupledInstrument, Joint, Tendon
+from tenodesis.coupled.statics import straight_arms
+from tenodesis.errors import ArgumentError
+
+Array = NDArray[np.float64]
+
+_PARAMETERS = _core.wrist_twin_parameters()
+_HANDLE_SHARE = 0.1
+"""Share of a tendon's compliance before the joints, where no length says it."""
+_FARTHEST_STOP = 3.0  # rad
+
+
+class TwinRows(NamedTuple):
+    """Arguments of the core's twin."""
+
+    passages: Array
+    """By tendon and contact: joint (-1: the sheath), friction coefficient, wrap of the straight joint, arm."""
+    contacts: list[int]
+    segments: Array
+    """Stiffness by tendon and segment, N/m."""
+    links: Array
+    parameters: list[float]
+    steps_per_sample: int
+
+
+def twin_rows(inst: CoupledInstrument, time_step: float, quasi_static: bool) -> TwinRows:
+    """Return the constants of a twin; raises ArgumentError for a time step that does not suit the instrument."""
+    if not (np.isfinite(time_step) and time_step > 0):
+        raise ArgumentError(key="time_step", value=time_step, allowed="a time above 0 s")
+    links = link_rows(inst)
+    if not quasi_static:
+        fastest = natural_frequencies(inst)[-1]
+        longest = plant.LARGEST_PHASE_STEP / fastest
+        if time_step > longest:
+            raise ArgumentError(
+                f"time_step is {time_step:g} s; it must be at most {longest:.3g} s, a twelfth of a period of the "
+                f"fastest oscillation of {inst.name} ({fastest / (2 * math.pi):.3g} Hz).",
+                key="time_step",
+                value=time_step,
+                allowed=f"at most {longest:.3g} s",
+            )
+    per_sample = plant.steps_per_period(inst.sensors.sampling_rate, time_step)
+    routes = [_Route(inst, tendon, float(k)) for tendon, k in zip(inst.tendons, inst.stiffnesses, strict=True)]
+    width = max(len(route.passages) for route in routes)
+    passages, segments = np.zeros((len(routes), width, 4)), np.ones((len(routes), width + 1))
+    for m, route in enumerate(routes):
+        passages[m, : len(route.passages)] = route.passages
+        segments[m, : len(route.passages) + 1] = route.segments
+    drives = inst.drives
+    if inst.spool_radius is not None:
+        drives = drives.model_copy(update={"spool_radius": inst.spool_radius})
+    values = {
+        "constant": inst.friction.constant,
+        "viscous": inst.friction.viscous,
+        **plant.hand_parameters(inst.dynamics),
+        **plant.hardware_parameters(drives, inst.sensors),
+        "time_step": time_step,
+    }
+    parameters = [values[name] for name in _PARAMETERS]
+    return TwinRows(passages, [len(route.passages) for route in routes], segments, links, parameters, per_sample)
+
+
+class _Route:
+    """The contacts of a tendon from the spool to the tip, and the stiffness of the segments between them, N/m."""
+
+    def __init__(self, inst: CoupledInstrument, tendon: Tendon, stiffness: float) -> None:
+        friction = inst.friction
+        places = {joint.name: i for i, joint in enumerate((*inst.tip_joints, *inst.handle_joints))}
+        joints = {joint.name: joint for joint in inst.joints}
+        arms = dict(zip(places, (*_row(inst, tendon, "tip"), *_row(inst, tendon, "handle")), strict=True))
+        length = inst.tendon_length if tendon.length is None else tendon.length
+        held = [joint.end_effector_length for joint in inst.handle_joints if joint.end_effector_length is not None]
+
+        count = friction.sheath_contacts
+        in_handle = friction.handle_compliance_share
+        if in_handle is None:
+            in_handle = min(sum(held) / length, 0.5) if held and length else _HANDLE_SHARE
+        bend = friction.sheath_bend / count
+        self.passages = [(-1.0, friction.sheath_coefficient, bend, 0.0)] * count
+        shares = [in_handle / (count + 1)] * (count + 1)
+        stem = None
+        spans = 0.0
+        for place in ("handle", "tip"):
+            given = friction.handle_joint_compliance_share if place == "handle" else friction.tip_joint_compliance_share
+            for crossing in tendon.route:
+                joint = joints[crossing.joint]
+                if joint.place != place:
+                    continue
+                span = given if given is not None else (_span(joint) / length if length else 0.0)
+                spans += span
+                name = crossing.joint
+                sign = 1.0 if place == "handle" else -1.0
+                coefficient = friction.vertex_coefficient if crossing.coefficient is None else crossing.coefficient
+                self.passages.append((float(places[name]), coefficient, crossing.base_wrap, sign * arms[name]))
+                # A joint's span is the segment that it draws: before the contact at the handle, beyond it at the tip.
+                if place == "handle":
+                    shares[-1] += span
+                    shares.append(0.0)
+                else:
+                    stem = len(shares) - 1 if stem is None else stem
+                    shares.append(span)
+        rest = 1 - in_handle - spans
+        if rest <= 0:
+            raise ArgumentError(
+                f"the joints and the handle take {in_handle + spans:.3g} of the compliance of tendon {tendon.name} of "
+                f"{inst.name}; it must be less than 1: give a longer tendon, or smaller shares in [friction].",
+                key="friction.handle_compliance_share",
+                value=in_handle + spans,
+                allowed="shares below 1 together",
+            )
+        shares[len(shares) - 1 if stem is None else stem] += rest
+        least = 1e-3  # a segment is never quite rigid
+        shares = [max(share, least) for share in shares]
+        self.segments = stiffness * sum(shares) / np.array(shares)
+
+
+def _row(inst: CoupledInstrument, tendon: Tendon, place: str) -> Array:
+    arms = inst.tendon_arms("tip" if place == "tip" else "handle")
+    return np.asarray(arms[inst.tendons.index(tendon)])
+
+
+def _span(joint: Joint) -> float:
+    """Length of a tendon along a straight joint, m."""
+    return joint.chord or 2 * joint.radius
+
+
+def link_rows(inst: CoupledInstrument) -> Array:
+    """Return mass, its centre, inertia about x, y, z, damping, stop and its stiffness by joint of the tip, SI."""
+    stiffness = np.diag(straight_stiffness(inst))
+    rods = _links(inst, 1.0)
+    lowest = _frequencies(inst, rods)[0]
+    density = (lowest / (2 * math.pi * inst.dynamics.natural_frequency)) ** 2
+    links = _links(inst, density)
+    inertia, _ = mass_matrix(inst, links, np.zeros(len(inst.tip_joints)))
+    rows = np.zeros((len(inst.tip_joints), 8))
+    rows[:, :5] = links
+    for i, joint in enumerate(inst.tip_joints):
+        critical = 2 * math.sqrt(stiffness[i] * inertia[i, i])
+        damping = inst.dynamics.damping_ratio * critical if joint.damping is None else joint.damping
+        stop = min(4 / 3 * joint.range, _FARTHEST_STOP) if joint.stop is None else joint.stop
+        rows[i, 5:] = damping, stop, plant.STOP_STIFFNESS_RATIO * stiffness[i]
+    return rows
+
+
+def _links(inst: CoupledInstrument, density: float) -> Array:
+    """Return mass, its centre and inertias of links; what is not given is that of a rod of a density, kg/m."""
+    joints = inst.tip_joints
+    rows = np.zeros((len(joints), 5))
+    for i, joint in enumerate(joints):
+        beyond = [other.offset + other.chord for other, on in zip(joints, inst.parents, strict=True) if on == i]
+        grip = inst.grip.length if inst.grip is not None and i in inst.jaws else None
+        length = joint.end_effector_length or max([*beyond, grip or 0.0, joint.radius])
+        only_inertia = joint.inertia is not None and joint.mass is None
+        mass = (0.0 if only_inertia else density * length) if joint.mass is None else joint.mass
+        centre = length / 2 if joint.centre_of_mass is None else joint.centre_of_mass
+        across = mass * (centre**2 + length**2 / 12) if joint.inertia is None else joint.inertia
+        rows[i] = mass, centre, across, across, mass * joint.radius**2 / 2
+    return rows
+
+
+def straight_stiffness(inst: CoupledInstrument) -> Array:
+    """Return the stiffness of the straight, unloaded wrist with all tendons taut, (joints, joints), N m/rad."""
+    arms = straight_arms(inst)
+    springs = np.diag([joint.own_stiffness for joint in inst.tip_joints])
+    return np.asarray(arms.T @ (inst.stiffnesses[:, np.newaxis] * arms) + springs)
+
+
+def natural_frequencies(inst: CoupledInstrument) -> Array:
+    """Return the angular natural frequencies of the straight, unloaded, frictionless wrist, rising, rad/s."""
+    return _frequencies(inst, link_rows(inst)[:, :5])
+
+
+def _frequencies(inst: CoupledInstrument, links: Array) -> Array:
+    inertia, _ = mass_matrix(inst, links, np.zeros(len(inst.tip_joints)))
+    return np.asarray(np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(inertia, straight_stiffness(inst))).real)))
+
+
+def mass_matrix(
+    inst: CoupledInstrument, links: Array, angles: Array, speeds: Array | None = None
+) -> tuple[Array, Array]:
+    """Return the mass matrix of the tip's joints, kg m^2, and the moments that their rates take, N m.
+
+    Links as :func:`link_rows` has them, their first five columns; angles (rad) and rates (rad/s) of shape (joints,).
+    """
+    count = len(inst.tip_joints)
+    rows = np.zeros((count, 8))
+    rows[:, :5] = links[:, :5]
+    matrix, bias = np.empty((1, count, count)), np.empty((1, count))
+    moving = np.zeros(count) if speeds is None else speeds
+    at = np.ascontiguousarray(angles, float)[np.newaxis]
+    _core.wrist_inertia(inst.core, rows, at, np.ascontiguousarray(moving, float)[np.newaxis], matrix, bias)
+    return matrix[0], bias[0]

@@ -1,0 +1,119 @@
+"""The law on coupled wrists: both axes under forces in any direction, pushes on the neighbour, the grip meanwhile.
+
+A two-axis hybrid instrument, whose pitch tendons pass the yaw gears, has friction at every bend of every tendon. Its
+handle goes to a state and stays; then a force comes. The controller is told friction that is up to 30 % wrong. Errors
+are those of both angles over the last half second, against the unloaded instrument without friction.
+"""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tenodesis import coupled, statics
+from tenodesis.control import Controller
+from tenodesis.control.controller import LawName, fault_names
+
+Array: TypeAlias = NDArray[np.float64]
+
+STATES = ((0, 0), (33, 33), (67, 0), (0, 67), (67, -33), (80, 80), (-80, 67))
+"""Yaw and pitch, deg."""
+FORCES = {"hybrid-real-size": 0.3, "hybrid-scaled-up": 1.0}
+"""Size of the force at the tip, N."""
+DIRECTIONS = ((1, 0, 0), (0, -1, 0), (-0.7, 0.7, 0), (0.6, 0.5, -0.6))
+FRICTION = (0.7, 1.0, 1.3)
+"""Friction of the instrument over what the controller is told."""
+STEP = 5e-4
+ARRIVED, LOADED, END = 1.0, 2.0, 7.0
+"""When the handle has arrived, when the force comes, and the end, s."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A run: errors of yaw and pitch (deg) and the larger speed of their motors (rad/s), each (samples, 2)."""
+
+    state: tuple[float, float]
+    direction: tuple[float, float, float]
+    friction: float
+    error: Array
+    winding: Array
+    faults: tuple[str, ...]
+
+    @property
+    def final(self) -> Array:
+        """Errors over the last half second."""
+        return self.error[-round(0.5 / STEP) :]
+
+
+def true_instrument(name: str, friction: float) -> coupled.CoupledInstrument:
+    """Return the instrument with friction so many times as strong as in its file."""
+    inst = coupled.load(name)
+    table = inst.friction.model_dump(exclude_none=True)
+    for key in ("vertex_coefficient", "sheath_coefficient"):
+        table[key] *= friction
+    return inst.replace(friction=table)
+
+
+def commands(inst: coupled.CoupledInstrument, state: tuple[float, float]) -> Array:
+    """Handle angles that lead to a state, (steps, handle joints), rad; the trigger stays."""
+    time = np.arange(round(END / STEP)) * STEP
+    share = np.clip(time / ARRIVED, 0, 1)
+    angles = np.zeros((time.size, len(inst.handle_joints)))
+    for axis, pair in coupled.pairs(inst).items():
+        planar = coupled.compensated(inst).axis(axis)
+        wanted = np.radians(state[list(coupled.pairs(inst)).index(axis)])
+        angle = float(statics.handle_angle(planar, wanted))
+        angles[:, pair.handle] = angle * share**2 * (3 - 2 * share)
+    return angles
+
+
+def run(
+    name: str, state: tuple[float, float], direction: tuple[float, float, float], friction: float, law: LawName
+) -> Case:
+    """Run a state under a force, with the motors off or with the robust law."""
+    told, inst = coupled.load(name), true_instrument(name, friction)
+    handle = commands(told, state)
+    time = np.arange(len(handle)) * STEP
+    wrench = np.zeros((len(handle), 6))
+    wrench[:, :3] = FORCES[name] * np.asarray(direction) * np.clip((time[:, None] - LOADED) / 0.1, 0, 1)
+    controller = None if law == "off" else Controller(coupled.compensated(told), law=law, enabled=True)
+    out = coupled.Twin(inst, seed=1).run(handle, wrench, controller=controller)
+    joints = [pair.joint for pair in coupled.pairs(inst).values()]
+    target = coupled.output_angles(told, handle[-1])[joints]
+    faults = fault_names(int(np.bitwise_or.reduce(out["faults"].astype(int).ravel()))) if controller else ()
+    speeds = np.abs(out["commanded_spool_velocity"])
+    own = [[pair.agonist, pair.antagonist] for pair in coupled.pairs(inst).values()]
+    winding = np.stack([speeds[:, tendons].max(axis=1) for tendons in own], axis=1)
+    return Case(state, direction, friction, np.degrees(out["output_angle"][:, joints] - target), winding, faults)
+
+
+def neighbour_push(case: Case) -> float:
+    """Largest movement of an axis, deg, while its own motors rest under the load and those of the other wind."""
+    start = round((LOADED + 0.5) / STEP)
+    moving = np.abs(case.winding[start:]) > 1e-3
+    pushes = [0.0]
+    for axis in (0, 1):
+        pushed = np.flatnonzero(moving[:, 1 - axis] & ~moving[:, axis])
+        for window in np.split(pushed, np.flatnonzero(np.diff(pushed) > 1) + 1):
+            pushes.append(float(np.ptp(case.error[start:][window, axis])) if window.size else 0.0)
+    return max(pushes)
+
+
+def grip_kept(name: str, state: tuple[float, float] = (60, 45)) -> tuple[float, float, float]:
+    """Grip force before the wrist moves, and its smallest and largest share of it while the wrist moves and after."""
+    inst = coupled.load(name)
+    steps = round(1.0 / STEP)
+    controller = Controller(coupled.compensated(inst), law="robust", enabled=True)
+    twin = coupled.Twin(inst, seed=1)
+    trigger = [joint.name for joint in inst.handle_joints].index("trigger")
+    closing = np.zeros((steps, len(inst.handle_joints)))
+    closing[:, trigger] = np.radians(25) * np.clip(np.arange(steps) / steps * 2, 0, 1)
+    jaw = inst.jaws[0]
+    object_ = coupled.Held(opening=-0.5 * abs(inst.grip_arms[jaw]) * np.radians(15), stiffness=3e3, damping=1.0)
+    gripped = twin.run(closing, np.zeros((steps, 6)), held=object_, controller=controller)
+    moving = commands(inst, state)[: round(4 / STEP)]
+    moving[:, trigger] = closing[-1, trigger]
+    moved = twin.run(moving, np.zeros((len(moving), 6)), held=object_, controller=controller)
+    start = float(gripped["grip_force"][-1])
+    return start, float(moved["grip_force"].min() / start), float(moved["grip_force"].max() / start)

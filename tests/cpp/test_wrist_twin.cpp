@@ -1,0 +1,165 @@
+// The twin of a wrist of two gear joints, whose pitch tendons pass the yaw gears.
+
+#include <initializer_list>
+
+#include "claim.hpp"
+#include "tenodesis/wrist_energy.hpp"
+
+using namespace tenodesis;
+
+namespace {
+
+template <class S>
+using W = Wrist<S, 2, 4>;
+template <class S>
+using T = WristTwin<W<S>, 8>;
+
+template <class S>
+T<S> twin(bool quasi_static, double hand = 0) {
+  T<S> t{};
+  for (int i = 0; i < 2; ++i) {
+    t.wrist.joint[i] = {.mechanism = Mechanism::gear,
+                        .parent = i - 1,
+                        .axis = i == 0 ? Vector<S>{S(0), S(1), S(0)} : Vector<S>{S(-1), S(0), S(0)},
+                        .offset = S(i * 4e-3),
+                        .chord = S(4e-3),
+                        .length = S(i * 0.05),
+                        .share = S(i)};
+    t.wrist.handle[i] = Mechanism::gear;
+    t.link[i] = {S(0.01), S(0.02), {S(8e-6), S(8e-6), S(1e-7)}};
+    t.damping[i] = S(1e-4);
+    t.stop[i] = S(1.8);
+    t.stop_stiffness[i] = S(1);
+  }
+  t.wrist.handles = 2;
+  for (int m = 0; m < 4; ++m) {
+    const double side = m % 2 == 0 ? 1 : -1;
+    const int axis = m / 2;
+    t.wrist.arm[m][axis] = S(side * 4e-3);
+    t.wrist.handle_arm[m][axis] = S(side * 9e-3);
+    t.wrist.stiffness[m] = S(3e4);
+    t.wrist.pretension[m] = S(30);
+    t.wrist.motor[m] = true;
+    t.tendon[m].rest_tension = S(30);
+    int n = 0;
+    const auto passes = [&](int joint, double arm) { t.passage[m][n++] = {joint, S(0.1), S(1.02), S(arm)}; };
+    passes(-1, 0);
+    passes(2 + axis, side * 9e-3);
+    if (axis > 0) {
+      passes(2, 0);
+      passes(0, 0);
+    }
+    passes(axis, -side * 4e-3);
+    t.tendon[m].stiffness.length = n + 1;
+    for (int i = 0; i <= n; ++i) t.tendon[m].stiffness[i] = S(3e4 * (n + 1));
+  }
+  t.hand = {S(hand), S(0.05), S(2e-3)};
+  t.drive = {S(5e-3), S(20), S(400), S(0.01), S(0)};
+  t.encoder = {S(1), S(0), S(0), S(-4), S(4), S(1e-6)};
+  t.load_cell = {S(1), S(0), S(0), S(-200), S(200), S(1e-4)};
+  t.motor_encoder = {S(1), S(0), S(0), S(-1e6), S(1e6), S(1e-6)};
+  t.time_step = S(5e-4);
+  t.quasi_static = quasi_static;
+  t.set_draws();
+  return t;
+}
+
+// A slow triangle of handle angles and a force across the tip.
+template <class S>
+WristCommand<W<S>> command(int step) {
+  const double phase = step % 2000 / 2000.0;
+  const double triangle = phase < 0.25 ? 4 * phase : phase < 0.75 ? 2 - 4 * phase : 4 * phase - 4;
+  WristCommand<W<S>> to{};
+  to.handle_angle[0] = S(0.4 * triangle);
+  to.handle_angle[1] = S(-0.3 * triangle);
+  to.spool_velocity[0] = S(0.05 * triangle);
+  to.load.wrench.force = {S(0.3 * triangle), S(-0.2 * triangle), S(0.1)};
+  return to;
+}
+
+void at_rest_nothing_moves() {
+  for (const bool quasi_static : {false, true}) {
+    const auto t = twin<double>(quasi_static);
+    auto state = t.rest(1);
+    for (int k = 0; k < 100; ++k) CLAIM(t.step({}, state) == Status::ok);
+    for (const double angle : state.angle) CLAIM(abs(angle) < 1e-14);
+    for (const auto& tendon : state.tendon) CLAIM(abs(tendon.tension[0] - 30) < 1e-9);
+  }
+}
+
+void energy_is_balanced_and_the_friction_law_kept() {
+  for (const double hand : {0.0, 20.0}) {
+    for (const bool quasi_static : {false, true}) {
+      const auto t = twin<double>(quasi_static, hand);
+      auto state = t.rest(1);
+      double put_in = 0, lost = 0, work = 0;
+      const double before_all = wrist_stored_energy(t, state);
+      for (int k = 0; k < 3000; ++k) {
+        const auto before = state;
+        CLAIM(t.step(command<double>(k), state) == Status::ok);
+        const auto energy = wrist_energy(t, before, state);
+        put_in += energy.handle + energy.spools + energy.load;
+        work += abs(energy.handle) + abs(energy.spools) + abs(energy.load);
+        lost += energy.friction + energy.damping;
+        CLAIM(energy.friction_at_end > -1e-12);
+        CLAIM(t.residual(before, state) < 1e-9);
+      }
+      CLAIM(abs(wrist_stored_energy(t, state) - before_all - put_in + lost) < 1e-3 * work);
+      CLAIM(lost > 0);
+    }
+  }
+}
+
+void single_precision_follows_double() {
+  const auto exact = twin<double>(false);
+  const auto rough = twin<float>(false);
+  auto a = exact.rest(1);
+  auto b = rough.rest(1);
+  for (int k = 0; k < 2000; ++k) {
+    CLAIM(exact.step(command<double>(k), a) == Status::ok);
+    CLAIM(rough.step(command<float>(k), b) == Status::ok);
+    for (int i = 0; i < 2; ++i) CLAIM(abs(a.angle[i] - double(b.angle[i])) < 2e-4);
+  }
+}
+
+void a_refused_step_leaves_the_state() {
+  const auto t = twin<double>(false);
+  auto state = t.rest(1);
+  for (int k = 0; k < 50; ++k) CLAIM(t.step(command<double>(k), state) == Status::ok);
+  const auto before = state;
+  auto wrong = command<double>(50);
+  wrong.spool_velocity[3] = std::numeric_limits<double>::quiet_NaN();
+  CLAIM(t.step(wrong, state) == Status::not_finite);
+  wrong = command<double>(50);
+  wrong.handle_angle[1] = 3.2;
+  CLAIM(t.step(wrong, state) == Status::out_of_range);
+  wrong = command<double>(50);
+  wrong.load.wrench.force.x = 1e6;
+  CLAIM(t.step(wrong, state) == Status::no_equilibrium);
+  for (int g = 0; g < 4; ++g) CLAIM(state.angle[g] == before.angle[g]);
+  for (int m = 0; m < 4; ++m) CLAIM(state.tendon[m].tension[0] == before.tendon[m].tension[0]);
+}
+
+void jaws_hold_what_is_between_them() {
+  auto t = twin<double>(false);
+  t.wrist.joint[1].grip = 0.02;
+  auto state = t.rest(1);
+  auto pressed = command<double>(0);
+  pressed.held = {-1e-3, 1e4, 1.0};
+  pressed.load.wrench.force = {0, -1, 0};
+  for (int k = 0; k < 4000; ++k) CLAIM(t.step(pressed, state) == Status::ok);
+  const double depth = pressed.held.opening - t.opening(state.angle);
+  CLAIM(depth > 0);
+  CLAIM(abs(state.grip_force - 1e4 * depth) < 1e-6 * state.grip_force);
+}
+
+}  // namespace
+
+int main() {
+  at_rest_nothing_moves();
+  energy_is_balanced_and_the_friction_law_kept();
+  single_precision_follows_double();
+  a_refused_step_leaves_the_state();
+  jaws_hold_what_is_between_them();
+  return claims::report();
+}

@@ -1,0 +1,252 @@
+"""Recordings and protocols of coupled instruments: joints and tendons by name."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+import pytest
+
+import tenodesis as tn
+from tenodesis.errors import ProtocolError, RecordingError
+from tenodesis.recording import CoupledRecording, Recorder, Recording, open_recording, tables
+from tenodesis.recording.schemas import CoupledNames
+from tenodesis.recording.simulation import record_coupled, write_run
+from tenodesis.recording.summary import facts
+from tenodesis.simulate import Cycles, GrippedObject, Hold, Protocol, Ramp, StepLoad, Wrench
+
+from .conftest import EXAMPLES
+from .recording_samples import a_run, recorded
+
+Command: TypeAlias = Callable[..., tuple[int, str, str]]
+
+
+def protocol(*phases: object) -> Protocol:
+    return Protocol(name="test", phases=phases)
+
+
+@pytest.fixture(scope="module")
+def wrist() -> tn.coupled.CoupledInstrument:
+    return tn.coupled.load("hybrid-scaled-up")
+
+
+@pytest.fixture(scope="module")
+def run(wrist: tn.coupled.CoupledInstrument) -> tn.coupled.CoupledRun:
+    return tn.simulate.execute_coupled(
+        tn.coupled.Twin(wrist, seed=3), tn.simulate.load(EXAMPLES / "coupled_protocol.toml")
+    )
+
+
+@pytest.mark.parametrize("name", tn.coupled.shipped())
+def test_the_default_protocol_moves_loads_and_grips_and_comes_back_bit_by_bit(name: str, tmp_path: Path) -> None:
+    inst = tn.coupled.load(name)
+    plan = tn.simulate.default_protocol(inst)
+    run = record_coupled(inst, plan, tmp_path / "run.mcap", seed=1, time_step=2e-3, quasi_static=True)
+    assert (np.abs(run["output_angle"]).max(axis=0) > np.radians(8)).all()
+    assert set(np.unique(np.sign(run["wrench"][:, :2]))) == {-1, 0, 1}
+    assert inst.grip is None or run["grip_force"].max() > 0.1
+    back = CoupledRecording.open(tmp_path / "run.mcap")
+    assert back.instrument() == inst
+    assert back.run.signals.keys() == run.signals.keys()
+    assert (back.run.joints, back.run.handle_joints, back.run.tendons) == (run.joints, run.handle_joints, run.tendons)
+    for signal in ("time", *run.signals):
+        there, again = ((one.time if signal == "time" else one[signal]) for one in (run, back.run))
+        assert np.array_equal(there, again), signal
+    again = tn.simulate.execute_coupled(
+        tn.coupled.Twin(inst, seed=1, time_step=2e-3, quasi_static=True), tn.simulate.parse(back.metadata["protocol"])
+    )
+    assert all(np.array_equal(again[signal], run[signal]) for signal in run.signals)
+
+
+def test_a_recording_names_joints_tendons_units_and_meanings(run: tn.coupled.CoupledRun, tmp_path: Path) -> None:
+    from mcap.reader import make_reader
+
+    wrist = tn.coupled.load("hybrid-scaled-up")
+    write_run(run, wrist, tmp_path / "run.mcap")
+    with (tmp_path / "run.mcap").open("rb") as file:
+        channels = {one.topic: one.metadata for one in make_reader(file).get_summary().channels.values()}
+    tip = channels["/twin/tip/measured_js"]
+    assert tip["signals"].split() == ["output_angle", "output_velocity"]
+    assert tip["units"].split() == ["rad", "rad/s"]
+    assert len(tip["meanings"].split("; ")) == 2
+    load = channels["/rig/measured_cf"]
+    assert dict(zip(load["signals"].split(), load["units"].split(), strict=True))["wrench.mz"] == "N*m"
+    metadata = open_recording(tmp_path / "run.mcap").metadata
+    assert metadata["joints"].split() == ["yaw", "pitch", "jaw"]
+    assert metadata["tendons"].split()[-1] == "grip"
+
+
+def test_a_controllers_estimates_and_faults_are_recorded_by_joint(
+    wrist: tn.coupled.CoupledInstrument, tmp_path: Path
+) -> None:
+    controller = tn.control.Controller(tn.coupled.compensated(wrist))
+    load = StepLoad(wrench=Wrench(fy=0.5), duration=0.1)
+    run = record_coupled(wrist, protocol(load), tmp_path / "run.mcap", controller=controller)
+    recording = CoupledRecording.open(tmp_path / "run.mcap")
+    assert recording.run.columns("estimated_force") == run.compensated == ("yaw", "pitch")
+    assert recording.run.signals.keys() == run.signals.keys()
+    assert all(np.array_equal(recording.run[signal], run[signal], equal_nan=True) for signal in run.signals)
+    said = facts(recording)
+    assert said["controller"] == "robust law, friction observer, differential actuation, of yaw and pitch"
+    assert said["faults"] == "none"
+    winding = Ramp(duration=0.1, spool_velocities={"yaw_agonist": 0.1})
+    with pytest.raises(ProtocolError, match="spool_velocities names yaw_agonist; a phase must leave that motor"):
+        record_coupled(wrist, protocol(winding), tmp_path / "no.mcap", controller=controller)
+    assert not (tmp_path / "no.mcap").exists()
+
+
+def test_tables_have_a_column_for_each_joint_and_tendon(run: tn.coupled.CoupledRun, tmp_path: Path) -> None:
+    few = run.rows(last=50)
+    columns = tables.columns(few)
+    assert np.array_equal(columns["output_angle.pitch [rad]"], few["output_angle.pitch"])
+    assert np.array_equal(columns["wrench.mz [N*m]"], few["wrench.mz"])
+    assert np.array_equal(columns["grip_force [N]"], few["grip_force"])
+    tables.to_csv(few, tmp_path / "run.csv")
+    header, *rows = (tmp_path / "run.csv").read_text("utf-8").splitlines()
+    assert len(rows) == 50
+    assert "tension.yaw_agonist [N]" in header.split(",")
+
+
+def test_a_truncated_recording_reads_up_to_its_last_chunk(run: tn.coupled.CoupledRun, tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    write_run(run, tn.coupled.load("hybrid-scaled-up"), path)
+    path.write_bytes(path.read_bytes()[:1_000_000])
+    back = open_recording(path)
+    assert back.damage is not None
+    assert 0 < len(back.run) < len(run)
+    assert np.array_equal(back.run["tension"], run["tension"][: len(back.run)])
+
+
+def test_planar_and_coupled_recordings_are_told_apart_in_a_sentence(run: tn.coupled.CoupledRun, tmp_path: Path) -> None:
+    write_run(run.rows(last=10), tn.coupled.load("hybrid-scaled-up"), tmp_path / "run.mcap")
+    with pytest.raises(RecordingError, match="joints share tendons, and this takes planar ones"):
+        Recording.open(tmp_path / "run.mcap")
+    planar = recorded(tmp_path / "planar.mcap", a_run(10))
+    with pytest.raises(RecordingError, match="is of a planar instrument"):
+        CoupledRecording.open(planar)
+    other = CoupledNames.of_instrument(tn.coupled.load("needle-driver"))
+    with (
+        Recorder(tmp_path / "other.mcap", axes=other) as recorder,
+        pytest.raises(RecordingError, match=r"joints and tendons are yaw.*they must be pitch, jaw_1"),
+    ):
+        recorder.write(run)
+
+
+def test_commands_are_by_joint_tendon_and_component(
+    run: tn.coupled.CoupledRun, wrist: tn.coupled.CoupledInstrument
+) -> None:
+    assert run["commanded_handle_angle.handle_pitch"].max() == pytest.approx(np.radians(20))
+    assert run["commanded_handle_angle"][-1] == pytest.approx(np.radians([-15, -10, 20]))
+    assert np.abs(run["wrench"]).max(axis=0) == pytest.approx([0, 0.5, 0, 0, 0, 2e-3])
+    assert run["commanded_spool_velocity"].max(axis=0) == pytest.approx([0, 0, 0, 0, 0.2])
+    assert run["grip_force"][-1] > 1
+    held = run["commanded_handle_angle.trigger"] == 0
+    assert not run["grip_force"][held].max() > 0.1
+
+
+def test_a_ramp_may_end_in_any_load_and_the_jaws_may_be_pressed_apart(wrist: tn.coupled.CoupledInstrument) -> None:
+    ramp = Ramp(duration=0.1, wrench=Wrench(fz=-1.0), grip_force=0.2)
+    step = StepLoad(joint="handle_yaw", handle_angle=0.1, grip_force=0.1, duration=0.1, release=0.1)
+    run = tn.simulate.execute_coupled(tn.coupled.Twin(wrist), protocol(ramp, Hold(duration=0.05), step))
+    assert np.array_equal(run["wrench"][-1], [0, 0, -1, 0, 0, 0])
+    assert run["applied_grip_force"][-1] == 0.2
+    assert run["applied_grip_force"].min() < 0.1 + 1e-12
+    assert run["commanded_handle_angle.handle_yaw"][-1] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "phase", "says"),
+    [
+        ("hybrid-scaled-up", Cycles(output_amplitude=0.1, speed=1, count=1), "output_amplitude is given.*amplitude"),
+        ("hybrid-scaled-up", Cycles(axis="yaw", amplitude=0.1, speed=1, count=1), "axis is given.*give joint"),
+        ("hybrid-scaled-up", Cycles(joint="yaw", amplitude=0.1, speed=1, count=1), "joint is yaw; it must be handle_"),
+        ("hybrid-scaled-up", Cycles(amplitude=3.0, speed=1, count=1), "amplitude is 171.887 deg.*handle's range"),
+        ("hybrid-scaled-up", StepLoad(force=1.0, duration=1), "force is given.*give wrench"),
+        ("hybrid-scaled-up", Ramp(handle_angle=0.1, duration=1), "handle_angle is given.*give handle_angles"),
+        ("hybrid-scaled-up", Ramp(handle_angles={"yaw": 0.1}, duration=1), "names yaw; it must name joints of the han"),
+        ("hybrid-scaled-up", Ramp(spool_velocities={"x": 0.1}, duration=1), "names x; it must name tendons"),
+        ("hybrid-scaled-up", tn.simulate.Pretension(), "kind is pretension.*it must be hold"),
+        ("hybrid-scaled-up", tn.simulate.TissueContact(stiffness=0), "kind is contact.*it must be object"),
+        (
+            "needle-driver",
+            Cycles(amplitude=0.1, speed=1, count=1),
+            "amplitude is given, but there is no joint at the h",
+        ),
+        ("needle-driver", Cycles(joint="a", amplitude=0.1, speed=1, count=1), "joint is a; it must be left out"),
+        ("two-segment-continuum", GrippedObject(stiffness=1e3), "no jaws that grip; .* a table \\[grip\\]"),
+    ],
+)
+def test_what_a_coupled_instrument_cannot_run_is_refused_in_a_sentence(name: str, phase: object, says: str) -> None:
+    with pytest.raises(ProtocolError, match=f"test: phase 1 .*{says}") as problem:
+        protocol(phase).plan(tn.coupled.load(name), 1e-3)
+    assert "\n" not in str(problem.value)
+
+
+@pytest.mark.parametrize(
+    ("phase", "says"),
+    [
+        (StepLoad(wrench=Wrench(fx=1.0), duration=1), "wrench is given.*give force"),
+        (Ramp(handle_angles={"yaw": 0.1}, duration=1), "handle_angles is given.*give handle_angle"),
+        (Cycles(joint="yaw", amplitude=0.1, speed=1, count=1), "joint is given.*give axis"),
+        (GrippedObject(stiffness=1e3), "kind is object.*it must be contact"),
+    ],
+)
+def test_what_a_planar_instrument_cannot_run_is_refused_in_a_sentence(
+    phase: object, says: str, scaled: tn.Instrument
+) -> None:
+    with pytest.raises(ProtocolError, match=f"test: phase 1 .*{says}"):
+        protocol(phase).plan(scaled, 1e-3)
+
+
+def test_an_object_wider_than_the_jaws_are_open_is_refused(wrist: tn.coupled.CoupledInstrument) -> None:
+    wide = GrippedObject(stiffness=1e3, opening=5e-3)
+    with pytest.raises(ProtocolError, match=r"phase 1 \(object\): opening.*to which the jaws are open"):
+        tn.simulate.execute_coupled(tn.coupled.Twin(wrist), protocol(wide))
+
+
+def test_a_figure_has_a_curve_for_each_joint_and_tendon(run: tn.coupled.CoupledRun) -> None:
+    figure = run.plot()
+    legends = [[text.get_text() for text in panel.get_legend().get_texts()] for panel in figure.axes]
+    assert ["yaw", "pitch", "jaw"] in legends
+    assert [*run.tendons] in legends
+    assert ["grip force"] in legends
+    (panel,) = run.plot("tension.grip").axes
+    (line,) = panel.lines
+    assert np.array_equal(line.get_ydata(), run["tension.grip"])
+    with pytest.raises(KeyError, match="temperature is not among"):
+        run.plot("temperature")
+
+
+def test_record_info_and_export_take_a_coupled_instrument(tenodesis: Command, tmp_path: Path) -> None:
+    load = StepLoad(wrench=Wrench(fx=0.5), duration=0.05, release=0.05)
+    (tmp_path / "load.toml").write_text(protocol(load).to_toml(), "utf-8")
+    code, out, _ = tenodesis("record", "needle-driver", "load.toml")
+    assert code == 0
+    assert out.startswith("recordings/load-needle-driver.mcap: test on needle-driver, 0.1 s, 200 rows")
+    assert "jaw_1_wound" in out
+    path = "recordings/load-needle-driver.mcap"
+    (found,) = json.loads(tenodesis("info", path, "--json")[1])
+    assert found["origin"]["joints"] == "pitch, jaw_1, jaw_2"
+    assert found["signals"]["wrench.fx"]["greatest"] > 0
+    code, out, _ = tenodesis("info", path)
+    assert (code, "measured_tension.jaw_2_wound" in out) == (0, True)
+    code, out, _ = tenodesis("export", "recording", path, "--out", "table.csv")
+    assert (code, out.startswith("table.csv: ")) == (0, True)
+    code, _, problem = tenodesis("replay", path)
+    assert (code, problem.count("\n")) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("--law", "robust"), "needle-driver has no joint that a controller can compensate"),
+        (("--axis", "yaw"), "--axis is 'yaw', but needle-driver lists joints and tendons; it is for planar"),
+        (("cycles",), "cycles: phase 1 (cycles): output_amplitude is given, which needle-driver, whose joints share"),
+        (("scaled-up",), "scaled-up is an instrument; it must be a protocol"),
+    ],
+)
+def test_what_record_does_not_take_is_said(tenodesis: Command, arguments: tuple[str, ...], sentence: str) -> None:
+    code, _, problem = tenodesis("record", "needle-driver", *arguments)
+    assert (code, problem.count("\n")) == (1, 1)
+    assert sentence in problem

@@ -1,0 +1,266 @@
+"""The twin of coupled instruments: planar twin, statics, friction law and energies that it must agree with."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import tenodesis as tn
+from tenodesis.coupled.rows import TwinRows, mass_matrix, natural_frequencies, twin_rows
+from tests.python import coupled_samples
+
+NOMINAL = {"mismatch.stiffness_ratio": 1.0, "mismatch.output_encoder_offset": 0.0}
+FRICTION = {"law": "capstan", "vertex_coefficient": 0.15, "sheath_coefficient": 0.1, "sheath_bend": np.radians(20)}
+
+
+def shipped(name: str, **changes: object) -> tn.coupled.CoupledInstrument:
+    return tn.coupled.load(name).replace(**{"friction": FRICTION, **changes})
+
+
+def motion(inst: tn.coupled.CoupledInstrument, steps: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Handle angles, wrench and spool velocities that are smooth, at rest at first."""
+    rng = np.random.default_rng(seed)
+    time = np.linspace(0, 1, steps)[:, np.newaxis]
+
+    def waves(count: int) -> np.ndarray:
+        return np.sin(2 * np.pi * (rng.uniform(0.5, 2, count) * time + rng.uniform(0, 1, count))) * np.minimum(
+            8 * time, 1
+        )
+
+    handles = [joint.range for joint in inst.handle_joints]
+    wrench = waves(6) * np.array([0.2, 0.2, 0.1, 2e-3, 2e-3, 1e-3])
+    return 0.5 * np.array(handles) * waves(len(handles)), wrench, 0.1 * waves(len(inst.tendons))
+
+
+@pytest.mark.parametrize("name", ["scaled-up", "real-size"])
+@pytest.mark.parametrize("quasi_static", [False, True])
+def test_one_joint_moves_as_the_planar_twin(name: str, quasi_static: bool) -> None:
+    planar = tn.load(name).axis("yaw").replace(**NOMINAL, friction=FRICTION)
+    steps = 1500
+    time = np.arange(steps) * 5e-4
+    handle = np.radians(30) * np.sin(2 * np.pi * 1.5 * time)
+    force = 0.5 * np.sin(2 * np.pi * 2.1 * time)
+    spools = np.zeros((steps, 2))
+    spools[600:900, 0], spools[900:1200, 1] = 0.3, -0.2
+    expected = tn.twin.Twin(planar, quasi_static=quasi_static).run(handle, force, spool_velocity=spools)
+    wrench = np.zeros((steps, 6))
+    wrench[:, 0] = -force
+    coupled = tn.coupled.of_planar(planar)
+    run = tn.coupled.Twin(coupled, quasi_static=quasi_static).run(handle[:, None], wrench, spool_velocity=spools)
+    # Both end Newton's iteration of a step at rounding, from different sides.
+    assert np.abs(run["output_angle.yaw"] - expected.output_angle).max() < 1e-8
+    assert np.abs(run["tension"] - expected.tension).max() < 1e-5
+    assert np.abs(run["handle_torque.handle_yaw"] - expected.handle_torque).max() < 1e-7
+    assert np.abs(run["spool_angle"] - expected.spool_angle).max() < 1e-12
+
+
+def test_a_hand_that_yields_moves_as_on_the_planar_twin() -> None:
+    hand = {"dynamics.hand_stiffness": 8.0}
+    planar = tn.load("scaled-up").replace(**NOMINAL, friction=FRICTION, **hand)
+    handle = np.radians(20) * np.sin(np.arange(1200) * 5e-3)
+    expected = tn.twin.Twin(planar).run(handle, 0.8)
+    run = tn.coupled.Twin(tn.coupled.of_planar(planar)).run(handle[:, None], [-0.8, 0, 0, 0, 0, 0])
+    assert np.abs(run["handle_angle"][:, 0] - expected.handle_angle).max() < 1e-6
+    assert np.abs(run["output_angle"][:, 0] - expected.output_angle).max() < 1e-6
+    assert np.abs(run["handle_torque"][:, 0] - expected.handle_torque).max() < 1e-5
+
+
+@pytest.mark.parametrize("name", tn.coupled.shipped())
+def test_without_friction_a_still_twin_is_where_the_statics_say(name: str) -> None:
+    inst = tn.coupled.load(name).replace(friction={})
+    handle, wrench, _ = motion(inst, 60, seed=3)
+    run = tn.coupled.Twin(inst, quasi_static=True).run(handle, wrench)
+    expected = tn.coupled.equilibrium(inst, handle, wrench)
+    assert np.abs(run["output_angle"] - expected.angles).max() < 1e-6
+    assert np.abs(run["tension"] - expected.tensions).max() < 1e-3
+
+
+@pytest.mark.parametrize("name", tn.coupled.shipped())
+@pytest.mark.parametrize("quasi_static", [False, True])
+def test_energy_is_balanced_and_friction_only_takes(name: str, quasi_static: bool) -> None:
+    inst = shipped(name)
+    handle, wrench, spools = motion(inst, 2000)
+    twin = tn.coupled.Twin(inst, quasi_static=quasi_static)
+    # Pretensions need not balance: at rest the twin first settles, at once.
+    twin.run(handle[:100], wrench[:100], spool_velocity=spools[:100])
+    energy = twin.energy(handle[100:], wrench[100:], spool_velocity=spools[100:])
+    assert energy.friction > 0
+    assert energy.least_friction > -1e-12
+    assert energy.residual < 1e-9
+    assert abs(energy.unaccounted) < 1e-3 * energy.work
+
+
+def test_jaws_press_what_they_hold_and_the_energy_is_balanced() -> None:
+    inst = shipped("needle-driver")
+    opening_speed = np.sign(inst.tendon_arms("tip") @ inst.grip_arms)
+    held = tn.coupled.Held(opening=1e-3, stiffness=2e4, damping=5.0)
+    with pytest.raises(tn.ArgumentError, match="to which the jaws are open"):
+        tn.coupled.Twin(inst).run(0, np.zeros((10, 6)), held=held)
+    twin = tn.coupled.Twin(inst)
+    still = np.zeros((600, 6))
+    opened = twin.run(0, still, spool_velocity=0.5 * opening_speed)
+    assert opened["output_angle"][-1] @ inst.grip_arms > held.opening
+    energy = twin.energy(0, still, spool_velocity=-0.9 * opening_speed, held=held)
+    assert abs(energy.unaccounted) < 1e-3 * energy.work
+    assert energy.tissue >= 0
+    run = twin.run(0, still, held=held)
+    pressed = held.opening - run["output_angle"][-1] @ inst.grip_arms
+    assert run["grip_force"][-1] > 1
+    assert held.stiffness * pressed == pytest.approx(run["grip_force"][-1], rel=1e-3)
+
+
+def test_the_mass_matrix_is_that_of_two_rods_on_pins() -> None:
+    """Closed form of the double pendulum (any textbook), its pins without offset."""
+    lengths, masses = (0.05, 0.03), (0.02, 0.01)
+    inst = coupled_samples.in_a_plane(lengths)
+    links = np.array(
+        [[m, length / 2, m * length**2 / 3, m * length**2 / 3, 0.0] for m, length in zip(masses, lengths, strict=True)]
+    )
+    angles, speeds = np.array([0.3, -0.8]), np.array([2.0, -3.0])
+    matrix, bias = mass_matrix(inst, links, angles, speeds)
+    (a, b), (m, n) = lengths, masses
+    coupling = n * a * b / 2 * np.cos(angles[1])
+    tip = n * b**2 / 3
+    both = m * a**2 / 3 + n * a**2 + tip + 2 * coupling
+    assert matrix == pytest.approx(np.array([[both, tip + coupling], [tip + coupling, tip]]), rel=1e-12)
+    pull = n * a * b / 2 * np.sin(angles[1])
+    expected = [-pull * (2 * speeds[0] * speeds[1] + speeds[1] ** 2), pull * speeds[0] ** 2]
+    assert bias == pytest.approx(expected, rel=1e-12)
+
+
+def test_friction_is_that_of_a_search_over_all_ways_to_slide() -> None:
+    """Two joints, four tendons, six contacts: of all 729 ways to stick and slide, those that hold give one answer."""
+    inst = coupled_samples.in_a_plane((0.03, 0.02), {"law": "capstan", "vertex_coefficient": 0.3})
+    moments = np.array([0.02, 0.06, 0.1, 0.08, 0.0, -0.07, -0.05, 0.01])
+    wrench = np.zeros((len(moments), 6))
+    wrench[:, 4] = moments
+    run = tn.coupled.Twin(inst, quasi_static=True).run(np.zeros((len(moments), 0)), wrench)
+    assert np.abs(run["output_angle"] - searched(inst, moments)).max() < 1e-7
+    assert np.abs(np.diff(run["distal_tension"], axis=0)).min() > 0
+
+
+def searched(inst: tn.coupled.CoupledInstrument, moments: np.ndarray) -> np.ndarray:
+    """Angles of two pulleys of one axis under moments on the tip, by trying all ways to slide; (steps, 2), rad.
+
+    Unknown are both angles and the slip of every contact; tensions are springs', a contact that slides has its edge.
+    """
+    rows = twin_rows(inst, 5e-4, quasi_static=True)
+    contacts = [(m, j) for m in range(4) for j in range(1, rows.contacts[m])]  # the sheath's has no friction
+    count = len(contacts)
+    names = {contact: 2 + n for n, contact in enumerate(contacts)}
+    springs, ends = {}, {}
+    for m in range(4):
+        for j in range(1, rows.contacts[m] + 1):
+            # The first segment is the two on either side of the sheath's contact.
+            in_series = rows.segments[m, :2] if j == 1 else rows.segments[m, j : j + 1]
+            stretch = np.zeros(2 + count)
+            if j > 1:
+                stretch[names[m, j - 1]] += 1
+                joint, arm = int(rows.passages[m, j - 1, 0]), rows.passages[m, j - 1, 3]
+                stretch[joint] += arm
+                ends[m, j] = joint, arm
+            if (m, j) in names:
+                stretch[names[m, j]] -= 1
+            springs[m, j] = stretch / np.sum(1 / in_series)
+    rest = inst.pretension
+    ways = np.array(list(itertools.product((-1, 0, 1), repeat=count)))
+    slips, found = np.zeros(count), []
+    for moment in moments:
+        angles = np.tile(found[-1] if found else np.zeros(2), (len(ways), 1))
+        for _ in range(60):
+            matrix, right = np.zeros((len(ways), 2 + count, 2 + count)), np.zeros((len(ways), 2 + count))
+            right[:, :2] = -moment
+            for (m, j), (joint, arm) in ends.items():
+                matrix[:, joint] -= arm * springs[m, j]
+                right[:, joint] += arm * rest
+            ratio = np.array([ratios(rows, contacts, row) for row in angles])
+            for n, (m, j) in enumerate(contacts):
+                near, far = springs[m, j], springs[m, j + 1]
+                sticks, to_spool = ways[:, n] == 0, ways[:, n] > 0
+                on_near, on_far = np.where(to_spool, 1, ratio[:, n]), np.where(to_spool, ratio[:, n], 1)
+                matrix[:, 2 + n] = on_near[:, None] * near - on_far[:, None] * far
+                right[:, 2 + n] = (on_far - on_near) * rest
+                matrix[sticks, 2 + n] = np.eye(2 + count)[2 + n]
+                right[sticks, 2 + n] = slips[n]
+            solved = np.linalg.solve(matrix, right[..., None])[..., 0]
+            angles, before = solved[:, :2], angles
+            if np.abs(angles - before).max() < 1e-12:
+                break
+        slid = solved[:, 2:] - slips
+        holds = np.all(np.where(ways == 0, True, slid * ways >= -1e-12), axis=1)
+        for n, (m, j) in enumerate(contacts):
+            near, far = rest + solved @ springs[m, j], rest + solved @ springs[m, j + 1]
+            holds &= (near > 0) & (far > 0)
+            holds &= (near <= ratio[:, n] * far + 1e-9) & (far <= ratio[:, n] * near + 1e-9)
+        answers = solved[holds]
+        assert len(answers)
+        assert np.ptp(answers, axis=0).max() < 1e-9
+        slips = answers[0, 2:]
+        found.append(answers[0, :2])
+    return np.array(found)
+
+
+def ratios(rows: TwinRows, contacts: list[tuple[int, int]], angles: np.ndarray) -> np.ndarray:
+    passed = np.array([rows.passages[m, j] for m, j in contacts])
+    return np.exp(passed[:, 1] * (passed[:, 2] + np.abs(angles[passed[:, 0].astype(int)])))
+
+
+def test_the_default_masses_give_the_lowest_frequency_of_the_file() -> None:
+    inst = shipped("needle-driver").replace(dynamics={"natural_frequency": 35.0})
+    assert natural_frequencies(inst)[0] == pytest.approx(2 * np.pi * 35, rel=1e-9)
+
+
+def test_a_seed_repeats_its_noise_and_a_lost_call_changes_nothing() -> None:
+    inst = shipped("hybrid-scaled-up")
+    handle, wrench, _ = motion(inst, 200)
+    runs = [tn.coupled.Twin(inst, seed=4).run(handle, wrench) for _ in range(2)]
+    assert np.array_equal(runs[0]["measured_tension"], runs[1]["measured_tension"])
+    twin = tn.coupled.Twin(inst, seed=4)
+    with pytest.raises(tn.NoSolutionError, match="no equilibrium"):
+        twin.run(handle, [1e4, 0, 0, 0, 0, 0])
+    again = twin.run(handle, wrench)
+    assert np.array_equal(again["measured_tension"], runs[0]["measured_tension"])
+    assert again.time[0] == pytest.approx(5e-4)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"handle_angles": np.zeros((5, 2))}, r"handle_angles has shape \(5, 2\); it must be of shape \(n, 3\)"),
+        (
+            {"handle_angles": np.full((5, 3), 1.0)},
+            r"handle_angles\[0\] of handle_yaw is 1.0; it must be within its range",
+        ),
+        ({"wrench": np.full((5, 6), np.nan)}, r"wrench\[0, 0\] is nan"),
+        ({"spool_velocity": np.zeros((4, 5))}, "differ|fit|shape"),
+        ({"axes": "world"}, "axes is 'world'; it must be tip or stem"),
+        ({"held": tn.coupled.Held(0.0, -1.0)}, r"held.stiffness is -1"),
+    ],
+)
+def test_bad_commands_are_refused_in_a_sentence(arguments: dict[str, object], message: str) -> None:
+    twin = tn.coupled.Twin("hybrid-real-size")
+    with pytest.raises(tn.ArgumentError, match=message):
+        twin.run(**{"handle_angles": np.zeros((5, 3)), **arguments})  # type: ignore[arg-type]
+
+
+def test_a_grip_without_jaws_and_friction_that_no_joint_has_are_refused() -> None:
+    with pytest.raises(tn.ArgumentError, match="nothing that grips"):
+        tn.coupled.Twin("two-segment-continuum").run(0, np.zeros((3, 6)), held=tn.coupled.Held(1e-3, 1e3))
+    with pytest.raises(tn.InstrumentError, match="stribeck"):
+        shipped("needle-driver", friction={"law": "stribeck", "vertex_coefficient": 0.1})
+    with pytest.raises(tn.InstrumentError, match="vertices_per_joint is 2"):
+        shipped("needle-driver", friction={"law": "capstan", "vertices_per_joint": 2})
+    with pytest.raises(tn.ArgumentError, match="a twelfth of a period"):
+        tn.coupled.Twin("needle-driver", time_step=5e-3)
+
+
+def test_rows_and_columns_are_found_by_name() -> None:
+    inst = shipped("maryland-dissector")
+    run = tn.coupled.Twin(inst).run(0, np.zeros((50, 6)))
+    assert run.columns("output_angle") == tuple(joint.name for joint in inst.tip_joints)
+    assert run["tension." + inst.tendons[2].name].shape == (50,)
+    assert "output_angle.pitch" in run.to_pandas().columns
+    assert len(run.rows(10, 20)) == 10
+    with pytest.raises(KeyError, match="not among the columns"):
+        run["output_angle.roll"]
+    assert list(itertools.islice(run.signals, 1)) == ["commanded_handle_angle"]
