@@ -65,10 +65,13 @@ struct CompensatorState {
   S hand{};                   ///< direction of the handle's last motion
   S still{};                  ///< time since that motion, s
   S since{};                  ///< time in this phase, s
-  S near{};                   ///< time that the tip has been within the dead band, s
+  S near{};                   ///< time that the tip has been within the dead band, less three times that it has not, s
   Phase stroke{Phase::pull};  ///< the last stroke
   int turns{};                ///< reversals of strokes since the motors last rested
   S tolerance{1};             ///< factor by which the dead band has grown over strokes that did not end in it
+  bool correcting{};          ///< whether the tip, as a stroke has shown it, is corrected without a stroke
+  S goal{};                   ///< differential stroke of that correction, or at the begin of a stroke, m
+  S reach{};                  ///< how far a stroke may go from there, m
   EnvelopeState<S> envelope{};
   S short_of{};     ///< by how much the last stroke ended early because a tendon got loose, m
   bool yielding{};  ///< whether the force limit has held the law back in this tick
@@ -239,12 +242,14 @@ struct Compensator {
     const bool moving = detect_hand_motion(memory.intent.angle, shaken, dt, state);
     const S common = (wound(memory.smooth, agonist) + wound(memory.smooth, antagonist)) * S(0.5);
     const S wanted = wanted_common(memory);
-    choose(lag, dead, moving, shaken, common - wanted, observer, memory, dt, state);
+    // A tick later than it was chosen, when there is less to compute.
+    const bool begins = state.since <= S(0);
+    choose({lag, dead, moving, shaken, stroke, wanted, common - wanted}, observer, memory, dt, state);
     if (state.phase == Phase::rest) return {};
+    const bool strokes = state.phase != Phase::track;
     const S authority = state.envelope.authority;
-    S differential =
-        settings.gain * authority * (state.phase == Phase::track ? observer.certain(missing, memory) : missing);
-    if (state.phase == Phase::track && authority < S(1))
+    S differential = settings.gain * authority * (strokes ? missing : observer.certain(missing, memory));
+    if (!strokes && !state.correcting && authority < S(1))
       differential =
           differential + (S(1) - authority) * envelope.returning(stroke, settings.assistance, observer, memory);
     if (moving && lag * state.hand > dead) {
@@ -253,11 +258,20 @@ struct Compensator {
       const S speed = observer.breakaway(memory, state.hand) / settings.breakaway_time;
       differential = differential + state.hand * authority * smaller(speed, settings.breakaway_speed * memory.arm);
     }
+    if (state.correcting) differential = differential + authority / correction_time * (state.goal - stroke);
     // Into what is left of the force as fast as the tip may break away, out of it as the lag is corrected.
     const S inward = S(1) / settings.breakaway_time;
     differential = clamp(differential, (room.least < S(0) ? inward : settings.gain) * room.least,
                          (room.most > S(0) ? inward : settings.gain) * room.most);
-    if (state.phase == Phase::track) {
+    if (begins) begin(strokes, stroke, missing, dead, observer, memory, state);
+    if (state.since > S(0) && (strokes || state.correcting)) {
+      // A load may still grow.
+      if (strokes) state.reach = larger(state.reach, abs(missing) + dead);
+      const S left = state.goal - stroke;
+      differential = differential > S(0) ? smaller(differential, approach_rate * larger(left + state.reach, S(0)))
+                                         : larger(differential, approach_rate * smaller(left - state.reach, S(0)));
+    }
+    if (!strokes) {
       // A moving hand may need more tension to keep the looser tendon tight, and must not wait for it until it rests.
       const S tightening = wanted > S(0) ? clamp(settings.gain * (wanted - common), S(0), settings.common_speed) : S(0);
       return {tightening + limited(differential), tightening - limited(differential)};
@@ -269,8 +283,11 @@ struct Compensator {
     return {along + differential, along - differential};
   }
 
-  static constexpr S long_rest = S(1);  // s
-  static constexpr int most_turns = 4;
+  static constexpr S long_rest = S(1);        // s
+  static constexpr S correction_time = S(1);  // s, at most
+  // At which the differential stroke may approach its bounds, 1/s.
+  static constexpr S approach_rate = S(30);
+  static constexpr int most_turns = 4, few_turns = 2;
   static constexpr S growth = S(1.5), most_tolerance = S(3);
 
   // Largest share of the differential speed in the common one: neither tendon may reverse.
@@ -303,26 +320,50 @@ struct Compensator {
     const auto& tendon = memory.tendon;
     const S half = abs(tendon[agonist].tension[2] - tendon[antagonist].tension[2]) * S(0.5);
     const S more = half + settings.least_tension - model.axis.pretension;
-    return larger(more, S(0)) * memory.compliance / model.axis.stiffness;
+    return larger(more, S(0)) * memory.unit;
   }
 
-  void choose(const S& lag, const S& dead, bool moving, bool shaken, const S& above,
-              const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt, State& state) const {
-    const S unseen = larger(memory.freedom[0], memory.freedom[1]);
-    const S stroke = settings.common_stroke + settings.stroke_share * wanted_common(memory);
+  /// What a choice depends on besides observer and state.
+  struct Situation {
+    S lag{};   ///< m
+    S dead{};  ///< band of it, m
+    bool moving{};
+    bool shaken{};
+    S stroke{};  ///< differential, m
+    S wanted{};  ///< common stroke that keeps the tendons tight, m
+    S above{};   ///< common stroke above that one, m
+  };
+
+  void choose(const Situation& now, const FrictionObserver<A>& observer, const FrictionMemory<S>& memory, const S& dt,
+              State& state) const {
+    const auto& [lag, dead, moving, shaken, across_now, wanted, above] = now;
+    // What the law would give back.
+    const S share = settings.assistance;
+    const S unseen = share * larger(memory.freedom[0], memory.freedom[1]);
+    const S stroke = settings.common_stroke + settings.stroke_share * wanted;
     const bool loose =
         settings.least_tension > smaller(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]);
     const bool tight = larger(memory.tendon[agonist].tension[0], memory.tendon[antagonist].tension[0]) >
                        S(0.94) * settings.tension_limit;
-    state.near = abs(lag) < dead ? state.near + dt : S(0);
+    // Noise that crosses the band's edge for a tick must not begin the time anew.
+    state.near =
+        abs(lag) < dead ? smaller(state.near + dt, settings.settle_time + dt) : larger(state.near - S(3) * dt, S(0));
     const bool near = state.near > settings.settle_time;
+    // What no stroke can tell must not keep the motors awake.
+    const bool sure = near && (share * share * memory.doubt < S(9) * dead * dead || state.turns > most_turns);
     const bool far = abs(lag) > settings.far * dead;
     const bool steady = Envelope<A>::steady(state.envelope);
     state.since = smaller(state.since + dt, S(10));
     if (moving || (far && state.phase == Phase::rest)) return turn(Phase::track, state);
     switch (state.phase) {
       case Phase::track:
-        if (near && (shaken || unseen < S(4) * dead)) return turn(Phase::rest, state);
+        if (state.correcting) {
+          const S left = state.goal - across_now;
+          const bool there = lag * left < S(0) || abs(left) < S(0.5) * dead || state.near > S(0.01);
+          if (state.since > (there ? S(0.002) : correction_time)) turn(Phase::pull, state);
+          return;
+        }
+        if (near && (shaken || (sure && unseen < S(4) * dead))) return turn(Phase::rest, state);
         if (loose && tight) return;
         if (steady && (!far || state.since > settings.patience))
           turn(above > S(0) && !loose ? Phase::release : Phase::pull, state);
@@ -332,14 +373,17 @@ struct Compensator {
           turn(next_stroke(above, stroke, loose, state), state);
         return;
       case Phase::pull:
-        if ((observer.slip_together(memory, S(1)) || shaken) && near) return turn(Phase::rest, state);
+        if (near && (shaken || (sure && observer.slip_together(memory, S(1))))) return turn(Phase::rest, state);
         // Between slack and the limit there is no room for strokes: only tracking is left.
         if (loose && tight) return turn(Phase::track, state);
-        if (above > larger(stroke, state.short_of + stroke) || tight) turn_back(Phase::release, S(0), state);
+        if (above > larger(stroke, state.short_of + stroke) || tight)
+          turn_back(Phase::release, S(0), abs(lag) < S(2) * dead, state);
         return;
       case Phase::release:
-        if ((observer.slip_together(memory, S(-1)) || shaken) && near) return turn(Phase::rest, state);
-        if (above < -stroke || loose) turn_back(Phase::pull, larger(above + stroke, S(0)), state);
+        if (near && (shaken || (sure && observer.slip_together(memory, S(-1))))) return turn(Phase::rest, state);
+        if (!(above < -stroke || loose)) return;
+        turn_back(Phase::pull, larger(above + stroke, S(0)), abs(lag) < S(2) * dead, state);
+        if (state.turns > 1 && state.envelope.authority > S(0) && observer.slip_together(memory, S(-1))) correct(state);
         return;
       case Phase::restrained:
       case Phase::yielding:
@@ -355,14 +399,39 @@ struct Compensator {
     return above > S(0) ? Phase::release : Phase::pull;
   }
 
-  // Strokes that do not end within the dead band must not continue for ever: after some, it grows.
-  void turn_back(Phase phase, const S& short_of, State& state) const {
+  // Strokes that do not end within the dead band must not continue for ever: after some, it grows, and sooner where a
+  // wider one would have ended them.
+  void turn_back(Phase phase, const S& short_of, bool close, State& state) const {
     turn(phase, state);
     state.short_of = short_of;
-    if (++state.turns > most_turns) state.tolerance = smaller(state.tolerance * growth, most_tolerance);
+    if (++state.turns > (close ? few_turns : most_turns))
+      state.tolerance = smaller(state.tolerance * growth, most_tolerance);
+  }
+
+  // The tip is known, and friction at its joint is least at the end of a release: it is overcome without a stroke, and
+  // another stroke then shows the tip.
+  static void correct(State& state) {
+    state.short_of = S(0);
+    state.correcting = true;
+    state.phase = Phase::track;
+  }
+
+  void begin(bool stroke_begins, const S& stroke, const S& missing, const S& dead, const FrictionObserver<A>& observer,
+             const FrictionMemory<S>& memory, State& state) const {
+    const S way = S(missing > S(0) ? 1 : -1);
+    if (stroke_begins) {
+      // While friction holds the tip a stroke must not wind up more than is missing and half of what frees the tip,
+      // which would leap.
+      state.goal = stroke;
+      state.reach = abs(missing) + dead + S(0.5) * observer.breakaway(memory, way);
+    } else if (state.correcting) {
+      state.goal = stroke + missing + way * S(1.3) * settings.assistance * observer.breakaway(memory, way);
+      state.reach = S(0);
+    }
   }
 
   static void turn(Phase phase, State& state) {
+    state.correcting = false;
     // A new load has woken the motors, rather than their own last stroke: the full accuracy applies again.
     if (phase == Phase::track || (state.phase == Phase::rest && state.since > long_rest)) {
       state.tolerance = S(1);

@@ -66,7 +66,7 @@ inline constexpr S most_scale = S(12);
 template <class S>
 struct TendonMemory {
   S tension[4]{};     ///< at the spool, before the handle's joint, in the stem, at the tip, N
-  Slip<S> slip[3]{};  ///< at the sheath, at the handle's joint, at the tip
+  Slip<S> slip[2]{};  ///< at the sheath, at the handle's joint
 };
 
 template <class S>
@@ -75,18 +75,23 @@ struct FrictionMemory {
   S handle_angle{};         ///< smoothed, rad
   Measurement<S> smooth{};  ///< with play in the handle angle
   IntentState<S> intent{};
-  S target{};            ///< of the tip's position, m: with inextensible tendons, or its stop
-  S passed[2]{};         ///< exponents of the joints of axes before, at the handle and at the tip, by the parameters
-  S nominal[3]{};        ///< exponents of sheath, handle's joint and tip's joint by the parameters' friction
-  S tip{};               ///< position of the tip as tendon length, m
-  S output_angle{};      ///< at that position, rad
-  S x{};                 ///< the joint's coordinate there
-  S arm{};               ///< moment arm of the tendons there, m
-  S scale{1};            ///< of friction
-  S reference{};         ///< excess of both tendons' lengths over their references, m
-  S compliance{1};       ///< of the tendons, relative to the parameters
-  S covariance[3][3]{};  ///< of scale, reference, compliance
-  S freedom[2]{};        ///< how far the tip may have moved unseen, toward flexion and extension, m
+  S target{};      ///< of the tip's position, m: with inextensible tendons, or its stop
+  S passed[2]{};   ///< exponents of the joints of axes before, at the handle and at the tip, by the parameters
+  S nominal[3]{};  ///< exponents of sheath, handle's joint and tip's joint by the parameters' friction
+  S ratio[3]{S(1), S(1), S(1)};  ///< of the tensions on either side of a slipping contact there
+  S tip{};                       ///< position of the tip as tendon length, m
+  S output_angle{};              ///< at that position, rad
+  S x{};                         ///< the joint's coordinate there
+  S arm{};                       ///< moment arm of the tendons there, m
+  S scale{1};                    ///< of friction
+  S reference{};                 ///< excess of both tendons' lengths over their references, m
+  S compliance{1};               ///< of the tendons, relative to the parameters
+  S unit{};                      ///< stretch of a tendon per newton, m/N
+  S covariance[3][3]{};          ///< of scale, reference, compliance
+  Slip<S> tip_slip{};            ///< of the tendons at the tip's joint, as length of the agonist
+  S freedom[2]{};                ///< how far the tip may have moved unseen, toward flexion and extension, m
+  S doubt{};                     ///< variance of the tip's position as far as strokes can lower it, m^2
+  S deviation{};                 ///< standard deviation of the tip's position, m
   bool started{};
 };
 
@@ -124,13 +129,15 @@ struct FrictionObserver {
     follow(settings.intent, memory.handle_angle, dt, memory.intent);
     memory.target = clamp(model.drawn(memory.intent.angle), -model.stop, model.stop);
     set_exponents(memory);
-    const S ratio[3] = {exp(memory.scale * memory.nominal[0]), exp(memory.scale * memory.nominal[1]),
-                        exp(memory.scale * memory.nominal[2])};
+    S* const ratio = memory.ratio;
+    for (int j = 0; j < 3; ++j) ratio[j] = exp(memory.scale * memory.nominal[j]);
     S position[2];
     for (int i = 0; i < 2; ++i) position[i] = follow_to_stem(i, drawn, ratio, memory);
     place_tip(position, ratio, memory);
     if (calm(measured, memory)) learn(position, ratio, memory);
+    memory.tip_slip = follow(memory.tip_slip, at_joint(memory), tip_plays * settings.play);
     for (int i = 0; i < 2; ++i) follow_to_tip(i, position[i], ratio, memory);
+    doubt(memory);
   }
 
   /// Lag of the tip behind its target, as tendon length, m.
@@ -143,26 +150,26 @@ struct FrictionObserver {
 
   /// Stretch by which a force at the tip differs the two tendons, halved, per its size, m/N.
   S stretch_per_force(const Memory& memory) const {
-    return model.axis.distal.tangential_arm(memory.x) / memory.arm * unit_of(memory) * S(0.5);
+    return model.axis.distal.tangential_arm(memory.x) / memory.arm * memory.unit * S(0.5);
   }
 
   /// The same of the force that the tip exerts, positive toward flexion, m.
   S exerted(const Memory& memory) const {
     const S difference = memory.tendon[agonist].tension[3] - memory.tendon[antagonist].tension[3];
     const S passive = model.axis.distal.passive_stiffness() * memory.output_angle / memory.arm;
-    return (difference - passive) * unit_of(memory) * S(0.5);
+    return (difference - passive) * memory.unit * S(0.5);
   }
 
   /// How far friction at the tip's joint may hide it, m.
   S exerted_unseen(const Memory& memory) const {
     const S both = memory.tendon[agonist].tension[2] + memory.tendon[antagonist].tension[2];
-    return memory.scale * memory.nominal[2] * both * unit_of(memory) * S(0.5);
+    return memory.scale * memory.nominal[2] * both * memory.unit * S(0.5);
   }
 
   /// Half the difference of both tendons' stretches if their tensions were those at the spools, m: without friction,
   /// the differential stroke that restores the angle.
   S measured_loss(const Memory& memory) const {
-    return (memory.smooth.tension[agonist] - memory.smooth.tension[antagonist]) * unit_of(memory) * S(0.5);
+    return (memory.smooth.tension[agonist] - memory.smooth.tension[antagonist]) * memory.unit * S(0.5);
   }
 
   /// Tendon length that the handle draws by a small angle, per its size, m.
@@ -186,20 +193,19 @@ struct FrictionObserver {
     const S at_sheath = grown(times * nominal[0]);
     const S at_stem = grown(times * (nominal[0] + nominal[1]));
     const S both = larger(memory.smooth.tension[agonist], S(0)) + larger(memory.smooth.tension[antagonist], S(0));
-    return both * unit_of(memory) * S(0.5) * (model.share[1] * at_sheath + (model.share[2] + model.share[3]) * at_stem);
+    return both * memory.unit * S(0.5) * (model.share[1] * at_sheath + (model.share[2] + model.share[3]) * at_stem);
   }
 
   /// Differential stroke needed before the tip breaks away toward flexion (direction 1) or extension (-1), m.
   S breakaway(const Memory& memory, const S& direction) const {
-    const S* const nominal = memory.nominal;
-    const S at_tip = exp(memory.scale * nominal[2]);
-    const S all = exp(memory.scale * (nominal[0] + nominal[1] + nominal[2]));
+    const S at_tip = memory.ratio[2];
+    const S all = smaller(memory.ratio[0] * memory.ratio[1] * at_tip, S(1e9));
     const auto& pulled = memory.tendon[direction > S(0) ? agonist : antagonist];
     const auto& held = memory.tendon[direction > S(0) ? antagonist : agonist];
     const S needed = pulled.tension[3] - held.tension[3];
     const S in_stem = needed - (pulled.tension[2] / at_tip - held.tension[2] * at_tip);
     const S at_spool = needed - (pulled.tension[0] / all - held.tension[0] * all);
-    return unit_of(memory) * S(0.5) *
+    return memory.unit * S(0.5) *
            (model.share[2] * larger(in_stem, S(0)) + (model.share[0] + model.share[1]) * larger(at_spool, S(0)));
   }
 
@@ -209,7 +215,7 @@ struct FrictionObserver {
     const S angle = memory.output_angle;
     const S arm = memory.arm;
     estimate.output_angle = angle;
-    const S off = deviation(memory);
+    const S off = memory.deviation;
     estimate.output_angle_std = off / arm;
     const auto& tendon = memory.tendon;
     const S reach = axis.distal.tangential_arm(memory.x);
@@ -237,10 +243,14 @@ struct FrictionObserver {
     return true;
   }
 
-  /// Standard deviation of the tip's position, as tendon length, m.
-  S deviation(const Memory& memory) const {
+ private:
+  // A reversal that noise and the model's errors feign must not turn the friction at the tip's joint.
+  static constexpr S tip_plays = S(3);
+
+  // Standard deviation of the tip's position, as tendon length, and what of it strokes can lower.
+  void doubt(Memory& memory) const {
     const auto& tendon = memory.tendon;
-    const S unit = unit_of(memory);
+    const S unit = memory.unit;
     S by_friction(0);
     S by_compliance(0);
     for (int i = 0; i < 2; ++i) {
@@ -255,25 +265,22 @@ struct FrictionObserver {
     const S shaken = S(0.5) * tremor_length(memory);
     S by_gain(0);
     for (const auto& one : tendon) by_gain = by_gain + one.tension[0] * one.tension[0];
-    by_gain = by_gain * S(0.25) * settings.gain_std * settings.gain_std * unit * unit;
+    const S gain = S(0.5) * settings.gain_std * unit;
+    by_gain = by_gain * gain * gain;
     const auto& p = memory.covariance;
-    return sqrt(settings.bias_std * settings.bias_std + by_gain + shaken * shaken + unseen * unseen * S(1.0 / 3) +
-                by_friction * by_friction * p[0][0] + p[1][1] * S(0.25) + by_compliance * by_compliance * p[2][2] +
-                settings.play * settings.play * S(1.0 / 16));
+    memory.doubt = unseen * unseen * S(1.0 / 3) + by_friction * by_friction * p[0][0] + p[1][1] * S(0.25) +
+                   by_compliance * by_compliance * p[2][2];
+    memory.deviation = sqrt(settings.bias_std * settings.bias_std + by_gain + shaken * shaken + memory.doubt +
+                            settings.play * settings.play * S(1.0 / 16));
   }
 
- private:
   void set_exponents(Memory& memory) const {
     const S handle = memory.smooth.handle_angle;
     memory.nominal[0] = model.sheath * (model.sheath_bend + model.sheath_bend_rate * abs(handle));
-    memory.nominal[1] =
-        model.vertex * (model.base_wrap + model.axis.proximal.wrap_angle(handle)) + memory.passed[0];
+    memory.nominal[1] = model.vertex * (model.base_wrap + model.axis.proximal.wrap_angle(handle)) + memory.passed[0];
     memory.nominal[2] =
         model.vertex * (model.base_wrap + model.axis.distal.wrap_angle(memory.output_angle)) + memory.passed[1];
   }
-
-  // Stretch of a tendon per newton, m/N.
-  S unit_of(const Memory& memory) const { return memory.compliance / model.axis.stiffness; }
 
   S stretch(const TendonMemory<S>& one, const S& unit) const {
     S sum(0);
@@ -288,6 +295,7 @@ struct FrictionObserver {
   void start(const Measurement<S>& measured, Memory& memory) const {
     memory = {};
     memory.started = true;
+    memory.unit = memory.compliance / model.axis.stiffness;
     memory.smooth = measured;
     memory.handle_angle = measured.handle_angle;
     memory.intent = IntentState<S>::at(measured.handle_angle);
@@ -295,7 +303,7 @@ struct FrictionObserver {
     memory.covariance[1][1] = settings.reference_std * settings.reference_std;
     memory.covariance[2][2] = settings.compliance_std * settings.compliance_std;
     const S drawn = model.drawn(measured.handle_angle);
-    const S unit = unit_of(memory);
+    const S unit = memory.unit;
     S tip(0);
     for (int i = 0; i < 2; ++i) {
       auto& one = memory.tendon[i];
@@ -309,8 +317,8 @@ struct FrictionObserver {
     put_tip(tip, memory);
     set_exponents(memory);
     memory.target = clamp(drawn, -model.stop, model.stop);
-    memory.tendon[agonist].slip[2].dragged = tip;
-    memory.tendon[antagonist].slip[2].dragged = -tip;
+    memory.tip_slip.dragged = at_joint(memory);
+    doubt(memory);
   }
 
   void smooth(const Measurement<S>& measured, const S& dt, Memory& memory) const {
@@ -338,7 +346,7 @@ struct FrictionObserver {
   // From the spool past the handle's joint; returns the tendon's position there.
   S follow_to_stem(int i, const S& drawn, const S* ratio, Memory& memory) const {
     auto& one = memory.tendon[i];
-    const S unit = unit_of(memory);
+    const S unit = memory.unit;
     const S side = i == agonist ? S(1) : S(-1);
     one.tension[0] = larger(memory.smooth.tension[i], S(0));
     const S at_sheath = model.spool_radius * memory.smooth.spool_angle[i] - stretch_of(0, one.tension[0], unit);
@@ -349,9 +357,15 @@ struct FrictionObserver {
     return at_handle;
   }
 
+  // Position of the tendons at the tip's joint, as length of the agonist: the tip's, less what is stretched beyond.
+  S at_joint(const Memory& memory) const {
+    const S beyond_joint = memory.tendon[agonist].tension[3] - memory.tendon[antagonist].tension[3];
+    return memory.tip + S(0.5) * model.share[3] * memory.unit * beyond_joint;
+  }
+
   // Position of the tip by one tendon and its tension in the stem, as length of the agonist.
   S tip_by(int i, const S& position, const S& stem, const Memory& memory) const {
-    const S unit = unit_of(memory);
+    const S unit = memory.unit;
     const S length = position - stretch_of(2, stem, unit) - stretch_of(3, memory.tendon[i].tension[3], unit);
     return i == agonist ? length : -length;
   }
@@ -389,13 +403,12 @@ struct FrictionObserver {
 
   void follow_to_tip(int i, const S& position, const S* ratio, Memory& memory) const {
     auto& one = memory.tendon[i];
-    const S unit = unit_of(memory);
+    const S unit = memory.unit;
     const S side = i == agonist ? S(1) : S(-1);
     const S stem = model.axis.pretension +
                    (position - side * memory.tip - stretch_of(3, one.tension[3], unit)) / (model.share[2] * unit);
     one.tension[2] = clamp(stem, one.tension[1] / ratio[1], one.tension[1] * ratio[1]);
-    one.slip[2] = follow(one.slip[2], side * memory.tip, settings.play);
-    one.tension[3] = beyond(ratio[2], one.tension[2], one.tension[3], one.slip[2].evidence);
+    one.tension[3] = beyond(ratio[2], one.tension[2], one.tension[3], side * memory.tip_slip.evidence);
     // Unobserved motion of the tip with a tendon lowers its tension to the lower edge, motion against it raises it.
     const S both = ratio[0] * ratio[1];
     const S stretch = model.share[2] * unit;
@@ -439,7 +452,7 @@ struct FrictionObserver {
     const S direction = first > S(0) ? S(1) : S(-1);
     const S weight = smaller(abs(first), abs(second));
     if (!(first * second > S(0)) || !slip_together(memory, direction)) return;
-    const S unit = unit_of(memory);
+    const S unit = memory.unit;
     S residual(0);
     S by[3] = {S(0), S(-1), S(0)};
     for (int i = 0; i < 2; ++i) {
@@ -455,7 +468,10 @@ struct FrictionObserver {
     S gain[3];
     S spread = spread_by(by, memory, gain);
     if (residual * residual > S(9) * (spread + noise)) {
-      // More than the deviations explain: most likely the hand has bent the sheath.
+      // More than the deviations explain: just after a reversal it is the model that is wrong about where a tendon
+      // slips, later most likely the hand has bent the sheath.
+      for (const auto& one : memory.tendon)
+        if (abs(one.slip[0].run) < S(most_run) || abs(one.slip[1].run) < S(most_run)) return;
       doubt_scale(memory);
       spread = spread_by(by, memory, gain);
     }
@@ -464,6 +480,7 @@ struct FrictionObserver {
     memory.scale = clamp(memory.scale - gain[0] * residual * share, least_scale<S>, most_scale<S>);
     memory.reference = memory.reference - gain[1] * residual * share;
     memory.compliance = clamp(memory.compliance - gain[2] * residual * share, S(0.5), S(2));
+    memory.unit = memory.compliance / model.axis.stiffness;
     const S start[3] = {settings.scale_std, settings.reference_std, settings.compliance_std};
     for (int n = 0; n < 3; ++n) {
       for (int m = 0; m < 3; ++m) memory.covariance[n][m] = memory.covariance[n][m] - gain[n] * gain[m] * share;

@@ -15,6 +15,7 @@ struct Fixture {
 
   explicit Fixture(const A& axis) {
     own = detail::axis_controller<A>(parameters(axis, ControlLaw::robust, Actuation::differential).axis[0]);
+    memory.unit = S(1) / axis.stiffness;
     for (S& tension : memory.smooth.tension) tension = axis.pretension;
     for (auto& one : memory.tendon)
       for (S& tension : one.tension) tension = axis.pretension;

@@ -186,7 +186,8 @@ def test_mean_tension_does_not_grow_over_loads_put_on_and_off(any_inst: Instrume
         cycles = run["tension"].mean(1).reshape(30, -1).mean(1)
         assert run["operating_state"].max() == OperatingState.ENABLED
         assert cycles[-5:].mean() < 1.1 * max(cycles[1:6].mean(), inst.pretension)
-        assert cycles[-5:].mean() < 1.05 * cycles[-15:-10].mean()
+        # A stroke ends where the tip is on target: a cycle's mean scatters by a tenth of the pretension.
+        assert cycles[15:].mean() < 1.05 * cycles[1:15].mean()
         assert cycles.max() < 1.4 * inst.pretension
 
 

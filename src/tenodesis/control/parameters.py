@@ -100,6 +100,14 @@ def force_limit(inst: Instrument) -> float:
     return max(_TISSUE, _OVER_LOAD * max(inst.conditions.forces, default=0.0)) if given is None else given
 
 
+def _friction(inst: Instrument) -> float:
+    """Return the largest friction exponent of a tendon, over the ranges of both joints."""
+    friction = inst.friction
+    bend = friction.sheath_bend + friction.sheath_bend_per_handle_angle * inst.handle_range
+    wrap = inst.handle_range + inst.output_range + 2 * friction.base_wrap
+    return friction.sheath_coefficient * bend + friction.vertex_coefficient * wrap
+
+
 def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float]:
     numbers = plant.parameters(inst, period)
     drives, sensors, control = inst.drives, inst.sensors, inst.control
@@ -203,7 +211,7 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
         "homing_offset": max(2 * stiffness * arm * _TIP_ERROR, 8 * sensors.load_cell_noise),
         "homing_notice": max(5 * sensors.load_cell_noise, 0.005 * pretension),
         "homing_gain_error": 0.12,
-        "mean_band": control.mean_band,
+        "mean_band": max(control.mean_band, np.expm1(_friction(inst)) / 2),
         "load_cell_range": sensors.load_cell_range - numbers["load_cell_resolution"],
         "handle_noise": 6 * handle_step,
         "spool_noise": 2.5 * numbers["motor_encoder_resolution"],
