@@ -153,5 +153,11 @@ def start_command(folder: Path, *words: str, python: tuple[str, ...] = ()) -> "s
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the files that take longest, so that no worker is left with one of them at the end."""
     slow = Counter(item.path for item in items if item.get_closest_marker("slow") or item.get_closest_marker("process"))
-    longest = ("test_paper.py", "test_package.py", "test_identification_twin.py", "test_consumers.py")
+    longest = (
+        "test_tolerance_cluster.py",
+        "test_paper.py",
+        "test_package.py",
+        "test_identification_twin.py",
+        "test_consumers.py",
+    )
     items.sort(key=lambda item: (item.path.name not in longest, -slow[item.path]))
