@@ -66,7 +66,8 @@ def test_the_reference_without_lag_is_the_twin_with_its_controller(inst: Instrum
     before = twin.run(handle[:steps], force[:steps])["output_angle"]
     run = twin.run(handle[steps:], force[steps:], controller=Controller(inst))["output_angle"]
     there = np.concatenate([before, run])[steps - 1 :: steps]
-    assert np.max(np.abs(there - in_process(inst, 0)[0])) < 1e-5  # rad: commands are rounded as in frames
+    # Commands are rounded as in frames, and what is rounded may shift a decision of the law by a tick.
+    assert np.max(np.abs(there - in_process(inst, 0)[0])) < inst.control.dead_band / 10
 
 
 def test_closed_loop_over_can_is_the_twin_with_commands_one_tick_late(inst: Instrument) -> None:
@@ -89,7 +90,8 @@ def test_closed_loop_over_can_is_the_twin_with_commands_one_tick_late(inst: Inst
     assert np.max(np.abs(np.array(commands) - late_commands)) < 1e-6
     at_once, later = (np.abs(tips - in_process(inst, lag)[0]) for lag in (0, 2))
     assert min(at_once.max(), later.max()) > 1e-6  # the lag is one tick, no less and no more
-    assert at_once[-1] < inst.control.dead_band  # which costs nothing that lasts
+    settled_at_once, settled_late = (in_process(inst, lag, 3 * TICKS)[0][-1] for lag in (0, 1))
+    assert abs(settled_at_once - settled_late) < inst.control.dead_band  # which costs nothing that lasts
 
 
 def test_a_bench_of_two_axes_is_told_apart(inst: Instrument) -> None:
