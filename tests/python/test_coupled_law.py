@@ -89,10 +89,10 @@ def test_two_joints_tell_two_components_and_say_so() -> None:
     anything = tn.coupled.tip_wrench(inst, angles, moments, 1e-6)
     deviation = np.sqrt(np.diag(anything.covariance))
     assert np.all(np.abs(anything.wrench - force) < 3 * deviation + 1e-9)
-    assert anything.told[2] < 0.6  # along the tip, joints tell little
-    assert anything.told[5] < 0.5  # no joint turns about the tip's own axis
+    assert anything.narrowed[2] < 0.6  # along the tip, joints tell little
+    assert anything.narrowed[5] < 0.5  # no joint turns about the tip's own axis
     nothing = tn.coupled.tip_wrench(inst, angles, [np.nan] * 3, 1.0)
-    assert nothing.told == pytest.approx(np.zeros(6), abs=1e-12)
+    assert nothing.narrowed == pytest.approx(np.zeros(6), abs=1e-12)
     with pytest.raises(tn.ArgumentError, match="deviations is -1"):
         tn.coupled.tip_wrench(inst, angles, moments, -1.0)
 
@@ -104,9 +104,9 @@ def test_the_force_at_the_tip_is_estimated_within_its_deviation() -> None:
     wrench[round(2 / wrist.STEP) :, :2] = 0.6, -0.5
     controller = Controller(tn.coupled.compensated(inst), law="robust", enabled=True)
     run = tn.coupled.Twin(inst, seed=2).run(handle, wrench, controller=controller)
-    told = tn.coupled.estimated_wrench(inst, run.rows(-200), usual=[5, 5, 0, 0, 0, 0])
-    off = told.wrench[:, :2] - wrench[-200:, :2]
-    deviation = np.sqrt(np.diagonal(told.covariance, axis1=-2, axis2=-1))[:, :2]
+    estimate = tn.coupled.estimated_wrench(inst, run.rows(-200), usual=[5, 5, 0, 0, 0, 0])
+    off = estimate.wrench[:, :2] - wrench[-200:, :2]
+    deviation = np.sqrt(np.diagonal(estimate.covariance, axis1=-2, axis2=-1))[:, :2]
     assert np.all(np.abs(off) < 3 * deviation)
     assert deviation.max() < 0.5
     with pytest.raises(tn.ArgumentError, match="no estimates"):

@@ -97,10 +97,10 @@ def record(  # noqa: PLR0917
         step = quantity("--time-step", time_step, Duration)
         closed = None
         if law is not None or observer or actuation or controller_instrument:
-            told = coupled.compensated(controller_instrument or instrument_file)
+            assumed = coupled.compensated(controller_instrument or instrument_file)
             period = max(step, 1 / coupled.load(instrument_file).sensors.sampling_rate)
             closed = _controller(
-                told, None, period, law=law, observer=observer, actuation=actuation, other=controller_instrument
+                assumed, None, period, law=law, observer=observer, actuation=actuation, other=controller_instrument
             )
         path = _default_path(protocol_file or "default", instrument_file, law) if out is None else out
         inputs = (instrument_file, protocol_file, controller_instrument)

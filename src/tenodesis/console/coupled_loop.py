@@ -179,8 +179,8 @@ class CoupledLoop:
                 controller=self.controller,
             )
         except (ArgumentError, NoSolutionError) as problem:
-            told = str(problem)
-            self.problem = f"{told[0].upper()}{told[1:]} The twin stays as it was until you ask for something else."
+            reason = str(problem)
+            self.problem = f"{reason[0].upper()}{reason[1:]} The twin stays as it was until you ask for something else."
             if self.controller is not None:
                 # It has gone on while the twin has not.
                 self._make_controller(enabled=self.state == RuntimeState.ENABLED)

@@ -241,8 +241,8 @@ def readings(inst: CoupledInstrument, shown: CoupledShown, colours: TensionColou
     rows: list[tuple[str, ...]] = [("joint", "angle", "unloaded", "lost", "estimated")]
     for j, joint in enumerate(inst.tip_joints):
         lost = in_degrees(target[j] - angles[j], 2)
-        told = in_degrees(degrees(known[joint.name]), 2) if isfinite(known.get(joint.name, np.nan)) else "–"
-        rows.append((joint.name, in_degrees(angles[j], 2), in_degrees(target[j], 2), lost, told))
+        estimated = in_degrees(degrees(known[joint.name]), 2) if isfinite(known.get(joint.name, np.nan)) else "–"
+        rows.append((joint.name, in_degrees(angles[j], 2), in_degrees(target[j], 2), lost, estimated))
     text = [_table(rows)]
     tension = run["tension"][-1]
     swatches = [f'<span style="color:rgb{tuple(map(int, colour))}">&#9632;</span>' for colour in colours(tension)]

@@ -25,7 +25,7 @@ class TipWrench(NamedTuple):
     """Most likely, (..., 6)"""
     covariance: Array
     """(..., 6, 6)"""
-    told: Array
+    narrowed: Array
     """Share by which the moments have narrowed each component's deviation, (..., 6): 0 where they say nothing"""
 
 
@@ -92,8 +92,8 @@ def tip_wrench(
     wrench = (gain @ np.where(known, given, 0.0)[..., np.newaxis])[..., 0]
     covariance = prior - gain @ matrix @ prior
     left = np.sqrt(np.maximum(np.diagonal(covariance, axis1=-2, axis2=-1), 0.0))
-    told = 1 - np.divide(left, before, out=np.zeros_like(left), where=before > 0)
-    return TipWrench(np.asarray(wrench), np.asarray(covariance), np.where(before > 0, told, 1.0))
+    narrowed = 1 - np.divide(left, before, out=np.zeros_like(left), where=before > 0)
+    return TipWrench(np.asarray(wrench), np.asarray(covariance), np.where(before > 0, narrowed, 1.0))
 
 
 def estimated_wrench(inst: CoupledLike, run: CoupledRun, *, usual: ArrayLike = USUAL) -> TipWrench:

@@ -1,7 +1,7 @@
 """The law on coupled wrists: both axes under forces in any direction, pushes on the neighbour, the grip meanwhile.
 
 A two-axis hybrid instrument, whose pitch tendons pass the yaw gears, has friction at every bend of every tendon. Its
-handle goes to a state and stays; then a force comes. The controller is told friction that is up to 30 % wrong. Errors
+handle goes to a state and stays; then a force comes. The controller assumes friction that is up to 30 % wrong. Errors
 are those of both angles over the last half second, against the unloaded instrument without friction.
 """
 
@@ -23,7 +23,7 @@ FORCES = {"hybrid-real-size": 0.3, "hybrid-scaled-up": 1.0}
 """Size of the force at the tip, N."""
 DIRECTIONS = ((1, 0, 0), (0, -1, 0), (-0.7, 0.7, 0), (0.6, 0.5, -0.6))
 FRICTION = (0.7, 1.0, 1.3)
-"""Friction of the instrument over what the controller is told."""
+"""Friction of the instrument over what the controller assumes."""
 STEP = 5e-4
 ARRIVED, LOADED, END = 1.0, 2.0, 7.0
 """When the handle has arrived, when the force comes, and the end, s."""
@@ -60,10 +60,9 @@ def commands(inst: coupled.CoupledInstrument, state: tuple[float, float]) -> Arr
     time = np.arange(round(END / STEP)) * STEP
     share = np.clip(time / ARRIVED, 0, 1)
     angles = np.zeros((time.size, len(inst.handle_joints)))
-    for axis, pair in coupled.pairs(inst).items():
-        planar = coupled.compensated(inst).axis(axis)
-        wanted = np.radians(state[list(coupled.pairs(inst)).index(axis)])
-        angle = float(statics.handle_angle(planar, wanted))
+    planar = coupled.compensated(inst)
+    for (axis, pair), wanted in zip(coupled.pairs(inst).items(), np.radians(state), strict=True):
+        angle = float(statics.handle_angle(planar.axis(axis), wanted))
         angles[:, pair.handle] = angle * share**2 * (3 - 2 * share)
     return angles
 
@@ -72,15 +71,15 @@ def run(
     name: str, state: tuple[float, float], direction: tuple[float, float, float], friction: float, law: LawName
 ) -> Case:
     """Run a state under a force, with the motors off or with the robust law."""
-    told, inst = coupled.load(name), true_instrument(name, friction)
-    handle = commands(told, state)
+    assumed, inst = coupled.load(name), true_instrument(name, friction)
+    handle = commands(assumed, state)
     time = np.arange(len(handle)) * STEP
     wrench = np.zeros((len(handle), 6))
     wrench[:, :3] = FORCES[name] * np.asarray(direction) * np.clip((time[:, None] - LOADED) / 0.1, 0, 1)
-    controller = None if law == "off" else Controller(coupled.compensated(told), law=law, enabled=True)
+    controller = None if law == "off" else Controller(coupled.compensated(assumed), law=law, enabled=True)
     out = coupled.Twin(inst, seed=1).run(handle, wrench, controller=controller)
     joints = [pair.joint for pair in coupled.pairs(inst).values()]
-    target = coupled.output_angles(told, handle[-1])[joints]
+    target = coupled.output_angles(assumed, handle[-1])[joints]
     faults = fault_names(int(np.bitwise_or.reduce(out["faults"].astype(int).ravel()))) if controller else ()
     speeds = np.abs(out["commanded_spool_velocity"])
     own = [[pair.agonist, pair.antagonist] for pair in coupled.pairs(inst).values()]
