@@ -295,10 +295,9 @@ class Twin:
         )
         controller.begin(self, self.time)
         velocity = commands[:, len(self.inst.handle_joints) :][:, : len(self.inst.tendons)].copy()
+        sent = [CONTROL.index(f"commanded_spool_velocity.{side}") for side in TENDONS]
         for n, (_, *tendons) in enumerate(axes):
-            velocity[:, tendons] = control[
-                :, n, [CONTROL.index(f"commanded_spool_velocity.{side}") for side in TENDONS]
-            ]
+            velocity[:, tendons] = control[:, n, sent]
         named = {name: control[:, :, CONTROL.index(name)] for name in _OF_CONTROLLER}
         return {"commanded_spool_velocity": velocity, **named}
 
