@@ -35,7 +35,7 @@ DriveState<S> advance(const Drive<S>& drive, const DriveState<S>& before, const 
   after.angle = before.angle + (before.speed + after.speed) * S(0.5) * time_step;
   const S play = drive.backlash * S(0.5);
   const S low = after.angle - play;
-  after.spool = tension > S(0) ? low : clamp(before.spool, low, after.angle + play);
+  after.spool = if_above(tension, low, clamp(before.spool, low, after.angle + play));
   return after;
 }
 

@@ -20,7 +20,7 @@ struct Band {
   S drag{};
 
   /// Whether the contact has no friction.
-  constexpr bool free() const { return ratio == S(1) && constant == S(0); }
+  constexpr Flag<S> free() const { return ratio == S(1) && constant == S(0); }
 };
 
 template <class S>

@@ -1,19 +1,23 @@
 #pragma once
 // Numbers side by side in a vector register: the same computation on several points at once.
 //
-// A core function that does not branch on its numbers runs on lanes as it is; what it decides by branches is decided
-// afterwards, lane by lane.
+// A core function that does not branch on its numbers runs on lanes as it is. What it chooses by where() is chosen in
+// each lane; what it decides by branches is decided afterwards, lane by lane.
 
 #include "tenodesis/scalar.hpp"
 
 #if defined(__GNUC__)
+
+#if defined(__AVX__)
+#include <immintrin.h>
+#endif
 
 namespace tenodesis {
 
 namespace detail {
 
 // The attribute does not take a type that is a template's parameter.
-template <Real S, int N>
+template <class T, int N>
 struct VectorOf;
 template <int N>
 struct VectorOf<double, N> {
@@ -23,12 +27,82 @@ template <int N>
 struct VectorOf<float, N> {
   using Type [[gnu::vector_size(N * 4)]] = float;
 };
+template <int N>
+struct VectorOf<std::int64_t, N> {
+  using Type [[gnu::vector_size(N * 8)]] = std::int64_t;
+};
+template <int N>
+struct VectorOf<std::int32_t, N> {
+  using Type [[gnu::vector_size(N * 4)]] = std::int32_t;
+};
+template <int N>
+struct VectorOf<std::uint64_t, N> {
+  using Type [[gnu::vector_size(N * 8)]] = std::uint64_t;
+};
+
+template <Real S>
+using BitsOf = std::conditional_t<sizeof(S) == 4, std::int32_t, std::int64_t>;
+
+// Whether a bit is set anywhere; by halves, since a loop over the lanes would take each one out of the register.
+template <class I, int N>
+[[gnu::always_inline]] inline bool any_bit(const typename VectorOf<I, N>::Type& v) {
+#if defined(__AVX512F__)
+  if constexpr (sizeof(v) == sizeof(__m512i)) return _mm512_test_epi32_mask(__m512i(v), __m512i(v)) != 0;
+#endif
+#if defined(__AVX__)
+  if constexpr (sizeof(v) == sizeof(__m256i)) return _mm256_testz_si256(__m256i(v), __m256i(v)) == 0;
+#endif
+  struct Halves {
+    VectorOf<I, N / 2>::Type low, high;
+  };
+  const auto halves = std::bit_cast<Halves>(v);
+  if constexpr (N == 2)
+    return (halves.low[0] | halves.high[0]) != 0;
+  else
+    return any_bit<I, N / 2>(halves.low | halves.high);
+}
 
 }  // namespace detail
+
+/// A condition in each lane.
+template <Real S, int N>
+struct Mask {
+  using Bits = detail::BitsOf<S>;
+  using Vector = detail::VectorOf<Bits, N>::Type;
+
+  Vector v{};  ///< all bits, or none
+
+  constexpr Mask() = default;
+  // As for Lanes.
+  [[gnu::always_inline]] constexpr Mask(const Mask& other) : v(other.v) {}
+  constexpr Mask& operator=(const Mask&) = default;
+  // NOLINTBEGIN(misc-explicit-constructor): what holds in all lanes is a mask
+  [[gnu::always_inline]] constexpr Mask(Vector of) : v(of) {}
+  [[gnu::always_inline]] constexpr Mask(bool same) : v(Vector{} - Bits(same)) {}
+  // NOLINTEND(misc-explicit-constructor)
+
+  bool operator[](int lane) const { return v[lane] != 0; }
+  void set(int lane, bool holds) { v[lane] = -Bits(holds); }
+
+  // Both sides are evaluated, which they may be.
+  [[gnu::always_inline]] friend constexpr Mask operator&&(const Mask& a, const Mask& b) { return {a.v & b.v}; }
+  [[gnu::always_inline]] friend constexpr Mask operator||(const Mask& a, const Mask& b) { return {a.v | b.v}; }
+  [[gnu::always_inline]] friend constexpr Mask operator!(const Mask& a) { return {~a.v}; }
+  [[gnu::always_inline]] friend constexpr Mask operator!=(const Mask& a, const Mask& b) { return {a.v ^ b.v}; }
+  [[gnu::always_inline]] friend constexpr Mask where(const Mask& mask, const Mask& a, const Mask& b) {
+    return {(mask.v & a.v) | (~mask.v & b.v)};
+  }
+  [[gnu::always_inline]] friend bool any(const Mask& a) { return detail::any_bit<Bits, N>(a.v); }
+  [[gnu::always_inline]] friend constexpr auto one_where(const Mask& a) {
+    return typename detail::VectorOf<std::uint64_t, N>::Type(-a.v);
+  }
+};
 
 template <Real S, int N>
 struct Lanes {
   using Vector = detail::VectorOf<S, N>::Type;
+  using Bits = detail::BitsOf<S>;
+  using Integers = detail::VectorOf<Bits, N>::Type;
 
   Vector v{};
 
@@ -44,6 +118,7 @@ struct Lanes {
   constexpr explicit Lanes(int same) : Lanes(S(same)) {}
 
   S operator[](int lane) const { return v[lane]; }
+  void set(int lane, S to) { v[lane] = to; }
 
   [[gnu::always_inline]] friend constexpr Lanes operator+(const Lanes& a, const Lanes& b) { return {a.v + b.v}; }
   [[gnu::always_inline]] friend constexpr Lanes operator-(const Lanes& a, const Lanes& b) { return {a.v - b.v}; }
@@ -51,12 +126,24 @@ struct Lanes {
   [[gnu::always_inline]] friend constexpr Lanes operator/(const Lanes& a, const Lanes& b) { return {a.v / b.v}; }
   [[gnu::always_inline]] friend constexpr Lanes operator-(const Lanes& a) { return {-a.v}; }
 
+  [[gnu::always_inline]] friend constexpr Mask<S, N> operator>(const Lanes& a, const Lanes& b) { return {a.v > b.v}; }
+  [[gnu::always_inline]] friend constexpr Mask<S, N> operator<(const Lanes& a, const Lanes& b) { return {a.v < b.v}; }
+  [[gnu::always_inline]] friend constexpr Mask<S, N> operator>=(const Lanes& a, const Lanes& b) { return {a.v >= b.v}; }
+  [[gnu::always_inline]] friend constexpr Mask<S, N> operator<=(const Lanes& a, const Lanes& b) { return {a.v <= b.v}; }
+  [[gnu::always_inline]] friend constexpr Mask<S, N> operator==(const Lanes& a, const Lanes& b) { return {a.v == b.v}; }
+  [[gnu::always_inline]] friend constexpr Mask<S, N> operator!=(const Lanes& a, const Lanes& b) { return {a.v != b.v}; }
+  [[gnu::always_inline]] friend constexpr Lanes where(const Mask<S, N>& mask, const Lanes& a, const Lanes& b) {
+    return {mask.v ? a.v : b.v};
+  }
+
   [[gnu::always_inline]] friend Lanes larger(const Lanes& a, const Lanes& b) { return {a.v > b.v ? a.v : b.v}; }
   [[gnu::always_inline]] friend Lanes smaller(const Lanes& a, const Lanes& b) { return {a.v < b.v ? a.v : b.v}; }
   [[gnu::always_inline]] friend Lanes if_above(const Lanes& a, const Lanes& above, const Lanes& otherwise) {
     return {a.v > Vector{} ? above.v : otherwise.v};
   }
-  [[gnu::always_inline]] friend Lanes abs(const Lanes& a) { return larger(a, -a); }
+  [[gnu::always_inline]] friend Lanes abs(const Lanes& a) {
+    return {Vector(Integers(a.v) & std::numeric_limits<Bits>::max())};
+  }
   [[gnu::always_inline]] friend Lanes sqrt(const Lanes& a) {
     Lanes root;
     for (int i = 0; i < N; ++i) root.v[i] = tenodesis::sqrt(a.v[i]);
@@ -72,9 +159,71 @@ struct Lanes {
     const Lanes angle = if_above(size - Lanes(S(0.5)), Lanes(S(pi / 2)) - Lanes(S(2)) * arc, arc);
     return if_above(-a, -angle, angle);
   }
+  [[gnu::always_inline]] friend Lanes round(const Lanes& a) {
+    const Lanes large(detail::rounding<S>);
+    return (a + large) - large;
+  }
+  [[gnu::always_inline]] friend Lanes exp(const Lanes& a) {
+    const Lanes large(detail::rounding<S>);
+    const Lanes shifted = a * Lanes(S(detail::per_doubling)) + large;
+    const Lanes doublings = shifted - large;
+    const Lanes rest = (a - doublings * Lanes(detail::ln2_high<S>)) - doublings * Lanes(detail::ln2_low<S>);
+    // The lowest bits of what was rounded that way are the integer.
+    constexpr int mantissa = std::numeric_limits<S>::digits - 1;
+    const Integers power = (Integers(shifted.v) + (std::numeric_limits<S>::max_exponent - 1)) << mantissa;
+    return detail::exp_series<S>(rest) * Lanes(Vector(power));
+  }
   /// The type of a lane, as ValueOf has it.
   friend constexpr S value_of(const Lanes& a) { return a.v[0]; }
 };
+
+/// A choice in each lane, of an enumeration.
+template <class E, Real S, int N>
+struct LanesOf {
+  Mask<S, N>::Vector v{};
+
+  constexpr LanesOf() = default;
+  // As for Lanes.
+  [[gnu::always_inline]] constexpr LanesOf(const LanesOf& other) : v(other.v) {}
+  constexpr LanesOf& operator=(const LanesOf&) = default;
+  // NOLINTNEXTLINE(misc-explicit-constructor): the same choice in all lanes
+  [[gnu::always_inline]] constexpr LanesOf(E same) : v(decltype(v){} + detail::BitsOf<S>(same)) {}
+
+  E operator[](int lane) const { return E(v[lane]); }
+  void set(int lane, E to) { v[lane] = detail::BitsOf<S>(to); }
+
+  [[gnu::always_inline]] friend constexpr Mask<S, N> operator==(const LanesOf& a, const LanesOf& b) {
+    return {a.v == b.v};
+  }
+  [[gnu::always_inline]] friend constexpr Mask<S, N> operator!=(const LanesOf& a, const LanesOf& b) {
+    return {a.v != b.v};
+  }
+  [[gnu::always_inline]] friend constexpr LanesOf where(const Mask<S, N>& mask, const LanesOf& a, const LanesOf& b) {
+    LanesOf chosen;
+    chosen.v = mask.v ? a.v : b.v;
+    return chosen;
+  }
+};
+
+/// In lanes, what one number has as bool, as an enumeration, as int and as 64 bits.
+template <Real S, int N>
+struct SideBySide<Lanes<S, N>> {
+  using Flag = Mask<S, N>;
+  template <class E>
+  using Choice = LanesOf<E, S, N>;
+  using Count = Lanes<S, N>;
+  using Word = detail::VectorOf<std::uint64_t, N>::Type;
+};
+
+/// Whole numbers below 2^32 as numbers, lane by lane.
+template <class L>
+  requires(!Real<L>)
+[[gnu::always_inline]] inline L number_of(const typename SideBySide<L>::Word& whole) {
+  static_assert(std::same_as<ValueOf<L>, double>);
+  // As the lowest bits of 2^52, which is then taken away.
+  constexpr double large = 4503599627370496.0;
+  return L(typename L::Vector(whole | std::bit_cast<std::uint64_t>(large))) - L(large);
+}
 
 }  // namespace tenodesis
 

@@ -80,7 +80,49 @@ constexpr S if_above(const S& a, const S& above, const S& otherwise) {
   return a > S(0) ? above : otherwise;
 }
 
+/// What a number type has beside its numbers: conditions on them, choices by them, and random bits for them; for
+/// numbers side by side see lanes.hpp.
+template <class S>
+struct SideBySide {
+  using Flag = bool;
+  template <class E>
+  using Choice = E;
+  using Count = int;
+  using Word = std::uint64_t;
+};
+
+template <class S>
+using Flag = SideBySide<S>::Flag;
+
+/// Whether a condition holds in any lane.
+constexpr bool any(bool condition) { return condition; }
+
+/// One of two values, by a condition.
+template <class T>
+constexpr T where(bool condition, const T& then, const T& otherwise) {
+  return condition ? then : otherwise;
+}
+
+/// One where a condition holds, else zero.
+constexpr std::uint64_t one_where(bool condition) { return condition ? 1U : 0U; }
+
+/// A whole number below 2^32 as a number.
+template <Real S>
+constexpr S number_of(std::uint64_t whole) {
+  return S(static_cast<std::uint32_t>(whole));
+}
+
 namespace detail {
+
+// Adding and subtracting so large a number rounds to the nearest integer.
+template <Real S>
+inline constexpr S rounding = S(std::int64_t(3) << (std::numeric_limits<S>::digits - 2));
+inline constexpr double per_doubling = 1.4426950408889634074;  // 1 / ln 2
+// ln 2 in two parts; the first has so few bits that its multiples are exact.
+template <Real S>
+inline constexpr S ln2_high = sizeof(S) == 4 ? S(0.693359375) : S(6.93147180369123816490e-1);
+template <Real S>
+inline constexpr S ln2_low = sizeof(S) == 4 ? S(-2.12194440e-4) : S(1.90821492927058770002e-10);
 
 template <Real S, std::size_t N>
 struct Series {
@@ -232,13 +274,8 @@ template <Real S>
 inline S exp(S u) {
   using Bits = std::conditional_t<sizeof(S) == 4, std::int32_t, std::int64_t>;
   constexpr int mantissa = std::numeric_limits<S>::digits - 1;
-  // Adding and subtracting so large a number rounds to the nearest integer.
-  constexpr S large = S(Bits(3) << (mantissa - 1));
-  const S doublings = (u * S(1.4426950408889634074) + large) - large;
-  // ln 2 in two parts; the first has so few bits that its multiples are exact.
-  constexpr S ln2_high = sizeof(S) == 4 ? S(0.693359375) : S(6.93147180369123816490e-1);
-  constexpr S ln2_low = sizeof(S) == 4 ? S(-2.12194440e-4) : S(1.90821492927058770002e-10);
-  const S rest = (u - doublings * ln2_high) - doublings * ln2_low;
+  const S doublings = (u * S(detail::per_doubling) + detail::rounding<S>)-detail::rounding<S>;
+  const S rest = (u - doublings * detail::ln2_high<S>)-doublings * detail::ln2_low<S>;
   const Bits power = (Bits(doublings) + (std::numeric_limits<S>::max_exponent - 1)) << mantissa;
   return detail::exp_series<S>(rest) * std::bit_cast<S>(power);
 }
@@ -259,8 +296,7 @@ inline S log(S v) {
 /// Nearest integer; |u| below 2^22 in float, 2^51 in double.
 template <Real S>
 inline S round(S u) {
-  constexpr S large = S(std::int64_t(3) << (std::numeric_limits<S>::digits - 2));
-  return (u + large) - large;
+  return (u + detail::rounding<S>)-detail::rounding<S>;
 }
 
 /// A number between bounds.

@@ -8,13 +8,17 @@
 namespace tenodesis {
 
 /// A stream of random numbers as a function of seed and count: a copy repeats it, another seed gives another stream.
-struct Noise {
-  std::uint64_t seed{};
-  std::uint64_t count{};
+///
+/// Word: 64 bits, or those of several streams side by side.
+template <class Word>
+struct NoiseOf {
+  Word seed{};
+  Word count{};
 
   /// The next 64 random bits (a Weyl sequence through the finaliser of SplitMix64; Steele, Lea, Flood 2014).
-  constexpr std::uint64_t bits() {
-    std::uint64_t z = seed + ++count * 0x9E3779B97F4A7C15U;
+  constexpr Word bits() {
+    count = count + 1U;
+    Word z = seed + count * 0x9E3779B97F4A7C15U;
     z = (z ^ (z >> 30U)) * 0xBF58476D1CE4E5B9U;
     z = (z ^ (z >> 27U)) * 0x94D049BB133111EBU;
     return z ^ (z >> 31U);
@@ -23,23 +27,25 @@ struct Noise {
   /// A number of mean 0 and deviation 1, nearly normal: the sum of 32 fair bits and one uniform number.
   ///
   /// Its excess kurtosis is -0.06, its largest size 5.9.
-  template <Real S>
+  template <class S>
   constexpr S normal() {
-    const std::uint64_t drawn = bits();
-    const auto coins = static_cast<std::uint32_t>(drawn >> 32U);
-    const S uniform = S(static_cast<std::uint32_t>(drawn)) * S(1.0 / 4294967296.0) - S(0.5);
-    constexpr S deviation = S(2.8431203515386634);  // sqrt(32 / 4 + 1 / 12)
-    return (S(ones(coins)) - S(16) + uniform) / deviation;
+    const Word drawn = bits();
+    const S uniform = number_of<S>(drawn & 0xFFFFFFFFU) * S(1.0 / 4294967296.0) - S(0.5);
+    constexpr ValueOf<S> deviation(2.8431203515386634);  // sqrt(32 / 4 + 1 / 12)
+    return (number_of<S>(ones(drawn >> 32U)) - S(16) + uniform) / S(deviation);
   }
 
  private:
-  // Without the library call that a compiler's builtin needs where the processor has no such instruction.
-  static constexpr int ones(std::uint32_t v) {
-    v = v - ((v >> 1U) & 0x55555555U);
+  // Of the lower 32 bits; without the library call that a compiler's builtin needs where the processor has no such
+  // instruction.
+  static constexpr Word ones(const Word& of) {
+    Word v = of - ((of >> 1U) & 0x55555555U);
     v = (v & 0x33333333U) + ((v >> 2U) & 0x33333333U);
-    return static_cast<int>((((v + (v >> 4U)) & 0x0F0F0F0FU) * 0x01010101U) >> 24U);
+    return ((((v + (v >> 4U)) & 0x0F0F0F0FU) * 0x01010101U) >> 24U) & 0xFFU;
   }
 };
+
+using Noise = NoiseOf<std::uint64_t>;
 
 /// The constants of one sensor, in the unit of what it measures.
 template <class S>
@@ -51,11 +57,17 @@ struct Sensor {
   S high{};
   S resolution{};  ///< one step of the converter
 
-  S read(const S& value, Noise& random) const {
+  template <class Random>
+  S read(const S& value, Random& random) const {
     S disturbed = gain * value + bias;
     // In dual numbers the expected reading: neither noise nor steps have a derivative.
-    if constexpr (Real<S>) {
-      if (noise > S(0)) disturbed = disturbed + noise * random.template normal<S>();
+    if constexpr (requires { round(value); }) {
+      const Flag<S> noisy = noise > S(0);
+      if (any(noisy)) {
+        const auto before = random.count;
+        disturbed = disturbed + noise * random.template normal<S>();
+        random.count = before + one_where(noisy);
+      }
       disturbed = clamp(round(disturbed / resolution) * resolution, low, high);
     }
     return disturbed;

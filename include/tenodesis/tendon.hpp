@@ -45,9 +45,9 @@ enum class Slide : signed char { toward_tip = -1, none = 0, toward_spool = 1 };
 /// State of the contacts and segments of a tendon; slide and slack are the guess for the next step.
 template <class S, class Rows>
 struct TendonState {
-  Rows::template PerContact<S> slip{};       ///< past each contact toward the spool, m
-  Rows::template PerContact<Slide> slide{};  ///< how each contact slid in the last step
-  Rows::template PerSegment<bool> slack{};
+  Rows::template PerContact<S> slip{};  ///< past each contact toward the spool, m
+  Rows::template PerContact<typename SideBySide<S>::template Choice<Slide>> slide{};  ///< in the last step
+  Rows::template PerSegment<Flag<S>> slack{};
   Rows::template PerSegment<S> tension{};  ///< N
 };
 
@@ -116,7 +116,9 @@ struct Tendon {
   Reaction<A, S> eliminate(int n, const Bands& band, const Reaction<A, S>& spool,
                            const Rows::template PerSegment<A>& pull, const Slips& from, const State& state,
                            LineOf<A>& line) const {
-    return eliminate(0, n, band, state.slack[0] ? Reaction<A, S>{} : spool, pull, from, state, line);
+    const Reaction<A, S> start{where(state.slack[0], A(S(0)), spool.at_rest),
+                               where(state.slack[0], S(0), spool.stiffness)};
+    return eliminate(0, n, band, start, pull, from, state, line);
   }
 
   /// The same from contact i on: end is how the segment before it reacts.
@@ -125,27 +127,30 @@ struct Tendon {
                            const Rows::template PerSegment<A>& pull, const Slips& from, const State& state,
                            LineOf<A>& line) const {
     for (int j = i; j < n; ++j) {
-      const S k = state.slack[j + 1] ? S(0) : stiffness[j + 1];
-      const S rest = state.slack[j + 1] ? S(0) : rest_tension;
+      const S k = where(state.slack[j + 1], S(0), stiffness[j + 1]);
+      const S rest = where(state.slack[j + 1], S(0), rest_tension);
       A slip(from[j]);
       S rate(0);
       S stiffness_beyond = k;
-      if (state.slide[j] != Slide::none) {
+      const Flag<S> slides = state.slide[j] != Slide::none;
+      if (any(slides)) {
         // On the edge, the pulled side has ratio times the held side's tension, plus constant and drag.
-        const bool to_spool = state.slide[j] == Slide::toward_spool;
-        const S on_spool = to_spool ? S(1) : band[j].ratio;
-        const S on_tip = to_spool ? band[j].ratio : S(1);
-        const S constant = to_spool ? -band[j].constant : band[j].constant;
+        const Flag<S> to_spool = state.slide[j] == Slide::toward_spool;
+        const S on_spool = where(to_spool, S(1), band[j].ratio);
+        const S on_tip = where(to_spool, band[j].ratio, S(1));
+        const S constant = where(to_spool, -band[j].constant, band[j].constant);
         const S held_spool = on_spool * end.stiffness + band[j].drag;
         const S resistance = held_spool + on_tip * k;
         // Between two slack segments nothing moves the tendon.
-        if (resistance > S(0)) {
+        const Flag<S> moves = slides && resistance > S(0);
+        if (any(moves)) {
           const S inverse = S(1) / resistance;
           const A tip = rest + k * pull[j + 1];
-          slip = (on_spool * end.at_rest - on_tip * tip + constant + band[j].drag * from[j]) * inverse;
-          rate = on_tip * k * inverse;
+          const A slid = (on_spool * end.at_rest - on_tip * tip + constant + band[j].drag * from[j]) * inverse;
+          slip = where(moves, slid, slip);
+          rate = where(moves, on_tip * k * inverse, rate);
           // k (1 - rate), without the cancellation that would give a loose tendon some stiffness.
-          stiffness_beyond = k * held_spool * inverse;
+          stiffness_beyond = where(moves, k * held_spool * inverse, stiffness_beyond);
         }
       }
       line.at_rest[j] = slip;
@@ -219,7 +224,7 @@ struct Tendon {
     const int n = contacts();
     int revised = 0;
     for (int i = 0; i <= n; ++i) {
-      const bool slack = state.slack[i] ? state.tension[i] <= tolerance : state.tension[i] < -tolerance;
+      const bool slack = slack_after(state, i, tolerance);
       if (slack != state.slack[i] && revised < most) {
         state.slack[i] = slack;
         ++revised;
@@ -233,6 +238,24 @@ struct Tendon {
         state.slide[j] = slide;
         ++revised;
       }
+    }
+    return revised;
+  }
+
+  /// The same in lanes and in all places; true where there was a contradiction.
+  Flag<S> revise_all(const Bands& band, const Slips& from, const S& tolerance, State& state) const {
+    Flag<S> revised = false;
+    for (int i = 0; i <= contacts(); ++i) {
+      const Flag<S> slack = slack_after(state, i, tolerance);
+      revised = revised || slack != state.slack[i];
+      state.slack[i] = slack;
+      state.tension[i] = where(slack || state.tension[i] < S(0), S(0), state.tension[i]);
+    }
+    for (int j = 0; j < contacts(); ++j) {
+      const auto slide =
+          slide_of(band[j], state.tension[j], state.tension[j + 1], state.slip[j] - from[j], tolerance, state.slide[j]);
+      revised = revised || slide != state.slide[j];
+      state.slide[j] = slide;
     }
     return revised;
   }
@@ -310,16 +333,22 @@ struct Tendon {
     return from;
   }
 
-  static Slide slide_of(const Band<S>& band, const S& spool, const S& tip, const S& slipped, const S& tolerance,
-                        Slide slide) {
-    if (band.free()) return Slide::toward_spool;
+  static Flag<S> slack_after(const State& state, int i, const S& tolerance) {
+    return where(state.slack[i], Flag<S>(state.tension[i] <= tolerance), Flag<S>(state.tension[i] < -tolerance));
+  }
+
+  using Slides = SideBySide<S>::template Choice<Slide>;
+  static Slides slide_of(const Band<S>& band, const S& spool, const S& tip, const S& slipped, const S& tolerance,
+                         const Slides& slide) {
+    constexpr Slide none = Slide::none, to_spool = Slide::toward_spool, to_tip = Slide::toward_tip;
     // The slip of a slack tendon is rounding, and any direction of it is right.
-    if (band.constant == S(0) && spool <= tolerance && tip <= tolerance) return slide;
-    if (slide == Slide::toward_spool) return slipped < S(0) ? Slide::none : slide;
-    if (slide == Slide::toward_tip) return slipped > S(0) ? Slide::none : slide;
-    if (spool > band.ratio * tip + band.constant + tolerance) return Slide::toward_spool;
-    if (tip > band.ratio * spool + band.constant + tolerance) return Slide::toward_tip;
-    return Slide::none;
+    const Flag<S> as_before = band.constant == S(0) && spool <= tolerance && tip <= tolerance;
+    const Flag<S> back = (slide == to_spool && slipped < S(0)) || (slide == to_tip && slipped > S(0));
+    const Slides pushed =
+        where(Flag<S>(tip > band.ratio * spool + band.constant + tolerance), Slides(to_tip), Slides(none));
+    const Slides moved = where(Flag<S>(spool > band.ratio * tip + band.constant + tolerance), Slides(to_spool), pushed);
+    const Slides held = where(Flag<S>(slide == none), moved, where(back, Slides(none), slide));
+    return where(band.free(), Slides(to_spool), where(as_before, slide, held));
   }
 };
 

@@ -12,7 +12,7 @@ struct Contact {
   S stiffness{};  ///< N/m; positive: it lies in flexion from there, negative: in extension; 0: there is none
   S damping{};    ///< N s/m
 
-  constexpr bool present() const { return stiffness != S(0); }
+  constexpr Flag<S> present() const { return stiffness != S(0); }
   friend constexpr bool operator==(const Contact&, const Contact&) = default;
 };
 
@@ -39,7 +39,7 @@ template <class J, class S>
 S depth(const J& joint, const Contact<S>& contact, const Tip<S>& tip) {
   const S touching = joint.tip_path(contact.angle, joint.coordinate(contact.angle));
   const S way = joint.tip_path(tip.angle, tip.x) - touching;
-  return contact.stiffness < S(0) ? -way : way;
+  return if_above(-contact.stiffness, -way, way);
 }
 
 /// Whether the tip is within tissue.
@@ -77,17 +77,18 @@ template <class J, class S>
   const S is = depth(joint, contact, tip);
   const S inside = larger(is, S(0)) - larger(was, S(0));
   // The share of the way that lies within, unless there is no way.
-  const bool crosses = (was > S(0)) != (is > S(0));
-  const S share = crosses ? inside / (is - was) : S(1);
+  const Flag<S> crosses = Flag<S>(was > S(0)) != Flag<S>(is > S(0));
+  const S share = where(crosses, inside / (is - was), S(1));
   const S mean = (larger(is, S(0)) + larger(was, S(0))) * S(0.5) * share;
   const S size = abs(contact.stiffness);
   const S force = size * mean + contact.damping * per_second * inside;
-  if (!(force > S(0))) return {};
-  const S shift = is > S(0) ? share * (S(1) - share * S(0.5)) : share * share * S(0.5);
-  const S slope = size * shift + (is > S(0) ? contact.damping * per_second : S(0));
+  const Flag<S> pushes = force > S(0);
+  if (!any(pushes)) return {};
+  const S shift = if_above(is, share * (S(1) - share * S(0.5)), share * share * S(0.5));
+  const S slope = size * shift + if_above(is, contact.damping * per_second, S(0));
   const S arm = (joint.tangential_arm(x) + joint.tangential_arm(tip.x)) * S(0.5);
-  const S against = contact.stiffness < S(0) ? -force : force;
-  return {against, -against * arm, slope * arm * arm};
+  const S against = where(pushes, if_above(-contact.stiffness, -force, force), S(0));
+  return {against, -against * arm, where(pushes, slope * arm * arm, S(0))};
 }
 
 /// Resistance to a tip that rests in tissue.

@@ -21,6 +21,10 @@ inline constexpr int most_corrections = 64;
 /// Most parts that a quasi-static step is divided into.
 inline constexpr int most_parts = 1024;
 
+/// Steps of several twins at once (twin_lanes.hpp).
+template <class T>
+struct InLanes;
+
 /// One axis of an instrument on the bench; Law is one of friction.hpp's, Rows the rows of tendon.hpp.
 template <class A, class RowsOf, class LawOf>
 struct Twin {
@@ -45,6 +49,8 @@ struct Twin {
   int steps_per_sample{1};
   bool quasi_static{};
   int joint_vertices{1};  ///< per joint, where the rows do not say
+
+  friend struct InLanes<Twin>;
 
   /// At rest, both tendons at pretension and all else at zero.
   State rest(std::uint64_t seed) const {
@@ -88,9 +94,9 @@ struct Twin {
 
   /// Torque that the hand holds the handle with, N m.
   S handle_torque(const Command<S>& command, const State& state) const {
-    if (prescribed()) return state.handle_moment;
     const S resistance = quasi_static ? S(0) : hand.damping * state.handle_velocity;
-    return hand.stiffness * (command.handle_angle - state.handle_angle) - resistance;
+    const S torque = hand.stiffness * (command.handle_angle - state.handle_angle) - resistance;
+    return if_above(hand.stiffness, torque, state.handle_moment);
   }
 
   /// Expected readings; in dual numbers without noise and steps.
@@ -240,6 +246,12 @@ struct Twin {
     if (found == Status::ok && !agreed) return Status::no_equilibrium;
     if (found != Status::ok) return found;
 
+    finish(load, before, tip, next);
+    return Status::ok;
+  }
+
+  // What follows from the tip's angle and the tensions at the step's end.
+  void finish(const TipLoad<S>& load, const State& before, const Tip<S>& tip, State& next) const {
     next.output_angle = tip.angle;
     next.output_velocity =
         quasi_static ? (tip.angle - before.output_angle) * per_second() : velocity(before, tip.angle);
@@ -249,13 +261,12 @@ struct Twin {
     next.contact_force = tissue.force;
     next.contact_moment = tissue.moment;
     next.handle_moment =
-        difference_in(handle_segment(), next) * axis.proximal.moment_arm(axis.proximal.coordinate(handle_angle));
+        difference_in(handle_segment(), next) * axis.proximal.moment_arm(axis.proximal.coordinate(next.handle_angle));
     if constexpr (Law::depends_on_speed)
       for (int i = 0; i < 2; ++i)
         for (int j = 0; j < tendon.contacts(); ++j)
           next.slip_speed[i][j] =
               law.speed_after(before.slip_speed[i][j], next.tendon[i].slip[j] - before.tendon[i].slip[j], time_step);
-    return Status::ok;
   }
 
   Tip<S> first_guess(const State& before) const {
@@ -388,7 +399,7 @@ struct Twin {
   }
 
   Resistance<S> resistance_of(const Contact<S>& contact, const State& before, const Tip<S>& tip) const {
-    if (!contact.present()) return {};
+    if (!any(contact.present())) return {};
     if (quasi_static) return resistance_at_rest(axis.distal, contact, tip);
     return resistance(axis.distal, contact, per_second(), before.output_angle, tip);
   }
@@ -401,29 +412,39 @@ struct Twin {
 
   // The trapezoidal rule: the mean moment of the step's two ends accelerates the tip, and tissue's over the step.
   Status push_tip(const Reaction<S>* end, const TipLoad<S>& load, const State& before, Tip<S>& tip) const {
+    Flag<S> open = true;
+    push_tip(end, load, before, tip, open);
+    return any(open) ? Status::no_equilibrium : Status::ok;
+  }
+
+  // The same where it is open, which it is no more where it has converged.
+  void push_tip(const Reaction<S>* end, const TipLoad<S>& load, const State& before, Tip<S>& tip, Flag<S>& open) const {
     const S slope = axis.distal.excursion_slope();
     const S pull = end[agonist].at_rest - end[antagonist].at_rest;
     const S springs = end[agonist].stiffness + end[antagonist].stiffness;
     const S rate = springs * slope;
     const S spring = axis.distal.passive_stiffness() + body.damping * S(2) * per_second();
     for (int n = 0; n < most_corrections; ++n) {
-      tip.x = axis.distal.coordinate(tip.angle);
-      const S arm = axis.distal.moment_arm(tip.x);
-      const S stop = beyond_stop(tip.angle) == S(0) ? S(0) : body.stop_stiffness;
-      const Resistance<S> tissue = resistance_of(load.contact, before, tip);
+      const S x = axis.distal.coordinate(tip.angle);
+      const S arm = axis.distal.moment_arm(x);
+      const S stop = where(Flag<S>(beyond_stop(tip.angle) == S(0)), S(0), body.stop_stiffness);
+      const Resistance<S> tissue = resistance_of(load.contact, before, {tip.angle, x});
       const S stiffness = (springs * arm * arm + spring + stop) * S(0.5) + inertial() + tissue.stiffness;
-      const S correction = (unbalanced(tip, pull - rate * tip.x, load, before) + tissue.moment) / stiffness;
-      tip.angle = tip.angle + correction;
-      if (!(abs(tip.angle) < S(pi))) return Status::no_equilibrium;
+      const S correction = (unbalanced({tip.angle, x}, pull - rate * x, load, before) + tissue.moment) / stiffness;
+      const S angle = tip.angle + correction;
+      tip.angle = where(open, angle, tip.angle);
+      tip.x = where(open, x + correction * arm / slope, tip.x);
+      const Flag<S> lost = open && !(abs(angle) < S(pi));
+      if (any(lost)) {
+        tip.angle = where(lost, S(std::numeric_limits<ValueOf<S>>::quiet_NaN()), tip.angle);
+        if (!any(open && !lost)) return;
+      }
       // The slope neglects terms orders of magnitude below the inertia: the next correction would be rounding.
       using V = ValueOf<S>;
       constexpr V arrived = sizeof(V) == 4 ? V(1e-5) : V(1e-7);
-      if (abs(correction) <= arrived) {
-        tip.x = tip.x + correction * arm / slope;
-        return Status::ok;
-      }
+      open = open && !(abs(correction) <= S(arrived));
+      if (!any(open)) return;
     }
-    return Status::no_equilibrium;
   }
 
   Demand<S> demand_at(const S& x, const TipLoad<S>& load) const {
@@ -459,27 +480,37 @@ struct Twin {
     return Status::no_equilibrium;
   }
 
+  // Guess of how the torque on the handle falls with its angle.
+  S handle_stiffness(const State& before) const {
+    const S arm = axis.proximal.moment_arm(axis.proximal.coordinate(before.handle_angle));
+    const S held = hand.stiffness + S(2) * axis.stiffness * arm * arm;
+    return quasi_static ? held : (held + hand.damping * S(2) * per_second()) * S(0.5) + handle_inertial();
+  }
+
+  S handle_inertial() const { return S(2) * hand.inertia * per_second() * per_second(); }
+
+  // Torque on the handle that is left at an angle, given the tendons there; it goes into the state with the velocity.
+  S unbalanced_handle(const S& angle, const S& wanted, const State& before, State& next) const {
+    const S turned = angle - before.handle_angle;
+    next.net_handle_torque = hand.stiffness * (wanted - angle) - next.handle_moment;
+    if (quasi_static) return next.net_handle_torque;
+    next.handle_velocity = S(2) * per_second() * turned - before.handle_velocity;
+    next.net_handle_torque = next.net_handle_torque - hand.damping * next.handle_velocity;
+    return (next.net_handle_torque + before.net_handle_torque) * S(0.5) -
+           handle_inertial() * (turned - before.handle_velocity * time_step);
+  }
+
   // Finds the handle angle at which hand and tendons are balanced, by the secant method.
   [[gnu::noinline]] Status move_handle(const S& wanted, const TipLoad<S>& load, const State& before,
                                        State& next) const {
-    const S arm = axis.proximal.moment_arm(axis.proximal.coordinate(before.handle_angle));
-    const S inertial = quasi_static ? S(0) : S(2) * hand.inertia * per_second() * per_second();
-    const S damping = quasi_static ? S(0) : hand.damping * S(2) * per_second();
-    const S share = quasi_static ? S(1) : S(0.5);
-    S stiffness = share * (hand.stiffness + damping + S(2) * axis.stiffness * arm * arm) + inertial;
+    S stiffness = handle_stiffness(before);
     S angle = before.handle_angle + (quasi_static ? S(0) : before.handle_velocity * time_step);
     S tried(0);
     S missed(0);
     for (int n = 0; n < most_corrections; ++n) {
       const Status found = move_tip(angle, load, before, next);
       if (found != Status::ok) return found;
-      const S turned = angle - before.handle_angle;
-      if (!quasi_static) next.handle_velocity = S(2) * per_second() * turned - before.handle_velocity;
-      S torque = hand.stiffness * (wanted - angle) - next.handle_moment;
-      if (!quasi_static) torque = torque - hand.damping * next.handle_velocity;
-      next.net_handle_torque = torque;
-      const S before_torque = quasi_static ? S(0) : before.net_handle_torque;
-      const S off = share * (torque + before_torque) - inertial * (turned - before.handle_velocity * time_step);
+      const S off = unbalanced_handle(angle, wanted, before, next);
       const S secant = n > 0 ? (missed - off) / (angle - tried) : S(0);
       if (secant > S(0)) stiffness = secant;
       const S correction = off / stiffness;

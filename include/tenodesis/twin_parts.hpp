@@ -92,11 +92,11 @@ struct TwinState {
   TendonState<S, Rows> tendon[2]{};
   Rows::template PerContact<S> slip_speed[2]{};  ///< for laws that depend on it, m/s
   DriveState<S> drive[2]{};
-  Noise noise{};
+  NoiseOf<typename SideBySide<S>::Word> noise{};
   Reading<S> reading{};
   int until_sample{};
-  int sweeps{};             ///< of the last step
-  S residual_in_parts{-1};  ///< largest of the last step's parts; -1: it was not divided
+  SideBySide<S>::Count sweeps{};  ///< of the last step
+  S residual_in_parts{-1};        ///< largest of the last step's parts; -1: it was not divided
 };
 
 /// Readings in a state, from which their noise is drawn.

@@ -193,6 +193,9 @@ void bind_control(nb::module_& m) {
            "One tick, time in ns: control signals and faults by axis; state, homed, homing, faults, first faults, "
            "cut_power.")
       .def("reset", &AnyController::reset, "Return to the initial state.")
+      .def(
+          "ask", [](AnyController& controller, int request) { controller.request = Request(request); }, "request"_a,
+          "Make a request with the next tick of a closed loop.")
       .def("watchdog", &AnyController::watchdog, "since_last_step"_a,
            "Whether the motors must stop after so many seconds without a tick.")
       .def(

@@ -2,9 +2,12 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
+#include <memory>
 #include <thread>
 
-#include "engine/any_twin.hpp"
+#include "engine/closed_loop.hpp"
+#include "engine/vectors.hpp"
 #include "module.hpp"
 
 namespace tenodesis::bindings {
@@ -27,34 +30,203 @@ TwinSpec with_row(const TwinSpec& spec, const double* row) {
   return own;
 }
 
-/// Runs one twin per row of parameters, from rest, over its own commands or common ones.
-void run_many(const TwinSpec& spec, const In<2>& parameters, const In<3>& commands,
-              const Array<const std::uint64_t, 1>& seeds, const std::vector<std::size_t>& signals, std::size_t every,
-              const Out<3>& out, const Array<std::int64_t, 2>& outcome, int threads) {
-  const std::size_t runs = parameters.shape(0);
-  const std::size_t count = commands.shape(1);
-  if (parameters.shape(1) != row_count || commands.shape(2) != command_count ||
-      (commands.shape(0) != runs && commands.shape(0) != 1) || seeds.shape(0) != runs || out.shape(0) != runs ||
-      out.shape(1) != signals.size() || every == 0 || out.shape(2) != count / every || outcome.shape(0) != runs ||
-      outcome.shape(1) != 2)
-    throw nb::value_error("parameters, commands, seeds and outputs do not fit");
-  for (const std::size_t signal : signals)
-    if (signal >= signal_count) throw nb::value_error("no such signal");
-  const nb::gil_scoped_release release;
-  std::atomic<std::size_t> next{0};
-  const auto work = [&] {
-    for (std::size_t i = next++; i < runs; i = next++) {
-      const auto twin = make_twin(with_row(spec, parameters.data() + i * parameters.shape(1)), seeds.data()[i]);
-      const double* own = commands.data() + (commands.shape(0) == 1 ? 0 : i * count * command_count);
-      double* kept = out.data() + i * out.shape(1) * out.shape(2);
-      const Progress progress = twin->sample({own}, count, signals, every, kept, out.shape(2));
-      outcome.data()[2 * i] = std::int64_t(progress.steps);
-      outcome.data()[2 * i + 1] = std::int64_t(progress.status);
+/// Twins side by side, each with its own parameters and state, stepped together; where they can, in lanes.
+class TwinBatch {
+ public:
+  TwinBatch(const TwinSpec& spec, std::size_t count, int most_lanes, bool in_lanes)
+      : spec_(spec), count_(count), lanes_(in_lanes ? lanes_of_processor(most_lanes) : nullptr) {
+    if (lanes_ == nullptr) {
+      alone_.resize(count);
+      return;
+    }
+    for (std::size_t i = 0; i < count; i += stride())
+      groups_.emplace_back(lanes_->make({int(spec.axis.joint_type), spec.axis.handle_range, spec.steps_per_sample}),
+                           lanes_->release);
+  }
+
+  /// Whether twins of a spec can step in lanes, whose rows of parameters all give a stiffness, or none does.
+  static bool in_lanes(const TwinSpec& spec, const In<2>& rows) {
+    const auto given = [&](std::size_t i) { return !std::isnan(rows(i, twin_parameter_count + given_stiffness)); };
+    for (std::size_t i = 1; i < rows.shape(0); ++i)
+      if (given(i) != given(0)) return false;
+    return steps_in_lanes(spec);
+  }
+
+  TwinBatch(const TwinBatch&) = delete;
+  TwinBatch& operator=(const TwinBatch&) = delete;
+  ~TwinBatch() = default;
+
+  std::size_t count() const { return count_; }
+  /// Twins that are stepped together.
+  std::size_t stride() const { return lanes_ != nullptr ? std::size_t(lanes_->count) : 1; }
+
+  /// Puts a twin to rest, with a row of parameters.
+  void start(std::size_t i, const double* row, std::uint64_t seed) {
+    if (lanes_ == nullptr) {
+      alone_[i] = make_twin(with_row(spec_, row), seed);
+      return;
+    }
+    void* group = groups_[i / stride()].get();
+    lanes_->start(group, int(i % stride()), row, seed);
+    // What fills a group up repeats its first.
+    if (i % stride() == 0)
+      for (std::size_t k = count_ - i; k < stride(); ++k) lanes_->start(group, int(k), row, seed);
+  }
+
+  struct Work {
+    std::size_t steps;
+    const double* commands;
+    bool common;  // commands are for all
+    const std::vector<std::size_t>& signals;
+    std::size_t every;
+    double* out;
+    std::size_t rows, columns;  // of out
+    std::int64_t* outcome;
+    const std::vector<AnyController*>& controllers;  // none: no loop is closed
+    int steps_per_tick;
+    double time_step;
+
+    const double* commands_of(std::size_t i) const { return commands + (common ? 0 : i * steps * command_count); }
+    double* kept(std::size_t i) const { return out + i * rows * columns; }
+  };
+
+  /// Steps all twins over their commands, over threads.
+  void advance(const Work& work, int threads) {
+    std::atomic<std::size_t> next{0};
+    const auto some = [&] {
+      for (std::size_t i = next.fetch_add(stride()); i < count_; i = next.fetch_add(stride()))
+        if (lanes_ != nullptr)
+          advance_group(work, i);
+        else
+          advance_alone(work, i);
+    };
+    // Starting a thread costs as much as some ten thousand steps.
+    const std::size_t useful = count_ * work.steps / 20000 + 1;
+    const std::size_t groups = (count_ + stride() - 1) / stride();
+    std::vector<std::jthread> pool;
+    for (std::size_t n = 1; n < std::min({std::size_t(threads), groups, useful}); ++n) pool.emplace_back(some);
+    some();
+  }
+
+ private:
+  // A loop through controllers, for the lanes.
+  struct Loop {
+    const Work& work;
+    std::size_t first;
+
+    static void tick(void* of, std::size_t run, std::size_t step, const double* reading, double* velocity) {
+      const Loop& loop = *static_cast<const Loop*>(of);
+      AnyController& controller = *loop.work.controllers[loop.first + run];
+      AnyInput input{};
+      input.time = static_cast<std::uint64_t>(std::llround(double(step + 1) * loop.work.time_step * 1e9));
+      input.request = controller.request;
+      controller.request = Request::none;
+      input.axis[0] = {reading[0], {reading[1], reading[2]}, {reading[3], reading[4]}};
+      controller.step(input, controller.last);
+      std::copy_n(controller.last.axis[0].spool_velocity, 2, velocity);
+    }
+
+    static void keep(void* of, std::size_t run, std::size_t column) {
+      const Loop& loop = *static_cast<const Loop*>(of);
+      keep_control(loop.work, loop.first + run, column);
     }
   };
-  std::vector<std::jthread> pool;
-  for (std::size_t i = 1; i < std::min(std::size_t(threads), runs); ++i) pool.emplace_back(work);
-  work();
+
+  // The controller's signals follow the twin's.
+  static void keep_control(const Work& work, std::size_t i, std::size_t column) {
+    const ControlSignals found = control_signals(*work.controllers[i], 0);
+    for (std::size_t s = 0; s < work.signals.size(); ++s)
+      if (work.signals[s] >= signal_count)
+        work.kept(i)[s * work.columns + column] = found[work.signals[s] - signal_count];
+  }
+
+  void advance_group(const Work& work, std::size_t first) {
+    const std::size_t runs = std::min(stride(), count_ - first);
+    std::array<const double*, 16> commands{};
+    std::array<double*, 16> kept{};
+    for (std::size_t k = 0; k < runs; ++k) {
+      commands[k] = work.commands_of(first + k);
+      kept[k] = work.kept(first + k);
+    }
+    const auto own = std::ranges::find_if(work.signals, [](std::size_t s) { return s >= signal_count; });
+    const bool closed = !work.controllers.empty();
+    Loop loop{work, first};
+    lanes_->advance(groups_[first / stride()].get(),
+                    {runs, work.steps, commands.data(), work.signals.data(), std::size_t(own - work.signals.begin()),
+                     work.every, work.columns, kept.data(), work.outcome + 2 * first, closed ? &Loop::tick : nullptr,
+                     closed ? &Loop::keep : nullptr, &loop, work.steps_per_tick});
+  }
+
+  void advance_alone(const Work& work, std::size_t i) {
+    Progress progress;
+    if (work.controllers.empty()) {
+      progress =
+          alone_[i]->sample({work.commands_of(i)}, work.steps, work.signals, work.every, work.kept(i), work.columns);
+    } else {
+      AnyTwin* const twins[] = {alone_[i].get()};
+      const Commands rows[] = {{work.commands_of(i)}};
+      ClosedLoop loop(twins, *work.controllers[i], work.steps_per_tick, work.time_step);
+      const auto keep = [&](std::size_t step, std::size_t, const Command<double>& command) {
+        if ((step + 1) % work.every != 0) return;
+        const auto found = alone_[i]->signals(command);
+        for (std::size_t s = 0; s < work.signals.size(); ++s)
+          if (work.signals[s] < signal_count)
+            work.kept(i)[s * work.columns + step / work.every] = found[work.signals[s]];
+        keep_control(work, i, step / work.every);
+      };
+      progress = loop.run(rows, work.steps, 0, {}, keep);
+    }
+    work.outcome[2 * i] = std::int64_t(progress.steps);
+    work.outcome[2 * i + 1] = std::int64_t(progress.status);
+  }
+
+  TwinSpec spec_;
+  std::size_t count_;
+  const tenodesis_lanes::Lanes* lanes_;
+  std::vector<std::unique_ptr<void, void (*)(void*)>> groups_;
+  std::vector<std::unique_ptr<AnyTwin>> alone_;
+};
+
+std::unique_ptr<TwinBatch> make_batch(const TwinSpec& spec, const In<2>& parameters,
+                                      const Array<const std::uint64_t, 1>& seeds, int most_lanes) {
+  if (parameters.shape(1) != row_count || parameters.shape(0) != seeds.shape(0))
+    throw nb::value_error("parameters and seeds do not fit");
+  auto batch =
+      std::make_unique<TwinBatch>(spec, parameters.shape(0), most_lanes, TwinBatch::in_lanes(spec, parameters));
+  for (std::size_t i = 0; i < batch->count(); ++i) batch->start(i, &parameters(i, 0), seeds.data()[i]);
+  return batch;
+}
+
+/// Restarts some twins of a batch.
+void restart(TwinBatch& batch, const Array<const std::int64_t, 1>& which, const In<2>& parameters,
+             const Array<const std::uint64_t, 1>& seeds) {
+  if (parameters.shape(1) != row_count || parameters.shape(0) != which.shape(0) || seeds.shape(0) != which.shape(0))
+    throw nb::value_error("which, parameters and seeds do not fit");
+  for (std::size_t n = 0; n < which.shape(0); ++n) {
+    const auto i = std::size_t(which.data()[n]);
+    if (i >= batch.count()) throw nb::value_error("no such twin");
+    batch.start(i, &parameters(n, 0), seeds.data()[n]);
+  }
+}
+
+void advance(TwinBatch& batch, const In<3>& commands, const std::vector<std::size_t>& signals, std::size_t every,
+             const Out<3>& out, const Array<std::int64_t, 2>& outcome, int threads,
+             const std::vector<AnyController*>& controllers, int steps_per_tick, double time_step) {
+  const std::size_t runs = batch.count();
+  const std::size_t count = commands.shape(1);
+  if (commands.shape(2) != command_count || (commands.shape(0) != runs && commands.shape(0) != 1) ||
+      out.shape(0) != runs || out.shape(1) != signals.size() || every == 0 || out.shape(2) != count / every ||
+      outcome.shape(0) != runs || outcome.shape(1) != 2 || (!controllers.empty() && controllers.size() != runs) ||
+      steps_per_tick < 1)
+    throw nb::value_error("commands, controllers and outputs do not fit");
+  const std::size_t known = signal_count + (controllers.empty() ? 0 : control_signal_count);
+  if (!std::ranges::all_of(signals, [&](std::size_t signal) { return signal < known; }) ||
+      !std::ranges::is_sorted(signals, {}, [](std::size_t signal) { return signal >= signal_count; }))
+    throw nb::value_error("no such signal");
+  const nb::gil_scoped_release release;
+  batch.advance({count, commands.data(), commands.shape(0) == 1, signals, every, out.data(), out.shape(1), out.shape(2),
+                 outcome.data(), controllers, steps_per_tick, time_step},
+                threads);
 }
 
 }  // namespace
@@ -136,6 +308,24 @@ void bind_twin(nb::module_& m) {
           "command"_a, nb::sig("def signals(self, command: NDArray[numpy.float64]) -> list[float]"),
           "The signals as they stand.");
 
+  nb::class_<TwinBatch>(m, "TwinBatch", "Many twins of one axis each, with their states, stepped together.")
+      .def(nb::new_(&make_batch), "spec"_a, "parameters"_a, "seeds"_a, "most_lanes"_a = 8,
+           "One twin per row of parameters (a twin's, then its axis's), at rest; at most so many in a vector's lanes.")
+      .def("restart", &restart, "which"_a, "parameters"_a, "seeds"_a,
+           nb::sig("def restart(self, which: NDArray[numpy.int64], parameters: NDArray[numpy.float64], seeds: "
+                   "NDArray[numpy.uint64]) -> None"),
+           "Put some of them to rest, with new parameters and seeds.")
+      .def_prop_ro("together", &TwinBatch::stride, "How many step in lockstep, in the lanes of a vector.")
+      .def(
+          "advance", &advance, "commands"_a, "signals"_a, "every"_a, "out"_a, "outcome"_a, "threads"_a, "controllers"_a,
+          "steps_per_tick"_a, "time_step"_a,
+          nb::sig("def advance(self, commands: NDArray[numpy.float64], signals: Sequence[int], every: int, out: "
+                  "NDArray[numpy.float64], outcome: NDArray[numpy.int64], threads: int, controllers: "
+                  "Sequence[Controller], steps_per_tick: int, time_step: float) -> None"),
+          "Step over commands by twin, step and column, or common ones, with a controller each if there are any; "
+          "write every n-th step's signals, the controllers' counted on after the twins', by twin, signal and sample; "
+          "outcome: steps taken and status of each. A twin that could not take a step stands still until its restart.");
+
   m.def(
       "twin_parameters", [] { return list_of(twin_parameter_names); }, "Names of a twin's parameters, in their order.");
   m.def("twin_commands", [] { return list_of(command_names); }, "Names of a command's columns.");
@@ -158,13 +348,6 @@ void bind_twin(nb::module_& m) {
             make_axis(spec));
       },
       "spec"_a, "Shares of a tendon's length that lie in the handle's joint and in the tip's.");
-  m.def(
-      "run_many", &run_many, "spec"_a, "parameters"_a, "commands"_a, "seeds"_a, "signals"_a, "every"_a, "out"_a,
-      "outcome"_a, "threads"_a,
-      nb::sig("def run_many(spec: TwinSpec, parameters: NDArray[numpy.float64], commands: NDArray[numpy.float64], "
-              "seeds: NDArray[numpy.uint64], signals: Sequence[int], every: int, out: NDArray[numpy.float64], outcome: "
-              "NDArray[numpy.int64], threads: int) -> None"),
-      "Run one twin per row of parameters (a twin's, then its axis's); outcome: steps taken and status of each.");
 }
 
 }  // namespace tenodesis::bindings

@@ -1,8 +1,10 @@
 // Expected readings of a twin's sensors, and their derivatives by the twin's parameters.
 
+#include <algorithm>
 #include <tuple>
 
-#include "engine/any_twin.hpp"
+#include "engine/twin_gradient.hpp"
+#include "engine/vectors.hpp"
 #include "module.hpp"
 
 namespace tenodesis::bindings {
@@ -10,63 +12,8 @@ namespace {
 
 using namespace engine;
 
-/// Readings that are written: handle encoder, output encoder, both load cells.
-inline constexpr int reading_count = 4;
-
-template <class S>
-std::array<S, reading_count> readings_of(const Reading<S>& reading) {
-  return {reading.handle_angle, reading.output_angle, reading.tension[0], reading.tension[1]};
-}
-
-inline constexpr std::size_t directions_at_once = 4;
-
-/// Steps over commands and writes each reading and its derivatives in the given directions, by reading, 1 + direction
-/// and step; the handle is where its encoder reads the command, if it is to be taken off its offset.
-///
-/// Variables count the twin's parameters, then the axis's.
-template <std::size_t N>
-Progress differentiate(const TwinSpec& spec, const Commands& commands, std::size_t count, bool as_read,
-                       std::span<const std::size_t> variables, std::size_t first, double* out, std::size_t rows) {
-  using D = Dual<double, N>;
-  std::array<D, twin_parameter_count> row;
-  std::array<D, parameter_count> parameters;
-  for (std::size_t p = 0; p < row.size(); ++p) row[p] = D(spec.row[p]);
-  for (std::size_t p = 0; p < parameters.size(); ++p) parameters[p] = D(spec.axis.parameters[p]);
-  for (std::size_t d = 0; d < variables.size(); ++d)
-    (variables[d] < row.size() ? row[variables[d]] : parameters[variables[d] - row.size()]).slope[d] = 1;
-  return with_twin(spec, parameters, row, [&](const auto& twin) -> Progress {
-    auto state = twin.rest(0);
-    D spool[2]{};
-    for (std::size_t i = 0; i < count; ++i) {
-      const Command<double> given = commands[i];
-      // What is let out is where the motors stand: their spools follow on the flank that a taut tendon keeps them on.
-      for (int t = 0; t < 2; ++t) {
-        const D wound(-given.let_out[t]);
-        const bool taut = state.tendon[t].tension[0] > D(0);
-        const D play = row[backlash] * row[spool_radius];
-        spool[t] = taut || i == 0 ? wound : clamp(spool[t], wound, wound + play);
-      }
-      Command<D> command{D(given.handle_angle),
-                         D(given.force),
-                         D(given.radial_force),
-                         D(given.weight),
-                         {D(given.spool_velocity[0]), D(given.spool_velocity[1])},
-                         D(given.sheath_bend),
-                         {-spool[0], -spool[1]},
-                         {D(given.contact.angle), D(given.contact.stiffness), D(given.contact.damping)}};
-      if (as_read) command.handle_angle = command.handle_angle - row[handle_encoder_offset];
-      const Status status = twin.step(command, state);
-      if (status != Status::ok) return {i, status};
-      const auto reading = readings_of(twin.expected(state));
-      for (std::size_t k = 0; k < reading.size(); ++k) {
-        out[k * rows * count + i] = reading[k].value;
-        for (std::size_t d = 0; d < variables.size(); ++d)
-          out[(k * rows + 1 + first + d) * count + i] = reading[k].slope[d];
-      }
-    }
-    return {count, Status::ok};
-  });
-}
+// Of twins that are not compiled for wide vectors.
+inline constexpr std::size_t few_directions = 4;
 
 std::tuple<std::size_t, Status> gradient(const TwinSpec& spec, const In<2>& commands, bool as_read,
                                          const std::vector<std::size_t>& variables, const Out<3>& out) {
@@ -78,15 +25,35 @@ std::tuple<std::size_t, Status> gradient(const TwinSpec& spec, const In<2>& comm
   for (const std::size_t variable : variables)
     if (variable >= twin_parameter_count + parameter_count) throw nb::value_error("no such variable");
   const nb::gil_scoped_release release;
-  const Commands given{commands.data()};
-  const std::span<const std::size_t> all(variables);
+  std::vector<double> parameters(spec.row.begin(), spec.row.end());
+  parameters.insert(parameters.end(), spec.axis.parameters.begin(), spec.axis.parameters.end());
+  tenodesis_lanes::Gradient of{int(spec.axis.joint_type),
+                               spec.axis.handle_range,
+                               parameters.data(),
+                               commands.data(),
+                               count,
+                               as_read,
+                               variables.data(),
+                               variables.size(),
+                               out.data(),
+                               rows,
+                               0};
+  const tenodesis_lanes::Lanes* lanes = steps_in_lanes(spec) ? lanes_of_processor(8) : nullptr;
+  const std::size_t most = lanes != nullptr ? tenodesis_lanes::most_directions : few_directions;
   Progress done = {count, Status::ok};
-  std::size_t first = 0;
   do {
-    const auto some = all.subspan(first, std::min(directions_at_once, all.size() - first));
-    done = differentiate<directions_at_once>(spec, given, count, as_read, some, first, out.data(), rows);
-    first += directions_at_once;
-  } while (first < all.size() && done.status == Status::ok);
+    of.variables = variables.data() + of.first;
+    of.variable_count = std::min(most, variables.size() - of.first);
+    if (lanes != nullptr) {
+      std::int64_t outcome[2];
+      lanes->differentiate(of, outcome);
+      done = {std::size_t(outcome[0]), Status(outcome[1])};
+    } else {
+      const Variables<few_directions> at(of.parameters, of.variables, of.variable_count);
+      done = with_twin(spec, at.axis, at.row, [&](const auto& twin) { return differentiate(twin, at.row, of); });
+    }
+    of.first += most;
+  } while (of.first < variables.size() && done.status == Status::ok);
   return {done.steps, done.status};
 }
 

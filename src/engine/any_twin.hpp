@@ -2,7 +2,6 @@
 // A twin of any mechanism behind one interface: commands in, signals out, row by row.
 
 #include <algorithm>
-#include <array>
 #include <cstring>
 #include <memory>
 #include <span>
@@ -11,65 +10,10 @@
 #include <type_traits>
 
 #include "tenodesis/energy.hpp"
+#include "twin_rows.hpp"
 #include "twin_spec.hpp"
-#include "vectors.hpp"
 
 namespace tenodesis::engine {
-
-/// Columns of a row of commands.
-inline constexpr std::array command_names{"handle_angle",
-                                          "force",
-                                          "radial_force",
-                                          "weight",
-                                          "agonist_spool_velocity",
-                                          "antagonist_spool_velocity",
-                                          "sheath_bend",
-                                          "agonist_let_out",
-                                          "antagonist_let_out",
-                                          "contact_angle",
-                                          "contact_stiffness",
-                                          "contact_damping"};
-inline constexpr std::size_t command_count = command_names.size();
-
-/// Signals that a step writes, in order.
-inline constexpr std::array signal_names{"measured_handle_angle",
-                                         "measured_output_angle",
-                                         "measured_tension.agonist",
-                                         "measured_tension.antagonist",
-                                         "measured_spool_angle.agonist",
-                                         "measured_spool_angle.antagonist",
-                                         "handle_angle",
-                                         "handle_torque",
-                                         "output_angle",
-                                         "output_velocity",
-                                         "tension.agonist",
-                                         "tension.antagonist",
-                                         "distal_tension.agonist",
-                                         "distal_tension.antagonist",
-                                         "spool_angle.agonist",
-                                         "spool_angle.antagonist",
-                                         "spool_velocity.agonist",
-                                         "spool_velocity.antagonist",
-                                         "force",
-                                         "contact_force",
-                                         "sweeps"};
-inline constexpr std::size_t signal_count = signal_names.size();
-
-/// Commands of successive steps, each a row of command_count values.
-struct Commands {
-  const double* rows{};
-
-  Command<double> operator[](std::size_t i) const {
-    const double* row = rows + i * command_count;
-    return {row[0], row[1], row[2], row[3], {row[4], row[5]}, row[6], {row[7], row[8]}, {row[9], row[10], row[11]}};
-  }
-};
-
-/// How far a run came.
-struct Progress {
-  std::size_t steps{};
-  Status status{Status::ok};
-};
 
 struct EnergyTotals {
   // stored before, stored after, handle, spools, load, friction, damping, tissue
@@ -115,7 +59,7 @@ class TwinOf final : public AnyTwin {
 
   Progress run(const Commands& commands, std::size_t count, double* out) override {
     return walk(commands, count, [&](std::size_t i, const Command<double>& command) {
-      std::ranges::copy(signals_of(command), out + i * signal_count);
+      std::ranges::copy(signals_of(twin_, command, state_, state_.reading), out + i * signal_count);
     });
   }
 
@@ -123,7 +67,7 @@ class TwinOf final : public AnyTwin {
                   double* out, std::size_t columns) override {
     return walk(commands, count, [&](std::size_t i, const Command<double>& command) {
       if ((i + 1) % every != 0) return;
-      const auto row = signals_of(command);
+      const auto row = signals_of(twin_, command, state_, state_.reading);
       for (std::size_t k = 0; k < signals.size(); ++k) out[k * columns + i / every] = row[signals[k]];
     });
   }
@@ -177,7 +121,7 @@ class TwinOf final : public AnyTwin {
   }
 
   std::array<double, signal_count> signals(const Command<double>& command) const override {
-    return signals_of(command);
+    return signals_of(twin_, command, state_, state_.reading);
   }
 
  private:
@@ -185,34 +129,14 @@ class TwinOf final : public AnyTwin {
   template <class Keep>
   Progress walk(const Commands& commands, std::size_t count, const Keep& keep) {
     Progress progress;
-    in_widest_vectors([&] {
-      for (std::size_t i = 0; i < count; ++i) {
-        const Command<double> command = commands[i];
-        progress.status = twin_.step(command, state_);
-        if (progress.status != Status::ok) return;
-        keep(i, command);
-        progress.steps = i + 1;
-      }
-    });
+    for (std::size_t i = 0; i < count; ++i) {
+      const Command<double> command = commands[i];
+      progress.status = twin_.step(command, state_);
+      if (progress.status != Status::ok) break;
+      keep(i, command);
+      progress.steps = i + 1;
+    }
     return progress;
-  }
-
-  std::array<double, signal_count> signals_of(const Command<double>& command) const {
-    const auto& tendon = state_.tendon;
-    const auto& drive = state_.drive;
-    const auto& reading = state_.reading;
-    const int last = twin_.tip_segment();
-    return {reading.handle_angle,          reading.output_angle,
-            reading.tension[agonist],      reading.tension[antagonist],
-            reading.spool_angle[agonist],  reading.spool_angle[antagonist],
-            state_.handle_angle,           twin_.handle_torque(command, state_),
-            state_.output_angle,           state_.output_velocity,
-            tendon[agonist].tension[0],    tendon[antagonist].tension[0],
-            tendon[agonist].tension[last], tendon[antagonist].tension[last],
-            drive[agonist].spool,          drive[antagonist].spool,
-            drive[agonist].speed,          drive[antagonist].speed,
-            twin_.load_of(command).force,  state_.contact_force,
-            double(state_.sweeps)};
   }
 
   T twin_;

@@ -51,6 +51,12 @@ struct TwinSpec {
   int contacts() const { return sheath_contacts + tendon_joints * vertices_per_joint; }
 };
 
+/// Whether twins of a spec can step in lanes (lane_job.hpp); others step one by one.
+inline bool steps_in_lanes(const TwinSpec& spec) {
+  return !spec.quasi_static && !spec.speed_dependent && !spec.tension_dependent && spec.sheath_contacts == 1 &&
+         spec.vertices_per_joint == 1;
+}
+
 /// A row whose length is set when a twin is made.
 template <class T, int capacity>
 struct LongRow {

@@ -1,6 +1,8 @@
 #pragma once
 // Work that is compiled for several vector widths and run in the widest that this processor has.
 
+#include "lane_job.hpp"
+
 namespace tenodesis::engine {
 
 enum class Vectors { plain, avx2, avx512 };
@@ -64,5 +66,18 @@ bool in_wide_vectors(const Work&) {
 }
 
 #endif
+
+/// The lanes of this processor, at most so many; null where there are none.
+inline const tenodesis_lanes::Lanes* lanes_of_processor(int most) {
+#if defined(__GNUC__)
+#if defined(__x86_64__)
+  const Vectors widest = widest_vectors();
+  if (widest == Vectors::avx512 && most >= tenodesis_lanes::avx512.count) return &tenodesis_lanes::avx512;
+  if (widest != Vectors::plain && most >= tenodesis_lanes::avx2.count) return &tenodesis_lanes::avx2;
+#endif
+  if (most >= tenodesis_lanes::narrow.count) return &tenodesis_lanes::narrow;
+#endif
+  return nullptr;
+}
 
 }  // namespace tenodesis::engine

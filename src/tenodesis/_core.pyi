@@ -171,6 +171,26 @@ class Twin:
     def signals(self, command: NDArray[numpy.float64]) -> list[float]:
         """The signals as they stand."""
 
+class TwinBatch:
+    """Many twins of one axis each, with their states, stepped together."""
+
+    def __init__(self, spec: TwinSpec, parameters: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], seeds: Annotated[NDArray[numpy.uint64], dict(shape=(None,), order='C', device='cpu', writable=False)], most_lanes: int = 8) -> None:
+        """
+        One twin per row of parameters (a twin's, then its axis's), at rest; at most so many in a vector's lanes.
+        """
+
+    def restart(self, which: NDArray[numpy.int64], parameters: NDArray[numpy.float64], seeds: NDArray[numpy.uint64]) -> None:
+        """Put some of them to rest, with new parameters and seeds."""
+
+    @property
+    def together(self) -> int:
+        """How many step in lockstep, in the lanes of a vector."""
+
+    def advance(self, commands: NDArray[numpy.float64], signals: Sequence[int], every: int, out: NDArray[numpy.float64], outcome: NDArray[numpy.int64], threads: int, controllers: Sequence[Controller], steps_per_tick: int, time_step: float) -> None:
+        """
+        Step over commands by twin, step and column, or common ones, with a controller each if there are any; write every n-th step's signals, the controllers' counted on after the twins', by twin, signal and sample; outcome: steps taken and status of each. A twin that could not take a step stands still until its restart.
+        """
+
 def twin_parameters() -> list[str]:
     """Names of a twin's parameters, in their order."""
 
@@ -191,11 +211,6 @@ def joint_shares(spec: Spec) -> tuple[float, float]:
     Shares of a tendon's length that lie in the handle's joint and in the tip's.
     """
 
-def run_many(spec: TwinSpec, parameters: NDArray[numpy.float64], commands: NDArray[numpy.float64], seeds: NDArray[numpy.uint64], signals: Sequence[int], every: int, out: NDArray[numpy.float64], outcome: NDArray[numpy.int64], threads: int) -> None:
-    """
-    Run one twin per row of parameters (a twin's, then its axis's); outcome: steps taken and status of each.
-    """
-
 def twin_gradient(spec: TwinSpec, commands: NDArray[numpy.float64], as_read: bool, variables: Sequence[int], out: NDArray[numpy.float64]) -> tuple[int, Status]:
     """
     Write the expected readings of handle encoder, output encoder and both load cells, and their derivatives by parameters of twin and then axis, by reading, 1 + variable and step. Returns the steps taken and the last status.
@@ -213,6 +228,9 @@ class Controller:
 
     def reset(self) -> None:
         """Return to the initial state."""
+
+    def ask(self, request: int) -> None:
+        """Make a request with the next tick of a closed loop."""
 
     def watchdog(self, since_last_step: float) -> bool:
         """Whether the motors must stop after so many seconds without a tick."""

@@ -12,8 +12,18 @@ from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.run import Array
 from tenodesis.statics.query import common_shape
 from tenodesis.threads import threads
+from tenodesis.twin.closed_loop import LoopController
 from tenodesis.twin.contact import Contact, Contacts, rows_of
-from tenodesis.twin.rows import ARGUMENTS, COMMANDS, SIGNALS, check_finite, check_handle_range, check_rig, check_seed
+from tenodesis.twin.rows import (
+    ARGUMENTS,
+    COMMANDS,
+    CONTROL,
+    SIGNALS,
+    check_finite,
+    check_handle_range,
+    check_rig,
+    check_seed,
+)
 
 
 @dataclass(frozen=True)
@@ -45,6 +55,7 @@ def run_many(
     weight: ArrayLike = 0.0,
     spool_velocity: ArrayLike = 0.0,
     contact: Contacts | None = None,
+    controllers: Sequence[LoopController] | None = None,
     vary: Mapping[str, ArrayLike] | None = None,
     seeds: ArrayLike | None = None,
     signals: Sequence[str] = ("output_angle",),
@@ -52,7 +63,11 @@ def run_many(
     time_step: float = plant.TIME_STEP,
     quasi_static: bool = False,
 ) -> Batch:
-    """Run many one-axis twins from rest, in parallel; results do not depend on the number of threads.
+    """Run many one-axis twins from rest, in parallel: over threads, and in the lanes of the processor's vectors.
+
+    Each run is the same to the last bit as that of a :class:`Twin` by itself. Twins with friction laws that depend on
+    speed or tension, with two vertices a joint, more than one sheath contact, or quasi-static ones run over threads
+    alone.
 
     Parameters
     ----------
@@ -64,13 +79,16 @@ def run_many(
         Spool velocities, rad/s, shape (n, 2) for all runs or (runs, n, 2).
     contact
         Tissue at the tip, for all runs or one per run, None where there is none.
+    controllers
+        One per run, new or reset, each for an instrument of one axis: they close the loops.
     vary
         Values per run by key of the instrument, as :meth:`Instrument.replace` takes them: ``{"pretension": array}``,
         ``{"friction.vertex_coefficient": array}``.
     seeds
         Seed per run; by default 0, 1, 2, ...
     signals
-        Signals to keep, by name; a tendon's is written ``tension.agonist``.
+        Signals to keep, by name; a tendon's is written ``tension.agonist``. With controllers also theirs, such as
+        ``estimated_output_angle`` or ``faults``.
     every
         Keep every n-th step.
     time_step, quasi_static
@@ -110,21 +128,46 @@ def run_many(
     if not (isinstance(every, int | np.integer) and 1 <= every <= commands.shape[1]):
         allowed = f"an integer from 1 to {commands.shape[1]}, the number of steps"
         raise ArgumentError(key="every", value=every, allowed=allowed)
+    known = (*SIGNALS, *(() if controllers is None else CONTROL))
     for name in signals:
-        if name not in SIGNALS:
-            allowed = f"one of {', '.join(SIGNALS)}"
+        if name not in known:
+            allowed = f"one of {', '.join(known)}"
             raise ArgumentError(
                 f"signals has {name!r}; it must be {allowed}.", key="signals", value=name, allowed=allowed
             )
-    chosen = [SIGNALS.index(name) for name in signals]
-    seed_row = _seeds(seeds, runs)
-    spec = plant.spec(insts[0], time_step, quasi_static)
-    parameters = _rows(insts, time_step, quasi_static)
-    out = np.full((runs, len(chosen), commands.shape[1] // every), np.nan)
+    # The core has the twin's signals before the controller's.
+    ordered = sorted(dict.fromkeys(signals), key=known.index)
+    twins = _core.TwinBatch(
+        plant.spec(insts[0], time_step, quasi_static), _rows(insts, time_step, quasi_static), _seeds(seeds, runs)
+    )
+    loops = _loops(controllers, insts, twins)
+    if loops and commands[:, :, ARGUMENTS["spool_velocity"]].any():
+        raise ArgumentError("spool_velocity and controllers are both given; give one of them.", key="spool_velocity")
+    out = np.full((runs, len(ordered), commands.shape[1] // every), np.nan)
     ends = np.zeros((runs, 2), np.int64)
-    _core.run_many(spec, parameters, commands, seed_row, chosen, every, out, ends, threads())
+    per_tick = plant.steps_per_sample(insts[0], time_step, quasi_static)
+    chosen = [known.index(name) for name in ordered]
+    twins.advance(commands, chosen, every, out, ends, threads(), loops, per_tick, time_step)
     time = (1 + np.arange(out.shape[2])) * every * time_step
-    return Batch(time, {name: out[:, n] for n, name in enumerate(signals)}, ends[:, 0], ends[:, 1])
+    return Batch(time, {name: out[:, ordered.index(name)] for name in signals}, ends[:, 0], ends[:, 1])
+
+
+def _loops(
+    controllers: Sequence[LoopController] | None, insts: Sequence[Instrument], plant_: object
+) -> list[_core.Controller]:
+    """Return the controllers' cores, each with its request for the first tick."""
+    if controllers is None:
+        return []
+    if len(controllers) != len(insts) or len({id(one) for one in controllers}) != len(insts):
+        problem = (
+            f"controllers has {len(controllers)} entries; it must have one of its own for each of {len(insts)} runs."
+        )
+        raise ArgumentError(problem, key="controllers", value=len(controllers), allowed="one controller per run")
+    for controller, inst in zip(controllers, insts, strict=True):
+        controller.check_instrument(inst)
+        controller.begin(plant_, 0.0)
+        controller.core.ask(int(controller.take_request()))
+    return [controller.core for controller in controllers]
 
 
 def _instruments(inst: InstrumentLike | Sequence[InstrumentLike], vary: Mapping[str, ArrayLike]) -> list[Instrument]:

@@ -1,0 +1,75 @@
+#pragma once
+// Expected readings of a twin's sensors, with their derivatives by its parameters.
+
+#include <array>
+#include <cstddef>
+
+#include "lane_job.hpp"
+#include "twin_rows.hpp"
+#include "twin_spec.hpp"
+
+namespace tenodesis::engine {
+
+/// Readings that are written: handle encoder, output encoder, both load cells.
+inline constexpr int reading_count = 4;
+
+template <class S>
+std::array<S, reading_count> readings_of(const Reading<S>& reading) {
+  return {reading.handle_angle, reading.output_angle, reading.tension[0], reading.tension[1]};
+}
+
+/// A twin's parameters and its axis's, of which some are independent variables, one for each direction.
+template <std::size_t N>
+struct Variables {
+  using D = Dual<double, N>;
+  std::array<D, twin_parameter_count> row;
+  std::array<D, parameter_count> axis;
+
+  /// Variables count the twin's parameters, then the axis's.
+  Variables(const double* parameters, const std::size_t* variables, std::size_t count) {
+    for (std::size_t p = 0; p < row.size(); ++p) row[p] = D(parameters[p]);
+    for (std::size_t p = 0; p < axis.size(); ++p) axis[p] = D(parameters[row.size() + p]);
+    for (std::size_t d = 0; d < count; ++d)
+      (variables[d] < row.size() ? row[variables[d]] : axis[variables[d] - row.size()]).slope[d] = 1;
+  }
+};
+
+/// Steps a twin in dual numbers from rest, and writes its readings with their derivatives.
+template <class T, std::size_t N>
+Progress differentiate(const T& twin, const std::array<Dual<double, N>, twin_parameter_count>& row,
+                       const tenodesis_lanes::Gradient& of) {
+  using D = Dual<double, N>;
+  const Commands commands{of.commands};
+  auto state = twin.rest(0);
+  D spool[2]{};
+  for (std::size_t i = 0; i < of.steps; ++i) {
+    const Command<double> given = commands[i];
+    // What is let out is where the motors stand: their spools follow on the flank that a taut tendon keeps them on.
+    for (int t = 0; t < 2; ++t) {
+      const D wound(-given.let_out[t]);
+      const bool taut = state.tendon[t].tension[0] > D(0);
+      const D play = row[backlash] * row[spool_radius];
+      spool[t] = taut || i == 0 ? wound : clamp(spool[t], wound, wound + play);
+    }
+    Command<D> command{D(given.handle_angle),
+                       D(given.force),
+                       D(given.radial_force),
+                       D(given.weight),
+                       {D(given.spool_velocity[0]), D(given.spool_velocity[1])},
+                       D(given.sheath_bend),
+                       {-spool[0], -spool[1]},
+                       {D(given.contact.angle), D(given.contact.stiffness), D(given.contact.damping)}};
+    if (of.as_read) command.handle_angle = command.handle_angle - row[handle_encoder_offset];
+    const Status status = twin.step(command, state);
+    if (status != Status::ok) return {i, status};
+    const auto reading = readings_of(twin.expected(state));
+    for (std::size_t k = 0; k < reading.size(); ++k) {
+      of.out[k * of.rows * of.steps + i] = reading[k].value;
+      for (std::size_t d = 0; d < of.variable_count; ++d)
+        of.out[(k * of.rows + 1 + of.first + d) * of.steps + i] = reading[k].slope[d];
+    }
+  }
+  return {of.steps, Status::ok};
+}
+
+}  // namespace tenodesis::engine

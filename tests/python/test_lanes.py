@@ -1,0 +1,134 @@
+"""Twins in the lanes of vectors: each is the twin that runs alone, to the last bit, whatever its neighbours do."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import tenodesis as tn
+from tenodesis import _core, control, plant
+from tenodesis.instrument import Instrument
+from tenodesis.run import Array
+from tenodesis.twin import TIME_STEP, Contact, Twin, run_many
+from tenodesis.twin.rows import COMMANDS, SIGNALS
+
+from .conftest import refused
+from .twin_motions import clock, slack_force, with_friction
+
+RUNS = 11
+OVERLOAD = 1.5
+
+
+def commands(inst: Instrument, t: Array) -> Array:
+    """Return motions that differ by run: some tips are loaded until a tendon is slack, some hardly at all."""
+    rows = np.zeros((RUNS, t.size, len(COMMANDS)))
+    share = np.linspace(0, 1, RUNS)[:, np.newaxis]
+    rows[:, :, COMMANDS.index("handle_angle")] = 0.25 * share * np.sin(17 * t)
+    rows[:, :, COMMANDS.index("force")] = OVERLOAD * slack_force(inst) * share[::-1] * np.sin(9 * t)
+    return rows
+
+
+def advanced(inst: Instrument, most_lanes: int, rows: Array, **vary: Array) -> tuple[Array, Array]:
+    insts = [inst.replace(**{key: values[n].item() for key, values in vary.items()}) for n in range(RUNS)]
+    parameters = np.array([plant.parameter_row(one, TIME_STEP) for one in insts])
+    twins = _core.TwinBatch(
+        plant.spec(inst, TIME_STEP, False), parameters, np.arange(RUNS, dtype=np.uint64), most_lanes=most_lanes
+    )
+    assert twins.together <= most_lanes
+    out, ends = np.full((RUNS, len(SIGNALS), rows.shape[1]), np.nan), np.zeros((RUNS, 2), np.int64)
+    twins.advance(rows, list(range(len(SIGNALS))), 1, out, ends, 1, [], 1, TIME_STEP)
+    return out, ends
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"dynamics.hand_stiffness": 2.0}],
+    ids=["handle held", "a hand that yields"],
+)
+def test_as_many_lanes_as_there_are_change_no_bit(any_inst: Instrument, changes: dict[str, Any]) -> None:
+    inst = with_friction(any_inst).replace(**changes).planar[0]
+    rows = commands(inst, clock(0.3))
+    coefficients = {"friction.vertex_coefficient": np.linspace(0, 0.5, RUNS)}
+    alone, ends = advanced(inst, 1, rows, **coefficients)
+    assert (ends[:, 1] == 0).all()
+    tension = alone[:, SIGNALS.index("tension.antagonist")]
+    assert (tension.min(1) < 1e-9).any() and (tension.min(1) > 1.0).any()
+    for lanes in (2, 4, 8):
+        np.testing.assert_array_equal(advanced(inst, lanes, rows, **coefficients)[0], alone)
+
+
+def test_tissue_is_met_in_some_lanes_only(scaled: Instrument) -> None:
+    inst, t = with_friction(scaled), clock(0.3)
+    tissue = [Contact(np.radians(4), 2000.0, 1.0) if n % 3 else None for n in range(RUNS)]
+    handle = np.linspace(0, 0.4, RUNS)[:, np.newaxis] * np.sin(12 * t)
+    batch = run_many(inst, handle, contact=tissue, signals=("output_angle", "contact_force"))
+    assert (batch["contact_force"].max(1) > 0).sum() > 2
+    for n, contact in enumerate(tissue):
+        run = Twin(inst, seed=n).run(handle[n], contact=contact)
+        np.testing.assert_array_equal(batch["output_angle"][n], run.output_angle)
+
+
+def test_a_lane_without_equilibrium_stands_still_until_it_is_restarted(scaled: Instrument) -> None:
+    inst, t = with_friction(scaled), clock(0.2)
+    force = np.outer([0.0, 400.0, 1.0], t / t[-1])
+    batch = run_many(inst, np.zeros(t.size), force)
+    lost = int(batch.steps[1])
+    assert list(batch.status) == [0, int(tn.statics.Status.NO_EQUILIBRIUM), 0]
+    assert np.isfinite(batch["output_angle"][1, :lost]).all() and np.isnan(batch["output_angle"][1, lost:]).all()
+    for n in (0, 2):
+        run = Twin(inst, seed=n).run(np.zeros(t.size), force[n])
+        np.testing.assert_array_equal(batch["output_angle"][n], run.output_angle)
+
+    row = np.array([plant.parameter_row(inst, TIME_STEP)])
+    twins = _core.TwinBatch(plant.spec(inst, TIME_STEP, False), row.repeat(3, 0), np.arange(3, dtype=np.uint64))
+    rows = np.zeros((3, t.size, len(COMMANDS)))
+    rows[..., COMMANDS.index("force")] = force
+    out, ends = np.empty((3, 1, t.size)), np.zeros((3, 2), np.int64)
+    angle = [SIGNALS.index("output_angle")]
+    twins.advance(rows, angle, 1, out, ends, 1, [], 1, TIME_STEP)
+    assert list(ends[:, 1] != 0) == [False, True, False]
+    rows[1] = rows[2]
+    twins.advance(rows, angle, 1, out, ends, 1, [], 1, TIME_STEP)
+    assert list(ends[:, 0]) == [t.size, 0, t.size]
+    twins.restart(np.array([1]), row, np.array([2], np.uint64))
+    twins.advance(rows, angle, 1, out, ends, 1, [], 1, TIME_STEP)
+    np.testing.assert_array_equal(out[1, 0], batch["output_angle"][2])
+
+
+def test_loops_through_controllers_are_those_that_run_alone(scaled: Instrument) -> None:
+    runs, t = 5, clock(0.6)
+    vary = {"friction.vertex_coefficient": np.linspace(0.05, 0.2, runs)}
+    handle, force = 0.3 * np.sin(4 * t), np.where(t > 0.2, 1.0, 0.0)
+    names = ("output_angle", "measured_tension.agonist", "estimated_output_angle", "faults")
+    batch = run_many(
+        scaled,
+        handle,
+        force,
+        vary=vary,
+        controllers=[control.Controller(scaled) for _ in range(runs)],
+        signals=names,
+        every=5,
+    )
+    for n in range(runs):
+        own = scaled.replace(**{key: values[n].item() for key, values in vary.items()})
+        run = Twin(own, seed=n).run(handle, force, controller=control.Controller(scaled))
+        assert run.estimated_output_angle is not None and run.commanded_spool_velocity.any()
+        np.testing.assert_array_equal(batch["output_angle"][n], run.output_angle[4::5])
+        np.testing.assert_array_equal(batch["measured_tension.agonist"][n], run.measured_tension[4::5, 0])
+        np.testing.assert_array_equal(batch["estimated_output_angle"][n], run.estimated_output_angle[4::5])
+
+
+@pytest.mark.parametrize(
+    ("count", "given", "key"),
+    [
+        (2, {}, "controllers"),
+        (3, {"spool_velocity": np.ones((10, 2))}, "spool_velocity"),
+        (3, {"signals": ("tip",)}, "signals"),
+    ],
+)
+def test_loops_that_cannot_be_closed_are_refused(
+    scaled: Instrument, count: int, given: dict[str, Any], key: str
+) -> None:
+    controllers = [control.Controller(scaled) for _ in range(count)]
+    with refused(key):
+        run_many(scaled, np.zeros((3, 10)), controllers=controllers, **given)
