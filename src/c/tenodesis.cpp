@@ -6,6 +6,7 @@
 #include <new>
 #include <type_traits>
 
+#include "tenodesis/current.hpp"
 #include "tenodesis/flight_recorder.hpp"
 #include "tenodesis/parameters.hpp"
 
@@ -250,6 +251,11 @@ uint32_t tenodesis_phase(const tenodesis_controller* controller, int axis) {
     if (axis < 0 || axis >= own.controller.axes) return 0;
     return static_cast<uint32_t>(own.state.axis[axis].compensator.shown());
   });
+}
+
+tenodesis_real tenodesis_tension_from_current(tenodesis_real current, tenodesis_real tension_per_current,
+                                              tenodesis_real range) {
+  return tension_from_current(current, tension_per_current, range);
 }
 
 uint32_t tenodesis_version(void) { return TENODESIS_VERSION; }

@@ -26,7 +26,8 @@ namespace tenodesis::engine {
       ROW(load_cell_range), ROW(load_cell_resolution), ROW(agonist_load_cell_gain), ROW(antagonist_load_cell_gain), \
       ROW(agonist_load_cell_bias), ROW(antagonist_load_cell_bias), ROW(time_step), ROW(base_wrap),                  \
       ROW(handle_span_ratio), ROW(tip_span_ratio), ROW(anchor_share), ROW(load_index), ROW(reference_tension),      \
-      ROW(vertex_radius_ratio), ROW(bending_loss)
+      ROW(vertex_radius_ratio), ROW(bending_loss), ROW(gear_efficiency), ROW(friction_torque), ROW(torque_ripple),  \
+      ROW(ripple_rate), ROW(thermal_drift), ROW(thermal_time)
 
 #define TENODESIS_ROW(name) name
 enum TwinParameter : std::size_t { TENODESIS_TWIN_PARAMETERS(TENODESIS_ROW) };
@@ -46,6 +47,7 @@ struct TwinSpec {
   int vertices_per_joint{1};
   int steps_per_sample{1};
   bool quasi_static{};
+  bool currents{};  ///< in the place of load cells
   TwinRow row{};
 
   int contacts() const { return sheath_contacts + tendon_joints * vertices_per_joint; }
@@ -112,6 +114,16 @@ void fill(T& twin, const TwinSpec& spec, const std::array<S, twin_parameter_coun
                    load_cell(row[antagonist_load_cell_gain], row[antagonist_load_cell_bias])},
                   {S(1), S(0), S(0), -turns, turns, row[motor_encoder_resolution]}};
   twin.time_step = row[time_step];
+  if (spec.currents) {
+    const S sample = row[time_step] * S(spec.steps_per_sample);
+    twin.sensors.current = {true,
+                            row[gear_efficiency],
+                            row[friction_torque] / row[spool_radius],
+                            row[torque_ripple],
+                            row[ripple_rate],
+                            row[thermal_drift],
+                            sample / (row[thermal_time] + sample)};
+  }
   twin.steps_per_sample = spec.steps_per_sample;
   twin.quasi_static = spec.quasi_static;
 
