@@ -3,9 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core, plant
+from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 
 FAULTS = tuple(name for name, _, _ in _core.faults())
@@ -83,6 +84,26 @@ def parameters(inst: InstrumentLike, period: float | None = None) -> Parameters:
     joint_type = int(_core.JointType[inst.joint_type.replace("-", "_").upper()].value)
     axes = tuple(_axis(one, tick, is_first=n == 0) for n, one in enumerate(single))
     return Parameters(joint_type, common, axes, tuple(_limits(one, tick) for one in single))
+
+
+def tension_from_current(inst: InstrumentLike, current: ArrayLike) -> NDArray[np.float64]:
+    """Return what motor currents (A, any shape) stand for as tensions, N, as a controller takes them.
+
+    They end with the currents' range, where the controller distrusts them, and have the drives' friction in them, which
+    its observer takes out.
+
+    Raises
+    ------
+    ValueError
+        The instrument has load cells.
+    """
+    sensor = as_instrument(inst).planar[0].tension_sensor
+    if not sensor.per_current:
+        raise ArgumentError(
+            "inst has load cells; its sensors.kind must be current to tell tensions by currents.", key="inst"
+        )
+    convert = np.vectorize(_core.tension_from_current, otypes=[float], excluded=(1, 2))
+    return np.asarray(convert(current, sensor.per_current, sensor.range / sensor.per_current))
 
 
 def tension_limit(inst: Instrument) -> float:

@@ -289,6 +289,7 @@ class Instrument(FileTable):
                 "broken; give less pretension or a stronger tendon"
             )
         tension_sensor(self.drives, self.sensors, self.pretension)
+        self.devices.check_tensions(self.sensors.kind)
         reach = _core.unloaded_limit(self.spec)
         if not reach < 1:
             raise ValueError(
