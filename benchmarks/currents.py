@@ -21,7 +21,8 @@ from tenodesis.errors import FaultWarning
 from tenodesis.instrument import Instrument
 from tenodesis.paper import step_response
 from tenodesis.run import Run
-from tenodesis.twin import SignalFault, Twin
+from tenodesis.simulate import FaultInjection
+from tenodesis.twin import Twin
 
 Array = NDArray[np.float64]
 
@@ -134,14 +135,14 @@ def failures(inst: Instrument) -> None:
     after = standing.time > BEFORE - 0.5
     least = float(np.abs(standing["output_angle"] - wanted)[after].max())
     failing = {
-        "stands still": {"mode": "stuck"},
-        "at the end of its range": {"mode": "constant", "value": sensor.range},
-        "zero": {"mode": "constant", "value": 0.0},
-        "drifts by 10 N/s": {"mode": "drift", "value": 10.0},
+        "stands still": {"mode": "hold"},
+        "at the end of its range": {"mode": "set", "value": sensor.range},
+        "zero": {"mode": "set", "value": 0.0},
+        "drifts by 10 N/s": {"mode": "add", "rate": 10.0},
     }
     for words, how in failing.items():
         for tendon in ("agonist", "antagonist"):
-            injected = SignalFault(signal=f"tension.{tendon}", start=BEFORE - 0.5, **how)  # type: ignore[arg-type]
+            injected = FaultInjection(f"tension.{tendon}", start=BEFORE - 0.5, **how)  # type: ignore[arg-type]
             run, _ = trial(inst, told, 67.0, fault_injection=[injected])
             worst = float(np.abs(run["output_angle"] - wanted)[after].max())
             named = ", ".join(f"{name} after {at - BEFORE + 0.5:.3f} s" for name, at in run.fault_times.items())

@@ -229,8 +229,12 @@ struct FrictionObserver {
     const S band = memory.scale * memory.nominal[2] * (pulled + held);
     const S difference = pulled - held - memory.tip_edge * band;
     estimate.tip_force = (difference * arm - axis.distal.passive_stiffness() * angle) / reach;
+    // Where the tip may have moved unseen, that friction may have turned.
+    const S unseen = larger(memory.freedom[0], memory.freedom[1]);
+    const S turned = memory.tip_edge * smaller(unseen / (S(2) * settings.play), S(1));
     const S stretched = off * axis.stiffness;
-    estimate.tip_force_std = sqrt(S(2) * stretched * stretched + band * band * S(1.0 / 3)) * arm / reach;
+    const S rubbed = band * band * (S(1.0 / 3) + turned * turned);
+    estimate.tip_force_std = sqrt(S(4) * stretched * stretched + rubbed) * arm / reach;
     estimate.friction_scale = memory.scale;
     estimate.friction_scale_std = sqrt(memory.covariance[0][0]);
     return estimate;

@@ -32,6 +32,9 @@ struct Session {
   std::uint64_t mark{};
   std::uint32_t joint_type{};
   Recorder recorder{};
+  // Of the last tick: kept, since making them anew costs every tick more than a hundred bytes to clear.
+  ControlInput<S, TENODESIS_AXES> in{};
+  ControlOutput<S, TENODESIS_AXES> out{};
   union {
     Of<GearAxis<S>> gear;
     Of<PulleyAxis<S>> pulley;
@@ -175,12 +178,12 @@ int tenodesis_step(tenodesis_controller* controller, const tenodesis_input* inpu
     return usable ? TENODESIS_NOT_STARTED : TENODESIS_BAD_POINTER;
   }
   const bool known = input->request <= TENODESIS_REQUEST_CLEAR;
-  ControlInput<S, TENODESIS_AXES> in{};
+  ControlInput<S, TENODESIS_AXES>& in = session->in;
+  ControlOutput<S, TENODESIS_AXES>& out = session->out;
   in.time = input->time;
   in.request = known ? Request(input->request) : Request::none;
   const int axes = with(*session, [](const auto& own) { return own.controller.axes; });
   for (int n = 0; n < axes; ++n) in.axis[n] = measurement_as<Measurement<S>>(input->axis[n]);
-  ControlOutput<S, TENODESIS_AXES> out{};
   with(*session, [&](auto& own) { return own.controller.step(in, own.state, out); });
   put(out, *output);
   record(in, out, session->recorder);

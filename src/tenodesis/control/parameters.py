@@ -234,10 +234,11 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
         "homing_jog": max(4 * spool_step, _JOG * arm),
         "homing_travel": _PULL * arm,
         "homing_offset": max(2 * stiffness * arm * _TIP_ERROR, 8 * sensor.noise) + sensor.constant,
-        "homing_notice": max(5 * sensor.noise, 0.005 * pretension),
+        "homing_notice": max((2 if sensor.per_current else 5) * sensor.noise, 0.005 * pretension),
         "homing_gain_error": 0.12,
         # Both drives may wind, so that their friction, unlike the tendons', changes both tensions alike.
-        "mean_band": (1 + max(control.mean_band, np.expm1(_friction(inst)) / 2)) * np.exp(sensor.friction) - 1,
+        "mean_band": max(control.mean_band, np.expm1(_friction(inst)) / 2) * np.exp(sensor.friction)
+        + np.expm1(sensor.friction),
         "load_cell_range": sensor.range - sensor.resolution,
         "handle_noise": 6 * handle_step,
         "spool_noise": 2.5 * numbers["motor_encoder_resolution"],
