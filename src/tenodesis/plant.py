@@ -104,8 +104,9 @@ def parameter_row(inst: Instrument, time_step: float) -> list[float]:
     }
     sensor = inst.tension_sensor
     values |= {f"load_cell_{name}": getattr(sensor, name) for name in ("range", "resolution", "noise")}
+    values["tension_gain"] = sensor.gain
     for n, tendon in enumerate(TENDONS):
-        values[f"{tendon}_load_cell_gain"] = mismatch.load_cell_gain[n] * sensor.gain
+        values[f"{tendon}_load_cell_gain"] = mismatch.load_cell_gain[n]
         values[f"{tendon}_load_cell_bias"] = mismatch.load_cell_bias[n]
     return [values[name] for name in _TWIN_PARAMETERS] + inst.spec.__getstate__()[1]
 

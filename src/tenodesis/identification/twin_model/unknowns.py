@@ -100,4 +100,7 @@ UNKNOWNS = {
 }
 """Every parameter that recordings may identify, by name."""
 
+SHOWN_BY_CURRENTS = ("drives.gear_efficiency", "drives.friction_torque")
+"""Parameters that load cells beside the spools do not show."""
+
 LARGEST_OFFSET = UNKNOWNS["mismatch.handle_encoder_offset"].upper
