@@ -10,11 +10,11 @@ import argparse
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from plants import LAST, LOADED, ROWS, Case, Trace, cases_of, instrument, rms, run
+from plants import LAST, LOADED, ROWS, Case, Trace, cases_of, rms, run
 
 Array = NDArray[np.float64]
 
@@ -57,10 +57,31 @@ def judge(cases: Sequence[Case], traces: Sequence[Trace], begin: float, end: flo
     return Judged(rms(off), float(np.abs(off).max()), rms(std), covered, rms(plain))
 
 
+def draw(path: Path, case: Case) -> None:
+    """Draw the force of a case over time: load, estimate with its interval, eq. 1."""
+    import matplotlib as mpl  # noqa: PLC0415 - not needed for the table
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    mpl.rcParams["svg.hashsalt"] = "force"
+    (trace,) = run([case], SECONDS)
+    every = slice(None, None, 20)
+    at, estimate = trace.time[every], trace.force[every]
+    width = WITHIN * trace.force_std[every]
+    figure = Figure(figsize=(7.0, 2.8), layout="constrained")
+    axes = figure.subplots()
+    axes.fill_between(at, estimate - width, estimate + width, color="#4477aa", alpha=0.25, linewidth=0, label="95 %")
+    axes.plot(at, estimate, color="#4477aa", label="observer")
+    axes.plot(at, by_cells(case, trace)[every], color="#cc6677", label="eq. 1, proximal tensions")
+    axes.plot(at, np.where(at > LOADED, case.force, 0.0), color="black", linewidth=1, label="load")
+    axes.set(xlabel="time [s]", ylabel="force at the tip [N]", xlim=(1.0, SECONDS), ylim=(-1.5, 4.0))
+    axes.legend(ncols=4, frameon=False, loc="upper right")
+    figure.savefig(path, metadata={"Date": None})
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--rows", nargs="+", choices=[*ROWS], default=ROWS_OF_FORCE, metavar="ROW")
-    parser.add_argument("--save", type=Path, help="keep the traces in this file")
+    parser.add_argument("--figure", type=Path, help="draw one case of two vertices a joint into this SVG file")
     options = parser.parse_args()
     begun = time.perf_counter()
     cases: list[Case] = []
@@ -76,9 +97,6 @@ def main() -> None:
             places[name, work] = slice(len(cases), len(cases) + len(these))
             cases += these
     traces = run(cases, SECONDS)
-    if options.save:
-        keys: dict[str, Any] = {f"{n}": np.stack([t.tip, t.force, t.force_std, *t.read]) for n, t in enumerate(traces)}
-        np.savez(options.save, **keys)
     print(f"  {'what differs':52s}{'':24s}{'error':>8s}{'worst':>8s}{'stated':>8s}{'covered':>9s}{'eq. 1':>8s}   N")
     for (name, work), place in places.items():
         begin = LOADED + SETTLED if work != "rest, after strokes" else SECONDS - LAST
@@ -87,6 +105,9 @@ def main() -> None:
             f"  {ROWS[name].words:52s}{work:24s}{one.error:8.3f}{one.worst:8.3f}{one.deviation:8.3f}"
             f"{100 * one.covered:8.1f}%{one.by_cells:8.3f}"
         )
+    if options.figure:
+        case = next(case for case in cases_of(ROWS["two"]) if np.isclose(case.output, np.radians(67)))
+        draw(options.figure, case)
     print(f"{time.perf_counter() - begun:.0f} s")
 
 

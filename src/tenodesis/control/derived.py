@@ -71,7 +71,9 @@ def _derive(inst: Instrument) -> Iterator[Derived]:
     yield Derived("force_limit", force_limit(inst), "N", "force at the tip beyond which the motors yield")
     yield Derived("load_cell_step", numbers["load_cell_resolution"], "N", "of its converter")
     if sensor.friction:
-        yield Derived("tension_per_current", sensor.per_current, "N/A", "of a motor's current, with the drive's friction")
+        yield Derived(
+            "tension_per_current", sensor.per_current, "N/A", "of a motor's current, with the drive's friction"
+        )
         yield Derived("drive_friction", sensor.friction, "", "exponent of the drive at the pretension, as of a contact")
     yield Derived("encoder_step", numbers["encoder_resolution"], "rad", "of a joint encoder's converter")
     step = numbers["motor_encoder_resolution"] * drives.spool_radius

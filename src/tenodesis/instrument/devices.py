@@ -123,7 +123,7 @@ class CanOpen(FileTable):
         default="keep", description="Zero of the positions: that of the drives, or the position at opening"
     )
     rated_current: Current | None = Field(
-        default=None, description="Object 6075h of the drives, of which 6078h gives thousandths, for sensors.kind current"
+        default=None, description="Object 6075h of the drives, of which 6078h gives thousandths, for currents"
     )
     rated_torque: Moment | None = Field(
         default=None, description="Instead: object 6076h, of which 6077h gives thousandths"

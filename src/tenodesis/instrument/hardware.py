@@ -274,7 +274,7 @@ class Mismatch(FileTable):
     pretension_ratio: Ratio = Field(default=1.0, description="True over nominal pretension")
     handle_encoder_offset: Angle = Field(default=0.0, description="Offset of the handle's encoder")
     output_encoder_offset: Angle = Field(default=0.0, description="Offset of the distal encoder")
-    load_cell_gain: tuple[Ratio, Ratio] = Field(default=(1.0, 1.0), description="Gains of the load cells, or of currents")
+    load_cell_gain: tuple[Ratio, Ratio] = Field(default=(1.0, 1.0), description="Gains of load cells, or of currents")
     load_cell_bias: tuple[SignedForce, SignedForce] = Field(
         default=(0.0, 0.0), description="Bias of the load cells, or of tensions by current"
     )
