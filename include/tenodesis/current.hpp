@@ -59,7 +59,9 @@ S sense(const CurrentSense<S>& by, const S& tension, const S& angle, CurrentStat
 /// as a part of that of the sheath.
 template <class S>
 constexpr S tension_from_current(const S& current, const S& tension_per_current, const S& range) {
-  return clamp(current, -range, range) * tension_per_current;
+  // What is no number stays none.
+  const S within = current > range ? range : current < -range ? -range : current;
+  return within * tension_per_current;
 }
 
 }  // namespace tenodesis

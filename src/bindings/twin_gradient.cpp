@@ -37,6 +37,7 @@ Progress differentiate(const TwinSpec& spec, const Commands& commands, std::size
   return with_twin(spec, parameters, row, [&](const auto& twin) -> Progress {
     auto state = twin.rest(0);
     D spool[2]{};
+    D turned[2]{};
     for (std::size_t i = 0; i < count; ++i) {
       const Command<double> given = commands[i];
       // What is let out is where the motors stand: their spools follow on the flank that a taut tendon keeps them on.
@@ -45,6 +46,10 @@ Progress differentiate(const TwinSpec& spec, const Commands& commands, std::size
         const bool taut = state.tendon[t].tension[0] > D(0);
         const D play = row[backlash] * row[spool_radius];
         spool[t] = taut || i == 0 ? wound : clamp(spool[t], wound, wound + play);
+        // A current shows which way its motor turns.
+        const D angle = wound / row[spool_radius];
+        if (i > 0) state.current[t].angle = state.drive[t].angle - (angle - turned[t]);
+        turned[t] = angle;
       }
       Command<D> command{D(given.handle_angle),
                          D(given.force),
