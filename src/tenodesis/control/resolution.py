@@ -124,7 +124,7 @@ def shares(inst: Instrument) -> tuple[str, ...]:
         parts = {
             "handle encoder": worst.handle_encoder,
             "spool encoders": worst.spool_encoders,
-            "load cells": worst.load_cells,
+            "currents" if axis.sensors.kind == "current" else "load cells": worst.load_cells,
             "calibration": worst.calibration,
         }
         if isfinite(worst.total):
