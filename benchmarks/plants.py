@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 import tenodesis as tn
 from tenodesis import _core
 from tenodesis.control import FAULTS, Controller
+from tenodesis.control.controller import LawName
 from tenodesis.instrument import Instrument
 
 Array = NDArray[np.float64]
@@ -460,6 +461,7 @@ class Case(NamedTuple):
     """Of the tremor, Hz"""
     seed: int = 0
     """Of the sensors' noise, and of the tremor's phase"""
+    law: LawName = "robust"
 
     def handle(self, at: Array) -> Array:
         """Return the handle's angle over time, rad."""
@@ -484,6 +486,11 @@ class Trace(NamedTuple):
     """Of the tip, rad"""
     estimate: NDArray[np.float32]
     std: NDArray[np.float32]
+    force: NDArray[np.float32]
+    """At the tip by the observer, N, and its standard deviation"""
+    force_std: NDArray[np.float32]
+    read: NDArray[np.float32]
+    """Tensions beside the spools as read, N, shape (2, tick)"""
     touch: NDArray[np.float32]
     """Force on the tissue, N"""
     tension: NDArray[np.float32]
@@ -506,29 +513,42 @@ def _run_together(cases: Sequence[Case], seconds: float) -> list[Trace]:
     count = round(seconds / PERIOD)
     at = np.arange(1, count + 1) * PERIOD
     handle = np.stack([case.handle(at) for case in cases], 1)
-    force = np.array([case.force for case in cases])
+    load = np.array([case.force for case in cases])
     plants = Plants([case.plant for case in cases], [case.seed for case in cases])
-    controllers = [(n, Controller(case.known)) for n, case in enumerate(cases) if case.known is not None]
+    controllers = [(n, Controller(case.known, law=case.law)) for n, case in enumerate(cases) if case.known is not None]
     steps = [(n, one.core.step, one.take_request()) for n, one in controllers]
-    wanted = [f"estimated_output_angle{end}" for end in ("", "_std")]
+    wanted = [f"estimated_{what}{end}" for what in ("output_angle", "force") for end in ("", "_std")]
     wanted += ["friction_scale", *(f"commanded_spool_velocity.{side}" for side in ("agonist", "antagonist"))]
     columns = [_core.control_signals().index(name) for name in wanted]
-    kept = np.full((7, count, len(cases)), np.nan, np.float32)
+    kept = np.full((11, count, len(cases)), np.nan, np.float32)
     faults = np.zeros(len(cases), int)
     command = np.zeros((2, len(cases)))
     for k in range(count):
-        plants.step(handle[k], force if at[k] > LOADED else 0.0, command)
+        plants.step(handle[k], load if at[k] > LOADED else 0.0, command)
         readings = plants.read()
         for n, step, request in steps:
             rows, *_, mask, _, _ = step((k + 1) * 500_000, int(request) if k == 0 else 0, readings[n : n + 1])
-            kept[2, k, n], kept[3, k, n], kept[6, k, n], *command[:, n] = rows[0][columns]
+            *kept[2:7, k, n], command[0, n], command[1, n] = rows[0][columns]
             faults[n] |= mask
         kept[0, k], kept[1, k] = plants.tip, plants.tip - plants.target
-        kept[4, k], kept[5, k] = plants.touch, plants.tension[0].max(0)
-    tip, error, estimate, std, touch, tension, scale = np.moveaxis(kept, 2, 1)
+        kept[7, k], kept[8, k], kept[9:, k] = plants.touch, plants.tension[0].max(0), readings[:, 1:3].T
+    tip, error, estimate, std, force, force_std, scale, touch, tension, *read = np.moveaxis(kept, 2, 1)
     names = [tuple(name for bit, name in enumerate(FAULTS) if mask >> bit & 1) for mask in faults]
     return [
-        Trace(at, tip[n], error[n], estimate[n], std[n], touch[n], tension[n], scale[n], names[n])
+        Trace(
+            at,
+            tip[n],
+            error[n],
+            estimate[n],
+            std[n],
+            force[n],
+            force_std[n],
+            np.stack([one[n] for one in read]),
+            touch[n],
+            tension[n],
+            scale[n],
+            names[n],
+        )
         for n in range(len(cases))
     ]
 

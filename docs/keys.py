@@ -132,7 +132,8 @@ def _tables_of(kind: type[BaseModel]) -> Iterator[str]:
         places.setdefault(table, []).append(re.sub(r"\.(yaw|pitch)\b", ".AXIS", place))
     for table, names in places.items():
         yield f"### {', '.join(dict.fromkeys(names))}\n\n{_sentence(table)}\n\n{_HEADER}"
-        yield from (_row(name, field) for name, field in table.model_fields.items() if name != "kind")
+        tag = _tag(table)
+        yield from (_row(name, field) for name, field in table.model_fields.items() if field is not tag)
         yield ""
 
 
@@ -141,10 +142,16 @@ def _places(kind: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, type
         path = prefix + key(name, field)
         several = get_origin(_bare(field.annotation)) in (tuple, list)
         for table in _tables(field.annotation):
-            tag = table.model_fields.get("kind")
+            tag = _tag(table)
             suffix = f', `kind = "{tag.default}"`' if tag else (" (series)" if _is_series(table) else "")
             yield (f"`[[{path}]]`" if several else f"`[{path}]`") + suffix, table
             yield from _places(table, f"{path}.")
+
+
+def _tag(table: type[BaseModel]) -> FieldInfo | None:
+    """Return the key that tells a table from others in its place, if it has one."""
+    kind = table.model_fields.get("kind")
+    return kind if kind is not None and len(get_args(kind.annotation)) == 1 else None
 
 
 def _is_series(table: type[BaseModel]) -> bool:

@@ -89,6 +89,7 @@ struct FrictionMemory {
   S unit{};                      ///< stretch of a tendon per newton, m/N
   S covariance[3][3]{};          ///< of scale, reference, compliance
   Slip<S> tip_slip{};            ///< of the tendons at the tip's joint, as length of the agonist
+  S tip_edge{};                  ///< friction at the tip's joint over its bound, of the agonist, for the force alone
   S freedom[2]{};                ///< how far the tip may have moved unseen, toward flexion and extension, m
   S doubt{};                     ///< variance of the tip's position as far as strokes can lower it, m^2
   S deviation{};                 ///< standard deviation of the tip's position, m
@@ -133,7 +134,9 @@ struct FrictionObserver {
     for (int j = 0; j < 3; ++j) ratio[j] = exp(memory.scale * memory.nominal[j]);
     S position[2];
     for (int i = 0; i < 2; ++i) position[i] = follow_to_stem(i, drawn, ratio, memory);
+    const S tip = memory.tip;
     place_tip(position, ratio, memory);
+    memory.tip_edge = clamp(memory.tip_edge + (memory.tip - tip) / settings.play, S(-1), S(1));
     if (calm(measured, memory)) learn(position, ratio, memory);
     memory.tip_slip = follow(memory.tip_slip, at_joint(memory), tip_plays * settings.play);
     for (int i = 0; i < 2; ++i) follow_to_tip(i, position[i], ratio, memory);
@@ -219,16 +222,19 @@ struct FrictionObserver {
     estimate.output_angle_std = off / arm;
     const auto& tendon = memory.tendon;
     const S reach = axis.distal.tangential_arm(memory.x);
-    estimate.tip_force =
-        ((tendon[agonist].tension[3] - tendon[antagonist].tension[3]) * arm - axis.distal.passive_stiffness() * angle) /
-        reach;
+    // Friction at the tip's joint may be anywhere within its bounds, on both tendons alike. It follows the tip's motion
+    // without the play that keeps the law's tensions from turning: a wrong turn costs a force less than an angle.
+    const S pulled = tendon[agonist].tension[2];
+    const S held = tendon[antagonist].tension[2];
+    const S band = memory.scale * memory.nominal[2] * (pulled + held);
+    const S difference = pulled - held - memory.tip_edge * band;
+    estimate.tip_force = (difference * arm - axis.distal.passive_stiffness() * angle) / reach;
+    // Where the tip may have moved unseen, that friction may have turned.
+    const S unseen = larger(memory.freedom[0], memory.freedom[1]);
+    const S turned = memory.tip_edge * smaller(unseen / (S(2) * settings.play), S(1));
     const S stretched = off * axis.stiffness;
-    S hidden = S(2) * stretched * stretched;
-    for (const auto& one : tendon) {
-      const S band = memory.scale * memory.nominal[2] * one.tension[2];
-      hidden = hidden + band * band * S(1.0 / 3);
-    }
-    estimate.tip_force_std = sqrt(hidden) * arm / reach;
+    const S rubbed = band * band * (S(1.0 / 3) + turned * turned);
+    estimate.tip_force_std = sqrt(S(4) * stretched * stretched + rubbed) * arm / reach;
     estimate.friction_scale = memory.scale;
     estimate.friction_scale_std = sqrt(memory.covariance[0][0]);
     return estimate;

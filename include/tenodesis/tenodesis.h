@@ -200,6 +200,11 @@ TENODESIS_API int tenodesis_read_counts(const tenodesis_controller* controller, 
 /* Phase of the robust law on an axis: 0 rest, 1 track, 2 pull, 3 release, 4 restrained (tracking, by less than the law
  * wants), 5 yielding (at the force limit); 0 without such a controller or axis. */
 TENODESIS_API uint32_t tenodesis_phase(const tenodesis_controller* controller, int axis);
+/* Tension, N, for an input without load cells: what a motor's current (A) stands for, at torque constant times gear
+ * ratio over spool radius (N/A), up to the current's range (A). The drive's friction is still in it: of parameters that
+ * `tenodesis export controller` has written for currents, it is a part of the sheath's. */
+TENODESIS_API tenodesis_real tenodesis_tension_from_current(tenodesis_real current, tenodesis_real tension_per_current,
+                                                            tenodesis_real range);
 /* Version of the library, and the size of its tenodesis_real. */
 TENODESIS_API uint32_t tenodesis_version(void);
 TENODESIS_API uint32_t tenodesis_real_size(void);

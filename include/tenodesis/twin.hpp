@@ -58,6 +58,7 @@ struct Twin {
     for (auto& own : state.tendon)
       for (int i = 0; i <= tendon.contacts(); ++i) own.tension[i] = tendon.rest_tension;
     for (auto& own : state.drive) own.angle = drive.backlash * S(0.5);
+    for (auto& own : state.current) own = {tendon.rest_tension, drive.backlash * S(0.5), S(0)};
     state.noise.seed = seed;
     state.reading = readings(sensors, drive, state);
     state.until_sample = steps_per_sample;

@@ -2,6 +2,7 @@
 // The parts of the twin beside its axis and its tendons, and its commands, readings and state.
 
 #include "tenodesis/bands.hpp"
+#include "tenodesis/current.hpp"
 #include "tenodesis/drive.hpp"
 #include "tenodesis/sensor.hpp"
 #include "tenodesis/tissue.hpp"
@@ -40,6 +41,7 @@ struct Sensors {
   Sensor<S> output_encoder{};
   Sensor<S> load_cell[2]{};
   Sensor<S> motor_encoder{};
+  CurrentSense<S> current{};
 };
 
 /// Input of one axis in a step; all values are those at the step's end.
@@ -92,6 +94,7 @@ struct TwinState {
   TendonState<S, Rows> tendon[2]{};
   Rows::template PerContact<S> slip_speed[2]{};  ///< for laws that depend on it, m/s
   DriveState<S> drive[2]{};
+  CurrentState<S> current[2]{};
   NoiseOf<typename SideBySide<S>::Word> noise{};
   Reading<S> reading{};
   int until_sample{};
@@ -106,7 +109,9 @@ Reading<S> readings(const Sensors<S>& sensors, const Drive<S>& drive, State& sta
   reading.handle_angle = sensors.handle_encoder.read(state.handle_angle, state.noise);
   reading.output_angle = sensors.output_encoder.read(state.output_angle, state.noise);
   for (int i = 0; i < 2; ++i) {
-    reading.tension[i] = sensors.load_cell[i].read(state.tendon[i].tension[0], state.noise);
+    S tension = state.tendon[i].tension[0];
+    if (sensors.current.on) tension = sense(sensors.current, tension, state.drive[i].angle, state.current[i]);
+    reading.tension[i] = sensors.load_cell[i].read(tension, state.noise);
     reading.spool_angle[i] = sensors.motor_encoder.read(state.drive[i].angle - drive.backlash * S(0.5), state.noise);
   }
   return reading;

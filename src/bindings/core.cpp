@@ -2,6 +2,7 @@
 
 #include "evaluate.hpp"
 #include "module.hpp"
+#include "tenodesis/current.hpp"
 #include "tenodesis/version.h"
 
 namespace tenodesis::bindings {
@@ -164,6 +165,9 @@ NB_MODULE(_core, m) {
         nb::sig("def gradient(spec: Spec, operation: str, inputs: Sequence[NDArray[numpy.float64]], variables: "
                 "Sequence[int], out: NDArray[numpy.float64], status: NDArray[numpy.uint8], threads: int) -> None"),
         "Write the derivatives, by output, variable and point, and the status of every point.");
+
+  m.def("tension_from_current", &tension_from_current<double>, "current"_a, "tension_per_current"_a, "range"_a,
+        "Tension that a motor's current (A) stands for, N.");
 
   bind_tendon(m);
   bind_wrist(m);

@@ -236,7 +236,7 @@ void bind_twin(nb::module_& m) {
       .def(
           "__init__",
           [](TwinSpec* self, const Spec& axis, const TwinRow& row, bool speed_dependent, bool tension_dependent,
-             int sheath_contacts, int vertices_per_joint, int steps_per_sample, bool quasi_static) {
+             int sheath_contacts, int vertices_per_joint, int steps_per_sample, bool quasi_static, bool currents) {
             if (sheath_contacts < 1 || sheath_contacts > most_sheath_contacts)
               throw nb::value_error("no such number of sheath contacts");
             if (vertices_per_joint < 1 || vertices_per_joint > most_vertices_per_joint)
@@ -249,10 +249,11 @@ void bind_twin(nb::module_& m) {
                                 vertices_per_joint,
                                 steps_per_sample,
                                 quasi_static,
+                                currents,
                                 row};
           },
           "axis"_a, "row"_a, "speed_dependent"_a, "tension_dependent"_a, "sheath_contacts"_a, "vertices_per_joint"_a,
-          "steps_per_sample"_a, "quasi_static"_a);
+          "steps_per_sample"_a, "quasi_static"_a, "currents"_a = false);
 
   nb::class_<AnyTwin>(m, "Twin", "The digital twin of one axis, with its state.")
       .def(nb::new_([](const TwinSpec& spec, std::uint64_t seed) { return make_twin(spec, seed); }), "spec"_a, "seed"_a)

@@ -6,6 +6,7 @@
 #include <new>
 #include <type_traits>
 
+#include "tenodesis/current.hpp"
 #include "tenodesis/flight_recorder.hpp"
 #include "tenodesis/parameters.hpp"
 
@@ -31,6 +32,9 @@ struct Session {
   std::uint64_t mark{};
   std::uint32_t joint_type{};
   Recorder recorder{};
+  // Of the last tick: kept, since making them anew costs every tick more than a hundred bytes to clear.
+  ControlInput<S, TENODESIS_AXES> in{};
+  ControlOutput<S, TENODESIS_AXES> out{};
   union {
     Of<GearAxis<S>> gear;
     Of<PulleyAxis<S>> pulley;
@@ -174,12 +178,12 @@ int tenodesis_step(tenodesis_controller* controller, const tenodesis_input* inpu
     return usable ? TENODESIS_NOT_STARTED : TENODESIS_BAD_POINTER;
   }
   const bool known = input->request <= TENODESIS_REQUEST_CLEAR;
-  ControlInput<S, TENODESIS_AXES> in{};
+  ControlInput<S, TENODESIS_AXES>& in = session->in;
+  ControlOutput<S, TENODESIS_AXES>& out = session->out;
   in.time = input->time;
   in.request = known ? Request(input->request) : Request::none;
   const int axes = with(*session, [](const auto& own) { return own.controller.axes; });
   for (int n = 0; n < axes; ++n) in.axis[n] = measurement_as<Measurement<S>>(input->axis[n]);
-  ControlOutput<S, TENODESIS_AXES> out{};
   with(*session, [&](auto& own) { return own.controller.step(in, own.state, out); });
   put(out, *output);
   record(in, out, session->recorder);
@@ -250,6 +254,11 @@ uint32_t tenodesis_phase(const tenodesis_controller* controller, int axis) {
     if (axis < 0 || axis >= own.controller.axes) return 0;
     return static_cast<uint32_t>(own.state.axis[axis].compensator.shown());
   });
+}
+
+tenodesis_real tenodesis_tension_from_current(tenodesis_real current, tenodesis_real tension_per_current,
+                                              tenodesis_real range) {
+  return tension_from_current(current, tension_per_current, range);
 }
 
 uint32_t tenodesis_version(void) { return TENODESIS_VERSION; }

@@ -42,6 +42,7 @@ Progress differentiate(const T& twin, const std::array<Dual<double, N>, twin_par
   const Commands commands{of.commands};
   auto state = twin.rest(0);
   D spool[2]{};
+  D turned[2]{};
   for (std::size_t i = 0; i < of.steps; ++i) {
     const Command<double> given = commands[i];
     // What is let out is where the motors stand: their spools follow on the flank that a taut tendon keeps them on.
@@ -50,6 +51,10 @@ Progress differentiate(const T& twin, const std::array<Dual<double, N>, twin_par
       const bool taut = state.tendon[t].tension[0] > D(0);
       const D play = row[backlash] * row[spool_radius];
       spool[t] = taut || i == 0 ? wound : clamp(spool[t], wound, wound + play);
+      // A current shows which way its motor turns.
+      const D angle = wound / row[spool_radius];
+      if (i > 0) state.current[t].angle = state.drive[t].angle - (angle - turned[t]);
+      turned[t] = angle;
     }
     Command<D> command{D(given.handle_angle),
                        D(given.force),

@@ -14,7 +14,8 @@ namespace tenodesis::engine {
 /// Parameters of a twin beside its axis, in SI units and the order of a row.
 ///
 /// handle_length_share is that of the tendon between spool and handle joint, anchor_share that beyond a second vertex
-/// of the tip's joint; the span ratios are the compliance of a joint's span over that of its length.
+/// of the tip's joint; the span ratios are the compliance of a joint's span over that of its length. tension_gain is
+/// that of a reading over what a current stands for.
 #define TENODESIS_TWIN_PARAMETERS(ROW)                                                                              \
   ROW(vertex_coefficient), ROW(sheath_coefficient), ROW(sheath_bend), ROW(sheath_bend_rate), ROW(viscous),          \
       ROW(constant), ROW(static_ratio), ROW(stribeck_speed), ROW(memory), ROW(handle_length_share),                 \
@@ -26,7 +27,8 @@ namespace tenodesis::engine {
       ROW(load_cell_range), ROW(load_cell_resolution), ROW(agonist_load_cell_gain), ROW(antagonist_load_cell_gain), \
       ROW(agonist_load_cell_bias), ROW(antagonist_load_cell_bias), ROW(time_step), ROW(base_wrap),                  \
       ROW(handle_span_ratio), ROW(tip_span_ratio), ROW(anchor_share), ROW(load_index), ROW(reference_tension),      \
-      ROW(vertex_radius_ratio), ROW(bending_loss)
+      ROW(vertex_radius_ratio), ROW(bending_loss), ROW(gear_efficiency), ROW(friction_torque), ROW(torque_ripple),  \
+      ROW(ripple_rate), ROW(thermal_drift), ROW(thermal_time), ROW(tension_gain)
 
 #define TENODESIS_ROW(name) name
 enum TwinParameter : std::size_t { TENODESIS_TWIN_PARAMETERS(TENODESIS_ROW) };
@@ -46,6 +48,7 @@ struct TwinSpec {
   int vertices_per_joint{1};
   int steps_per_sample{1};
   bool quasi_static{};
+  bool currents{};  ///< in the place of load cells
   TwinRow row{};
 
   int contacts() const { return sheath_contacts + tendon_joints * vertices_per_joint; }
@@ -53,8 +56,8 @@ struct TwinSpec {
 
 /// Whether twins of a spec can step in lanes (lane_job.hpp); others step one by one.
 inline bool steps_in_lanes(const TwinSpec& spec) {
-  return !spec.quasi_static && !spec.speed_dependent && !spec.tension_dependent && spec.sheath_contacts == 1 &&
-         spec.vertices_per_joint == 1;
+  return !spec.quasi_static && !spec.speed_dependent && !spec.tension_dependent && !spec.currents &&
+         spec.sheath_contacts == 1 && spec.vertices_per_joint == 1;
 }
 
 /// A row whose length is set when a twin is made.
@@ -114,10 +117,20 @@ void fill(T& twin, const TwinSpec& spec, const std::array<S, twin_parameter_coun
   const S turns(1e9);  // a motor's encoder has no end
   twin.sensors = {encoder(row[handle_encoder_offset]),
                   encoder(row[output_encoder_offset]),
-                  {load_cell(row[agonist_load_cell_gain], row[agonist_load_cell_bias]),
-                   load_cell(row[antagonist_load_cell_gain], row[antagonist_load_cell_bias])},
+                  {load_cell(row[agonist_load_cell_gain] * row[tension_gain], row[agonist_load_cell_bias]),
+                   load_cell(row[antagonist_load_cell_gain] * row[tension_gain], row[antagonist_load_cell_bias])},
                   {S(1), S(0), S(0), -turns, turns, row[motor_encoder_resolution]}};
   twin.time_step = row[time_step];
+  if (spec.currents) {
+    const S sample = row[time_step] * S(spec.steps_per_sample);
+    twin.sensors.current = {true,
+                            row[gear_efficiency],
+                            row[friction_torque] / row[spool_radius],
+                            row[torque_ripple],
+                            row[ripple_rate],
+                            row[thermal_drift],
+                            sample / (row[thermal_time] + sample)};
+  }
   twin.steps_per_sample = spec.steps_per_sample;
   twin.quasi_static = spec.quasi_static;
 

@@ -74,6 +74,9 @@ def gradient(spec: Spec, operation: str, inputs: Sequence[NDArray[numpy.float64]
     Write the derivatives, by output, variable and point, and the status of every point.
     """
 
+def tension_from_current(current: float, tension_per_current: float, range: float) -> float:
+    """Tension that a motor's current (A) stands for, N."""
+
 class Tendon:
     """An elastic tendon through contacts with friction, with its state."""
 
@@ -134,7 +137,7 @@ def wrist_energies() -> list[str]: ...
 class TwinSpec:
     """A twin of one axis, in SI units."""
 
-    def __init__(self, axis: Spec, row: Sequence[float], speed_dependent: bool, tension_dependent: bool, sheath_contacts: int, vertices_per_joint: int, steps_per_sample: int, quasi_static: bool) -> None: ...
+    def __init__(self, axis: Spec, row: Sequence[float], speed_dependent: bool, tension_dependent: bool, sheath_contacts: int, vertices_per_joint: int, steps_per_sample: int, quasi_static: bool, currents: bool = False) -> None: ...
 
 class Twin:
     """The digital twin of one axis, with its state."""

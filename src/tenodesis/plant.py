@@ -23,6 +23,8 @@ _MOST_STEPS = 2**31 - 1
 _DIVISION_ERROR = 1e-6
 _DEFAULT_NATURAL_FREQUENCY = 2 * pi * 20.0  # rad/s
 _DEFAULT_DAMPING_RATIO = 0.2
+RIPPLE_PERIODS = 12
+"""Periods of a torque's ripple per turn of the motor."""
 STOP_STIFFNESS_RATIO = 20.0
 """Stiffness of a mechanical stop over that of its joint."""
 
@@ -97,8 +99,12 @@ def parameter_row(inst: Instrument, time_step: float) -> list[float]:
         "handle_encoder_offset": mismatch.handle_encoder_offset,
         "output_encoder_offset": mismatch.output_encoder_offset,
         **hardware_parameters(drives, sensors),
+        **current_parameters(drives),
         "time_step": time_step,
     }
+    sensor = inst.tension_sensor
+    values |= {f"load_cell_{name}": getattr(sensor, name) for name in ("range", "resolution", "noise")}
+    values["tension_gain"] = sensor.gain
     for n, tendon in enumerate(TENDONS):
         values[f"{tendon}_load_cell_gain"] = mismatch.load_cell_gain[n]
         values[f"{tendon}_load_cell_bias"] = mismatch.load_cell_bias[n]
@@ -129,6 +135,13 @@ def hardware_parameters(drives: Drives, sensors: Sensors) -> dict[str, float]:
     }
 
 
+def current_parameters(drives: Drives) -> dict[str, float]:
+    """Return what currents show of drives, SI units, by the core's names."""
+    names = ("gear_efficiency", "friction_torque", "torque_ripple", "thermal_drift", "thermal_time")
+    own = {name: getattr(drives, name) for name in names}
+    return own | {"ripple_rate": RIPPLE_PERIODS * drives.gear_ratio / (2 * pi)}
+
+
 def spec(inst: Instrument, time_step: float, quasi_static: bool) -> _core.TwinSpec:
     """Return the specification of a twin of the core; errors as :func:`steps_per_sample`."""
     per_sample = steps_per_sample(inst, time_step, quasi_static)
@@ -150,6 +163,7 @@ def core_spec(
         vertices_per_joint=friction.vertices_per_joint,
         steps_per_sample=per_sample,
         quasi_static=quasi_static,
+        currents=inst.sensors.kind == "current",
     )
 
 

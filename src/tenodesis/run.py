@@ -61,7 +61,10 @@ class Run:
         "measured", "rad", "Output angle by the distal encoder, which only a bench has"
     )
     measured_tension: Array | None = _signal(
-        "measured", "N", "Tendon tension by the load cells beside the spools", per_tendon=True
+        "measured", "N", "Tendon tension by the load cells beside the spools, or by currents", per_tendon=True
+    )
+    measured_current: Array | None = _signal(
+        "measured", "A", "Motor current, where it tells the measured tension", per_tendon=True
     )
     measured_spool_angle: Array | None = _signal(
         "measured", "rad", "Spool angle by the motors' encoders", per_tendon=True

@@ -254,6 +254,10 @@ Inertia = Annotated[float, *annotation(Quantity("inertia", "kg*m^2", "4e-4 kg*m^
 Mass = Annotated[float, *annotation(Quantity("mass", "kg", "500 g", at_least=0, below=1e3))]
 PositiveMass = Annotated[float, *annotation(Quantity("mass", "kg", "500 g", above=0, below=1e3))]
 
+Current = Annotated[float, *annotation(Quantity("current", "A", "2 A", above=0, below=1e4))]
+CurrentError = Annotated[float, *annotation(Quantity("current", "A", "5 mA", at_least=0, below=1e4))]
+TorqueConstant = Annotated[float, *annotation(Quantity("torque constant", "N*m/A", "50 mN*m/A", above=1e-6, below=1e4))]
+FrictionTorque = Annotated[float, *annotation(Quantity("torque", "N*m", "5 mN*m", at_least=0, below=1e4))]
 Voltage = Annotated[float, *annotation(Quantity("voltage", "V", "10 V", above=0, below=1e3))]
 SignedVoltage = Annotated[float, *annotation(Quantity("voltage", "V", "-2 mV", above=-1e3, below=1e3))]
 AnglePerCount = Annotated[float, *annotation(Quantity("angle", "rad", "0.088 deg")), AfterValidator(_not_zero)]

@@ -424,6 +424,15 @@ void the_layout_of_version_2_is_unchanged() {
   CLAIM(TENODESIS_HOMING_TIP_LOADED == 1 && TENODESIS_HOMING_TIMED_OUT == 18);
 }
 
+void a_current_stands_for_a_tension_up_to_its_range() {
+  const Number per_current = 20, range = 6;
+  CLAIM(tenodesis_tension_from_current(2, per_current, range) == 40);
+  CLAIM(tenodesis_tension_from_current(-7, per_current, range) == -120);
+  const Number nothing = std::numeric_limits<Number>::quiet_NaN();
+  const Number none = tenodesis_tension_from_current(nothing, per_current, range);
+  CLAIM(none != none);
+}
+
 int main() {
   the_layout_of_version_2_is_unchanged();
   sizes_are_those_that_the_header_promises();
@@ -448,5 +457,6 @@ int main() {
   records_lead_up_to_the_fault_and_stop_there();
   counts_tell_what_was_seen();
   faults_have_names();
+  a_current_stands_for_a_tension_up_to_its_range();
   return claims::report();
 }

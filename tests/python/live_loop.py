@@ -84,7 +84,7 @@ class LiveLoop:
         taken, self._cursor, _ = self._ring.read(self._cursor, rows)
         assert taken == count
         self._row = rows[-1]
-        return run_of(rows, self.inst.axes, simulated=True, distal=True)
+        return run_of(rows, self.inst, simulated=True, distal=True)
 
     def describe_folder(self) -> None:
         """Write the files that describe the folder."""
@@ -92,7 +92,7 @@ class LiveLoop:
         folders.write(self.folder, folders.About(self.inst, "twin", self.time_step, True, True, "", 0))
 
     def latest(self) -> dict[str, Any]:
-        return signals_of(self._row, self.inst.axes)
+        return signals_of(self._row, self.inst)
 
     def ask(self, request: str) -> None:
         self.asked.append(request)

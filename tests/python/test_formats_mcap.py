@@ -76,6 +76,8 @@ def written(
         for n, topic in enumerate(t for t in schemas.topics(("yaw",)) if t.name not in leave and t.name != "/time"):
             if topic.name.startswith(("/twin", "/controller")) or topic.name == "/motors/setpoint_js":
                 continue
+            if not set(topic.signals.values()) <= run.signals().keys():
+                continue
             definition = writer.register_msgdef(topic.type, schemas.definition(topic.type))
             for i in range(len(run))[part][: -100 if topic.name == short else None]:
                 stamp = round(run.time[i] * 1e9) + n * late

@@ -11,7 +11,7 @@ from tenodesis.control.controller import (
     homing_failure,
 )
 from tenodesis.control.export import export_header, header, identifier
-from tenodesis.control.parameters import FAULTS, HOMING_REASONS, Parameters, parameters
+from tenodesis.control.parameters import FAULTS, HOMING_REASONS, Parameters, parameters, tension_from_current
 from tenodesis.control.resolution import Resolution, resolution
 
 __all__ = [
@@ -32,6 +32,7 @@ __all__ = [
     "identifier",
     "parameters",
     "resolution",
+    "tension_from_current",
 ]
 
 

@@ -51,7 +51,7 @@ def _derive(inst: Instrument) -> Iterator[Derived]:
     slope = statics.gradient(statics.output_angle, inst, 0.0, wrt=["handle_angle"])["handle_angle"]
     slack = statics.slack_force(inst, np.array([0.0, inst.output_range]))
     numbers = plant.parameters(inst)
-    drives = inst.drives
+    drives, sensor = inst.drives, inst.tension_sensor
     if inst.given_stiffness is None:
         yield Derived("tendon_stiffness", inst.tendon_stiffness, "N/m", "E A / L of one tendon")
     yield Derived("stem_length", _stem(inst), "m", "between the joints")
@@ -70,6 +70,11 @@ def _derive(inst: Instrument) -> Iterator[Derived]:
     yield Derived("tension_limit", tension_limit(inst), "N", "no tendon is wound above it")
     yield Derived("force_limit", force_limit(inst), "N", "force at the tip beyond which the motors yield")
     yield Derived("load_cell_step", numbers["load_cell_resolution"], "N", "of its converter")
+    if sensor.friction:
+        yield Derived(
+            "tension_per_current", sensor.per_current, "N/A", "of a motor's current, with the drive's friction"
+        )
+        yield Derived("drive_friction", sensor.friction, "", "exponent of the drive at the pretension, as of a contact")
     yield Derived("encoder_step", numbers["encoder_resolution"], "rad", "of a joint encoder's converter")
     step = numbers["motor_encoder_resolution"] * drives.spool_radius
     yield Derived("spool_step", step, "m", "of tendon by the motor's encoder")

@@ -10,7 +10,7 @@ from tenodesis import _core
 from tenodesis.control.controller import ActuationName, Controller, LawName, ObserverName
 from tenodesis.control.parameters import FAULTS
 from tenodesis.files import atomic_file
-from tenodesis.instrument import InstrumentLike, as_instrument
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 
 INTERFACE_VERSION: int = _core.INTERFACE_VERSION
 """TENODESIS_VERSION of the C interface that headers are written for."""
@@ -134,7 +134,21 @@ def header(
             "                    },",
             "            },",
         ]
-    return "\n".join([*lines, "        },", "};", "", "#endif", ""])
+    return "\n".join([*lines, "        },", "};", "", *_currents(inst, name), "#endif", ""])
+
+
+def _currents(inst: Instrument, name: str) -> list[str]:
+    """Return what makes tensions of currents, where these are in the place of load cells."""
+    sensor = inst.planar[0].tension_sensor
+    if not sensor.per_current:
+        return []
+    of = name.upper()
+    return [
+        "/* For tenodesis_tension_from_current. */",
+        f"#define {of}_TENSION_PER_CURRENT {_number(sensor.per_current)} /* N/A */",
+        f"#define {of}_CURRENT_RANGE {_number(sensor.range / sensor.per_current)} /* A */",
+        "",
+    ]
 
 
 def export_header(

@@ -3,9 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tenodesis import _core, plant
+from tenodesis.errors import ArgumentError
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 
 FAULTS = tuple(name for name, _, _ in _core.faults())
@@ -31,6 +32,8 @@ _TREMOR_SMOOTHING = 0.004
 _HALF_PERIOD = 0.1
 _LATEST = 0.36 * _HALF_PERIOD
 _USUAL_LIMIT = 80.0  # N
+# Of the compliance up to a contact, which the core wants positive.
+_LEAST_SHARE = 1e-3
 _FAULT_OVER_LIMIT = 1.25
 # What the weakest of eight tissues of the abdomen bears, N (Rodrigues et al., Surg. Endosc. 26, 2012); a margin over
 # the largest load that an instrument is meant for.
@@ -83,6 +86,26 @@ def parameters(inst: InstrumentLike, period: float | None = None) -> Parameters:
     return Parameters(joint_type, common, axes, tuple(_limits(one, tick) for one in single))
 
 
+def tension_from_current(inst: InstrumentLike, current: ArrayLike) -> NDArray[np.float64]:
+    """Return what motor currents (A, any shape) stand for as tensions, N, as a controller takes them.
+
+    They end with the currents' range, where the controller distrusts them, and have the drives' friction in them, which
+    its observer takes out.
+
+    Raises
+    ------
+    ValueError
+        The instrument has load cells.
+    """
+    sensor = as_instrument(inst).planar[0].tension_sensor
+    if not sensor.per_current:
+        raise ArgumentError(
+            "inst has load cells; its sensors.kind must be current to tell tensions by currents.", key="inst"
+        )
+    convert = np.vectorize(_core.tension_from_current, otypes=[float], excluded=(1, 2))
+    return np.asarray(convert(current, sensor.per_current, sensor.range / sensor.per_current))
+
+
 def tension_limit(inst: Instrument) -> float:
     """Return the tension (N) above which no tendon is wound."""
     given = inst.control.tension_limit
@@ -90,7 +113,7 @@ def tension_limit(inst: Instrument) -> float:
         return given
     strength = np.inf if inst.breaking_load is None else inst.breaking_load / (1.5 * _FAULT_OVER_LIMIT)
     return float(
-        min(max(_USUAL_LIMIT, 3 * inst.pretension), strength, inst.sensors.load_cell_range / (1.1 * _FAULT_OVER_LIMIT))
+        min(max(_USUAL_LIMIT, 3 * inst.pretension), strength, inst.tension_sensor.range / (1.1 * _FAULT_OVER_LIMIT))
     )
 
 
@@ -110,13 +133,15 @@ def _friction(inst: Instrument) -> float:
 
 def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float]:
     numbers = plant.parameters(inst, period)
-    drives, sensors, control = inst.drives, inst.sensors, inst.control
+    drives, control = inst.drives, inst.control
     pretension, stiffness = inst.pretension, inst.tendon_stiffness
     shares = plant.compliance_shares(inst)
     # The controller knows a capstan alone: a coefficient that depends on tension is that at pretension.
     at_pretension = float((pretension / inst.friction.reference_tension) ** (inst.friction.load_index - 1))
     delay = 1.05 * (drives.time_constant + (_SMOOTHING + 1) * period + 1.5 * _TREMOR_SMOOTHING)
+    sensor = inst.tension_sensor
     in_handle = shares.handle / 2
+    coefficient, bend, before = _before_handle(inst, in_handle, at_pretension)
     handle_step = max(numbers["encoder_resolution"], 2 * numbers["encoder_noise"])
     spool_step = numbers["motor_encoder_resolution"] * drives.spool_radius
     stretch = pretension / stiffness
@@ -135,14 +160,14 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
         "output_stop": inst.output_stop,
         "stiffness": stiffness,
         "pretension": pretension,
-        "share_sheath": in_handle,
-        "share_handle": in_handle + shares.handle_joint,
+        "share_sheath": before,
+        "share_handle": shares.handle - before + shares.handle_joint,
         "share_stem": shares.stem,
         "share_tip": shares.tip_joint + shares.anchor,
         "vertex_coefficient": inst.friction.vertex_coefficient * inst.friction.vertex_factor * at_pretension,
         "base_wrap": inst.friction.base_wrap,
-        "sheath_coefficient": inst.friction.sheath_coefficient * at_pretension,
-        "sheath_bend": inst.friction.sheath_bend,
+        "sheath_coefficient": coefficient,
+        "sheath_bend": bend,
         "sheath_bend_rate": inst.friction.sheath_bend_per_handle_angle,
         "passing_coefficient": 0.0 if is_first else inst.friction.passing_coefficient,
         "spool_radius": drives.spool_radius,
@@ -150,7 +175,7 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
         "drive_acceleration": drives.motor_acceleration / drives.gear_ratio,
         "drive_time_constant": drives.time_constant,
         "hand_play": max(0.7 * handle_step, 1e-5),
-        "sheath_play": max(3e-6, 10 * sensors.load_cell_noise * in_handle / stiffness),
+        "sheath_play": max(3e-6, 10 * sensor.noise * before / stiffness, spool_step if sensor.friction else 0.0),
         "play": max(0.4 * numbers["proximal_radius"] * handle_step, spool_step, 1e-6),
         "length_noise": max(2 * spool_step, 2e-6),
         "smoothing": _SMOOTHING * period,
@@ -158,10 +183,10 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
         "reference_std": control.reference_uncertainty,
         "compliance_std": control.stiffness_uncertainty,
         "forgetting": 0.05,
-        "slack_tension": max(0.01 * pretension, 8 * sensors.load_cell_noise),
-        "cell_gain_std": sensors.load_cell_gain_error,
+        "slack_tension": max(0.01 * pretension, 8 * sensor.noise),
+        "cell_gain_std": sensor.gain_error,
         "bias_std": np.hypot(
-            sensors.load_cell_offset / stiffness / np.sqrt(2), numbers["proximal_radius"] * sensors.encoder_offset
+            sensor.offset / stiffness / np.sqrt(2), numbers["proximal_radius"] * inst.sensors.encoder_offset
         ),
         "tremor_half_period": _HALF_PERIOD,
         "tremor_limit": np.radians(1.2),
@@ -208,34 +233,53 @@ def _axis(inst: Instrument, period: float, *, is_first: bool) -> dict[str, float
         "homing_least_stretch": 0.4,
         "homing_jog": max(4 * spool_step, _JOG * arm),
         "homing_travel": _PULL * arm,
-        "homing_offset": max(2 * stiffness * arm * _TIP_ERROR, 8 * sensors.load_cell_noise),
-        "homing_notice": max(5 * sensors.load_cell_noise, 0.005 * pretension),
+        "homing_offset": max(2 * stiffness * arm * _TIP_ERROR, 8 * sensor.noise) + sensor.constant,
+        "homing_notice": max((2 if sensor.per_current else 5) * sensor.noise, 0.005 * pretension),
         "homing_gain_error": 0.12,
-        "mean_band": max(control.mean_band, np.expm1(_friction(inst)) / 2),
-        "load_cell_range": sensors.load_cell_range - numbers["load_cell_resolution"],
+        # Both drives may wind, so that their friction, unlike the tendons', changes both tensions alike.
+        "mean_band": max(control.mean_band, np.expm1(_friction(inst)) / 2) * np.exp(sensor.friction)
+        + np.expm1(sensor.friction),
+        "load_cell_range": sensor.range - sensor.resolution,
         "handle_noise": 6 * handle_step,
         "spool_noise": 2.5 * numbers["motor_encoder_resolution"],
         "watch_window": 0.1,
     }
 
 
+def _before_handle(inst: Instrument, share: float, at_pretension: float) -> tuple[float, float, float]:
+    """Return coefficient and bend of what lies before the handle's joint, and the compliance share up to it.
+
+    The friction of a drive whose current tells the tension is at the spool: with that of the sheath it makes one
+    contact, in their middle weighted by friction.
+    """
+    friction, drive = inst.friction, inst.tension_sensor.friction
+    coefficient, bend = friction.sheath_coefficient * at_pretension, friction.sheath_bend
+    if not drive:
+        return coefficient, bend, share
+    own = coefficient * bend
+    if not coefficient:
+        return 1.0, drive, _LEAST_SHARE * share
+    return coefficient, bend + drive / coefficient, share * max(own / (own + drive), _LEAST_SHARE)
+
+
 def _limits(inst: Instrument, period: float) -> dict[str, tuple[float, float]]:
-    pretension, sensors = inst.pretension, inst.sensors
+    pretension, sensors, sensor = inst.pretension, inst.sensors, inst.tension_sensor
     speed = inst.drives.motor_speed / inst.drives.gear_ratio
     # A cell without noise does not flicker, and one that is sampled slower than ticks stands still between samples.
-    flickers = sensors.load_cell_noise > 2 * 2 * sensors.load_cell_range / 2**sensors.load_cell_bits
-    stuck = 0.3 * sensors.load_cell_noise if flickers else 0.0
+    # By a drive that reverses, whose current tells the tension.
+    reversal = 2 * np.sinh(sensor.friction) * pretension
+    stuck = 0.3 * sensor.noise if sensor.noise > 2 * sensor.resolution else 0.0
     sample = max(period, 1 / sensors.sampling_rate)
     return {
-        "tendon_break": (0.08 * pretension, 0.008),
-        "tendon_slack": (0.02 * pretension, 2.0),
+        "tendon_break": (0.08 * pretension + sensor.constant, 0.008),
+        "tendon_slack": (0.02 * pretension + sensor.constant, 2.0),
         "over_tension": (_FAULT_OVER_LIMIT * tension_limit(inst), 0.003),
         "load_cell_stuck": (stuck, max(0.04, 30 * sample)),
-        "load_cell_range": (0.08 * pretension, 0.005),
+        "load_cell_range": (0.08 * pretension + sensor.constant, 0.005),
         "load_cell_drift": (0.05 * pretension, 0.5),
         "encoder_dropout": (0.1, 0.005),
         "encoder_jump": (30.0, 1.2 * period),
-        "spool_slip": (max(0.1 * pretension, 15 * sensors.load_cell_noise), 0.006),
+        "spool_slip": (max(0.1 * pretension, 15 * sensor.noise) + reversal, 0.006),
         "motor_not_following": (0.008, 0.005),
         "tick_late": (inst.control.watchdog, 0.0),
         "not_a_number": (0.0, 0.0),

@@ -258,18 +258,16 @@ def _inertia(inst: Instrument) -> str:
 
 
 def _load_cell(inst: Instrument) -> str:
-    limit, largest = tension_limit(inst), inst.sensors.load_cell_range
+    limit, largest = tension_limit(inst), inst.tension_sensor.range
+    given = f"sensors.load_cell_range is {largest:g} N"
+    if inst.sensors.kind == "current":
+        given = f"sensors.current_range is {inst.sensors.current_range:g} A, which stands for {largest:.3g} N"
     if largest <= inst.pretension:
-        return (
-            f"sensors.load_cell_range is {largest:g} N, which the pretension of {inst.pretension:g} N takes up already."
-        )
+        return f"{given}, which the pretension of {inst.pretension:g} N takes up already."
     if largest < limit:
-        return f"sensors.load_cell_range is {largest:g} N, below control.tension_limit, {limit:.3g} N."
+        return f"{given}, below control.tension_limit, {limit:.3g} N."
     if largest < 1.5 * inst.pretension:
-        return (
-            f"sensors.load_cell_range is {largest:g} N, which leaves little above the pretension of "
-            f"{inst.pretension:g} N."
-        )
+        return f"{given}, which leaves little above the pretension of {inst.pretension:g} N."
     return ""
 
 

@@ -72,7 +72,7 @@ def resolution(inst: InstrumentLike) -> Resolution:
 @lru_cache(maxsize=16)
 def _resolution(inst: Instrument) -> Resolution:
     inst = inst.planar[0]
-    sensors, control = inst.sensors, parameters(inst)
+    sensors, sensor, control = inst.sensors, inst.tension_sensor, parameters(inst)
     numbers = plant.parameters(inst, control.common["period"])
     # Of a first-order filter's output over its input, for noise that is white.
     passed = 1 / sqrt(1 + 2 * control.axes[0]["smoothing"] / control.common["period"])
@@ -93,15 +93,15 @@ def _resolution(inst: Instrument) -> Resolution:
         wound_error * np.hypot(by_agonist, by_antagonist),
         cell_error * by_cells,
         sensors.encoder_offset * np.abs(by_handle),
-        sensors.load_cell_offset * by_cells,
-        sensors.load_cell_gain_error * by_gains,
+        sensor.offset * by_cells,
+        sensor.gain_error * by_gains,
     )
     places = [Contributions(*map(float, row)) for row in zip(*columns, strict=True)]
     worst = places[int(np.argmax([place.total for place in places]))]
 
     by_force = statics.gradient("tensions", inst, handle, wrt=["force"])["force"]
-    steady = np.hypot(cell_error, sensors.load_cell_offset)
-    off = [np.hypot(steady, sensors.load_cell_gain_error * held) for held in tension]
+    steady = np.hypot(cell_error, sensor.offset)
+    off = [np.hypot(steady, sensor.gain_error * held) for held in tension]
     with np.errstate(divide="ignore", invalid="ignore"):
         tip_force = float(np.max(np.hypot(*off) / np.abs(by_force.agonist - by_force.antagonist)))
     load = max(inst.conditions.forces, default=_USUAL_LOAD)
@@ -124,7 +124,7 @@ def shares(inst: Instrument) -> tuple[str, ...]:
         parts = {
             "handle encoder": worst.handle_encoder,
             "spool encoders": worst.spool_encoders,
-            "load cells": worst.load_cells,
+            "currents" if axis.sensors.kind == "current" else "load cells": worst.load_cells,
             "calibration": worst.calibration,
         }
         if isfinite(worst.total):

@@ -357,6 +357,11 @@ class CoupledInstrument(FileTable):
         _check_distinct("tendons", [tendon.name for tendon in self.tendons])
         self._check_held()
         self._check_friction()
+        if self.sensors.kind != "load-cell":
+            raise ValueError(
+                f'sensors.kind is "{self.sensors.kind}", which instruments whose joints share tendons do not have; it '
+                "must be load-cell"
+            )
         return self
 
     def _check_joints(self) -> None:

@@ -9,6 +9,7 @@ from tenodesis.devices.cia402 import wrapped
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument import Instrument
 from tenodesis.instrument.devices import CanAngle, CanAxis, CanDrive, CanOpen, CanTension
+from tenodesis.run import TENDONS
 
 COLUMNS = ("handle angle", "agonist tension", "antagonist tension", "output angle")
 """What sensors measure, in the order of a measurement's row."""
@@ -26,6 +27,8 @@ LEAD = 0.05
 _Placed: TypeAlias = tuple[int, int, CanAngle | CanTension]
 """A sensor's axis and column, and where it is."""
 _TARGET_VELOCITY, _TARGET_POSITION = 0x60FF, 0x607A
+_TORQUE, _CURRENT = 0x6077, 0x6078
+"""Actual values of a drive, in thousandths of its rated ones."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +165,8 @@ def layout(inst: Instrument, settings: CanOpen) -> Layout:
         for n, axis in enumerate(axes)
         for tendon, drive in enumerate(axis.drives)
     )
-    sensors = tuple(_sensor_frames(inst.axes, axes, {drive.node for drive in drives}))
+    sources = [sources_of(inst, settings, axis) for axis in axes]
+    sensors = tuple(_sensor_frames(inst.axes, sources, {drive.node for drive in drives}))
     speed = inst.drives.motor_speed
     if not _LEAST_UNITS <= speed / unit <= _MOST_UNITS:
         raise InstrumentError(
@@ -183,6 +187,28 @@ def layout(inst: Instrument, settings: CanOpen) -> Layout:
             f"{inst.sensors.sampling_rate * _MOST_LOAD / load:.0f} Hz, or the bus faster."
         )
     return Layout(inst.axes, drives, sensors, speed / inst.drives.gear_ratio, unit, load)
+
+
+def sources_of(inst: Instrument, settings: CanOpen, axis: CanAxis) -> dict[str, CanAngle | CanTension]:
+    """Return the sensors of an axis by what they measure; where its drives' currents tell the tensions, these."""
+    if inst.sensors.kind == "load-cell":
+        return axis.sources
+    drives = inst.drives
+    of_torque = settings.rated_torque is not None
+    # The file has been checked for either, and for the torque constant.
+    rated = settings.rated_torque if of_torque else settings.rated_current
+    per_count = inst.tension_sensor.per_current * (rated or 0.0) / 1000
+    per_count /= (drives.torque_constant or 1.0) if of_torque else 1.0
+    currents: dict[str, CanAngle | CanTension] = {
+        f"{tendon} tension": CanTension(
+            node=drive.node,
+            object=_TORQUE if of_torque else _CURRENT,
+            gain=-per_count if drive.reversed else per_count,
+        )
+        for tendon, drive in zip(TENDONS, axis.drives, strict=True)
+    }
+    found = axis.sources | currents
+    return {name: found[name] for name in COLUMNS if name in found}
 
 
 def _drive(inst: Instrument, settings: CanOpen, place: tuple[int, int], drive: CanDrive, unit: float) -> DriveFrames:
@@ -206,11 +232,13 @@ def _drive(inst: Instrument, settings: CanOpen, place: tuple[int, int], drive: C
     )
 
 
-def _sensor_frames(names: tuple[str, ...], axes: list[CanAxis], drives: set[int]) -> list[SensorFrame]:
+def _sensor_frames(
+    names: tuple[str, ...], sensors: list[dict[str, CanAngle | CanTension]], drives: set[int]
+) -> list[SensorFrame]:
     by_node: dict[int, list[_Placed]] = {}
     taken_by: dict[tuple[int, int, int], str] = {}
-    for n, axis in enumerate(axes):
-        for measured, source in axis.sources.items():
+    for n, of_axis in enumerate(sensors):
+        for measured, source in of_axis.items():
             place, name = (source.node, source.object, source.sub), f"the {measured} of {names[n]}"
             if taken_by.setdefault(place, name) != name:
                 raise InstrumentError(

@@ -59,6 +59,5 @@ def encoder(inst: Instrument) -> QuantisedSensor:
 
 
 def load_cell(inst: Instrument) -> QuantisedSensor:
-    """Return an instrument's load cell, N."""
-    sensors = inst.sensors
-    return QuantisedSensor(sensors.load_cell_noise, 2 * sensors.load_cell_range / 2**sensors.load_cell_bits)
+    """Return an instrument's load cell, or its motor's current as tension, N."""
+    return QuantisedSensor(inst.tension_sensor.noise, inst.tension_sensor.resolution)

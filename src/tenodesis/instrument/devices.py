@@ -11,6 +11,8 @@ from tenodesis.units import (
     Angle,
     AnglePerCount,
     AnglePerVolt,
+    Current,
+    Moment,
     MotorSpeed,
     SignedForce,
     SignedVoltage,
@@ -39,8 +41,8 @@ class Axis(FileTable, Generic[Drive, AngleSensor, LoadCell]):
     agonist: Drive = Field(description="Drive of the agonist tendon")
     antagonist: Drive = Field(description="Drive of the antagonist tendon")
     handle_angle: AngleSensor = Field(description="Encoder of the handle")
-    agonist_tension: LoadCell = Field(description="Load cell of the agonist tendon")
-    antagonist_tension: LoadCell = Field(description="Load cell of the antagonist tendon")
+    agonist_tension: LoadCell | None = Field(default=None, description="Load cell of the agonist tendon, if any")
+    antagonist_tension: LoadCell | None = Field(default=None, description="Load cell of the antagonist tendon, if any")
     output_angle: AngleSensor | None = Field(default=None, description="Distal encoder, as a bench may have")
 
     @property
@@ -120,6 +122,12 @@ class CanOpen(FileTable):
     zero: Literal["keep", "here"] = Field(
         default="keep", description="Zero of the positions: that of the drives, or the position at opening"
     )
+    rated_current: Current | None = Field(
+        default=None, description="Object 6075h of the drives, of which 6078h gives thousandths, for currents"
+    )
+    rated_torque: Moment | None = Field(
+        default=None, description="Instead: object 6076h, of which 6077h gives thousandths"
+    )
     counter: CanCounter | None = Field(default=None, description="Counter of a drive's measurements")
     master: NodeId = Field(default=127, description="Node id of this computer")
     heartbeat: Annotated[Time, Field(ge=1e-3, le=1.0)] = Field(
@@ -132,6 +140,8 @@ class CanOpen(FileTable):
     def _nodes(self) -> Self:
         if self.yaw is None and self.pitch is None:
             raise ValueError("neither yaw nor pitch is given; give one table for each axis of the instrument")
+        if self.rated_current is not None and self.rated_torque is not None:
+            raise ValueError("rated_current and rated_torque are both given; a drive tells its current by one of them")
         seen: dict[int, str] = {self.master: "master"}
         for place, drive in self.drives():
             if drive.node in seen:
@@ -257,3 +267,27 @@ class Devices(FileTable):
     canopen: CanOpen | None = Field(default=None, description="CiA 402 drives on a CAN bus")
     nidaq: NiDaq | None = Field(default=None, description="Data acquisition by nidaqmx")
     serial: Serial | None = Field(default=None, description="A microcontroller with the firmware")
+
+    def check_tensions(self, kind: str) -> None:
+        """Check that each device gives what sensors.kind says; raises ValueError."""
+        benches: tuple[tuple[str, CanOpen | NiDaq | None], ...] = (("canopen", self.canopen), ("nidaq", self.nidaq))
+        for name, bench in benches:
+            if bench is None:
+                continue
+            if kind == "current":
+                if isinstance(bench, NiDaq):
+                    raise ValueError("sensors.kind is current, which devices.nidaq does not give; it must be load-cell")
+                if bench.rated_current is None and bench.rated_torque is None:
+                    raise ValueError(
+                        "sensors.kind is current, but devices.canopen has neither rated_current nor rated_torque; give "
+                        "one of them, or load cells"
+                    )
+                continue
+            for axis in ("yaw", "pitch"):
+                wired = getattr(bench, axis)
+                for tendon in ("agonist", "antagonist"):
+                    if wired is not None and getattr(wired, f"{tendon}_tension") is None:
+                        raise ValueError(
+                            f"devices.{name}.{axis}.{tendon}_tension is missing; without load cells sensors.kind must "
+                            "be current"
+                        )

@@ -13,9 +13,12 @@ from tenodesis.units import (
     BendingStiffness,
     Bits,
     Coefficient,
+    Current,
+    CurrentError,
     Damping,
     EncoderRange,
     Force,
+    FrictionTorque,
     Gain,
     HandStiffness,
     HomingSpeed,
@@ -37,6 +40,7 @@ from tenodesis.units import (
     StopAngle,
     TendonSpeedLimit,
     Time,
+    TorqueConstant,
     TurnRange,
     Viscosity,
 )
@@ -206,11 +210,30 @@ class Drives(FileTable):
     time_constant: Time = Field(default=0.01, description="Time constant of the speed loop")
     backlash: AngleError = Field(default=0.0, description="Backlash of the gearbox, at the spool")
     encoder_counts: int = Field(default=4096, ge=1, le=2**24, strict=True, description="Counts per turn of the motor")
+    torque_constant: TorqueConstant | None = Field(
+        default=None, description="Torque of the cold motor per current, for sensors of kind current"
+    )
+    gear_efficiency: Annotated[float, Field(ge=0.05, le=1)] = Field(
+        default=1.0, description="Efficiency of the gearbox in either direction, as currents show it"
+    )
+    friction_torque: FrictionTorque = Field(
+        default=0.0, description="Load-independent friction of motor and gearbox, at the spool, as currents show it"
+    )
+    torque_ripple: Annotated[float, Field(ge=0, lt=0.5)] = Field(
+        default=0.02, description="Amplitude of the torque's ripple over the torque, 12 periods per turn of the motor"
+    )
+    thermal_drift: Annotated[float, Field(ge=0, lt=0.5)] = Field(
+        default=0.0, description="Share by which the torque constant falls as the motor warms up"
+    )
+    thermal_time: Annotated[Time, Field(gt=0)] = Field(default=600.0, description="Time constant of warming up")
 
 
 class Sensors(FileTable):
-    """Analogue joint encoders and load cells, and how often they are sampled."""
+    """Analogue joint encoders, load cells or motor currents, and how often they are sampled."""
 
+    kind: Literal["load-cell", "current"] = Field(
+        default="load-cell", description="What tells the tensions: load-cell, or the motors' current"
+    )
     sampling_rate: Rate = Field(default=2000.0, description="Samples per second")
     encoder_bits: Bits = Field(default=12, description="Bits of the converter of a joint encoder")
     encoder_range: EncoderRange = Field(default=2 * math.pi, description="Angle over the converter's range")
@@ -225,6 +248,23 @@ class Sensors(FileTable):
     load_cell_gain_error: Annotated[float, Field(ge=0, lt=0.5)] = Field(
         default=0.005, description="Standard deviation of a load cell's gain, as calibrated"
     )
+    current_range: Current | None = Field(default=None, description="Largest current that a drive reports")
+    current_bits: Bits = Field(default=12, description="Bits of the current's converter")
+    current_noise: CurrentError | None = Field(
+        default=None, description="Standard deviation of a current; without it a 500th of its range"
+    )
+    current_offset: CurrentError | None = Field(
+        default=None, description="Standard deviation of a current's constant error; without it a 1000th of its range"
+    )
+    torque_constant_error: Annotated[float, Field(ge=0, lt=0.5)] = Field(
+        default=0.01, description="Standard deviation of the torque constant, as calibrated"
+    )
+
+    @model_validator(mode="after")
+    def _range(self) -> Self:
+        if self.kind == "current" and self.current_range is None:
+            raise ValueError('kind is "current", but current_range is not given; give the largest current')
+        return self
 
 
 class Mismatch(FileTable):
@@ -234,8 +274,10 @@ class Mismatch(FileTable):
     pretension_ratio: Ratio = Field(default=1.0, description="True over nominal pretension")
     handle_encoder_offset: Angle = Field(default=0.0, description="Offset of the handle's encoder")
     output_encoder_offset: Angle = Field(default=0.0, description="Offset of the distal encoder")
-    load_cell_gain: tuple[Ratio, Ratio] = Field(default=(1.0, 1.0), description="Gains of the load cells")
-    load_cell_bias: tuple[SignedForce, SignedForce] = Field(default=(0.0, 0.0), description="Bias of the load cells")
+    load_cell_gain: tuple[Ratio, Ratio] = Field(default=(1.0, 1.0), description="Gains of load cells, or of currents")
+    load_cell_bias: tuple[SignedForce, SignedForce] = Field(
+        default=(0.0, 0.0), description="Bias of the load cells, or of tensions by current"
+    )
 
 
 class Control(FileTable):

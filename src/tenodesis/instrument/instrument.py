@@ -18,6 +18,7 @@ from tenodesis import _core, notebook
 from tenodesis.errors import InstrumentError
 from tenodesis.instrument.devices import Devices
 from tenodesis.instrument.hardware import Control, Drives, Dynamics, Friction, Geometry, Mismatch, Sensors
+from tenodesis.instrument.tension import TensionSensor, tension_sensor
 from tenodesis.toml import FileTable, did_you_mean, file_keys, validated
 from tenodesis.units import (
     STIFFNESS,
@@ -142,6 +143,11 @@ class Instrument(FileTable):
     def output_stop(self) -> float:
         """Output angle at which the distal joint reaches its mechanical stop, rad."""
         return self.dynamics.output_stop or min(_STOP_BEYOND_RANGE * self.output_range, _FARTHEST_STOP)
+
+    @cached_property
+    def tension_sensor(self) -> TensionSensor:
+        """What tells the tensions of the first axis."""
+        return tension_sensor(self.drives, self.sensors, self.pretension)
 
     @cached_property
     def spec(self) -> _core.Spec:
@@ -282,6 +288,8 @@ class Instrument(FileTable):
                 f"pretension is {self.pretension:g} N, at which a tendon of {self.breaking_load:g} N breaking_load has "
                 "broken; give less pretension or a stronger tendon"
             )
+        tension_sensor(self.drives, self.sensors, self.pretension)
+        self.devices.check_tensions(self.sensors.kind)
         reach = _core.unloaded_limit(self.spec)
         if not reach < 1:
             raise ValueError(

@@ -97,7 +97,7 @@ class Client(Connection):
     def latest(self) -> dict[str, Any]:
         """Return the newest tick's signals by name, scalars or arrays by axis and tendon; empty before the first."""
         row = self._reader.newest()
-        return {} if row is None else signals_of(row, self.axes)
+        return {} if row is None else signals_of(row, self.inst)
 
     def history(self, seconds: float, rows: int = 500) -> dict[str, Array]:
         """Return the signals of the last seconds by name, with ``time`` (s), thinned to at most `rows` rows."""
@@ -107,7 +107,7 @@ class Client(Connection):
         if len(table):
             table = table[table[:, 0] > table[-1, 0] - seconds]
         every = -(-len(table) // max(rows, 1)) or 1
-        run = run_of(table[::-1][::every][::-1], self.axes, simulated=True, distal=True)
+        run = run_of(table[::-1][::every][::-1], self.inst, simulated=True, distal=True)
         return {"time": run.time, **run.signals()}
 
     def status(self) -> Status:

@@ -128,7 +128,7 @@ class Runtime:
 
     def _tick(self) -> dict[str, Any]:
         row = self._reader.newest()
-        return {} if row is None else signals_of(row, self.loop.inst.axes)
+        return {} if row is None else signals_of(row, self.loop.inst)
 
     def _time(self) -> float:
         row = self._reader.newest()

@@ -118,7 +118,7 @@ class RuntimeProcess:
         except LiveError:
             return False
         row = reader.newest()
-        stopped = row is not None and bool(signals_of(row, reader.axes)["stopped"])
+        stopped = row is not None and bool(signals_of(row, reader.inst)["stopped"])
         return (stopped and reader.silence < _SILENT) or (self._ending and reader.silence > _SILENT)
 
     def _wait_until_ready(self, cancelled: threading.Event) -> None:

@@ -14,6 +14,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.live import folder as folders
 from tenodesis.run import TISSUE, TRUTH, Array, Run
 from tenodesis.twin import as_run
+from tenodesis.twin.rows import with_currents
 
 TICK = tuple(_core.tick_columns())
 """Columns of a record that belong to the tick, not to an axis."""
@@ -117,7 +118,7 @@ class Reader:
     def read(self, most: int = 2000) -> tuple[Run, int]:
         """Return the next ticks, at most `most`, and how many were lost since the last call."""
         rows, lost = self.rows(most)
-        return run_of(rows, self.axes, simulated=self.about.simulated, distal=self.about.distal_encoder), lost
+        return run_of(rows, self.inst, simulated=self.about.simulated, distal=self.about.distal_encoder), lost
 
     def rows(self, most: int = 2000) -> tuple[Array, int]:
         """Return the next ticks as rows of the ring's columns; valid until the next call."""
@@ -137,8 +138,9 @@ class Reader:
         return None
 
 
-def run_of(rows: Array, axes: tuple[str, ...], *, simulated: bool, distal: bool) -> Run:
+def run_of(rows: Array, inst: Instrument, *, simulated: bool, distal: bool) -> Run:
     """Return rows of a ring as a run like a twin's, without the signals that a device does not have."""
+    axes = inst.axes
     blocks = _blocks(rows, axes).copy()
     bench, outs, controls = np.split(blocks, (_BENCH, _BENCH + _SIGNALS), axis=2)
 
@@ -158,12 +160,12 @@ def run_of(rows: Array, axes: tuple[str, ...], *, simulated: bool, distal: bool)
         unknown = [*TRUTH, *TISSUE, "commanded_handle_angle", "force", "radial_force"]
         unknown += [] if distal else ["measured_output_angle"]
     missing: Mapping[str, Any] = dict.fromkeys(unknown)
-    return replace(run, request=by_axis(request), **missing)
+    return with_currents(replace(run, request=by_axis(request), **missing), inst)
 
 
-def signals_of(row: Array, axes: tuple[str, ...]) -> dict[str, Any]:
+def signals_of(row: Array, inst: Instrument) -> dict[str, Any]:
     """Return a row as signals by name: numbers, or arrays by axis and tendon, with the data of the tick."""
-    run = run_of(row[np.newaxis], axes, simulated=True, distal=True)
+    run = run_of(row[np.newaxis], inst, simulated=True, distal=True)
     named: dict[str, Any] = {name: values[0] for name, values in run.signals().items()}
     return dict(zip(TICK, row[: len(TICK)].tolist(), strict=True)) | named
 

@@ -211,7 +211,7 @@ def _read(path: Path) -> _Parts:
     contents = container.scan(_bytes(path))
     metadata = contents.metadata.get(schemas.METADATA, {})
     by_name = CoupledNames.from_texts(metadata)
-    wanted = schemas.TOPICS if by_name is None else {topic.name for topic in schemas.topics(by_name)}
+    wanted = schemas.TOPICS if by_name is None else schemas.read_topics(by_name)
     decoded, left_out = _decoded(contents, wanted)
     names = by_name or _axes(metadata, decoded)
     if not names:

@@ -119,6 +119,8 @@ class Topic(NamedTuple):
     signals: Mapping[str, str]
     columns: slice = slice(None)
     frame: str = ""
+    copied: bool = False
+    """Whether its signals are on another topic, too, from which they are read."""
 
 
 def definition(message_type: str) -> str:
@@ -158,6 +160,18 @@ def topics(names: Names) -> tuple[Topic, ...]:
             Topic(_rig(axis if axes[1:] else None), WRENCH, (), forces, slice(i, i + 1), f"tip_{axis}")
             for i, axis in enumerate(axes)
         ),
+        *(
+            Topic(
+                f"/controller/{f'{axis}/' if axes[1:] else ''}measured_cf",
+                WRENCH,
+                (),
+                {"force.x": "estimated_force"},
+                slice(i, i + 1),
+                f"tip_{axis}",
+                copied=True,
+            )
+            for i, axis in enumerate(axes)
+        ),
         *_number_topics("controller", _CONTROL_NUMBERS, axes),
         *_number_topics("twin", TISSUE, axes),
     )
@@ -186,6 +200,7 @@ def _joint_topics(
         ("/handle/setpoint_js", handle, {"position": "commanded_handle_angle"}),
         ("/motors/measured_js", tendons, {"position": "measured_spool_angle"}),
         ("/motors/setpoint_js", tendons, {"velocity": "commanded_spool_velocity"}),
+        ("/motors/current", tendons, {"effort": "measured_current"}),
         ("/tendons/measured_js", tendons, {"effort": "measured_tension"}),
         ("/tip/measured2_js", tip, {"position": "measured_output_angle"}),
         ("/twin/handle/measured_js", handle, {"position": "handle_angle", "effort": "handle_torque"}),
@@ -215,8 +230,13 @@ def _rig(axis: str | None) -> str:
     return "/rig/measured_cf" if axis is None else f"/rig/{axis}/measured_cf"
 
 
-TOPICS = frozenset(topic.name for axes in (("",), ("yaw", "pitch")) for topic in topics(axes))
-"""Names of all topics that carry signals, of instruments with one axis or two."""
+def read_topics(names: Names) -> frozenset[str]:
+    """Return the names of the topics from which signals are read."""
+    return frozenset(topic.name for topic in topics(names) if not topic.copied)
+
+
+TOPICS = read_topics(("",)) | read_topics(("yaw", "pitch"))
+"""Names of all topics from which signals are read, of instruments with one axis or two."""
 
 
 def shape(signal: str, rows: int, axes: tuple[str, ...]) -> tuple[int, ...]:

@@ -31,6 +31,8 @@ QUANTITY = {
     # A radial force bends the joint by its radius alone, as a tension does, and not by the end-effector's length.
     "radial_force": "tension",
     "measured_tension": "tension",
+    # Of the same motor on the same spool.
+    "measured_current": "tension",
     "tension": "tension",
     "distal_tension": "tension",
     "handle_torque": "handle_torque",

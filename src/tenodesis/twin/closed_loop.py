@@ -99,7 +99,7 @@ def warn_of_faults(run: Run, inst: Instrument, *, stacklevel: int = 3) -> None:
     mask = int(np.bitwise_or.reduce(np.nan_to_num(np.atleast_1d(masks[row])).astype(np.int64)))
     names = fault_names(mask)
     hint = ""
-    if "load_cell_stuck" in names and inst.sensors.load_cell_noise == 0:
+    if "load_cell_stuck" in names and inst.tension_sensor.noise == 0:
         hint = (
             f"; the load cells of {inst.name} have no noise, so that their readings stand still: give it "
             "sensors.load_cell_noise, or make the controller for it"

@@ -1,6 +1,7 @@
 """Rows of the core: commands, checks before a run, and signals."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -87,6 +88,15 @@ def as_run(
     controlled = {name: _of_axes(controls, _columns(CONTROL, name)) for name in _CONTROLLED} if controls else {}
     simulated = {name: _of_axes(outs, _columns(SIGNALS, name)) for name in _MEASURED_AND_TRUE}
     return Run(time, axes, **{**commanded, **controlled, **simulated})
+
+
+def with_currents(run: Run, inst: Instrument) -> Run:
+    """Return a run with the motors' currents, where these tell the tensions of its instrument."""
+    if inst.sensors.kind != "current" or run.measured_tension is None:
+        return run
+    per_current = np.array([axis.tension_sensor.per_current for axis in inst.planar])
+    shaped = per_current[:, np.newaxis] if len(inst.axes) > 1 else per_current
+    return replace(run, measured_current=run.measured_tension / shaped)
 
 
 def commanded(commands: Sequence[Array], *, tissue: bool) -> dict[str, Array]:

@@ -28,6 +28,7 @@ from tenodesis.twin.rows import (
     check_seed,
     commanded,
     lost,
+    with_currents,
 )
 
 _LOOSENING_BLOCK = 0.05  # s
@@ -226,7 +227,7 @@ class Twin:
         time = np.arange(self._steps + 1, self._steps + 1 + count, dtype=np.float64) * self.time_step
         given = commanded(rows, tissue=contact is not None)
         if controller is None:
-            return as_run(time, self.inst.axes, given, self._step_axes(rows))
+            return with_currents(as_run(time, self.inst.axes, given, self._step_axes(rows)), self.inst)
         controller.check_instrument(self.inst)
         controller.begin(self, self.time)
         steps, status, outs, control = run_closed_loop(
@@ -244,7 +245,7 @@ class Twin:
         controller.begin(self, self.time)
         if status != Status.OK:
             raise lost(status, f"step {steps} ({self.time:.6g} s)")
-        run = as_run(time, self.inst.axes, given, outs, control)
+        run = with_currents(as_run(time, self.inst.axes, given, outs, control), self.inst)
         warn_of_faults(run, self.inst)
         return run
 

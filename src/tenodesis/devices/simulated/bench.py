@@ -12,6 +12,7 @@ import canopen
 import numpy as np
 from canopen import objectdictionary as od
 
+from tenodesis.devices.can_layout import sources_of
 from tenodesis.devices.device import Measurement
 from tenodesis.devices.simulated.cia402 import Drive, Node
 from tenodesis.instrument import Instrument
@@ -100,7 +101,7 @@ class SimulatedBench:
         self._unit = settings.velocity_unit or 2 * pi / inst.drives.encoder_counts
         objects: dict[int, list[tuple[int, int, int]]] = {}
         for axis in self._axes:
-            for source in axis.sources.values():
+            for source in sources_of(inst, settings, axis).values():
                 objects.setdefault(source.node, []).append((source.object, source.sub, _TYPES[source.type]))
         counter = settings.counter
         self.drives = {
@@ -189,7 +190,7 @@ class SimulatedBench:
             for tendon, wired in enumerate(axis.drives):
                 turned = round(measured.spool_angle[n, tendon] / per_count)
                 self.drives[wired.node].measure(-turned if wired.reversed else turned)
-            for name, source in axis.sources.items():
+            for name, source in sources_of(self.inst, self.settings, axis).items():
                 value = {
                     "handle angle": measured.handle_angle[n],
                     "agonist tension": measured.tension[n, 0],

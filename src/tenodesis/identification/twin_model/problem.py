@@ -15,7 +15,7 @@ from tenodesis.identification.problem import Parameter, Problem, Trace
 from tenodesis.identification.twin_model import tuning
 from tenodesis.identification.twin_model.marginalise import Marginalisation, marginalise
 from tenodesis.identification.twin_model.steps import READINGS, SteppedRun, in_steps
-from tenodesis.identification.twin_model.unknowns import LARGEST_OFFSET, UNKNOWNS
+from tenodesis.identification.twin_model.unknowns import LARGEST_OFFSET, SHOWN_BY_CURRENTS, UNKNOWNS
 from tenodesis.instrument import Instrument
 from tenodesis.run import TENDONS, Array
 
@@ -66,6 +66,7 @@ class TwinProblem(Problem):
             for name in UNKNOWNS
             if _applies(name, law, given, spooled=spooled, handle_as_read=handle_as_read)
             and (name != "friction.base_wrap" or self._inst.friction.base_wrap > 0)
+            and (name not in SHOWN_BY_CURRENTS or self._inst.sensors.kind == "current")
         ]
         self._variables = [_ROW.index(UNKNOWNS[name].number) for name in self._names]
         self._measured, self._swiftness = runs, 1.0

@@ -57,6 +57,8 @@ _KEYS = (
     ("dynamics.tip_damping", "N*m*s", 0.0, 1.0, "viscous damping of the tip", "viscous"),
     ("dynamics.tip_inertia", "kg*m^2", 1e-12, 1e3, "inertia about the output angle", "inertia"),
     ("drives.backlash", "rad", 0.0, 0.5, "backlash of the gearbox, at the spool", "drives"),
+    ("drives.gear_efficiency", "1", 0.3, 1.0, "efficiency of the gearbox, as currents show it", "drives"),
+    ("drives.friction_torque", "N*m", 0.0, 1.0, "friction of motor and gearbox, as currents show it", "drives"),
     ("mismatch.handle_encoder_offset", "rad", -0.3, 0.3, "offset of the handle's encoder", "sensors"),
     ("mismatch.output_encoder_offset", "rad", -0.3, 0.3, "offset of the distal encoder", "sensors"),
 )
@@ -97,5 +99,8 @@ UNKNOWNS = {
     },
 }
 """Every parameter that recordings may identify, by name."""
+
+SHOWN_BY_CURRENTS = ("drives.gear_efficiency", "drives.friction_torque")
+"""Parameters that load cells beside the spools do not show."""
 
 LARGEST_OFFSET = UNKNOWNS["mismatch.handle_encoder_offset"].upper
