@@ -96,8 +96,8 @@ def read(path: Path, source: Source) -> MeasuredRun:
     """Return a recording of the bench.
 
     Columns: spindle_angle, jaw_angle (rad), spindle_torque, jaw_torque (N*m), motor_current (A), by the signs of the
-    file; the last two are as they were measured, for the model here does not take them. The first seconds, in which the bench settles, are kept: a model with memory
-    needs them.
+    file; the last two are as they were measured, for the model here does not take them. The first seconds, in which the
+    bench settles, are kept: a model with memory needs them.
 
     Raises IdentificationError if the file cannot be read, its units fit none that are known, or its samples cannot be
     used.

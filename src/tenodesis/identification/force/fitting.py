@@ -9,7 +9,7 @@ import numpy as np
 
 from tenodesis.errors import IdentificationError
 from tenodesis.identification.force.model import WIDTH, Band, Bands, ForceModel, predicted
-from tenodesis.identification.force.parameters import RECALIBRATED, Unknown, unknowns
+from tenodesis.identification.force.parameters import RECALIBRATED, Unknown, recalibrated, unknowns
 from tenodesis.identification.force.signals import (
     FITTED_INTERVAL,
     Bench,
@@ -27,13 +27,25 @@ OFFSET_SHARE = 0.03
 """Share of a recording's mean angle error that counts where recordings begin at a stop of the jaw, with a pitch."""
 FOLDS = 5
 """Parts of the recordings that are left out in turn for the intervals."""
+HALF_CYCLE = 2.0
+"""Time over which errors of a model that is carried over are at least correlated, s."""
 ROUNDS = 3
 """Fits, each by the noise that the one before has left."""
+_EVERY = 4
+"""Of so many residuals, correlated as they are, one is fitted."""
 _FOLD_STEPS = 6
 _STEP = 1e-3
 """Of the differences that derivatives are, in prior deviations."""
 _FIRST_NOISE = {"angle": math.radians(0.5), "torque": 5e-3, "shaft": 1e-2}
 """Of the first round: rad, N m, N m."""
+
+
+class _Data(NamedTuple):
+    """What is fitted."""
+
+    series: Sequence[Series]
+    bench: Bench
+    signal: Signal
 
 
 class _Noise(NamedTuple):
@@ -67,12 +79,24 @@ def fit_force(
     runs = [checked(one, signal) for one in train]
     bench = bench_of(runs)
     series = [series_of(one, bench, interval=FITTED_INTERVAL) for one in runs]
+    return fit_series(series, bench, signal, prior=prior, groups=groups)
+
+
+def fit_series(
+    series: Sequence[Series],
+    bench: Bench,
+    signal: Signal,
+    *,
+    prior: ForceModel | None = None,
+    groups: Sequence[str] = RECALIBRATED,
+) -> ForceModel:
+    """Return the model of a tool by series of a bench, at the samples of each that are to be fitted."""
     wrist = prior.wrist if prior is not None else len({one.pitch for one in series}) > 1
     if prior is None:
         known = {one.name: one for one in unknowns(signal, wrist=wrist)}
     else:
         known = {
-            one.name: one._replace(start=prior.values[one.name]) if one.group in groups else one
+            one.name: recalibrated(one, prior.values[one.name]) if one.group in groups else one
             for one in prior.unknowns
         }
     start = {name: one.start for name, one in known.items()} if prior is None else dict(prior.values)
@@ -81,7 +105,15 @@ def fit_force(
     start["angle_offset"] = _offset(series, bench, start)
     known["angle_offset"] = known["angle_offset"]._replace(start=start["angle_offset"])
     free = [known[name] for name in start if prior is None or known[name].group in groups]
-    values, noise, inverse = _search(series, bench, signal, start, free)
+    least = (
+        None
+        if prior is None
+        else _Noise(
+            {"angle": prior.known.angle.floor, "torque": prior.known.torque.floor},
+            dict.fromkeys(_FIRST_NOISE, HALF_CYCLE / FITTED_INTERVAL),
+        )
+    )
+    values, noise, inverse = _search(_Data(series, bench, signal), start, free, least)
     names = list(values)
     covariance = np.zeros((len(names), len(names)))
     if prior is not None:
@@ -109,28 +141,21 @@ def fit_force(
 
 
 def _search(
-    series: Sequence[Series], bench: Bench, signal: Signal, start: Mapping[str, float], free: Sequence[Unknown]
+    data: _Data, start: Mapping[str, float], free: Sequence[Unknown], least: _Noise | None
 ) -> tuple[dict[str, float], _Noise, Array]:
     """Return the most likely values, the noise that they leave, and the covariance of those that are free."""
-    noise = _Noise(_FIRST_NOISE, dict.fromkeys(_FIRST_NOISE, 100.0))
+    noise = least or _Noise(_FIRST_NOISE, dict.fromkeys(_FIRST_NOISE, 100.0))
     values = dict(start)
     for _ in range(ROUNDS):
-        values, slopes = _most_likely(series, bench, signal, values, free, noise)
-        noise = _left(series, bench, signal, values, noise)
+        values, slopes = _most_likely(data, values, free, noise)
+        noise = _left(data, values, noise, least)
     spread = np.array([one.spread for one in free])
     # slopes are by prior deviations, and the last rows the prior's own
-    return values, noise, np.linalg.inv(slopes.T @ slopes) * np.outer(spread, spread)
+    return values, noise, np.asarray(np.linalg.inv(slopes.T @ slopes) * np.outer(spread, spread), dtype=np.float64)
 
 
 def _most_likely(
-    series: Sequence[Series],
-    bench: Bench,
-    signal: Signal,
-    start: Mapping[str, float],
-    free: Sequence[Unknown],
-    noise: _Noise,
-    *,
-    most: int = 40,
+    data: _Data, start: Mapping[str, float], free: Sequence[Unknown], noise: _Noise, *, most: int = 40
 ) -> tuple[dict[str, float], Array]:
     from scipy.optimize import least_squares  # noqa: PLC0415 - slow to load
 
@@ -142,9 +167,10 @@ def _most_likely(
     def residuals(scaled: Array) -> Array:
         values = {**start, **dict(zip(names, (middle + spread * scaled).tolist(), strict=True))}
         parts = [scaled]
-        for one in series:
-            for channel, left in _residuals(one, bench, signal, values).items():
-                parts.append(left / (noise.std[channel] * math.sqrt(noise.correlated[channel])))
+        for one in data.series:
+            for channel, left in _residuals(one, data.bench, data.signal, values).items():
+                apart = max(noise.correlated[channel] / _EVERY, 1.0)
+                parts.append(left[::_EVERY] / (noise.std[channel] * math.sqrt(apart)))
         return np.concatenate(parts)
 
     def jacobian(scaled: Array) -> Array:
@@ -174,11 +200,9 @@ def _residuals(series: Series, bench: Bench, signal: Signal, values: Mapping[str
     return found
 
 
-def _left(
-    series: Sequence[Series], bench: Bench, signal: Signal, values: Mapping[str, float], before: _Noise
-) -> _Noise:
+def _left(data: _Data, values: Mapping[str, float], before: _Noise, least: _Noise | None) -> _Noise:
     """Return the noise of the channels by the residuals."""
-    parts = [_residuals(one, bench, signal, values) for one in series]
+    parts = [_residuals(one, data.bench, data.signal, values) for one in data.series]
     std = {
         channel: max(math.sqrt(float(np.mean(np.concatenate([one[channel] for one in parts]) ** 2))), 1e-6)
         for channel in parts[0]
@@ -187,6 +211,10 @@ def _left(
         channel: float(np.median([correlation_samples(autocorrelation(one[channel])) for one in parts]))
         for channel in parts[0]
     }
+    if least is not None:
+        # what a single recording leaves says little of how wrong the model is under other loads
+        std = {channel: max(value, least.std.get(channel, value)) for channel, value in std.items()}
+        correlated = {channel: max(value, least.correlated[channel]) for channel, value in correlated.items()}
     return _Noise({**before.std, **std}, {**before.correlated, **correlated})
 
 
@@ -235,7 +263,9 @@ def _bands(
         others = [one for one, at in zip(series, fold, strict=True) if at != left_out]
         fitted = model
         if others:
-            values, _ = _most_likely(others, model.bench, model.signal, model.values, free, noise, most=_FOLD_STEPS)
+            values, _ = _most_likely(
+                _Data(others, model.bench, model.signal), model.values, free, noise, most=_FOLD_STEPS
+            )
             fitted = replace(model, values=values)
         for one in (one for one, at in zip(series, fold, strict=True) if at == left_out):
             far = predicted(fitted.values, one, model.signal, model.bench)

@@ -194,11 +194,8 @@ def to_json(model: ForceModel) -> dict[str, object]:
 def from_json(found: Mapping[str, object], where: str) -> ForceModel:
     """Return the model that `to_json` wrote; raises IdentificationError if `found` is none."""
     try:
-        signal = found["signal"]
-        if signal not in SIGNALS:
-            raise ValueError(signal)
         return ForceModel(
-            signal=signal,
+            signal=SIGNALS[SIGNALS.index(found["signal"])],
             bench=Bench(**found["bench"]),  # type: ignore[arg-type]
             values=dict(found["values"]),  # type: ignore[call-overload]
             free=tuple(found["free"]),  # type: ignore[arg-type]
@@ -212,7 +209,7 @@ def from_json(found: Mapping[str, object], where: str) -> ForceModel:
         )
     except (KeyError, TypeError, ValueError) as problem:
         raise IdentificationError(
-            f"{where} is no model of tenodesis force ({problem}); it must be a {'model.json'} that it wrote.",
+            f"{where} is no model of tenodesis force ({problem}); it must be a model.json that it wrote.",
             key="prior",
         ) from None
 

@@ -1,6 +1,5 @@
 """Parameters of a tool read from its near end, and what is believed of them before anything is recorded."""
 
-from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from tenodesis.identification.force.signals import Signal
@@ -36,7 +35,7 @@ TOOL: Final = (
     Unknown("friction_exponent", "1", 0.5, 0.2, 0.0, 3.0, "friction", "Friction coefficient times wrap angle"),
     Unknown("joint_friction", "N*m", 0.005, 0.01, 0.0, 0.2, "friction", "Load-independent friction at the jaw"),
     Unknown("pretension", "N*m", 0.05, 0.04, 0.0, 0.5, "pretension", "Pretension times the spindle's radius"),
-    Unknown("play", "rad", 0.05, 0.03, 0.005, 0.3, "friction", "Motion by which a contact counts as slipping"),
+    Unknown("play", "rad", 0.05, 0.03, 0.005, 0.3, "slip", "Motion by which a contact counts as slipping"),
 )
 WRIST: Final = (
     Unknown("coupling", "1", 0.0, 1.0, -2.0, 2.0, "wrist", "Jaw angle by pitch, the spindle held"),
@@ -56,14 +55,20 @@ DRIVE: Final = (
 )
 RECALIBRATED: Final = ("offset", "friction", "pretension")
 """Groups that a short recording of a new tool determines; the others are carried over."""
+BETWEEN_TOOLS: Final = 0.3
+"""Standard deviation of friction and pretension between tools of a kind, of that of the one that is known."""
+_LEAST_SPREAD = 0.1
+"""The same of a value near zero, of the spread between tools of all kinds."""
+
+
+def recalibrated(one: Unknown, known: float) -> Unknown:
+    """Return a parameter with its prior over tools like one that is known."""
+    if one.group == "offset":
+        return one._replace(start=known)
+    spread = min(one.spread, max(BETWEEN_TOOLS * abs(known), _LEAST_SPREAD * one.spread))
+    return one._replace(start=known, spread=spread)
 
 
 def unknowns(signal: Signal, *, wrist: bool) -> tuple[Unknown, ...]:
     """Return the parameters of an estimate from a signal, with those of a wrist if several pitches are known."""
     return (*TOOL, *(WRIST if wrist else ()), *(DRIVE if signal == "current" else ()))
-
-
-def groups(names: Sequence[str]) -> dict[str, str]:
-    """Return the group of each parameter."""
-    known = {one.name: one.group for one in (*TOOL, *WRIST, *DRIVE)}
-    return {name: known[name] for name in names}
