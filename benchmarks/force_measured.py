@@ -10,6 +10,11 @@ same inputs: spindle angle, torque or current, and speed; ours is given angle an
 DATA holds the folders davinci-tool and davinci-posture; both stay where they are. Needs scikit-learn.
 """
 
+import os
+
+# One core, whatever library multiplies matrices.
+os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
+
 import argparse
 import json
 import math
@@ -220,6 +225,7 @@ def main() -> None:
     parser.add_argument("data", type=Path, help="folder with davinci-tool and davinci-posture")
     parser.add_argument("--other", type=Path, help="folder of another tool's recordings")
     parser.add_argument("--out", type=Path, default=Path("out/force-comparison"))
+    parser.add_argument("--from", dest="signals", nargs="+", choices=SIGNALS, default=SIGNALS)
     parser.add_argument("--only", choices=("splits", "calibration", "bounds"), help="one part")
     given = parser.parse_args()
     tool, postures = tool_runs(given.data / "davinci-tool"), posture_runs(given.data / "davinci-posture")
@@ -228,9 +234,9 @@ def main() -> None:
     if given.only in (None, "bounds"):
         print_bounds([*tool.values(), *(one for runs in postures.values() for one in runs)])
     if given.only in (None, "splits"):
-        compare(tool, postures, other, given.out)
+        compare(tool, postures, other, given.signals, given.out)
     if given.only in (None, "calibration"):
-        calibrate(tool, postures, given.out)
+        calibrate(tool, postures, given.signals, given.out)
 
 
 def print_bounds(runs: list[MeasuredRun]) -> None:
@@ -246,12 +252,16 @@ def print_bounds(runs: list[MeasuredRun]) -> None:
 
 
 def compare(
-    tool: dict[str, MeasuredRun], postures: dict[str, list[MeasuredRun]], other: dict[str, MeasuredRun], out: Path
+    tool: dict[str, MeasuredRun],
+    postures: dict[str, list[MeasuredRun]],
+    other: dict[str, MeasuredRun],
+    signals: Sequence[Signal],
+    out: Path,
 ) -> None:
     rows = []
     print(f"Published: {PUBLISHED}.")
     print("| split | from | torque | angle | covered | boosting: torque | angle |\n|---|---|---|---|---|---|---|")
-    for signal in SIGNALS:
+    for signal in signals:
         for split, train, test in splits(tool, postures, other):
             rows.append(held_out(split, train, test, signal))
             print(_line(rows[-1]), flush=True)
@@ -269,8 +279,8 @@ def _line(row: Row) -> str:
 
 
 def draw(rows: list[Row], path: Path) -> None:
-    figure, axes = plt.subplots(2, 2, figsize=(11, 7), sharex="col", layout="constrained")
-    for column, signal in enumerate(SIGNALS):
+    figure, axes = plt.subplots(2, 2, figsize=(11, 7), squeeze=False, sharex="col", layout="constrained")
+    for column, signal in enumerate(dict.fromkeys(row.signal for row in rows)):
         shown = [row for row in rows if row.signal == signal]
         place = np.arange(len(shown))
         for axis, ours, theirs, published, unit in (
@@ -287,12 +297,14 @@ def draw(rows: list[Row], path: Path) -> None:
     figure.savefig(path)
 
 
-def calibrate(tool: dict[str, MeasuredRun], postures: dict[str, list[MeasuredRun]], out: Path) -> None:
+def calibrate(
+    tool: dict[str, MeasuredRun], postures: dict[str, list[MeasuredRun]], signals: Sequence[Signal], out: Path
+) -> None:
     every = [one for runs in postures.values() for one in runs]
     rows = []
     print("| posture | from | offsets only | one recording | covered | full fit | not determined |")
     print("|---|---|---|---|---|---|---|")
-    for signal in SIGNALS:
+    for signal in signals:
         before, full = fit_force(list(tool.values()), signal), fit_force(every, signal)
         for posture, runs in postures.items():
             row = calibrated(before, full, posture, runs)

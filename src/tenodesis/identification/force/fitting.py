@@ -33,7 +33,9 @@ ROUNDS = 3
 """Fits, each by the noise that the one before has left."""
 _EVERY = 4
 """Of so many residuals, correlated as they are, one is fitted."""
-_FOLD_STEPS = 6
+_FOLD_STEPS = 8
+_INSIDE = 0.05
+"""Least distance from its bounds at which a search begins, in prior deviations."""
 _STEP = 1e-3
 """Of the differences that derivatives are, in prior deviations."""
 _FIRST_NOISE = {"angle": math.radians(0.5), "torque": 5e-3, "shaft": 1e-2}
@@ -109,7 +111,7 @@ def fit_series(
         None
         if prior is None
         else _Noise(
-            {"angle": prior.known.angle.floor, "torque": prior.known.torque.floor},
+            {**_FIRST_NOISE, "angle": prior.known.angle.floor, "torque": prior.known.torque.floor},
             dict.fromkeys(_FIRST_NOISE, HALF_CYCLE / FITTED_INTERVAL),
         )
     )
@@ -182,7 +184,8 @@ def _most_likely(
             columns.append((residuals(moved) - base) / (moved[at] - scaled[at]))
         return np.column_stack(columns)
 
-    first = np.clip((np.array([start[name] for name in names]) - middle) / spread, lower + 1e-6, upper - 1e-6)
+    # a search that begins on a bound hardly leaves it
+    first = np.clip((np.array([start[name] for name in names]) - middle) / spread, lower + _INSIDE, upper - _INSIDE)
     found = least_squares(residuals, first, jac=jacobian, bounds=(lower, upper), xtol=1e-4, ftol=1e-4, max_nfev=most)
     values = {**start, **dict(zip(names, (middle + spread * found.x).tolist(), strict=True))}
     return values, jacobian(found.x)
@@ -245,31 +248,56 @@ def _with_bands(model: ForceModel, series: Sequence[Series], free: Sequence[Unkn
     For the pitches that were fitted, a fifth of the recordings at a time; for other pitches, all of a pitch.
     """
     count = min(len(series), FOLDS)
-    known = _bands(model, series, free, noise, [at % count for at in range(len(series))])
+    by_run = _left_out(model, series, free, noise, [at % count for at in range(len(series))])
     pitches = [*model.pitches]
-    if len(pitches) < 2:
-        return replace(model, known=known, new=known)
-    new = _bands(model, series, free, noise, [pitches.index(one.pitch or 0.0) for one in series])
-    return replace(model, known=known, new=new)
+    by_pitch = (
+        _left_out(model, series, free, noise, [pitches.index(one.pitch or 0.0) for one in series])
+        if len(pitches) > 1
+        else by_run
+    )
+    model = replace(model, covariance=model.covariance + _jackknife(by_run))
+    return replace(model, known=_bands(model, by_run), new=_bands(model, by_pitch))
 
 
-def _bands(
+class _LeftOut(NamedTuple):
+    """Recordings that were left out of a fit, and that fit's values."""
+
+    values: dict[str, float]
+    series: list[Series]
+
+
+def _left_out(
     model: ForceModel, series: Sequence[Series], free: Sequence[Unknown], noise: _Noise, fold: Sequence[int]
-) -> Bands:
+) -> list[_LeftOut]:
+    """Return the fits without each fold in turn."""
+    found = []
+    for out in sorted(set(fold)):
+        others = [one for one, at in zip(series, fold, strict=True) if at != out]
+        values = dict(model.values)
+        if others:
+            data = _Data(others, model.bench, model.signal)
+            values, _ = _most_likely(data, values, free, noise, most=_FOLD_STEPS)
+        found.append(_LeftOut(values, [one for one, at in zip(series, fold, strict=True) if at == out]))
+    return found
+
+
+def _jackknife(found: Sequence[_LeftOut]) -> Array:
+    """Return the covariance of all parameters by how they differ between fits, each without a part (Tukey 1958)."""
+    rows = np.array([list(one.values.values()) for one in found])
+    off = rows - rows.mean(axis=0)
+    return np.asarray((len(found) - 1) / len(found) * off.T @ off, dtype=np.float64)
+
+
+def _bands(model: ForceModel, found: Sequence[_LeftOut]) -> Bands:
+    """Return the bands by the errors on what was left out."""
     errors: dict[str, list[Array]] = {"angle": [], "torque": []}
     hidden: dict[str, list[Array]] = {"angle": [], "torque": []}
     moved: dict[str, list[Array]] = {"angle": [], "torque": []}
-    for left_out in sorted(set(fold)):
-        others = [one for one, at in zip(series, fold, strict=True) if at != left_out]
-        fitted = model
-        if others:
-            values, _ = _most_likely(
-                _Data(others, model.bench, model.signal), model.values, free, noise, most=_FOLD_STEPS
-            )
-            fitted = replace(model, values=values)
-        for one in (one for one, at in zip(series, fold, strict=True) if at == left_out):
-            far = predicted(fitted.values, one, model.signal, model.bench)
-            left = _residuals(one, model.bench, model.signal, fitted.values)
+    for values, series in found:
+        fitted = replace(model, values=values)
+        for one in series:
+            far = predicted(values, one, model.signal, model.bench)
+            left = _residuals(one, model.bench, model.signal, values)
             by = fitted.moved(one, far)
             for channel, far_hidden, by_parameters in zip(
                 errors, (far.hidden_angle, far.hidden_torque), by, strict=True

@@ -44,10 +44,10 @@ WRIST: Final = (
 DRIVE: Final = (
     Unknown("torque_constant", "N*m/A", 1.0, 0.5, 0.01, 50.0, "drive", "Torque at the spindle per motor current"),
     Unknown("current_offset", "N*m", 0.0, 0.01, -1.0, 1.0, "offset", "Torque that the motor's current reads too high"),
-    Unknown("drive_friction", "N*m", 0.02, 0.02, 0.0, 1.0, "drive", "Friction of motor and gearbox in mid-travel"),
-    Unknown("drive_friction_slope", "N*m/rad", 0.0, 0.03, -1.0, 1.0, "drive", "Its growth along the travel"),
-    Unknown("load_friction", "1", 0.1, 0.15, 0.0, 0.9, "drive", "Share of motor torque lost in the gearbox"),
-    Unknown("viscous", "N*m*s/rad", 0.0, 0.01, 0.0, 0.5, "drive", "Viscous friction of motor and gearbox"),
+    Unknown("drive_friction", "N*m", 0.02, 0.02, 0.0, 1.0, "friction", "Friction of motor and gearbox in mid-travel"),
+    Unknown("drive_friction_slope", "N*m/rad", 0.0, 0.03, -1.0, 1.0, "friction", "Its growth along the travel"),
+    Unknown("load_friction", "1", 0.1, 0.15, 0.0, 0.9, "friction", "Share of motor torque lost in the gearbox"),
+    Unknown("viscous", "N*m*s/rad", 0.0, 0.01, 0.0, 0.5, "friction", "Viscous friction of motor and gearbox"),
     Unknown("drive_play", "rad", 0.05, 0.1, 0.001, 1.0, "drive", "Motion by which the gearbox counts as slipping"),
     Unknown("ripple_sine", "N*m", 0.0, 0.005, -0.1, 0.1, "drive", "Torque ripple of the motor, by the sine"),
     Unknown("ripple_cosine", "N*m", 0.0, 0.005, -0.1, 0.1, "drive", "Torque ripple of the motor, by the cosine"),
@@ -63,7 +63,7 @@ _LEAST_SPREAD = 0.1
 
 def recalibrated(one: Unknown, known: float) -> Unknown:
     """Return a parameter with its prior over tools like one that is known."""
-    if one.group == "offset":
+    if one.lower < 0:  # of no scale of its own
         return one._replace(start=known)
     spread = min(one.spread, max(BETWEEN_TOOLS * abs(known), _LEAST_SPREAD * one.spread))
     return one._replace(start=known, spread=spread)
