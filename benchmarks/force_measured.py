@@ -60,7 +60,8 @@ def features(series: Series, signal: Signal) -> Array:
     """Return the inputs of the peer, (n, 3)."""
     lag = max(1, round(SPEED_TIME / series.step))
     before = np.concatenate([np.repeat(series.angle[0], lag), series.angle[:-lag]])
-    return np.column_stack([series.angle, series.near(signal), (series.angle - before) / (lag * series.step)])
+    near = series.torque if signal == "torque" else series.current
+    return np.column_stack([series.angle, near, (series.angle - before) / (lag * series.step)])
 
 
 def peer(train: Sequence[Series], signal: Signal, used: Sequence[Array]) -> Callable[[Series], tuple[Array, Array]]:

@@ -24,9 +24,6 @@ struct CurrentDrive {
   S friction_slope{};   ///< its growth along the travel, N m/rad
   S load_friction{};    ///< share of the motor's torque that the gearbox loses to friction
   S viscous{};          ///< N m s/rad
-  S ripple_sine{};      ///< torque ripple over the angle, N m
-  S ripple_cosine{};    ///< N m
-  S ripple_order{};     ///< periods of the ripple per radian, times 2 pi
   S heat_loss{};        ///< share of the torque constant that is lost per A^2 of mean square current, 1/A^2
   S heat_time{60};      ///< over which that mean is taken, s
   S speed_time{0.1};    ///< over which the speed is taken, s
@@ -102,9 +99,7 @@ S shaft_torque(const CurrentDrive<S>& drive, const S& current, const S& angle, c
   memory.position = angle;
   memory.heat = memory.heat + (current * current - memory.heat) * (dt / (drive.heat_time + dt));
   const S constant = drive.torque_constant * (S(1) - drive.heat_loss * memory.heat);
-  const S phase = drive.ripple_order * angle;
-  const S motor = constant * current - drive.viscous * memory.speed - drive.ripple_sine * sin(phase) -
-                  drive.ripple_cosine * cos(phase);
+  const S motor = constant * current - drive.viscous * memory.speed;
   const S friction = larger(drive.friction + drive.friction_slope * angle + drive.load_friction * abs(motor), S(0));
   memory.gearbox.update(motor - friction, motor + friction, angle, drive.play, memory.started);
   return memory.gearbox.torque;

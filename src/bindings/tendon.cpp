@@ -116,12 +116,28 @@ void play(const In<1>& lower, const In<1>& upper, double start, const Array<std:
 }
 
 /// Of a transmission, in the order of their names.
-constexpr std::array<const char*, 25> transmission_names{
-    "torque_constant", "drive_friction",    "drive_friction_slope", "load_friction",  "viscous",
-    "ripple_sine",     "ripple_cosine",     "ripple_order",         "heat_loss",      "heat_time",
-    "speed_time",      "drive_play",        "torque_offset",        "ratio",          "torque_ratio",
-    "near_compliance", "compliance",        "far_compliance",       "near_stiffness", "far_stiffness",
-    "near_friction",   "friction_exponent", "pretension",           "joint_friction", "play"};
+constexpr std::array<const char*, 22> transmission_names{"torque_constant",
+                                                         "drive_friction",
+                                                         "drive_friction_slope",
+                                                         "load_friction",
+                                                         "viscous",
+                                                         "heat_loss",
+                                                         "heat_time",
+                                                         "speed_time",
+                                                         "drive_play",
+                                                         "torque_offset",
+                                                         "ratio",
+                                                         "torque_ratio",
+                                                         "near_compliance",
+                                                         "compliance",
+                                                         "far_compliance",
+                                                         "near_stiffness",
+                                                         "far_stiffness",
+                                                         "near_friction",
+                                                         "friction_exponent",
+                                                         "pretension",
+                                                         "joint_friction",
+                                                         "play"};
 
 Transmission<double> transmission_of(const In<1>& values) {
   require(values.shape(0) == transmission_names.size(), "values do not fit the names of a transmission");
@@ -132,9 +148,7 @@ Transmission<double> transmission_of(const In<1>& values) {
                             &drive.friction_slope,
                             &drive.load_friction,
                             &drive.viscous,
-                            &drive.ripple_sine,
-                            &drive.ripple_cosine,
-                            &drive.ripple_order,
+
                             &drive.heat_loss,
                             &drive.heat_time,
                             &drive.speed_time,

@@ -80,9 +80,6 @@ TRANSMISSION: Mapping[str, float] = MappingProxyType(
         "drive_friction_slope": 0.0,
         "load_friction": 0.0,
         "viscous": 0.0,
-        "ripple_sine": 0.0,
-        "ripple_cosine": 0.0,
-        "ripple_order": 0.0,
         "heat_loss": 0.0,
         "heat_time": 60.0,
         "speed_time": 0.1,
@@ -104,7 +101,7 @@ TRANSMISSION: Mapping[str, float] = MappingProxyType(
 )
 """Parameters of a transmission (rad, N·m, A, s) and their values where none is given: rigid, without friction or drive.
 
-The first twelve are of motor and gearbox; `far_end.hpp` defines all.
+The first nine are of motor and gearbox; `far_end.hpp` defines all.
 """
 
 

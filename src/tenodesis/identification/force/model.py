@@ -157,13 +157,13 @@ def predicted(values: Mapping[str, float], series: Series, signal: Signal, bench
     growth = math.exp(values.get("bend_growth", 0.0) * max(0.0, side * pitch))
     for name in ("friction_exponent", "compliance", "far_compliance"):
         given[name] *= growth
-    near = series.near(signal)
     if signal == "current":
-        near = near - values["current_offset"] / given["torque_constant"]
-        given["ripple_order"] = RIPPLE_ORDER
-        far = far_end(given, series.angle, current=near, time_step=series.step)
+        phase = RIPPLE_ORDER * series.angle
+        ripple = values["ripple_sine"] * np.sin(phase) + values["ripple_cosine"] * np.cos(phase)
+        current = series.current - (values["current_offset"] + ripple) / given["torque_constant"]
+        far = far_end(given, series.angle, current=current, time_step=series.step)
     else:
-        far = far_end(given, series.angle, torque=near, time_step=series.step)
+        far = far_end(given, series.angle, torque=series.torque, time_step=series.step)
     jaw = -bench.jaw * bench.load * far.angle + values["angle_offset"]
     return far._replace(angle=jaw + coupling * pitch)
 

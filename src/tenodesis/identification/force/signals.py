@@ -77,10 +77,6 @@ class Series:
         """Time between samples, s."""
         return float(np.median(np.diff(self.time)))
 
-    def near(self, signal: Signal) -> Array:
-        """Return what is measured at the near end."""
-        return self.torque if signal == "torque" else self.current
-
 
 def checked(run: MeasuredRun, signal: Signal) -> MeasuredRun:
     """Return a recording whose signals can be used, without samples at the limits of a sensor.
