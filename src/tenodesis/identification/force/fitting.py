@@ -239,7 +239,9 @@ def _offset(series: Sequence[Series], bench: Bench, values: Mapping[str, float])
 
 
 def _unknown_bands(noise: _Noise) -> Bands:
-    return Bands(Band(noise.std["angle"], 0.0, 1.0), Band(noise.std["torque"], 0.0, 1.0))
+    """Return bands where no recording was left out: what is left of those that were fitted, or usual in others."""
+    angle, torque = (max(noise.std[channel], _FIRST_NOISE[channel]) for channel in ("angle", "torque"))
+    return Bands(Band(angle, 0.0, 1.0), Band(torque, 0.0, 1.0))
 
 
 def _with_bands(model: ForceModel, series: Sequence[Series], free: Sequence[Unknown], noise: _Noise) -> ForceModel:
@@ -247,6 +249,8 @@ def _with_bands(model: ForceModel, series: Sequence[Series], free: Sequence[Unkn
 
     For the pitches that were fitted, a fifth of the recordings at a time; for other pitches, all of a pitch.
     """
+    if len(series) == 1:
+        return model
     count = min(len(series), FOLDS)
     by_run = _left_out(model, series, free, noise, [at % count for at in range(len(series))])
     pitches = [*model.pitches]
@@ -273,10 +277,8 @@ def _left_out(
     found = []
     for out in sorted(set(fold)):
         others = [one for one, at in zip(series, fold, strict=True) if at != out]
-        values = dict(model.values)
-        if others:
-            data = _Data(others, model.bench, model.signal)
-            values, _ = _most_likely(data, values, free, noise, most=_FOLD_STEPS)
+        data = _Data(others, model.bench, model.signal)
+        values, _ = _most_likely(data, model.values, free, noise, most=_FOLD_STEPS)
         found.append(_LeftOut(values, [one for one, at in zip(series, fold, strict=True) if at == out]))
     return found
 
