@@ -24,8 +24,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 
 from tenodesis.identification.datasets import davinci_posture, davinci_tool
 from tenodesis.identification.force import ForceModel, fit_force
@@ -33,6 +33,7 @@ from tenodesis.identification.force.fitting import fit_series
 from tenodesis.identification.force.results import RunResult, Traces, assess, bounds_of, pooled, traces
 from tenodesis.identification.force.signals import SIGNALS, Series, Signal, bench_of, checked, series_of
 from tenodesis.identification.formats.measured import MeasuredRun
+from tenodesis.report import page, style
 from tenodesis.run import Array
 
 PUBLISHED = "0.37° and 4.42 mN·m, neural networks, samples of all runs at random (O'Neill et al. 2018)"
@@ -280,22 +281,26 @@ def _line(row: Row) -> str:
 
 
 def draw(rows: list[Row], path: Path) -> None:
-    figure, axes = plt.subplots(2, 2, figsize=(11, 7), squeeze=False, sharex="col", layout="constrained")
-    for column, signal in enumerate(dict.fromkeys(row.signal for row in rows)):
-        shown = [row for row in rows if row.signal == signal]
-        place = np.arange(len(shown))
-        for axis, ours, theirs, published, unit in (
-            (axes[0, column], [r.torque for r in shown], [r.peer_torque for r in shown], 4.42, "torque [mN·m]"),
-            (axes[1, column], [r.angle for r in shown], [r.peer_angle for r in shown], 0.37, "angle [deg]"),
-        ):
-            axis.bar(place - 0.2, ours, 0.4, label="tendon model")
-            axis.bar(place + 0.2, theirs, 0.4, label="gradient boosting")
-            axis.axhline(published, color="black", ls=":", label="published, samples at random")
-            axis.set_ylabel(f"jaw {unit}, RMSE")
-        axes[0, column].set_title(f"from {signal}")
-        axes[1, column].set_xticks(place, [row.split for row in shown], rotation=40, ha="right")
-    axes[0, 0].legend()
-    figure.savefig(path)
+    signals = list(dict.fromkeys(row.signal for row in rows))
+    with style.applied():
+        figure = Figure(figsize=(4.6 * len(signals), 5.6), layout="constrained")
+        axes = figure.subplots(2, len(signals), squeeze=False, sharex="col")
+        for column, signal in enumerate(signals):
+            shown = [row for row in rows if row.signal == signal]
+            place = np.arange(len(shown))
+            for axis, ours, theirs, published in (
+                (axes[0, column], [r.torque for r in shown], [r.peer_torque for r in shown], 4.42),
+                (axes[1, column], [r.angle for r in shown], [r.peer_angle for r in shown], 0.37),
+            ):
+                axis.bar(place - 0.2, ours, 0.4, color=style.ACCENT, label="tendon model")
+                axis.bar(place + 0.2, theirs, 0.4, color=style.REFERENCE, label="gradient boosting")
+                axis.axhline(published, color=style.INK, ls=":", label="published, samples at random")
+            axes[0, column].set_title(f"from {signal}")
+            axes[1, column].set_xticks(place, [row.split for row in shown], rotation=40, ha="right")
+        axes[0, 0].set_ylabel("jaw torque, RMSE [mN·m]")
+        axes[1, 0].set_ylabel("jaw angle, RMSE [deg]")
+        axes[0, 0].legend()
+        path.write_text(page.svg_text(figure), "utf-8")
 
 
 def calibrate(
