@@ -299,7 +299,7 @@ def draw(rows: list[Row], path: Path) -> None:
             axes[1, column].set_xticks(place, [row.split for row in shown], rotation=40, ha="right")
         axes[0, 0].set_ylabel("jaw torque, RMSE [mN·m]")
         axes[1, 0].set_ylabel("jaw angle, RMSE [deg]")
-        axes[0, 0].legend()
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
         path.write_text(page.svg_text(figure), "utf-8")
 
 
