@@ -1,9 +1,12 @@
 // One tendon of any number of contacts for Python.
 
+#include <array>
 #include <cstdint>
+#include <iterator>
 #include <vector>
 
 #include "module.hpp"
+#include "tenodesis/far_end.hpp"
 #include "tenodesis/tendon.hpp"
 
 namespace tenodesis::bindings {
@@ -112,6 +115,76 @@ void play(const In<1>& lower, const In<1>& upper, double start, const Array<std:
   }
 }
 
+/// Of a transmission, in the order of their names.
+constexpr std::array<const char*, 22> transmission_names{"torque_constant",
+                                                         "drive_friction",
+                                                         "drive_friction_slope",
+                                                         "load_friction",
+                                                         "viscous",
+                                                         "heat_loss",
+                                                         "heat_time",
+                                                         "speed_time",
+                                                         "drive_play",
+                                                         "torque_offset",
+                                                         "ratio",
+                                                         "torque_ratio",
+                                                         "near_compliance",
+                                                         "compliance",
+                                                         "far_compliance",
+                                                         "near_stiffness",
+                                                         "far_stiffness",
+                                                         "near_friction",
+                                                         "friction_exponent",
+                                                         "pretension",
+                                                         "joint_friction",
+                                                         "play"};
+
+Transmission<double> transmission_of(const In<1>& values) {
+  require(values.shape(0) == transmission_names.size(), "values do not fit the names of a transmission");
+  Transmission<double> to{};
+  auto& drive = to.drive;
+  double* const places[] = {&drive.torque_constant,
+                            &drive.friction,
+                            &drive.friction_slope,
+                            &drive.load_friction,
+                            &drive.viscous,
+
+                            &drive.heat_loss,
+                            &drive.heat_time,
+                            &drive.speed_time,
+                            &drive.play,
+                            &to.offset,
+                            &to.ratio,
+                            &to.torque_ratio,
+                            &to.near_compliance,
+                            &to.compliance,
+                            &to.far_compliance,
+                            &to.near_stiffness,
+                            &to.far_stiffness,
+                            &to.near_friction,
+                            &to.exponent,
+                            &to.pretension,
+                            &to.joint_friction,
+                            &to.play};
+  static_assert(std::size(places) == transmission_names.size());
+  for (std::size_t i = 0; i < transmission_names.size(); ++i) *places[i] = values.data()[i];
+  return to;
+}
+
+void far_end(const In<1>& values, const In<1>& angle, const In<1>& signal, double time_step, const Out<2>& out) {
+  const std::size_t count = angle.shape(0);
+  if (signal.shape(0) != count || out.shape(0) != 5 || out.shape(1) != count)
+    throw nb::value_error("arrays do not fit");
+  const Transmission<double> transmission = transmission_of(values);
+  const nb::gil_scoped_release release;
+  FarEndMemory<double> memory{};
+  for (std::size_t i = 0; i < count; ++i) {
+    const FarEnd<double> far = follow_far_end(transmission, angle.data()[i], signal.data()[i], time_step, memory);
+    const double row[5] = {far.angle, far.torque, far.hidden_angle, far.hidden_torque, far.near_torque};
+    for (std::size_t k = 0; k < 5; ++k) out.data()[k * count + i] = row[k];
+  }
+}
+
 }  // namespace
 
 void bind_tendon(nb::module_& m) {
@@ -134,6 +207,14 @@ void bind_tendon(nb::module_& m) {
         nb::sig("def play(lower: NDArray[numpy.float64], upper: NDArray[numpy.float64], start: float, "
                 "source: NDArray[numpy.int64]) -> None"),
         "Write by which bound a value was pushed last: k + 1 by upper[k], -(k + 1) by lower[k], 0 by none.");
+  m.def(
+      "transmission_parameters", [] { return list_of(transmission_names); },
+      "Names of a transmission's parameters, in their order.");
+  m.def(
+      "far_end", &far_end, "values"_a, "angle"_a, "signal"_a, "time_step"_a, "out"_a,
+      nb::sig("def far_end(values: NDArray[numpy.float64], angle: NDArray[numpy.float64], "
+              "signal: NDArray[numpy.float64], time_step: float, out: NDArray[numpy.float64]) -> None"),
+      "Write angle and torque of the far end of a transmission, how far friction may hide each, and its near torque.");
 }
 
 }  // namespace tenodesis::bindings

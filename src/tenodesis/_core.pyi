@@ -105,6 +105,14 @@ def play(lower: NDArray[numpy.float64], upper: NDArray[numpy.float64], start: fl
     Write by which bound a value was pushed last: k + 1 by upper[k], -(k + 1) by lower[k], 0 by none.
     """
 
+def transmission_parameters() -> list[str]:
+    """Names of a transmission's parameters, in their order."""
+
+def far_end(values: NDArray[numpy.float64], angle: NDArray[numpy.float64], signal: NDArray[numpy.float64], time_step: float, out: NDArray[numpy.float64]) -> None:
+    """
+    Write angle and torque of the far end of a transmission, how far friction may hide each, and its near torque.
+    """
+
 class WristSpec:
     pass
 

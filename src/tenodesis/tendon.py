@@ -3,7 +3,9 @@
 Tensions in N, lengths in m, stiffness in N/m; friction exponents are coefficient times wrap angle.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +15,7 @@ from tenodesis import _core
 from tenodesis.errors import ArgumentError
 from tenodesis.instrument.hardware import MOST_EXPONENT
 
-__all__ = ["Tendon", "TendonRun", "transmit"]
+__all__ = ["TRANSMISSION", "FarEnd", "Tendon", "TendonRun", "far_end", "transmit"]
 
 Array = NDArray[np.float64]
 
@@ -69,6 +71,103 @@ def transmit(tension: ArrayLike, exponent: float, gain: float = 1.0, initial: fl
     _core.transmit(series, exponent, gain, held, out)
     distal: Array = out[0]
     return distal
+
+
+TRANSMISSION: Mapping[str, float] = MappingProxyType(
+    {
+        "torque_constant": 0.0,
+        "drive_friction": 0.0,
+        "drive_friction_slope": 0.0,
+        "load_friction": 0.0,
+        "viscous": 0.0,
+        "heat_loss": 0.0,
+        "heat_time": 60.0,
+        "speed_time": 0.1,
+        "drive_play": math.radians(0.5),
+        "torque_offset": 0.0,
+        "ratio": 1.0,
+        "torque_ratio": 1.0,
+        "near_compliance": 0.0,
+        "compliance": 0.0,
+        "far_compliance": 0.0,
+        "near_stiffness": 0.0,
+        "far_stiffness": 0.0,
+        "near_friction": 0.0,
+        "friction_exponent": 0.0,
+        "pretension": 0.0,
+        "joint_friction": 0.0,
+        "play": math.radians(1),
+    }
+)
+"""Parameters of a transmission (rad, N·m, A, s) and their values where none is given: rigid, without friction or drive.
+
+The first nine are of motor and gearbox; `far_end.hpp` defines all.
+"""
+
+
+class FarEnd(NamedTuple):
+    """Far end of a transmission by its near end, one value per sample, each of shape (n,)."""
+
+    angle: Array
+    """rad, without the zero of its sensor."""
+    torque: Array
+    """N·m."""
+    hidden_angle: Array
+    """How far friction may hide the angle, rad, of the opposite sign to that of the torque."""
+    hidden_torque: Array
+    """How far friction may hide the torque, N·m: where contacts have not slipped since they last reversed."""
+    near_torque: Array
+    """Torque of the near end's shaft, which a current tells, N·m."""
+
+
+def far_end(
+    parameters: Mapping[str, float],
+    angle: ArrayLike,
+    *,
+    torque: ArrayLike | None = None,
+    current: ArrayLike | None = None,
+    time_step: float = 1e-3,
+) -> FarEnd:
+    """Return angle and torque at the far end of a tendon transmission from its near end's, by the core's estimator.
+
+    Parameters
+    ----------
+    parameters
+        Parameters by their names in `TRANSMISSION`.
+    angle
+        Angle of the near end's shaft from the middle of its travel, positive as the tendon is pulled, rad, shape (n,).
+    torque, current
+        Torque of that shaft, N·m, or current of its motor, A, shape (n,): one of them.
+    time_step
+        Time between samples, s.
+
+    Raises
+    ------
+    ValueError
+        A parameter is unknown, a value is not finite, shapes differ, both or neither of torque and current are given,
+        or current is without a torque constant.
+    """
+    for name, value in parameters.items():
+        if name not in TRANSMISSION:
+            raise ArgumentError(key="parameters", value=name, allowed=f"names of {', '.join(TRANSMISSION)}")
+        _check(f"parameters[{name!r}]", value, -1e9, 1e9)
+    if (torque is None) == (current is None):
+        raise ArgumentError("torque and current are both or neither given; give one of them.", key="torque")
+    given = {**TRANSMISSION, **parameters}
+    if current is None:
+        given["torque_constant"] = 0.0
+    elif not given["torque_constant"] > 0:
+        allowed = "above 0 N*m/A for a current"
+        raise ArgumentError(key="parameters['torque_constant']", value=given["torque_constant"], allowed=allowed)
+    near = _series("angle", angle)
+    signal = _series("current" if torque is None else "torque", current if torque is None else torque)  # type: ignore[arg-type]
+    if signal.size != near.size:
+        name = "current" if torque is None else "torque"
+        raise ArgumentError(key=name, value=f"of {signal.size} samples", allowed=f"of {near.size}, those of angle")
+    _check("time_step", time_step, 1e-9, 1e6)
+    out = np.empty((5, near.size))
+    _core.far_end(np.array([given[name] for name in _core.transmission_parameters()]), near, signal, time_step, out)
+    return FarEnd(*out)
 
 
 class Tendon:

@@ -90,7 +90,7 @@ def identify(  # noqa: PLR0917
 ) -> None:
     """Identify a model from recordings: parameters with intervals, errors on held-out runs, and the instrument file."""
     tests = test or []
-    _check_files(logs, tests)
+    check_files(logs, tests)
     outputs: list[tuple[str, Path | None]] = [
         *(("--out", out / name) for name in (report.PAGE, report.NUMBERS, report.INSTRUMENT)),
         ("--json-out", json_file),
@@ -271,7 +271,8 @@ def recordings_of(logs: Sequence[Path], tests: Sequence[Path], format_name: str)
     return files
 
 
-def _check_files(logs: Sequence[Path], tests: Sequence[Path]) -> None:
+def check_files(logs: Sequence[Path], tests: Sequence[Path]) -> None:
+    """Refuse recordings that do not exist or are given twice; raises CommandError."""
     seen: dict[Path, str] = {}
     for what, paths in (("LOG", logs), ("--test", tests)):
         for path in paths:

@@ -103,6 +103,10 @@ COMMANDS: dict[str, Command | Group] = {
         "file.",
         "identify.identify",
     ),
+    "force": Command(
+        "Estimate torque and angle of a tool's jaw from its spindle's angle and torque, or motor current.",
+        "force.force",
+    ),
     "plan-identification": Command(
         "Propose the bench protocol that makes parameters identifiable, and predict their precision.",
         "plan_identification.plan_identification",

@@ -95,9 +95,9 @@ def load(path: Path) -> MeasuredRun:
 def read(path: Path, source: Source) -> MeasuredRun:
     """Return a recording of the bench.
 
-    Columns: spindle_angle, jaw_angle (rad), spindle_torque, jaw_torque (N*m), by the signs of the file; the last is as
-    it was measured, for no model takes it. The first seconds, in which the bench settles, are kept: a model with memory
-    needs them.
+    Columns: spindle_angle, jaw_angle (rad), spindle_torque, jaw_torque (N*m), motor_current (A), by the signs of the
+    file; the last two are as they were measured, for the model here does not take them. The first seconds, in which the
+    bench settles, are kept: a model with memory needs them.
 
     Raises IdentificationError if the file cannot be read, its units fit none that are known, or its samples cannot be
     used.
@@ -109,6 +109,7 @@ def read(path: Path, source: Source) -> MeasuredRun:
         {
             "spindle_angle": rows[:, 1],
             "spindle_torque": rows[:, 2],
+            "motor_current": rows[:, 3],
             "jaw_angle": rows[:, 4],
             "jaw_torque": rows[:, 5],
         },

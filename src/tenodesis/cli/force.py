@@ -1,0 +1,141 @@
+"""The command that estimates a tool's far end, its torque and angle, from its near end."""
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+
+from tenodesis.cli.common import check_choice, console, say, table, warn
+from tenodesis.cli.identify import check_files, recordings_of
+from tenodesis.cli.outputs import Overwrite, writing
+from tenodesis.errors import CommandError
+from tenodesis.files import read_regular
+from tenodesis.identification.force import report
+from tenodesis.identification.force.fitting import fit_force
+from tenodesis.identification.force.model import ForceModel, from_json
+from tenodesis.identification.force.parameters import RECALIBRATED
+from tenodesis.identification.force.results import RunResult, Traces, assess, bounds_of, pooled, traces
+from tenodesis.identification.force.signals import SIGNALS
+from tenodesis.identification.formats import load_all
+from tenodesis.identification.registry import FORMATS
+from tenodesis.identification.report import grouped
+
+FORMATS_OF_FORCE = ("davinci-tool", "davinci-posture")
+_LARGEST = 10_000_000
+
+
+def force(  # noqa: PLR0917
+    logs: Annotated[
+        list[Path], typer.Argument(metavar="LOG…", help="Recordings of both ends, or folders of text files.")
+    ],
+    signal: Annotated[str, typer.Option("--from", help="torque or current, measured at the near end.")] = "torque",
+    format_name: Annotated[str, typer.Option("--format", help=f"{', '.join(FORMATS_OF_FORCE)}.")] = "davinci-tool",
+    test: Annotated[list[Path] | None, typer.Option(metavar="FILE", help="Recording held out; repeatable.")] = None,
+    prior: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MODEL",
+            help="Model of another tool: LOG recalibrates offsets, friction and pretension; the rest is carried over.",
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for model.json and force.svg.")] = Path("out/force"),
+    overwrite: Overwrite = False,
+) -> None:
+    """Estimate torque and angle of a tool's jaw from its spindle's angle and torque, or motor current."""
+    tests = test or []
+    check_files(logs, tests)
+    check_choice("--from", signal, SIGNALS)
+    check_choice("--format", format_name, FORMATS_OF_FORCE)
+    outputs: list[tuple[str, Path | None]] = [("--out", out / name) for name in (report.MODEL, report.FIGURE)]
+    with writing(outputs, [*logs, *tests, prior], overwrite=overwrite, folder=out):
+        before = None if prior is None else _read(prior)
+        files = recordings_of(logs, tests, format_name)
+        measured = load_all(FORMATS[format_name].load, [*files, *tests])
+        chosen = next(one for one in SIGNALS if one == signal)
+        model = fit_force(measured[: len(files)], chosen, prior=before)
+        found = [traces(model, one) for one in measured]
+        results = [assess(one) for one in found]
+        by_use = {"fitted": results[: len(files)], "held out": results[len(files) :]}
+        report.write(model, by_use, found[len(files) :] or found, out)
+    for names, sentence in grouped({one.name: one.notes for one in measured}):
+        say(f"{names}: {sentence}.")
+    _print_parameters(model)
+    _print_errors(by_use)
+    _print_bounds(found)
+    _print_undetermined(model, carried=prior is not None)
+    say(f"Written: {out / report.MODEL}, {out / report.FIGURE}")
+
+
+def _read(path: Path) -> ForceModel:
+    try:
+        numbers = json.loads(read_regular(path, _LARGEST))
+    except OSError as problem:
+        raise CommandError(f"--prior is {path}, which cannot be read: {problem.strerror}.", key="--prior") from None
+    except ValueError:
+        numbers = {}
+    return from_json(numbers if isinstance(numbers, dict) else {}, str(path))
+
+
+def _print_parameters(model: ForceModel) -> None:
+    shown = table("parameters")
+    shown.add_column("parameter", no_wrap=True)
+    for heading in ("value", "±"):
+        shown.add_column(heading, justify="right", no_wrap=True)
+    for heading in ("unit", ""):
+        shown.add_column(heading, no_wrap=True)
+    weak = model.undetermined()
+    for one in model.unknowns:
+        use = "carried over" if one.name not in model.free else "not determined" if one.name in weak else ""
+        shown.add_row(one.name, f"{model.values[one.name]:.4g}", f"{model.std(one.name):.2g}", one.unit, use)
+    console.print(shown)
+
+
+def _print_errors(by_use: dict[str, list[RunResult]]) -> None:
+    shown = table("rmse, measured minus estimated, and share of samples within the 95 % interval")
+    shown.add_column("run", overflow="fold")
+    shown.add_column("use")
+    for heading in ("torque [mN·m]", "covered", "angle [deg]", "covered"):
+        shown.add_column(escape(heading), justify="right")
+    for use, rows in by_use.items():
+        for one in [*rows, *([pooled(rows)] if len(rows) > 1 else [])]:
+            shown.add_row(
+                escape(one.name),
+                use,
+                f"{1e3 * one.torque_rmse:.2f}",
+                f"{100 * one.torque_covered:.0f} %",
+                f"{math.degrees(one.angle_rmse):.2f}",
+                f"{100 * one.angle_covered:.0f} %",
+            )
+    console.print(shown)
+    for one in (one for rows in by_use.values() for one in rows if one.runaway):
+        warn(
+            f"{one.name}: its drive runs away; without {one.runaway:.2g} s around that, the errors are "
+            f"{1e3 * one.torque_rmse_steady:.2f} mN·m and {math.degrees(one.angle_rmse_steady):.2f} deg."
+        )
+
+
+def _print_bounds(found: Sequence[Traces]) -> None:
+    bounds = [bounds_of(one.series) for one in found]
+
+    def mean(name: str, scale: float) -> str:
+        values = [getattr(one, name) for one in bounds if not math.isnan(getattr(one, name))]
+        return f"{scale * math.sqrt(sum(value**2 for value in values) / len(values)):.2g}" if values else "unknown"
+
+    say(
+        f"What bounds it: noise of the torque sensors {mean('near_torque_noise', 1e3)} (spindle) and "
+        f"{mean('far_torque_noise', 1e3)} mN·m (jaw); from cycle to cycle the jaw repeats to "
+        f"{mean('far_torque_cycles', 1e3)} mN·m and {mean('far_angle_cycles', math.degrees(1))} deg, the spindle's "
+        f"torque to {mean('near_torque_cycles', 1e3)} mN·m."
+    )
+
+
+def _print_undetermined(model: ForceModel, *, carried: bool) -> None:
+    weak = model.undetermined()
+    if weak:
+        say(f"These recordings do not determine {', '.join(weak)}: what was believed before holds, with its spread.")
+    if carried:
+        say(f"Recalibrated: {', '.join(RECALIBRATED)}. All else is carried over, and its uncertainty with it.")
