@@ -52,9 +52,11 @@ Progress differentiate(const T& twin, const std::array<Dual<double, N>, twin_par
       const D play = row[backlash] * row[spool_radius];
       spool[t] = taut || i == 0 ? wound : clamp(spool[t], wound, wound + play);
       // A current shows which way its motor turns.
-      const D angle = wound / row[spool_radius];
-      if (i > 0) state.current[t].angle = state.drive[t].angle - (angle - turned[t]);
-      turned[t] = angle;
+      if (twin.sensors.current.on) {
+        const D angle = wound / row[spool_radius];
+        if (i > 0) state.current[t].angle = state.drive[t].angle - (angle - turned[t]);
+        turned[t] = angle;
+      }
     }
     Command<D> command{D(given.handle_angle),
                        D(given.force),
