@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import matplotlib as mpl
 from markupsafe import Markup, escape
 
+from tenodesis.control.parameters import tension_limit
 from tenodesis.errors import DesignError
 from tenodesis.extras import require
 from tenodesis.report import style
@@ -217,6 +218,12 @@ def _warnings(design: "Design", error: SimilarityError) -> Iterator[str]:
     ):
         if margin < asked * (1 - _ROUNDING):
             yield f"{what} at {falling_short(margin, asked)} × the largest tension; {plain(asked, 9)} × is required."
+    limit = tension_limit(design.scaled_up)
+    if limit < design.largest_tension:
+        yield (
+            f"The controller winds no tendon above {quantity(limit, 'N', 3)}, below the plan's largest tension of "
+            f"{quantity(design.largest_tension, 'N', 3)}: take load cells or a rope for more."
+        )
     if choice.encoder is None:
         yield f"No encoder of the catalogue fits a distal radius of {quantity(choice.distal.radius, 'mm', 4, 'm')}."
     if error.held_by_one:
