@@ -30,6 +30,7 @@ _SETTINGS = ("tendon_modulus", "tendon_stiffness", "pretension", "backbone_rigid
 _STEP = 1e-3  # of a central difference, relative
 _NEGLIGIBLE = 0.01  # of the target: the effect of a coarsest grade that needs no choice
 _LEAST_QUANTILE = 1.6  # of a sum of uniform and normal values, standard deviations
+_LOST = 1e9
 _TRIED = 5  # sets of equal cost
 _FRICTION = 0.2  # standard deviation of the coefficients, as tenodesis.tolerance has it
 _FEWER = 4  # times fewer instruments for what is only reported
@@ -151,11 +152,15 @@ def tolerate(
         raise ArgumentError(key="samples", value=samples, allowed="an integer from 100 to 100000")
     pair = _Pair.of(as_instrument(real_size, "real_size"), as_instrument(scaled_up, "scaled_up"))
     choosing = _Choosing(pair, target, share, samples, seed)
-    for count in range(len(pair.forces), 0, -1):
-        taken = choosing.cheapest(count)
-        if taken is not None:
-            return _budget(choosing, taken, count, is_kept=True)
-    return _budget(choosing, choosing.finest, len(pair.forces), is_kept=False)
+    every = len(pair.forces)
+    for count in range(every, 0, -1):
+        found = choosing.cheapest(count)
+        if found is not None:
+            taken, errors = found
+            beyond = choosing.drawn(taken, range(count, every))
+            return _budget(choosing, taken, np.concatenate([errors, beyond]), count, is_kept=True)
+    finest = choosing.finest
+    return _budget(choosing, finest, choosing.drawn(finest, range(every)), every, is_kept=False)
 
 
 @dataclass(frozen=True)
@@ -237,7 +242,9 @@ class _Choosing:
         at = pair.errors(*pair.built(self.keys, shifted))
         count = len(values)
         # By force, key and step: deg per SI unit.
-        self.slopes = (at[:, :count] - at[:, count:]) / (2 * _STEP * values[:, np.newaxis])
+        slopes = (at[:, :count] - at[:, count:]) / (2 * _STEP * values[:, np.newaxis])
+        # A tip that is lost so near to the nominal one is lost within any tolerance.
+        self.slopes = np.nan_to_num(slopes, nan=_LOST)
         self.designed = pair.errors([inst])[:, 0]
         self.grades = [self._grades_of(n, key) for n, key in enumerate(self.keys)]
         random = np.random.default_rng(seed)
@@ -253,7 +260,8 @@ class _Choosing:
         if key == "backbone_rigidity":
             return grades.of_backbone(nominal)
         if key in _SETTINGS:
-            return grades.of_stiffness(nominal, float(np.radians(np.abs(self.slopes[-1, n]).max()) * nominal))
+            turns = np.radians(np.abs(self.slopes[:, n]).max(axis=1)) * nominal
+            return grades.of_stiffness(nominal, float(max(turns[turns < _LOST], default=0.0)))
         return grades.of_radius(nominal)
 
     @property
@@ -266,8 +274,11 @@ class _Choosing:
         """The cheapest grade of everything."""
         return tuple(one[0] for one in self.grades)
 
-    def cheapest(self, count: int) -> tuple[Grade, ...] | None:
-        """Return the cheapest set that keeps the target at the smallest test forces, as many as `count`; None if none."""
+    def cheapest(self, count: int) -> tuple[tuple[Grade, ...], Array] | None:
+        """Return the cheapest set that keeps the target at the smallest test forces, as many as `count`.
+
+        With it comes what its instruments keep, as :meth:`drawn`; None if no set does.
+        """
         designed = np.concatenate(self.designed[:count])
         slopes = np.concatenate(self.slopes[:count], axis=1)
         for taken in self._by_cost(slopes):
@@ -276,9 +287,11 @@ class _Choosing:
             if np.quantile(error, self.share) > self.target:
                 continue
             # The largest force first, at which most sets fail.
-            if all(_spread(self.drawn(taken, n).max(axis=0), self.share).kept <= self.target
-                   for n in ((count - 1,), range(count))):  # fmt: skip
-                return taken
+            last = self.drawn(taken, (count - 1,))
+            if _spread(last[0], self.share).kept <= self.target:
+                errors = np.concatenate([self.drawn(taken, range(count - 1)), last])
+                if _spread(errors.max(axis=0), self.share).kept <= self.target:
+                    return taken, errors
         return None
 
     def _by_cost(self, slopes: Array) -> Iterator[tuple[Grade, ...]]:
@@ -305,10 +318,10 @@ class _Choosing:
                 picked = np.unravel_index(number, shape)
                 yield tuple(one[int(n)] for one, n in zip(choices, picked, strict=True))
 
-    def drawn(
-        self, taken: Sequence[Grade], forces: Sequence[int], *, friction: float = 0.0, fewer: int = 1
-    ) -> Array:
-        """Return the largest error, deg, by force and drawn instrument; infinite where its tip is lost."""
+    def drawn(self, taken: Sequence[Grade], forces: Sequence[int], *, friction: float = 0.0, fewer: int = 1) -> Array:
+        """Return the largest error, deg, of drawn instruments at some of the forces; infinite where a tip is lost."""
+        if not len(forces):
+            return np.empty((0, self.samples // fewer))
         draws = self.draws[: self.samples // fewer]
         rows = np.array(list(self.nominal.values())) + draws * np.array([one.width for one in taken])
         insts, load = self.pair.built(self.keys, rows)
@@ -327,7 +340,10 @@ class _Choosing:
         return found
 
 
-def _budget(choosing: _Choosing, taken: tuple[Grade, ...], count: int, *, is_kept: bool) -> Budget:
+def _budget(
+    choosing: _Choosing, taken: tuple[Grade, ...], errors: Array, count: int, *, is_kept: bool
+) -> Budget:
+    """Return the budget of a set of grades, with the errors of its instruments by force."""
     pair = choosing.pair
     shares, effect = choosing.shares(taken, count), np.abs(np.concatenate(choosing.slopes[:count], axis=1)).max(axis=1)
     dimensions = [
@@ -337,14 +353,11 @@ def _budget(choosing: _Choosing, taken: tuple[Grade, ...], count: int, *, is_kep
         )
         for n, (key, grade) in enumerate(zip(choosing.keys, taken, strict=True))
     ]  # fmt: skip
-    forces = range(count)
-    errors = choosing.drawn(taken, range(len(pair.forces)))
     coarsest = choosing.coarsest
 
-    def reported(grades: tuple[Grade, ...], friction: float = 0.0) -> Spread:
-        return _spread(
-            choosing.drawn(grades, forces, friction=friction, fewer=_FEWER).max(axis=0), choosing.share
-        )
+    def reported(chosen: tuple[Grade, ...], friction: float = 0.0) -> Spread:
+        drawn = choosing.drawn(chosen, range(count), friction=friction, fewer=_FEWER)
+        return _spread(drawn.max(axis=0), choosing.share)
 
     return Budget(
         pair.real_size,
