@@ -53,6 +53,15 @@ class Drawing:
 
 
 @dataclass(frozen=True)
+class Supplement:
+    """What other packages add to a plan: a card beside that of the similarity error, and rows at its end."""
+
+    card: Card
+    rows: tuple[tuple["PlanTable | Drawing", ...], ...]
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Plan:
     """All content of the plan, in plain text; an underscore precedes the index of a symbol such as l_d."""
 
@@ -70,6 +79,7 @@ class Plan:
     groups: PlanTable
     drawings: tuple[Drawing, ...]
     footer: str
+    supplement: Supplement | None = None
 
     @property
     def rows(self) -> list[list[PlanTable | Drawing]]:
@@ -83,18 +93,19 @@ class Plan:
             [output, tensions],
             [self.groups, errors],
             [self.similarity],
+            *([] if self.supplement is None else map(list, self.supplement.rows)),
         ]
 
 
-def content(design: "Design") -> Plan:
-    """Return the content of the plan of a design."""
+def content(design: "Design", supplement: Supplement | None = None) -> Plan:
+    """Return the content of the plan of a design, with what another package adds to it."""
     error = design.comparison.error(pretension=design.scaled_up.pretension)
     output, tensions, errors = figures.plan_figures(design, error)
     return Plan(
         title=f"{design.scaled_up.name}: scale model of {design.real_size.name}",
         lead=_lead(design),
-        cards=_cards(design, error),
-        warnings=tuple(_warnings(design, error)),
+        cards=_cards(design, error, supplement),
+        warnings=(*_warnings(design, error), *(supplement.warnings if supplement else ())),
         parts=plan_tables.parts(design),
         lengths=plan_tables.lengths(design),
         loads=plan_tables.loads(design),
@@ -110,15 +121,16 @@ def content(design: "Design") -> Plan:
         ),
         footer=f"tenodesis {about()['tenodesis']} · curves and loads without friction · "
         "research software, not a medical device",
+        supplement=supplement,
     )
 
 
-def write(design: "Design", folder: Path) -> tuple[Path, Path]:
+def write(design: "Design", folder: Path, supplement: Supplement | None = None) -> tuple[Path, Path]:
     """Write the plan of a design as plan.html and plan.pdf (A4) to a folder, both or neither, and return their paths.
 
     Raises DesignError if the folder cannot be written.
     """
-    plan = content(design)
+    plan = content(design, supplement)
     files = {"plan.html": html(plan).encode(), "plan.pdf": pdf(plan)}
     with written(folder, DesignError) as new:
         for name, data in files.items():
@@ -175,13 +187,17 @@ def _lead(design: "Design") -> str:
     return f"{' for '.join(joints)} joint · {axis} · from catalogue {catalogue}"
 
 
-def _cards(design: "Design", error: SimilarityError) -> tuple[Card, ...]:
+def _cards(design: "Design", error: SimilarityError, supplement: Supplement | None) -> tuple[Card, ...]:
     pretension = f"pretension to set on either tendon ({quantity(design.real_size.pretension, 'N', 3)} real-size)"
     snapped = f", {SNAPPED}" if error.held_by_one else ""
     return (
         Card(quantity(design.scaled_up.pretension, "N", 3), pretension),
         Card(f"× {fixed(float(design.comparison.force_factor()), 3)}", "force at the tip, scaled-up over real-size"),
-        Card(angle(design.objectives.similarity_error), f"largest similarity error over the working range{snapped}"),
+        Card(
+            angle(design.objectives.similarity_error),
+            f"as designed: largest similarity error over the working range{snapped}",
+        ),
+        *(() if supplement is None else (supplement.card,)),
         Card(quantity(design.objectives.force_resolution, "N", 2), "resolution of the real-size tip force"),
         Card(f"{fixed(design.objectives.tension_margin, 1)} ×", "rope's breaking load over its largest tension"),
     )

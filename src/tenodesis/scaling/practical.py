@@ -15,7 +15,7 @@ from tenodesis.instrument import Instrument
 from tenodesis.run import Array
 from tenodesis.scaling.candidates import Wheel
 from tenodesis.scaling.catalogue import Catalogue
-from tenodesis.scaling.design import Front
+from tenodesis.scaling.design import Front, described
 from tenodesis.scaling.limits import limits
 from tenodesis.scaling.scale_model import Design, Objectives, make, name_of
 from tenodesis.scaling.sweep import Stage, exact_costs, nondominated
@@ -70,6 +70,11 @@ class PracticalFront:
         """Return a design. Raises DesignError if its weights cannot set a test force precisely enough."""
         stage, number = self.places[index]
         return make(self.front.sweep.at(self.stages[stage]), number)
+
+    def described(self, index: int) -> str:
+        """Return the main parts and lengths of a design in one line."""
+        stage, number = self.places[index]
+        return described(self.stages[stage].candidates, number)
 
     @cached_property
     def columns(self) -> Array:

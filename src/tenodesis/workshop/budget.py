@@ -105,6 +105,12 @@ class Budget:
         return sum(one.cost for one in self.dimensions.values())
 
     @property
+    def rubs(self) -> bool:
+        """Whether the instrument has friction, whose coefficients may differ."""
+        friction = self.scaled_up.friction
+        return bool(friction.vertex_coefficient or friction.sheath_coefficient)
+
+    @property
     def is_kept(self) -> bool:
         """Whether the target is kept, at one test force at least."""
         return bool(self.forces)

@@ -43,10 +43,12 @@ class Reading(NamedTuple):
 
 
 class Demand(NamedTuple):
-    """What a drive must do at its spool, from the twin's runs under the controller, without a margin."""
+    """What a drive must do at its spool, from the twin's runs under the controller; speeds without a margin."""
 
+    seen: float
+    """N, largest in the runs."""
     largest_tension: float
-    """N, largest in the runs, or the controller's limit if that is more."""
+    """N, the same with a margin, or the controller's limit if that is more."""
     torque: float
     """N*m at the spool, at that tension."""
     rms_torque: float
@@ -203,8 +205,10 @@ def _demand(inst: Instrument, runs: Sequence[Run]) -> Demand:
     velocity = np.concatenate([run["spool_velocity"] for run in runs])
     time = np.concatenate([run.time for run in runs])
     step = float(np.median(np.diff(time)))
-    largest = max(float(tension.max()), tension_limit(inst))
+    seen = float(tension.max())
+    largest = max(MARGIN * seen, tension_limit(inst))
     return Demand(
+        seen,
         largest,
         largest * radius,
         float(np.sqrt(np.mean(tension**2, axis=0)).max()) * radius,
