@@ -9,7 +9,7 @@ from tenodesis.scaling.plan_text import angle, plain, quantity
 from tenodesis.workshop.budget import Budget
 from tenodesis.workshop.first_run import FirstRun
 from tenodesis.workshop.order import SPARE_TURNS, rope_length
-from tenodesis.workshop.words import tolerance
+from tenodesis.workshop.words import NAMES, tolerance
 
 FIRST_RUN, HEADER, INSTRUMENT, LOG = "first-run.toml", "controller.h", "scaled-up.toml", "first-run.mcap"
 _PROOF = 1.25  # of the controller's limit, as its fault of too much tension
@@ -36,7 +36,7 @@ def checklist(design: Design, budget: Budget, run: FirstRun) -> tuple[Step, ...]
         Step(
             "Measure every part with a tolerance, radii as diameters to the rope's centre (groove's bottom plus the "
             f"rope's {quantity(diameter, 'mm', 3, 'm')})",
-            "; ".join(f"{key} {tolerance(one)}" for key, one in budget.dimensions.items() if one.is_drawn),
+            "; ".join(f"{NAMES[key]} {tolerance(one)}" for key, one in budget.dimensions.items() if one.is_drawn),
         ),
         Step(
             f"Cut the ropes to {quantity(rope_length(inst).total, 'mm', 5, 'm')}, crimp both ends, proof-load each for "
@@ -45,8 +45,8 @@ def checklist(design: Design, budget: Budget, run: FirstRun) -> tuple[Step, ...]
         ),
         Step(
             f"Pull test: load each rope to {quantity(_PROOF * inst.pretension, 'N', 3)} three times, read the third "
-            "stretch; write the modulus found into the instrument file and run tenodesis scale with --pin again if it is "
-            "off by more than its tolerance",
+            "stretch; if it is off by more than its tolerance, give the rope with the modulus found in a catalogue of your "
+            "own, and run tenodesis scale with it again",
             f"stretches {plain(pull, 3)} mm over {quantity(inst.tendon_length or inst.overall_length, 'mm', 5, 'm')} "
             f"({plain(inst.tendon_stiffness / 1e3, 4)} N/mm)",
         ),
@@ -82,7 +82,8 @@ def checklist(design: Design, budget: Budget, run: FirstRun) -> tuple[Step, ...]
             "the readings of the table below",
         ),
         Step(
-            f"Identify the friction from the recording (tenodesis identify {LOG}) and write it into {INSTRUMENT}",
+            "Identify the friction: tenodesis plan-identification proposes the protocol for it, tenodesis identify fits its "
+            f"recording; write it into {INSTRUMENT}",
             "a coefficient between half and twice the guess; otherwise look at the vertices",
         ),
         Step(

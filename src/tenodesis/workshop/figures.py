@@ -20,13 +20,13 @@ _SHOWN = 0.005  # of the error or of the cost: smaller shares have no bar
 def budget_svg(budget: Budget) -> str:
     """Return the figure of an error budget as SVG: share of the error and cost of every dimension."""
     with style.applied(), mpl.rc_context(_SMALL):
-        return str(inline_svg("budget", _budget(budget)))
+        return inline_svg("budget", _budget(budget))
 
 
 def practical_svg(found: PracticalFront, chosen: int | None) -> str:
     """Return the figure of the designs by cost, length, waiting and robustness as SVG; `chosen` is marked."""
     with style.applied(), mpl.rc_context(_SMALL):
-        return str(inline_svg("practical", _practical(found, chosen)))
+        return inline_svg("practical", _practical(found, chosen))
 
 
 def _budget(budget: Budget) -> Figure:
@@ -36,15 +36,15 @@ def _budget(budget: Budget) -> Figure:
     fig = Figure(figsize=(7.3, 0.4 + 0.2 * len(rows)), layout="constrained")
     left, right = fig.subplots(1, 2, sharey=True)
     for axis, values, color, label in (
-        (left, [100 * one.share for one in rows], style.ACCENT, "share of the error's variance where it is largest [%]"),
-        (right, [one.cost for one in rows], style.ANTAGONIST, "cost of its tolerance [parts turned to general tolerances]"),
+        (left, [100 * one.share for one in rows], style.ACCENT, "share of the error [%]"),
+        (right, [one.cost for one in rows], style.ANTAGONIST, "cost of its tolerance"),
     ):  # fmt: skip
         axis.barh(at, values, color=color, height=0.65)
         axis.set(xlabel=label, xlim=(0, 1.18 * max(values, default=1.0) or 1.0))
         axis.grid(visible=False, axis="y")
         for y, value in zip(at, values, strict=True):
             axis.annotate(f"{value:.3g}", (value, y), (3, 0), textcoords="offset points", va="center", fontsize=6)
-    left.set_yticks(at, [f"{NAMES[one.key]}, {one.grade.name}" for one in rows])
+    left.set_yticks(at, [f"{NAMES[one.key].replace('_', '')}, {one.grade.name}" for one in rows])
     left.tick_params(axis="y", length=0, labelcolor=style.INK)
     right.tick_params(axis="y", length=0)
     return fig
@@ -55,17 +55,18 @@ def _practical(found: PracticalFront, chosen: int | None) -> Figure:
     fig = Figure(figsize=(7.3, 2.3), layout="constrained")
     left, right = fig.subplots(1, 2)
     weeks = np.floor(columns[:, 2] + 1e-9).astype(int)
-    for axis, x, name in ((left, 1e3 * columns[:, 1], "overall length [mm]"), (right, columns[:, 3], "as built: similarity error that 95 % keep [°]")):  # fmt: skip
+    for axis, x, name in ((left, 1e3 * columns[:, 1], "overall length [mm]"), (right, columns[:, 3], "error as built, 95 % [°]")):  # fmt: skip
         for count, marker in zip(sorted(set(weeks.tolist())), "osD^v", strict=False):
             of = weeks == count
-            label = "wheels and rope within days" if not count else f"{count} of them take weeks"
+            label = "wheels and rope in days" if not count else f"{count} kind{'s' * (count > 1)} in weeks"
             axis.scatter(
                 x[of], columns[of, 0], marker=marker, s=14, color=style.LOADS[min(count, 3)], label=label, linewidths=0
             )
-        axis.set(xlabel=name, ylabel="cost [parts turned to general tolerances]")
+        axis.set(xlabel=name, ylabel="cost of parts")
         axis.margins(0.12)
         _mark(axis, found, x, chosen)
-    left.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, borderaxespad=0.2)
+    handles, labels = left.get_legend_handles_labels()
+    fig.legend(handles, labels, loc="outside upper left", ncols=4)
     return fig
 
 
