@@ -362,7 +362,7 @@ CELL = '[[load_cells]]\nname = "cell"\nrange = "1 N"\n'
         ('[[weights]]\nmasses = ["1 g"]', "weights 1: counts is missing; it is required."),
         (
             '[[spools]]\nradius = "1 mm"\nradii = ["2 mm"]',
-            "spools 1: radius is not a known key (did you mean radii?); it must be one of source, radii",
+            "spools 1: radius is not a known key (did you mean radii?); it must be one of source, known, radii",
         ),
         ('[ropes]\nname = "thin"', "ropes = {'name': 'thin'}: it must be a list of tables, [[ropes]]."),
         ("pulleys = [3]", "pulleys 1 = 3: it must be a table, [[pulleys]]."),

@@ -386,7 +386,7 @@ def test_a_design_without_test_loads_has_a_plan(tmp_path: Path) -> None:
 def test_nothing_is_written_where_the_folder_cannot_be(
     design: Any, found: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(plan, "content", lambda _: found)
+    monkeypatch.setattr(plan, "content", lambda *_: found)
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(DesignError, match="file cannot be written"):
         plan.write(design, tmp_path / "file")

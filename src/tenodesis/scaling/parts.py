@@ -94,6 +94,8 @@ class _Round(CataloguePart):
 class Pulley(_Round):
     """A round pulley; of a continuum, also the distance of its tendons from the backbone."""
 
+    to_size: bool = Field(default=False, strict=True, description="Whether radii between such pulleys can be made")
+
 
 class Spool(_Round):
     """The spool of a drive."""
@@ -249,9 +251,11 @@ class _RoundSeries(_Series):
 class PulleySeries(_RoundSeries):
     """Pulleys of several radii."""
 
+    to_size: bool = Field(default=False, strict=True, description="Whether radii between these can be made")
+
     def expand(self) -> tuple[Pulley, ...]:
         """Return the pulleys."""
-        return tuple(Pulley(radius=radius, source=self.source, known=self.known) for radius in self.radii)
+        return tuple(Pulley(radius=radius, to_size=self.to_size, source=self.source, known=self.known) for radius in self.radii)
 
 
 class SpoolSeries(_RoundSeries):

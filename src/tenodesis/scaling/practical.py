@@ -13,7 +13,7 @@ from tenodesis import statics
 from tenodesis.errors import ArgumentError, DesignError
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array
-from tenodesis.scaling.candidates import Wheel
+from tenodesis.scaling.candidates import CUT_TO_ORDER, Wheel
 from tenodesis.scaling.catalogue import Catalogue
 from tenodesis.scaling.design import Front, described
 from tenodesis.scaling.limits import limits
@@ -32,7 +32,7 @@ _STIFFNESS, _PRETENSION = 0.02, 0.01
 _ANGLES, _FORCES = 9, (0.0, 0.5, 1.0)
 
 # Relative costs, ours: 1 is one part turned to general tolerances.
-_GEAR, _PER_DIAMETER, _CUT_TO_ORDER = 0.3, 20.0, 2.0
+_GEAR, _PER_DIAMETER = 0.3, 20.0
 _PER_LENGTH, _ROPE = 1.5, 300.0
 _PER_TORQUE, _MOTOR = 1.5, 4.0
 _CELL_STEPS = 500.0
@@ -179,7 +179,7 @@ def _wheel(catalogue: Catalogue, real_size: Instrument, wheel: Wheel) -> tuple[f
     if wheel.module is None:
         return 1 + _PER_DIAMETER * 2 * wheel.radius, 0, 1
     stock = is_stock(catalogue, wheel)
-    return 2 * (_GEAR + _PER_DIAMETER * 2 * wheel.tip_radius + (0 if stock else _CUT_TO_ORDER)), 0 if stock else 1, 0
+    return 2 * (_GEAR + _PER_DIAMETER * 2 * wheel.tip_radius + (0 if stock else CUT_TO_ORDER)), 0 if stock else 1, 0
 
 
 def _few(columns: Array) -> NDArray[np.int64]:

@@ -224,7 +224,7 @@ class _Pair:
         """Return the instruments that values by key (SI units) make, and what their weights give over nominal."""
         load = np.ones(len(rows))
         if PULLEY in keys:
-            load = rows[:, keys.index(PULLEY)] / self.scaled_up.conditions.cable_pulley_radius
+            load = rows[:, keys.index(PULLEY)] / _value(self.scaled_up, PULLEY)
         own = [n for n, key in enumerate(keys) if key != PULLEY]
         return [self._one({keys[n]: float(row[n]) for n in own}) for row in rows], load
 
@@ -389,7 +389,8 @@ def _keys(inst: Instrument) -> Iterator[str]:
     for key in _LENGTHS:
         if getattr(inst, key, None):
             yield key
-    yield PULLEY
+    if inst.conditions.cable_pulley_radius:
+        yield PULLEY
     yield "tendon_stiffness" if inst.given_stiffness is not None else "tendon_modulus"
     if inst.pretension > 0:
         yield "pretension"
@@ -398,7 +399,7 @@ def _keys(inst: Instrument) -> Iterator[str]:
 
 
 def _value(inst: Instrument, key: str) -> float:
-    return float(inst.conditions.cable_pulley_radius if key == PULLEY else getattr(inst, key))
+    return float((inst.conditions.cable_pulley_radius or 0.0) if key == PULLEY else getattr(inst, key))
 
 
 def _pieces(inst: Instrument, key: str) -> int:

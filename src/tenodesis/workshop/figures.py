@@ -75,11 +75,11 @@ def _mark(axis: Axes, found: PracticalFront, x: Any, chosen: int | None) -> None
     best: dict[int, list[str]] = {}
     for objective in OBJECTIVES:
         best.setdefault(found.best(objective), []).append(objective)
-    for n, names in best.items():
+    for place, (n, names) in enumerate(best.items()):
         where: Any = {"textcoords": "offset points", "fontsize": 6, "zorder": 6}
         right = x[n] < (x.min() + x.max()) / 2
         axis.annotate(
-            ", ".join(names), (x[n], found.columns[n, 0]), (5, 4) if right else (-5, 4),
+            ", ".join(names), (x[n], found.columns[n, 0]), (5 if right else -5, -9 if place % 2 else 4),
             ha="left" if right else "right", **where,
         )  # fmt: skip
         ring: Any = {"s": 45, "facecolors": "none", "edgecolors": style.INK, "linewidths": 0.8}
