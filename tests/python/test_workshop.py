@@ -11,7 +11,7 @@ import pytest
 import tenodesis as tn
 from tenodesis import scaling, tolerance, workshop
 from tenodesis.control.parameters import tension_limit
-from tenodesis.errors import ArgumentError, DesignError, ProtocolError, StudyError
+from tenodesis.errors import ArgumentError, DesignError, StudyError
 from tenodesis.scaling.practical import OBJECTIVES, PracticalFront, is_stock, practical_front
 from tenodesis.simulate import protocol as protocols
 from tenodesis.workshop import budget as budgets
@@ -50,7 +50,7 @@ def found() -> workshop.Budget:
 
 
 def test_standard_tolerances_are_those_of_iso_286() -> None:
-    """The standard's table: 10 mm IT7 15 um, 30 mm IT9 52 um, 50 mm IT6 16 um; a size on a limit is of the lower range."""
+    """The standard's table: 10 mm IT7 15 um, 30 mm IT9 52 um, above 50 mm IT6 19 um."""
     assert grades.standard_tolerance(10e-3, 7) == pytest.approx(15e-6)
     assert grades.standard_tolerance(30e-3, 9) == pytest.approx(52e-6)
     assert grades.standard_tolerance(50.01e-3, 6) == pytest.approx(19e-6)
@@ -151,9 +151,20 @@ DEMAND = workshop.Demand(90.0, 170.0, 2.1, 0.6, 0.9, 90.0)
 
 def test_the_order_list_has_every_kind_of_part_and_how_far_each_is_known(design: scaling.Design) -> None:
     items = workshop.order_list(design, DEMAND)
-    rows = list(csv.DictReader(StringIO(pack.to_csv(items))))
+    rows = list(csv.DictReader(StringIO(pack.to_csv(workshop.Item._fields, items))))
     parts = " ".join(row["part"] for row in rows)
-    for kind in ("gear", "rope", "ferrule", "load cell", "encoder", "shafts", "bearings", "screws", "weights", "spools"):
+    for kind in (
+        "gear",
+        "rope",
+        "ferrule",
+        "load cell",
+        "encoder",
+        "shafts",
+        "bearings",
+        "screws",
+        "weights",
+        "spools",
+    ):
         assert kind in parts, kind
     assert {row["status"] for row in rows} <= {"sure", "second hand", "to be checked", "ours"}
     assert {row["lead"] for row in rows} <= {"days", "weeks", "workshop"}

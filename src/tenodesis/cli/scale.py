@@ -71,7 +71,9 @@ def scale(  # noqa: PLR0917
     ] = f"{workshop.TARGET:g} deg",
     parts_too: Annotated[
         bool,
-        typer.Option("--parts/--no-parts", help="Whether to choose tolerances, and list parts, assembly and first run."),
+        typer.Option(
+            "--parts/--no-parts", help="Whether to choose tolerances, and list parts, assembly and first run."
+        ),
     ] = True,
     combinations: Annotated[
         int,
@@ -177,7 +179,7 @@ def _best(practical: PracticalFront | None, objective: Objective) -> tuple[int, 
     raise problems[0]
 
 
-def _write(
+def _write(  # noqa: PLR0917
     out: Path,
     files: Sequence[str],
     front: Front,
@@ -242,7 +244,8 @@ def _print_front(front: Front, chosen: int | None, design: Design, free: Front |
     )
     factors = design.comparison.factors
     say(
-        f"{'Another design' if chosen is None else f'Row {chosen + 1}'} is taken: {design.scaled_up.name}, length x {factors['length']:.4g}, force x "
+        f"{'Another design' if chosen is None else f'Row {chosen + 1}'} is taken: {design.scaled_up.name}, length "
+        f"x {factors['length']:.4g}, force x "
         f"{factors['force']:.4g}, tension x {factors['tension']:.4g}; pretension {design.scaled_up.pretension:.4g} N."
     )
     if free is not None:
@@ -263,7 +266,8 @@ def _print_objectives(practical: PracticalFront, taken: Objective | None) -> Non
         found.add_row(objective, *row, style="bold" if objective == taken else None)
     console.print(found)
     say(
-        "Cost: of parts, 1 is one turned to general tolerances. Weeks: kinds of wheels and ropes that take weeks to get. "
+        "Cost: of parts, 1 is one turned to general tolerances. Weeks: kinds of wheels and ropes that take weeks "
+        "to get. "
         "As built: what 95 % keep with usual tolerances, without friction."
     )
 

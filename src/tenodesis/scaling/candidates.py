@@ -254,7 +254,7 @@ def _pairs(real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any])
 
 
 def _cost_of_ratio(real_size: Instrument, proximal: float) -> float:
-    """Return the similarity error, deg, of another proximal radius (m) at real size, at the end of the working range."""
+    """Return the similarity error, deg, of another proximal radius (m) at real size, where the working range ends."""
     end = statics.reach(real_size)
     other = real_size.replace(**{field_of(real_size, "proximal_radius"): proximal})
     angles = [float(statics.output_angle(one, np.array([end]))[0]) for one in (real_size, other)]
@@ -271,7 +271,8 @@ def _cut_to_order(catalogue: Catalogue, ratio: float, tolerance: float) -> str:
     if small is None:
         return ""
     return (
-        f"; or have two proximal gears of {round(small * ratio)} teeth cut to order for the distal ones of {small}, which "
+        f"; or have two proximal gears of {round(small * ratio)} teeth cut to order for the distal ones of "
+        f"{small}, which "
         f"costs weeks and about {2 * CUT_TO_ORDER:g} turned parts: give [gears] teeth = [{least}, "
         f"{max(most, round(small * ratio))}]"
     )

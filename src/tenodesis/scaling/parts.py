@@ -164,14 +164,14 @@ class Hardware(CataloguePart):
     """A part that a drawing shows but nobody makes: bearings, shafts, screws, ferrules, drives."""
 
     name: Name = Field(description="Designation, by its standard where there is one")
-    kind: Literal["bearing", "shaft", "screw", "ferrule", "drive", "acquisition"] = Field(description="What it is")
+    use: Literal["bearing", "shaft", "screw", "ferrule", "drive", "acquisition"] = Field(description="What it is")
     size: Length | None = Field(default=None, description="Bore, diameter, thread, or the rope's diameter; None: any")
     static_load: PositiveForce | None = Field(default=None, description="Static load rating of a bearing")
 
     @property
     def key(self) -> str:
-        """Kind and name."""
-        return f"{self.kind} {self.name}"
+        """Use and name."""
+        return f"{self.use} {self.name}"
 
 
 class Weight(CataloguePart):
@@ -255,7 +255,9 @@ class PulleySeries(_RoundSeries):
 
     def expand(self) -> tuple[Pulley, ...]:
         """Return the pulleys."""
-        return tuple(Pulley(radius=radius, to_size=self.to_size, source=self.source, known=self.known) for radius in self.radii)
+        return tuple(
+            Pulley(radius=radius, to_size=self.to_size, source=self.source, known=self.known) for radius in self.radii
+        )
 
 
 class SpoolSeries(_RoundSeries):

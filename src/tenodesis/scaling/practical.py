@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple, TypeAlias, get_args
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,7 +89,7 @@ class PracticalFront:
         return self.ranked(objective)[0]
 
     def ranked(self, objective: Objective) -> list[int]:
-        """Return the indices of all designs, the best by an objective first. Raises ValueError if there is none such."""
+        """Return the indices of all designs, the best by an objective first; raises ValueError if there is no such."""
         if objective not in OBJECTIVES:
             raise ArgumentError(key="objective", value=objective, allowed=f"one of {', '.join(OBJECTIVES)}")
         first = OBJECTIVES.index(objective)
@@ -101,7 +101,7 @@ class PracticalFront:
 
 
 def practical_front(front: Front) -> PracticalFront:
-    """Return the front of a search by cost, size, waiting and robustness, of all designs judged that are similar enough.
+    """Return the front by cost, size, waiting and robustness, of all designs of a search that are similar enough.
 
     Similar enough are designs with an error of :data:`SIMILAR` or less over the full working range, or up to twice the
     least error where none is. Raises DesignError if none of them meets every limit.
@@ -144,7 +144,7 @@ def practical_front(front: Front) -> PracticalFront:
 
 
 def is_stock(catalogue: Catalogue, wheel: Wheel) -> bool:
-    """Return whether a gear is of a module and a number of teeth that dealers often keep, as far as the catalogue says."""
+    """Return whether a gear has a module and a number of teeth that dealers keep, as far as the catalogue says."""
     gears = catalogue.gears
     if gears is None or wheel.module is None:
         return False
@@ -195,13 +195,14 @@ def _few(columns: Array) -> NDArray[np.int64]:
 
 def _as_built(real_size: Instrument, values: Mapping[str, float], largest: float) -> float:
     """Return the similarity error, deg, that 95 % keep with usual tolerances, by derivatives of the output angle."""
-    fields = {field: values[name] for field, name in real_size.parameter_fields.items() if name in values}
+    named = real_size.parameter_fields.items()
+    fields: dict[str, Any] = {field: values[name] for field, name in named if name in values}
     length = fields.pop("tendon_length")
     fields |= {"overall_length": length, "tendon_length": None, "tendon_stiffness": None, "overrides": None}
     inst = real_size.replace(**fields, name=name_of(real_size), dynamics=None, mismatch=None, control=None)
     handle = np.linspace(0, 1, _ANGLES)[:, None] * min(statics.reach(inst), statics.reach(real_size))
     force = np.array(_FORCES) * largest * values["force_factor"]
-    widths = {
+    widths: dict[str, float] = {
         **{key: _RADIUS for key in fields if key.endswith(("_radius", "_offset"))},
         **{key: _LENGTH for key in ("end_effector_length", "backbone_length") if key in fields},
         "tendon_modulus": _STIFFNESS * values["tendon_modulus"],

@@ -231,7 +231,9 @@ def _scaled_up(found: Sweep, choice: Choice, values: Mapping[str, float], tests:
 def _tension_limit(scaled_up: Instrument, largest: float) -> float | None:
     """Return the limit (N) that lets the controller reach the plan's largest tension; None where the default does."""
     default, wanted = tension_limit(scaled_up), _OVER_LARGEST * largest
-    room = min(scaled_up.sensors.load_cell_range / _CELL_OVER_LIMIT, (scaled_up.breaking_load or inf) / _ROPE_OVER_LIMIT)
+    room = min(
+        scaled_up.sensors.load_cell_range / _CELL_OVER_LIMIT, (scaled_up.breaking_load or inf) / _ROPE_OVER_LIMIT
+    )
     return min(wanted, room) if default < min(wanted, room) else None
 
 

@@ -45,7 +45,8 @@ def checklist(design: Design, budget: Budget, run: FirstRun) -> tuple[Step, ...]
         ),
         Step(
             f"Pull test: load each rope to {quantity(_PROOF * inst.pretension, 'N', 3)} three times, read the third "
-            "stretch; if it is off by more than its tolerance, give the rope with the modulus found in a catalogue of your "
+            "stretch; if it is off by more than its tolerance, give the rope with the modulus found in a "
+            "catalogue of your "
             "own, and run tenodesis scale with it again",
             f"stretches {plain(pull, 3)} mm over {quantity(inst.tendon_length or inst.overall_length, 'mm', 5, 'm')} "
             f"({plain(inst.tendon_stiffness / 1e3, 4)} N/mm)",
@@ -69,11 +70,13 @@ def checklist(design: Design, budget: Budget, run: FirstRun) -> tuple[Step, ...]
             f"tenodesis check {INSTRUMENT}",
             f"no warning about tensions; tension limit {quantity(limit, 'N', 4)}, above the plan's largest "
             f"{quantity(design.largest_tension, 'N', 4)}; force limit {quantity(force_limit(inst), 'N', 3)}; friction "
-            f"guess {plain(friction.vertex_coefficient)} at vertices, {plain(friction.sheath_coefficient)} in the sheath",
+            f"guess {plain(friction.vertex_coefficient)} at vertices, {plain(friction.sheath_coefficient)} in the "
+            "sheath",
         ),
         Step(
             "Motors on, tip free, hand off: home to the pretension",
-            f"both cells {quantity(inst.pretension, 'N', 4)}; each spool winds {plain(wound, 3)}° ({plain(stretch, 3)} mm) "
+            f"both cells {quantity(inst.pretension, 'N', 4)}; each spool winds {plain(wound, 3)}° "
+            f"({plain(stretch, 3)} mm) "
             "from taut; a cell that falls while its motor winds is wired to the other tendon",
         ),
         Step(
@@ -82,7 +85,8 @@ def checklist(design: Design, budget: Budget, run: FirstRun) -> tuple[Step, ...]
             "the readings of the table below",
         ),
         Step(
-            "Identify the friction: tenodesis plan-identification proposes the protocol for it, tenodesis identify fits its "
+            "Identify the friction: tenodesis plan-identification proposes the protocol for it, tenodesis "
+            "identify fits its "
             f"recording; write it into {INSTRUMENT}",
             "a coefficient between half and twice the guess; otherwise look at the vertices",
         ),

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import groupby
 from typing import NamedTuple
 
@@ -346,9 +345,7 @@ class _Choosing:
         return found
 
 
-def _budget(
-    choosing: _Choosing, taken: tuple[Grade, ...], errors: Array, count: int, *, is_kept: bool
-) -> Budget:
+def _budget(choosing: _Choosing, taken: tuple[Grade, ...], errors: Array, count: int, *, is_kept: bool) -> Budget:
     """Return the budget of a set of grades, with the errors of its instruments by force."""
     pair = choosing.pair
     shares, effect = choosing.shares(taken, count), np.abs(np.concatenate(choosing.slopes[:count], axis=1)).max(axis=1)

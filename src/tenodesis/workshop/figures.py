@@ -55,7 +55,11 @@ def _practical(found: PracticalFront, chosen: int | None) -> Figure:
     fig = Figure(figsize=(7.3, 2.3), layout="constrained")
     left, right = fig.subplots(1, 2)
     weeks = np.floor(columns[:, 2] + 1e-9).astype(int)
-    for axis, x, name in ((left, 1e3 * columns[:, 1], "overall length [mm]"), (right, columns[:, 3], "error as built, 95 % [°]")):  # fmt: skip
+    panels = (
+        (left, 1e3 * columns[:, 1], "overall length [mm]"),
+        (right, columns[:, 3], "error as built, 95 % [°]"),
+    )
+    for axis, x, name in panels:
         for count, marker in zip(sorted(set(weeks.tolist())), "osD^v", strict=False):
             of = weeks == count
             label = "wheels and rope in days" if not count else f"{count} kind{'s' * (count > 1)} in weeks"

@@ -166,7 +166,9 @@ def _readings(design: Design, planned: Protocol, runs: Sequence[Sequence[Run]]) 
     for n, test in enumerate(_loads(design), len(planned.phases) - len(_loads(design))):
         step = f"load {test.real_force:.3g} N real-size, {test.force:.3g} N"
         moved = [_moved(run[n], _loaded(run[n])) for run in runs]
-        yield _reading(step, "tip, change under the load", "deg", moved, 0.3, "more: rope softer than assumed, or slack")
+        yield _reading(
+            step, "tip, change under the load", "deg", moved, 0.3, "more: rope softer than assumed, or slack"
+        )
         for tendon, name in enumerate(("agonist", "antagonist")):
             pulled = [float(np.mean(run[n]["measured_tension"][_loaded(run[n]), tendon])) for run in runs]
             yield _reading(
@@ -175,7 +177,9 @@ def _readings(design: Design, planned: Protocol, runs: Sequence[Sequence[Run]]) 
             )  # fmt: skip
 
 
-def _reading(step: str, what: str, unit: str, values: Sequence[float], tolerance: float, otherwise: str) -> Reading:
+def _reading(  # noqa: PLR0917
+    step: str, what: str, unit: str, values: Sequence[float], tolerance: float, otherwise: str
+) -> Reading:
     return Reading(step, what, unit, values[0], min(values) - tolerance, max(values) + tolerance, otherwise)
 
 

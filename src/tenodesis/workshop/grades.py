@@ -79,7 +79,9 @@ def of_stiffness(nominal: float, turn: float) -> tuple[Grade, ...]:
     grades = [
         _share("rope as bought", nominal, 0.05, 0.0, "ours: spread of catalogue moduli, a bedded-in rope"),
         _share("pull test of one rope", nominal, 0.02, 1.0, "ours: load cell and dial gauge"),
-        _share("pull test of every tendon", nominal, 0.01, 2.0, "ours: with its terminations, load cell and dial gauge"),
+        _share(
+            "pull test of every tendon", nominal, 0.01, 2.0, "ours: with its terminations, load cell and dial gauge"
+        ),
     ]
     trimmed = _TRIMMED / turn if turn > 0 else inf
     if trimmed < 0.01:
@@ -98,7 +100,10 @@ def of_pretension(inst: Instrument) -> tuple[Grade, ...]:
     return _worthwhile(
         [
             _share("spring balance", nominal, 0.05, 0.0, "ours"),
-            _share("load cells, tared", nominal, as_sold, 0.5, "the file's gain error and offset; a fifth of the sheath's friction"),
+            _share(
+                "load cells, tared", nominal, as_sold, 0.5,
+                "the file's gain error and offset; a fifth of the sheath's friction",
+            ),
             _share(
                 "load cells calibrated by weights", nominal, calibrated, 1.5,
                 "ours: 0.1 %, a step of the cell, tendons worked to and fro so that the sheath's friction cancels",

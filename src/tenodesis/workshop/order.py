@@ -1,10 +1,8 @@
-"""The order list of a scale model: what to buy and what to make, with what each must do and where that is known from."""
+"""The order list of a scale model: what to buy and to make, what each must do, and where that is known from."""
 
-import csv
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from io import StringIO
 from typing import Literal, NamedTuple, TypeAlias
 
 from tenodesis import kinematics
@@ -33,7 +31,7 @@ _ROUNDED = 0.1  # m, to which ropes are ordered
 class Item(NamedTuple):
     """A line of the order list."""
 
-    count: str
+    number: str
     part: str
     designation: str
     requirement: str
@@ -84,15 +82,6 @@ def order_list(design: Design, demand: Demand) -> tuple[Item, ...]:
     )
 
 
-def to_csv(items: Sequence[Item]) -> str:
-    """Return the order list as CSV."""
-    text = StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(Item._fields)
-    writer.writerows([field.replace("\u00a0", " ") for field in item] for item in items)
-    return text.getvalue()
-
-
 def _wheels(design: Design) -> Iterator[Item]:
     choice, inst = design.choice, design.scaled_up
     axes = len(inst.axes)
@@ -105,7 +94,7 @@ def _wheels(design: Design) -> Iterator[Item]:
                 f"spur gear, module {quantity(wheel.module, 'mm', 4, 'm')}, {wheel.teeth} teeth, 20°",
                 f"pitch radius {radius} = radius to the rope's centre; two tunnels to be drilled",
                 "bought", "days" if stock else "weeks", "to be checked",
-                "ISO 54 (module), ISO 53 (profile); " + ("a number of teeth that is often kept" if stock else "likely cut to order"),
+                "ISO 54 (module), ISO 53 (profile); " + ("often kept" if stock else "likely cut to order"),
             )  # fmt: skip
         elif inst.joint_type == "continuum" and end == "distal":
             yield Item(
@@ -187,9 +176,11 @@ def _joints(design: Design) -> Iterator[Item]:
         if bearing is not None:
             shaft = _least(_kind(design, "shaft"), bearing.size or bore) or shaft
         pull = quantity(force, "N", 3)
+        carried = quantity(_BEARING_MARGIN * force / 2, "N", 3)
+        seated = f"static load {carried} or more; seated in the links, not in the wheels"
         for part, number, found, what in (
             (f"{end} shafts", count, shaft, f"⌀ {quantity(least, 'mm', 3, 'm')} or more: bent by {pull}"),
-            (f"{end} bearings", 2 * count, bearing, f"static load {quantity(_BEARING_MARGIN * force / 2, 'N', 3)} or more; seated in the links, not in the wheels"),
+            (f"{end} bearings", 2 * count, bearing, seated),
         ):  # fmt: skip
             yield _of_catalogue(str(number), part, found, what)
     lengths = kinematics.dimensions(inst)
@@ -229,12 +220,19 @@ def _drives(design: Design, demand: Demand) -> Iterator[Item]:
                 "to be checked", "twin",
             )  # fmt: skip
             continue
-        own = f"{quantity(motor.torque, 'N*m', 3)}, {quantity(motor.speed, 'rad/s', 3)}, {quantity(motor.inertia, 'kg*m^2', 2)}"
+        own = ", ".join(
+            quantity(value, unit, digits)
+            for value, unit, digits in (
+                (motor.torque, "N*m", 3), (motor.speed, "rad/s", 3), (motor.inertia, "kg*m^2", 2),
+            )
+        )  # fmt: skip
         yield Item(str(count), part, motor.name, f"{what}; has {own}", "bought", "weeks", motor.known, motor.source)
     for n, kind in enumerate(("drive", "acquisition"), 1):
         for found in _kind(design, kind)[:1]:
             many = str(count) if kind == "drive" else "1"
-            told = "one per motor, speed set point" if kind == "drive" else "instead of these drives, as the paper had it"
+            told = (
+                "one per motor, speed set point" if kind == "drive" else "instead of these drives, as the paper had it"
+            )
             yield Item(
                 many, f"amplifiers, alternative {n}", found.name, told, "bought", "weeks", found.known, found.source
             )
@@ -292,7 +290,7 @@ def _of_catalogue(count: str, part: str, found: Hardware | None, what: str) -> I
 
 
 def _kind(design: Design, kind: str) -> list[Hardware]:
-    return [one for one in design.catalogue.hardware if one.kind == kind]
+    return [one for one in design.catalogue.hardware if one.use == kind]
 
 
 def _least(parts: Sequence[Hardware], size: float) -> Hardware | None:

@@ -21,7 +21,7 @@ from tenodesis.workshop import figures
 from tenodesis.workshop.assembly import FIRST_RUN, HEADER, Step, checklist
 from tenodesis.workshop.budget import PULLEY, TARGET, Budget, Spread, tolerate
 from tenodesis.workshop.first_run import FirstRun, rehearse
-from tenodesis.workshop.order import Item, order_list, to_csv
+from tenodesis.workshop.order import Item, order_list
 from tenodesis.workshop.words import NAMES, nominal, tolerance
 
 ORDER, TOLERANCES, STUDY, CHECKLIST = "order.csv", "tolerances.csv", "tolerances.toml", "checklist.csv"
@@ -54,7 +54,9 @@ class Pack:
             (_readings(self.first_run),),
         ]
         if self.practical is not None:
-            caption = "Designs that none beats in cost, length, time to get and robustness; ringed: best by an objective"
+            caption = (
+                "Designs that none beats in cost, length, time to get and robustness; ringed: best by an objective"
+            )
             rows += [
                 (_objectives(self.practical),),
                 (Drawing(caption, figures.practical_svg(self.practical, chosen)),),
@@ -65,10 +67,10 @@ class Pack:
         """Write the files of the pack to a folder; see :data:`FILES`. Raises OSError if it cannot be written."""
         first = self.first_run
         texts = {
-            ORDER: to_csv(self.items),
-            TOLERANCES: _csv(_TOLERANCE_COLUMNS, _tolerance_rows(self.budget)),
+            ORDER: to_csv(Item._fields, self.items),
+            TOLERANCES: to_csv(_TOLERANCE_COLUMNS, _tolerance_rows(self.budget)),
             STUDY: study_file(self.budget),
-            CHECKLIST: _csv(("step", "do", "see"), [(str(n), *step) for n, step in enumerate(self.steps, 1)]),
+            CHECKLIST: to_csv(("step", "do", "see"), [(str(n), *step) for n, step in enumerate(self.steps, 1)]),
             FIRST_RUN: first.protocol.to_toml(),
             HEADER: header(self.design.scaled_up, homed=False),
         }
@@ -108,13 +110,11 @@ def prepare(
     progress("running the twin", 1, 2)
     first = rehearse(design)
     progress("running the twin", 2, 2)
-    return Pack(
-        design, budget, first, order_list(design, first.demand), checklist(design, budget, first), practical
-    )
+    return Pack(design, budget, first, order_list(design, first.demand), checklist(design, budget, first), practical)
 
 
 def study_file(budget: Budget) -> str:
-    """Return the tolerances as the text of a tolerance file, for ``tenodesis tolerance``; the rig's pulley is no part."""
+    """Return the text of a tolerance file, for ``tenodesis tolerance``; the rig's pulley is no part of it."""
     tables: list[dict[str, Any]] = []
     for one in budget.dimensions.values():
         if one.key == PULLEY:
@@ -123,7 +123,9 @@ def study_file(budget: Budget) -> str:
         kind = {"distribution": "normal", "standard_deviation": width} if one.grade.is_normal else {
             "distribution": "uniform", "half_width": width}  # fmt: skip
         tables.append({"key": one.key, **kind, "source": f"{one.grade.name}; {one.grade.source}"[:200]})
-    about = f"keeps {budget.target:g} deg for {100 * budget.share:g} % of the instruments built" if budget.is_kept else ""
+    about = (
+        f"keeps {budget.target:g} deg for {100 * budget.share:g} % of the instruments built" if budget.is_kept else ""
+    )
     return tomli_w.dumps({"name": "as drawn", "description": about, "parameters": tables})
 
 
@@ -164,7 +166,10 @@ def _warnings(budget: Budget) -> list[str]:
 
 def _as_built(budget: Budget) -> PlanTable:
     share = f"{100 * budget.share:g} %"
-    rows = [("as designed, with friction", angle(budget.designed), ""), _spread("with the tolerances below", budget.built)]
+    rows = [
+        ("as designed, with friction", angle(budget.designed), ""),
+        _spread("with the tolerances below", budget.built),
+    ]
     for force, spread in budget.by_force.items():
         rows.append(_spread(f"of these, at {plain(force, 3)} N real-size", spread))
     if budget.rubs:
@@ -176,7 +181,8 @@ def _as_built(budget: Budget) -> PlanTable:
         ("", "median", f"{share} keep"),
         tuple(rows),
         note=f"{budget.samples} instruments drawn and run on the quasi-static twin, largest difference of the output "
-        f"angle over a loop of the handle; caused by {_causes([(key, one.share) for key, one in budget.dimensions.items()])}; "
+        "angle over a loop of the handle; caused by "
+        f"{_causes([(key, one.share) for key, one in budget.dimensions.items()])}; "
         f"with the cheapest grades by {_causes(coarsest)}",
     )
 
@@ -211,8 +217,8 @@ def _tolerance_rows(budget: Budget) -> list[tuple[str, ...]]:
 def _tolerances(budget: Budget) -> PlanTable:
     rows = [
         (
-            NAMES[one.key], one.grade.name, nominal(one), tolerance(one), f"{100 * one.share:.0f}", fixed(one.effect, 3),
-            fixed(one.cost, 1),
+            NAMES[one.key], one.grade.name, nominal(one), tolerance(one), f"{100 * one.share:.0f}",
+            fixed(one.effect, 3), fixed(one.cost, 1),
         )
         for one in budget.dimensions.values()
     ]  # fmt: skip
@@ -234,11 +240,12 @@ def _order(items: Sequence[Item]) -> PlanTable:
     return PlanTable(
         "Order list (order.csv has the sources)",
         ("no.", "part", "take", "which must", "in", "known"),
-        tuple((one.count, one.part, one.designation, one.requirement, one.lead, one.status) for one in items),
+        tuple((one.number, one.part, one.designation, one.requirement, one.lead, one.status) for one in items),
         texts=6,
         wide=(2, 3),
         names=True,
-        note="in: days from stock, weeks on order, or made in the workshop. known: second hand is quoted by others, to be "
+        note="in: days from stock, weeks on order, or made in the workshop. known: second hand is quoted by "
+        "others, to be "
         "checked is assumed; ask the maker before you order",
     )
 
@@ -266,7 +273,8 @@ def _readings(run: FirstRun) -> PlanTable:
         tuple(rows),
         texts=3,
         wide=(0, 2),
-        note="by the twin without a controller; between: for half to twice the guessed friction, and what the sensors leave "
+        note="by the twin without a controller; between: for half to twice the guessed friction, and what the "
+        "sensors leave "
         f"open. With the controller the tip comes back to {angle(run.left)} under each of these loads",
     )
 
@@ -289,13 +297,16 @@ def _objectives(found: PracticalFront) -> PlanTable:
         tuple(rows),
         texts=2,
         wide=(1,),
-        note="cost of parts, 1 is one part turned to general tolerances (ours); weeks: kinds of wheels and ropes that take "
-        "weeks, made: parts to make. as built: what 95 % keep with tolerances of about IT10 and ISO 2768-m, a rope known to "
+        note="cost of parts, 1 is one part turned to general tolerances (ours); weeks: kinds of wheels and ropes "
+        "that take "
+        "weeks, made: parts to make. as built: what 95 % keep with tolerances of about IT10 and ISO 2768-m, a "
+        "rope known to "
         "2 % and a pretension to 1 %, without friction, by linear propagation",
     )
 
 
-def _csv(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def to_csv(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return rows of text as CSV, with plain spaces."""
     text = StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
