@@ -183,7 +183,7 @@ def test_two_alternatives_of_motors_do_what_the_twin_demands(design: scaling.Des
 
 def test_a_demand_beyond_every_motor_is_said_so(design: scaling.Design) -> None:
     items = workshop.order_list(design, DEMAND._replace(torque=100.0))
-    assert [one for one in items if "none of the catalogue is large enough" in one.designation]
+    assert [one for one in items if "none of the catalogue fits" in one.designation]
 
 
 # ---- the first run

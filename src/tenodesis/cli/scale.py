@@ -12,7 +12,7 @@ from rich.markup import escape
 from tenodesis import scaling, workshop
 from tenodesis.cli.common import ProgressBar, console, load_instrument, quantity, say, table, value_errors
 from tenodesis.cli.outputs import Overwrite, write_errors, writing
-from tenodesis.errors import CommandError
+from tenodesis.errors import CommandError, NoSolutionError, ProtocolError, StudyError
 from tenodesis.extras import require
 from tenodesis.files import atomic_files
 from tenodesis.instrument import Instrument
@@ -105,10 +105,7 @@ def scale(  # noqa: PLR0917
         practical = _practical(front, objective, parts_too=parts_too)
         chosen, design = _chosen(front, prefer, pick) if objective is None else _best(practical, objective)
         free = _front(model, parts, {}, combinations, report) if pins else None
-        pack = None
-        if parts_too:
-            with value_errors():
-                pack = workshop.prepare(design, practical, target=target, progress=report)
+        pack, lacking = _pack(design, practical, target, report) if parts_too else (None, "")
         report("writing the plan", 0, 1)
         _write(out, files, front, design, free, pack, None if objective is None else chosen)
         report("writing the plan", 1, 1)
@@ -117,6 +114,8 @@ def scale(  # noqa: PLR0917
         _print_objectives(practical, objective)
     if pack is not None:
         _print_built(pack)
+    if lacking:
+        say(lacking)
     picture = "a picture of the front without pins" if pins else "its picture"
     say(f"{out / files[0]}, {out / 'plan.html'}, {out / 'plan.pdf'}, {out / 'front.csv'} and {picture} are written.")
 
@@ -165,6 +164,17 @@ def _practical(front: Front, objective: Objective | None, *, parts_too: bool) ->
         if objective is None:
             return None
         raise
+
+
+def _pack(
+    design: Design, practical: PracticalFront | None, target: float, report: Report
+) -> tuple[workshop.Pack | None, str]:
+    """Return what a workshop needs besides the plan; or a sentence on why a design has no such, and the plan alone."""
+    with value_errors():
+        try:
+            return workshop.prepare(design, practical, target=target, progress=report), ""
+        except (StudyError, ProtocolError, NoSolutionError) as problem:
+            return None, f"There are no tolerances, order list and first run for it: {problem}"
 
 
 def _best(practical: PracticalFront | None, objective: Objective) -> tuple[int, Design]:

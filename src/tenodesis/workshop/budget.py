@@ -1,7 +1,7 @@
 """The tolerances of a scale model: what each costs of the error budget, and the cheapest set that keeps a target."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import NamedTuple
 
@@ -85,7 +85,7 @@ class Budget:
     forces: tuple[float, ...]
     """Test forces up to which the target is kept, N real-size; empty if it is kept at none."""
     by_force: Mapping[float, Spread]
-    """What the drawn instruments keep at each test force, N real-size."""
+    """What the drawn instruments keep at each test force that the nominal ones hold, N real-size."""
     built: Spread
     """Over the forces at which the target is to be kept; of all where it is kept at none."""
     designed: float
@@ -97,6 +97,10 @@ class Budget:
     """With the chosen tolerances and friction coefficients that differ by 20 % from the real-size ones."""
     samples: int
     seed: int
+
+    def __repr__(self) -> str:
+        keeps = f"{100 * self.share:g} % keep {self.built.kept:.3g} deg"
+        return f"<Budget of {self.scaled_up.name!r}: {len(self.dimensions)} dimensions, {keeps}, cost {self.cost:.3g}>"
 
     @property
     def cost(self) -> float:
@@ -127,7 +131,7 @@ def tolerate(
     """Find the cheapest tolerances with which a share of the scale models built keeps a similarity error.
 
     The error is the largest difference in output angle over a loop of the handle with friction, at every test force of
-    the scaled-up instrument. Sets of grades are compared by exact linear propagation; the one taken is verified with
+    the scaled-up instrument that both hold. Sets of grades are compared by exact linear propagation; the one taken is verified with
     instruments drawn from it on the quasi-static twin. Where no set keeps the target at the largest test force, the
     largest forces are left out until one does.
 
@@ -145,7 +149,7 @@ def tolerate(
     Raises
     ------
     StudyError
-        The instruments cannot be compared, or the nominal ones do not hold a test force.
+        The instruments cannot be compared, or the nominal ones do not hold the smallest test force.
     ValueError
         An argument is out of its range.
     """
@@ -195,13 +199,14 @@ class _Pair:
         cycle, other = cycles(comparison)
         reference = np.array([angles_of_many([real_size], cycle, force)[0][0] for force in given])
         found = cls(real_size, scaled_up, comparison, given, cycle, other, reference, factor)
-        for force, error in zip(given, found.errors([scaled_up]), strict=True):
-            if np.isnan(error).any():
-                raise StudyError(
-                    f"{scaled_up.name} or {real_size.name} does not hold {force:.4g} N (real-size) through its working "
-                    "range; use smaller test forces."
-                )
-        return found
+        held = ~np.isnan(found.errors([scaled_up])).any(axis=(1, 2))
+        if not held[0]:
+            raise StudyError(
+                f"{scaled_up.name} or {real_size.name} does not hold {given[0]:.4g} N (real-size) through its working "
+                "range; use smaller test forces."
+            )
+        count = held.size if held.all() else int(held.argmin())
+        return replace(found, forces=given[:count], reference=reference[:count])
 
     def errors(
         self, insts: Sequence[Instrument | None], load: float | Array = 1.0, forces: Sequence[int] | None = None

@@ -216,7 +216,7 @@ def _drives(design: Design, demand: Demand) -> Iterator[Item]:
         part = f"motors, alternative {n}"
         if motor is None:
             yield Item(
-                str(count), part, f"{kind}: none of the catalogue is large enough", what, "bought", "weeks",
+                str(count), part, f"{kind}: none of the catalogue fits", what, "bought", "weeks",
                 "to be checked", "twin",
             )  # fmt: skip
             continue

@@ -148,7 +148,8 @@ def _warnings(budget: Budget) -> list[str]:
     found = []
     if not budget.is_kept:
         found.append(
-            f"No set of grades keeps {angle(budget.target)} for {keeps}: the finest leaves {angle(budget.built.kept)}."
+            f"No set of grades keeps {angle(budget.target)} for {keeps}: the finest leaves {angle(budget.built.kept)}, "
+            f"of which {angle(budget.designed)} is designed. Take a more similar design, or give a larger --as-built."
         )
     elif len(budget.forces) < len(budget.by_force):
         worst = max(budget.by_force)
@@ -160,6 +161,11 @@ def _warnings(budget: Budget) -> list[str]:
         found.append(
             f"Friction is no tolerance: with coefficients 20 % off those of the real-size instrument, {keeps} keep "
             f"{angle(budget.with_friction.kept)} only. Use the same rope on the same material, and identify it."
+        )
+    else:
+        found.append(
+            "The instrument file has no friction, so that errors, readings and the controller's guess are without it; the "
+            "instrument will have some: identify it, and write it into the file."
         )
     return found
 
