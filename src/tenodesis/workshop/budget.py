@@ -131,9 +131,9 @@ def tolerate(
     """Find the cheapest tolerances with which a share of the scale models built keeps a similarity error.
 
     The error is the largest difference in output angle over a loop of the handle with friction, at every test force of
-    the scaled-up instrument that both hold. Sets of grades are compared by exact linear propagation; the one taken is verified with
-    instruments drawn from it on the quasi-static twin. Where no set keeps the target at the largest test force, the
-    largest forces are left out until one does.
+    the scaled-up instrument that both hold. Sets of grades are compared by linear propagation; the one taken is
+    verified with instruments drawn from it on the quasi-static twin. Where no set keeps the target at the largest test
+    force, the largest forces are left out until one does.
 
     Parameters
     ----------
@@ -153,8 +153,8 @@ def tolerate(
     ValueError
         An argument is out of its range.
     """
-    if isinstance(target, bool) or not 0 < target <= 90:
-        raise ArgumentError(key="target", value=target, allowed="an angle above 0 and up to 90 deg")
+    if isinstance(target, bool) or not 0 < target < np.inf:
+        raise ArgumentError(key="target", value=target, allowed="an angle above 0 deg")
     if not 0.5 <= share < 1:
         raise ArgumentError(key="share", value=share, allowed="a share from 0.5 to below 1")
     if isinstance(samples, bool) or not isinstance(samples, int) or not 100 <= samples <= 100_000:
@@ -199,7 +199,7 @@ class _Pair:
         cycle, other = cycles(comparison)
         reference = np.array([angles_of_many([real_size], cycle, force)[0][0] for force in given])
         found = cls(real_size, scaled_up, comparison, given, cycle, other, reference, factor)
-        held = ~np.isnan(found.errors([scaled_up])).any(axis=(1, 2))
+        held: NDArray[np.bool_] = ~np.isnan(found.errors([scaled_up])[:, 0]).any(axis=1)
         if not held[0]:
             raise StudyError(
                 f"{scaled_up.name} or {real_size.name} does not hold {given[0]:.4g} N (real-size) through its working "

@@ -1,5 +1,6 @@
 """The first run of a scale model: its protocol, what must be read at every step, and what the motors must do."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -12,8 +13,8 @@ from tenodesis.control.parameters import tension_limit
 from tenodesis.instrument import Instrument
 from tenodesis.run import Array, Run
 from tenodesis.scaling import Design, TestLoad
-from tenodesis.simulate import Cycles, Hold, Pretension, Protocol, StepLoad, execute
-from tenodesis.simulate.protocol import AnyPhase
+from tenodesis.simulate import Protocol, execute
+from tenodesis.simulate.protocol import parse
 from tenodesis.twin import Twin
 
 UNCERTAIN = (0.5, 2.0)
@@ -78,24 +79,53 @@ class FirstRun:
 
 def protocol(design: Design) -> Protocol:
     """Return the protocol of the first ten minutes of a design: tighten, move, and load within what keeps it taut."""
+    return parse(protocol_text(design), "first-run.toml")
+
+
+def protocol_text(design: Design) -> str:
+    """Return the text of the file of that protocol."""
     inst = design.scaled_up.planar[0]
-    tolerance = max(_LEAST_TOLERANCE, 0.01 * inst.pretension)
-    speed = min(_SPEED, statics.reach(inst) / 2)
-    phases: list[AnyPhase] = [
-        Pretension(tension=inst.pretension, tolerance=tolerance, rate=1e-3, timeout=60.0),
-        Hold(duration=2.0),
-        Cycles(output_amplitude=min(_SMALL, inst.output_range), speed=speed, count=2),
-        Cycles(output_amplitude=inst.output_range, speed=speed, count=1),
-        Cycles(output_amplitude=-inst.output_range, speed=speed, count=1),
+    end, speed = math.degrees(inst.output_range), math.degrees(min(_SPEED, statics.reach(inst) / 2))
+    phases = [
+        "# The motors wind until both load cells read the pretension; under a controller this is its homing.",
+        _phase("pretension", tension=f"{inst.pretension:.6g} N", tolerance=f"{_tolerance(inst):.3g} N", timeout="60 s"),
+        _phase("hold", duration="2 s"),
+        "# A little to one side, then all the way to either.",
         *(
-            StepLoad(
-                weight=test.weights.weight, handle_angle=0.0, delay=_DELAY, rise=_RISE, duration=_HELD, release=_HELD
-            )
-            for test in _loads(design)
+            _phase("cycles", output_amplitude=f"{angle:.6g} deg", speed=f"{speed:.4g} deg/s", count=count)
+            for angle, count in ((min(math.degrees(_SMALL), end), 2), (end, 1), (-end, 1))
         ),
     ]
-    minutes = "rope to loaded tip in ten minutes: tighten, move a little, move all the way, load and unload"
-    return Protocol(name="first ten minutes", description=minutes, phases=tuple(phases))
+    for test in _loads(design):
+        masses = test.weights.sentence.partition(":")[0]
+        phases += [
+            f"# {masses}: {test.real_force:.3g} N on the real-size tip.",
+            _phase(
+                "step-load", handle_angle="0 deg", weight=f"{test.weights.weight:.9g} N", delay=f"{_DELAY:g} s",
+                rise=f"{_RISE:g} s", duration=f"{_HELD:g} s", release=f"{_HELD:g} s",
+            ),
+        ]  # fmt: skip
+    head = [
+        f"# From rope to loaded tip in ten minutes, for {inst.name}. On the twin:",
+        "#",
+        "#   tenodesis record scaled-up.toml first-run.toml",
+        "#   tenodesis record scaled-up.toml first-run.toml --law robust",
+        "",
+        'name = "first ten minutes"',
+        'description = "Tighten, move a little, move all the way, load and unload"',
+        "",
+    ]
+    return "\n".join([*head, *phases])
+
+
+def _phase(kind: str, **values: str | int) -> str:
+    rows = [f"{key} = {value}" if isinstance(value, int) else f'{key} = "{value}"' for key, value in values.items()]
+    return "\n".join(["[[phases]]", f'kind = "{kind}"', *rows, ""])
+
+
+def _tolerance(inst: Instrument) -> float:
+    """Return how far a load cell may read off the pretension, N."""
+    return max(_LEAST_TOLERANCE, 0.01 * inst.pretension)
 
 
 def _loads(design: Design) -> list[TestLoad]:
@@ -117,8 +147,8 @@ def rehearse(design: Design) -> FirstRun:
     controller = Controller(inst, homed=False)
     closed = _phases(inst, planned, controller)
     faults = [int(value) for run in closed for value in np.unique(np.asarray(run["faults"]).astype(np.int64))]
-    loaded = closed[-len(_loads(design)) :]
-    left = max(abs(_moved(run, _loaded(run))) for run in loaded)
+    loaded = closed[len(closed) - len(_loads(design)) :]
+    left = max((abs(_moved(run, _loaded(run))) for run in loaded), default=0.0)
     return FirstRun(
         planned, tuple(_readings(design, planned, runs)), _demand(inst, closed), left, int(np.bitwise_or.reduce(faults))
     )
@@ -144,7 +174,7 @@ def _rubbing(inst: Instrument, share: float) -> Instrument:
 def _readings(design: Design, planned: Protocol, runs: Sequence[Sequence[Run]]) -> Iterator[Reading]:
     """Yield what must be read; of the runs the first has the guessed friction."""
     inst = design.scaled_up.planar[0]
-    tolerance = max(_LEAST_TOLERANCE, 0.01 * inst.pretension)
+    tolerance = _tolerance(inst)
     for n, name in enumerate(("agonist", "antagonist")):
         read = [float(np.mean(_last(run[0], "measured_tension")[:, n])) for run in runs]
         yield _reading(

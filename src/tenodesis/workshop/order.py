@@ -25,6 +25,7 @@ _SPAN_PER_RADIUS = 2.0  # of a shaft between its bearings, over the wheel's radi
 _TERMINATION = 0.03  # m, of rope beyond a ferrule
 _FERRULE = 10.0  # diameters
 _BEARING_MARGIN = 1.5
+_PLAY = 0.3e-3  # m, of a rope in its sheath
 _ROUNDED = 0.1  # m, to which ropes are ordered
 
 
@@ -128,8 +129,14 @@ def _ropes(design: Design) -> Iterator[Item]:
     yield Item(
         f"{count} + 1 spare", "rope for tendons", rope.name,
         f"{fixed(each, 1)} m each ({parts}), {fixed((count + 1) * each, 1)} m in all; breaks at "
-        f"{quantity(rope.breaking_load, 'N', 4)} or more; the sheath to the motors in addition", "bought",
+        f"{quantity(rope.breaking_load, 'N', 4)} or more", "bought",
         "days" if rope.diameter >= 1e-3 else "weeks", rope.known, rope.source,
+    )  # fmt: skip
+    yield Item(
+        str(count), "sheaths", "coil sheath with a lining, from handle to motor",
+        f"inner ⌀ {quantity(rope.diameter + _PLAY, 'mm', 3, 'm')} or more; as long as the way to the motors, and "
+        "that much "
+        "rope more", "bought", "weeks", "to be checked", "paper, Fig. 2: flexible tendon-sheath transmission",
     )  # fmt: skip
     for ferrule in _kind(design, "ferrule")[:1]:
         yield Item(
@@ -272,6 +279,11 @@ def _rig(design: Design) -> Iterator[Item]:
         "1", "pulley of the load rig", "turned or printed to size",
         f"radius {quantity(radius, 'mm', 5, 'm')} to the cable's centre, {groove} to the groove's bottom", "made",
         "workshop", "ours", "paper, Fig. 13",
+    )  # fmt: skip
+    rope = design.choice.rope
+    yield Item(
+        "2", "cables of the load rig", rope.name, "1 m each, with a hook for the weights", "bought", "days", rope.known,
+        rope.source,
     )  # fmt: skip
     for bearing in sorted(_kind(design, "bearing"), key=lambda one: one.size or 0.0)[:1]:
         yield _of_catalogue("2", "bearings of the load rig", bearing, "the bar turns about the tip's axis")

@@ -20,7 +20,7 @@ from tenodesis.scaling.practical import OBJECTIVES, PracticalFront
 from tenodesis.workshop import figures
 from tenodesis.workshop.assembly import FIRST_RUN, HEADER, Step, checklist
 from tenodesis.workshop.budget import PULLEY, TARGET, Budget, Spread, tolerate
-from tenodesis.workshop.first_run import FirstRun, rehearse
+from tenodesis.workshop.first_run import FirstRun, protocol_text, rehearse
 from tenodesis.workshop.order import Item, order_list
 from tenodesis.workshop.words import NAMES, nominal, tolerance
 
@@ -65,13 +65,12 @@ class Pack:
 
     def write(self, folder: Path) -> None:
         """Write the files of the pack to a folder; see :data:`FILES`. Raises OSError if it cannot be written."""
-        first = self.first_run
         texts = {
             ORDER: to_csv(Item._fields, self.items),
             TOLERANCES: to_csv(_TOLERANCE_COLUMNS, _tolerance_rows(self.budget)),
             STUDY: study_file(self.budget),
             CHECKLIST: to_csv(("step", "do", "see"), [(str(n), *step) for n, step in enumerate(self.steps, 1)]),
-            FIRST_RUN: first.protocol.to_toml(),
+            FIRST_RUN: protocol_text(self.design),
             HEADER: header(self.design.scaled_up, homed=False),
         }
         for name, text in texts.items():
@@ -164,8 +163,8 @@ def _warnings(budget: Budget) -> list[str]:
         )
     else:
         found.append(
-            "The instrument file has no friction, so that errors, readings and the controller's guess are without it; the "
-            "instrument will have some: identify it, and write it into the file."
+            "The instrument file has no friction, so that errors, readings and the controller's guess are without it; "
+            "the instrument will have some: identify it, and write it into the file."
         )
     return found
 
