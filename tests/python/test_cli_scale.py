@@ -53,6 +53,9 @@ def test_a_workshop_gets_an_instrument_file_a_plan_and_the_front(tenodesis: Comm
     assert tn.tolerance.load(folder / "tolerances.toml").name == "as drawn"
     page = (folder / "plan.html").read_text("utf-8")
     assert "as designed: largest similarity error" in page and "as built: its median" in page
+    again = ("scale", "real-size", "--combinations", 5000, "--no-parts", "--overwrite")
+    code, said, _ = tenodesis(*again)
+    assert (code, "warning: of an earlier design are order.csv" in said) == (0, True)
 
 
 @pytest.mark.slow

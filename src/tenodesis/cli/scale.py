@@ -118,6 +118,12 @@ def scale(  # noqa: PLR0917
         say(lacking)
     picture = "a picture of the front without pins" if pins else "its picture"
     say(f"{out / files[0]}, {out / 'plan.html'}, {out / 'plan.pdf'}, {out / 'front.csv'} and {picture} are written.")
+    if pack is not None:
+        say(f"Beside them: {', '.join(workshop.FILES)}.")
+        return
+    left = [name for name in workshop.FILES if (out / name).exists()]
+    if left:
+        say(f"warning: of an earlier design are {', '.join(left)} in {out}; delete them.")
 
 
 def _pins(factor: float | None, pins: Sequence[str]) -> dict[str, Any]:

@@ -199,7 +199,7 @@ class _Pair:
         cycle, other = cycles(comparison)
         reference = np.array([angles_of_many([real_size], cycle, force)[0][0] for force in given])
         found = cls(real_size, scaled_up, comparison, given, cycle, other, reference, factor)
-        held: NDArray[np.bool_] = ~np.isnan(found.errors([scaled_up])[:, 0]).any(axis=1)
+        held = np.array([not np.isnan(error).any() for error in found.errors([scaled_up])])
         if not held[0]:
             raise StudyError(
                 f"{scaled_up.name} or {real_size.name} does not hold {given[0]:.4g} N (real-size) through its working "
