@@ -108,6 +108,11 @@ class Budget:
         return sum(one.cost for one in self.dimensions.values())
 
     @property
+    def drawn(self) -> dict[str, float]:
+        """Half widths, m, of what drawings have, by key of the instrument file."""
+        return {key: one.tolerance for key, one in self.dimensions.items() if one.is_drawn}
+
+    @property
     def rubs(self) -> bool:
         """Whether the instrument has friction, whose coefficients may differ."""
         friction = self.scaled_up.friction
