@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         tendon,
         tolerance,
         twin,
+        workshop,
     )
     from tenodesis.errors import (
         ArgumentError,
@@ -88,6 +89,7 @@ __all__ = [
     "tendon",
     "tolerance",
     "twin",
+    "workshop",
 ]
 
 _HOME = {

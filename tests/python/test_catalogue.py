@@ -81,10 +81,13 @@ def test_the_standard_catalogue_has_what_every_joint_type_needs() -> None:
     assert standard.constraints == load("workshop").constraints
 
 
-def test_the_standard_catalogue_is_its_nine_parts_merged() -> None:
-    nine = ("gears", "ropes", "weights", "load-cells", "encoders", "spools", "pulleys", "rods", "workshop")
-    merged = load(*nine)
-    assert merged.name == " + ".join(nine)
+def test_the_standard_catalogue_is_its_parts_merged() -> None:
+    parts = (
+        *("gears", "ropes", "weights", "load-cells", "encoders", "spools", "pulleys", "rods"),
+        *("motors", "hardware", "workshop"),
+    )
+    merged = load(*parts)
+    assert merged.name == " + ".join(parts)
     same = {"name": "standard", "description": load().description}
     assert merged.model_copy(update=same) == load()
 
@@ -325,7 +328,7 @@ CELL = '[[load_cells]]\nname = "cell"\nrange = "1 N"\n'
         ),
         (
             ROPE + 'colour = "red"',
-            "ropes 1 (thin): colour is not a known key; it must be one of source, name, diameter",
+            "ropes 1 (thin): colour is not a known key; it must be one of source, known, name, diameter",
         ),
         (ROPE, "ropes 1 (thin): diameter is missing; it is required."),
         (ROPE + "diameter = 0.5", "ropes 1 (thin): diameter = 0.5: it has no unit"),
@@ -359,7 +362,7 @@ CELL = '[[load_cells]]\nname = "cell"\nrange = "1 N"\n'
         ('[[weights]]\nmasses = ["1 g"]', "weights 1: counts is missing; it is required."),
         (
             '[[spools]]\nradius = "1 mm"\nradii = ["2 mm"]',
-            "spools 1: radius is not a known key (did you mean radii?); it must be one of source, radii",
+            "spools 1: radius is not a known key (did you mean radii?); it must be one of source, known, radii",
         ),
         ('[ropes]\nname = "thin"', "ropes = {'name': 'thin'}: it must be a list of tables, [[ropes]]."),
         ("pulleys = [3]", "pulleys 1 = 3: it must be a table, [[pulleys]]."),

@@ -15,6 +15,7 @@ from tenodesis.scaling import PINS
 Command: TypeAlias = Callable[..., tuple[int, str, str]]
 
 FILES = ["front.csv", "front.png", "front.svg", "plan.html", "plan.pdf", "scaled-up.toml"]
+PARTS = ["checklist.csv", "controller.h", "first-run.toml", "order.csv", "tolerances.csv", "tolerances.toml"]
 PAPER = [
     "--catalogue",
     "paper",
@@ -33,8 +34,9 @@ def test_a_workshop_gets_an_instrument_file_a_plan_and_the_front(tenodesis: Comm
     code, said, wrong = tenodesis("scale", "real-size", "--combinations", 50_000)
     assert (code, wrong) == (0, "")
     folder = tmp_path / "prototype"
-    assert sorted(path.name for path in folder.iterdir()) == FILES
+    assert sorted(path.name for path in folder.iterdir()) == sorted([*FILES, *PARTS])
     assert "scale models judged" in said
+    assert re.search(r"95 % keep 0\.\d+° \(2000 drawn\)", said)
     assert "is taken: real-size-scaled-up, length x" in said
     inst = tn.load(folder / "scaled-up.toml")
     error = tn.similarity.compare(tn.load("real-size").axis("yaw"), inst).error(pretension=inst.pretension)
@@ -44,12 +46,21 @@ def test_a_workshop_gets_an_instrument_file_a_plan_and_the_front(tenodesis: Comm
     assert float(taken["overall length [mm]"]) == pytest.approx(1e3 * inst.overall_length)
     assert (folder / "plan.pdf").read_bytes().startswith(b"%PDF")
     assert tenodesis("check", "prototype/scaled-up.toml")[0] == 0
-    assert tenodesis("record", "prototype/scaled-up.toml", "cycles", "--quasi-static")[0] == 0
+    # The pack is consistent: its protocol runs under the controller of its instrument file, whose limit is high enough.
+    code, said, _ = tenodesis("record", "prototype/scaled-up.toml", "prototype/first-run.toml", "--law", "robust")
+    assert code == 0
+    assert "faults: none" in said
+    assert tn.tolerance.load(folder / "tolerances.toml").name == "as drawn"
+    page = (folder / "plan.html").read_text("utf-8")
+    assert "as designed: largest similarity error" in page and "as built: its median" in page
+    again = ("scale", "real-size", "--combinations", 5000, "--no-parts", "--overwrite")
+    code, said, _ = tenodesis(*again)
+    assert (code, "warning: of an earlier design are order.csv" in said) == (0, True)
 
 
 @pytest.mark.slow
 def test_what_would_be_better_than_the_papers_prototype_is_told(tenodesis: Command, tmp_path: Path) -> None:
-    code, said, _ = tenodesis("scale", "real-size", *PAPER, "--out", "paper")
+    code, said, _ = tenodesis("scale", "real-size", *PAPER, "--out", "paper", "--no-parts")
     assert code == 0
     assert "1 scale models judged, 1 meet every constraint, 1 on the front" in said
     assert "length x 3.75, force x 2.88, tension x 1.378; pretension 41.33 N." in said
@@ -61,7 +72,7 @@ def test_what_would_be_better_than_the_papers_prototype_is_told(tenodesis: Comma
 
 @pytest.mark.slow
 def test_a_factor_pins_the_distal_radius(tenodesis: Command, tmp_path: Path) -> None:
-    assert tenodesis("scale", "real-size", "--factor", 3.75, "--combinations", 20_000)[0] == 0
+    assert tenodesis("scale", "real-size", "--factor", 3.75, "--combinations", 20_000, "--no-parts")[0] == 0
     inst = tn.load(tmp_path / "prototype/scaled-up.toml")
     assert isinstance(inst, tn.TendonGear)
     assert inst.distal_gear_radius == pytest.approx(7.5e-3)
@@ -69,12 +80,13 @@ def test_a_factor_pins_the_distal_radius(tenodesis: Command, tmp_path: Path) -> 
 
 @pytest.mark.slow
 def test_a_row_of_the_front_can_be_taken(tenodesis: Command, tmp_path: Path) -> None:
-    tenodesis("scale", "real-size", "--combinations", 20_000, "--prefer", "size")
+    tenodesis("scale", "real-size", "--combinations", 20_000, "--prefer", "size", "--no-parts")
     rows = list(csv.DictReader((tmp_path / "prototype/front.csv").open()))
     shortest = min(float(row["overall length [mm]"]) for row in rows)
     taken = tn.load(tmp_path / "prototype/scaled-up.toml")
     assert 1e3 * taken.overall_length == pytest.approx(shortest, rel=0.011)
-    code, _, _ = tenodesis("scale", "real-size", "--combinations", 20_000, "--pick", len(rows), "--overwrite")
+    again = ("--pick", len(rows), "--overwrite", "--no-parts")
+    code, _, _ = tenodesis("scale", "real-size", "--combinations", 20_000, *again)
     taken = tn.load(tmp_path / "prototype/scaled-up.toml")
     assert code == 0
     assert 1e3 * taken.overall_length == pytest.approx(float(rows[-1]["overall length [mm]"]))
@@ -88,11 +100,24 @@ def test_an_own_catalogue_is_merged_with_shipped_ones(tenodesis: Command, tmp_pa
     (tmp_path / "own.toml").write_text(own)
     code, said, wrong = tenodesis(
         "scale", "real-size", "--catalogue", "standard", "--catalogue", "own.toml", "--pin", "rope=cord",
-        "--combinations", 20_000,
+        "--combinations", 20_000, "--no-parts",
     )  # fmt: skip
     assert (code, wrong) == (0, "")
     assert tn.load(tmp_path / "prototype/scaled-up.toml").breaking_load == 900
     assert "Without the pins" in said
+
+
+@pytest.mark.slow
+def test_an_objective_takes_the_best_of_all_designs_by_it(tenodesis: Command, tmp_path: Path) -> None:
+    code, said, wrong = tenodesis(
+        "scale", "real-size", "--combinations", 20_000, "--objective", "smallest", "--no-parts"
+    )  # fmt: skip
+    assert (code, wrong) == (0, "")
+    assert "Another design is taken" in said
+    inst = tn.load(tmp_path / "prototype/scaled-up.toml")
+    smallest = re.search(r"smallest\s+\S+\s+(\d+) mm", said)
+    assert smallest is not None
+    assert 1e3 * inst.overall_length == pytest.approx(float(smallest[1]), rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -104,6 +129,8 @@ def test_an_own_catalogue_is_merged_with_shipped_ones(tenodesis: Command, tmp_pa
         (["--pin", "size=1 m"], f"size cannot be pinned; keys that can are {PINS[0]}"),
         (["--pin", "rope=a", "--pin", "rope=b"], "--pin names rope twice"),
         (["--pick", "0"], "--pick is 0; it must be a row of the front, from 1 to"),
+        (["--as-built", "0.3"], "--as-built"),
+        (["--objective", "cheapest", "--pick", "1"], "--objective is cheapest and --pick is 1; give one of them."),
         (["--combinations", "0"], "combinations is 0; it must be an integer"),
         (
             ["--factor", "4", "--pin", "factor=3"],

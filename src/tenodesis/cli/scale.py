@@ -5,13 +5,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from rich.markup import escape
 
-from tenodesis import scaling
-from tenodesis.cli.common import ProgressBar, console, load_instrument, say, table, value_errors
+from tenodesis import scaling, workshop
+from tenodesis.cli.common import ProgressBar, console, load_instrument, quantity, say, table, value_errors
 from tenodesis.cli.outputs import Overwrite, write_errors, writing
-from tenodesis.errors import CommandError
+from tenodesis.errors import CommandError, NoSolutionError, ProtocolError, StudyError
 from tenodesis.extras import require
 from tenodesis.files import atomic_files
 from tenodesis.instrument import Instrument
@@ -19,7 +20,10 @@ from tenodesis.instrument.text import to_file
 from tenodesis.report import style
 from tenodesis.scaling import Catalogue, Design, Front, Objectives, figures, plan
 from tenodesis.scaling.design import PREFERENCES, Preference
+from tenodesis.scaling.practical import OBJECTIVES as PRACTICAL_OBJECTIVES
+from tenodesis.scaling.practical import SIMILAR, Objective, PracticalFront, practical_front
 from tenodesis.scaling.sweep import Progress as Report
+from tenodesis.units import SimilarityError
 
 _SHOWN = 10
 _TRIED = 20
@@ -55,6 +59,22 @@ def scale(  # noqa: PLR0917
     pick: Annotated[
         int | None, typer.Option(help="Row of front.csv to choose instead, counted from 1.", show_default=False)
     ] = None,
+    objective: Annotated[
+        Objective | None,
+        typer.Option(
+            help=f"Take the best of all designs judged, similar to {SIMILAR:g}°, by this instead of --prefer.",
+            show_default=False,
+        ),
+    ] = None,
+    as_built: Annotated[
+        str, typer.Option(help="Similarity error that 95 % of the instruments built to the tolerances must keep.")
+    ] = f"{workshop.TARGET:g} deg",
+    parts_too: Annotated[
+        bool,
+        typer.Option(
+            "--parts/--no-parts", help="Whether to choose tolerances, and list parts, assembly and first run."
+        ),
+    ] = True,
     combinations: Annotated[
         int,
         typer.Option(help="About how many scale models to judge, first over all parts, then over lengths of the best."),
@@ -64,10 +84,14 @@ def scale(  # noqa: PLR0917
 ) -> None:
     """Design a scale model of an instrument from stock parts: instrument file, test plan, and how similar it is."""
     require("typst", "design")
+    if objective is not None and pick is not None:
+        raise CommandError(f"--objective is {objective} and --pick is {pick}; give one of them.")
+    target = float(np.degrees(quantity("--as-built", as_built, SimilarityError)))
     model = load_instrument(instrument_file)
     parts = scaling.load(*(catalogue or ()))
     pins = _pins(factor, pin or [])
     files = ["scaled-up.toml", "plan.html", "plan.pdf", "front.csv", "front.svg", "front.png"]
+    files += workshop.FILES if parts_too else ()
     outputs = [("--out", out / file) for file in files]
     with (
         writing(outputs, [instrument_file, *(catalogue or ())], overwrite=overwrite, folder=out),
@@ -78,14 +102,28 @@ def scale(  # noqa: PLR0917
             bar(done, total, f"{doing:<20}")
 
         front = _front(model, parts, pins, combinations, report)
-        chosen, design = _chosen(front, prefer, pick)
+        practical = _practical(front, objective, parts_too=parts_too)
+        chosen, design = _chosen(front, prefer, pick) if objective is None else _best(practical, objective)
         free = _front(model, parts, {}, combinations, report) if pins else None
+        pack, lacking = _pack(design, practical, target, report) if parts_too else (None, "")
         report("writing the plan", 0, 1)
-        _write(out, files, front, design, free)
+        _write(out, files, front, design, free, pack, None if objective is None else chosen)
         report("writing the plan", 1, 1)
-    _print_front(front, chosen, design, free)
+    _print_front(front, chosen if objective is None else None, design, free)
+    if practical is not None:
+        _print_objectives(practical, objective)
+    if pack is not None:
+        _print_built(pack)
+    if lacking:
+        say(lacking)
     picture = "a picture of the front without pins" if pins else "its picture"
     say(f"{out / files[0]}, {out / 'plan.html'}, {out / 'plan.pdf'}, {out / 'front.csv'} and {picture} are written.")
+    if pack is not None:
+        say(f"Beside them: {', '.join(workshop.FILES)}.")
+        return
+    left = [name for name in workshop.FILES if (out / name).exists()]
+    if left:
+        say(f"warning: of an earlier design are {', '.join(left)} in {out}; delete them.")
 
 
 def _pins(factor: float | None, pins: Sequence[str]) -> dict[str, Any]:
@@ -122,11 +160,56 @@ def _chosen(front: Front, prefer: Preference, pick: int | None) -> tuple[int, De
     raise problems[0]
 
 
-def _write(out: Path, files: Sequence[str], front: Front, design: Design, free: Front | None) -> None:
+def _practical(front: Front, objective: Objective | None, *, parts_too: bool) -> PracticalFront | None:
+    """Return the designs by what a workshop asks; None where they are not asked for, or there are none."""
+    if objective is None and not parts_too:
+        return None
+    try:
+        return practical_front(front)
+    except scaling.DesignError:
+        if objective is None:
+            return None
+        raise
+
+
+def _pack(
+    design: Design, practical: PracticalFront | None, target: float, report: Report
+) -> tuple[workshop.Pack | None, str]:
+    """Return what a workshop needs besides the plan; or a sentence on why a design has no such, and the plan alone."""
+    with value_errors():
+        try:
+            return workshop.prepare(design, practical, target=target, progress=report), ""
+        except (StudyError, ProtocolError, NoSolutionError) as problem:
+            return None, f"There are no tolerances, order list and first run for it: {problem}"
+
+
+def _best(practical: PracticalFront | None, objective: Objective) -> tuple[int, Design]:
+    """Return the index on the practical front and the design: the first whose test forces can be hung."""
+    assert practical is not None
+    problems = []
+    for index in practical.ranked(objective)[:_TRIED]:
+        try:
+            return index, practical[index]
+        except scaling.DesignError as problem:
+            problems.append(problem)
+    raise problems[0]
+
+
+def _write(  # noqa: PLR0917
+    out: Path,
+    files: Sequence[str],
+    front: Front,
+    design: Design,
+    free: Front | None,
+    pack: workshop.Pack | None,
+    marked: int | None,
+) -> None:
     """Write all files to a temporary place, and move them when all are written."""
     with write_errors(out), atomic_files(out) as new:
         (new / files[0]).write_text(to_file(design.scaled_up, comment=_HEADING.format(design.real_size.name)), "utf-8")
-        plan.write(design, new)
+        plan.write(design, new, None if pack is None else pack.supplement(marked))
+        if pack is not None:
+            pack.write(new)
         _write_front(front, new / "front.csv")
         _draw_front(free or front, design.objectives, new)
 
@@ -147,7 +230,7 @@ def _draw_front(front: Front, chosen: Objectives, folder: Path) -> None:
         figure.savefig(folder / "front.png", dpi=200)
 
 
-def _print_front(front: Front, chosen: int, design: Design, free: Front | None) -> None:
+def _print_front(front: Front, chosen: int | None, design: Design, free: Front | None) -> None:
     title = (
         f"{escape(front.real_size.name)}: {front.examined} scale models judged, "
         f"{front.feasible} meet every constraint, {len(front)} on the front"
@@ -177,15 +260,48 @@ def _print_front(front: Front, chosen: int, design: Design, free: Front | None) 
     )
     factors = design.comparison.factors
     say(
-        f"Row {chosen + 1} is taken: {design.scaled_up.name}, length x {factors['length']:.4g}, force x "
+        f"{'Another design' if chosen is None else f'Row {chosen + 1}'} is taken: {design.scaled_up.name}, length "
+        f"x {factors['length']:.4g}, force x "
         f"{factors['force']:.4g}, tension x {factors['tension']:.4g}; pretension {design.scaled_up.pretension:.4g} N."
     )
     if free is not None:
         say(f"Without the pins, {scaling.rivals_text(free, design.objectives)}")
 
 
-def _representatives(front: Front, chosen: int) -> list[int]:
+def _print_objectives(practical: PracticalFront, taken: Objective | None) -> None:
+    found = table("similar to 0.3°, by what a workshop asks")
+    for heading in ("", "cost", "length", "weeks", "as built", "made of"):
+        found.add_column(heading, justify="left" if heading in ("", "made of") else "right", overflow="fold")
+    for objective in PRACTICAL_OBJECTIVES:
+        index = practical.best(objective)
+        one = practical.practical[index]
+        row = (
+            f"{one.cost:.3g}", f"{1e3 * one.overall_length:.4g} mm", str(int(one.waiting + 1e-9)),
+            f"{one.as_built:.2g}°", escape(practical.described(index)),
+        )  # fmt: skip
+        found.add_row(objective, *row, style="bold" if objective == taken else None)
+    console.print(found)
+    say(
+        "Cost: of parts, 1 is one turned to general tolerances. Weeks: kinds of wheels and ropes that take weeks "
+        "to get. "
+        "As built: what 95 % keep with usual tolerances, without friction."
+    )
+
+
+def _print_built(pack: workshop.Pack) -> None:
+    budget = pack.budget
+    forces = budget.forces or tuple(budget.by_force)
+    keeps = "keep" if budget.is_kept else "keep, with the finest grades,"
+    dearest = max(budget.dimensions.values(), key=lambda one: one.cost)
+    say(
+        f"As built to the tolerances of the plan, up to {max(forces):.3g} N: median {budget.built.median:.2g}°, "
+        f"{100 * budget.share:g} % {keeps} {budget.built.kept:.2g}° ({budget.samples} drawn); cost {budget.cost:.3g}, "
+        f"most of it {dearest.key} ({dearest.cost:.2g}). With the cheapest grades {budget.coarsest.kept:.2g}°."
+    )
+
+
+def _representatives(front: Front, chosen: int | None) -> list[int]:
     """Return a few designs of the front: the best by every preference, the chosen design, and some between."""
-    best = {chosen, *(front.best(prefer) for prefer in PREFERENCES)}
+    best = {front.best(prefer) for prefer in PREFERENCES} | (set() if chosen is None else {chosen})
     step = max(len(front) // max(_SHOWN - len(best), 1), 1)
     return sorted(best | set(list(range(0, len(front), step))[: max(_SHOWN - len(best), 0)]))

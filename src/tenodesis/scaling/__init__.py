@@ -7,6 +7,7 @@ from tenodesis.scaling.catalogue_file import Constraints
 from tenodesis.scaling.design import Front, design, rivals_text
 from tenodesis.scaling.pins import PINS
 from tenodesis.scaling.pins import parse as parse_pins
+from tenodesis.scaling.practical import Objective, Practical, PracticalFront, practical_front
 from tenodesis.scaling.scale_model import Choice, Design, Objectives, TestLoad, name_of
 from tenodesis.scaling.weights import WeightSelection, select_weights
 
@@ -19,7 +20,10 @@ __all__ = [
     "Design",
     "DesignError",
     "Front",
+    "Objective",
     "Objectives",
+    "Practical",
+    "PracticalFront",
     "TestLoad",
     "WeightSelection",
     "Wheel",
@@ -28,6 +32,7 @@ __all__ = [
     "load",
     "name_of",
     "parse_pins",
+    "practical_front",
     "rivals_text",
     "select_weights",
     "shipped",

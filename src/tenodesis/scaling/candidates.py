@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from tenodesis import statics
 from tenodesis.errors import DesignError
 from tenodesis.instrument import PARAMETERS, Instrument
 from tenodesis.run import Array
@@ -25,6 +26,9 @@ _FEWEST_LEVELS = 3
 _MOST_LEVELS = 200
 _RESOLUTION = 1e-3  # m, of lengths made in a workshop
 _END_EFFECTOR_RESOLUTION = 1e-4  # m; this length decides the similarity
+_TURNED = 1e-5  # m, to which the radius of a turned part is given
+CUT_TO_ORDER = 2.0
+"""Cost of a gear cut to order beyond one in stock, relative to a part turned to general tolerances; ours."""
 _NO_UNDERCUT = 17
 """Least number of teeth of a gear with 20 degrees pressure angle that is not undercut."""
 
@@ -205,8 +209,9 @@ def _pairs(real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any])
             f"{foreign[0]} is pinned, but {real_size.name} has joint_type {real_size.joint_type}; "
             f"its radii are {distal_field} and {proximal_field}."
         )
-    distals = _pinned(wheels, distal_field, pins, catalogue)
-    proximals = _pinned(wheels, proximal_field, pins, catalogue)
+    free = _free(real_size, catalogue)
+    distals = _pinned(wheels, distal_field, pins, catalogue, free)
+    proximals = _pinned(wheels, proximal_field, pins, catalogue, free)
     small, large = value_of(real_size, "distal_radius"), value_of(real_size, "proximal_radius")
     factor = catalogue.constraints.factor
     if factor is not None:
@@ -227,6 +232,10 @@ def _pairs(real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any])
             size = (round(one.radius, 12), round(other.radius, 12))
             if size not in pairs or _makeable((one, other)) < _makeable(pairs[size]):
                 pairs[size] = (one, other)
+        exact = round(one.radius * large / small / _TURNED) * _TURNED
+        # Turned to size anyway, a wheel may as well have the exact ratio.
+        if proximal_field not in pins and free[0] <= exact <= free[1]:
+            pairs.setdefault((round(one.radius, 12), round(exact, 12)), (one, Wheel(exact)))
     if not pairs:
         if distal_field in pins and proximal_field in pins:
             raise DesignError(
@@ -238,9 +247,41 @@ def _pairs(real_size: Instrument, catalogue: Catalogue, pins: Mapping[str, Any])
             f"no two wheels of catalogue {catalogue.name} have R/r = {large / small:.6g} of {real_size.name} within "
             f"ratio_tolerance = {tolerance:g}; the nearest have {nearest[1]:.6g} ({100 * nearest[0]:.2g} % off): to "
             f"take them, give a file with [constraints] ratio_tolerance = {math.ceil(100 * nearest[0]) / 100:g} as a "
-            "further --catalogue."
+            f"further --catalogue, which costs {_cost_of_ratio(real_size, nearest[1] * small):.2g} deg of output angle"
+            f"{_cut_to_order(catalogue, large / small, tolerance)}."
         )
     return tuple(pairs[size] for size in sorted(pairs))
+
+
+def _cost_of_ratio(real_size: Instrument, proximal: float) -> float:
+    """Return the similarity error, deg, of another proximal radius (m) at real size, where the working range ends."""
+    end = statics.reach(real_size)
+    other = real_size.replace(**{field_of(real_size, "proximal_radius"): proximal})
+    angles = [float(statics.output_angle(one, np.array([end]))[0]) for one in (real_size, other)]
+    return abs(math.degrees(angles[1] - angles[0]))
+
+
+def _cut_to_order(catalogue: Catalogue, ratio: float, tolerance: float) -> str:
+    """Return the end of a sentence: which gears beyond the catalogue's, cut to order, would have a ratio."""
+    gears = catalogue.gears
+    if gears is None:
+        return ""
+    least, most = gears.teeth
+    small = next((n for n in range(least, most + 1) if abs(round(n * ratio) / n / ratio - 1) <= tolerance), None)
+    if small is None:
+        return ""
+    return (
+        f"; or have two proximal gears of {round(small * ratio)} teeth cut to order for the distal ones of "
+        f"{small}, which "
+        f"costs weeks and about {2 * CUT_TO_ORDER:g} turned parts: give [gears] teeth = [{least}, "
+        f"{max(most, round(small * ratio))}]"
+    )
+
+
+def _free(real_size: Instrument, catalogue: Catalogue) -> tuple[float, float]:
+    """Return the least and largest radius (m) to which pulleys can be made; (inf, -inf) if they cannot."""
+    radii = [one.radius for one in catalogue.pulleys if one.to_size and real_size.joint_type != "tendon-gear"]
+    return min(radii, default=math.inf), max(radii, default=-math.inf)
 
 
 def _no_radius(
@@ -267,10 +308,14 @@ def _wheels(real_size: Instrument, catalogue: Catalogue) -> list[Wheel]:
     return [Wheel(module * teeth / 2, module, teeth) for module in gears.modules for teeth in range(least, most + 1)]
 
 
-def _pinned(wheels: list[Wheel], field: str, pins: Mapping[str, Any], catalogue: Catalogue) -> list[Wheel]:
+def _pinned(
+    wheels: list[Wheel], field: str, pins: Mapping[str, Any], catalogue: Catalogue, free: tuple[float, float]
+) -> list[Wheel]:
     if field not in pins:
         return wheels
     found = [one for one in wheels if same(one.radius, pins[field])]
+    if not found and free[0] <= pins[field] <= free[1]:
+        found = [Wheel(pins[field])]
     if not found:
         raise missing(field, pins[field], [one.radius for one in wheels], catalogue)
     return found

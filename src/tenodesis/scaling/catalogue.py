@@ -13,7 +13,9 @@ from tenodesis.scaling.parts import (
     KINDS,
     Encoder,
     Gears,
+    Hardware,
     LoadCell,
+    Motor,
     Pulley,
     Rod,
     Rope,
@@ -50,6 +52,8 @@ class Catalogue(FileTable):
     encoders: tuple[Encoder, ...] = ()
     spools: tuple[Spool, ...] = ()
     weights: tuple[Weight, ...] = ()
+    motors: tuple[Motor, ...] = ()
+    hardware: tuple[Hardware, ...] = ()
     constraints: Constraints = Constraints()
     sources: Mapping[str, str] = Field(default={})
 

@@ -11,7 +11,9 @@ from tenodesis.scaling.parts import (
     KINDS,
     Encoder,
     Gears,
+    Hardware,
     LoadCell,
+    Motor,
     PulleyTable,
     RodTable,
     RopeTable,
@@ -80,6 +82,8 @@ class CatalogueFile(FileTable):
     encoders: tuple[Encoder, ...] = Field(default=(), description="Joint encoders at hand")
     spools: tuple[SpoolTable, ...] = Field(default=(), description="Spools at hand")
     weights: tuple[WeightTable, ...] = Field(default=(), description="Weights at hand")
+    motors: tuple[Motor, ...] = Field(default=(), description="Motors with their gearing at hand")
+    hardware: tuple[Hardware, ...] = Field(default=(), description="Bearings, shafts, screws, ferrules and drives")
     constraints: Constraints = Field(default=Constraints(), description="Constraints of the design")
     sources: Mapping[str, str] = Field(
         default={}, description='Where values other than parts\' are from, by key such as "constraints.factor"'

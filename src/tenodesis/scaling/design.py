@@ -150,7 +150,7 @@ class Front:
 
     def described(self, index: int) -> str:
         """Return the main parts and lengths of a design in one line."""
-        return _described(self.sweep.candidates, int(self.sweep.numbers[index]))
+        return described(self.sweep.candidates, int(self.sweep.numbers[index]))
 
     def rivals(self, objectives: Objectives) -> list[Rival]:
         """Return all judged scale models that dominate given objectives, the most similar first.
@@ -172,7 +172,7 @@ class Front:
             better = (exact < costs * (1 - 1e-9) - 1e-12).any(axis=1)
             good = allowed & (exact <= bound).all(axis=1) & better
             for row in np.flatnonzero(good):
-                made_of = _described(stage.candidates, int(stage.feasible[possible][row]))
+                made_of = described(stage.candidates, int(stage.feasible[possible][row]))
                 found.append(Rival(Objectives.of_costs(exact[row]), made_of))
         # A scale model may have been judged in both stages.
         return sorted(set(found))
@@ -275,7 +275,8 @@ def _row(found: Candidates, number: int) -> dict[str, Any]:
     return row
 
 
-def _described(found: Candidates, number: int) -> str:
+def described(found: Candidates, number: int) -> str:
+    """Return the main parts and lengths of a scale model in one line, by its number."""
     row = _row(found, number)
     return f"r {row['distal radius [mm]']:.4g} mm, l_d {row['end-effector length [mm]']:.4g} mm, {row['rope']}"
 

@@ -2,15 +2,30 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self, TypeAlias
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from tenodesis.instrument import Name
 from tenodesis.toml import FileTable
-from tenodesis.units import AngleError, Bits, EncoderRange, Length, Mass, Modulus, PositiveForce, PositiveMass, Strength
+from tenodesis.units import (
+    AngleError,
+    Bits,
+    EncoderRange,
+    Inertia,
+    Length,
+    Mass,
+    Modulus,
+    Moment,
+    MotorSpeed,
+    PositiveForce,
+    PositiveMass,
+    Strength,
+)
 
 Source = Annotated[str, Field(max_length=400)]
+Known: TypeAlias = Literal["sure", "second hand", "to be checked"]
+"""How far values can be relied on: looked up at their source, quoted by others, or assumed."""
 
 _Count = Annotated[int, Field(ge=1, le=1000, strict=True)]
 _Teeth = Annotated[int, Field(ge=6, le=1000, strict=True)]
@@ -38,6 +53,8 @@ class Gears(FileTable):
     teeth: Annotated[tuple[_Teeth, _Teeth], AfterValidator(ordered)] = Field(
         default=(12, 60), description="Least and most number of teeth"
     )
+    stock_modules: tuple[Length, ...] = Field(default=(), description="Modules that dealers keep")
+    stock_teeth: tuple[_Teeth, ...] = Field(default=(), description="Numbers of teeth that dealers keep")
 
     @model_validator(mode="after")
     def _distinct(self) -> Self:
@@ -51,6 +68,7 @@ class CataloguePart(FileTable):
     """A part of a catalogue, identified among its kind by its key."""
 
     source: Source = Field(default="", description="Source of the values")
+    known: Known = Field(default="to be checked", description="Whether values are looked up, quoted, or assumed")
 
     @property
     def key(self) -> str:
@@ -75,6 +93,8 @@ class _Round(CataloguePart):
 
 class Pulley(_Round):
     """A round pulley; of a continuum, also the distance of its tendons from the backbone."""
+
+    to_size: bool = Field(default=False, strict=True, description="Whether radii between such pulleys can be made")
 
 
 class Spool(_Round):
@@ -130,6 +150,30 @@ class Encoder(CataloguePart):
     noise: AngleError = Field(description="Standard deviation of a reading")
 
 
+class Motor(CataloguePart):
+    """A motor with its gearing, by what it does at the spool's shaft."""
+
+    name: Name = Field(description="Name in the order list")
+    drive: Name = Field(description="What drives it: motors of the same are alternatives by size only")
+    torque: Moment = Field(description="Torque that it holds for long, at its output")
+    speed: MotorSpeed = Field(description="Largest speed at that torque, at its output")
+    inertia: Inertia = Field(description="Inertia of rotor and gearing, at its output")
+
+
+class Hardware(CataloguePart):
+    """A part that a drawing shows but nobody makes: bearings, shafts, screws, ferrules, drives."""
+
+    name: Name = Field(description="Designation, by its standard where there is one")
+    use: Literal["bearing", "shaft", "screw", "ferrule", "drive", "acquisition"] = Field(description="What it is")
+    size: Length | None = Field(default=None, description="Bore, diameter, thread, or the rope's diameter; None: any")
+    static_load: PositiveForce | None = Field(default=None, description="Static load rating of a bearing")
+
+    @property
+    def key(self) -> str:
+        """Use and name."""
+        return f"{self.use} {self.name}"
+
+
 class Weight(CataloguePart):
     """Weights of equal mass."""
 
@@ -147,6 +191,7 @@ class _Series(FileTable):
     """Parts that differ in size only, written as a single table."""
 
     source: Source = Field(default="", description="Source of the values")
+    known: Known = Field(default="to be checked", description="Whether values are looked up, quoted, or assumed")
 
 
 class RopeSeries(_Series):
@@ -170,6 +215,7 @@ class RopeSeries(_Series):
                 modulus=self.modulus,
                 breaking_load=self.breaking_load_factor * diameter**2 * self.rope_grade,
                 source=self.source,
+                known=self.known,
             )
             for diameter in self.diameters
         )
@@ -185,7 +231,13 @@ class RodSeries(_Series):
     def expand(self) -> tuple[Rod, ...]:
         """Return the rods."""
         return tuple(
-            Rod(name=f"{self.name} {_size(diameter)}", diameter=diameter, modulus=self.modulus, source=self.source)
+            Rod(
+                name=f"{self.name} {_size(diameter)}",
+                diameter=diameter,
+                modulus=self.modulus,
+                source=self.source,
+                known=self.known,
+            )
             for diameter in self.diameters
         )
 
@@ -199,9 +251,13 @@ class _RoundSeries(_Series):
 class PulleySeries(_RoundSeries):
     """Pulleys of several radii."""
 
+    to_size: bool = Field(default=False, strict=True, description="Whether radii between these can be made")
+
     def expand(self) -> tuple[Pulley, ...]:
         """Return the pulleys."""
-        return tuple(Pulley(radius=radius, source=self.source) for radius in self.radii)
+        return tuple(
+            Pulley(radius=radius, to_size=self.to_size, source=self.source, known=self.known) for radius in self.radii
+        )
 
 
 class SpoolSeries(_RoundSeries):
@@ -209,7 +265,7 @@ class SpoolSeries(_RoundSeries):
 
     def expand(self) -> tuple[Spool, ...]:
         """Return the spools."""
-        return tuple(Spool(radius=radius, source=self.source) for radius in self.radii)
+        return tuple(Spool(radius=radius, source=self.source, known=self.known) for radius in self.radii)
 
 
 class WeightSeries(_Series):
@@ -233,7 +289,7 @@ class WeightSeries(_Series):
         """Return the weights."""
         tolerances = self.tolerances or (0.0,) * len(self.masses)
         return tuple(
-            Weight(mass=mass, count=count, tolerance=tolerance, source=self.source)
+            Weight(mass=mass, count=count, tolerance=tolerance, source=self.source, known=self.known)
             for mass, count, tolerance in zip(self.masses, self.counts, tolerances, strict=True)
         )
 
@@ -269,6 +325,8 @@ KINDS: dict[str, tuple[type[FileTable], ...]] = {
     "encoders": (Encoder,),
     "spools": (Spool, SpoolSeries),
     "weights": (Weight, WeightSeries),
+    "motors": (Motor,),
+    "hardware": (Hardware,),
 }
 """Kinds of parts by their key in a catalogue: the table of a single part and, if any, that of a series."""
 

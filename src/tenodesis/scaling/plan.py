@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import matplotlib as mpl
 from markupsafe import Markup, escape
 
+from tenodesis.control.parameters import tension_limit
 from tenodesis.errors import DesignError
 from tenodesis.extras import require
 from tenodesis.report import style
@@ -52,6 +53,15 @@ class Drawing:
 
 
 @dataclass(frozen=True)
+class Supplement:
+    """What other packages add to a plan: a card beside that of the similarity error, and rows at its end."""
+
+    card: Card
+    rows: tuple[tuple["PlanTable | Drawing", ...], ...]
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Plan:
     """All content of the plan, in plain text; an underscore precedes the index of a symbol such as l_d."""
 
@@ -69,6 +79,7 @@ class Plan:
     groups: PlanTable
     drawings: tuple[Drawing, ...]
     footer: str
+    supplement: Supplement | None = None
 
     @property
     def rows(self) -> list[list[PlanTable | Drawing]]:
@@ -82,18 +93,19 @@ class Plan:
             [output, tensions],
             [self.groups, errors],
             [self.similarity],
+            *([] if self.supplement is None else map(list, self.supplement.rows)),
         ]
 
 
-def content(design: "Design") -> Plan:
-    """Return the content of the plan of a design."""
+def content(design: "Design", supplement: Supplement | None = None) -> Plan:
+    """Return the content of the plan of a design, with what another package adds to it."""
     error = design.comparison.error(pretension=design.scaled_up.pretension)
     output, tensions, errors = figures.plan_figures(design, error)
     return Plan(
         title=f"{design.scaled_up.name}: scale model of {design.real_size.name}",
         lead=_lead(design),
-        cards=_cards(design, error),
-        warnings=tuple(_warnings(design, error)),
+        cards=_cards(design, error, supplement),
+        warnings=(*_warnings(design, error), *(supplement.warnings if supplement else ())),
         parts=plan_tables.parts(design),
         lengths=plan_tables.lengths(design),
         loads=plan_tables.loads(design),
@@ -109,15 +121,16 @@ def content(design: "Design") -> Plan:
         ),
         footer=f"tenodesis {about()['tenodesis']} · curves and loads without friction · "
         "research software, not a medical device",
+        supplement=supplement,
     )
 
 
-def write(design: "Design", folder: Path) -> tuple[Path, Path]:
+def write(design: "Design", folder: Path, supplement: Supplement | None = None) -> tuple[Path, Path]:
     """Write the plan of a design as plan.html and plan.pdf (A4) to a folder, both or neither, and return their paths.
 
     Raises DesignError if the folder cannot be written.
     """
-    plan = content(design)
+    plan = content(design, supplement)
     files = {"plan.html": html(plan).encode(), "plan.pdf": pdf(plan)}
     with written(folder, DesignError) as new:
         for name, data in files.items():
@@ -174,13 +187,17 @@ def _lead(design: "Design") -> str:
     return f"{' for '.join(joints)} joint · {axis} · from catalogue {catalogue}"
 
 
-def _cards(design: "Design", error: SimilarityError) -> tuple[Card, ...]:
+def _cards(design: "Design", error: SimilarityError, supplement: Supplement | None) -> tuple[Card, ...]:
     pretension = f"pretension to set on either tendon ({quantity(design.real_size.pretension, 'N', 3)} real-size)"
     snapped = f", {SNAPPED}" if error.held_by_one else ""
     return (
         Card(quantity(design.scaled_up.pretension, "N", 3), pretension),
         Card(f"× {fixed(float(design.comparison.force_factor()), 3)}", "force at the tip, scaled-up over real-size"),
-        Card(angle(design.objectives.similarity_error), f"largest similarity error over the working range{snapped}"),
+        Card(
+            angle(design.objectives.similarity_error),
+            f"as designed: largest similarity error over the working range{snapped}",
+        ),
+        *(() if supplement is None else (supplement.card,)),
         Card(quantity(design.objectives.force_resolution, "N", 2), "resolution of the real-size tip force"),
         Card(f"{fixed(design.objectives.tension_margin, 1)} ×", "rope's breaking load over its largest tension"),
     )
@@ -217,6 +234,12 @@ def _warnings(design: "Design", error: SimilarityError) -> Iterator[str]:
     ):
         if margin < asked * (1 - _ROUNDING):
             yield f"{what} at {falling_short(margin, asked)} × the largest tension; {plain(asked, 9)} × is required."
+    limit = tension_limit(design.scaled_up)
+    if limit < design.largest_tension:
+        yield (
+            f"The controller winds no tendon above {quantity(limit, 'N', 3)}, below the plan's largest tension of "
+            f"{quantity(design.largest_tension, 'N', 3)}: take load cells or a rope for more."
+        )
     if choice.encoder is None:
         yield f"No encoder of the catalogue fits a distal radius of {quantity(choice.distal.radius, 'mm', 4, 'm')}."
     if error.held_by_one:

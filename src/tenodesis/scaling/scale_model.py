@@ -3,10 +3,12 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from tenodesis.control.parameters import tension_limit
 from tenodesis.errors import DesignError, InstrumentError
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.run import Array
@@ -19,6 +21,10 @@ from tenodesis.scaling.transfer_friction import carry_friction
 from tenodesis.scaling.weights import WeightSelection, select_weights
 from tenodesis.similarity import Comparison, compare
 from tenodesis.similarity.parameters import field_of, value_of
+
+_OVER_LARGEST = 1.05
+_CELL_OVER_LIMIT = 1.1
+_ROPE_OVER_LIMIT = 1.25
 
 OBJECTIVES = (
     ("similarity error", " deg"),
@@ -213,9 +219,22 @@ def _scaled_up(found: Sweep, choice: Choice, values: Mapping[str, float], tests:
     changes["sources"] = _sources(found, choice, changes)
     try:
         scaled_up = real_size.replace(**changes)
+        limit = _tension_limit(scaled_up, values["largest_tension"])
+        if limit is not None:
+            sources = {**scaled_up.sources, "control.tension_limit": "5 % above the plan's largest tension"}
+            scaled_up = scaled_up.replace(**{"control.tension_limit": limit, "sources": sources})
         return carry_friction(real_size, scaled_up) if real_size.friction.law != "none" else scaled_up
     except InstrumentError as problem:
         raise DesignError(f"the scale model is not a valid instrument: {problem}") from None
+
+
+def _tension_limit(scaled_up: Instrument, largest: float) -> float | None:
+    """Return the limit (N) that lets the controller reach the plan's largest tension; None where the default does."""
+    default, wanted = tension_limit(scaled_up), _OVER_LARGEST * largest
+    room = min(
+        scaled_up.sensors.load_cell_range / _CELL_OVER_LIMIT, (scaled_up.breaking_load or inf) / _ROPE_OVER_LIMIT
+    )
+    return min(wanted, room) if default < min(wanted, room) else None
 
 
 def _sources(found: Sweep, choice: Choice, changes: Mapping[str, Any]) -> dict[str, str]:

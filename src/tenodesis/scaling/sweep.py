@@ -1,7 +1,7 @@
 """Judge every scale model that parts and lengths allow, and find the Pareto front."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -75,6 +75,10 @@ class Sweep:
     def feasible(self) -> int:
         """Number of those that meet every limit at the few points."""
         return sum(stage.feasible.size for stage in self.stages)
+
+    def at(self, stage: Stage) -> "Sweep":
+        """Return this sweep with numbers that refer to the scale models of a stage; it has no front."""
+        return replace(self, stages=(stage,), numbers=np.empty(0, np.int64), costs=np.empty((0, 4)))
 
     def judge(self, stage: Stage) -> "Judge":
         """Return the judge of the scale models of a stage."""

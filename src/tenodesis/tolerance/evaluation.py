@@ -102,13 +102,13 @@ def evaluate(task: Task, rows: Array) -> Array:
     :data:`INVALID`. A sample's result does not depend on the others.
     """
     scaled_up = [_built(task, "scaled-up", row) for row in rows]
-    angles, status = _angles(scaled_up, task.scaled_up_cycle, task.scaled_up_force)
+    angles, status = angles_of_many(scaled_up, task.scaled_up_cycle, task.scaled_up_force)
     responses = [*_losses(scaled_up, task.scaled_up_cycle, angles)]
     if task.reference is not None:
         reference, of_real_size = task.reference, []
     else:
         real_size = [_built(task, "real-size", row) for row in rows]
-        reference, other = _angles(real_size, task.cycle, task.real_size_force)
+        reference, other = angles_of_many(real_size, task.cycle, task.real_size_force)
         status = np.where(status == Status.OK, other, status)
         of_real_size = [*_losses(real_size, task.cycle, reference)]
     error = np.concatenate(
@@ -124,7 +124,7 @@ def evaluate(task: Task, rows: Array) -> Array:
 
 def angles_of(inst: Instrument, cycle: Cycle, force: float) -> tuple[Array, int]:
     """Return the output angle (rad) of an instrument over the cycle and the status of its run."""
-    angles, status = _angles([inst], cycle, force)
+    angles, status = angles_of_many([inst], cycle, force)
     return angles[0], int(status[0])
 
 
@@ -137,8 +137,10 @@ def _built(task: Task, which: InstrumentName, row: Array) -> Instrument | None:
         return None
 
 
-def _angles(insts: Sequence[Instrument | None], cycle: Cycle, force: float) -> tuple[Array, NDArray[np.int64]]:
-    """Return output angles by sample and step, rad, and the status of every run."""
+def angles_of_many(
+    insts: Sequence[Instrument | None], cycle: Cycle, force: float | Array
+) -> tuple[Array, NDArray[np.int64]]:
+    """Return output angles by sample and step, rad, and the status of every run; the force is for all, or of each."""
     angles = np.full((len(insts), cycle.handle.size), np.nan)
     status = np.full(len(insts), INVALID)
     valid = [n for n, inst in enumerate(insts) if inst is not None]
@@ -156,15 +158,16 @@ def _run(
     insts: Sequence[Instrument | None],
     valid: list[int],
     cycle: Cycle,
-    force: float,
+    force: float | Array,
     out: tuple[Array, NDArray[np.int64]],
 ) -> None:
     """Run the valid instruments and write their angles and status into `out`."""
     chosen = [inst for n in valid if (inst := insts[n]) is not None]
     if not chosen:
         return
+    load = np.multiply.outer(force if np.ndim(force) == 0 else np.asarray(force)[valid], cycle.load)
     batch = twin.run_many(
-        chosen, cycle.handle, force * cycle.load, seeds=[0] * len(chosen), time_step=cycle.time_step, quasi_static=True
+        chosen, cycle.handle, load, seeds=[0] * len(chosen), time_step=cycle.time_step, quasi_static=True
     )
     angles, status = out
     angles[valid] = batch["output_angle"]

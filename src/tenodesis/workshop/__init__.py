@@ -1,0 +1,34 @@
+"""From a scale model's plan to its parts: tolerances, order list, assembly and first run."""
+
+from tenodesis.workshop.assembly import Step, checklist
+from tenodesis.workshop.budget import TARGET, Budget, Dimension, Spread, tolerate
+from tenodesis.workshop.first_run import Demand, FirstRun, Reading, rehearse
+from tenodesis.workshop.grades import Grade
+from tenodesis.workshop.order import Item, RopeLength, order_list, rope_length
+from tenodesis.workshop.pack import FILES, Pack, prepare
+
+__all__ = [
+    "FILES",
+    "TARGET",
+    "Budget",
+    "Demand",
+    "Dimension",
+    "FirstRun",
+    "Grade",
+    "Item",
+    "Pack",
+    "Reading",
+    "RopeLength",
+    "Spread",
+    "Step",
+    "checklist",
+    "order_list",
+    "prepare",
+    "rehearse",
+    "rope_length",
+    "tolerate",
+]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

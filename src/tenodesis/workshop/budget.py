@@ -1,0 +1,435 @@
+"""The tolerances of a scale model: what each costs of the error budget, and the cheapest set that keeps a target."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tenodesis.errors import ArgumentError, InstrumentError, StudyError
+from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
+from tenodesis.run import Array
+from tenodesis.similarity import Comparison, compare
+from tenodesis.similarity.parameters import field_of
+from tenodesis.tolerance.evaluation import Cycle, angles_of_many, cycles
+from tenodesis.workshop import grades
+from tenodesis.workshop.grades import Grade
+
+TARGET = 0.3
+"""Default similarity error to keep, deg."""
+SHARE = 0.95
+"""Share of the instruments that must keep it."""
+SAMPLES = 2000
+"""Instruments drawn from the tolerances to verify them."""
+PULLEY = "conditions.cable_pulley_radius"
+_LENGTHS = ("end_effector_length", "handle_length", "overall_length", "backbone_length")
+_SETTINGS = ("tendon_modulus", "tendon_stiffness", "pretension", "backbone_rigidity")
+_STEP = 1e-3  # of a central difference, relative
+_NEGLIGIBLE = 0.01  # of the target: the effect of a coarsest grade that needs no choice
+_LEAST_QUANTILE = 1.6  # of a sum of uniform and normal values, standard deviations
+_LOST = 1e9
+_TRIED = 5  # sets of equal cost
+_FRICTION = 0.2  # standard deviation of the coefficients, as tenodesis.tolerance has it
+_FEWER = 4  # times fewer instruments for what is only reported
+
+
+class Dimension(NamedTuple):
+    """A dimension of the drawings, or a setting of the assembly, with its tolerance."""
+
+    key: str
+    """Key of the instrument file."""
+    nominal: float
+    """SI units."""
+    grade: Grade
+    pieces: int
+    share: float
+    """Share of the error's variance where it is largest."""
+    effect: float
+    """Largest error that its width causes alone, deg."""
+    is_drawn: bool
+    """Whether a drawing has it; otherwise it is set or measured in assembly."""
+
+    @property
+    def tolerance(self) -> float:
+        """Half width of a drawn dimension; standard deviation of a setting, SI units."""
+        return self.grade.width
+
+    @property
+    def cost(self) -> float:
+        """Relative cost: 1 is one part turned to general tolerances."""
+        return self.grade.cost * self.pieces
+
+
+class Spread(NamedTuple):
+    """The largest similarity error of drawn instruments, deg: median, and what the share of them keeps."""
+
+    median: float
+    kept: float
+    lost: float
+    """Share of the instruments whose tip is lost under a load; they count as keeping nothing."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The cheapest tolerances found that keep a similarity error; :func:`tolerate` makes it."""
+
+    real_size: Instrument
+    scaled_up: Instrument
+    target: float
+    """Similarity error to keep, deg."""
+    share: float
+    dimensions: Mapping[str, Dimension]
+    """By key of the instrument file, the largest share of the error first."""
+    forces: tuple[float, ...]
+    """Test forces up to which the target is kept, N real-size; empty if it is kept at none."""
+    by_force: Mapping[float, Spread]
+    """What the drawn instruments keep at each test force that the nominal ones hold, N real-size."""
+    built: Spread
+    """Over the forces at which the target is to be kept; of all where it is kept at none."""
+    designed: float
+    """Largest error of the instrument as designed over the same forces, with friction, deg."""
+    coarsest: Spread
+    """With the cheapest grade of everything, at the same forces."""
+    coarsest_shares: Mapping[str, float]
+    with_friction: Spread
+    """With the chosen tolerances and friction coefficients that differ by 20 % from the real-size ones."""
+    samples: int
+    seed: int
+
+    def __repr__(self) -> str:
+        keeps = f"{100 * self.share:g} % keep {self.built.kept:.3g} deg"
+        return f"<Budget of {self.scaled_up.name!r}: {len(self.dimensions)} dimensions, {keeps}, cost {self.cost:.3g}>"
+
+    @property
+    def cost(self) -> float:
+        """Relative cost of all tolerances."""
+        return sum(one.cost for one in self.dimensions.values())
+
+    @property
+    def drawn(self) -> dict[str, float]:
+        """Half widths, m, of what drawings have, by key of the instrument file."""
+        return {key: one.tolerance for key, one in self.dimensions.items() if one.is_drawn}
+
+    @property
+    def rubs(self) -> bool:
+        """Whether the instrument has friction, whose coefficients may differ."""
+        friction = self.scaled_up.friction
+        return bool(friction.vertex_coefficient or friction.sheath_coefficient)
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether the target is kept, at one test force at least."""
+        return bool(self.forces)
+
+
+def tolerate(
+    real_size: InstrumentLike,
+    scaled_up: InstrumentLike,
+    *,
+    target: float = TARGET,
+    share: float = SHARE,
+    samples: int = SAMPLES,
+    seed: int = 0,
+) -> Budget:
+    """Find the cheapest tolerances with which a share of the scale models built keeps a similarity error.
+
+    The error is the largest difference in output angle over a loop of the handle with friction, at every test force of
+    the scaled-up instrument that both hold. Sets of grades are compared by linear propagation; the one taken is
+    verified with instruments drawn from it on the quasi-static twin. Where no set keeps the target at the largest test
+    force, the largest forces are left out until one does.
+
+    Parameters
+    ----------
+    real_size, scaled_up
+        The instruments; of two axes, the first.
+    target
+        Similarity error to keep, deg.
+    share
+        Share of the instruments that keep it.
+    samples, seed
+        How many instruments are drawn, and the seed.
+
+    Raises
+    ------
+    StudyError
+        The instruments cannot be compared, or the nominal ones do not hold the smallest test force.
+    ValueError
+        An argument is out of its range.
+    """
+    if isinstance(target, bool) or not 0 < target < np.inf:
+        raise ArgumentError(key="target", value=target, allowed="an angle above 0 deg")
+    if not 0.5 <= share < 1:
+        raise ArgumentError(key="share", value=share, allowed="a share from 0.5 to below 1")
+    if isinstance(samples, bool) or not isinstance(samples, int) or not 100 <= samples <= 100_000:
+        raise ArgumentError(key="samples", value=samples, allowed="an integer from 100 to 100000")
+    pair = _Pair.of(as_instrument(real_size, "real_size"), as_instrument(scaled_up, "scaled_up"))
+    choosing = _Choosing(pair, target, share, samples, seed)
+    every = len(pair.forces)
+    for count in range(every, 0, -1):
+        found = choosing.cheapest(count)
+        if found is not None:
+            taken, errors = found
+            beyond = choosing.drawn(taken, range(count, every))
+            return _budget(choosing, taken, np.concatenate([errors, beyond]), count, is_kept=True)
+    finest = choosing.finest
+    return _budget(choosing, finest, choosing.drawn(finest, range(every)), every, is_kept=False)
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """Two instruments, their cycles of the handle, and the real-size output angles at every test force (N)."""
+
+    real_size: Instrument
+    scaled_up: Instrument
+    comparison: Comparison
+    forces: tuple[float, ...]
+    cycle: Cycle
+    scaled_up_cycle: Cycle
+    reference: Array
+    """rad, by force and step."""
+    factor: float
+
+    @classmethod
+    def of(cls, real_size: Instrument, scaled_up: Instrument) -> "_Pair":
+        real_size, scaled_up = real_size.planar[0], scaled_up.planar[0]
+        try:
+            comparison = compare(real_size, scaled_up)
+        except ValueError as problem:
+            raise StudyError(f"{scaled_up.name} for {real_size.name}: {problem}") from None
+        factor = float(comparison.force_factor())
+        forces = sorted(force / factor for force in scaled_up.conditions.forces if force > 0)
+        given = tuple(forces or sorted(force for force in real_size.conditions.forces if force > 0) or (1.0,))
+        cycle, other = cycles(comparison)
+        reference = np.array([angles_of_many([real_size], cycle, force)[0][0] for force in given])
+        found = cls(real_size, scaled_up, comparison, given, cycle, other, reference, factor)
+        held = np.array([not np.isnan(error).any() for error in found.errors([scaled_up])])
+        if not held[0]:
+            raise StudyError(
+                f"{scaled_up.name} or {real_size.name} does not hold {given[0]:.4g} N (real-size) through its working "
+                "range; use smaller test forces."
+            )
+        count = held.size if held.all() else int(held.argmin())
+        return replace(found, forces=given[:count], reference=reference[:count])
+
+    def errors(
+        self, insts: Sequence[Instrument | None], load: float | Array = 1.0, forces: Sequence[int] | None = None
+    ) -> Array:
+        """Return errors, deg, by force, instrument and step; `load` is what the weights give over the nominal force.
+
+        `forces` are the numbers of the test forces; by default all.
+        """
+        parts = []
+        for n in range(len(self.forces)) if forces is None else forces:
+            force, reference = self.forces[n], self.reference[n]
+            angles, status = angles_of_many(insts, self.scaled_up_cycle, force * self.factor * load)
+            angles[status != 0] = np.nan
+            off = np.degrees(angles - reference)
+            parts.append(np.concatenate([off[:, self.cycle.extension], off[:, self.cycle.flexion]], axis=1))
+        return np.array(parts)
+
+    def built(self, keys: Sequence[str], rows: Array) -> tuple[list[Instrument | None], Array]:
+        """Return the instruments that values by key (SI units) make, and what their weights give over nominal."""
+        load = np.ones(len(rows))
+        if PULLEY in keys:
+            load = rows[:, keys.index(PULLEY)] / _value(self.scaled_up, PULLEY)
+        own = [n for n, key in enumerate(keys) if key != PULLEY]
+        return [self._one({keys[n]: float(row[n]) for n in own}) for row in rows], load
+
+    def _one(self, values: Mapping[str, float]) -> Instrument | None:
+        try:
+            return self.scaled_up.replace(**values)
+        except InstrumentError:
+            return None
+
+
+class _Choosing:
+    """The grades of every dimension, the error's derivatives, and the sets of grades by cost."""
+
+    def __init__(self, pair: _Pair, target: float, share: float, samples: int, seed: int) -> None:
+        self.pair, self.target, self.share, self.samples, self.seed = pair, target, share, samples, seed
+        inst = pair.scaled_up
+        self.nominal = {key: _value(inst, key) for key in _keys(inst)}
+        self.keys = list(self.nominal)
+        values = np.array(list(self.nominal.values()))
+        shifted = np.concatenate([values * (1 + sign * _STEP * np.eye(len(values))) for sign in (1, -1)])
+        at = pair.errors(*pair.built(self.keys, shifted))
+        count = len(values)
+        # By force, key and step: deg per SI unit.
+        slopes = (at[:, :count] - at[:, count:]) / (2 * _STEP * values[:, np.newaxis])
+        # A tip that is lost so near to the nominal one is lost within any tolerance.
+        self.slopes = np.nan_to_num(slopes, nan=_LOST)
+        self.designed = pair.errors([inst])[:, 0]
+        self.grades = [self._grades_of(n, key) for n, key in enumerate(self.keys)]
+        random = np.random.default_rng(seed)
+        normal, uniform = random.standard_normal((samples, count)), random.uniform(-1, 1, (samples, count))
+        self.draws = np.where([one[0].is_normal for one in self.grades], normal, uniform)
+
+    def _grades_of(self, n: int, key: str) -> tuple[Grade, ...]:
+        inst, nominal = self.pair.scaled_up, self.nominal[key]
+        if key in _LENGTHS:
+            return grades.of_length(nominal)
+        if key == "pretension":
+            return grades.of_pretension(inst)
+        if key == "backbone_rigidity":
+            return grades.of_backbone(nominal)
+        if key in _SETTINGS:
+            turns = np.radians(np.abs(self.slopes[:, n]).max(axis=1)) * nominal
+            return grades.of_stiffness(nominal, float(max(turns[turns < _LOST], default=0.0)))
+        return grades.of_radius(nominal)
+
+    @property
+    def finest(self) -> tuple[Grade, ...]:
+        """The finest grade of everything."""
+        return tuple(one[-1] for one in self.grades)
+
+    @property
+    def coarsest(self) -> tuple[Grade, ...]:
+        """The cheapest grade of everything."""
+        return tuple(one[0] for one in self.grades)
+
+    def cheapest(self, count: int) -> tuple[tuple[Grade, ...], Array] | None:
+        """Return the cheapest set that keeps the target at the smallest test forces, as many as `count`.
+
+        With it comes what its instruments keep, as :meth:`drawn`; None if no set does.
+        """
+        designed = np.concatenate(self.designed[:count])
+        slopes = np.concatenate(self.slopes[:count], axis=1)
+        for taken in self._by_cost(slopes):
+            widths = np.array([one.width for one in taken])
+            # Most sets miss by so much that a few instruments show it.
+            if any(
+                np.quantile(np.abs(designed + (draws * widths) @ slopes).max(axis=1), self.share) > bound
+                for draws, bound in ((self.draws[::_FEWER], 1.1 * self.target), (self.draws, self.target))
+            ):
+                continue
+            # The largest force first, at which most sets fail.
+            last = self.drawn(taken, (count - 1,))
+            if _spread(last[0], self.share).kept <= self.target:
+                errors = np.concatenate([self.drawn(taken, range(count - 1)), last])
+                if _spread(errors.max(axis=0), self.share).kept <= self.target:
+                    return taken, errors
+        return None
+
+    def _by_cost(self, slopes: Array) -> Iterator[tuple[Grade, ...]]:
+        """Yield sets of grades that may keep the target, by rising cost; of equal costs those with the least error."""
+        effect = np.abs(slopes).max(axis=1)
+        # A grade without effect needs no choice.
+        choices = [
+            one[:1] if one[0].width * effect[n] < _NEGLIGIBLE * self.target else one
+            for n, one in enumerate(self.grades)
+        ]
+        at = np.unique(np.abs(slopes).argmax(axis=1))
+        variance, cost = np.zeros((1, at.size)), np.zeros(1)
+        for n, offered in enumerate(choices):
+            own = np.array([_variance(one) * slopes[n, at] ** 2 for one in offered])
+            price = np.array([one.cost * _pieces(self.pair.scaled_up, self.keys[n]) for one in offered])
+            variance = (variance[:, np.newaxis] + own).reshape(-1, at.size)
+            cost = (cost[:, np.newaxis] + price).ravel()
+        deviation = np.sqrt(variance.max(axis=1))
+        possible = np.flatnonzero(deviation * _LEAST_QUANTILE <= self.target)
+        order = possible[np.lexsort((deviation[possible], cost[possible].round(6)))]
+        shape = [len(one) for one in choices]
+        for _, same in groupby(order.tolist(), key=lambda number: round(float(cost[number]), 6)):
+            for number in list(same)[:_TRIED]:
+                picked = np.unravel_index(number, shape)
+                yield tuple(one[int(n)] for one, n in zip(choices, picked, strict=True))
+
+    def drawn(self, taken: Sequence[Grade], forces: Sequence[int], *, friction: float = 0.0, fewer: int = 1) -> Array:
+        """Return the largest error, deg, of drawn instruments at some of the forces; infinite where a tip is lost."""
+        if not len(forces):
+            return np.empty((0, self.samples // fewer))
+        draws = self.draws[: self.samples // fewer]
+        rows = np.array(list(self.nominal.values())) + draws * np.array([one.width for one in taken])
+        insts, load = self.pair.built(self.keys, rows)
+        if friction:
+            random = np.random.default_rng(self.seed + 1)
+            insts = [_rubbing(one, random.normal(1, friction, 2)) for one in insts]
+        errors = np.abs(self.pair.errors(insts, load, forces)).max(axis=2)
+        return np.where(np.isnan(errors), np.inf, errors)
+
+    def shares(self, taken: Sequence[Grade], count: int) -> Array:
+        """Return each dimension's share of the error's variance where that is largest."""
+        slopes = np.concatenate(self.slopes[:count], axis=1)
+        variance = np.array([[_variance(one)] for one in taken]) * slopes**2
+        worst = variance[:, variance.sum(axis=0).argmax()]
+        found: Array = worst / (worst.sum() or 1.0)
+        return found
+
+
+def _budget(choosing: _Choosing, taken: tuple[Grade, ...], errors: Array, count: int, *, is_kept: bool) -> Budget:
+    """Return the budget of a set of grades, with the errors of its instruments by force."""
+    pair = choosing.pair
+    shares, effect = choosing.shares(taken, count), np.abs(np.concatenate(choosing.slopes[:count], axis=1)).max(axis=1)
+    dimensions = [
+        Dimension(
+            key, choosing.nominal[key], grade, _pieces(pair.scaled_up, key), float(shares[n]),
+            float(effect[n] * grade.width), key not in _SETTINGS,
+        )
+        for n, (key, grade) in enumerate(zip(choosing.keys, taken, strict=True))
+    ]  # fmt: skip
+    coarsest = choosing.coarsest
+
+    def reported(chosen: tuple[Grade, ...], friction: float = 0.0) -> Spread:
+        drawn = choosing.drawn(chosen, range(count), friction=friction, fewer=_FEWER)
+        return _spread(drawn.max(axis=0), choosing.share)
+
+    return Budget(
+        pair.real_size,
+        pair.scaled_up,
+        choosing.target,
+        choosing.share,
+        {one.key: one for one in sorted(dimensions, key=lambda one: -one.share)},
+        pair.forces[:count] if is_kept else (),
+        {force: _spread(one, choosing.share) for force, one in zip(pair.forces, errors, strict=True)},
+        _spread(errors[:count].max(axis=0), choosing.share),
+        float(np.abs(choosing.designed[:count]).max()),
+        reported(coarsest),
+        dict(zip(choosing.keys, choosing.shares(coarsest, count).tolist(), strict=True)),
+        reported(taken, _FRICTION),
+        choosing.samples,
+        choosing.seed,
+    )
+
+
+def _keys(inst: Instrument) -> Iterator[str]:
+    for parameter in ("distal_radius", "proximal_radius"):
+        yield field_of(inst, parameter)
+    for key in _LENGTHS:
+        if getattr(inst, key, None):
+            yield key
+    if inst.conditions.cable_pulley_radius:
+        yield PULLEY
+    yield "tendon_stiffness" if inst.given_stiffness is not None else "tendon_modulus"
+    if inst.pretension > 0:
+        yield "pretension"
+    if getattr(inst, "backbone_rigidity", None):
+        yield "backbone_rigidity"
+
+
+def _value(inst: Instrument, key: str) -> float:
+    return float((inst.conditions.cable_pulley_radius or 0.0) if key == PULLEY else getattr(inst, key))
+
+
+def _pieces(inst: Instrument, key: str) -> int:
+    """Return how many pieces of one axis have a dimension: a joint of gears has two of them."""
+    return 2 if key.endswith("gear_radius") else 1
+
+
+def _variance(grade: Grade) -> float:
+    return grade.width**2 * (1.0 if grade.is_normal else 1 / 3)
+
+
+def _rubbing(inst: Instrument | None, factors: NDArray[np.float64]) -> Instrument | None:
+    if inst is None:
+        return None
+    friction = inst.friction
+    vertex, sheath = np.maximum(factors, 0.0) * (friction.vertex_coefficient, friction.sheath_coefficient)
+    return inst.replace(**{"friction.vertex_coefficient": float(vertex), "friction.sheath_coefficient": float(sheath)})
+
+
+def _spread(errors: Array, share: float) -> Spread:
+    ordered = np.sort(errors)
+    at = min(int(np.ceil(share * ordered.size)), ordered.size) - 1
+    return Spread(float(np.median(errors)), float(ordered[at]), float(np.isinf(errors).mean()))

@@ -1,0 +1,312 @@
+"""The order list of a scale model: what to buy and to make, what each must do, and where that is known from."""
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import Literal, NamedTuple, TypeAlias
+
+from tenodesis import kinematics
+from tenodesis.control.parameters import tension_limit
+from tenodesis.instrument import InstrumentLike, as_instrument
+from tenodesis.report.content import fixed
+from tenodesis.scaling import Design, Wheel
+from tenodesis.scaling.parts import Hardware, Known, Motor
+from tenodesis.scaling.plan_text import masses, quantity
+from tenodesis.scaling.practical import is_stock
+from tenodesis.workshop.first_run import MARGIN, Demand
+
+Status: TypeAlias = Known | Literal["ours"]
+"""Whether a designation and its values are looked up, quoted by others, assumed, or of our own making."""
+
+SPARE_TURNS = 3
+"""Turns of rope that stay on a spool, so that friction and not its end holds it."""
+_SHAFT_STRESS = 200e6  # Pa, bending
+_SPAN_PER_RADIUS = 2.0  # of a shaft between its bearings, over the wheel's radius
+_TERMINATION = 0.03  # m, of rope beyond a ferrule
+_FERRULE = 10.0  # diameters
+_BEARING_MARGIN = 1.5
+_PLAY = 0.3e-3  # m, of a rope in its sheath
+_ROUNDED = 0.1  # m, to which ropes are ordered
+
+
+class Item(NamedTuple):
+    """A line of the order list."""
+
+    number: str
+    part: str
+    designation: str
+    requirement: str
+    origin: Literal["bought", "made"]
+    lead: Literal["days", "weeks", "workshop"]
+    status: Status
+    source: str
+
+
+class RopeLength(NamedTuple):
+    """The rope to cut for one tendon, m, by what takes it."""
+
+    path: float
+    """From the spool through handle, joints and stem to the end-effector: the length that stretches in the model."""
+    wound: float
+    """Wound in by homing and by the controller up to its limit."""
+    spare: float
+    """Turns that stay on the spool."""
+    terminations: float
+
+    @property
+    def total(self) -> float:
+        """Length to cut."""
+        return math.fsum(self)
+
+
+def rope_length(inst: InstrumentLike) -> RopeLength:
+    """Return the rope to cut for a tendon of an instrument, m; of two axes, the first."""
+    inst = as_instrument(inst).planar[0]
+    diameter = inst.tendon_diameter or 0.0
+    spool = inst.drives.spool_radius + diameter / 2
+    return RopeLength(
+        inst.tendon_length or inst.overall_length,
+        inst.control.homing_stroke + tension_limit(inst) / inst.tendon_stiffness,
+        SPARE_TURNS * 2 * math.pi * spool,
+        2 * (_FERRULE * diameter + _TERMINATION),
+    )
+
+
+def order_list(design: Design, demand: Demand) -> tuple[Item, ...]:
+    """Return the order list of a design, whose drives must do what a rehearsal of the first run demands."""
+    return (
+        *_wheels(design),
+        *_ropes(design),
+        *_sensors(design),
+        *_joints(design),
+        *_drives(design, demand),
+        *_rig(design),
+    )
+
+
+def _wheels(design: Design) -> Iterator[Item]:
+    choice, inst = design.choice, design.scaled_up
+    axes = len(inst.axes)
+    for end, wheel in (("distal", choice.distal), ("proximal", choice.proximal)):
+        radius = quantity(wheel.radius, "mm", 6, "m")
+        if wheel.module is not None:
+            stock = is_stock(design.catalogue, wheel)
+            yield Item(
+                str(2 * axes), f"{end} gear",
+                f"spur gear, module {quantity(wheel.module, 'mm', 4, 'm')}, {wheel.teeth} teeth, 20°",
+                f"pitch radius {radius} = radius to the rope's centre; two tunnels to be drilled",
+                "bought", "days" if stock else "weeks", "to be checked",
+                "ISO 54 (module), ISO 53 (profile); " + ("often kept" if stock else "likely cut to order"),
+            )  # fmt: skip
+        elif inst.joint_type == "continuum" and end == "distal":
+            yield Item(
+                f"{axes}", "set of discs", "made to size", f"tendons {radius} from the backbone", "made", "workshop",
+                "ours", "drawing",
+            )  # fmt: skip
+        else:
+            groove = quantity(wheel.radius - (inst.tendon_diameter or 0.0) / 2, "mm", 6, "m")
+            yield Item(
+                str(axes), f"{end} pulley", "turned or printed to size",
+                f"radius {radius} to the rope's centre, {groove} to the groove's bottom", "made", "workshop", "ours",
+                "drawing",
+            )  # fmt: skip
+    if choice.rod is not None:
+        length = quantity(getattr(inst, "backbone_length", 0.0), "mm", 5, "m")
+        yield Item(
+            str(axes), "backbone", f"{choice.rod.name}, ⌀ {quantity(choice.rod.diameter, 'mm', 4, 'm')}",
+            f"{length} free, and both clamps", "bought", "days", choice.rod.known, choice.rod.source,
+        )  # fmt: skip
+
+
+def _ropes(design: Design) -> Iterator[Item]:
+    inst, rope = design.scaled_up.planar[0], design.choice.rope
+    count = 2 * len(design.scaled_up.axes)
+    cut = rope_length(inst)
+    each = math.ceil(cut.total / _ROUNDED - 1e-9) * _ROUNDED
+    parts = ", ".join(
+        f"{quantity(value, 'mm', 4, 'm')} {name}"
+        for name, value in zip(("path", "to wind", "spare turns", "terminations"), cut, strict=True)
+    )
+    yield Item(
+        f"{count} + 1 spare", "rope for tendons", rope.name,
+        f"{fixed(each, 1)} m each ({parts}), {fixed((count + 1) * each, 1)} m in all; breaks at "
+        f"{quantity(rope.breaking_load, 'N', 4)} or more", "bought",
+        "days" if rope.diameter >= 1e-3 else "weeks", rope.known, rope.source,
+    )  # fmt: skip
+    yield Item(
+        str(count), "sheaths", "coil sheath with a lining, from handle to motor",
+        f"inner ⌀ {quantity(rope.diameter + _PLAY, 'mm', 3, 'm')} or more; as long as the way to the motors, and "
+        "that much "
+        "rope more", "bought", "weeks", "to be checked", "paper, Fig. 2: flexible tendon-sheath transmission",
+    )  # fmt: skip
+    for ferrule in _kind(design, "ferrule")[:1]:
+        yield Item(
+            f"{2 * (count + 1)}", "ferrules", ferrule.name,
+            f"for a rope of ⌀ {quantity(rope.diameter, 'mm', 3, 'm')}; holds its breaking load, tested on a spare",
+            "bought", "days", ferrule.known, ferrule.source,
+        )  # fmt: skip
+
+
+def _sensors(design: Design) -> Iterator[Item]:
+    axes, cell, encoder = len(design.scaled_up.axes), design.choice.load_cell, design.choice.encoder
+    yield Item(
+        str(2 * axes), "load cell", cell.name,
+        f"range {quantity(cell.range, 'N', 4)}, resolves {quantity(cell.resolution, 'N', 2)}; with its amplifier",
+        "bought", "weeks", cell.known, cell.source,
+    )  # fmt: skip
+    if encoder is not None:
+        yield Item(
+            str(2 * axes), "joint encoder", encoder.name,
+            f"{encoder.bits} bit; one at the tip, one at the handle, each with its magnet", "bought", "days",
+            encoder.known, encoder.source,
+        )  # fmt: skip
+
+
+def _joints(design: Design) -> Iterator[Item]:
+    """Yield shafts, bearings and screws; a shaft bends by the pull of both tendons at the controller's limit."""
+    inst = design.scaled_up
+    force = 2 * tension_limit(inst.planar[0])
+    for end, wheel in (("distal", design.choice.distal), ("proximal", design.choice.proximal)):
+        if inst.joint_type == "continuum" and end == "distal":
+            continue
+        count = len(inst.axes) * (1 if wheel.module is None else 2)
+        least = _shaft(force, wheel)
+        shaft = _least(_kind(design, "shaft"), least)
+        bore = least if shaft is None else shaft.size or least
+        bearing = next(
+            (
+                one
+                for one in sorted(_kind(design, "bearing"), key=lambda one: one.size or 0.0)
+                if (one.size or 0.0) >= bore * (1 - 1e-9) and (one.static_load or 0.0) >= _BEARING_MARGIN * force / 2
+            ),
+            None,
+        )
+        if bearing is not None:
+            shaft = _least(_kind(design, "shaft"), bearing.size or bore) or shaft
+        pull = quantity(force, "N", 3)
+        carried = quantity(_BEARING_MARGIN * force / 2, "N", 3)
+        seated = f"static load {carried} or more; seated in the links, not in the wheels"
+        for part, number, found, what in (
+            (f"{end} shafts", count, shaft, f"⌀ {quantity(least, 'mm', 3, 'm')} or more: bent by {pull}"),
+            (f"{end} bearings", 2 * count, bearing, seated),
+        ):  # fmt: skip
+            yield _of_catalogue(str(number), part, found, what)
+    lengths = kinematics.dimensions(inst)
+    yield Item(
+        "1", "tube for the stem", f"⌀ {quantity(lengths.stem_diameter, 'mm', 4, 'm')}",
+        f"{quantity(lengths.stem_length, 'mm', 5, 'm')} between the joints' ends", "bought", "days", "to be checked",
+        "geometry of the instrument file",
+    )  # fmt: skip
+    for screw, number in zip(_kind(design, "screw"), (24, 8), strict=False):
+        yield Item(
+            str(number * len(inst.axes)), "screws", screw.name, "number and length as the drawings decide", "bought",
+            "days", screw.known, screw.source,
+        )  # fmt: skip
+
+
+def _drives(design: Design, demand: Demand) -> Iterator[Item]:
+    inst, spool = design.scaled_up, design.choice.spool
+    count = 2 * len(inst.axes)
+    groove = quantity(spool.radius - (inst.tendon_diameter or 0.0) / 2, "mm", 5, "m")
+    yield Item(
+        str(count), "spools", f"radius {quantity(spool.radius, 'mm', 4, 'm')} to the rope's centre",
+        f"{groove} to the groove's bottom, {SPARE_TURNS} spare turns", "made", "workshop", "ours", spool.source,
+    )  # fmt: skip
+    what = (
+        f"holds {quantity(demand.torque, 'N*m', 3)} at {quantity(demand.largest_tension, 'N', 3)} on the spool, "
+        f"{quantity(MARGIN * demand.speed, 'rad/s', 2)} or more; inertia at the spool up to "
+        f"{quantity(demand.inertia, 'kg*m^2', 2)}"
+    )
+    alternatives = _motors(design, demand)
+    if not alternatives:
+        yield Item(str(count), "motors", "none of the catalogue", what, "bought", "weeks", "to be checked", "twin")
+    for n, (kind, motor) in enumerate(alternatives, 1):
+        part = f"motors, alternative {n}"
+        if motor is None:
+            yield Item(
+                str(count), part, f"{kind}: none of the catalogue fits", what, "bought", "weeks",
+                "to be checked", "twin",
+            )  # fmt: skip
+            continue
+        own = ", ".join(
+            quantity(value, unit, digits)
+            for value, unit, digits in (
+                (motor.torque, "N*m", 3), (motor.speed, "rad/s", 3), (motor.inertia, "kg*m^2", 2),
+            )
+        )  # fmt: skip
+        yield Item(str(count), part, motor.name, f"{what}; has {own}", "bought", "weeks", motor.known, motor.source)
+    for n, kind in enumerate(("drive", "acquisition"), 1):
+        for found in _kind(design, kind)[:1]:
+            many = str(count) if kind == "drive" else "1"
+            told = (
+                "one per motor, speed set point" if kind == "drive" else "instead of these drives, as the paper had it"
+            )
+            yield Item(
+                many, f"amplifiers, alternative {n}", found.name, told, "bought", "weeks", found.known, found.source
+            )
+
+
+def _motors(design: Design, demand: Demand) -> list[tuple[str, Motor | None]]:
+    """Return of every kind of drive the smallest motor that does what is demanded, with the margin of speed."""
+    kinds = dict.fromkeys(motor.drive for motor in design.catalogue.motors)
+    found: list[tuple[str, Motor | None]] = []
+    for kind in kinds:
+        able = [
+            one
+            for one in design.catalogue.motors
+            if one.drive == kind
+            and one.torque >= demand.torque
+            and one.speed >= MARGIN * demand.speed
+            and one.inertia <= demand.inertia
+        ]
+        found.append((kind, min(able, key=lambda one: one.torque, default=None)))
+    return found
+
+
+def _rig(design: Design) -> Iterator[Item]:
+    if not design.tests:
+        return
+    needed = Counter[float]()
+    for test in design.tests:
+        needed |= Counter((*test.weights.loading, *test.weights.counter))
+    (piece, *_) = design.catalogue.weights
+    yield Item(
+        str(needed.total()), "weights", masses(needed.elements()), "enough for each test load in turn", "bought",
+        "days", piece.known, piece.source,
+    )  # fmt: skip
+    radius = design.catalogue.constraints.cable_pulley_radius
+    groove = quantity(radius - design.choice.rope.diameter / 2, "mm", 5, "m")
+    yield Item(
+        "1", "pulley of the load rig", "turned or printed to size",
+        f"radius {quantity(radius, 'mm', 5, 'm')} to the cable's centre, {groove} to the groove's bottom", "made",
+        "workshop", "ours", "paper, Fig. 13",
+    )  # fmt: skip
+    rope = design.choice.rope
+    yield Item(
+        "2", "cables of the load rig", rope.name, "1 m each, with a hook for the weights", "bought", "days", rope.known,
+        rope.source,
+    )  # fmt: skip
+    for bearing in sorted(_kind(design, "bearing"), key=lambda one: one.size or 0.0)[:1]:
+        yield _of_catalogue("2", "bearings of the load rig", bearing, "the bar turns about the tip's axis")
+
+
+def _shaft(force: float, wheel: Wheel) -> float:
+    """Return the least diameter (m) of a wheel's shaft between two bearings, by bending."""
+    moment = force * _SPAN_PER_RADIUS * wheel.radius / 4
+    return float((32 * moment / (math.pi * _SHAFT_STRESS)) ** (1 / 3))
+
+
+def _of_catalogue(count: str, part: str, found: Hardware | None, what: str) -> Item:
+    if found is None:
+        return Item(count, part, "none of the catalogue is large enough", what, "bought", "days", "to be checked", "")
+    return Item(count, part, found.name, what, "bought", "days", found.known, found.source)
+
+
+def _kind(design: Design, kind: str) -> list[Hardware]:
+    return [one for one in design.catalogue.hardware if one.use == kind]
+
+
+def _least(parts: Sequence[Hardware], size: float) -> Hardware | None:
+    return min(
+        (one for one in parts if (one.size or 0.0) >= size * (1 - 1e-9)), key=lambda one: one.size or 0.0, default=None
+    )
