@@ -1,0 +1,103 @@
+"""Simple solids of the CAD kernel, build123d, in mm; it is imported when the first solid is made."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from tenodesis.extras import require
+
+MM = 1e3
+"""Kernel units, mm, per metre."""
+
+Solid: TypeAlias = Any
+"""A shape of the kernel, mm."""
+Location: TypeAlias = Any
+"""A position and orientation of the kernel, mm and degrees."""
+Point: TypeAlias = tuple[float, float, float]
+
+UP: Point = (0.0, 0.0, 1.0)
+
+
+def kernel() -> Any:
+    """Return the module build123d. Raises MissingExtraError if it is not installed."""
+    return require("build123d", "cad")
+
+
+def at(x: float = 0.0, y: float = 0.0, z: float = 0.0, turn: Point = (0.0, 0.0, 0.0)) -> Location:
+    """Return a place, and a turn about x, y and z in degrees."""
+    return kernel().Location((x, y, z), turn)
+
+
+def turned_about_y(angle: float) -> Location:
+    """Return a turn about y by an angle in rad, positive from z toward x."""
+    return at(turn=(0.0, math.degrees(angle), 0.0))
+
+
+FLIP: Point = (180.0, 0.0, 0.0)
+"""Turn about x that points a part the other way along z and keeps its x."""
+
+
+def box(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> Solid:
+    """Return a box by its bounds."""
+    sides = [high - low for low, high in (x, y, z)]
+    middle = [(low + high) / 2 for low, high in (x, y, z)]
+    return kernel().Pos(*middle) * kernel().Box(*sides)
+
+
+def rod(start: Point, end: Point, radius: float) -> Solid:
+    """Return a cylinder between two points."""
+    way = np.subtract(end, start)
+    plane = kernel().Plane(origin=start, z_dir=tuple(way))
+    return kernel().Part(kernel().Solid.make_cylinder(radius, float(np.linalg.norm(way)), plane).wrapped)
+
+
+def bar(points: Sequence[tuple[float, float]], low: float, high: float) -> Solid:
+    """Return a prism along y between two bounds, of a polygon in x and z."""
+    b = kernel()
+    corners = [(x, high, z) for x, z in points]
+    return prism([b.Edge.make_line(one, two) for one, two in zip(corners, [*corners[1:], corners[0]], strict=True)], high - low)
+
+
+def prism(edges: Sequence[Any], height: float) -> Solid:
+    """Return the prism toward -y of a closed outline of edges in a plane square to y."""
+    b = kernel()
+    face = b.Face(b.Wire(edges))
+    return b.Part(b.Solid.extrude(face, (0, -height, 0)).wrapped)
+
+
+def stadium(length: float, radius: float, low: float, high: float) -> Solid:
+    """Return a plate with round ends about (0, 0) and (0, length) in x and z, between two bounds of y."""
+    body = box((-radius, radius), (low, high), (0.0, length))
+    for z in (0.0, length):
+        body += rod((0, low, z), (0, high, z), radius)
+    return body
+
+
+def turned(profile: Sequence[tuple[float, float]], groove: tuple[float, float, float] | None = None) -> Solid:
+    """Return a solid of revolution about y of a polygon (radius, y), without a groove (radius, y, groove's radius)."""
+    b = kernel()
+    corners = [(radius, y, 0.0) for radius, y in profile]
+    edges = [b.Edge.make_line(one, two) for one, two in zip(corners, [*corners[1:], corners[0]], strict=True)]
+    body = b.Part(b.Solid.revolve(b.Face(b.Wire(edges)), 360, b.Axis.Y).wrapped)
+    return body if groove is None else body - ring(*groove)
+
+
+def ring(radius: float, y: float, tube: float) -> Solid:
+    """Return a torus about y."""
+    b = kernel()
+    return b.Part(b.Solid.make_torus(radius, tube, b.Plane(origin=(0, y, 0), z_dir=(0, 1, 0))).wrapped)
+
+
+def common_volume(one: Solid, other: Solid) -> float:
+    """Return the volume that two solids share, mm³."""
+    first, second = one.bounding_box(), other.bounding_box()
+    for low, high, least, most in zip(first.min, first.max, second.min, second.max, strict=True):
+        if low >= most or high <= least:
+            return 0.0
+    b = kernel()
+    from OCP.BRepAlgoAPI import BRepAlgoAPI_Common  # noqa: PLC0415 - part of the extra
+
+    shared = BRepAlgoAPI_Common(one.wrapped, other.wrapped)
+    return float(b.Compound(shared.Shape()).volume) if shared.IsDone() else math.nan
