@@ -50,7 +50,7 @@ def rod(start: Point, end: Point, radius: float) -> Solid:
     """Return a cylinder between two points."""
     way = np.subtract(end, start)
     plane = kernel().Plane(origin=start, z_dir=tuple(way))
-    return kernel().Part(kernel().Solid.make_cylinder(radius, float(np.linalg.norm(way)), plane).wrapped)
+    return kernel().Solid.make_cylinder(radius, float(np.linalg.norm(way)), plane)
 
 
 def bar(points: Sequence[tuple[float, float]], low: float, high: float) -> Solid:
@@ -64,7 +64,7 @@ def prism(edges: Sequence[Any], height: float) -> Solid:
     """Return the prism toward -y of a closed outline of edges in a plane square to y."""
     b = kernel()
     face = b.Face(b.Wire(edges))
-    return b.Part(b.Solid.extrude(face, (0, -height, 0)).wrapped)
+    return b.Solid.extrude(face, (0, -height, 0))
 
 
 def stadium(length: float, radius: float, low: float, high: float) -> Solid:
@@ -80,14 +80,21 @@ def turned(profile: Sequence[tuple[float, float]], groove: tuple[float, float, f
     b = kernel()
     corners = [(radius, y, 0.0) for radius, y in profile]
     edges = [b.Edge.make_line(one, two) for one, two in zip(corners, [*corners[1:], corners[0]], strict=True)]
-    body = b.Part(b.Solid.revolve(b.Face(b.Wire(edges)), 360, b.Axis.Y).wrapped)
+    body = b.Solid.revolve(b.Face(b.Wire(edges)), 360, b.Axis.Y)
     return body if groove is None else body - ring(*groove)
 
 
 def ring(radius: float, y: float, tube: float) -> Solid:
     """Return a torus about y."""
     b = kernel()
-    return b.Part(b.Solid.make_torus(radius, tube, b.Plane(origin=(0, y, 0), z_dir=(0, 1, 0))).wrapped)
+    return b.Solid.make_torus(radius, tube, b.Plane(origin=(0, y, 0), z_dir=(0, 1, 0)))
+
+
+def surface(face: Any) -> Any:
+    """Return a face's surface as the kernel describes it: Cylinder(), Torus() and so on by its type."""
+    from OCP.BRepAdaptor import BRepAdaptor_Surface  # noqa: PLC0415 - part of the extra
+
+    return BRepAdaptor_Surface(face.wrapped)
 
 
 def common_volume(one: Solid, other: Solid) -> float:

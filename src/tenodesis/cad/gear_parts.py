@@ -1,0 +1,143 @@
+"""Parts of a joint of gears at either end of the stem."""
+
+import math
+
+from tenodesis.cad import kernel as k
+from tenodesis.cad.gear_joint import GearJoint, bored, link, toothed_half
+from tenodesis.cad.kernel import FLIP
+from tenodesis.cad.parts import Dimension, Part
+from tenodesis.cad.shared import End, ferrule_pockets, sheath_seats, socket, spigot, transition
+from tenodesis.cad.sizes import Sizes
+
+
+def gear_parts(joint: GearJoint, end: End, sizes: Sizes) -> list[Part]:
+    """Return the parts of a gear pair at the tip or at the handle."""
+    tip = end.tip
+    names = ("tip_gear_near", "tip_gear_far", "tip_link") if tip else ("handle_gear_near", "handle_gear_far", "handle_link")
+    titles = (
+        ("Gear on the stem", "Gear of the end-effector", "Link of the tip")
+        if tip
+        else ("Gear at the stem's handle end", "Gear of the grip", "Link of the handle")
+    )
+    density = sizes.process.density
+    side = joint.outside + joint.play
+    places = tuple(k.at(0, y) if tip else k.at(0, -y, turn=FLIP) for y in (side, -side - joint.link_thickness))
+    radius = joint.gear.pitch_radius
+    pins = tuple(k.at(z=z if tip else -z) for z in (0.0, 2 * radius))
+    pin = k.rod((0, -joint.pin_length / 2, 0), (0, joint.pin_length / 2, 0), joint.pin / 2)
+    out = 2.5 * radius
+    return [
+        Part(
+            names[0],
+            titles[0],
+            _near(joint, end, sizes),
+            "stem",
+            (k.at() if tip else k.at(z=-end.stem_length, turn=FLIP),),
+            density=density,
+            dimensions=_half_dimensions(joint, end, names[0], near=True),
+            notes=_notes(joint),
+            upright=(90, 0, 0),
+        ),
+        Part(
+            names[1],
+            titles[1],
+            _far(joint, end, sizes),
+            end.far,
+            (k.at(turn=FLIP) if tip else k.at(),),
+            density=density,
+            dimensions=_half_dimensions(joint, end, names[1], near=False),
+            notes=_notes(joint),
+            away=(0, 0, out if tip else -out),
+            upright=(90, 0, 0),
+        ),
+        Part(
+            names[2],
+            titles[2],
+            link(joint, sizes),
+            end.carrier,
+            places,
+            density=density,
+            dimensions=_link_dimensions(joint, sizes, end.key, names[2]),
+            away=(0, out, out / 2 if tip else -out / 2),
+            upright=(90, 0, 0),
+        ),
+        Part(
+            f"{'tip' if tip else 'handle'}_pin",
+            f"Dowel pin ISO 2338 {joint.pin:g} x {math.ceil(joint.pin_length):g}",
+            pin,
+            end.carrier,
+            pins,
+            made=False,
+            density=7800.0,
+            away=(0, 2 * out, out / 2 if tip else -out / 2),
+        ),
+    ]
+
+
+def _near(joint: GearJoint, end: End, sizes: Sizes) -> k.Solid:
+    radius, stem = joint.gear.pitch_radius, end.stem_radius
+    body = toothed_half(joint, tooth_ahead=True)
+    top = -joint.depth
+    if end.tip:
+        body += k.rod((0, 0, top - joint.collar), (0, 0, top), stem)
+        body += spigot(end, sizes, top - joint.collar)
+        return bored(joint, body, sizes, joint.depth + joint.collar)
+    ways = [((x, 0.0), (math.copysign(end.tendon_radius, x), 0.0)) for x in (-radius, radius)]
+    body += transition(end, sizes, joint.width, joint.middle, top, ways)[0]
+    body = bored(joint, body, sizes, joint.depth)
+    for tunnel in transition(end, sizes, joint.width, joint.middle, top, ways)[1]:
+        body -= tunnel
+    return body + spigot(end, sizes, -end.near_length)
+
+
+def _far(joint: GearJoint, end: End, sizes: Sizes) -> k.Solid:
+    radius, top = joint.gear.pitch_radius, -joint.depth
+    body = toothed_half(joint, tooth_ahead=False)
+    bottom = top - end.far_collar
+    if end.tip:
+        body += k.rod((0, 0, bottom), (0, 0, top), end.stem_radius)
+        body = bored(joint, body, sizes, joint.depth + end.far_collar)
+        body -= ferrule_pockets(radius, sizes, bottom, end.far_collar)
+    else:
+        reach = radius + end.seat + sizes.wall
+        body += k.box((-reach, reach), (-end.seat - sizes.wall, end.seat + sizes.wall), (bottom, top))
+        body = bored(joint, body, sizes, joint.depth + end.far_collar)
+        body -= sheath_seats(radius, end, sizes, bottom)
+    return body - socket(end, sizes, bottom)
+
+
+def _notes(joint: GearJoint) -> tuple[str, ...]:
+    gear, rope = joint.gear, joint.rope
+    return (
+        f"Gear: module {gear.module:.4g} mm, {gear.teeth} teeth, 20 deg, no profile shift; "
+        f"tooth thickness less {gear.backlash / 2:.3g} mm.",
+        f"Tunnels Ø{joint.tunnel:.3g} for a rope of {rope:.3g} mm; their ends at the gear's axis have a sharp edge.",
+        "Radius to the rope's centre = pitch radius = tunnel's axis.",
+    )
+
+
+def _half_dimensions(joint: GearJoint, end: End, name: str, *, near: bool) -> tuple[Dimension, ...]:
+    gear, y = joint.gear, -joint.outside
+    radius = gear.pitch_radius
+    length = end.near_length if near else joint.depth + end.far_collar
+    return (
+        Dimension("radius to the rope's centre", (0, y, 0), (radius, y, 0), "front", 0.22, "R", end.key, along="x"),
+        Dimension("tip circle", (0, y, 0), (0, y, gear.tip_radius), "front", -0.62, "R", along="y"),
+        Dimension("axis to back", (0, y, 0), (0, y, -length), "front", -0.62, along="y"),
+        Dimension("tunnels apart", (-radius, y, -length), (radius, y, -length), "front", -0.12, key=f"{end.key} x 2", along="x")
+        if near and end.tip or not near
+        else Dimension("tunnels apart", (-radius, y, 0), (radius, y, 0), "front", 0.34, key=f"{end.key} x 2", along="x"),
+        Dimension("over the toothed plates", (0, -joint.outside, 0), (0, joint.outside, 0), "side", 0.2, along="x"),
+        Dimension("between the toothed plates", (0, -joint.middle, 0), (0, joint.middle, 0), "side", 0.12, along="x"),
+        Dimension("pin's bore", (-joint.pin / 2, y, 0), (joint.pin / 2, y, 0), "front", 0.1, "Ø", key=f"{name}.bore", along="x"),
+    )
+
+
+def _link_dimensions(joint: GearJoint, sizes: Sizes, key: str, name: str) -> tuple[Dimension, ...]:
+    apart, bore = 2 * joint.gear.pitch_radius, (joint.pin + sizes.bore) / 2
+    return (
+        Dimension("distance of the axes", (0, 0, 0), (0, 0, apart), "front", -0.3, key=f"{key} x 2", along="y"),
+        Dimension("bore", (-bore, 0, apart), (bore, 0, apart), "front", 0.2, "Ø", key=f"{name}.bore", along="x"),
+        Dimension("width", (-joint.link, 0, 0), (joint.link, 0, 0), "front", -0.25, along="x"),
+        Dimension("thickness", (0, 0, 0), (0, joint.link_thickness, 0), "side", 0.2, along="x"),
+    )
