@@ -76,7 +76,7 @@ def backbone_parts(tip: Backbone, end: End, sizes: Sizes) -> list[Part]:
     density, radius = sizes.process.density, tip.radius
     discs = tuple(k.at(z=number * tip.pitch) for number in range(1, tip.count))
     out = tip.length
-    offset = Dimension("tendon's centre to backbone", (0, 0, 0), (radius, 0, 0), "top", 0.3, "R", end.key, along="x")
+    offset = Dimension("tendon's centre to backbone", (0, 0, 0), (radius, 0, 0), "top", 1, "R", end.key, along="x")
     return [
         Part(
             "tip_socket",
@@ -87,9 +87,9 @@ def backbone_parts(tip: Backbone, end: End, sizes: Sizes) -> list[Part]:
             density=density,
             dimensions=(
                 offset,
-                Dimension("stem's diameter", (-end.stem_radius, 0, -tip.collar), (end.stem_radius, 0, -tip.collar), "front", -0.3, "Ø", "stem_diameter", along="x"),
-                Dimension("collar", (0, 0, 0), (0, 0, -tip.collar), "front", -0.6, along="y"),
-                Dimension("backbone's bore", (-tip.rod / 2, 0, 0), (tip.rod / 2, 0, 0), "top", -0.3, "Ø", along="x"),
+                Dimension("stem's diameter", (-end.stem_radius, 0, -tip.collar), (end.stem_radius, 0, -tip.collar), "front", -1, "Ø", "stem_diameter", along="x"),
+                Dimension("collar", (0, 0, 0), (0, 0, -tip.collar), "front", -1, along="y"),
+                Dimension("backbone's bore", (-tip.rod / 2, 0, 0), (tip.rod / 2, 0, 0), "top", -1, "Ø", along="x"),
             ),
         ),
         Part(
@@ -101,8 +101,8 @@ def backbone_parts(tip: Backbone, end: End, sizes: Sizes) -> list[Part]:
             density=density,
             dimensions=(
                 offset,
-                Dimension("outer diameter", (-tip.outer, 0, 0), (tip.outer, 0, 0), "top", 0.45, "Ø", along="x"),
-                Dimension("thickness", (0, 0, -tip.disc / 2), (0, 0, tip.disc / 2), "front", -0.8, along="y"),
+                Dimension("outer diameter", (-tip.outer, 0, 0), (tip.outer, 0, 0), "top", 1, "Ø", along="x"),
+                Dimension("thickness", (0, 0, -tip.disc / 2), (0, 0, tip.disc / 2), "front", -1, along="y"),
             ),
             notes=(f"{tip.count - 1} pieces, glued at a pitch of {tip.pitch:.4g} mm.",),
             away=(0, 0, out / 2),
@@ -116,7 +116,7 @@ def backbone_parts(tip: Backbone, end: End, sizes: Sizes) -> list[Part]:
             density=density,
             dimensions=(
                 offset,
-                Dimension("length", (0, 0, 0), (0, 0, -end.far_collar - tip.collar), "front", -0.6, along="y"),
+                Dimension("length", (0, 0, 0), (0, 0, -end.far_collar - tip.collar), "front", -1, along="y"),
             ),
             away=(0, 0, out),
             upright=(180, 0, 0),

@@ -121,23 +121,23 @@ def _half_dimensions(joint: GearJoint, end: End, name: str, *, near: bool) -> tu
     radius = gear.pitch_radius
     length = end.near_length if near else joint.depth + end.far_collar
     return (
-        Dimension("radius to the rope's centre", (0, y, 0), (radius, y, 0), "front", 0.22, "R", end.key, along="x"),
-        Dimension("tip circle", (0, y, 0), (0, y, gear.tip_radius), "front", -0.62, "R", along="y"),
-        Dimension("axis to back", (0, y, 0), (0, y, -length), "front", -0.62, along="y"),
-        Dimension("tunnels apart", (-radius, y, -length), (radius, y, -length), "front", -0.12, key=f"{end.key} x 2", along="x")
+        Dimension("radius to the rope's centre", (0, y, 0), (radius, y, 0), "front", 1, "R", end.key, along="x"),
+        Dimension("tip circle", (0, y, 0), (0, y, gear.tip_radius), "front", -1, "R", along="y"),
+        Dimension("axis to back", (0, y, 0), (0, y, -length), "front", -1, along="y"),
+        Dimension("tunnels apart", (-radius, y, -length), (radius, y, -length), "front", -1, key=end.key, factor=2, along="x")
         if near and end.tip or not near
-        else Dimension("tunnels apart", (-radius, y, 0), (radius, y, 0), "front", 0.34, key=f"{end.key} x 2", along="x"),
-        Dimension("over the toothed plates", (0, -joint.outside, 0), (0, joint.outside, 0), "side", 0.2, along="x"),
-        Dimension("between the toothed plates", (0, -joint.middle, 0), (0, joint.middle, 0), "side", 0.12, along="x"),
-        Dimension("pin's bore", (-joint.pin / 2, y, 0), (joint.pin / 2, y, 0), "front", 0.1, "Ø", key=f"{name}.bore", along="x"),
+        else Dimension("tunnels apart", (-radius, y, 0), (radius, y, 0), "front", 1, key=end.key, factor=2, along="x"),
+        Dimension("over the toothed plates", (0, -joint.outside, 0), (0, joint.outside, 0), "side", 1, along="x"),
+        Dimension("between the toothed plates", (0, -joint.middle, 0), (0, joint.middle, 0), "side", 1, along="x"),
+        Dimension("pin's bore", (-joint.pin / 2, y, 0), (joint.pin / 2, y, 0), "front", 1, "Ø", key=f"{name}.bore", along="x"),
     )
 
 
 def _link_dimensions(joint: GearJoint, sizes: Sizes, key: str, name: str) -> tuple[Dimension, ...]:
     apart, bore = 2 * joint.gear.pitch_radius, (joint.pin + sizes.bore) / 2
     return (
-        Dimension("distance of the axes", (0, 0, 0), (0, 0, apart), "front", -0.3, key=f"{key} x 2", along="y"),
-        Dimension("bore", (-bore, 0, apart), (bore, 0, apart), "front", 0.2, "Ø", key=f"{name}.bore", along="x"),
-        Dimension("width", (-joint.link, 0, 0), (joint.link, 0, 0), "front", -0.25, along="x"),
-        Dimension("thickness", (0, 0, 0), (0, joint.link_thickness, 0), "side", 0.2, along="x"),
+        Dimension("distance of the axes", (0, 0, 0), (0, 0, apart), "front", -1, key=key, factor=2, along="y"),
+        Dimension("bore", (-bore, 0, apart), (bore, 0, apart), "front", 1, "Ø", key=f"{name}.bore", along="x"),
+        Dimension("width", (-joint.link, 0, 0), (joint.link, 0, 0), "front", -1, along="x"),
+        Dimension("thickness", (0, 0, 0), (0, joint.link_thickness, 0), "side", 1, along="x"),
     )

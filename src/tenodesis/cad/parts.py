@@ -8,6 +8,10 @@ from tenodesis.cad.kernel import Location, Point, Solid
 View = Literal["front", "side", "top"]
 
 
+PAGE: dict[View, tuple[int, int]] = {"front": (0, 2), "side": (1, 2), "top": (0, 1)}
+"""Coordinates that are across and up the page, by view."""
+
+
 @dataclass(frozen=True)
 class Dimension:
     """A dimension of a drawing, between two points of the part, mm, seen along y (front), x (side) or z (top)."""
@@ -16,14 +20,22 @@ class Dimension:
     first: Point
     second: Point
     view: View = "front"
-    offset: float = 0.0
-    """Of the dimension line from the points, in units of the view's height; across the measured direction."""
+    side: Literal[1, -1] = 1
+    """Of the view on which it stands: 1 for above or to the right."""
     sign: Literal["", "Ø", "R"] = ""
     key: str = ""
-    """Key of the instrument file that sets it, or the name under which a tolerance is given; by default part.name."""
-    note: str = ""
-    along: Literal["x", "y"] | None = None
-    """Direction on the page that it measures; None for that between its points."""
+    """Key of the instrument file that sets it, under which a tolerance may be given; by default its name."""
+    factor: float = 1.0
+    """By which the key's value, and its tolerance, is in the dimension."""
+    along: Literal["x", "y"] = "x"
+    """Direction on the page that it measures."""
+
+    @property
+    def value(self) -> float:
+        """Its nominal value, mm."""
+        across, up = PAGE[self.view]
+        place = across if self.along == "x" else up
+        return abs(self.second[place] - self.first[place])
 
 
 @dataclass(frozen=True)

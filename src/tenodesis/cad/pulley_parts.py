@@ -212,14 +212,14 @@ def _annulus(inner: float, outer: float, y: float, half: float) -> Solid:
 def _pulley_dimensions(joint: PulleyJoint, end: End) -> tuple[Dimension, ...]:
     y = -joint.outside
     return (
-        Dimension("radius to the rope's centre", (0, y, 0), (joint.radius, y, 0), "front", 0.42, "R", end.key, along="x"),
-        Dimension("radius to the groove's bottom", (0, y, 0), (joint.bottom_radius, y, 0), "front", 0.3, "R",
-                  f"{end.key} less half a rope", along="x"),
-        Dimension("rim", (-joint.rim, y, 0), (joint.rim, y, 0), "front", 0.54, "Ø", along="x"),
-        Dimension("axis to back", (0, y, 0), (0, y, -joint.depth - end.far_collar), "front", -0.7, along="y"),
-        Dimension("width of the pulley", (0, -joint.half, 0), (0, joint.half, 0), "side", 0.3, along="x"),
-        Dimension("over the cheeks", (0, -joint.outside, 0), (0, joint.outside, 0), "side", 0.42, along="x"),
-        Dimension("grooves apart", (0, -joint.shift, 0), (0, joint.shift, 0), "side", 0.2, along="x"),
+        Dimension("radius to the rope's centre", (0, y, 0), (joint.radius, y, 0), "front", 1, "R", end.key, along="x"),
+        Dimension("radius to the groove's bottom", (0, y, 0), (joint.bottom_radius, y, 0), "front", 1, "R",
+                  end.key, along="x"),
+        Dimension("rim", (-joint.rim, y, 0), (joint.rim, y, 0), "front", 1, "Ø", along="x"),
+        Dimension("axis to back", (0, y, 0), (0, y, -joint.depth - end.far_collar), "front", -1, along="y"),
+        Dimension("width of the pulley", (0, -joint.half, 0), (0, joint.half, 0), "side", 1, along="x"),
+        Dimension("over the cheeks", (0, -joint.outside, 0), (0, joint.outside, 0), "side", 1, along="x"),
+        Dimension("grooves apart", (0, -joint.shift, 0), (0, joint.shift, 0), "side", 1, along="x"),
     )
 
 
@@ -227,11 +227,11 @@ def _fork_dimensions(joint: PulleyJoint, end: End) -> tuple[Dimension, ...]:
     inner = joint.outside + joint.play
     low = -joint.depth if end.tip else 0.0
     return (
-        Dimension("tunnels apart", (-joint.radius, -inner, low), (joint.radius, -inner, low), "front", 0.3,
-                  key=f"{end.key} x 2", along="x"),
-        Dimension("axis to collar", (0, -inner, 0), (0, -inner, -joint.depth), "front", -0.6, along="y"),
-        Dimension("axis to tube", (0, -inner, 0), (0, -inner, -end.near_length), "front", -0.75, along="y"),
-        Dimension("between the arms", (0, -inner, 0), (0, inner, 0), "side", 0.2, along="x"),
-        Dimension("over the arms", (0, -inner - joint.fork, 0), (0, inner + joint.fork, 0), "side", 0.32, along="x"),
-        Dimension("pin's bore", (-joint.pin / 2, -inner, 0), (joint.pin / 2, -inner, 0), "front", 0.18, "Ø", along="x"),
+        Dimension("tunnels apart", (-joint.radius, -inner, low), (joint.radius, -inner, low), "front", 1,
+                  key=end.key, factor=2, along="x"),
+        Dimension("axis to collar", (0, -inner, 0), (0, -inner, -joint.depth), "front", -1, along="y"),
+        Dimension("axis to tube", (0, -inner, 0), (0, -inner, -end.near_length), "front", -1, along="y"),
+        Dimension("between the arms", (0, -inner, 0), (0, inner, 0), "side", 1, along="x"),
+        Dimension("over the arms", (0, -inner - joint.fork, 0), (0, inner + joint.fork, 0), "side", 1, along="x"),
+        Dimension("pin's bore", (-joint.pin / 2, -inner, 0), (joint.pin / 2, -inner, 0), "front", 1, "Ø", along="x"),
     )
