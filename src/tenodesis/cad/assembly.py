@@ -289,8 +289,9 @@ def _way(
         torus = k.surface(face).Torus()
         grooves[torus.Axis().Location().Y() > 0] = torus.MajorRadius() - torus.MinorRadius()
     radius = grooves[side > 0] + k.MM * (model.instrument.tendon_diameter or 0.0) / 2
-    # The tendon meets the pulley where its way from the tunnel, along the stem, touches the circle.
-    bent = output_angle if tip else handle_angle
+    # The tendon meets the pulley where its way from the tunnel, along the stem, touches the circle; bending unwinds the
+    # agonist at the tip and winds it on at the handle.
+    bent = output_angle if tip else -handle_angle
     return float(radius * (joint.wrap - side * bent))
 
 

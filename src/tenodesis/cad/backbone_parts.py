@@ -6,7 +6,7 @@ from typing import NamedTuple
 from tenodesis.cad import kernel as k
 from tenodesis.cad.kernel import FLIP, Solid
 from tenodesis.cad.parts import Dimension, Part
-from tenodesis.cad.shared import End, ferrule_pockets, socket, spigot
+from tenodesis.cad.shared import End, far_dimensions, ferrule_pockets, socket, spigot, tube_dimensions
 from tenodesis.cad.sizes import Sizes, refuse
 
 _DEVIATION = math.radians(0.25)
@@ -76,7 +76,7 @@ def backbone_parts(tip: Backbone, end: End, sizes: Sizes) -> list[Part]:
     density, radius = sizes.process.density, tip.radius
     discs = tuple(k.at(z=number * tip.pitch) for number in range(1, tip.count))
     out = tip.length
-    offset = Dimension("tendon's centre to backbone", (0, 0, 0), (radius, 0, 0), "top", 1, "R", end.key, along="x")
+    offset = Dimension("tendon's centre to backbone", (0, 0, 0), (radius, 0, 0), "top", 1, "R", end.key)
     return [
         Part(
             "tip_socket",
@@ -87,9 +87,8 @@ def backbone_parts(tip: Backbone, end: End, sizes: Sizes) -> list[Part]:
             density=density,
             dimensions=(
                 offset,
-                Dimension("stem's diameter", (-end.stem_radius, 0, -tip.collar), (end.stem_radius, 0, -tip.collar), "front", -1, "Ø", "stem_diameter", along="x"),
-                Dimension("collar", (0, 0, 0), (0, 0, -tip.collar), "front", -1, along="y"),
-                Dimension("backbone's bore", (-tip.rod / 2, 0, 0), (tip.rod / 2, 0, 0), "top", -1, "Ø", along="x"),
+                *tube_dimensions(end, sizes),
+                Dimension("backbone's bore", (-tip.rod / 2, 0, 0), (tip.rod / 2, 0, 0), "top", -1, "Ø"),
             ),
         ),
         Part(
@@ -101,7 +100,7 @@ def backbone_parts(tip: Backbone, end: End, sizes: Sizes) -> list[Part]:
             density=density,
             dimensions=(
                 offset,
-                Dimension("outer diameter", (-tip.outer, 0, 0), (tip.outer, 0, 0), "top", 1, "Ø", along="x"),
+                Dimension("outer diameter", (-tip.outer, 0, 0), (tip.outer, 0, 0), "top", 1, "Ø"),
                 Dimension("thickness", (0, 0, -tip.disc / 2), (0, 0, tip.disc / 2), "front", -1, along="y"),
             ),
             notes=(f"{tip.count - 1} pieces, glued at a pitch of {tip.pitch:.4g} mm.",),
@@ -116,7 +115,7 @@ def backbone_parts(tip: Backbone, end: End, sizes: Sizes) -> list[Part]:
             density=density,
             dimensions=(
                 offset,
-                Dimension("length", (0, 0, 0), (0, 0, -end.far_collar - tip.collar), "front", -1, along="y"),
+                *far_dimensions(end, sizes, -end.far_collar - tip.collar),
             ),
             away=(0, 0, out),
             upright=(180, 0, 0),

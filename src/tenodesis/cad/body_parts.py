@@ -48,8 +48,8 @@ def stem_part(end: End, other: End) -> Part:
         made=False,
         density=7800.0,
         dimensions=(
-            Dimension("outer diameter", (-outer, 0, high), (outer, 0, high), "top", 1, "Ø", "stem_diameter", along="x"),
-            Dimension("bore", (-bore, 0, high), (bore, 0, high), "top", 1, "Ø", along="x"),
+            Dimension("outer diameter", (-outer, 0, high), (outer, 0, high), "top", 1, "Ø", "stem_diameter"),
+            Dimension("bore", (-bore, 0, high), (bore, 0, high), "top", 1, "Ø"),
             Dimension("length", (0, -outer, low), (0, -outer, high), "side", -1, key="overall_length", along="y"),
         ),
     )
@@ -72,11 +72,11 @@ def end_effector_part(end: End, sizes: Sizes, length: float, start: float) -> Pa
         dimensions=(
             Dimension("joint's far axis to the force", (0, 0, 0), (0, 0, length), "front", -1, key="end_effector_length", along="y"),
             Dimension("axis to foot", (0, 0, 0), (0, 0, start), "front", 1, along="y"),
-            Dimension("rod", (-end.rod / 2, 0, start), (end.rod / 2, 0, start), "front", -1, "Ø", along="x"),
-            Dimension("eye", (-TIP_PIN / 2, 0, length), (TIP_PIN / 2, 0, length), "front", 1, "Ø", along="x"),
+            Dimension("rod", (-end.rod / 2, 0, start), (end.rod / 2, 0, start), "front", -1, "Ø"),
+            Dimension("eye", (-TIP_PIN / 2, 0, length), (TIP_PIN / 2, 0, length), "front", 1, "Ø"),
         ),
         notes=("Glued into its socket, then the length to the force is checked.",),
-        away=(0, 0, 2 * start + 30),
+        away=(0, 0, 4 * start + 20),
         upright=(90, 0, 0),
     )
 
@@ -114,11 +114,11 @@ def grip_part(end: End, sizes: Sizes, length: float, start: float) -> Part:
         density=sizes.process.density,
         dimensions=(
             Dimension("joint's far axis to the hand", (0, 0, 0), (0, 0, -length), "front", -1, key="handle_length", along="y"),
-            Dimension("grip", (-radius, 0, -bottom), (radius, 0, -bottom), "front", -1, "Ø", along="x"),
-            Dimension("shaft", (-end.rod / 2, 0, -start), (end.rod / 2, 0, -start), "front", 1, "Ø", along="x"),
+            Dimension("grip", (-radius, 0, -bottom), (radius, 0, -bottom), "front", -1, "Ø"),
+            Dimension("shaft", (-end.rod / 2, 0, -start), (end.rod / 2, 0, -start), "front", 1, "Ø"),
             Dimension("length", (0, 0, -start), (0, 0, -bottom), "front", 1, along="y"),
         ),
-        away=(0, 0, -2 * start - 60),
+        away=(0, 0, -4 * start - 40),
         upright=(0, 0, 0),
     )
 
@@ -145,7 +145,8 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float) ->
     lead = start - plate / 2 - 60
     mount = _motor_mount(plate, height, boss + 2 * sizes.bore, bolts)
     cell, cell_height = 1e3 * hardware.load_cell, level + height
-    cell_mount = _cell_mount(cell, cell_height, 1e3 * hardware.sheath, sizes)
+    passage = rope + 1.0
+    cell_mount = _cell_mount(cell + sizes.bore, cell_height, passage)
     return [
         Part(
             "spool",
@@ -155,11 +156,11 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float) ->
             tuple(k.at(x, 0, lead) for x in columns),
             density=sizes.process.density,
             dimensions=(
-                Dimension("radius to the rope's centre", (0, -half, 0), (spool, -half, 0), "front", 1, "R", "drives.spool_radius", along="x"),
-                Dimension("radius to the groove's bottom", (0, -half, 0), (bottom, -half, 0), "front", 1, "R", "drives.spool_radius", along="x"),
-                Dimension("rim", (-rim, -half, 0), (rim, -half, 0), "front", -1, "Ø", along="x"),
-                Dimension("shaft's bore", (-500 * hardware.motor_shaft, -half, 0), (500 * hardware.motor_shaft, -half, 0), "front", -1, "Ø", along="x"),
-                Dimension("width", (0, -half, 0), (0, half, 0), "side", 1, along="x"),
+                Dimension("radius to the rope's centre", (0, -half, 0), (spool, -half, 0), "front", 1, "R", "drives.spool_radius"),
+                Dimension("radius to the groove's bottom", (0, -half, 0), (bottom, -half, 0), "front", 1, "R", "drives.spool_radius"),
+                Dimension("rim", (-rim, -half, 0), (rim, -half, 0), "front", -1, "Ø"),
+                Dimension("shaft's bore", (-500 * hardware.motor_shaft, -half, 0), (500 * hardware.motor_shaft, -half, 0), "front", -1, "Ø"),
+                Dimension("width", (0, -half, 0), (0, half, 0), "side", 1),
             ),
             notes=(
                 f"For a rope of {rope:.3g} mm; groove's bottom rounded with {groove:.3g} mm; the rope's end goes through "
@@ -176,10 +177,10 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float) ->
             tuple(k.at(x, -level, lead) for x in columns),
             density=sizes.process.density,
             dimensions=(
-                Dimension("bolts", (-bolts / 2, 0, 0), (bolts / 2, 0, 0), "front", 1, along="x"),
-                Dimension("boss", (-boss / 2, 0, 0), (boss / 2, 0, 0), "front", 1, "Ø", along="x"),
-                Dimension("side", (-plate / 2, 0, 0), (plate / 2, 0, 0), "front", -1, along="x"),
-                Dimension("height", (0, 0, 0), (0, -height, 0), "side", -1, along="x"),
+                Dimension("bolts", (-bolts / 2, 0, 0), (bolts / 2, 0, 0), "front", 1),
+                Dimension("boss", (-boss / 2, 0, 0), (boss / 2, 0, 0), "front", 1, "Ø"),
+                Dimension("side", (-plate / 2, 0, 0), (plate / 2, 0, 0), "front", -1),
+                Dimension("height", (0, 0, 0), (0, -height, 0), "side", -1),
             ),
             notes=(f"Bores Ø{_SCREW:g} for M3.",),
             upright=(90, 0, 0),
@@ -192,9 +193,9 @@ def drive_parts(sizes: Sizes, hardware: Hardware, spool: float, start: float) ->
             tuple(k.at(x + spool, 0, lead + plate / 2 + 30) for x in columns),
             density=sizes.process.density,
             dimensions=(
-                Dimension("seat of the cell", (-cell / 2, 0, 0), (cell / 2, 0, 0), "top", 1, "Ø", along="x"),
-                Dimension("rope above the base", (0, -cell_height, 0), (0, 0, 0), "side", 1, along="x"),
-                Dimension("rope's bore", (-sizes.tunnel / 2, 0, 0), (sizes.tunnel / 2, 0, 0), "top", 1, "Ø", along="x"),
+                Dimension("seat of the cell", (-cell / 2 - sizes.bore / 2, 0, 0), (cell / 2 + sizes.bore / 2, 0, 0), "top", 1, "Ø"),
+                Dimension("rope above the base", (0, -cell_height, 0), (0, 0, 0), "side", 1),
+                Dimension("rope's passage", (-passage / 2, 0, 0), (passage / 2, 0, 0), "top", 1, "Ø"),
             ),
             notes=("The rope passes without touching; the sheath ends on the cell.",),
         ),
@@ -219,15 +220,15 @@ def _motor_mount(plate: float, height: float, boss: float, bolts: float) -> Soli
     return body
 
 
-def _cell_mount(cell: float, height: float, sheath: float, sizes: Sizes) -> Solid:
+def _cell_mount(cell: float, height: float, passage: float) -> Solid:
     """Return an angle whose upright plate holds a ring-shaped cell about the rope, which is z."""
     half = cell / 2 + 4
     body = k.box((-half, half), (-height, cell / 2 + 4), (-_MOUNT - 2, 0))
     body += k.box((-half, half), (-height, -height + _MOUNT), (-30, 0))
     for x in (-half + 2, half - 2 - _MOUNT / 2):
         body += k.bar([(x, -20), (x, 0), (x + 2, 0), (x + 2, -20)], -height, -height + 16)
-    body -= k.rod((0, 0, -2), (0, 0, 1), cell / 2 + sizes.bore)
-    body -= k.rod((0, 0, -_MOUNT - 3), (0, 0, 1), max(sheath, sizes.tunnel) / 2 + sizes.bore)
+    body -= k.rod((0, 0, -2), (0, 0, 1), cell / 2)
+    body -= k.rod((0, 0, -_MOUNT - 3), (0, 0, 1), passage / 2)
     for x in (-half / 2, half / 2):
         body -= k.rod((x, -height - 1, -24), (x, -height + _MOUNT + 1, -24), _SCREW / 2)
     return body

@@ -13,24 +13,25 @@ from matplotlib.figure import Figure
 
 from tenodesis.cad import kernel as k
 from tenodesis.cad.model import Model
-from tenodesis.cad.parts import PAGE, Dimension, Part, View
+from tenodesis.cad.parts import PAGE, Dimension, Part, View, on_page
 from tenodesis.report import style
 from tenodesis.run import Array
+from tenodesis.tolerance.defaults import general_tolerance
 
 _PAGE = (297.0, 210.0)  # mm, A4 landscape
 _VIEWS = (12.0, 14.0, 186.0, 188.0)  # mm: left, low, width, height of the place for the views
 _PITCH = 6.5  # mm between dimension lines
 _GAP = 12.0  # mm between views, beside their dimensions
-_SCALES = (10, 5, 4, 2, 1, 0.5, 0.25, 0.2, 0.1)
+_SCALES = (20, 10, 5, 4, 3, 2, 1.5, 1, 1 / 1.5, 0.5, 0.4, 0.25, 0.2, 0.1)
 _FROM: Mapping[View, tuple[k.Point, k.Point]] = {
     "front": ((0, -1e3, 0), (0, 0, 1)),
-    "side": ((1e3, 0, 0), (0, 0, 1)),
+    "side": ((-1e3, 0, 0), (0, 0, 1)),
     "top": ((0, 0, 1e3), (0, 1, 0)),
 }
 """Place of the eye and its upward direction."""
 _EYE = (620.0, -900.0, 560.0)
-_GENERAL = ((6, 0.1), (30, 0.2), (120, 0.3), (400, 0.5), (1000, 0.8), (2000, 1.2))
-"""ISO 2768-1, class m: nominal size up to, mm, and tolerance, mm."""
+_GENERAL = "m"
+"""Class of ISO 2768-1."""
 
 
 class Row(NamedTuple):
@@ -63,14 +64,9 @@ def rows(part: Part, tolerances: Mapping[str, float] | None = None) -> list[Row]
             tolerance = given[one.key] * one.factor
         nominal = one.value
         own = tolerance is not None
-        shown = k.MM * tolerance if tolerance is not None else general_tolerance(nominal)
+        shown = k.MM * tolerance if tolerance is not None else general_tolerance(nominal / k.MM, _GENERAL)
         found.append(Row(one.name, f"{one.sign}{nominal:.4g}", nominal, shown, own))
     return found
-
-
-def general_tolerance(size: float) -> float:
-    """Return the general tolerance of a size, mm, by ISO 2768-1, class m."""
-    return next((tolerance for most, tolerance in _GENERAL if size <= most), 2.0)
 
 
 def draw_part(model: Model, part: Part, tolerances: Mapping[str, float] | None = None) -> Figure:
@@ -116,7 +112,7 @@ def projected(solid: k.Solid, eye: k.Point, up: k.Point) -> _Lines:
 def _polylines(edges: Sequence[Any]) -> Iterator[Array]:
     line = k.kernel().GeomType.LINE
     for edge in edges:
-        count = 2 if edge.geom_type == line else 17
+        count = 2 if edge.geom_type == line else 33
         yield np.array([(point.X, point.Y) for point in edge.positions(list(np.linspace(0, 1, count)))])
 
 
@@ -136,6 +132,8 @@ def _draw_views(axis: Axes, part: Part) -> float:
     wide = max(sizes["front"][0], sizes["top"][0]) + sizes["side"][0]
     high = max(sizes["front"][1], sizes["side"][1]) + sizes["top"][1]
     scale = next((one for one in _SCALES if one * wide <= width - across and one * high <= height - up), _SCALES[-1])
+    left += (width - across - scale * wide) / 2
+    low -= (height - up - scale * high) / 2
     right = left + max(margins["front"][0][0], margins["top"][0][0])
     column = scale * max(sizes["front"][0], sizes["top"][0])
     beside = right + column + max(margins["front"][0][1], margins["top"][0][1]) + _GAP + margins["side"][0][0]
@@ -186,12 +184,11 @@ def _draw_lines(axis: Axes, lines: _Lines, scale: float, shift: Array) -> None:
 def _draw_dimensions(axis: Axes, part: Part, view: View, lines: _Lines, scale: float, shift: Array) -> None:
     """Draw a view's dimensions, the shortest nearest to it, each on a line of its own."""
     low, high = (scale * corner + shift for corner in lines.bounds)
-    place = PAGE[view]
     for along in ("x", "y"):
         for side in (-1, 1):
             chosen = [one for one in part.dimensions if (one.view, one.along, one.side) == (view, along, side)]
             for number, one in enumerate(sorted(chosen, key=lambda one: one.value), start=1):
-                ends = [scale * np.array([point[place[0]], point[place[1]]]) + shift for point in (one.first, one.second)]
+                ends = [scale * np.array(on_page(view, point)) + shift for point in (one.first, one.second)]
                 reach = 3.0 + _PITCH * (number - 0.5)
                 _draw_dimension(axis, one, ends, (high if side > 0 else low) + side * reach)
 
@@ -233,7 +230,7 @@ def _draw_frame(axis: Axes, model: Model, part: Part, scale: float) -> None:
     axis.plot([5, 292, 292, 5, 5], [5, 5, 205, 205, 5], color=style.INK, lw=1.0)
     axis.plot([200, 200], [5, 205], color=style.INK, lw=0.6)
     axis.plot([200, 292], [38, 38], color=style.INK, lw=0.6)
-    ratio = f"{scale:g}:1" if scale >= 1 else f"1:{1 / scale:g}"
+    ratio = f"{scale:g}:1" if scale >= 1 else f"1:{1 / scale:.3g}"
     mass = part.solid.volume * 1e-6 * part.density
     pieces = len(part.places)
     entries = (
@@ -260,7 +257,7 @@ def _draw_table(axis: Axes, part: Part, table: Sequence[Row]) -> None:
             color=style.ACCENT if row.own else style.INK, weight="bold" if row.own else "normal",
         )
     y -= 6.0
-    notes = [*part.notes]
+    notes = [*part.notes, f"Sizes that are not given: {part.name}.step."]
     if any(not row.own for row in table):
         notes.append("* General tolerance, ISO 2768-1, class m.")
     for note in notes:

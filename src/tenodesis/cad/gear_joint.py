@@ -70,6 +70,15 @@ def gear_joint(sizes: Sizes, key: str, radius: float, gear: Gear, stop: float) -
             f"{math.degrees(reached):.0f} deg, before its stop at {math.degrees(stop):.0f} deg",
             f"at least {least:.3g} mm for process {sizes.process.name}",
         )
+    tooth = math.pi * gear.module / 2 - gear.backlash / 2
+    if tooth < wall:
+        refuse(
+            "module",
+            gear.module,
+            f"teeth of gears of {key} are {tooth:.3g} mm thick at the pitch circle, less than the {wall:.3g} mm that "
+            f"process {sizes.process.name} allows",
+            f"at least {(wall + gear.backlash / 2) * 2 / math.pi:.3g} mm, so that the radius needs a coarser module",
+        )
     free = radius * math.cos(stop / 2) - sizes.rope / 2 - sizes.play
     pins = [pin for pin in _PINS if pin <= 0.42 * radius and pin / 2 <= free]
     if not pins:

@@ -6,7 +6,17 @@ from tenodesis.cad import kernel as k
 from tenodesis.cad.gear_joint import GearJoint, bored, link, toothed_half
 from tenodesis.cad.kernel import FLIP
 from tenodesis.cad.parts import Dimension, Part
-from tenodesis.cad.shared import End, ferrule_pockets, sheath_seats, socket, spigot, transition
+from tenodesis.cad.shared import (
+    End,
+    far_dimensions,
+    ferrule,
+    ferrule_pockets,
+    sheath_seats,
+    socket,
+    spigot,
+    transition,
+    tube_dimensions,
+)
 from tenodesis.cad.sizes import Sizes
 
 
@@ -34,7 +44,7 @@ def gear_parts(joint: GearJoint, end: End, sizes: Sizes) -> list[Part]:
             "stem",
             (k.at() if tip else k.at(z=-end.stem_length, turn=FLIP),),
             density=density,
-            dimensions=_half_dimensions(joint, end, names[0], near=True),
+            dimensions=_half_dimensions(joint, end, sizes, near=True),
             notes=_notes(joint),
             upright=(90, 0, 0),
         ),
@@ -45,7 +55,7 @@ def gear_parts(joint: GearJoint, end: End, sizes: Sizes) -> list[Part]:
             end.far,
             (k.at(turn=FLIP) if tip else k.at(),),
             density=density,
-            dimensions=_half_dimensions(joint, end, names[1], near=False),
+            dimensions=_half_dimensions(joint, end, sizes, near=False),
             notes=_notes(joint),
             away=(0, 0, out if tip else -out),
             upright=(90, 0, 0),
@@ -57,7 +67,7 @@ def gear_parts(joint: GearJoint, end: End, sizes: Sizes) -> list[Part]:
             end.carrier,
             places,
             density=density,
-            dimensions=_link_dimensions(joint, sizes, end.key, names[2]),
+            dimensions=_link_dimensions(joint, sizes, end.key),
             away=(0, out, out / 2 if tip else -out / 2),
             upright=(90, 0, 0),
         ),
@@ -100,7 +110,8 @@ def _far(joint: GearJoint, end: End, sizes: Sizes) -> k.Solid:
         body -= ferrule_pockets(radius, sizes, bottom, end.far_collar)
     else:
         reach = radius + end.seat + sizes.wall
-        body += k.box((-reach, reach), (-end.seat - sizes.wall, end.seat + sizes.wall), (bottom, top))
+        deep = max(end.seat, (end.rod + sizes.bore) / 2) + sizes.wall
+        body += k.box((-reach, reach), (-deep, deep), (bottom, top))
         body = bored(joint, body, sizes, joint.depth + end.far_collar)
         body -= sheath_seats(radius, end, sizes, bottom)
     return body - socket(end, sizes, bottom)
@@ -116,28 +127,32 @@ def _notes(joint: GearJoint) -> tuple[str, ...]:
     )
 
 
-def _half_dimensions(joint: GearJoint, end: End, name: str, *, near: bool) -> tuple[Dimension, ...]:
+def _half_dimensions(joint: GearJoint, end: End, sizes: Sizes, *, near: bool) -> tuple[Dimension, ...]:
     gear, y = joint.gear, -joint.outside
-    radius = gear.pitch_radius
-    length = end.near_length if near else joint.depth + end.far_collar
-    return (
-        Dimension("radius to the rope's centre", (0, y, 0), (radius, y, 0), "front", 1, "R", end.key, along="x"),
+    radius, bore = gear.pitch_radius, (joint.pin + sizes.bore) / 2
+    bottom = -joint.depth - end.far_collar
+    wide, _ = ferrule(sizes)
+    own = (
+        Dimension("radius to the rope's centre", (0, y, 0), (radius, y, 0), "front", 1, "R", end.key),
         Dimension("tip circle", (0, y, 0), (0, y, gear.tip_radius), "front", -1, "R", along="y"),
-        Dimension("axis to back", (0, y, 0), (0, y, -length), "front", -1, along="y"),
-        Dimension("tunnels apart", (-radius, y, -length), (radius, y, -length), "front", -1, key=end.key, factor=2, along="x")
-        if near and end.tip or not near
-        else Dimension("tunnels apart", (-radius, y, 0), (radius, y, 0), "front", 1, key=end.key, factor=2, along="x"),
-        Dimension("over the toothed plates", (0, -joint.outside, 0), (0, joint.outside, 0), "side", 1, along="x"),
-        Dimension("between the toothed plates", (0, -joint.middle, 0), (0, joint.middle, 0), "side", 1, along="x"),
-        Dimension("pin's bore", (-joint.pin / 2, y, 0), (joint.pin / 2, y, 0), "front", 1, "Ø", key=f"{name}.bore", along="x"),
+        Dimension("tunnels apart", (-radius, 0, 0), (radius, 0, 0), "top", 1, "", end.key, 2),
+        Dimension("over the toothed plates", (0, -joint.outside, 0), (0, joint.outside, 0), "side", 1),
+        Dimension("between the toothed plates", (0, -joint.middle, 0), (0, joint.middle, 0), "side", 1),
+        Dimension("pin's bore", (-bore, y, 0), (bore, y, 0), "front", 1, "Ø"),
     )
+    if near:
+        return own + tube_dimensions(end, sizes)
+    pocket = wide if end.tip else end.seat
+    name = "ferrule's pocket" if end.tip else "sheath's seat"
+    ends = Dimension(name, (radius - pocket, 0, bottom), (radius + pocket, 0, bottom), "top", 1, "Ø")
+    return (*own, *far_dimensions(end, sizes, bottom), ends)
 
 
-def _link_dimensions(joint: GearJoint, sizes: Sizes, key: str, name: str) -> tuple[Dimension, ...]:
+def _link_dimensions(joint: GearJoint, sizes: Sizes, key: str) -> tuple[Dimension, ...]:
     apart, bore = 2 * joint.gear.pitch_radius, (joint.pin + sizes.bore) / 2
     return (
         Dimension("distance of the axes", (0, 0, 0), (0, 0, apart), "front", -1, key=key, factor=2, along="y"),
-        Dimension("bore", (-bore, 0, apart), (bore, 0, apart), "front", 1, "Ø", key=f"{name}.bore", along="x"),
-        Dimension("width", (-joint.link, 0, 0), (joint.link, 0, 0), "front", -1, along="x"),
-        Dimension("thickness", (0, 0, 0), (0, joint.link_thickness, 0), "side", 1, along="x"),
+        Dimension("bore", (-bore, 0, apart), (bore, 0, apart), "front", 1, "Ø"),
+        Dimension("width", (-joint.link, 0, 0), (joint.link, 0, 0), "front", -1),
+        Dimension("thickness", (0, 0, 0), (0, joint.link_thickness, 0), "side", 1),
     )

@@ -8,13 +8,23 @@ from tenodesis.cad.kernel import Location, Point, Solid
 View = Literal["front", "side", "top"]
 
 
-PAGE: dict[View, tuple[int, int]] = {"front": (0, 2), "side": (1, 2), "top": (0, 1)}
-"""Coordinates that are across and up the page, by view."""
+PAGE: dict[View, tuple[Point, Point]] = {
+    "front": ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+    "side": ((0.0, -1.0, 0.0), (0.0, 0.0, 1.0)),
+    "top": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+}
+"""Directions across and up the page, by view: seen from -y, from -x and from z."""
+
+
+def on_page(view: View, point: Point) -> tuple[float, float]:
+    """Return where a point of a part is on the page, mm."""
+    across, up = (sum(one * other for one, other in zip(way, point, strict=True)) for way in PAGE[view])
+    return across, up
 
 
 @dataclass(frozen=True)
 class Dimension:
-    """A dimension of a drawing, between two points of the part, mm, seen along y (front), x (side) or z (top)."""
+    """A dimension of a drawing, between two points of the part, mm, seen from -y (front), -x (side) or z (top)."""
 
     name: str
     first: Point
@@ -33,9 +43,8 @@ class Dimension:
     @property
     def value(self) -> float:
         """Its nominal value, mm."""
-        across, up = PAGE[self.view]
-        place = across if self.along == "x" else up
-        return abs(self.second[place] - self.first[place])
+        place = 0 if self.along == "x" else 1
+        return abs(on_page(self.view, self.second)[place] - on_page(self.view, self.first)[place])
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,13 @@ from typing import NamedTuple
 from tenodesis.cad import kernel as k
 from tenodesis.cad.kernel import FLIP, Solid
 from tenodesis.cad.parts import Dimension, Part
-from tenodesis.cad.shared import End, ferrule, socket, spigot, transition
+from tenodesis.cad.shared import End, far_dimensions, ferrule, socket, spigot, transition, tube_dimensions
 from tenodesis.cad.sizes import Sizes, refuse
 
 _PINS = (0.8, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)  # mm, ISO 2338
 _MORE_WRAP = math.radians(10)
+_LEAST_WRAP = math.radians(75)
+"""Of a tendon that leaves the pulley again."""
 
 
 class PulleyJoint(NamedTuple):
@@ -76,6 +78,12 @@ def pulley_joint(sizes: Sizes, key: str, radius: float, stop: float, seat: float
     rim = radius + sizes.rope
     boss = 0.0 if seat is None else shift + seat + wall - half
     held = ferrule(sizes)[0] if seat is None else 0.0
+    wrap, depth = stop + _MORE_WRAP, rim + 2 * sizes.play + wall
+    if seat is not None:
+        # The tendons cross below the pulley, and their sheaths leave above the collar.
+        wrap = max(wrap, _LEAST_WRAP)
+        across = radius * math.cos(wrap) + max(0.45 * radius, 0.3 * radius + 2 * wall)
+        depth = max(depth, radius * math.sin(wrap) + across / math.tan(wrap) + seat + wall)
     return PulleyJoint(
         radius,
         sizes.rope,
@@ -87,9 +95,9 @@ def pulley_joint(sizes: Sizes, key: str, radius: float, stop: float, seat: float
         fork=max(2 * wall, 0.12 * radius),
         pin=pins[-1],
         play=sizes.play,
-        depth=rim + 2 * sizes.play + wall,
+        depth=depth,
         collar=max(3 * wall, 0.5 * radius),
-        wrap=stop + _MORE_WRAP,
+        wrap=wrap,
     )
 
 
@@ -111,7 +119,7 @@ def pulley_parts(joint: PulleyJoint, end: End, sizes: Sizes) -> list[Part]:
             "stem",
             (k.at() if tip else k.at(z=-end.stem_length, turn=FLIP),),
             density=density,
-            dimensions=_fork_dimensions(joint, end),
+            dimensions=_fork_dimensions(joint, end, sizes),
             notes=(f"Tunnels Ø{sizes.tunnel:.3g} for a rope of {sizes.rope:.3g} mm.",),
             upright=(90, 0, 0),
         ),
@@ -122,7 +130,7 @@ def pulley_parts(joint: PulleyJoint, end: End, sizes: Sizes) -> list[Part]:
             end.far,
             (k.at(turn=FLIP) if tip else k.at(),),
             density=density,
-            dimensions=_pulley_dimensions(joint, end),
+            dimensions=_pulley_dimensions(joint, end, sizes),
             notes=notes,
             away=(0, 0, out if tip else -out),
             upright=(90, 0, 0),
@@ -175,6 +183,7 @@ def _far(joint: PulleyJoint, end: End, sizes: Sizes) -> Solid:
         body += k.box((-width, width), (low, low + joint.cheek), (bottom, 0.0))
         body += k.rod((0, low, 0), (0, low + joint.cheek, 0), rim)
     body += k.box((-width, width), (-joint.outside, joint.outside), (bottom, top))
+    body += k.rod((0, 0, bottom), (0, 0, top), (end.rod + sizes.bore) / 2 + sizes.wall)
     centre = joint.bottom_radius + joint.groove
     for y in (joint.shift, -joint.shift):
         body -= k.ring(centre, y, joint.groove)
@@ -202,36 +211,36 @@ def _tendon_end(joint: PulleyJoint, end: End, sizes: Sizes, body: Solid, side: i
         (0, -2 * joint.outside, 0), (0, 2 * joint.outside, 0), joint.rim + sizes.wall / 2
     )
     body -= k.rod(along(0), along(begin + length), sizes.tunnel / 2)
-    return body - k.rod(along(begin + 2 * sizes.wall), along(begin + length + 0.01), end.seat)
+    return body - k.rod(along(begin + 2 * sizes.wall), along(2 * joint.radius), end.seat)
 
 
 def _annulus(inner: float, outer: float, y: float, half: float) -> Solid:
     return k.rod((0, y - half, 0), (0, y + half, 0), outer) - k.rod((0, y - half, 0), (0, y + half, 0), inner)
 
 
-def _pulley_dimensions(joint: PulleyJoint, end: End) -> tuple[Dimension, ...]:
+def _pulley_dimensions(joint: PulleyJoint, end: End, sizes: Sizes) -> tuple[Dimension, ...]:
     y = -joint.outside
     return (
-        Dimension("radius to the rope's centre", (0, y, 0), (joint.radius, y, 0), "front", 1, "R", end.key, along="x"),
+        Dimension("radius to the rope's centre", (0, y, 0), (joint.radius, y, 0), "front", 1, "R", end.key),
         Dimension("radius to the groove's bottom", (0, y, 0), (joint.bottom_radius, y, 0), "front", 1, "R",
-                  end.key, along="x"),
-        Dimension("rim", (-joint.rim, y, 0), (joint.rim, y, 0), "front", 1, "Ø", along="x"),
-        Dimension("axis to back", (0, y, 0), (0, y, -joint.depth - end.far_collar), "front", -1, along="y"),
-        Dimension("width of the pulley", (0, -joint.half, 0), (0, joint.half, 0), "side", 1, along="x"),
-        Dimension("over the cheeks", (0, -joint.outside, 0), (0, joint.outside, 0), "side", 1, along="x"),
-        Dimension("grooves apart", (0, -joint.shift, 0), (0, joint.shift, 0), "side", 1, along="x"),
+                  end.key),
+        Dimension("rim", (-joint.rim, y, 0), (joint.rim, y, 0), "front", 1, "Ø"),
+        *far_dimensions(end, sizes, -joint.depth - end.far_collar),
+        Dimension("width of the pulley", (0, -joint.half, 0), (0, joint.half, 0), "side", 1),
+        Dimension("over the cheeks", (0, -joint.outside, 0), (0, joint.outside, 0), "side", 1),
+        Dimension("grooves apart", (0, -joint.shift, 0), (0, joint.shift, 0), "side", 1),
     )
 
 
-def _fork_dimensions(joint: PulleyJoint, end: End) -> tuple[Dimension, ...]:
+def _fork_dimensions(joint: PulleyJoint, end: End, sizes: Sizes) -> tuple[Dimension, ...]:
     inner = joint.outside + joint.play
     low = -joint.depth if end.tip else 0.0
     return (
         Dimension("tunnels apart", (-joint.radius, -inner, low), (joint.radius, -inner, low), "front", 1,
-                  key=end.key, factor=2, along="x"),
+                  key=end.key, factor=2),
         Dimension("axis to collar", (0, -inner, 0), (0, -inner, -joint.depth), "front", -1, along="y"),
-        Dimension("axis to tube", (0, -inner, 0), (0, -inner, -end.near_length), "front", -1, along="y"),
-        Dimension("between the arms", (0, -inner, 0), (0, inner, 0), "side", 1, along="x"),
-        Dimension("over the arms", (0, -inner - joint.fork, 0), (0, inner + joint.fork, 0), "side", 1, along="x"),
-        Dimension("pin's bore", (-joint.pin / 2, -inner, 0), (joint.pin / 2, -inner, 0), "front", 1, "Ø", along="x"),
+        *tube_dimensions(end, sizes),
+        Dimension("between the arms", (0, -inner, 0), (0, inner, 0), "side", 1),
+        Dimension("over the arms", (0, -inner - joint.fork, 0), (0, inner + joint.fork, 0), "side", 1),
+        Dimension("pin's bore", (-joint.pin / 2, -inner, 0), (joint.pin / 2, -inner, 0), "front", 1, "Ø"),
     )

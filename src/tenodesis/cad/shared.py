@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from tenodesis.cad import kernel as k
 from tenodesis.cad.kernel import Solid
+from tenodesis.cad.parts import Dimension
 from tenodesis.cad.sizes import Sizes
 
 _STEEPEST = math.radians(20)
@@ -38,14 +39,41 @@ class End(NamedTuple):
     """Distance of a tendon within the stem from the plane that the joint bends in."""
 
 
+def _spigot_length(end: End) -> float:
+    return 1.2 * end.stem_radius
+
+
 def spigot(end: End, sizes: Sizes, top: float) -> Solid:
     """Return what goes into the stem's tube from a height downward; flat on two sides, where the tendons pass."""
-    radius, length = end.stem_bore - sizes.play / 2, 1.2 * end.stem_radius
+    radius, length = end.stem_bore - sizes.play / 2, _spigot_length(end)
     flat = end.tendon_radius - sizes.tunnel / 2
     body = k.rod((0, 0, top - length), (0, 0, top), radius)
     for low, high in ((flat, radius + 1), (-radius - 1, -flat)):
         body -= k.box((low, high), (-radius, radius), (top - length, top))
     return body
+
+
+def tube_dimensions(end: End, sizes: Sizes) -> tuple[Dimension, ...]:
+    """Return the dimensions of the collar and spigot of a part on the stem."""
+    top, length, radius = -end.near_length, _spigot_length(end), end.stem_bore - sizes.play / 2
+    flat = end.tendon_radius - sizes.tunnel / 2
+    return (
+        Dimension("axis to tube", (0, 0, 0), (0, 0, top), "front", 1, along="y"),
+        Dimension("spigot's length", (0, 0, top), (0, 0, top - length), "front", 1, along="y"),
+        Dimension("spigot", (0, -radius, top), (0, radius, top), "side", -1, "Ø"),
+        Dimension("over the spigot's flats", (-flat, 0, top), (flat, 0, top), "front", -1),
+        Dimension("collar", (-end.stem_radius, 0, top), (end.stem_radius, 0, top), "top", -1, "Ø", "stem_diameter"),
+    )
+
+
+def far_dimensions(end: End, sizes: Sizes, bottom: float) -> tuple[Dimension, ...]:
+    """Return the dimensions of the collar of a far body."""
+    socket_radius = (end.rod + sizes.bore) / 2
+    return (
+        Dimension("axis to back", (0, 0, 0), (0, 0, bottom), "front", -1, along="y"),
+        Dimension("socket", (-socket_radius, 0, bottom), (socket_radius, 0, bottom), "front", -1, "Ø"),
+        Dimension("socket's depth", (0, 0, bottom), (0, 0, bottom + end.far_collar - sizes.wall), "front", 1, along="y"),
+    )
 
 
 def transition_length(radius: float, tendon_radius: float) -> float:

@@ -1,15 +1,18 @@
 """Default tolerances: a workshop's general tolerances, and typical errors of an identification."""
 
+from math import inf
 from typing import Any
 
 from tenodesis.instrument import Instrument, InstrumentLike, as_instrument
 from tenodesis.similarity.parameters import RADII
 from tenodesis.tolerance.files import Tolerance, Tolerances
 
-_FINE = ((6e-3, 0.05), (30e-3, 0.1), (120e-3, 0.15), (400e-3, 0.2), (1.0, 0.3))
-_MEDIUM = ((6e-3, 0.1), (30e-3, 0.2), (120e-3, 0.3), (400e-3, 0.5), (1.0, 0.8))
-# Largest dimension (m) and its half width (mm); above, that of 1 to 2 m.
-_BEYOND = {"f": 0.5, "m": 1.2}
+# By class: largest dimension (m) and its half width (mm); the last is that of 1 to 2 m.
+_GENERAL: dict[str, tuple[tuple[float, float], ...]] = {
+    "f": ((6e-3, 0.05), (30e-3, 0.1), (120e-3, 0.15), (400e-3, 0.2), (1.0, 0.3), (inf, 0.5)),
+    "m": ((6e-3, 0.1), (30e-3, 0.2), (120e-3, 0.3), (400e-3, 0.5), (1.0, 0.8), (inf, 1.2)),
+    "c": ((3e-3, 0.2), (6e-3, 0.3), (30e-3, 0.5), (120e-3, 0.8), (400e-3, 1.2), (1.0, 2.0), (inf, 3.0)),
+}
 
 _LENGTHS = ("overall_length", "end_effector_length", "handle_length", "backbone_length")
 _STIFFNESS = "ours: a pull test of rope and terminations"
@@ -57,9 +60,13 @@ def default(scaled_up: InstrumentLike) -> Tolerances:
     )
 
 
+def general_tolerance(size: float, grade: str) -> float:
+    """Return the half width (mm) of a length (m) by ISO 2768-1, class f, m or c."""
+    return next(width for limit, width in _GENERAL[grade] if size <= limit)
+
+
 def _machined(key: str, size: float, grade: str) -> Tolerance:
-    classes = _FINE if grade == "f" else _MEDIUM
-    half_width = next((width for limit, width in classes if size <= limit), _BEYOND[grade])
+    half_width = general_tolerance(size, grade)
     return Tolerance(
         key=key, distribution="uniform", half_width=f"{half_width} mm", source=f"ISO 2768-1, class {grade}"
     )
